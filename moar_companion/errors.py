@@ -1,0 +1,22 @@
+"""The two errors that reach a user, as one line; all other failures are values with a name."""
+
+from __future__ import annotations
+
+
+class InputError(Exception):
+    """A file, a key or an option that cannot be used.
+
+    The message is one line that names the source (file or option), the key, the value and what
+    is allowed. The command line prints it and exits with status 2.
+    """
+
+    def __init__(self, source: str, key: str, problem: str) -> None:
+        self.source = source
+        self.key = key
+        self.problem = problem
+        where = f"{source}: {key}" if key else source
+        super().__init__(f"{where}: {problem}".replace("\n", " "))
+
+
+class LinkError(Exception):
+    """A link that cannot be opened; the message is one line. The command line exits with 1."""

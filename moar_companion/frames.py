@@ -1,0 +1,139 @@
+"""Where things are: WGS84, the site's vertical plane, and the autopilot's local NED frame.
+
+Two projections meet here, each the one its owner uses:
+
+- The site is surveyed in true metres, so its plane stands on the WGS84 ellipsoid: near the
+  origin, metres per radian are the radii of curvature (exact to 1e-6 over a kilometre).
+- PX4's local frame is an azimuthal equidistant projection on a sphere of 6,371,000 m (PX4, `geo.h`,
+  CONSTANTS_RADIUS_OF_EARTH); ArduPilot scales angles by 6,378,100 m and the cosine of the latitude
+  (`AP_Common/Location.h`, LOCATION_SCALING_FACTOR). Over 100 m they differ from true metres by up
+  to 0.3 m, which next to a conductor matters.
+
+`PlaneToLocal` composes the two as one affine map between the plane and local NED.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .types import AutopilotKind, GeodeticPoint, Vector
+
+_WGS84_SEMI_MAJOR_M = 6_378_137.0
+_WGS84_ECCENTRICITY_SQUARED = 6.694_379_990_14e-3
+_PX4_RADIUS_M = 6_371_000.0
+_ARDUPILOT_RADIUS_M = 6_378_100.0
+_PROBE_M = 10.0
+"""Length over which the local frame's scale is taken; any below a kilometre gives the same."""
+
+
+def radii_of_curvature_m(latitude_deg: float) -> tuple[float, float]:
+    """WGS84 radii of the meridian and of the prime vertical at a latitude."""
+    sine_squared = math.sin(math.radians(latitude_deg)) ** 2
+    denominator = 1.0 - _WGS84_ECCENTRICITY_SQUARED * sine_squared
+    prime_vertical = _WGS84_SEMI_MAJOR_M / math.sqrt(denominator)
+    meridian = prime_vertical * (1.0 - _WGS84_ECCENTRICITY_SQUARED) / denominator
+    return meridian, prime_vertical
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SiteFrame:
+    """The vertical plane of a site: x along the azimuth, y to the left of it, z up."""
+
+    origin: GeodeticPoint
+    azimuth_deg: float
+
+    def to_geodetic(self, position_m: Vector) -> GeodeticPoint:
+        """The geodetic point of (x, y, z) in the site's frame."""
+        x_m, y_m, z_m = position_m
+        azimuth = math.radians(self.azimuth_deg)
+        north_m = x_m * math.cos(azimuth) + y_m * math.sin(azimuth)
+        east_m = x_m * math.sin(azimuth) - y_m * math.cos(azimuth)
+        meridian_m, prime_vertical_m = radii_of_curvature_m(self.origin.latitude_deg)
+        latitude = math.radians(self.origin.latitude_deg)
+        return GeodeticPoint(
+            latitude_deg=self.origin.latitude_deg + math.degrees(north_m / meridian_m),
+            longitude_deg=self.origin.longitude_deg
+            + math.degrees(east_m / (prime_vertical_m * math.cos(latitude))),
+            altitude_amsl_m=self.origin.altitude_amsl_m + z_m,
+        )
+
+
+def geodetic_to_local_ned(
+    point: GeodeticPoint, origin: GeodeticPoint, kind: AutopilotKind
+) -> Vector:
+    """Where the autopilot's own projection puts a geodetic point in its local NED frame."""
+    latitude, longitude = math.radians(point.latitude_deg), math.radians(point.longitude_deg)
+    latitude_0, longitude_0 = math.radians(origin.latitude_deg), math.radians(origin.longitude_deg)
+    down_m = origin.altitude_amsl_m - point.altitude_amsl_m
+    difference = longitude - longitude_0
+    if kind is AutopilotKind.ARDUPILOT:
+        scale = math.cos(0.5 * (latitude + latitude_0))
+        return (
+            (latitude - latitude_0) * _ARDUPILOT_RADIUS_M,
+            difference * scale * _ARDUPILOT_RADIUS_M,
+            down_m,
+        )
+    # The sine of the half angle keeps full precision over metres, where an arccosine loses it.
+    north = math.sin(latitude - latitude_0) + (
+        2.0 * math.sin(latitude_0) * math.cos(latitude) * math.sin(0.5 * difference) ** 2
+    )
+    east = math.cos(latitude) * math.sin(difference)
+    sine = math.hypot(north, east)
+    if sine == 0.0:
+        return 0.0, 0.0, down_m
+    factor = _PX4_RADIUS_M * math.asin(min(1.0, sine)) / sine
+    return north * factor, east * factor, down_m
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class PlaneToLocal:
+    """The affine map between the site's frame (x, y, z) and the autopilot's local NED.
+
+    matrix: (3, 3) local NED per metre of site frame; offset_ned_m: (3,) the site's origin.
+    """
+
+    matrix: npt.NDArray[np.floating[Any]]
+    inverse: npt.NDArray[np.floating[Any]]
+    offset_ned_m: npt.NDArray[np.floating[Any]]
+
+    @classmethod
+    def between(
+        cls, site: SiteFrame, local_origin: GeodeticPoint, kind: AutopilotKind
+    ) -> PlaneToLocal:
+        """The map for an estimator origin as told by GPS_GLOBAL_ORIGIN."""
+
+        def local(position_m: Vector) -> npt.NDArray[np.floating[Any]]:
+            return np.array(geodetic_to_local_ned(site.to_geodetic(position_m), local_origin, kind))
+
+        offset = local((0.0, 0.0, 0.0))
+        columns = [
+            (local(axis) - offset) / _PROBE_M
+            for axis in ((_PROBE_M, 0.0, 0.0), (0.0, _PROBE_M, 0.0), (0.0, 0.0, _PROBE_M))
+        ]
+        matrix = np.column_stack(columns)
+        return cls(matrix=matrix, inverse=np.linalg.inv(matrix), offset_ned_m=offset)
+
+    def position_to_ned(self, position_m: Vector) -> Vector:
+        """Local NED of a point of the site's frame."""
+        return _vector(self.matrix @ np.asarray(position_m) + self.offset_ned_m)
+
+    def velocity_to_ned(self, velocity_mps: Vector) -> Vector:
+        """Local NED of a velocity in the site's frame."""
+        return _vector(self.matrix @ np.asarray(velocity_mps))
+
+    def position_from_ned(self, position_ned_m: Vector) -> Vector:
+        """The point of the site's frame at a local NED position."""
+        return _vector(self.inverse @ (np.asarray(position_ned_m) - self.offset_ned_m))
+
+    def velocity_from_ned(self, velocity_ned_mps: Vector) -> Vector:
+        """The velocity in the site's frame of a local NED velocity."""
+        return _vector(self.inverse @ np.asarray(velocity_ned_mps))
+
+
+def _vector(array: npt.NDArray[np.floating[Any]]) -> Vector:
+    return float(array[0]), float(array[1]), float(array[2])

@@ -1,0 +1,228 @@
+"""A plan explains itself: status, states, cost per term, waypoints, metrics, weights, effort."""
+
+from __future__ import annotations
+
+import enum
+import json
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from ..types import Mission, RiskIndices, Weights
+from .graph import Graph
+from .grid import FloatArray, IntArray
+from .maps import Maps
+from .regions import LandingLeg
+
+
+class PlanStatus(str, enum.Enum):
+    """Why a plan is, or is not, there; tested in this order."""
+
+    FOUND = "found"
+    OUT_OF_BOUNDS = "out_of_bounds"
+    START_OCCUPIED = "start_occupied"
+    TARGET_OCCUPIED = "target_occupied"
+    UNREACHABLE = "unreachable"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cost:
+    """J and its unweighted sums (Eq. 7): sum SC d, sum TC (s), sum EC; without the landing leg."""
+
+    total: float
+    safety: float
+    time: float
+    energy: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Metrics:
+    """The paper's metrics (Section V-A) of the whole trajectory, landing leg included.
+
+    Clearances are infinite where there is no obstacle.
+    """
+
+    length_m: float
+    duration_s: float
+    mean_clearance_m: float
+    min_clearance_m: float
+    velocity_change_mps: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Compute:
+    """What the plan took; the maps are built once per site."""
+
+    map_ms: float
+    search_ms: float
+    expanded: int
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Waypoints:
+    """The path as points in the plane, landing leg included.
+
+    position_m: (n, 2); speed_mps, time_s: (n,), of the move that entered the point.
+    """
+
+    position_m: FloatArray
+    speed_mps: FloatArray
+    time_s: FloatArray
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanRequest:
+    """One planning problem; the planner answers it with a `Plan` that carries it."""
+
+    mission: Mission
+    target: str | int | None
+    """An inspection's target by name; the index of a landing point, or None for any."""
+    start_m: tuple[float, ...]
+    velocity_mps: tuple[float, ...]
+    weights: Weights
+    """Final, after Eq. 9."""
+    risk: RiskIndices
+    """The indices behind the weights, for the record."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Plan:
+    """The answer to one planning problem. states: (n, 3) of cell indices and heading."""
+
+    request: PlanRequest
+    site: str
+    graph: Graph
+    status: PlanStatus
+    reason: str
+    """For a person, when the status is not `found`."""
+    compute: Compute
+    states: IntArray
+    waypoints: Waypoints
+    cost: Cost | None = None
+    metrics: Metrics | None = None
+    landing_leg: LandingLeg | None = None
+
+    @property
+    def mission(self) -> Mission:
+        """The mission that was planned."""
+        return self.request.mission
+
+    @property
+    def weights(self) -> Weights:
+        """The final weights that the plan is optimal for."""
+        return self.request.weights
+
+    def to_dict(self) -> dict[str, Any]:
+        """The plan in the form of the contract; an infinite clearance is null."""
+        points = self.waypoints
+        return {
+            "site": self.site,
+            "mission": self.mission.value,
+            "target": self.request.target,
+            "status": self.status.value,
+            "reason": self.reason,
+            "resolution_m": self.graph.grid.resolution_m,
+            "v_max_mps": self.graph.v_max_mps,
+            "heading_speed_mps": self.graph.heading_speed_mps.tolist(),
+            "headings": self.graph.moves.steps.tolist(),
+            "risk": self.request.risk.as_dict(),
+            "weights": asdict(self.weights),
+            "cost": None if self.cost is None else asdict(self.cost),
+            "start_velocity_mps": list(self.request.velocity_mps),
+            "states": self.states.tolist(),
+            "waypoints": [
+                {"x_m": x, "z_m": z, "speed_mps": speed, "time_s": time}
+                for (x, z), speed, time in zip(
+                    points.position_m.tolist(),
+                    points.speed_mps.tolist(),
+                    points.time_s.tolist(),
+                    strict=True,
+                )
+            ],
+            "metrics": None
+            if self.metrics is None
+            else {
+                name: value if math.isfinite(value) else None
+                for name, value in asdict(self.metrics).items()
+            },
+            "compute": asdict(self.compute),
+        }
+
+    def to_json(self) -> str:
+        """The plan as the JSON document of the contract."""
+        return json.dumps(self.to_dict(), allow_nan=False)
+
+
+def path_cost(
+    graph: Graph, states: IntArray, velocity_mps: tuple[float, ...], weights: Weights
+) -> Cost:
+    """Eq. 1, 4, 6, 7 along a path of states (n, 3) that starts with a velocity."""
+    flat = (states[1:, :-1] + 1) @ np.array(graph.grid.strides)
+    heading = states[1:, -1]
+    change = np.diff(_velocities(graph, states, velocity_mps), axis=0)
+    safety = float((graph.safety[flat] * graph.length_m[heading]).sum())
+    time = float(graph.duration[flat, heading].sum())
+    energy = float(np.sqrt((change**2).sum(axis=1)).sum() / (2.0 * graph.v_max_mps))
+    return Cost(
+        total=weights.safety * safety + weights.time * time + weights.energy * energy,
+        safety=safety,
+        time=time,
+        energy=energy,
+    )
+
+
+def trajectory(
+    graph: Graph,
+    maps: Maps,
+    states: IntArray,
+    velocity_mps: tuple[float, ...],
+    leg: LandingLeg | None,
+) -> tuple[Waypoints, Metrics]:
+    """Waypoints and metrics of a path of states and the landing leg behind it."""
+    grid = graph.grid
+    flat = (states[1:, :-1] + 1) @ np.array(grid.strides)
+    heading = states[1:, -1]
+    position = np.array(grid.lower_m) + (states[:, :-1] + 0.5) * grid.resolution_m
+    speed = np.concatenate([[math.hypot(*velocity_mps)], graph.speed[flat, heading]])
+    step_s = graph.duration[flat, heading]
+    clearance = maps.obstacle_distance_m[tuple(states[:, :-1].T)]
+    velocity = _velocities(graph, states, velocity_mps)
+    if leg is not None:
+        path = np.concatenate([position[-1:], leg.points_m])
+        along = np.diff(path, axis=0)
+        length = np.hypot(along[:, 0], along[:, 1])
+        position = np.concatenate([position, leg.points_m])
+        speed = np.concatenate([speed, leg.speed_mps])
+        step_s = np.concatenate([step_s, length / leg.speed_mps])
+        clearance = np.concatenate([clearance, leg.clearance_m])
+        unit = along / np.where(length > 0.0, length, 1.0)[:, None]
+        velocity = np.concatenate(
+            [velocity, unit * leg.speed_mps[:, None], np.zeros((1, velocity.shape[1]))]
+        )
+    duration = float(step_s.sum())
+    # A stop takes no time: where it is the only step, the clearance is that of its cell.
+    mean = (
+        clearance[1:][step_s > 0.0] @ step_s[step_s > 0.0] / duration
+        if duration > 0.0
+        else clearance[0]
+    )
+    metrics = Metrics(
+        length_m=float(np.sqrt((np.diff(position, axis=0) ** 2).sum(axis=1)).sum()),
+        duration_s=duration,
+        mean_clearance_m=float(mean),
+        min_clearance_m=float(clearance.min()),
+        velocity_change_mps=float(np.sqrt((np.diff(velocity, axis=0) ** 2).sum(axis=1)).sum()),
+    )
+    time = np.concatenate([[0.0], np.cumsum(step_s)])
+    return Waypoints(position_m=position, speed_mps=speed, time_s=time), metrics
+
+
+def _velocities(graph: Graph, states: IntArray, velocity_mps: tuple[float, ...]) -> FloatArray:
+    """The velocity (n, d) in every state of a path; in the first the vehicle's own."""
+    flat = (states[:, :-1] + 1) @ np.array(graph.grid.strides)
+    heading = states[:, -1]
+    velocity: FloatArray = graph.speed[flat, heading][:, None] * graph.unit[heading]
+    velocity[0] = velocity_mps
+    return velocity

@@ -1,0 +1,178 @@
+"""Goal regions of exit and evacuation, and the legs that lead from them to a landing point.
+
+Source: paper, Section IV-B (grid edges visible from the landing point); what the paper leaves
+open is decided on the planner page, "Goal regions". The straight leg from a cell's outer edge to
+the landing point is what decides visibility; flown is the leg that ends at rest above it, and
+that one must clear every obstacle too, down to the landing point.
+"""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..errors import InputError
+from ..site import PlanePoint, Site
+from ..types import Mission
+from ..vehicle import Vehicle
+from . import geometry
+from .graph import elevation_speed_mps
+from .grid import TOLERANCE, BoolArray, FloatArray
+from .maps import Maps, speed_limit_mps
+
+Cell = tuple[int, int]
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class LandingLeg:
+    """The leg from a region cell's centre, over its outer edge, to above a landing point.
+
+    points_m:  (n, 2)  at most one cell apart, without the cell's centre
+    speed_mps: (n,)    on the way to each point; the last point is reached and held at rest
+    """
+
+    landing_index: int
+    length_m: float
+    points_m: FloatArray
+    speed_mps: FloatArray
+    clearance_m: FloatArray
+    """(n,) d_obs of each point."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class GoalRegion:
+    """The cells in which an exit or evacuation ends, each with its landing leg's corners.
+
+    mask: (nx, nz); corners: per cell the landing point's index and the points of its leg.
+    """
+
+    mask: BoolArray
+    corners: Mapping[Cell, tuple[int, FloatArray]]
+
+
+def goal_region(
+    site: Site, vehicle: Vehicle, maps: Maps, mission: Mission, landing: int | str | None = None
+) -> GoalRegion:
+    """The region from which a mission's landing points (or the one of index `landing`) are seen.
+
+    Raises InputError naming the landing points when none can serve.
+    """
+    points = site.landing_m.get(mission, ())
+    if landing is not None and landing not in range(len(points)):
+        raise InputError(
+            site.name,
+            f"landing.{mission.value}",
+            f"no landing point {landing!r}; the site has {len(points)}, counted from 0",
+        )
+    chosen = list(range(len(points))) if landing is None else [int(landing)]
+    corners: dict[Cell, tuple[int, FloatArray]] = {}
+    for index in chosen:
+        for cell, leg in _visible_cells(site, vehicle, maps, points[index]):
+            if cell not in corners or _length_m(leg) < _length_m(corners[cell][1]):
+                corners[cell] = (index, leg)
+    if not corners:
+        named = ", ".join(f"({x:g}, {z:g})" for x, z in (points[i] for i in chosen))
+        raise InputError(
+            site.name,
+            f"landing.{mission.value}",
+            f"no free border cell sees {named}" if named else "the site has no landing point",
+        )
+    mask = np.zeros(maps.grid.shape, dtype=bool)
+    for cell in corners:
+        mask[cell] = True
+    return GoalRegion(mask=mask, corners=corners)
+
+
+def landing_leg(site: Site, vehicle: Vehicle, region: GoalRegion, cell: Cell) -> LandingLeg:
+    """The leg flown from a region cell: min(v_sat, v_max) along it, at rest at its end."""
+    index, corners = region.corners[cell]
+    points = [corners[0]]
+    for start, end in itertools.pairwise(corners):
+        pieces = max(1, int(np.ceil(np.hypot(*(end - start)) / site.workspace.resolution_m)))
+        points.extend(start + (end - start) * (np.arange(1, pieces + 1) / pieces)[:, None])
+    path = np.array(points)
+    steps = np.diff(path, axis=0)
+    clearance = obstacle_clearance_m(site, path[1:])
+    speed = np.minimum(
+        speed_limit_mps(clearance, vehicle.safety, vehicle.speed),
+        elevation_speed_mps(vehicle.speed, steps),
+    )
+    return LandingLeg(
+        landing_index=index,
+        length_m=_length_m(path),
+        points_m=path[1:],
+        speed_mps=speed,
+        clearance_m=clearance,
+    )
+
+
+def obstacle_clearance_m(site: Site, points_m: FloatArray) -> FloatArray:
+    """d_obs at any points (..., 2), also outside the grid; inf without obstacles."""
+    clearance = np.full(points_m.shape[:-1], np.inf)
+    for obstacle in site.obstacles:
+        np.minimum(clearance, geometry.obstacle_distance_m(obstacle, points_m), out=clearance)
+    return clearance
+
+
+def _length_m(points_m: FloatArray) -> float:
+    return float(np.hypot(*np.diff(points_m, axis=0).T).sum())
+
+
+def _visible_cells(
+    site: Site, vehicle: Vehicle, maps: Maps, landing_m: PlanePoint
+) -> list[tuple[Cell, FloatArray]]:
+    """The free cells that a landing point serves, each with its leg from the cell's centre."""
+    grid = maps.grid
+    above = np.array([landing_m[0], landing_m[1] + vehicle.guidance.landing_height_m])
+    lowest_row = _lowest_row(site, maps)
+    if lowest_row is None:
+        return []
+    half = 0.5 * grid.resolution_m
+    lower = np.array([grid.lower_m[0], grid.axes_m[1][lowest_row] - half])
+    upper = np.array(grid.upper_m)
+    end = np.array(landing_m)
+    if (end > lower + TOLERANCE).all() and (end < upper - TOLERANCE).all():
+        cell = grid.cell_of(landing_m)
+        if cell is None or maps.occupied[cell]:
+            return []
+        return [((cell[0], cell[1]), np.stack([grid.centre_m(cell), above]))]
+    cells, edges = _border(grid.shape, lowest_row)
+    free = ~maps.occupied[cells[:, 0], cells[:, 1]]
+    cells, edges = cells[free], edges[free]
+    centres = np.array(grid.lower_m) + (cells + 0.5) * grid.resolution_m
+    midpoints = centres + edges * half
+    seen = ~geometry.legs_enter_rectangle(midpoints, end, lower, upper)
+    for obstacle in site.obstacles:
+        required_m = vehicle.radius_m + obstacle.keep_out_m - TOLERANCE
+        for leg_end in (end, above):
+            seen &= geometry.leg_clearance_m(obstacle, midpoints, leg_end) >= required_m
+        seen &= geometry.leg_clearance_m(obstacle, above[None, :], end) >= required_m
+    return [
+        ((int(cell[0]), int(cell[1])), np.stack([centre, midpoint, above]))
+        for cell, centre, midpoint in zip(cells[seen], centres[seen], midpoints[seen], strict=True)
+    ]
+
+
+def _lowest_row(site: Site, maps: Maps) -> int | None:
+    """The first row of the flyable rectangle; None if all are below the minimum altitude."""
+    if site.workspace.min_altitude_m is None:
+        return 0
+    flyable = np.flatnonzero(maps.grid.axes_m[1] >= site.workspace.min_altitude_m - TOLERANCE)
+    return int(flyable[0]) if len(flyable) else None
+
+
+def _border(shape: tuple[int, ...], lowest_row: int) -> tuple[FloatArray, FloatArray]:
+    """Border cells (n, 2) of the flyable rectangle and the outward direction of an edge of each."""
+    columns, rows = np.arange(shape[0]), np.arange(lowest_row, shape[1])
+    sides = [
+        (columns, np.full_like(columns, lowest_row), (0, -1)),
+        (columns, np.full_like(columns, shape[1] - 1), (0, 1)),
+        (np.zeros_like(rows), rows, (-1, 0)),
+        (np.full_like(rows, shape[0] - 1), rows, (1, 0)),
+    ]
+    cells = np.concatenate([np.stack([x, z], axis=1) for x, z, _ in sides])
+    edges = np.concatenate([np.tile(edge, (len(x), 1)) for x, _, edge in sides])
+    return cells, edges

@@ -1,0 +1,301 @@
+"""Values shared by all packages: missions, risk indices, weights and telemetry.
+
+Everything here is immutable. Missing is `None`; a telemetry sample carries the time it was
+received (`received_s`, the machine's clock), so that its age can always be asked.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass, field
+
+Vector = tuple[float, float, float]
+
+
+class Mission(str, enum.Enum):
+    """The three navigation modes of the paper (Section IV-B)."""
+
+    INSPECTION = "inspection"
+    EXIT = "exit"
+    EVACUATION = "evacuation"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RiskIndices:
+    """The four mission failure risks of the paper (Section IV-C), each in [0, 1].
+
+    Raises ValueError outside [0, 1]: an index is never clipped silently.
+    """
+
+    wind: float = 0.0
+    communication: float = 0.0
+    localization: float = 0.0
+    battery: float = 0.0
+
+    def __post_init__(self) -> None:
+        for name in ("wind", "communication", "localization", "battery"):
+            value = getattr(self, name)
+            if not 0.0 <= value <= 1.0:
+                raise ValueError(f"{name} risk {value!r} is not in [0, 1]")
+
+    def as_dict(self) -> dict[str, float]:
+        """The indices by name, in the order of the paper."""
+        return {
+            "wind": self.wind,
+            "communication": self.communication,
+            "localization": self.localization,
+            "battery": self.battery,
+        }
+
+
+@dataclass(frozen=True, slots=True)
+class Weights:
+    """The coefficients k_S, k_T, k_E of the cost function (Eq. 1): non-negative, sum 1.
+
+    `Weights(...)` takes final weights; `Weights.normalised(...)` any non-negative numbers with a
+    positive sum. Raises ValueError otherwise.
+    """
+
+    safety: float
+    time: float
+    energy: float
+
+    def __post_init__(self) -> None:
+        values = (self.safety, self.time, self.energy)
+        if not all(math.isfinite(value) and value >= 0.0 for value in values):
+            raise ValueError(f"weights {values} must be finite and not negative")
+        if abs(sum(values) - 1.0) > 1e-9:
+            raise ValueError(f"weights {values} must sum to 1")
+
+    @classmethod
+    def normalised(cls, safety: float, time: float, energy: float) -> Weights:
+        """Weights proportional to three non-negative numbers."""
+        total = safety + time + energy
+        if not math.isfinite(total) or total <= 0.0 or min(safety, time, energy) < 0.0:
+            raise ValueError(
+                f"weights {(safety, time, energy)} must be finite, not negative, "
+                "with a positive sum"
+            )
+        return cls(safety / total, time / total, energy / total)
+
+    def adjusted(self, risk: RiskIndices) -> Weights:
+        """Eq. 9 with these weights as k_{S,0}, k_{T,0}, k_{E,0}.
+
+        Where all three terms vanish (k_{S,0} alone with a battery risk of 1; k_{T,0} alone with
+        the other three at 1 and none from the battery) the weights stay as they are.
+        """
+        shift = (
+            0.5 * risk.wind + 0.25 * risk.communication + 0.25 * risk.localization - risk.battery
+        )
+        safety = self.safety * (1.0 + shift)
+        time = self.time * (1.0 - shift)
+        energy = self.energy * (1.0 + 0.5 * risk.wind + 0.5 * risk.battery)
+        if safety + time + energy <= 0.0:
+            return self
+        return Weights.normalised(safety, time, energy)
+
+
+class AutopilotKind(str, enum.Enum):
+    """Whose manners the aircraft has (MAV_AUTOPILOT of its heartbeat)."""
+
+    PX4 = "px4"
+    ARDUPILOT = "ardupilot"
+    UNKNOWN = "unknown"
+
+
+class LandedState(enum.Enum):
+    """MAV_LANDED_STATE of EXTENDED_SYS_STATE."""
+
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKEOFF = 3
+    LANDING = 4
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutopilotStatus:
+    """HEARTBEAT of the autopilot."""
+
+    received_s: float
+    system_id: int
+    component_id: int
+    kind: AutopilotKind
+    armed: bool
+    custom_mode: int
+    mode: str
+    """The mode's name as its ground stations show it, e.g. `OFFBOARD`, `HOLD`, `GUIDED`."""
+    ours: bool
+    """Whether this is the mode in which the autopilot follows our setpoints."""
+    failsafe: bool
+    """system_status says CRITICAL or worse: the autopilot, not a pilot, chose this mode."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Attitude:
+    """ATTITUDE: aerospace angles of the body in NED."""
+
+    received_s: float
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalPosition:
+    """LOCAL_POSITION_NED: position about the estimator's origin."""
+
+    received_s: float
+    boot_s: float
+    """The autopilot's own clock; it goes back when the autopilot restarts."""
+    position_ned_m: Vector
+    velocity_ned_mps: Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GeodeticPoint:
+    """A point on WGS84; altitude above mean sea level."""
+
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalOrigin:
+    """GPS_GLOBAL_ORIGIN: where the estimator's local frame stands in the world."""
+
+    received_s: float
+    point: GeodeticPoint
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Home:
+    """HOME_POSITION."""
+
+    received_s: float
+    point: GeodeticPoint
+    position_ned_m: Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GlobalPosition:
+    """GLOBAL_POSITION_INT."""
+
+    received_s: float
+    point: GeodeticPoint
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Battery:
+    """BATTERY_STATUS and SYS_STATUS of one battery."""
+
+    received_s: float
+    remaining: float | None
+    """Fraction in [0, 1] that the autopilot claims."""
+    voltage_v: float | None
+    current_a: float | None
+    charge_state: int | None
+    """MAV_BATTERY_CHARGE_STATE: 1 ok, 2 low, 3 critical, 4 emergency."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gnss:
+    """GPS_RAW_INT."""
+
+    received_s: float
+    receiver_s: float | None
+    """The receiver's clock; frozen while the receiver is dead."""
+    fix_type: int
+    satellites: int | None
+    hdop: float | None
+    vdop: float | None
+    horizontal_accuracy_m: float | None
+    vertical_accuracy_m: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Estimator:
+    """ESTIMATOR_STATUS (PX4) or EKF_STATUS_REPORT (ArduPilot)."""
+
+    received_s: float
+    flags: int
+    horizontal_position_ok: bool
+    horizontal_accuracy_m: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Wind:
+    """WIND_COV (PX4) or WIND (ArduPilot), as a vector towards which the air moves."""
+
+    received_s: float
+    velocity_ned_mps: Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Radio:
+    """RADIO_STATUS of a telemetry radio, in the radio's own units."""
+
+    received_s: float
+    rssi: int | None
+    remote_rssi: int | None
+    noise: int | None
+    remote_noise: int | None
+    receive_errors: int
+    transmit_buffer_percent: int | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RemoteControl:
+    """RC_CHANNELS: signal strength of the pilot's transmitter, fraction in [0, 1]."""
+
+    received_s: float
+    rssi: float | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorOutputs:
+    """SERVO_OUTPUT_RAW: pulse widths of the outputs in use."""
+
+    received_s: float
+    pulse_us: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Heard:
+    """When a peer's HEARTBEAT was last received."""
+
+    received_s: float
+    system_id: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkStatistics:
+    """Raw packets of the autopilot on our own link, by the sequence numbers of their headers."""
+
+    received_s: float
+    packets_received: int
+    packets_lost: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Telemetry:
+    """The last word of every source; `None` where nothing was ever heard."""
+
+    autopilot: AutopilotStatus | None = None
+    attitude: Attitude | None = None
+    local_position: LocalPosition | None = None
+    local_origin: LocalOrigin | None = None
+    global_position: GlobalPosition | None = None
+    home: Home | None = None
+    landed_state: LandedState | None = None
+    batteries: dict[int, Battery] = field(default_factory=dict)
+    """By battery id; never changed in place."""
+    gnss: Gnss | None = None
+    estimator: Estimator | None = None
+    wind: Wind | None = None
+    radio: Radio | None = None
+    remote_control: RemoteControl | None = None
+    motors: MotorOutputs | None = None
+    ground_station: Heard | None = None
+    link: LinkStatistics | None = None
