@@ -1,0 +1,109 @@
+"""The tracker: where on its trajectory the aircraft should be, and the setpoint that says so.
+
+Progress is measured by the aircraft and not by a clock: when the aircraft falls behind, the
+reference slows down, and stands when it is too far off, so that a gust makes it late and not
+lost. Inputs: the reference, the aircraft's position, the time step; output: the next reference.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..types import Vector
+from ..vehicle import Guidance
+from .trajectory import FloatArray, Trajectory
+
+_STAND_STILL = 2.0
+"""An error brakes the reference up to this much harder than its trajectory does."""
+_ARRIVED_M = 0.005
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reference:
+    """One instant of the trajectory that is followed.
+
+    offset_m, (3,), leads from the trajectory to the setpoint; it fades, and the reference waits
+    for it. It is not zero only after the trajectory was moved under the setpoint.
+    """
+
+    trajectory: Trajectory
+    distance_m: float = 0.0
+    speed_mps: float = 0.0
+    offset_m: FloatArray
+    offset_rate_mps: FloatArray
+
+    @classmethod
+    def start(cls, trajectory: Trajectory, setpoint_m: Vector) -> Reference:
+        """The reference at the start of a trajectory while the setpoint is still elsewhere."""
+        return cls(
+            trajectory=trajectory,
+            offset_m=np.array(setpoint_m) - trajectory.position_m[0],
+            offset_rate_mps=np.zeros(3),
+        )
+
+    @property
+    def position_m(self) -> FloatArray:
+        """Where the setpoint is, (3,)."""
+        return self.trajectory.at(self.distance_m)[0] + self.offset_m
+
+    @property
+    def velocity_mps(self) -> FloatArray:
+        """How the setpoint moves, (3,)."""
+        return self.speed_mps * self.trajectory.at(self.distance_m)[1] + self.offset_rate_mps
+
+    @property
+    def arrived(self) -> bool:
+        """Whether the end of the trajectory is reached."""
+        return self.distance_m >= self.trajectory.length_m - _ARRIVED_M
+
+    def stopping_m(self, acceleration_mps2: float) -> float:
+        """The distance along the trajectory at which the reference can stand."""
+        return self.distance_m + self.speed_mps**2 / (2.0 * acceleration_mps2)
+
+
+def advanced(
+    reference: Reference,
+    aircraft_m: Vector,
+    guidance: Guidance,
+    fade_mps: float,
+    step_s: float,
+) -> Reference:
+    """The reference after `step_s`; `fade_mps` is how fast an offset may fade."""
+    offset = _faded(reference, fade_mps, step_s)
+    trajectory, speed = reference.trajectory, reference.speed_mps
+    _, _, allowed = trajectory.at(reference.distance_m)
+    error_m = math.dist(reference.position_m, aircraft_m)
+    room = guidance.tracking_hold_m - guidance.tracking_slow_m
+    allowed *= min(1.0, max(0.0, (guidance.tracking_hold_m - error_m) / room))
+    if offset.offset_m.any():
+        allowed = 0.0
+    step_mps = guidance.acceleration_mps2 * step_s
+    speed = min(speed + step_mps, max(allowed, speed - _STAND_STILL * step_mps))
+    return replace(
+        offset,
+        distance_m=min(reference.distance_m + speed * step_s, trajectory.length_m),
+        speed_mps=speed,
+    )
+
+
+def _faded(reference: Reference, fade_mps: float, step_s: float) -> Reference:
+    """The reference with its offset shortened by one step."""
+    offset = reference.offset_m
+    length = float(np.sqrt(offset @ offset))
+    step = fade_mps * step_s
+    if length <= step:
+        return replace(reference, offset_m=np.zeros(3), offset_rate_mps=np.zeros(3))
+    return replace(
+        reference,
+        offset_m=offset * (1.0 - step / length),
+        offset_rate_mps=offset * (-fade_mps / length),
+    )
+
+
+def turned(yaw_rad: float, wanted_rad: float, greatest_rad: float) -> float:
+    """A heading turned towards another the short way, by no more than `greatest_rad`."""
+    turn = math.remainder(wanted_rad - yaw_rad, math.tau)
+    return math.remainder(yaw_rad + max(-greatest_rad, min(greatest_rad, turn)), math.tau)

@@ -1,0 +1,251 @@
+"""The trajectory: a path with rounded corners and, at each point, the greatest speed allowed.
+
+Inputs: the points of a plan with the speed of each move; output: samples along the path. Corners
+are rounded by arcs that leave the path within a given distance of the corner, and the speed is
+such that neither the arcs nor any braking ask for more than the vehicle's acceleration. How that
+speed is reached is the tracker's affair (`tracking`), which knows how late the aircraft is.
+"""
+
+from __future__ import annotations
+
+import bisect
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.floating[Any]]
+
+_SAMPLE_M = 0.1
+_ARC_PIECES = 6
+_SLIGHT_TURN_RAD = math.radians(10.0)
+"""A lesser turn needs no arc."""
+_SHARP_TURN_RAD = math.radians(150.0)
+"""A greater one cannot be an arc: it is taken at the corner, all but standing."""
+_SHARP_TURN_MPS = 0.1
+_SAME_POINT_M = 1e-6
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class PathPoints:
+    """A path by its points. position_m: (n, d); speed_mps: (n - 1,) of the move to the next."""
+
+    position_m: FloatArray
+    speed_mps: FloatArray
+
+    def then(self, other: PathPoints) -> PathPoints:
+        """Itself, with another path that begins at its last point behind it."""
+        return PathPoints(
+            position_m=np.concatenate([self.position_m[:-1], other.position_m]),
+            speed_mps=np.concatenate([self.speed_mps, other.speed_mps]),
+        )
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Trajectory:
+    """A path, sampled; distances are along it from its first point.
+
+    distance_m:  (n,)    of each sample, increasing
+    position_m:  (n, d)
+    direction:   (n, d)  unit vectors
+    limit_mps:   (n,)    what the plan and the corners allow
+    speed_mps:   (n,)    what of it can still be braked from, to rest at the end
+    corner_m:    (m,)    where each point of the plan is reached, or its rounding begins
+    """
+
+    distance_m: FloatArray
+    position_m: FloatArray
+    direction: FloatArray
+    limit_mps: FloatArray
+    speed_mps: FloatArray
+    corner_m: FloatArray
+
+    @property
+    def length_m(self) -> float:
+        """The length of the path."""
+        return float(self.distance_m[-1])
+
+    @cached_property
+    def _distances(self) -> list[float]:
+        return [float(distance) for distance in self.distance_m]
+
+    def at(self, distance_m: float) -> tuple[FloatArray, FloatArray, float]:
+        """Position (d,), direction (d,) and greatest speed at a distance, clamped to the ends."""
+        known = self._distances
+        if distance_m >= known[-1]:
+            return self.position_m[-1], self.direction[-1], 0.0
+        after = max(1, bisect.bisect_right(known, distance_m))
+        before = after - 1
+        part = max(0.0, (distance_m - known[before]) / (known[after] - known[before]))
+        position, direction = (
+            values[before] + part * (values[after] - values[before])
+            for values in (self.position_m, self.direction)
+        )
+        norm = float(np.sqrt(direction @ direction))
+        # Under constant braking the square of the speed is linear in the distance.
+        first, second = float(self.speed_mps[before]), float(self.speed_mps[after])
+        speed = math.sqrt(first * first + part * (second * second - first * first))
+        return position, direction / norm if norm > _SAME_POINT_M else direction, speed
+
+    def corner_after(self, distance_m: float) -> int | None:
+        """The first point of the plan that is reached at or after a distance."""
+        index = int(np.searchsorted(self.corner_m, distance_m))
+        return index if index < len(self.corner_m) else None
+
+    def between(self, from_m: float, until_m: float) -> PathPoints:
+        """The path between two distances, as points; the lead-in of a new trajectory."""
+        inside = (self.distance_m > from_m + _SAME_POINT_M) & (
+            self.distance_m < until_m - _SAME_POINT_M
+        )
+        first, _, _ = self.at(from_m)
+        last, _, _ = self.at(until_m)
+        ends = np.concatenate([self.distance_m[inside], [until_m]])
+        return PathPoints(
+            position_m=np.concatenate([first[None], self.position_m[inside], last[None]]),
+            speed_mps=np.interp(ends, self.distance_m, self.limit_mps),
+        )
+
+
+def make_trajectory(
+    path: PathPoints,
+    *,
+    lead_in: PathPoints | None = None,
+    acceleration_mps2: float,
+    rounding_m: float,
+) -> Trajectory:
+    """The trajectory along a plan's points, at rest at its end.
+
+    lead_in: points that are flown first and end at the plan's first point: what is left of an
+    earlier trajectory, so that a new plan moves no setpoint. rounding_m: how far before and
+    behind a corner its arc may reach.
+    """
+    whole = path if lead_in is None else lead_in.then(path)
+    plan_begins = 0 if lead_in is None else len(lead_in.position_m) - 1
+    steps = np.diff(whole.position_m, axis=0)
+    lengths = np.sqrt((steps**2).sum(axis=1))
+    moves = lengths > _SAME_POINT_M
+    points = np.concatenate([whole.position_m[:1], whole.position_m[1:][moves]])
+    speed = whole.speed_mps[moves]
+    # A point that repeats the one before it is reached when that one is.
+    index_of_point = np.concatenate([[0], np.cumsum(moves)])[plan_begins:]
+    if not len(speed):
+        nowhere = np.zeros(1)
+        return Trajectory(
+            distance_m=nowhere,
+            position_m=points,
+            direction=np.zeros_like(points),
+            limit_mps=nowhere,
+            speed_mps=nowhere,
+            corner_m=np.zeros(len(index_of_point)),
+        )
+    order, position, limit = _sample(points, speed, acceleration_mps2, rounding_m)
+    step = np.diff(position, axis=0)
+    distance = np.concatenate([[0.0], np.cumsum(np.sqrt((step**2).sum(axis=1)))])
+    return Trajectory(
+        distance_m=distance,
+        position_m=position,
+        direction=_directions(step),
+        limit_mps=limit,
+        speed_mps=_braking_speed_mps(distance, limit, acceleration_mps2),
+        corner_m=distance[np.searchsorted(order, index_of_point - 0.25)],
+    )
+
+
+def _sample(
+    points: FloatArray, speed_mps: FloatArray, acceleration_mps2: float, rounding_m: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    r"""Order (n,), position (n, d) and speed limit (n,) of the samples along a path.
+
+    Point i and its arc have an order in [i - 0.25, i + 0.25], the straight behind it between
+    i + 0.25 and i + 0.75:
+
+        point i-1 ---straight---( arc of point i )---straight--- point i+1
+                  \_ rounding _/                  \_ rounding _/
+    """
+    steps = np.diff(points, axis=0)
+    lengths = np.sqrt((steps**2).sum(axis=1))
+    unit = steps / lengths[:, None]
+    incoming, outgoing = unit[:-1], unit[1:]
+    turn = np.arccos(np.clip((incoming * outgoing).sum(axis=1), -1.0, 1.0))
+    arc = (turn >= _SLIGHT_TURN_RAD) & (turn <= _SHARP_TURN_RAD)
+    rounded = np.concatenate([[False], arc, [False]])
+    # Where two corners share a straight, each has half of it.
+    share = np.where(rounded[:-1] & rounded[1:], 0.5, 1.0) * lengths
+    reach = np.zeros(len(points))
+    reach[1:-1][arc] = np.minimum(rounding_m, np.minimum(share[:-1], share[1:]))[arc]
+
+    at_point = np.minimum(
+        np.concatenate([speed_mps[:1], speed_mps]), np.concatenate([speed_mps, speed_mps[-1:]])
+    )
+    at_point[1:-1][turn > _SHARP_TURN_RAD] = _SHARP_TURN_MPS
+
+    corner = np.flatnonzero(rounded)
+    angle = turn[arc]
+    radius = reach[corner] / np.tan(0.5 * angle)
+    normal = (outgoing[arc] - np.cos(angle)[:, None] * incoming[arc]) / np.sin(angle)[:, None]
+    at_arc = np.minimum(at_point[corner], np.sqrt(acceleration_mps2 * radius))
+    part = np.linspace(0.0, 1.0, _ARC_PIECES + 1)
+    swept = angle[:, None] * part
+    begin = points[corner] - reach[corner, None] * incoming[arc]
+    arcs = begin[:, None] + radius[:, None, None] * (
+        np.sin(swept)[..., None] * incoming[arc][:, None]
+        + (1.0 - np.cos(swept))[..., None] * normal[:, None]
+    )
+
+    sharp = np.flatnonzero(~rounded)
+    straight_m = lengths - reach[:-1] - reach[1:]
+    pieces = np.ceil(straight_m / _SAMPLE_M).astype(int)
+    segment = np.repeat(np.arange(len(lengths)), np.maximum(pieces - 1, 0))
+    nth = np.arange(len(segment)) - np.searchsorted(segment, segment) + 1
+    fraction = nth / pieces[segment]
+    along = reach[segment] + fraction * straight_m[segment]
+
+    order = np.concatenate(
+        [
+            sharp.astype(float),
+            (corner[:, None] - 0.25 + 0.5 * part).ravel(),
+            segment + 0.25 + 0.5 * fraction,
+        ]
+    )
+    position = np.concatenate(
+        [
+            points[sharp],
+            arcs.reshape(-1, points.shape[1]),
+            points[segment] + along[:, None] * unit[segment],
+        ]
+    )
+    limit = np.concatenate(
+        [at_point[sharp], np.repeat(at_arc, _ARC_PIECES + 1), speed_mps[segment]]
+    )
+    sequence = np.argsort(order, kind="stable")
+    order, position, limit = order[sequence], position[sequence], limit[sequence]
+    # Arcs of neighbouring corners may touch: of two samples in one place the slower stays.
+    gap = np.sqrt((np.diff(position, axis=0) ** 2).sum(axis=1)) > _SAME_POINT_M
+    keep = np.concatenate([[True], gap])
+    limit = np.minimum.reduceat(limit, np.flatnonzero(keep))
+    return order[keep], position[keep], limit
+
+
+def _directions(step: FloatArray) -> FloatArray:
+    """Unit vectors (n, d) at samples from the steps (n - 1, d) between them."""
+    unit = step / np.sqrt((step**2).sum(axis=1))[:, None]
+    before, after = np.concatenate([unit[:1], unit]), np.concatenate([unit, unit[-1:]])
+    mean = before + after
+    norm = np.sqrt((mean**2).sum(axis=1))[:, None]
+    # Where the path turns back there is no mean direction: the way onward is the direction.
+    return np.where(norm > 0.5, mean / np.maximum(norm, _SAME_POINT_M), after)
+
+
+def _braking_speed_mps(
+    distance_m: FloatArray, limit_mps: FloatArray, acceleration_mps2: float
+) -> FloatArray:
+    """The greatest speeds (n,) within limits from which every later one can be braked to.
+
+    With v^2 + 2 a s constant under braking, the limit backward is a running minimum of that sum.
+    """
+    squares = np.append(limit_mps[:-1] ** 2, 0.0) + 2.0 * acceleration_mps2 * distance_m
+    feasible = np.minimum.accumulate(squares[::-1])[::-1] - 2.0 * acceleration_mps2 * distance_m
+    return np.asarray(np.sqrt(np.maximum(feasible, 0.0)))

@@ -1,0 +1,58 @@
+"""The gate: the last look at a setpoint before it leaves.
+
+Pure: the setpoint and the maps in, a reason to refuse it out. A setpoint lies in a free cell of
+the workspace, near the plane; or in the corridor of a leg that was checked when it was made.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import numpy.typing as npt
+
+from ..types import Vector
+
+Occupancy = npt.NDArray[np.bool_]
+
+
+def refusal(
+    position_m: Vector,
+    velocity_mps: Vector,
+    *,
+    cell: tuple[int, ...] | None,
+    occupied: Occupancy,
+    corridor_m: tuple[Vector, ...],
+    corridor_width_m: float,
+    plane_tolerance_m: float,
+) -> str | None:
+    """Why a setpoint must not be sent; None when it may.
+
+    position_m, velocity_mps: (x, y, z) in the site's frame. cell: of the position, None outside
+    the workspace. corridor_m: points of the checked leg that is flown, if any.
+    """
+    if not all(math.isfinite(value) for value in (*position_m, *velocity_mps)):
+        return "the setpoint is not finite"
+    if abs(position_m[1]) > plane_tolerance_m:
+        return f"the setpoint is {abs(position_m[1]):.1f} m from the plane"
+    if cell is not None and not occupied[cell]:
+        return None
+    if _distance_m(position_m, corridor_m) <= corridor_width_m:
+        return None
+    if cell is None:
+        return "the setpoint is outside the workspace"
+    return "the setpoint is too close to an obstacle or too low"
+
+
+def _distance_m(point_m: Vector, corridor_m: tuple[Vector, ...]) -> float:
+    """Distance from a point to a line through points; infinite without any."""
+    if not corridor_m:
+        return math.inf
+    point, line = np.array(point_m), np.array(corridor_m)
+    starts, along = line[:-1], np.diff(line, axis=0)
+    if not len(along):
+        return math.dist(point_m, corridor_m[0])
+    squares = (along**2).sum(axis=1)
+    part = ((point - starts) * along).sum(axis=1) / np.where(squares > 0.0, squares, 1.0)
+    nearest = starts + np.clip(part, 0.0, 1.0)[:, None] * along
+    return float(np.sqrt(((nearest - point) ** 2).sum(axis=1)).min())
