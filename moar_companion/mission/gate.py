@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ..types import Vector
 
 Occupancy = npt.NDArray[np.bool_]
+Corridor = tuple[Vector, ...]
 
 
 def refusal(
@@ -22,14 +23,14 @@ def refusal(
     *,
     cell: tuple[int, ...] | None,
     occupied: Occupancy,
-    corridor_m: tuple[Vector, ...],
+    corridors_m: tuple[Corridor, ...],
     corridor_width_m: float,
     plane_tolerance_m: float,
 ) -> str | None:
     """Why a setpoint must not be sent; None when it may.
 
     position_m, velocity_mps: (x, y, z) in the site's frame. cell: of the position, None outside
-    the workspace. corridor_m: points of the checked leg that is flown, if any.
+    the workspace. corridors_m: the checked legs that may be flown now, by their points.
     """
     if not all(math.isfinite(value) for value in (*position_m, *velocity_mps)):
         return "the setpoint is not finite"
@@ -37,17 +38,15 @@ def refusal(
         return f"the setpoint is {abs(position_m[1]):.1f} m from the plane"
     if cell is not None and not occupied[cell]:
         return None
-    if _distance_m(position_m, corridor_m) <= corridor_width_m:
+    if any(distance_m(position_m, leg) <= corridor_width_m for leg in corridors_m):
         return None
     if cell is None:
         return "the setpoint is outside the workspace"
     return "the setpoint is too close to an obstacle or too low"
 
 
-def _distance_m(point_m: Vector, corridor_m: tuple[Vector, ...]) -> float:
-    """Distance from a point to a line through points; infinite without any."""
-    if not corridor_m:
-        return math.inf
+def distance_m(point_m: Vector, corridor_m: Corridor) -> float:
+    """Distance from a point to a line through points, of which there is at least one."""
     point, line = np.array(point_m), np.array(corridor_m)
     starts, along = line[:-1], np.diff(line, axis=0)
     if not len(along):

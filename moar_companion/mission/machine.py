@@ -104,6 +104,8 @@ class Situation:
 
     obstruction: str | None
     """Why nothing may be streamed now (no position, link lost, ...); None when all is well."""
+    reluctance: str | None
+    """Why nothing may be begun now (too far from the plane, ...); what is flown goes on."""
     airborne: bool
     """Armed and in the air, as far as is known."""
     mode_ours: bool
@@ -145,9 +147,7 @@ class Do(enum.Enum):
     """Effects without data."""
 
     BRAKE = "come to rest on the path and stay"
-    ADOPT = "fly the plan that was just found"
     FAREWELL = "one last setpoint, at rest"
-    ENGAGE = "ask for the autopilot's mode, where the configuration allows"
     LAND = "ask for the landing, where the configuration allows"
 
 
@@ -170,10 +170,10 @@ def command(
     done = Answer(order_id, Verdict.ACCEPTED)
     if order is Order.HOLD and status.state in IN_CONTROL:
         held, effects = _enter(status, MissionState.HOLDING, now_s)
-        return held, (*effects, Do.BRAKE, done)
+        return held, (*effects, *_cancelled(status), Do.BRAKE, done)
     if status.state in STREAMING or status.state is MissionState.PLANNING:
         rest = MissionState.IDLE if order is Order.HOLD else MissionState.RELEASED
-        silent, effects = _silenced(status, rest, f"{order.value} on command", now_s)
+        silent, effects = _silenced(status, rest, f"{order.value} on command", now_s, farewell=True)
         return silent, (*effects, done)
     if order is Order.RELEASE:
         return status, (done,)
@@ -190,8 +190,7 @@ def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
     )
     found = replace(entered, task=status.sought, failsafe_known=world.autopilot_failsafe)
     answers = () if status.order_id is None else (Answer(status.order_id, Verdict.ACCEPTED),)
-    engage = () if in_control else (Do.ENGAGE,)
-    return found, (*effects, Do.ADOPT, *answers, *engage)
+    return found, (*effects, *answers)
 
 
 def unplanned(status: MissionStatus, reason: str, now_s: float) -> Step:
@@ -207,6 +206,15 @@ def unplanned(status: MissionStatus, reason: str, now_s: float) -> Step:
         held, effects = _enter(status, MissionState.HOLDING, now_s)
         return replace(held, task=status.sought), (*effects, *answers, say)
     return replace(status, sought=None, order_id=None), (*answers, say)
+
+
+def withdrawn(status: MissionStatus, order_id: int, now_s: float) -> Step:
+    """The operator took an order back while its plan was awaited."""
+    if status.order_id != order_id:
+        return status, ()
+    if status.state is MissionState.PLANNING:
+        return _enter(status, MissionState.IDLE, now_s)
+    return replace(status, sought=None, order_id=None), ()
 
 
 def tick(
@@ -245,7 +253,9 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
         if world.mode_ours:
             return _enter(status, MissionState.FLYING, now_s)
         if now_s - status.since_s >= ready_timeout_s:
-            return _silenced(status, MissionState.IDLE, "the mode was not given", now_s)
+            return _silenced(
+                status, MissionState.IDLE, "the mode was not given", now_s, farewell=True
+            )
     elif state is MissionState.FLYING and world.on_leg:
         return _enter(status, MissionState.LANDING_LEG, now_s, keep_sought=True)
     elif state is MissionState.FLYING and world.arrived and task is not None:
@@ -275,13 +285,13 @@ def _sought(
     status: MissionStatus, task: Task, order_id: int | None, world: Situation, now_s: float
 ) -> Step:
     """Ask for a task's plan, if it could be flown; in control the flight goes on meanwhile."""
-    obstruction = world.obstruction
+    obstruction = world.obstruction or world.reluctance
     if obstruction is None and not world.airborne:
         obstruction = "not in the air"
     if obstruction is not None:
         return status, () if order_id is None else _rejected(status, order_id, obstruction)[1]
-    cancelled = () if status.order_id is None else (Answer(status.order_id, Verdict.CANCELLED),)
     farewell: tuple[Effect, ...] = ()
+    cancelled = _cancelled(status)
     if status.state not in IN_CONTROL:
         farewell = (Do.FAREWELL,) if status.state is MissionState.READY else ()
         status = replace(status, state=MissionState.PLANNING, since_s=now_s)
@@ -309,12 +319,26 @@ def _enter(
     return entered, (Say(f"MOAR {state.value}{words}"),)
 
 
-def _silenced(status: MissionStatus, state: MissionState, reason: str, now_s: float) -> Step:
-    """The stream ends. An open order fails; the farewell is at rest where we were in control."""
+def _cancelled(status: MissionStatus) -> tuple[Effect, ...]:
+    """The answer to an order that another one overtakes."""
+    return () if status.order_id is None else (Answer(status.order_id, Verdict.CANCELLED),)
+
+
+def _silenced(
+    status: MissionStatus,
+    state: MissionState,
+    reason: str,
+    now_s: float,
+    *,
+    farewell: bool = False,
+) -> Step:
+    """The stream ends; an open order fails.
+
+    With `farewell` a last setpoint at rest is sent, where there was a stream. Without it nothing
+    more is sent: the autopilot has left us, or what we know of the aircraft is not to be trusted.
+    """
+    last = (Do.FAREWELL,) if farewell and status.state in STREAMING else ()
     failed = () if status.order_id is None else (Answer(status.order_id, Verdict.FAILED, reason),)
-    # A pilot who took the mode, or an autopilot in failsafe, hears nothing more from us.
-    orderly = status.state in STREAMING and state is not MissionState.OVERRIDDEN
-    farewell = (Do.FAREWELL,) if orderly and state is MissionState.IDLE else ()
     silent = replace(status, state=state, since_s=now_s, sought=None, order_id=None)
     say = Say(f"MOAR {state.value}: {reason}", serious=state is not MissionState.IDLE)
-    return silent, (*farewell, *failed, say)
+    return silent, (*last, *failed, say)
