@@ -1,0 +1,192 @@
+"""The service's configuration: `configs/companion.yaml` and what the command line lays over it.
+
+`shipped_configs()` is where the configurations that come with the program are.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from os import PathLike
+from pathlib import Path
+from typing import Annotated, Any
+
+from pydantic import Field, Strict
+
+from . import yaml_file
+from .yaml_file import Finding
+from .yaml_schema import FileModel, FilePath, Name, Section
+
+_Seconds = Field(gt=0.0, le=3_600.0)
+
+
+def shipped_configs() -> Path:
+    """The folder of the shipped configurations, with `sites/` and `vehicles/`.
+
+    The package carries them as `configs`, in a checkout as a link to the folder beside it.
+    """
+    package = Path(__file__).parent
+    inside = package / "configs"
+    return inside if inside.is_dir() else package.parent / "configs"
+
+
+class Authority(str, enum.Enum):
+    """How far the companion may go."""
+
+    OBSERVE = "observe"
+    """Never streams."""
+    STREAM = "stream"
+    """Streams when the pilot gave the mode; changes no mode."""
+    ENGAGE = "engage"
+    """May also request OFFBOARD/GUIDED and LAND on an operator's command."""
+
+
+class LinkRole(str, enum.Enum):
+    """Who is at the other end of a link."""
+
+    AUTOPILOT = "autopilot"
+    OPERATOR = "operator"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkConfig:
+    """One link: a URL of the contract and who is there."""
+
+    url: str
+    role: LinkRole = LinkRole.AUTOPILOT
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Replanning:
+    """When a plan in flight is made anew."""
+
+    period_s: Annotated[float, _Seconds] = 2.0
+    """At the latest after this time."""
+    risk_change: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
+    """As soon as an index has moved by this much since the last plan."""
+    min_interval_s: Annotated[float, _Seconds] = 0.3
+    """Never more often than this."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Supervision:
+    """Limits beyond which nothing is flown."""
+
+    position_timeout_s: Annotated[float, _Seconds] = 0.5
+    """An older position is stale: the stream ends (LOCAL_POSITION_NED comes at 30 Hz)."""
+    heartbeat_timeout_s: Annotated[float, _Seconds] = 3.0
+    """Three missed heartbeats: the autopilot's link is lost."""
+    ready_timeout_s: Annotated[float, _Seconds] = 30.0
+    """How long a hold is offered to the pilot before he gives the mode."""
+    plane_tolerance_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
+    """Farther from the plane than this is not flown."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recorder:
+    """Where flights are recorded; None: nowhere."""
+
+    directory: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CompanionConfig:
+    """Everything that the service is told at its start."""
+
+    vehicle: Path
+    site: Path | None = None
+    """Without a site: telemetry and risk only."""
+    links: tuple[LinkConfig, ...] = (LinkConfig(url="udp:127.0.0.1:14540"),)
+    system_id: int = 1
+    """Used until an autopilot is heard, whose id is then taken."""
+    component_id: int = 195
+    """MAV_COMP_ID_PATHPLANNER."""
+    authority: Authority = Authority.STREAM
+    setpoint_rate_hz: float = 50.0
+    resume: bool = False
+    """Whether a mode given back by the pilot resumes the mission without a new command."""
+    replanning: Replanning = field(default_factory=Replanning)
+    supervision: Supervision = field(default_factory=Supervision)
+    recorder: Recorder = field(default_factory=Recorder)
+
+    @classmethod
+    def load(
+        cls, path: str | PathLike[str], *, vehicle: str | PathLike[str] | None = None
+    ) -> CompanionConfig:
+        """The configuration in a YAML file; relative paths in it are relative to that file.
+
+        `vehicle` is the vehicle file of the command line: it replaces the one in the file, which
+        may then be missing. Raises InputError with one line when the file cannot be used.
+        """
+
+        def check(file: _CompanionFile) -> Iterator[Finding]:
+            if file.vehicle is None and vehicle is None:
+                yield Finding(("vehicle",), "is missing")
+            yield from _findings(file)
+
+        file = yaml_file.read(path, _CompanionFile, check)
+        folder = Path(path).parent
+        values: dict[str, Any] = {
+            name: getattr(file, name) for name in file.model_fields_set & _PLAIN
+        }
+        if "links" in file.model_fields_set:
+            values["links"] = tuple(LinkConfig(url=link.url, role=link.role) for link in file.links)
+        vehicle_path = Path(vehicle) if vehicle is not None else _resolved(folder, file.vehicle)
+        assert vehicle_path
+        return cls(
+            vehicle=vehicle_path,
+            site=_resolved(folder, file.site),
+            replanning=file.replanning,
+            supervision=file.supervision,
+            recorder=Recorder(directory=_resolved(folder, file.recorder.directory)),
+            **values,
+        )
+
+
+_PLAIN = {"system_id", "component_id", "authority", "setpoint_rate_hz", "resume"}
+_Id = Annotated[int, Field(ge=1, le=255)]
+
+
+def _resolved(folder: Path, path: str | None) -> Path | None:
+    return None if path is None else folder / path
+
+
+class _LinkFile(FileModel):
+    url: Name
+    role: Annotated[LinkRole, Strict(strict=False)] = LinkRole.AUTOPILOT
+
+
+class _RecorderFile(FileModel):
+    directory: FilePath | None = None
+
+
+class _CompanionFile(FileModel):
+    """Keys with a default; which default, the dataclass says."""
+
+    vehicle: FilePath | None = None
+    site: FilePath | None = None
+    links: list[_LinkFile] = Field(default_factory=list)
+    system_id: _Id = 1
+    component_id: _Id = 195
+    authority: Annotated[Authority, Strict(strict=False)] = Authority.STREAM
+    setpoint_rate_hz: Annotated[float, Field(ge=20.0, le=100.0)] = 50.0
+    resume: bool = False
+    replanning: Annotated[Replanning, Section(Replanning)] = Field(default_factory=Replanning)
+    supervision: Annotated[Supervision, Section(Supervision)] = Field(default_factory=Supervision)
+    recorder: _RecorderFile = Field(default_factory=_RecorderFile)
+
+
+def _findings(file: _CompanionFile) -> Iterator[Finding]:
+    seen: dict[str, int] = {}
+    for index, link in enumerate(file.links):
+        if link.url in seen:
+            problem = f"is {link.url!r}, the same as links[{seen[link.url]}]: must be unique"
+            yield Finding(("links", index, "url"), problem)
+        seen.setdefault(link.url, index)
+    replanning = file.replanning
+    if replanning.min_interval_s > replanning.period_s:
+        yield Finding(
+            ("replanning", "min_interval_s"),
+            f"is {replanning.min_interval_s:g}, must be at most period_s ({replanning.period_s:g})",
+        )

@@ -1,0 +1,335 @@
+"""YAML files at the border: a file in, a checked model out, or one line that says what to mend.
+
+`read(path, schema)` is the only way a file enters. The schema is a pydantic model (`FileModel`:
+strict, no unknown keys, no NaN); every failure is an `InputError` that names the file, the key as
+a dotted path, the value, and what is allowed.
+
+Numbers follow YAML 1.2 (`1e3` is a number, `010` is ten, `1:30` is text); a mapping has text keys,
+each once.
+"""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+import typing
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, TypeVar
+
+import yaml
+from pydantic import BaseModel, ValidationError
+from pydantic_core import ErrorDetails
+
+from .errors import InputError
+from .yaml_schema import Section
+
+Key = tuple[str | int, ...]
+"""Where a value stands in a file: names of mappings and indices of lists."""
+
+Model = TypeVar("Model", bound=BaseModel)
+
+_MAX_BYTES = 1_000_000
+"""Configurations are a few kilobytes; what is larger is some other file."""
+_MAX_SHOWN = 40
+"""Characters of a text value that a message repeats."""
+_MAX_INTEGER_DIGITS = 18
+"""Longer integers become floats, which the schemas then refuse by range."""
+
+
+_TEXT_TAG = "tag:yaml.org,2002:str"
+_MERGE_TAG = "tag:yaml.org,2002:merge"
+_INTEGER_TAG = "tag:yaml.org,2002:int"
+_REAL_TAG = "tag:yaml.org,2002:float"
+_KEPT_TAGS = (_MERGE_TAG, "tag:yaml.org,2002:bool", "tag:yaml.org,2002:null")
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """One thing wrong with a file: where, and a problem that completes `key: …`."""
+
+    key: Key
+    problem: str
+
+
+def read(
+    path: str | os.PathLike[str],
+    schema: type[Model],
+    check: Callable[[Model], Iterable[Finding]] = lambda _: (),
+) -> Model:
+    """The file's content as the schema's model.
+
+    `check` looks for what no single key can say; it is asked once every key is right by itself.
+    Raises InputError with the first finding in file order, and how many more there are.
+    """
+    source = os.fspath(path)
+    text = _text(source)
+    keys = ", ".join(_keys(schema))
+    try:
+        loader = _Loader(text)
+        root = loader.get_single_node()
+        if root is None:
+            raise InputError(source, "", f"is empty, must be a mapping with the keys {keys}")
+        if not isinstance(root, yaml.MappingNode):
+            raise InputError(
+                source, "", f"is {_kind(root)}, must be a mapping with the keys {keys}"
+            )
+        findings = list(loader.findings(root))
+        if not findings:
+            data = loader.construct_document(root)
+            try:
+                model = schema.model_validate(data)
+            except ValidationError as error:
+                findings = [_finding(details, schema, data) for details in error.errors()]
+            else:
+                findings = list(check(model))
+                if not findings:
+                    return model
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
+        problem = ", ".join(filter(None, (error.context, error.problem)))
+        raise InputError(source, "", f"is not YAML: {where}{problem}") from None
+    except yaml.YAMLError as error:
+        raise InputError(source, "", f"is not YAML: {str(error).splitlines()[0]}") from None
+    except RecursionError:
+        raise InputError(source, "", "is nested too deeply") from None
+    findings.sort(key=lambda finding: _position(root, finding.key))
+    more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
+    raise InputError(source, dotted(findings[0].key), findings[0].problem + more)
+
+
+def dotted(key: Key) -> str:
+    """A key as a user reads it: `obstacles[0].conductor.radius_m`."""
+    text = ""
+    for part in key:
+        if isinstance(part, int):
+            text += f"[{part}]"
+        elif re.fullmatch(r"[\w-]+", part):
+            text += f".{part}" if text else part
+        else:
+            text += f"[{_shown_text(part)}]"
+    return text
+
+
+def shown(value: object) -> str:
+    """A value as a message repeats it: short, on one line."""
+    if value is None:
+        return "empty"
+    if isinstance(value, bool):
+        return str(value).lower()
+    if isinstance(value, int | float):
+        return repr(value)
+    if isinstance(value, str):
+        return _shown_text(value)
+    return "a mapping" if isinstance(value, dict) else "a list"
+
+
+def nearest(word: str, words: Iterable[str]) -> str:
+    """`, did you mean …?` for a misspelt word, or nothing."""
+    found = difflib.get_close_matches(word, list(words), n=1)
+    return f", did you mean {found[0]}?" if found else ""
+
+
+def _text(source: str) -> str:
+    try:
+        with Path(source).open("rb") as file:
+            content = file.read(_MAX_BYTES + 1)
+    except FileNotFoundError:
+        problem = "no such file"
+    except IsADirectoryError:
+        problem = "is a directory, must be a file"
+    except (OSError, ValueError) as error:
+        problem = f"cannot be read: {getattr(error, 'strerror', None) or error}"
+    else:
+        if len(content) > _MAX_BYTES:
+            raise InputError(source, "", f"is larger than {_MAX_BYTES} bytes")
+        try:
+            return content.decode("utf-8-sig")
+        except UnicodeDecodeError as error:
+            problem = f"is not UTF-8 text (byte {error.start})"
+    raise InputError(source, "", problem)
+
+
+class _Loader(yaml.SafeLoader):
+    """The safe loader with the numbers of YAML 1.2 and without dates."""
+
+    yaml_implicit_resolvers = {  # noqa: RUF012 (an attribute of the class there, too)
+        first: [entry for entry in entries if entry[0] in _KEPT_TAGS]
+        for first, entries in yaml.SafeLoader.yaml_implicit_resolvers.items()
+    }
+
+    def integer(self, node: yaml.ScalarNode) -> int | float:
+        """Decimal, whatever zeros it begins with."""
+        digits = self.construct_scalar(node)
+        return int(digits) if len(digits) <= _MAX_INTEGER_DIGITS else float(digits)
+
+    def real(self, node: yaml.ScalarNode) -> float:
+        """`.inf` and `.nan` too: it is for the schema to refuse them."""
+        return float(self.construct_scalar(node).replace(".inf", "inf").replace(".nan", "nan"))
+
+    def findings(self, root: yaml.MappingNode) -> Iterator[Finding]:
+        """Keys that are no text or given twice, and tags; a node that is shared is seen once."""
+        seen: set[int] = set()
+        pending: list[tuple[Key, yaml.Node]] = [((), root)]
+        while pending:
+            key, node = pending.pop()
+            if id(node) in seen:
+                continue
+            seen.add(id(node))
+            if node.tag not in self._fitting_tags(node):
+                yield Finding(key, f"has the tag {node.tag!r}, must have none")
+            elif isinstance(node, yaml.SequenceNode):
+                pending.extend(((*key, index), item) for index, item in enumerate(node.value))
+            elif isinstance(node, yaml.MappingNode):
+                yield from self._key_findings(key, node)
+                pending.extend(
+                    (key if name.tag == _MERGE_TAG else (*key, name.value), item)
+                    for name, item in node.value
+                    if isinstance(name, yaml.ScalarNode)
+                )
+
+    def _fitting_tags(self, node: yaml.Node) -> tuple[str, ...]:
+        if isinstance(node, yaml.ScalarNode):
+            return _TEXT_TAG, self._untagged(yaml.ScalarNode, node.value)
+        return (self._untagged(type(node), None),)
+
+    def _untagged(self, kind: type[yaml.Node], value: str | None) -> str:
+        tag: str = self.resolve(kind, value, (True, False))  # type: ignore[no-untyped-call]
+        return tag
+
+    def _key_findings(self, key: Key, mapping: yaml.MappingNode) -> Iterator[Finding]:
+        lines: dict[str, int] = {}
+        for name, _ in mapping.value:
+            line = name.start_mark.line + 1
+            if name.tag == _MERGE_TAG:
+                continue
+            if name.tag != _TEXT_TAG:
+                yield Finding(
+                    key, f"has {_kind(name)} as a key (line {line}), must be text in quotes"
+                )
+            elif name.value in lines:
+                problem = f"is given twice (lines {lines[name.value]} and {line}), must be once"
+                yield Finding((*key, name.value), problem)
+            else:
+                lines[name.value] = line
+
+
+def _kind(node: yaml.Node) -> str:
+    if isinstance(node, yaml.ScalarNode):
+        return _shown_text(node.value)
+    return "a list" if isinstance(node, yaml.SequenceNode) else "a mapping"
+
+
+_Loader.add_implicit_resolver(_INTEGER_TAG, re.compile(r"[-+]?[0-9]+\Z"), list("-+0123456789"))
+_Loader.add_implicit_resolver(
+    _REAL_TAG,
+    re.compile(r"([-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.inf|\.nan)\Z"),
+    list("-+.0123456789"),
+)
+_Loader.add_constructor(_INTEGER_TAG, _Loader.integer)
+_Loader.add_constructor(_REAL_TAG, _Loader.real)
+
+
+def _position(root: yaml.Node, key: Key) -> tuple[int, int]:
+    """Line and column of a key in the file; what is missing stands at the end of its mapping."""
+    node = root
+    mark = root.start_mark
+    for part in key:
+        if isinstance(node, yaml.SequenceNode) and isinstance(part, int):
+            node = node.value[part]
+            mark = node.start_mark
+        elif isinstance(node, yaml.MappingNode):
+            found = [pair for pair in node.value if pair[0].value == part]
+            if not found:
+                return node.end_mark.line, node.end_mark.column
+            mark, node = found[0][0].start_mark, found[0][1]
+    return mark.line, mark.column
+
+
+def _finding(details: ErrorDetails, schema: type[BaseModel], data: Any) -> Finding:
+    """One error of pydantic in our words."""
+    kind, value, context = details["type"], details["input"], details.get("ctx", {})
+    key = tuple(part for part in details["loc"] if part != "[key]")
+    if kind == "missing":
+        return Finding(key, "is missing")
+    if kind == "extra_forbidden":
+        for part in key[:-1]:
+            data = data[part]
+        known = _keys(_schema_at(schema, key[:-1]))
+        likely = nearest(str(key[-1]), [name for name in known if name not in data])
+        return Finding(key, f"is not a known key{likely or ', must be one of ' + ', '.join(known)}")
+    if kind in ("too_short", "too_long"):
+        limit = context.get("min_length", context.get("max_length"))
+        bound = "at least" if kind == "too_short" else "at most"
+        return Finding(key, f"has a length of {context['actual_length']}, must be {bound} {limit}")
+    if kind in _LIMITS:
+        word, limit = _LIMITS[kind]
+        return Finding(key, f"is {shown(value)}, must be {word} {context[limit]:.10g}")
+    if kind == "string_too_short":
+        return Finding(key, f"is {shown(value)}, must not be empty")
+    if kind == "string_too_long":
+        return Finding(
+            key, f"has {len(value)} characters, must have {context['max_length']} at most"
+        )
+    if kind in ("literal_error", "enum"):
+        return Finding(key, f"is {shown(value)}, must be {context['expected']}")
+    if kind == "value_error":
+        return Finding(key, f"is {shown(value)}, {context['error']}")
+    if kind in _TYPES:
+        quoted = " (text, not a number)" if _is_quoted_number(kind, value) else ""
+        return Finding(key, f"is {shown(value)}{quoted}, must be {_TYPES[kind]}")
+    return Finding(key, f"is {shown(value)}: {details['msg']}")
+
+
+_TYPES = {
+    "bool_type": "true or false",
+    "dict_type": "a mapping",
+    "finite_number": "a finite number",
+    "float_type": "a number",
+    "int_type": "a whole number",
+    "list_type": "a list",
+    "model_type": "a mapping",
+    "string_type": "text (in quotes)",
+}
+_LIMITS = {
+    "greater_than": ("greater than", "gt"),
+    "greater_than_equal": ("at least", "ge"),
+    "less_than": ("less than", "lt"),
+    "less_than_equal": ("at most", "le"),
+}
+
+
+def _is_quoted_number(kind: str, value: object) -> bool:
+    return (
+        kind in ("float_type", "int_type")
+        and isinstance(value, str)
+        and re.fullmatch(r"\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*", value) is not None
+    )
+
+
+def _schema_at(schema: type[BaseModel], key: Key) -> type[BaseModel]:
+    """The model that describes the mapping at a key."""
+    for part in key:
+        if isinstance(part, str) and part in schema.model_fields:
+            field = schema.model_fields[part]
+            sections = [item.schema for item in field.metadata if isinstance(item, Section)]
+            schema = next(iter(sections), _model_in(field.annotation)) or schema
+    return schema
+
+
+def _model_in(annotation: Any) -> type[BaseModel] | None:
+    """The model inside a list, a mapping or an option."""
+    if isinstance(annotation, type) and issubclass(annotation, BaseModel):
+        return annotation
+    return next(filter(None, map(_model_in, typing.get_args(annotation))), None)
+
+
+def _keys(schema: type[BaseModel]) -> list[str]:
+    return list(schema.model_fields)
+
+
+def _shown_text(text: str) -> str:
+    return repr(text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "…")

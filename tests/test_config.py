@@ -1,0 +1,180 @@
+"""The service's configuration: defaults, paths, what may not be in it, and what is shipped."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from pydantic import BaseModel
+
+from moar_companion.config import (
+    Authority,
+    CompanionConfig,
+    LinkConfig,
+    LinkRole,
+    Recorder,
+    Replanning,
+    Supervision,
+    _CompanionFile,
+    shipped_configs,
+)
+from moar_companion.errors import InputError
+from moar_companion.site import Site, _SiteFile
+from moar_companion.vehicle import Guidance, Range, RiskModel, Vehicle, YawMode, _VehicleFile
+from moar_companion.yaml_file import _model_in
+from moar_companion.yaml_schema import Section, file_key
+
+
+def load(text: str, folder: Path) -> CompanionConfig:
+    path = folder / "companion.yaml"
+    path.write_text(text)
+    return CompanionConfig.load(path)
+
+
+def refusal(text: str, folder: Path) -> str:
+    with pytest.raises(InputError) as raised:
+        load(text, folder)
+    return str(raised.value).removeprefix(f"{folder / 'companion.yaml'}: ")
+
+
+def test_every_key_but_the_vehicle_has_a_default(tmp_path: Path) -> None:
+    config = load("vehicle: v.yaml\n", tmp_path)
+    assert config == CompanionConfig(vehicle=tmp_path / "v.yaml")
+    assert (config.system_id, config.component_id) == (1, 195)
+    assert config.authority is Authority.STREAM
+    assert config.site is None
+    assert not config.resume
+
+
+def test_every_key(tmp_path: Path) -> None:
+    text = """\
+vehicle: /etc/moar/vehicle.yaml
+site: sites/span.yaml
+links:
+  - {url: "serial:/dev/ttyTHS1:921600"}
+  - {url: "udpin:0.0.0.0:14551", role: operator}
+system_id: 7
+component_id: 196
+authority: engage
+setpoint_rate_hz: 20
+resume: true
+replanning: {period_s: 5, risk_change: 0.2, min_interval_s: 5}
+supervision: {position_timeout_s: 1, heartbeat_timeout_s: 5, plane_tolerance_m: 1.5}
+recorder: {directory: flights}
+"""
+    assert load(text, tmp_path) == CompanionConfig(
+        vehicle=Path("/etc/moar/vehicle.yaml"),
+        site=tmp_path / "sites" / "span.yaml",
+        links=(
+            LinkConfig(url="serial:/dev/ttyTHS1:921600"),
+            LinkConfig(url="udpin:0.0.0.0:14551", role=LinkRole.OPERATOR),
+        ),
+        system_id=7,
+        component_id=196,
+        authority=Authority.ENGAGE,
+        setpoint_rate_hz=20.0,
+        resume=True,
+        replanning=Replanning(period_s=5.0, risk_change=0.2, min_interval_s=5.0),
+        supervision=Supervision(
+            position_timeout_s=1.0, heartbeat_timeout_s=5.0, plane_tolerance_m=1.5
+        ),
+        recorder=Recorder(directory=tmp_path / "flights"),
+    )
+
+
+def test_no_links_are_for_the_command_line_to_give(tmp_path: Path) -> None:
+    assert load("vehicle: v.yaml\nlinks: []\n", tmp_path).links == ()
+
+
+def test_the_vehicle_of_the_command_line_replaces_that_of_the_file(tmp_path: Path) -> None:
+    for text in ("authority: observe\n", "authority: observe\nvehicle: other.yaml\n"):
+        (tmp_path / "companion.yaml").write_text(text)
+        config = CompanionConfig.load(tmp_path / "companion.yaml", vehicle="here.yaml")
+        assert config.vehicle == Path("here.yaml")
+        assert config.authority is Authority.OBSERVE
+
+
+@pytest.mark.parametrize(
+    ("line", "problem"),
+    [
+        ("system_id: 0", "system_id: is 0, must be at least 1"),
+        ("system_id: 256", "system_id: is 256, must be at most 255"),
+        ("component_id: 1.0", "component_id: is 1.0, must be a whole number"),
+        ("authority: fly", "authority: is 'fly', must be 'observe', 'stream' or 'engage'"),
+        ("setpoint_rate_hz: 10", "setpoint_rate_hz: is 10, must be at least 20"),
+        ("setpoint_rate_hz: 101", "setpoint_rate_hz: is 101, must be at most 100"),
+        ("resume: 1", "resume: is 1, must be true or false"),
+        ("links: [udp]", "links[0]: is 'udp', must be a mapping"),
+        ("links: [{url: a, role: pilot}]", "links[0].role: is 'pilot', must be 'autopilot' or"),
+        ("links: [{url: a}, {url: a}]", "links[1].url: is 'a', the same as links[0]: must be"),
+        ("replanning: {min_interval_s: 3}", "replanning.min_interval_s: is 3, must be at most"),
+        ("replanning: {risk_change: 0}", "replanning.risk_change: is 0, must be greater than 0"),
+        ("recorder: {folder: a}", "recorder.folder: is not a known key, must be one of directory"),
+        ("supervison: {}", "supervison: is not a known key, did you mean supervision?"),
+        ("vehicle: other.yaml", "vehicle: is given twice (lines 1 and 2), must be once"),
+    ],
+)
+def test_what_the_configuration_may_not_hold(line: str, problem: str, tmp_path: Path) -> None:
+    assert refusal(f"vehicle: v.yaml\n{line}\n", tmp_path).startswith(problem)
+
+
+def test_the_vehicle_is_required(tmp_path: Path) -> None:
+    assert refusal("authority: observe\n", tmp_path) == "vehicle: is missing"
+
+
+def test_the_shipped_configuration_works_and_documents_the_defaults() -> None:
+    config = CompanionConfig.load(shipped_configs() / "companion.yaml")
+    assert config == CompanionConfig(vehicle=config.vehicle, site=config.site)
+    assert Vehicle.load(config.vehicle).name == "LineDrone, as flown"
+    assert config.site is not None
+    assert Site.load(config.site).name == "315 kV double circuit"
+
+
+def test_the_package_carries_the_configurations_of_the_checkout() -> None:
+    checkout = Path(__file__).resolve().parent.parent / "configs"
+    assert shipped_configs().resolve() == checkout
+    assert sorted(path.name for path in checkout.iterdir()) == [
+        "README.md",
+        "companion.yaml",
+        "sites",
+        "vehicles",
+    ]
+
+
+def documented_keys(schema: type[BaseModel]) -> Iterator[str]:
+    for name, field in schema.model_fields.items():
+        yield name
+        for part in (field.annotation, *field.metadata):
+            inner = part.schema if isinstance(part, Section) else _model_in(part)
+            if inner:
+                yield from documented_keys(inner)
+
+
+@pytest.mark.parametrize("schema", [_CompanionFile, _SiteFile, _VehicleFile])
+def test_the_page_of_the_configurations_names_every_key(schema: type[BaseModel]) -> None:
+    page = (shipped_configs() / "README.md").read_text()
+    named = set(re.findall(r"[a-z]\w*", " ".join(re.findall(r"`[^`]+`", page))))
+    assert [key for key in documented_keys(schema) if key not in named] == []
+
+
+@pytest.mark.parametrize("record", [Guidance, RiskModel, Replanning, Supervision])
+def test_the_page_of_the_configurations_gives_the_defaults(record: type[Any]) -> None:
+    page = (shipped_configs() / "README.md").read_text()
+    for member in dataclasses.fields(record):
+        value, key = getattr(record(), member.name), file_key(member.name)
+        values = [value.low, value.high] if isinstance(value, Range) else [value]
+        if key != member.name:
+            values = [math.degrees(each) for each in values]
+        row = re.search(rf"^\| `\w+\.{key}` \|[^|]*\|([^|]*)\|", page, re.MULTILINE)
+        assert row, key
+        written = row[1].strip(" []`")
+        if value is None or isinstance(value, YawMode):
+            assert written == (value.value if value else "none")
+        else:
+            numbers = [float(each) for each in written.split(",")]
+            assert numbers == pytest.approx(values, rel=0.03)  # angles are rounded in radians
