@@ -197,6 +197,8 @@ class Battery:
     current_a: float | None
     charge_state: int | None
     """MAV_BATTERY_CHARGE_STATE: 1 ok, 2 low, 3 critical, 4 emergency."""
+    summary: bool = False
+    """From SYS_STATUS, which speaks for battery 0 while its BATTERY_STATUS is not heard."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -1,0 +1,8 @@
+"""Risk: Telemetry -> RiskIndices, pure. See `indices.update`."""
+
+from __future__ import annotations
+
+from .indices import IndexReport, RiskEstimate, RiskReport, update
+from .inputs import InputReport
+
+__all__ = ["IndexReport", "InputReport", "RiskEstimate", "RiskReport", "update"]
