@@ -1,0 +1,143 @@
+"""Who the autopilot is: latched once heard, refused when there are two, seen when it restarts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ..types import AutopilotKind
+from . import translate
+from .dialect import Message, mavlink
+
+_LINK_TIMEOUT_S = 3.0
+"""Three missed heartbeats: the autopilot's link is lost, and another that hears it is used."""
+_CONFLICT_TIMEOUT_S = 10.0
+"""A second autopilot that has been silent for so long is gone."""
+_CLOCK_TOLERANCE_S = 1.0
+"""The modules of an autopilot stamp their messages at different times, milliseconds apart."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Autopilot:
+    """An autopilot heard on a link with the role autopilot."""
+
+    system_id: int
+    component_id: int
+    kind: AutopilotKind
+    link: str
+
+    def __str__(self) -> str:
+        return f"{self.kind.value} with system id {self.system_id} on {self.link}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutopilotFound:
+    """The first heartbeat of an autopilot: from now on its system id is ours."""
+
+    autopilot: Autopilot
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutopilotRestarted:
+    """Its clock went back, or it says that it boots: streams and origin are asked for anew."""
+
+    autopilot: Autopilot
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AutopilotConflict:
+    """A second autopilot is heard: nothing is controlled while both are."""
+
+    autopilot: Autopilot
+    other: Autopilot
+
+
+class Identity:
+    """Latches the only autopilot from heartbeats of component 1 on autopilot links."""
+
+    def __init__(self) -> None:
+        self.autopilot: Autopilot | None = None
+        self.heard_s: float | None = None
+        """When the autopilot's heartbeat was last heard on its link."""
+        self._others: dict[tuple[int, AutopilotKind], float] = {}
+        self._booting = False
+
+    def hear(
+        self, message: Message, *, link: str, now_s: float
+    ) -> AutopilotFound | AutopilotRestarted | AutopilotConflict | None:
+        """Takes a HEARTBEAT from a link with the role autopilot."""
+        if message.get_srcComponent() != mavlink.MAV_COMP_ID_AUTOPILOT1:
+            return None
+        kind = translate.autopilot_kind(message)
+        if kind is None:
+            return None
+        heard = Autopilot(
+            system_id=message.get_srcSystem(),
+            component_id=message.get_srcComponent(),
+            kind=kind,
+            link=link,
+        )
+        booting = message.system_status == mavlink.MAV_STATE_BOOT
+        known = self.autopilot
+        if known is None:
+            self.autopilot = heard
+            self.heard_s = now_s
+            self._booting = booting
+            return AutopilotFound(autopilot=heard)
+        if (heard.system_id, heard.kind) != (known.system_id, known.kind):
+            key = (heard.system_id, heard.kind)
+            new = key not in self._others
+            self._others[key] = now_s
+            return AutopilotConflict(autopilot=known, other=heard) if new else None
+        if link != known.link:
+            if self.heard_s is not None and now_s - self.heard_s <= _LINK_TIMEOUT_S:
+                return None
+            self.autopilot = replace(known, link=link)
+        self.heard_s = now_s
+        restarted = booting and not self._booting
+        self._booting = booting
+        return AutopilotRestarted(autopilot=self.autopilot or known) if restarted else None
+
+    def alive(self, now_s: float) -> bool:
+        """Whether the autopilot's heartbeat is younger than three of its periods."""
+        return self.heard_s is not None and now_s - self.heard_s <= _LINK_TIMEOUT_S
+
+    def forget_silent(self, now_s: float) -> None:
+        """Ends a conflict when the other autopilot has not been heard for 10 s."""
+        for key, heard_s in list(self._others.items()):
+            if now_s - heard_s > _CONFLICT_TIMEOUT_S:
+                del self._others[key]
+
+    @property
+    def conflict(self) -> bool:
+        """Whether more than one autopilot is heard."""
+        return bool(self._others)
+
+
+class BootClock:
+    """Notices an autopilot's restart by its own clock going back."""
+
+    def __init__(self) -> None:
+        self._last_s: float | None = None
+        self._suspect_s: float | None = None
+
+    def hear(self, boot_s: float) -> bool:
+        """Whether this time since boot shows a restart.
+
+        One late packet shows nothing: two in a row must be more than a second behind.
+        """
+        last_s = self._last_s
+        if last_s is None or boot_s >= last_s - _CLOCK_TOLERANCE_S:
+            self._last_s = boot_s if last_s is None else max(boot_s, last_s)
+            self._suspect_s = None
+            return False
+        suspect_s, self._suspect_s = self._suspect_s, boot_s
+        if suspect_s is None or boot_s < suspect_s - _CLOCK_TOLERANCE_S:
+            return False
+        self._last_s = boot_s
+        self._suspect_s = None
+        return True
+
+    def reset(self) -> None:
+        """Forgets the clock, after a restart noticed otherwise."""
+        self._last_s = None
+        self._suspect_s = None

@@ -1,0 +1,371 @@
+"""The sockets and the serial port: the only I/O, and the only clock, of this package.
+
+`open_link` carries bytes between an address and a callback in the running asyncio loop. A
+connection (TCP, serial) is used once; that it is made again when it ends is the business of the
+loop outside it. UDP has no connection and nothing to make again.
+
+Nothing here waits for a peer: what cannot be written at once is kept up to a limit, and then the
+oldest packets go first, since an old setpoint is worse than none.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import errno
+import logging
+import os
+import socket
+from collections import deque
+from collections.abc import AsyncIterator, Callable
+from typing import Any, Protocol
+
+import serial
+
+from ..errors import LinkError
+from .urls import LinkAddress, LinkKind
+
+_PEER_TIMEOUT_S = 10.0
+"""A UDP peer that has been silent for so long is not written to any more."""
+_RECONNECT_S = 1.0
+"""Pause before a lost connection is made again."""
+_CONNECT_TIMEOUT_S = 5.0
+_READ_BYTES = 4096
+_SOCKET_BUFFER_BYTES = 65536
+_SERIAL_BUFFER_S = 0.25
+"""How much of a serial line's time may wait in our own buffer."""
+_MIN_SERIAL_BUFFER_BYTES = 1024
+_BITS_PER_BYTE = 10
+"""On a serial line: start bit, eight, stop bit."""
+
+_logger = logging.getLogger(__name__)
+
+OnBytes = Callable[[bytes], None]
+
+
+class Link(Protocol):
+    """One open link."""
+
+    def send(self, data: bytes) -> None:
+        """Sends one packet without waiting; drops it when nobody is there."""
+
+
+@contextlib.asynccontextmanager
+async def open_link(address: LinkAddress, on_bytes: OnBytes) -> AsyncIterator[Link]:
+    """The link to an address; on_bytes is called in the loop with whatever arrives.
+
+    Raises LinkError with one line when it cannot be opened: a port in use, a device that is
+    missing, a name that is not found. A TCP peer that is not there yet, and any connection lost
+    later, is tried again every second.
+    """
+    if address.kind is LinkKind.UDP_LISTEN:
+        async with _open_udp(address, _UdpListener(address, on_bytes)) as listener:
+            yield listener
+    elif address.kind is LinkKind.UDP_SEND:
+        async with _open_udp(address, _UdpSender(address, on_bytes)) as sender:
+            yield sender
+    else:
+        connect = _connect_tcp if address.kind is LinkKind.TCP else _connect_serial
+        link = _Reconnecting(address, lambda: connect(address, on_bytes))
+        await link.open()
+        keeper = asyncio.create_task(link.keep_open_loop(), name=f"keep open {address}")
+        try:
+            yield link
+        finally:
+            keeper.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await keeper
+            link.close()
+
+
+def _reason(error: BaseException) -> str:
+    if isinstance(error, socket.gaierror):
+        return "the name is not found"
+    if isinstance(error, TimeoutError | asyncio.TimeoutError):
+        return "no answer"
+    if isinstance(error, OSError):
+        if error.errno in {errno.EADDRINUSE, errno.EAGAIN, errno.EBUSY}:
+            return "in use by another program"
+        if error.errno is not None:
+            return os.strerror(error.errno).lower()
+    return str(error).replace("\n", " ")
+
+
+# UDP
+
+
+class _Udp(asyncio.DatagramProtocol):
+    """What listening and sending UDP links share."""
+
+    def __init__(self, address: LinkAddress, on_bytes: OnBytes) -> None:
+        self._address = address
+        self._on_bytes = on_bytes
+        self._transport: Any = None
+        self._failing = False
+
+    def connection_made(self, transport: Any) -> None:
+        self._transport = transport
+
+    def datagram_received(self, data: bytes, addr: Any) -> None:
+        self._hear(addr)
+        self._failing = False
+        self._on_bytes(data)
+
+    def error_received(self, exc: Exception) -> None:
+        """A datagram that nobody took: the peer is not there, now."""
+        level = logging.DEBUG if self._failing else logging.WARNING
+        self._failing = True
+        _logger.log(level, "%s: %s", self._address, _reason(exc))
+
+    def _hear(self, peer: Any) -> None:
+        raise NotImplementedError
+
+    def _write(self, data: bytes, peer: Any = None) -> None:
+        transport = self._transport
+        if (
+            transport is not None
+            and not transport.is_closing()
+            and transport.get_write_buffer_size() < _SOCKET_BUFFER_BYTES
+        ):
+            transport.sendto(data, peer)
+
+
+class _UdpListener(_Udp):
+    """Waits for peers and answers all of them that were heard within 10 s."""
+
+    def __init__(self, address: LinkAddress, on_bytes: OnBytes) -> None:
+        super().__init__(address, on_bytes)
+        self._peers: dict[Any, float] = {}
+
+    def _hear(self, peer: Any) -> None:
+        self._peers[peer] = _now_s()
+
+    def send(self, data: bytes) -> None:
+        oldest_s = _now_s() - _PEER_TIMEOUT_S
+        for peer, heard_s in list(self._peers.items()):
+            if heard_s < oldest_s:
+                del self._peers[peer]
+            else:
+                self._write(data, peer)
+
+
+class _UdpSender(_Udp):
+    """Sends to one peer."""
+
+    def _hear(self, peer: Any) -> None:
+        pass
+
+    def send(self, data: bytes) -> None:
+        self._write(data)
+
+
+@contextlib.asynccontextmanager
+async def _open_udp(
+    address: LinkAddress, protocol: _UdpListener | _UdpSender
+) -> AsyncIterator[_UdpListener | _UdpSender]:
+    place = (address.host, address.port)
+    listening = address.kind is LinkKind.UDP_LISTEN
+    try:
+        transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
+            lambda: protocol,
+            local_addr=place if listening else None,
+            remote_addr=None if listening else place,
+        )
+    except OSError as error:
+        raise LinkError(f"{address}: {_reason(error)}") from error
+    try:
+        yield protocol
+    finally:
+        transport.close()
+
+
+def _now_s() -> float:
+    return asyncio.get_running_loop().time()
+
+
+# Connections, and what makes them again
+
+
+class _Connection(Protocol):
+    """One connection, used once."""
+
+    lost: asyncio.Future[str]
+    """Why it ended, once it has."""
+
+    def send(self, data: bytes) -> None: ...
+
+    def close(self) -> None: ...
+
+
+class _Reconnecting:
+    """Keeps one connection open; packets sent in between are dropped."""
+
+    def __init__(self, address: LinkAddress, connect: Callable[[], Any]) -> None:
+        self._address = address
+        self._connect = connect
+        self._connection: _Connection | None = None
+        self._failing = False
+
+    async def open(self) -> None:
+        """The first attempt; raises LinkError where another would not help."""
+        try:
+            self._connection = await self._connect()
+        except socket.gaierror as error:
+            raise LinkError(f"{self._address}: {_reason(error)}") from error
+        except (OSError, ValueError, asyncio.TimeoutError) as error:
+            if self._address.kind is LinkKind.SERIAL:
+                raise LinkError(f"{self._address}: {_reason(error)}") from error
+            self._complain(_reason(error))
+
+    async def keep_open_loop(self) -> None:
+        """Waits for the connection's end, makes it again, for ever."""
+        while True:
+            if self._connection is not None:
+                why = await self._connection.lost
+                self.close()
+                self._complain(why)
+            await asyncio.sleep(_RECONNECT_S)
+            try:
+                self._connection = await self._connect()
+            except (OSError, asyncio.TimeoutError) as error:
+                self._complain(_reason(error))
+            else:
+                self._failing = False
+                _logger.info("%s: connected again", self._address)
+
+    def send(self, data: bytes) -> None:
+        if self._connection is not None:
+            self._connection.send(data)
+
+    def close(self) -> None:
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+
+    def _complain(self, why: str) -> None:
+        """The first failure is a warning, its repetitions are not."""
+        level = logging.DEBUG if self._failing else logging.WARNING
+        self._failing = True
+        _logger.log(level, "%s: %s", self._address, why)
+
+
+class _TcpConnection(asyncio.Protocol):
+    """A TCP client's connection."""
+
+    def __init__(self, on_bytes: OnBytes) -> None:
+        self.lost: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        self._on_bytes = on_bytes
+        self._transport: asyncio.Transport | None = None
+
+    def connection_made(self, transport: Any) -> None:
+        self._transport = transport
+
+    def data_received(self, data: bytes) -> None:
+        self._on_bytes(data)
+
+    def connection_lost(self, exc: Exception | None) -> None:
+        if not self.lost.done():
+            self.lost.set_result("closed by the peer" if exc is None else _reason(exc))
+
+    def send(self, data: bytes) -> None:
+        # What is in a stream's buffer cannot be taken back, so a full one refuses the newest.
+        transport = self._transport
+        if (
+            transport is not None
+            and not transport.is_closing()
+            and transport.get_write_buffer_size() < _SOCKET_BUFFER_BYTES
+        ):
+            transport.write(data)
+
+    def close(self) -> None:
+        if self._transport is not None:
+            self._transport.abort()
+
+
+async def _connect_tcp(address: LinkAddress, on_bytes: OnBytes) -> _TcpConnection:
+    _, connection = await asyncio.wait_for(
+        asyncio.get_running_loop().create_connection(
+            lambda: _TcpConnection(on_bytes), address.host, address.port
+        ),
+        timeout=_CONNECT_TIMEOUT_S,
+    )
+    return connection
+
+
+class _SerialConnection:
+    """An open serial port; a full buffer drops its oldest packets."""
+
+    def __init__(self, port: Any, baud: int, on_bytes: OnBytes) -> None:
+        self._loop = asyncio.get_running_loop()
+        self.lost: asyncio.Future[str] = self._loop.create_future()
+        self._port = port
+        self._descriptor = port.fileno()
+        self._on_bytes = on_bytes
+        self._limit_bytes = max(
+            _MIN_SERIAL_BUFFER_BYTES, int(baud / _BITS_PER_BYTE * _SERIAL_BUFFER_S)
+        )
+        self._begun = b""
+        """What is left of the packet that the line has the beginning of."""
+        self._waiting: deque[bytes] = deque()
+        self._waiting_bytes = 0
+        self._loop.add_reader(self._descriptor, self._readable)
+
+    def send(self, data: bytes) -> None:
+        if self.lost.done():
+            return
+        self._waiting.append(data)
+        self._waiting_bytes += len(data)
+        while self._waiting_bytes > self._limit_bytes and len(self._waiting) > 1:
+            self._waiting_bytes -= len(self._waiting.popleft())
+        self._writable()
+
+    def close(self) -> None:
+        self._end("closed")
+        self._port.close()
+
+    def _readable(self) -> None:
+        try:
+            data = os.read(self._descriptor, _READ_BYTES)
+        except BlockingIOError:
+            return
+        except OSError as error:
+            self._end(_reason(error))
+            return
+        if data:
+            self._on_bytes(data)
+        else:
+            self._end("the device is gone")
+
+    def _writable(self) -> None:
+        try:
+            while self._begun or self._waiting:
+                if not self._begun:
+                    self._begun = self._waiting.popleft()
+                    self._waiting_bytes -= len(self._begun)
+                self._begun = self._begun[os.write(self._descriptor, self._begun) :]
+        except BlockingIOError:
+            self._loop.add_writer(self._descriptor, self._writable)
+        except OSError as error:
+            self._end(_reason(error))
+        else:
+            self._loop.remove_writer(self._descriptor)
+
+    def _end(self, why: str) -> None:
+        self._loop.remove_reader(self._descriptor)
+        self._loop.remove_writer(self._descriptor)
+        if not self.lost.done():
+            self.lost.set_result(why)
+
+
+async def _connect_serial(address: LinkAddress, on_bytes: OnBytes) -> _SerialConnection:
+    # In a thread, since some drivers (Bluetooth) wait for their peer when a port is opened.
+    port = await asyncio.to_thread(
+        serial.Serial,
+        address.device,
+        address.baud,
+        timeout=0,
+        write_timeout=0,
+        exclusive=True,
+    )
+    os.set_blocking(port.fileno(), False)
+    return _SerialConnection(port, address.baud, on_bytes)

@@ -1,0 +1,127 @@
+"""Flight modes: an autopilot's custom_mode to its name, and which mode follows our setpoints.
+
+Numbers measured on PX4 v1.17 and ArduCopter 4.6; those not seen there are from PX4's
+`px4_custom_mode.h` and ArduCopter's `mode.h`.
+"""
+
+from __future__ import annotations
+
+from ..types import AutopilotKind
+from .dialect import mavlink
+
+_PX4_MAIN = {
+    1: "MANUAL",
+    2: "ALTCTL",
+    3: "POSCTL",
+    4: "AUTO",
+    5: "ACRO",
+    6: "OFFBOARD",
+    7: "STABILIZED",
+    8: "RATTITUDE",
+    10: "TERMINATION",
+    11: "ALTITUDE_CRUISE",
+}
+_PX4_AUTO = {
+    1: "READY",
+    2: "TAKEOFF",
+    3: "HOLD",
+    4: "MISSION",
+    5: "RTL",
+    6: "LAND",
+    8: "FOLLOW_TARGET",
+    9: "PRECLAND",
+    10: "VTOL_TAKEOFF",
+}
+_PX4_POSCTL = {1: "ORBIT", 2: "POSCTL_SLOW"}
+_COPTER = {
+    0: "STABILIZE",
+    1: "ACRO",
+    2: "ALT_HOLD",
+    3: "AUTO",
+    4: "GUIDED",
+    5: "LOITER",
+    6: "RTL",
+    7: "CIRCLE",
+    9: "LAND",
+    11: "DRIFT",
+    13: "SPORT",
+    14: "FLIP",
+    15: "AUTOTUNE",
+    16: "POSHOLD",
+    17: "BRAKE",
+    18: "THROW",
+    19: "AVOID_ADSB",
+    20: "GUIDED_NOGPS",
+    21: "SMART_RTL",
+    22: "FLOWHOLD",
+    23: "FOLLOW",
+    24: "ZIGZAG",
+    25: "SYSTEMID",
+    26: "AUTOROTATE",
+    27: "AUTO_RTL",
+    28: "TURTLE",
+}
+
+_PX4_OFFBOARD = (6, 0)
+_PX4_LAND = (4, 6)
+_COPTER_GUIDED = 4
+_COPTER_LAND = 9
+_CUSTOM_MODE = 1
+_ARMED = 128
+
+
+def mode_name(kind: AutopilotKind, custom_mode: int) -> str:
+    """The mode's name as its ground stations show it; an unknown number is shown as such."""
+    name: str | None = None
+    if kind is AutopilotKind.PX4:
+        main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+        if main == 4:
+            name = _PX4_AUTO.get(sub)
+        elif main == 3 and sub:
+            name = _PX4_POSCTL.get(sub)
+        else:
+            name = _PX4_MAIN.get(main)
+    elif kind is AutopilotKind.ARDUPILOT:
+        name = _COPTER.get(custom_mode)
+    return name or f"MODE 0x{custom_mode:08X}"
+
+
+def is_ours(kind: AutopilotKind, custom_mode: int) -> bool:
+    """Whether the autopilot follows setpoints in this mode: PX4's OFFBOARD, ArduPilot's GUIDED.
+
+    base_mode's guided bit says nothing: ArduPilot sets it in many modes.
+    """
+    if kind is AutopilotKind.PX4:
+        return (custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF) == _PX4_OFFBOARD
+    return kind is AutopilotKind.ARDUPILOT and custom_mode == _COPTER_GUIDED
+
+
+def is_failsafe(system_status: int) -> bool:
+    """Whether MAV_STATE says that the autopilot, not a pilot, chose the mode: CRITICAL or worse.
+
+    Measured: PX4's POSCTL with status 5 is offboard loss, with status 4 the pilot.
+    """
+    return system_status >= int(mavlink.MAV_STATE_CRITICAL)
+
+
+def own_mode_parameters(kind: AutopilotKind, *, armed: bool) -> tuple[int, int, int] | None:
+    """The first parameters of MAV_CMD_DO_SET_MODE for OFFBOARD or GUIDED; None: kind unknown."""
+    if kind is AutopilotKind.PX4:
+        return _px4_parameters(_PX4_OFFBOARD, armed=armed)
+    if kind is AutopilotKind.ARDUPILOT:
+        return _CUSTOM_MODE, _COPTER_GUIDED, 0
+    return None
+
+
+def land_parameters(kind: AutopilotKind, *, armed: bool) -> tuple[int, int, int] | None:
+    """The first parameters of MAV_CMD_DO_SET_MODE for LAND; None: kind unknown."""
+    if kind is AutopilotKind.PX4:
+        return _px4_parameters(_PX4_LAND, armed=armed)
+    if kind is AutopilotKind.ARDUPILOT:
+        return _CUSTOM_MODE, _COPTER_LAND, 0
+    return None
+
+
+def _px4_parameters(mode: tuple[int, int], *, armed: bool) -> tuple[int, int, int]:
+    # PX4 takes base_mode with the armed bit as it is: 129 in flight, 1 on the ground.
+    return _CUSTOM_MODE | (_ARMED if armed else 0), *mode

@@ -1,0 +1,80 @@
+"""Link URLs of the command line and the configuration."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+from ..errors import InputError
+
+ALLOWED = (
+    "udp:HOST:PORT or udpin:HOST:PORT (listen), udpout:HOST:PORT (send first), tcp:HOST:PORT, "
+    "serial:DEVICE:BAUD"
+)
+
+
+class LinkKind(enum.Enum):
+    """What a link is made of."""
+
+    UDP_LISTEN = "udpin"
+    UDP_SEND = "udpout"
+    TCP = "tcp"
+    SERIAL = "serial"
+
+
+_SCHEMES = {
+    "udp": LinkKind.UDP_LISTEN,
+    "udpin": LinkKind.UDP_LISTEN,
+    "udpout": LinkKind.UDP_SEND,
+    "tcp": LinkKind.TCP,
+    "tcpout": LinkKind.TCP,
+    "serial": LinkKind.SERIAL,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkAddress:
+    """Where a link goes: host and port, or a device and its baud rate."""
+
+    kind: LinkKind
+    host: str = ""
+    port: int = 0
+    device: str = ""
+    baud: int = 0
+
+    def __str__(self) -> str:
+        if self.kind is LinkKind.SERIAL:
+            return f"serial:{self.device}:{self.baud}"
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"{self.kind.value}:{host}:{self.port}"
+
+
+def parse_url(url: str, *, source: str = "--connect", key: str = "") -> LinkAddress:
+    """The address of a URL: the contract's forms, and MAVSDK's `udpin://…`, `serial:///dev/…:baud`.
+
+    An empty host listens on all interfaces. Raises InputError(source, key, …) otherwise.
+    """
+
+    def refuse(why: str) -> InputError:
+        return InputError(source, key, f"{url!r} {why}; allowed: {ALLOWED}")
+
+    scheme, separator, rest = url.strip().partition(":")
+    kind = _SCHEMES.get(scheme.lower())
+    if not separator or kind is None:
+        raise refuse("is not a link")
+    rest = rest.removeprefix("//")
+    place, _, number = rest.rpartition(":")
+    if not (number.isascii() and number.isdigit()):
+        raise refuse("has no baud rate" if kind is LinkKind.SERIAL else "has no port")
+    if kind is LinkKind.SERIAL:
+        if not place or int(number) == 0:
+            raise refuse("names no device" if not place else "has no baud rate")
+        return LinkAddress(kind=kind, device=place, baud=int(number))
+    if not 1 <= int(number) <= 65535:
+        raise refuse(f"has the port {number}, which is not in 1 to 65535")
+    host = place.removeprefix("[").removesuffix("]")
+    if ":" in host and host == place:
+        raise refuse("has more than one port, or an IPv6 address without brackets")
+    if not host and kind is not LinkKind.UDP_LISTEN:
+        raise refuse("names no host")
+    return LinkAddress(kind=kind, host=host or "0.0.0.0", port=int(number))  # noqa: S104 — as asked

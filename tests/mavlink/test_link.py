@@ -1,0 +1,304 @@
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import os
+import pty
+import socket
+import tty
+
+import pytest
+
+from moar_companion.errors import LinkError
+from moar_companion.mavlink import link as link_module
+from moar_companion.mavlink.link import open_link
+from moar_companion.mavlink.urls import LinkAddress, LinkKind
+
+pytestmark = pytest.mark.asyncio
+
+
+class Received:
+    """What a link has delivered; can be waited for."""
+
+    def __init__(self):
+        self.data = b""
+        self._arrived = asyncio.Event()
+
+    def __call__(self, data):
+        self.data += data
+        self._arrived.set()
+
+    async def until(self, data):
+        while data not in self.data:
+            self._arrived.clear()
+            await asyncio.wait_for(self._arrived.wait(), 5.0)
+
+
+def free_port(kind):
+    with socket.socket(socket.AF_INET, kind) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def udp_listen(port):
+    return LinkAddress(kind=LinkKind.UDP_LISTEN, host="127.0.0.1", port=port)
+
+
+def udp_send(port, host="127.0.0.1"):
+    return LinkAddress(kind=LinkKind.UDP_SEND, host=host, port=port)
+
+
+def tcp(port, host="127.0.0.1"):
+    return LinkAddress(kind=LinkKind.TCP, host=host, port=port)
+
+
+async def test_two_udp_links_talk_to_each_other():
+    port = free_port(socket.SOCK_DGRAM)
+    here, there = Received(), Received()
+    async with open_link(udp_listen(port), here) as listener:
+        listener.send(b"nobody is there yet")
+        async with open_link(udp_send(port), there) as sender:
+            sender.send(b"hello")
+            await here.until(b"hello")
+            listener.send(b"welcome")
+            await there.until(b"welcome")
+    assert there.data == b"welcome"
+
+
+async def test_a_listener_answers_all_peers_and_forgets_those_long_silent(monkeypatch):
+    now_s = 1000.0
+    monkeypatch.setattr(link_module, "_now_s", lambda: now_s)
+    port = free_port(socket.SOCK_DGRAM)
+    here, first, second = Received(), Received(), Received()
+    async with (
+        open_link(udp_listen(port), here) as listener,
+        open_link(udp_send(port), first) as one,
+        open_link(udp_send(port), second) as two,
+    ):
+        one.send(b"one")
+        two.send(b"two")
+        await here.until(b"one")
+        await here.until(b"two")
+        listener.send(b"both")
+        await first.until(b"both")
+        await second.until(b"both")
+        now_s += 9.0
+        two.send(b"again")
+        await here.until(b"again")
+        now_s += 2.0  # the first has been silent for 11 s
+        listener.send(b"late")
+        await second.until(b"late")
+    assert first.data == b"both"
+
+
+async def test_a_port_in_use_is_told_in_one_line():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        with pytest.raises(LinkError) as refused:
+            async with open_link(udp_listen(port), Received()):
+                pass
+    assert str(refused.value) == f"udpin:127.0.0.1:{port}: in use by another program"
+
+
+@pytest.mark.parametrize(
+    "address", [udp_send(1, "no.such.host.invalid"), tcp(1, "no.such.host.invalid")]
+)
+async def test_a_name_that_is_not_found_is_told_in_one_line(address, monkeypatch):
+    async def refuse(*_args, **_options):
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(asyncio.get_running_loop(), "getaddrinfo", refuse)
+    with pytest.raises(LinkError, match="the name is not found"):
+        async with open_link(address, Received()):
+            pass
+
+
+async def test_a_udp_peer_that_is_not_there_is_a_warning_once(caplog):
+    caplog.set_level(logging.DEBUG, logger=link_module.__name__)
+    port = free_port(socket.SOCK_DGRAM)
+    async with open_link(udp_send(port), Received()) as sender:
+        while len(caplog.records) < 2:
+            sender.send(b"anybody?")
+            await asyncio.sleep(0)
+    assert [record.levelname for record in caplog.records[:2]] == ["WARNING", "DEBUG"]
+    assert "connection refused" in caplog.text
+
+
+class Server:
+    """A TCP peer that accepts, remembers its connections and can be stopped."""
+
+    def __init__(self):
+        self.received = Received()
+        self.writers = []
+        self.connected = asyncio.Event()
+
+    async def serve(self, port):
+        self._server = await asyncio.start_server(self._accept, "127.0.0.1", port)
+        return self._server.sockets[0].getsockname()[1]
+
+    async def _accept(self, reader, writer):
+        self.writers.append(writer)
+        self.connected.set()
+        with contextlib.suppress(OSError):
+            while data := await reader.read(1000):
+                self.received(data)
+        writer.close()
+
+    async def until_connected(self):
+        await asyncio.wait_for(self.connected.wait(), 5.0)
+        self.connected.clear()
+
+    def drop(self):
+        for writer in self.writers:
+            writer.transport.abort()
+
+    def stop(self):
+        self.drop()
+        self._server.close()
+
+
+async def test_a_tcp_link_comes_back_after_it_was_lost(monkeypatch, caplog):
+    monkeypatch.setattr(link_module, "_RECONNECT_S", 0.0)
+    caplog.set_level(logging.INFO, logger=link_module.__name__)
+    server, here = Server(), Received()
+    port = await server.serve(0)
+    async with open_link(tcp(port), here) as link:
+        await server.until_connected()
+        link.send(b"first")
+        await server.received.until(b"first")
+        server.writers[0].write(b"answer")
+        await here.until(b"answer")
+        server.drop()
+        await server.until_connected()
+        while b"second" not in server.received.data:
+            link.send(b"second")
+            await asyncio.sleep(0)
+    server.stop()
+    levels = [record.levelname for record in caplog.records]
+    assert levels == ["WARNING", "INFO"]
+    assert "connected again" in caplog.text
+
+
+async def test_a_tcp_peer_that_comes_later_is_found(monkeypatch, caplog):
+    monkeypatch.setattr(link_module, "_RECONNECT_S", 0.0)
+    caplog.set_level(logging.DEBUG, logger=link_module.__name__)
+    port = free_port(socket.SOCK_STREAM)
+    server = Server()
+    async with open_link(tcp(port), Received()) as link:
+        link.send(b"dropped")
+        while len(caplog.records) < 3:  # noqa: ASYNC110 — the log has no event
+            await asyncio.sleep(0)
+        await server.serve(port)
+        await server.until_connected()
+    server.stop()
+    levels = [record.levelname for record in caplog.records if record.name == link_module.__name__]
+    assert levels[:3] == ["WARNING", "DEBUG", "DEBUG"]
+
+
+async def test_a_full_tcp_connection_refuses_more():
+    server = Server()
+    stalled = asyncio.Event()
+
+    async def stall(_reader, writer):
+        await stalled.wait()
+        writer.close()
+
+    server._accept = stall
+    port = await server.serve(0)
+    async with open_link(tcp(port), Received()) as link:
+        for _ in range(20_000):
+            link.send(b"x" * 1000)
+        transport = link._connection._transport
+        assert transport.get_write_buffer_size() < 2 * link_module._SOCKET_BUFFER_BYTES
+    stalled.set()
+    server.stop()
+
+
+@contextlib.contextmanager
+def serial_line():
+    """The far end's descriptor and the near end's device name of a line."""
+    far, near = pty.openpty()
+    tty.setraw(near)
+    try:
+        yield far, os.ttyname(near)
+    finally:
+        os.close(near)
+        with contextlib.suppress(OSError):
+            os.close(far)
+
+
+def serial(device, baud=57600):
+    return LinkAddress(kind=LinkKind.SERIAL, device=device, baud=baud)
+
+
+async def read_far(far, size):
+    loop = asyncio.get_running_loop()
+    data = b""
+    readable = asyncio.Event()
+    loop.add_reader(far, readable.set)
+    try:
+        while len(data) < size:
+            await asyncio.wait_for(readable.wait(), 5.0)
+            data += os.read(far, 4096)
+            readable.clear()
+    finally:
+        loop.remove_reader(far)
+    return data
+
+
+async def test_a_serial_link_carries_bytes_both_ways():
+    here = Received()
+    with serial_line() as (far, device):
+        async with open_link(serial(device), here) as link:
+            link.send(b"\x00\xfd\x0d\x0a\x11\x13")
+            assert await read_far(far, 6) == b"\x00\xfd\x0d\x0a\x11\x13"
+            os.write(far, b"\xfd\x0a\x0d\x00")
+            await here.until(b"\xfd\x0a\x0d\x00")
+
+
+async def test_a_stuck_serial_line_drops_the_oldest_whole_packets_and_never_blocks():
+    with serial_line() as (far, device):
+        async with open_link(serial(device), Received()) as link:
+            packets = [b"%05d" % number * 20 for number in range(2000)]
+            for packet in packets:
+                link.send(packet)
+            link.send(b"the end")
+            data = b""
+            while not data.endswith(b"the end"):
+                data += await read_far(far, 1)
+    body = data[: -len(b"the end")]
+    arrived = [body[start : start + 100] for start in range(0, len(body), 100)]
+    assert all(packet in packets for packet in arrived)
+    assert arrived[0] == packets[0]
+    assert arrived[-10:] == packets[-10:]
+    assert len(arrived) < 1000
+
+
+async def test_a_missing_device_is_told_in_one_line():
+    with pytest.raises(LinkError) as refused:
+        async with open_link(serial("/dev/no-such-tty"), Received()):
+            pass
+    assert str(refused.value) == "serial:/dev/no-such-tty:57600: no such file or directory"
+
+
+async def test_a_device_in_use_is_told_in_one_line():
+    with serial_line() as (_, device):
+        async with open_link(serial(device), Received()):
+            with pytest.raises(LinkError, match="in use by another program"):
+                async with open_link(serial(device), Received()):
+                    pass
+
+
+async def test_an_unplugged_device_is_a_warning_and_is_waited_for(monkeypatch, caplog):
+    monkeypatch.setattr(link_module, "_RECONNECT_S", 0.0)
+    caplog.set_level(logging.DEBUG, logger=link_module.__name__)
+    with serial_line() as (far, device):
+        async with open_link(serial(device), Received()) as link:
+            os.close(far)
+            while not caplog.records:
+                link.send(b"hello?")
+                await asyncio.sleep(0)
+    assert caplog.records[0].levelname == "WARNING"
+    assert caplog.records[0].message.startswith(f"serial:{device}:57600: ")

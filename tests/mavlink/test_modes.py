@@ -1,0 +1,51 @@
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.mavlink import modes
+from moar_companion.types import AutopilotKind
+
+PX4 = AutopilotKind.PX4
+ARDUPILOT = AutopilotKind.ARDUPILOT
+
+
+@pytest.mark.parametrize(
+    ("kind", "custom_mode", "name", "ours"),
+    [
+        (PX4, 0x00010000, "MANUAL", False),
+        (PX4, 0x00020000, "ALTCTL", False),
+        (PX4, 0x00030000, "POSCTL", False),
+        (PX4, 0x01030000, "ORBIT", False),
+        (PX4, 0x00060000, "OFFBOARD", True),
+        (PX4, 0x02040000, "TAKEOFF", False),
+        (PX4, 0x03040000, "HOLD", False),
+        (PX4, 0x04040000, "MISSION", False),
+        (PX4, 0x05040000, "RTL", False),
+        (PX4, 0x06040000, "LAND", False),
+        (PX4, 0x00FF0000, "MODE 0x00FF0000", False),
+        (PX4, 4, "MODE 0x00000004", False),
+        (ARDUPILOT, 0, "STABILIZE", False),
+        (ARDUPILOT, 4, "GUIDED", True),
+        (ARDUPILOT, 5, "LOITER", False),
+        (ARDUPILOT, 20, "GUIDED_NOGPS", False),
+        (ARDUPILOT, 99, "MODE 0x00000063", False),
+        (AutopilotKind.UNKNOWN, 4, "MODE 0x00000004", False),
+    ],
+)
+def test_a_mode_has_its_name_and_only_offboard_and_guided_are_ours(kind, custom_mode, name, ours):
+    assert modes.mode_name(kind, custom_mode) == name
+    assert modes.is_ours(kind, custom_mode) is ours
+
+
+def test_critical_or_worse_is_a_failsafe():
+    assert [modes.is_failsafe(status) for status in range(9)] == [False] * 5 + [True] * 4
+
+
+def test_the_parameters_that_request_a_mode_are_those_measured():
+    assert modes.own_mode_parameters(PX4, armed=False) == (1, 6, 0)
+    assert modes.own_mode_parameters(PX4, armed=True) == (129, 6, 0)
+    assert modes.land_parameters(PX4, armed=True) == (129, 4, 6)
+    assert modes.own_mode_parameters(ARDUPILOT, armed=True) == (1, 4, 0)
+    assert modes.land_parameters(ARDUPILOT, armed=True) == (1, 9, 0)
+    assert modes.own_mode_parameters(AutopilotKind.UNKNOWN, armed=True) is None
+    assert modes.land_parameters(AutopilotKind.UNKNOWN, armed=True) is None

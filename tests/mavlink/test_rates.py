@@ -1,0 +1,129 @@
+from __future__ import annotations
+
+import itertools
+
+import pytest
+
+from moar_companion.mavlink.rates import DEFAULT_RATES_HZ, RateRequests
+from moar_companion.types import AutopilotKind
+
+ATTITUDE = 30
+POSITION = 32
+ACCEPTED = 0
+TEMPORARILY_REJECTED = 1
+DENIED = 2
+
+
+class Machine:
+    """Requests against a clock in steps of 20 ms, with streams that flow at given rates."""
+
+    def __init__(self, rates_hz, *, silent):
+        self.requests = RateRequests()
+        self.now_s = 100.0
+        self.flowing_hz = {}
+        self._due_s = {}
+        self.requests.start(rates_hz, silent=silent, now_s=self.now_s)
+
+    def run(self, duration_s, *, answer=ACCEPTED):
+        """Requests made within a time as (time, id); answers go back at once, unless None."""
+        made = []
+        for _ in range(round(duration_s / 0.02)):
+            self.now_s += 0.02
+            for message_id, rate_hz in self.flowing_hz.items():
+                due_s = self._due_s.setdefault(message_id, self.now_s)
+                if self.now_s >= due_s:
+                    self._due_s[message_id] = due_s + 1 / rate_hz
+                    self.requests.hear(message_id)
+            request = self.requests.next_request(self.now_s)
+            if request is not None:
+                made.append((round(self.now_s - 100.0, 2), request[0]))
+                if answer is not None:
+                    self.requests.answered(answer)
+        return made
+
+
+def test_a_silent_autopilot_is_asked_at_once_for_everything():
+    machine = Machine({ATTITUDE: 20.0, POSITION: 10.0}, silent=True)
+    assert [message_id for _, message_id in machine.run(0.1)] == [ATTITUDE, POSITION]
+    assert machine.run(60.0) == []
+
+
+def test_the_interval_is_in_microseconds():
+    requests = RateRequests()
+    requests.start({ATTITUDE: 30.0}, silent=True, now_s=0.0)
+    assert requests.next_request(0.1) == (ATTITUDE, 33333)
+
+
+def test_what_flows_by_itself_is_not_asked_for():
+    machine = Machine({ATTITUDE: 20.0, POSITION: 10.0}, silent=False)
+    machine.flowing_hz = {ATTITUDE: 99.0, POSITION: 9.9}
+    assert machine.run(60.0) == []
+
+
+def test_what_flows_too_slowly_is_asked_for_after_it_was_measured():
+    machine = Machine({ATTITUDE: 20.0, POSITION: 10.0}, silent=False)
+    machine.flowing_hz = {ATTITUDE: 10.0, POSITION: 10.0}
+    made = machine.run(60.0)
+    assert made == [(2.02, ATTITUDE)]
+
+
+def test_no_more_than_five_requests_go_out_in_100_ms():
+    rates = dict.fromkeys(range(1000, 1020), 1.0)
+    made = Machine(rates, silent=True).run(10.0)
+    assert len(made) == 20
+    times = [time_s for time_s, _ in made]
+    assert all(b - a >= 0.019 for a, b in itertools.pairwise(times))
+
+
+def test_without_an_answer_each_is_asked_for_three_times_once_a_second():
+    made = Machine({ATTITUDE: 20.0, POSITION: 10.0}, silent=True).run(60.0, answer=None)
+    assert [message_id for _, message_id in made] == [ATTITUDE, POSITION] * 3
+    times = [time_s for time_s, _ in made]
+    assert all(b - a >= 0.99 for a, b in itertools.pairwise(times))
+
+
+def test_what_flows_without_an_answer_is_not_asked_for_again():
+    machine = Machine({ATTITUDE: 20.0}, silent=True)
+    assert len(machine.run(0.5, answer=None)) == 1
+    machine.flowing_hz = {ATTITUDE: 20.0}
+    machine.run(3.0, answer=None)
+    assert machine.run(60.0, answer=None) == []
+
+
+def test_a_denial_is_remembered_until_the_autopilot_restarts():
+    machine = Machine({ATTITUDE: 20.0}, silent=True)
+    assert len(machine.run(60.0, answer=DENIED)) == 1
+    machine.requests.start({ATTITUDE: 20.0}, silent=True, now_s=machine.now_s)
+    assert len(machine.run(60.0)) == 1
+
+
+def test_a_temporary_rejection_is_asked_again():
+    made = Machine({ATTITUDE: 20.0}, silent=True).run(60.0, answer=TEMPORARILY_REJECTED)
+    assert len(made) == 3
+
+
+def test_a_stream_that_stops_is_asked_for_again():
+    machine = Machine({ATTITUDE: 20.0}, silent=True)
+    machine.run(0.1)
+    machine.flowing_hz = {ATTITUDE: 20.0}
+    assert machine.run(10.0) == []
+    machine.flowing_hz = {}
+    assert len(machine.run(10.0)) == 1
+    assert machine.run(60.0) == []
+
+
+def test_an_answer_that_nobody_waits_for_is_ignored():
+    requests = RateRequests()
+    requests.answered(DENIED)
+    requests.start({ATTITUDE: 20.0}, silent=True, now_s=0.0)
+    requests.answered(DENIED)
+    assert requests.next_request(0.1) is not None
+
+
+@pytest.mark.parametrize("kind", list(AutopilotKind))
+def test_what_telemetry_needs_is_wanted_of_every_autopilot(kind):
+    assert {1, 24, 30, 32, 147, 242, 245} <= set(DEFAULT_RATES_HZ[kind])
+
+
+def test_what_an_autopilot_denies_is_not_wanted():
+    assert not {231, 230, 109, 111, 331, 253} & set(DEFAULT_RATES_HZ[AutopilotKind.ARDUPILOT])

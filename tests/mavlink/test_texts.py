@@ -1,0 +1,43 @@
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.mavlink.texts import StatusTexts
+
+
+def told(texts, text, now_s=0.0):
+    return [(m.id, m.chunk_seq, m.text) for m in texts.messages(4, text, now_s)]
+
+
+def test_a_short_text_is_one_message_without_an_id():
+    assert told(StatusTexts(), "x" * 50) == [(0, 0, "x" * 50)]
+    assert StatusTexts().messages(4, "x", 0.0)[0].severity == 4
+
+
+@pytest.mark.parametrize(("length", "chunks"), [(51, 2), (99, 2), (100, 3), (101, 3), (5000, 21)])
+def test_a_long_text_comes_in_chunks_the_last_of_which_ends_it(length, chunks):
+    text = "".join(chr(97 + index % 26) for index in range(length))
+    sent = told(StatusTexts(), text)
+    assert [(number, sequence) for number, sequence, _ in sent] == [(1, i) for i in range(chunks)]
+    assert "".join(part for _, _, part in sent) == text[:1000]
+    assert len(sent[-1][2]) < 50
+
+
+def test_each_long_text_has_an_id_of_its_own():
+    texts = StatusTexts()
+    assert told(texts, "a" * 60)[0][0] == 1
+    assert told(texts, "b" * 60)[0][0] == 2
+    texts._last_id = 65535
+    assert told(texts, "c" * 60)[0][0] == 1
+
+
+def test_the_same_text_is_not_sent_again_within_10_seconds():
+    texts = StatusTexts()
+    assert told(texts, "wind", 0.0)
+    assert not told(texts, "wind", 9.9)
+    assert told(texts, "battery", 9.9)
+    assert told(texts, "wind", 10.0)
+
+
+def test_what_is_not_ascii_becomes_a_question_mark():
+    assert told(StatusTexts(), "45° left") == [(0, 0, "45? left")]
