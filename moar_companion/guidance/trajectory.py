@@ -53,7 +53,8 @@ class Trajectory:
     direction:   (n, d)  unit vectors
     limit_mps:   (n,)    what the plan and the corners allow
     speed_mps:   (n,)    what of it can still be braked from, to rest at the end
-    corner_m:    (m,)    where each point of the plan is reached, or its rounding begins
+    points_m:    (m, d)  the points of the plan
+    corner_m:    (m,)    where each of them is reached, or its rounding begins
     """
 
     distance_m: FloatArray
@@ -61,6 +62,7 @@ class Trajectory:
     direction: FloatArray
     limit_mps: FloatArray
     speed_mps: FloatArray
+    points_m: FloatArray
     corner_m: FloatArray
 
     @property
@@ -90,10 +92,9 @@ class Trajectory:
         speed = math.sqrt(first * first + part * (second * second - first * first))
         return position, direction / norm if norm > _SAME_POINT_M else direction, speed
 
-    def corner_after(self, distance_m: float) -> int | None:
-        """The first point of the plan that is reached at or after a distance."""
-        index = int(np.searchsorted(self.corner_m, distance_m))
-        return index if index < len(self.corner_m) else None
+    def corner_after(self, distance_m: float) -> int:
+        """The first point of the plan that is reached at or after a distance, or its last."""
+        return min(int(np.searchsorted(self.corner_m, distance_m)), len(self.corner_m) - 1)
 
     def between(self, from_m: float, until_m: float) -> PathPoints:
         """The path between two distances, as points; the lead-in of a new trajectory."""
@@ -139,6 +140,7 @@ def make_trajectory(
             direction=np.zeros_like(points),
             limit_mps=nowhere,
             speed_mps=nowhere,
+            points_m=path.position_m,
             corner_m=np.zeros(len(index_of_point)),
         )
     order, position, limit = _sample(points, speed, acceleration_mps2, rounding_m)
@@ -150,6 +152,7 @@ def make_trajectory(
         direction=_directions(step),
         limit_mps=limit,
         speed_mps=_braking_speed_mps(distance, limit, acceleration_mps2),
+        points_m=path.position_m,
         corner_m=distance[np.searchsorted(order, index_of_point - 0.25)],
     )
 

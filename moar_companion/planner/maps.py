@@ -16,6 +16,7 @@ from .grid import TOLERANCE, BoolArray, FloatArray, Grid
 class Maps:
     """All maps of one site for one vehicle; arrays are (nx, nz), indexed `[ix, iz]`, read-only.
 
+    position_uncertainty_m: what the occupied distance is widened by
     occupied:               never entered
     obstacle_distance_m:    d_obs, to the nearest obstacle's surface
     hull_distance_m:        d_ch, to the obstacles' convex hull
@@ -26,6 +27,7 @@ class Maps:
     """
 
     grid: Grid
+    position_uncertainty_m: float
     occupied: BoolArray
     obstacle_distance_m: FloatArray
     hull_distance_m: FloatArray
@@ -66,6 +68,7 @@ def build_maps(site: Site, vehicle: Vehicle, position_uncertainty_m: float = 0.0
     shape = vehicle.safety
     maps = Maps(
         grid=grid,
+        position_uncertainty_m=position_uncertainty_m,
         occupied=occupied,
         obstacle_distance_m=obstacle,
         hull_distance_m=hull,

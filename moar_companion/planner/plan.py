@@ -74,7 +74,10 @@ class Waypoints:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanRequest:
-    """One planning problem; the planner answers it with a `Plan` that carries it."""
+    """One planning problem; the planner answers it with a `Plan` that carries it.
+
+    Raises ValueError for a velocity that is not finite: no path could start from it.
+    """
 
     mission: Mission
     target: str | int | None
@@ -85,6 +88,10 @@ class PlanRequest:
     """Final, after Eq. 9."""
     risk: RiskIndices
     """The indices behind the weights, for the record."""
+
+    def __post_init__(self) -> None:
+        if not all(math.isfinite(value) for value in self.velocity_mps):
+            raise ValueError(f"velocity {self.velocity_mps} is not finite")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

@@ -138,22 +138,34 @@ def _visible_cells(
         cell = grid.cell_of(landing_m)
         if cell is None or maps.occupied[cell]:
             return []
-        return [((cell[0], cell[1]), np.stack([grid.centre_m(cell), above]))]
+        leg = np.stack([grid.centre_m(cell), above])
+        clear = _legs_clear(site, vehicle, maps, leg[:1], above).all()
+        return [((cell[0], cell[1]), leg)] if clear else []
     cells, edges = _border(grid.shape, lowest_row)
     free = ~maps.occupied[cells[:, 0], cells[:, 1]]
     cells, edges = cells[free], edges[free]
     centres = np.array(grid.lower_m) + (cells + 0.5) * grid.resolution_m
     midpoints = centres + edges * half
     seen = ~geometry.legs_enter_rectangle(midpoints, end, lower, upper)
-    for obstacle in site.obstacles:
-        required_m = vehicle.radius_m + obstacle.keep_out_m - TOLERANCE
-        for leg_end in (end, above):
-            seen &= geometry.leg_clearance_m(obstacle, midpoints, leg_end) >= required_m
-        seen &= geometry.leg_clearance_m(obstacle, above[None, :], end) >= required_m
+    for leg_end in (end, above):
+        seen &= _legs_clear(site, vehicle, maps, midpoints, leg_end)
+    seen &= _legs_clear(site, vehicle, maps, above[None, :], end)
     return [
         ((int(cell[0]), int(cell[1])), np.stack([centre, midpoint, above]))
         for cell, centre, midpoint in zip(cells[seen], centres[seen], midpoints[seen], strict=True)
     ]
+
+
+def _legs_clear(
+    site: Site, vehicle: Vehicle, maps: Maps, starts_m: FloatArray, end_m: FloatArray
+) -> BoolArray:
+    """Which straight legs from starts (n, 2) to an end clear all obstacles, (n,)."""
+    clear = np.ones(len(starts_m), dtype=bool)
+    widened_m = vehicle.radius_m + maps.position_uncertainty_m - TOLERANCE
+    for obstacle in site.obstacles:
+        clearance = geometry.leg_clearance_m(obstacle, starts_m, end_m)
+        clear &= clearance >= widened_m + obstacle.keep_out_m
+    return clear
 
 
 def _lowest_row(site: Site, maps: Maps) -> int | None:

@@ -167,6 +167,11 @@ class Companion:
         """Takes bytes from a link, split anywhere."""
         self._session.receive(link, data, now_s)
 
+    def shut_down(self, now_s: float) -> None:
+        """The process is about to end: what is streamed ends at rest."""
+        if self._status.state in STREAMING:
+            self._send_farewell(now_s)
+
     def plan_answered(self, answer: PlanAnswer, now_s: float) -> None:
         """Takes the answer to a job; one that is no longer awaited is dropped."""
         awaited = self._awaited
@@ -230,6 +235,10 @@ class Companion:
     def data_to_send(self) -> list[tuple[str, bytes]]:
         """Packets since the last call, each with its link's URL."""
         return self._session.data_to_send()
+
+    def packets_heard(self) -> list[tuple[float, bytes]]:
+        """Whole packets that arrived since the last call, with their times, for the record."""
+        return self._session.packets_heard()
 
     def plan_jobs(self) -> list[PlanJob]:
         """Planning jobs since the last call. Only the newest one's answer is awaited."""

@@ -149,9 +149,7 @@ class Flight:
             velocity_mps=pose.velocity_mps,
         )
 
-    def adopt(
-        self, plan: Plan, junction: Junction, escape_end_m: PlanePoint | None
-    ) -> Adoption:
+    def adopt(self, plan: Plan, junction: Junction, escape_end_m: PlanePoint | None) -> Adoption:
         """Fly a plan that begins at a junction, if the junction is still ahead."""
         reference = self._reference
         if junction.trajectory is not reference.trajectory:

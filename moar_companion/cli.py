@@ -1,0 +1,201 @@
+"""The command line: arguments in, exit status out.
+
+`main` is the one place where errors become what a user sees: one line on stderr, never a
+traceback. Exit status: 0 done; 2 usage or bad input; 130 interrupted; 1 anything else.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import importlib
+import importlib.metadata
+import io
+import logging
+import os
+import re
+import sys
+import textwrap
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NoReturn
+
+from .errors import InputError, LinkError
+
+PROGRAM = "moar-companion"
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Command:
+    """A command: the module in `commands` that does it, and what it does."""
+
+    module: str
+    summary: str
+    description: str
+    examples: tuple[str, ...]
+
+
+COMMANDS = {
+    "plan": Command(
+        module="plan",
+        summary="plan one path on a site",
+        description="Plan one path on a site: to a target (inspection), or out of the site to a "
+        "landing point (exit, evacuation). Prints a summary; writes the plan, the maps it was "
+        "made on, and a picture of it.",
+        examples=(
+            f"{PROGRAM} plan site.yaml --mission inspection --plot plan.png",
+            f"{PROGRAM} plan site.yaml --mission inspection --target splice-1 --json -",
+            f"{PROGRAM} plan site.yaml --mission exit --start 27,2.5 --velocity -1,0",
+            f"{PROGRAM} plan site.yaml --mission exit --target 0 --risk wind=0.8,battery=0.2",
+            f"{PROGRAM} plan site.yaml --mission evacuation --weights 3,1,1 --maps maps.npz",
+        ),
+    ),
+}
+"""By the word that names it on the command line."""
+
+SERVICE = Command(
+    module="service",
+    summary="run the companion service",
+    description="Without a command: run the companion service, which listens to the autopilot, "
+    "estimates risk, plans and guides. Without a site it is telemetry and risk only.",
+    examples=(
+        f"{PROGRAM} --config /etc/moar-companion/companion.yaml",
+        f"{PROGRAM} --site site.yaml --connect udp:127.0.0.1:14540",
+    ),
+)
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Run one command; returns the exit status, whatever happens."""
+    if isinstance(sys.stdout, io.TextIOWrapper):
+        # A site's name may hold what the terminal cannot show.
+        sys.stdout.reconfigure(errors="backslashreplace")
+    try:
+        status = _run(sys.argv[1:] if argv is None else argv)
+        if sys.stdout is not None:
+            sys.stdout.flush()
+    except SystemExit as request:  # argparse, after --help and --version
+        return request.code if isinstance(request.code, int) else 0
+    except InputError as error:
+        return _failed(str(error), 2)
+    except LinkError as error:
+        return _failed(str(error), 1)
+    except KeyboardInterrupt:
+        return 130
+    except BrokenPipeError:
+        _settle_stdout()
+        return 1
+    except OSError as error:
+        _settle_stdout()
+        what = f"{error.filename}: " if error.filename else ""
+        return _failed(f"{what}{error.strerror or error}", 1)
+    except Exception as error:  # noqa: BLE001
+        if _is_interrupted(error):
+            return 130
+        _log.debug("unexpected error", exc_info=True)
+        return _failed(f"unexpected error: {type(error).__name__}: {error}", 1)
+    return status
+
+
+def report(message: str) -> None:
+    """One line on stderr, whatever the message holds."""
+    if sys.stderr is not None:
+        line = "".join(char if char.isprintable() else " " for char in message)
+        with contextlib.suppress(OSError):
+            sys.stderr.write(f"{PROGRAM}: {line}\n")
+            sys.stderr.flush()
+
+
+def _failed(message: str, status: int) -> int:
+    report(message)
+    return status
+
+
+def _is_interrupted(error: BaseException) -> bool:
+    """Whether an interrupt is behind an error: compiled code turns it into a SystemError."""
+    cause = error.__cause__ or error.__context__
+    return cause is not None and (isinstance(cause, KeyboardInterrupt) or _is_interrupted(cause))
+
+
+def _settle_stdout() -> None:
+    """If stdout cannot be written, let nothing of it be tried again at the interpreter's end."""
+    if sys.stdout is None:
+        return
+    try:
+        sys.stdout.flush()
+    except OSError:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
+
+
+def _run(argv: Sequence[str]) -> int:
+    first = argv[0] if argv else ""
+    if first and not first.startswith("-") and first not in COMMANDS:
+        raise InputError(
+            first, "", f"is not a command, must be one of {', '.join(COMMANDS)} (see --help)"
+        )
+    if first in COMMANDS:
+        parser, command, rest = _Parser(f"{PROGRAM} {first}", COMMANDS[first]), COMMANDS[first], 1
+    else:
+        parser, command, rest = _service_parser(), SERVICE, 0
+    module: Any = importlib.import_module(f".commands.{command.module}", __package__)
+    module.add_arguments(parser)
+    status: int = module.run(parser.parse_args(_joined(argv[rest:])))
+    return status
+
+
+_NEGATIVE = re.compile(r"-(\d|\.\d|inf|nan)", re.IGNORECASE)
+
+
+def _joined(argv: Sequence[str]) -> list[str]:
+    """`--start -1,2` as `--start=-1,2`: argparse takes only a lone negative number for a value."""
+    joined: list[str] = []
+    for index, word in enumerate(argv):
+        if word == "--":
+            return joined + list(argv[index:])
+        last = joined[-1] if joined else ""
+        if last.startswith("--") and "=" not in last and _NEGATIVE.match(word):
+            joined[-1] = f"{last}={word}"
+        else:
+            joined.append(word)
+    return joined
+
+
+class _Parser(argparse.ArgumentParser):
+    """argparse whose complaints are one line, as all others."""
+
+    def __init__(self, prog: str, command: Command) -> None:
+        examples = "\n".join(f"  {line}" for line in command.examples)
+        super().__init__(
+            prog=prog,
+            description=textwrap.fill(command.description, 79),
+            epilog=f"examples:\n{examples}",
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+            allow_abbrev=False,
+        )
+
+    def error(self, message: str) -> NoReturn:
+        name = self.prog.removeprefix(PROGRAM).strip() or "arguments"
+        raise InputError(name, "", f"{message} (see {self.prog} --help)")
+
+
+def _service_parser() -> _Parser:
+    parser = _Parser(PROGRAM, SERVICE)
+    width = max(map(len, COMMANDS))
+    commands = "\n".join(f"  {name:{width}}  {item.summary}" for name, item in COMMANDS.items())
+    parser.epilog = (
+        f"commands ({PROGRAM} COMMAND --help):\n{commands}\n\n{parser.epilog}\n\n"
+        "exit status: 0 done; 2 usage or bad input; 1 anything else"
+    )
+    parser.add_argument("--version", action="version", version=f"{PROGRAM} {_version()}")
+    return parser
+
+
+def _version() -> str:
+    try:
+        return importlib.metadata.version(PROGRAM)
+    except importlib.metadata.PackageNotFoundError:
+        return "(not installed)"

@@ -1,0 +1,83 @@
+"""Output files: checked before anything is computed, and whole or not there at all."""
+
+from __future__ import annotations
+
+import io
+import os
+import tempfile
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import IO
+
+from .options import refused
+
+
+def check_outputs(outputs: Mapping[str, str | None], inputs: Mapping[str, str]) -> None:
+    """Raises InputError for an output, by option, that cannot or should not be written.
+
+    It must not be an input, nor another output, and its directory must be there and writable.
+    """
+    taken = {_real(path): name for name, path in inputs.items()}
+    for option, path in outputs.items():
+        if path is None:
+            continue
+        real = _real(path)
+        if real.is_dir() or path.endswith(os.sep):
+            raise refused(option, path, "a directory, must be a file")
+        if _is_special(real):
+            continue
+        if real in taken:
+            raise refused(option, path, f"the file of {taken[real]} too, must be another")
+        if not real.parent.is_dir():
+            raise refused(option, path, f"but there is no directory {real.parent}")
+        if not os.access(real.parent, os.W_OK | os.X_OK):
+            raise refused(option, path, f"but nothing may be written in {real.parent}")
+        taken[real] = option
+
+
+@contextmanager
+def replacing(path: str) -> Iterator[IO[bytes]]:
+    """A file that takes its name when it is complete; until then what was there stays.
+
+    A device or pipe gets the content in one piece: archives seek, which those cannot.
+    """
+    real = _real(path)
+    if _is_special(real):
+        content = io.BytesIO()
+        yield content
+        with real.open("wb") as device:
+            device.write(content.getbuffer())
+        return
+    with tempfile.NamedTemporaryFile(
+        dir=real.parent, prefix=".moar-companion-", suffix=".part", delete=False
+    ) as stream:
+        try:
+            yield stream
+            stream.flush()
+            os.fsync(stream.fileno())
+            os.fchmod(stream.fileno(), _mode(real))
+            Path(stream.name).replace(real)
+        except BaseException:
+            with suppress(OSError):
+                Path(stream.name).unlink()
+            raise
+
+
+def _real(path: str) -> Path:
+    """The file behind all links, which is what gets replaced."""
+    return Path(os.path.realpath(path))
+
+
+def _is_special(real: Path) -> bool:
+    """Whether a path is there and no regular file: /dev/null must never be replaced."""
+    return real.exists() and not real.is_file()
+
+
+def _mode(real: Path) -> int:
+    """The permissions of the file that is replaced, or those of a new one."""
+    with suppress(OSError):
+        return real.stat().st_mode & 0o777
+    mask = os.umask(0)
+    os.umask(mask)
+    return 0o666 & ~mask

@@ -1,0 +1,1 @@
+"""Where plans and flights go besides the autopilot: pictures, recordings, messages, pages."""

@@ -1,0 +1,193 @@
+"""The picture of a flight: planned and flown paths over the safety map, the risks over time below.
+
+Input: the decisions that the recorder wrote, and the path that was flown. Output: one figure.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable
+from dataclasses import dataclass
+from os import PathLike
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from matplotlib import colormaps, style
+from matplotlib.collections import LineCollection
+from matplotlib.figure import Figure
+
+from ..planner.maps import Maps
+from ..site import PlanePoint, Site
+from ..types import Mission
+from ..vehicle import Vehicle
+from .picture import (
+    DPI,
+    _STYLE as STYLE,
+    draw_colour_bars,
+    draw_goal,
+    draw_plane,
+    place_labels,
+    view_of,
+)
+
+_RISKS = {
+    "wind": "#1f77b4",
+    "communication": "#9467bd",
+    "localization": "#2ca02c",
+    "battery": "#d62728",
+}
+_MISSIONS = {
+    Mission.INSPECTION: colormaps["Blues"],
+    Mission.EXIT: colormaps["Purples"],
+    Mission.EVACUATION: colormaps["Reds"],
+}
+_FLOWN = "#111111"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlannedPath:
+    """A path that was adopted. points_m: (n, 2) of the plane, landing leg included."""
+
+    time_s: float
+    mission: Mission
+    points_m: np.ndarray[Any, Any]
+    states: int
+    """How many of the points belong to the path proper; the rest is the landing leg."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightStory:
+    """What the companion decided in a flight; times in seconds since its first record.
+
+    risk: (n, 4) in the order of the paper, at time_s (n,).
+    """
+
+    plans: tuple[PlannedPath, ...]
+    time_s: np.ndarray[Any, Any]
+    risk: np.ndarray[Any, Any]
+    states: tuple[tuple[float, str], ...]
+    orders: tuple[tuple[float, str], ...]
+
+    @classmethod
+    def read(cls, path: str | PathLike[str]) -> FlightStory:
+        """The story in a `decisions.jsonl`; a last line cut short by a crash is left out."""
+        return cls.of(_lines(Path(path).read_text(encoding="utf-8")))
+
+    @classmethod
+    def of(cls, decisions: Iterable[dict[str, Any]]) -> FlightStory:
+        """The story of decisions as they stand in the record."""
+        plans, states, orders, times, risks = [], [], [], [], []
+        begin_s: float | None = None
+        for decision in decisions:
+            begin_s = decision["time_s"] if begin_s is None else begin_s
+            time_s, data = decision["time_s"] - begin_s, decision["data"]
+            match decision["kind"]:
+                case "plan":
+                    waypoints = data["plan"]["waypoints"]
+                    plans.append(
+                        PlannedPath(
+                            time_s=time_s,
+                            mission=Mission(data["plan"]["mission"]),
+                            points_m=np.array([(p["x_m"], p["z_m"]) for p in waypoints]),
+                            states=len(data["plan"]["states"]),
+                        )
+                    )
+                case "state":
+                    states.append((time_s, data["state"]))
+                case "order":
+                    orders.append((time_s, data["order"]))
+                case "status":
+                    times.append(time_s)
+                    risks.append([data["risk"][name] for name in _RISKS])
+        return cls(
+            plans=tuple(plans),
+            time_s=np.array(times),
+            risk=np.array(risks).reshape(-1, len(_RISKS)),
+            states=tuple(states),
+            orders=tuple(orders),
+        )
+
+    @property
+    def landing_leg_m(self) -> list[PlanePoint]:
+        """The last planned way out of the workspace, from its last cell; empty without one."""
+        for plan in reversed(self.plans):
+            if plan.states < len(plan.points_m):
+                return [(float(x), float(z)) for x, z in plan.points_m[plan.states - 1 :]]
+        return []
+
+
+def draw_flight(
+    story: FlightStory,
+    flown_m: list[PlanePoint],
+    site: Site,
+    vehicle: Vehicle,
+    maps: Maps,
+    file: str | PathLike[str],
+) -> None:
+    """Draw a flight into a PNG file; `flown_m` are points of the plane in order of time."""
+    with style.context(["default", STYLE], after_reset=True):
+        figure = Figure(figsize=(10.5, 10.5), layout="constrained")
+        plane, risks = figure.subplots(2, 1, height_ratios=[3.0, 1.0])
+        _draw_paths(plane, story, flown_m, site, vehicle, maps)
+        _draw_risks(risks, story)
+        figure.savefig(file, format="png", dpi=DPI)
+
+
+def _lines(text: str) -> Iterable[dict[str, Any]]:
+    for line in text.splitlines():
+        try:
+            yield json.loads(line)
+        except json.JSONDecodeError:
+            return
+
+
+def _draw_paths(
+    axes: Any,
+    story: FlightStory,
+    flown_m: list[PlanePoint],
+    site: Site,
+    vehicle: Vehicle,
+    maps: Maps,
+) -> None:
+    """Planned paths, later ones darker, and the flown one over them."""
+    landing = [point for points in site.landing_m.values() for point in points]
+    safety = draw_plane(axes, site, maps, view_of(site, vehicle, [*flown_m, *landing]))
+    draw_colour_bars(axes, [(safety, "safety cost SC")])
+    for mission, colours in _MISSIONS.items():
+        plans = [plan for plan in story.plans if plan.mission is mission]
+        if plans:
+            shades = colours(np.linspace(0.35, 1.0, len(plans)))
+            axes.add_collection(
+                LineCollection([plan.points_m for plan in plans], colors=shades, linewidths=1.2)
+            )
+            axes.plot([], [], color=shades[-1], lw=1.2, label=f"planned, {mission.value}")
+    if flown_m:
+        axes.plot(*np.array(flown_m).T, color=_FLOWN, lw=1.8, label="flown")
+    for mission in {Mission.INSPECTION} | {plan.mission for plan in story.plans}:
+        draw_goal(axes, site, maps, mission, None, None)
+    place_labels(axes)
+    named = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+    axes.legend(named.values(), named.keys(), loc="upper right", framealpha=0.9)
+    axes.set_title(f"{site.name}: planned and flown", loc="left", fontweight="bold")
+
+
+def _draw_risks(axes: Any, story: FlightStory) -> None:
+    """The four indices over time, with the mission's states named above."""
+    for column, (name, colour) in enumerate(_RISKS.items()):
+        axes.plot(story.time_s, story.risk[:, column], color=colour, lw=1.6, label=name)
+    end_s = float(story.time_s[-1]) if len(story.time_s) else 1.0
+    for (time_s, state), (next_s, _) in zip(
+        story.states, [*story.states[1:], (end_s, "")], strict=True
+    ):
+        axes.axvline(time_s, color="#888888", lw=0.6)
+        if next_s - time_s > 0.04 * end_s:
+            axes.text(
+                time_s + 0.004 * end_s, 1.03, state, fontsize=7.5, color="#444444", va="bottom"
+            )
+    axes.set_xlim(0.0, end_s)
+    axes.set_ylim(0.0, 1.0)
+    axes.set_xlabel("time (s)")
+    axes.set_ylabel("risk index")
+    axes.grid(visible=True, color="#dddddd", lw=0.6)
+    axes.legend(loc="upper left", ncols=4, framealpha=0.9)

@@ -1,0 +1,113 @@
+"""The judge: what really happened in a flight, from the fake autopilot's truth log and the site.
+
+Independent of the planner's geometry on purpose: distances are Shapely's.
+"""
+
+from __future__ import annotations
+
+import csv
+import math
+from dataclasses import dataclass
+from pathlib import Path
+
+from shapely.geometry import LineString, Point, Polygon, box
+from shapely.geometry.base import BaseGeometry
+
+from moar_companion.frames import radii_of_curvature_m
+from moar_companion.site import Conductor, Site
+
+_LEG_TOLERANCE_M = 2.0
+"""How far from its landing leg an aircraft in wind may be, outside the workspace."""
+_IN_AIR = 2
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlightTruth:
+    """One row of the truth log, in the site's plane: x along it, y off it, z up."""
+
+    time_s: float
+    position_m: tuple[float, float, float]
+    on_ground: bool
+    armed: bool
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """What is to be said against a flight; empty when nothing is."""
+
+    faults: tuple[str, ...]
+    least_clearance_m: float
+    """Between the aircraft's hull and the nearest obstacle."""
+
+
+def read_truth(path: Path, site: Site) -> list[FlightTruth]:
+    """The truth log in the site's frame."""
+    origin = site.frame.origin
+    azimuth = math.radians(site.frame.azimuth_deg)
+    meridian_m, prime_vertical_m = radii_of_curvature_m(origin.latitude_deg)
+    parallel_m = prime_vertical_m * math.cos(math.radians(origin.latitude_deg))
+    rows = []
+    with path.open(encoding="utf-8", newline="") as file:
+        for row in csv.DictReader(line for line in file if not line.startswith("#")):
+            north_m = math.radians(float(row["latitude_deg"]) - origin.latitude_deg) * meridian_m
+            east_m = math.radians(float(row["longitude_deg"]) - origin.longitude_deg) * parallel_m
+            rows.append(
+                FlightTruth(
+                    time_s=float(row["time_s"]),
+                    position_m=(
+                        north_m * math.cos(azimuth) + east_m * math.sin(azimuth),
+                        north_m * math.sin(azimuth) - east_m * math.cos(azimuth),
+                        float(row["altitude_amsl_m"]) - origin.altitude_amsl_m,
+                    ),
+                    on_ground=row["on_ground"] == "1",
+                    armed=row["armed"] == "1",
+                )
+            )
+    return rows
+
+
+def judge(
+    flight: list[FlightTruth],
+    site: Site,
+    radius_m: float,
+    landing_leg_m: list[tuple[float, float]],
+) -> Verdict:
+    """Whether the aircraft flew, touched nothing, kept to its workspace and landed.
+
+    landing_leg_m: the last planned way out of the workspace, from its last cell to above the
+    landing point; the way down from there belongs to it.
+    """
+    faults = []
+    obstacles = [_shape(obstacle) for obstacle in site.obstacles]
+    space = site.workspace
+    workspace = box(*space.lower_m, *space.upper_m)
+    leg: BaseGeometry = Point()
+    if landing_leg_m:
+        x_m, _ = landing_leg_m[-1]
+        leg = LineString([*landing_leg_m, (x_m, space.lower_m[1])])
+    flown = [row for row in flight if not row.on_ground]
+    least_m = math.inf
+    for row in flown:
+        place = Point(row.position_m[0], row.position_m[2])
+        least_m = min(least_m, *(shape.distance(place) for shape in obstacles), math.inf)
+        if not faults and workspace.distance(place) > 0.0 and not _near(leg, place):
+            faults.append(
+                f"left the workspace at {row.time_s:.1f} s, x {place.x:.1f} m, z {place.y:.1f} m"
+            )
+    if least_m <= radius_m:
+        faults.append(f"touched an obstacle: {least_m:.2f} m from it, its radius is {radius_m} m")
+    if not flown:
+        faults.append("never flew")
+    elif flight[-1].armed or not flight[-1].on_ground:
+        faults.append("did not land")
+    return Verdict(faults=tuple(faults), least_clearance_m=least_m - radius_m)
+
+
+def _near(leg: BaseGeometry, place: Point) -> bool:
+    return not leg.is_empty and bool(leg.distance(place) <= _LEG_TOLERANCE_M)
+
+
+def _shape(obstacle: object) -> BaseGeometry:
+    if isinstance(obstacle, Conductor):
+        return Point(obstacle.position_m).buffer(obstacle.radius_m)
+    return Polygon(obstacle.vertices_m)  # type: ignore[attr-defined]

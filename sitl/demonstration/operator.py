@@ -1,0 +1,156 @@
+"""An operator's ground station in raw MAVLink over UDP: what a pilot's screen and hands would do."""
+
+from __future__ import annotations
+
+import math
+import socket
+import time
+from collections.abc import Callable
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import all as mavlink
+
+_HEARTBEAT_S: Final = 1.0
+_ANSWER_TIMEOUT_S: Final = 5.0
+_POLL_S: Final = 0.05
+_COMPANION: Final = mavlink.MAV_COMP_ID_PATHPLANNER
+_OFFBOARD: Final = (6, 0)
+_LAND: Final = (4, 6)
+_RESULTS: Final = {
+    number: entry.name.removeprefix("MAV_RESULT_")
+    for number, entry in mavlink.enums["MAV_RESULT"].items()
+}
+
+INSPECTION: Final = 1
+EXIT: Final = 2
+
+
+class OperatorError(Exception):
+    """What the operator expected did not happen; one line."""
+
+
+class Operator:
+    """A ground station (255/190) on a UDP port. Reads while it waits; never sleeps otherwise."""
+
+    def __init__(self, port: int) -> None:
+        """Listen; OSError when the port is taken."""
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", port))
+        self._socket.settimeout(_POLL_S)
+        self._peer: tuple[str, int] | None = None
+        self._codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._codec.robust_parsing = True
+        self._heartbeat_due_s = 0.0
+        self._answers: dict[int, int] = {}
+        self.companion_heard = False
+        self.armed = False
+        self.custom_mode = 0
+        self.ready_to_arm = False
+        self.landed_state = 0
+        self.battery_percent: int | None = None
+        self.altitude_m = 0.0
+        self.texts: list[str] = []
+        self.home_altitude_m: float | None = None
+
+    def wait_for(self, what: str, condition: Callable[[], bool], timeout_s: float) -> None:
+        """Read until a condition holds; OperatorError, naming what was awaited, when it does not."""
+        deadline_s = time.monotonic() + timeout_s
+        while not condition():
+            if time.monotonic() > deadline_s:
+                raise OperatorError(f"{what}: not within {timeout_s:g} s")
+            self.read()
+
+    def read(self) -> None:
+        """Take what has arrived, waiting a moment for it; keep our heartbeat going."""
+        now_s = time.monotonic()
+        if self._peer is not None and now_s >= self._heartbeat_due_s:
+            self._heartbeat_due_s = now_s + _HEARTBEAT_S
+            self._send(
+                mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4, 3)
+            )
+        try:
+            data, peer = self._socket.recvfrom(65536)
+        except TimeoutError:
+            return
+        self._peer = peer
+        for message in self._codec.parse_buffer(data) or []:
+            self._take(message)
+
+    def command(self, name: str, number: int, *parameters: float, component: int = 1) -> None:
+        """Send a command and wait for its answer; OperatorError when it is not ACCEPTED."""
+        padded = (*parameters, *[0.0] * (7 - len(parameters)))
+        self._answers.pop(number, None)
+        self._send(
+            mavlink.MAVLink_command_long_message(1, component, number, 0, *padded)
+        )
+        self.wait_for(
+            f"an answer to {name}",
+            lambda: self._answers.get(number, mavlink.MAV_RESULT_IN_PROGRESS)
+            != mavlink.MAV_RESULT_IN_PROGRESS,
+            _ANSWER_TIMEOUT_S,
+        )
+        result = self._answers[number]
+        if result != mavlink.MAV_RESULT_ACCEPTED:
+            said = f" ({self.texts[-1]})" if self.texts else ""
+            raise OperatorError(f"{name}: {_RESULTS.get(result, str(result))}{said}")
+
+    def take_off(self, height_m: float) -> None:
+        """Arm and climb to a height above where the aircraft stands."""
+        self.wait_for("a home position", lambda: self.home_altitude_m is not None, 10.0)
+        altitude_m = (self.home_altitude_m or 0.0) + height_m
+        nan = math.nan
+        self.command(
+            "take-off", mavlink.MAV_CMD_NAV_TAKEOFF, nan, 0, 0, nan, nan, nan, altitude_m
+        )
+        self.command("arm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+
+    def give_offboard(self) -> None:
+        """Give the autopilot's OFFBOARD mode, and see that it took it."""
+        self.command("OFFBOARD", mavlink.MAV_CMD_DO_SET_MODE, 1, *_OFFBOARD)
+        self.wait_for("OFFBOARD mode", lambda: self.custom_mode >> 16 & 0xFF == _OFFBOARD[0], 3.0)
+
+    def land(self) -> None:
+        """Give the autopilot's LAND mode."""
+        self.command("LAND", mavlink.MAV_CMD_DO_SET_MODE, 1, *_LAND)
+
+    def order(self, name: str, mission: int) -> None:
+        """Order a mission of the companion; IN_PROGRESS is waited out."""
+        self.command(name, mavlink.MAV_CMD_USER_1, mission, -1, component=_COMPANION)
+
+    def said(self, text: str) -> bool:
+        """Whether the companion said something that begins so."""
+        return any(known.startswith(text) for known in self.texts)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def _send(self, message: Any) -> None:
+        if self._peer is None:
+            return
+        data = message.pack(self._codec)
+        self._codec.seq = (self._codec.seq + 1) % 256
+        self._socket.sendto(data, self._peer)
+
+    def _take(self, message: Any) -> None:
+        companion = message.get_srcComponent() == _COMPANION
+        match message.get_type():
+            case "HEARTBEAT" if companion:
+                self.companion_heard = True
+            case "HEARTBEAT" if message.get_srcComponent() == 1:
+                self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
+                self.custom_mode = message.custom_mode
+            case "STATUSTEXT" if companion:
+                self.texts.append(message.text)
+            case "SYS_STATUS":
+                prearm = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+                self.ready_to_arm = bool(message.onboard_control_sensors_health & prearm)
+                if message.battery_remaining >= 0:
+                    self.battery_percent = message.battery_remaining
+            case "EXTENDED_SYS_STATE":
+                self.landed_state = message.landed_state
+            case "GLOBAL_POSITION_INT":
+                self.altitude_m = message.relative_alt / 1000.0
+                self.home_altitude_m = (message.alt - message.relative_alt) / 1000.0
+            case "COMMAND_ACK":
+                self._answers[message.command] = message.result

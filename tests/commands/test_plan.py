@@ -1,0 +1,337 @@
+"""`moar-companion plan`: its options, what it writes, and what it refuses."""
+
+import json
+import math
+import os
+import stat
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from moar_companion import cli
+from moar_companion.config import shipped_configs
+
+SHIPPED = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
+SITES = sorted((shipped_configs() / "sites").glob("*.yaml"))
+
+PLAN_KEYS = {
+    "site", "mission", "target", "status", "resolution_m", "v_max_mps", "heading_speed_mps",
+    "headings", "risk", "weights", "cost", "start_velocity_mps", "states", "waypoints", "metrics",
+    "compute",
+}  # fmt: skip
+MAP_KEYS = {
+    "x_m", "z_m", "occupied", "safety_cost", "speed_limit_mps", "obstacle_distance_m",
+    "hull_distance_m", "horizontal_distance_m", "collision_cost", "insertion_cost", "damage_cost",
+}  # fmt: skip
+
+
+@pytest.fixture
+def site(tmp_path):
+    """A copy of a shipped site, and the working directory of the test."""
+    file = tmp_path / "site.yaml"
+    file.write_text(SHIPPED.read_text())
+    return str(file)
+
+
+@pytest.fixture
+def plan(site, capsys):
+    """Run the command on the site; the plan, which must be found."""
+
+    def run(*options, mission="inspection"):
+        status = cli.main(["plan", site, "--mission", mission, *options, "--json", "-"])
+        out, err = capsys.readouterr()
+        assert status == 0
+        assert err == ""
+        return json.loads(out)
+
+    return run
+
+
+def variant(path, **changes):
+    content = yaml.safe_load(SHIPPED.read_text()) | changes
+    path.write_text(yaml.safe_dump({key: value for key, value in content.items() if value}))
+    return str(path)
+
+
+@pytest.mark.parametrize("file", SITES, ids=lambda file: file.stem)
+@pytest.mark.parametrize("mission", ["inspection", "exit", "evacuation"])
+def test_every_shipped_site_has_a_plan_for_every_mission(file, mission, capsys):
+    assert cli.main(["plan", str(file), "--mission", mission, "--start", "15,14"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "found" in out.splitlines()[0]
+    assert all(word in out for word in ("J = ", "waypoints", "clearance", "weights", "computed"))
+
+
+def test_the_json_is_the_contract(plan):
+    answer = plan("--velocity=-1,0.5")
+    assert set(answer) >= PLAN_KEYS
+    assert answer["status"] == "found"
+    assert answer["target"] == "splice-outer"
+    assert answer["start_velocity_mps"] == [-1.0, 0.5]
+    assert answer["states"][0] == [90, 8, 0]
+    assert set(answer["waypoints"][0]) == {"x_m", "z_m", "speed_mps", "time_s"}
+    assert len(answer["waypoints"]) == len(answer["states"])
+    assert set(answer["cost"]) == {"total", "safety", "time", "energy"}
+    assert set(answer["compute"]) == {"map_ms", "search_ms", "expanded"}
+
+
+@pytest.mark.parametrize("joined", [True, False])
+def test_both_forms_of_an_option_and_negative_numbers(plan, joined, tmp_path):
+    options = {"--start": "26.2,3", "--velocity": "-1,-.5", "--weights": "2,1,1"}
+    words = [f"{name}={value}" for name, value in options.items()]
+    if not joined:
+        words = [word for pair in options.items() for word in pair]
+    answer = plan(*words)
+    assert answer["states"][0] == [87, 10, 0]
+    assert answer["start_velocity_mps"] == [-1.0, -0.5]
+    assert answer["weights"] == {"safety": 0.5, "time": 0.25, "energy": 0.25}
+
+
+def test_a_start_with_negative_coordinates(tmp_path, capsys):
+    low = variant(
+        tmp_path / "low.yaml",
+        workspace={"x_m": [-30, 0], "z_m": [-20, 0], "resolution_m": 0.5},
+        obstacles=[],
+        targets=None,
+        landing={"exit": [{"x_m": 5.0, "z_m": -20.0}]},
+    )
+    # `obstacles` may be empty, but not missing.
+    Path(low).write_text(Path(low).read_text() + "obstacles: []\n")
+    words = ["plan", low, "--mission", "exit", "--start", "-1,-2", "--json", "-"]
+    assert cli.main(words) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert answer["states"][0] == [58, 36, 0]
+    assert answer["metrics"]["min_clearance_m"] is None
+
+
+def test_weights_are_normalised_and_risk_adjusts_them(plan):
+    # Eq. 9 by hand: shift = 0.5 * 0.8 + 0.25 * 0.4 + 0 - 0.2 = 0.3, energy 1 + 0.4 + 0.1.
+    answer = plan("--weights", "2,1,1", "--risk", "wind=0.8,communication=.4, battery=0.2")
+    terms = 0.5 * 1.3, 0.25 * 0.7, 0.25 * 1.5
+    assert list(answer["weights"].values()) == pytest.approx([t / sum(terms) for t in terms])
+    assert answer["risk"] == {
+        "wind": 0.8,
+        "communication": 0.4,
+        "localization": 0.0,
+        "battery": 0.2,
+    }
+
+
+def test_the_weights_of_the_vehicle_are_those_of_the_mission(plan):
+    assert plan(mission="exit")["weights"]["safety"] == pytest.approx(1 / 3)
+    assert plan(mission="evacuation")["weights"]["safety"] == pytest.approx(0.6)
+
+
+def test_another_vehicle(plan):
+    slow = shipped_configs() / "vehicles" / "linedrone_flight.yaml"
+    assert plan()["v_max_mps"] == 10.0
+    assert plan("--vehicle", str(slow))["v_max_mps"] == 0.7
+
+
+def test_the_target_is_a_name_or_the_index_of_a_landing_point(plan):
+    assert plan("--target", "splice-inner")["target"] == "splice-inner"
+    right = plan("--target", "1", mission="evacuation")
+    left = plan("--target=0", mission="evacuation")
+    assert (right["target"], right["waypoints"][-1]["x_m"]) == (1, 40.0)
+    assert (left["target"], left["waypoints"][-1]["x_m"]) == (0, -10.0)
+    assert plan(mission="evacuation")["target"] is None
+
+
+def test_all_files_are_written(site, tmp_path, capsys):
+    outputs = {option: tmp_path / f"out.{option}" for option in ("json", "maps")}
+    outputs["plot"] = tmp_path / "out.png"
+    words = [word for option, file in outputs.items() for word in (f"--{option}", str(file))]
+    assert cli.main(["plan", site, "--mission", "exit", *words]) == 0
+    assert "exit: found" in capsys.readouterr().out
+    assert json.loads(outputs["json"].read_text())["mission"] == "exit"
+    with np.load(outputs["maps"], allow_pickle=False) as maps:
+        assert set(maps) == MAP_KEYS
+        assert (maps["x_m"].shape, maps["z_m"].shape) == ((100,), (66,))
+        assert all(maps[key].shape == (100, 66) for key in MAP_KEYS - {"x_m", "z_m"})
+        assert maps["occupied"].dtype == bool
+        assert math.isinf(maps["horizontal_distance_m"].max())
+        assert maps["x_m"][0] == pytest.approx(0.15)
+    assert outputs["plot"].read_bytes().startswith(b"\x89PNG\r\n")
+    assert sorted(file.name for file in tmp_path.iterdir()) == sorted(
+        ["site.yaml", *(file.name for file in outputs.values())]
+    )
+
+
+def test_no_plan_is_an_answer_in_all_files(site, tmp_path, capsys):
+    outputs = [tmp_path / name for name in ("plan.json", "maps.npz", "plan.png")]
+    words = [
+        w
+        for o, f in zip(("json", "maps", "plot"), outputs, strict=True)
+        for w in (f"--{o}", str(f))
+    ]
+    assert cli.main(["plan", site, "--mission", "inspection", "--start", "9.2,3.7", *words]) == 2
+    out, err = capsys.readouterr()
+    assert "start_occupied" in out
+    assert err.count("\n") == 1
+    assert "start_occupied: the start at (9.2, 3.7) is too close" in err
+    answer = json.loads(outputs[0].read_text())
+    assert (answer["status"], answer["states"], answer["waypoints"]) == ("start_occupied", [], [])
+    assert (answer["cost"], answer["metrics"]) == (None, None)
+    assert all(file.stat().st_size > 0 for file in outputs)
+
+
+@pytest.mark.parametrize(
+    ("start", "status"),
+    [("-1,2", "out_of_bounds"), ("1e300,-1e300", "out_of_bounds"), ("27,1", "start_occupied")],
+)
+def test_no_plan_still_writes_json_to_stdout_and_nothing_else(site, start, status, capsys):
+    words = ["plan", site, "--mission", "exit", "--start", start, "--json", "-"]
+    assert cli.main(words) == 2
+    out, err = capsys.readouterr()
+    assert json.loads(out)["status"] == status
+    assert err.startswith(f"moar-companion: no plan: {status}: ")
+    assert err.count("\n") == 1
+
+
+REFUSED = [
+    ("mission unknown", ["--mission", "fly"], ["--mission", "'fly'", "evacuation"]),
+    ("start with one number", ["--start", "1"], ["--start", "'1'", "X,Z"]),
+    ("start with three numbers", ["--start", "1,2,3"], ["--start", "'1,2,3'", "X,Z"]),
+    ("start with a word", ["--start=a,2"], ["--start", "'a,2'", "finite"]),
+    ("start not a number", ["--start", "nan,2"], ["--start", "'nan,2'", "finite"]),
+    ("start infinite", ["--start", "-inf,2"], ["--start", "'-inf,2'", "finite"]),
+    ("start overflowing", ["--start", "1e999,2"], ["--start", "'1e999,2'", "finite"]),
+    ("start with Python's underscores", ["--start", "1_0,2"], ["--start", "'1_0,2'"]),
+    ("start empty", ["--start="], ["--start", "''"]),
+    ("velocity infinite", ["--velocity=inf,0"], ["--velocity", "'inf,0'", "m/s"]),
+    ("velocity absurd", ["--velocity", "-1e9,0"], ["--velocity", "'-1e9,0'", "at most 1000"]),
+    ("weights negative", ["--weights", "-1,1,1"], ["--weights", "'-1,1,1'", "negative"]),
+    ("weights all zero", ["--weights", "0,0,0"], ["--weights", "'0,0,0'", "positive sum"]),
+    ("weights two", ["--weights", "1,1"], ["--weights", "'1,1'", "S,T,E"]),
+    ("weights overflowing", ["--weights", "1e308,1e308,1e308"], ["--weights", "1e308"]),
+    ("risk above one", ["--risk", "wind=1.5"], ["--risk", "'wind=1.5'", "[0, 1]"]),
+    ("risk negative", ["--risk", "wind=-0.1"], ["--risk", "wind", "[0, 1]"]),
+    ("risk not a number", ["--risk", "battery=nan"], ["--risk", "battery", "[0, 1]"]),
+    ("risk unknown", ["--risk", "rain=0.5"], ["--risk", "'rain'", "localization"]),
+    ("risk without index", ["--risk", "wind"], ["--risk", "'wind'", "name=index"]),
+    ("risk twice", ["--risk", "wind=0.1,wind=0.2"], ["--risk", "wind twice"]),
+    ("risk empty", ["--risk", ""], ["--risk", "''"]),
+    ("target unknown", ["--target", "x"], ["--target", "'x'", "splice-outer, splice-inner"]),
+    ("vehicle missing", ["--vehicle", "no.yaml"], ["no.yaml", "no such file"]),
+    ("vehicle is a site", ["--vehicle", str(SHIPPED)], [str(SHIPPED)]),
+    ("maps to stdout", ["--maps", "-"], ["--maps", "'-'", "--json"]),
+    ("plot to stdout", ["--plot", "-"], ["--plot", "'-'", "--json"]),
+    ("plot of unknown kind", ["--plot", "a.gif"], ["--plot", "'a.gif'", ".png"]),
+    ("json without a directory", ["--json", "no/a.json"], ["--json", "no/a.json", "directory"]),
+    ("json is a directory", ["--json", "/"], ["--json", "'/'", "directory"]),
+    ("json empty", ["--json", ""], ["--json", "''"]),
+    ("two outputs, one file", ["--maps", "a", "--json", "./a"], ["--maps", "'a'", "--json"]),
+    ("output over the site", ["--json", "site.yaml"], ["--json", "site.yaml", "the site"]),
+    ("option unknown", ["--speed", "3"], ["--speed"]),
+    ("value missing", ["--start"], ["--start", "expected one argument"]),
+]
+
+
+@pytest.mark.parametrize(
+    ("options", "words"), [case[1:] for case in REFUSED], ids=[c[0] for c in REFUSED]
+)
+def test_bad_input_is_one_line_status_2_and_nothing_written(
+    options, words, site, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.chdir(tmp_path)
+    before = Path(site).read_bytes()
+    argv = ["plan", site, "--mission", "inspection", "--plot", "p.png", *options]
+    assert cli.main(argv) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith("moar-companion: ")
+    assert err.count("\n") == 1
+    assert [word for word in words if word not in err] == []
+    assert [file.name for file in tmp_path.iterdir()] == ["site.yaml"]
+    assert Path(site).read_bytes() == before
+
+
+@pytest.mark.parametrize("target", ["3", "2", "-1", "0.5", "splice-outer", ""])
+def test_a_landing_point_that_is_not_there(site, target, capsys):
+    assert cli.main(["plan", site, "--mission", "evacuation", "--target", target]) == 2
+    err = capsys.readouterr().err
+    assert f"--target: is '{target}', must be the index of a landing point" in err
+    assert "0 at (-10, 0), 1 at (40, 0)" in err
+
+
+@pytest.mark.parametrize(
+    ("mission", "changes", "key"),
+    [
+        ("inspection", {"targets": None}, "targets"),
+        ("exit", {"landing": None}, "landing.exit"),
+    ],
+)
+def test_a_site_that_lacks_the_mission(mission, changes, key, tmp_path, capsys):
+    file = variant(tmp_path / "less.yaml", **changes)
+    assert cli.main(["plan", file, "--mission", mission]) == 2
+    assert f"less.yaml: {key}: has none" in capsys.readouterr().err
+
+
+def test_a_landing_point_that_nothing_sees_is_named(tmp_path, capsys):
+    wall = [[32, -60], [33, -60], [33, 90], [32, 90]]
+    file = variant(
+        tmp_path / "wall.yaml",
+        obstacles=[{"polygon": {"name": "wall", "vertices_m": wall}}],
+        targets=None,
+        landing={"exit": [{"x_m": 40.0, "z_m": 0.0}]},
+    )
+    out_file = tmp_path / "plan.json"
+    assert cli.main(["plan", file, "--mission", "exit", "--json", str(out_file)]) == 2
+    assert "(40, 0)" in capsys.readouterr().err
+    assert not out_file.exists()
+
+
+def test_a_file_that_cannot_be_written_loses_no_other(site, tmp_path, monkeypatch, capsys):
+    def full(*_arguments):
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr("moar_companion.commands.plan.write_maps", full)
+    old = tmp_path / "maps.npz"
+    old.write_bytes(b"old")
+    words = ["--json", str(tmp_path / "a.json"), "--maps", str(old)]
+    words += ["--plot", str(tmp_path / "a.png")]
+    assert cli.main(["plan", site, "--mission", "exit", *words]) == 1
+    out, err = capsys.readouterr()
+    assert "found" in out
+    assert err == f"moar-companion: --maps: {old}: No space left on device\n"
+    assert old.read_bytes() == b"old"
+    assert {file.name for file in tmp_path.iterdir()} == {
+        "site.yaml",
+        "maps.npz",
+        "a.json",
+        "a.png",
+    }
+
+
+def test_a_file_is_replaced_behind_its_link_with_its_permissions(site, tmp_path):
+    real, link = tmp_path / "real.json", tmp_path / "link.json"
+    real.write_text("old")
+    real.chmod(0o640)
+    link.symlink_to(real)
+    assert cli.main(["plan", site, "--mission", "exit", "--json", str(link)]) == 0
+    assert link.is_symlink()
+    assert json.loads(real.read_text())["status"] == "found"
+    assert stat.S_IMODE(real.stat().st_mode) == 0o640
+
+
+def test_a_new_file_has_the_permissions_of_any_new_file(site, tmp_path):
+    (tmp_path / "plain").touch()
+    assert cli.main(["plan", site, "--mission", "exit", "--json", str(tmp_path / "new")]) == 0
+    assert (tmp_path / "new").stat().st_mode == (tmp_path / "plain").stat().st_mode
+
+
+def test_a_device_is_written_and_not_replaced(site):
+    words = ["--json", os.devnull, "--maps", os.devnull, "--plot", os.devnull]
+    assert cli.main(["plan", site, "--mission", "exit", *words]) == 0
+    assert stat.S_ISCHR(Path(os.devnull).stat().st_mode)
+
+
+def test_a_directory_that_may_not_be_written(site, tmp_path, monkeypatch, capsys):
+    # The answer of the system is put in its mouth: root, who may run the tests, may write anywhere.
+    monkeypatch.setattr("os.access", lambda path, _mode: str(path) != str(tmp_path))
+    assert cli.main(["plan", site, "--mission", "exit", "--json", str(tmp_path / "a")]) == 2
+    assert f"nothing may be written in {tmp_path}" in capsys.readouterr().err
+    assert not (tmp_path / "a").exists()

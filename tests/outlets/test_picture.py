@@ -1,0 +1,142 @@
+"""Pictures: that they are drawn, whole, with names that do not overlap, whatever the site."""
+
+import io
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from matplotlib import rc_context
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.image import imread
+
+from moar_companion import Planner, Site, Vehicle
+from moar_companion.config import shipped_configs
+from moar_companion.outlets import picture
+from moar_companion.outlets.picture import DPI, draw_plan
+from moar_companion.site import Conductor, Polygon, Workspace
+from moar_companion.types import Mission
+
+CONFIGS = shipped_configs()
+SITE = Site.load(CONFIGS / "sites" / "315kv_double_circuit.yaml")
+VEHICLE = Vehicle.load(CONFIGS / "vehicles" / "linedrone.yaml")
+TOWER = Polygon(name="tower", vertices_m=((14.0, -6.0), (16.0, -6.0), (15.0, 19.0)))
+
+
+def drawn(site, *, file_format="png", **problem):
+    planner = Planner(site, VEHICLE)
+    plan = planner.plan(**problem)
+    stream = io.BytesIO()
+    draw_plan(plan, site, VEHICLE, planner.maps, stream, file_format)
+    return plan, stream.getvalue()
+
+
+def pixels(content):
+    return imread(io.BytesIO(content), format="png")
+
+
+@pytest.mark.parametrize("mission", list(Mission))
+def test_a_plan_is_a_picture_of_many_colours(mission):
+    plan, content = drawn(SITE, mission=mission, start=(14.0, 12.0), velocity=(2.0, -1.0))
+    assert plan.status.value == "found"
+    image = pixels(content)
+    assert image.shape[1] == pytest.approx(11.2 * DPI, rel=0.02)
+    colours = np.unique(np.round(image[::3, ::3, :3] * 15).reshape(-1, 3), axis=0)
+    assert len(colours) > 60
+    # Nothing is cut off: the rim of the page is white.
+    rim = [image[0], image[-1], image[:, 0], image[:, -1]]
+    assert all((edge[..., :3] == 1.0).all() for edge in rim)
+
+
+@pytest.mark.parametrize(
+    ("start", "status"),
+    [((9.2, 3.7), "start_occupied"), ((500.0, -3.0), "out_of_bounds")],
+)
+def test_no_plan_is_a_picture_too(start, status):
+    for mission in Mission:
+        plan, content = drawn(SITE, mission=mission, start=start)
+        assert plan.status.value == status
+        assert pixels(content).std() > 0.05
+
+
+SITES = {
+    "no obstacles": replace(
+        SITE, obstacles=(), targets=(replace(SITE.targets[0], position_m=(5.0, 5.0)),)
+    ),
+    "a tower through the workspace": replace(SITE, obstacles=(*SITE.obstacles, TOWER)),
+    "names in other scripts and with dollars": replace(
+        SITE,
+        name="$x_{1$ 送電線 " + "long " * 15 + "name",
+        obstacles=(replace(SITE.obstacles[0], name="$\\frac"), *SITE.obstacles[1:]),
+    ),
+    "a landing point far away": replace(
+        SITE, landing_m={Mission.EXIT: ((4_000.0, 30.0),), Mission.EVACUATION: ((-1e5, 5.0),)}
+    ),
+    "a tall workspace": replace(
+        SITE, workspace=Workspace(lower_m=(20.0, 0.0), upper_m=(30.0, 90.0), resolution_m=0.5)
+    ),
+    "one cell": replace(
+        SITE,
+        obstacles=(),
+        workspace=Workspace(lower_m=(26.9, 2.4), upper_m=(27.1, 2.6), resolution_m=0.3),
+        targets=(replace(SITE.targets[0], position_m=(27.0, 2.5)),),
+    ),
+    "many conductors": replace(
+        SITE,
+        obstacles=tuple(
+            Conductor(name=f"wire {x}-{z}", position_m=(5.0 + 0.4 * x, 8.0 + z), radius_m=0.02)
+            for x in range(10)
+            for z in range(8)
+        ),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("site", SITES.values(), ids=SITES)
+@pytest.mark.parametrize("mission", [Mission.INSPECTION, Mission.EXIT])
+def test_any_site_can_be_drawn(site, mission):
+    _, content = drawn(site, mission=mission)
+    height, width, _ = pixels(content).shape
+    assert 0.4 < height / width < 1.3
+
+
+@pytest.mark.parametrize("file_format", ["svg", "pdf"])
+def test_drawings_for_print(file_format):
+    _, content = drawn(SITE, mission="inspection", file_format=file_format)
+    assert content.lstrip().startswith({"svg": b"<?xml", "pdf": b"%PDF"}[file_format])
+
+
+def test_a_picture_ignores_the_settings_of_its_user():
+    with rc_context({"font.size": 30.0, "axes.facecolor": "red"}):
+        _, changed = drawn(SITE, mission="exit")
+    _, plain = drawn(SITE, mission="exit")
+    assert pixels(changed).shape == pixels(plain).shape
+
+
+def test_a_plane_on_other_axes_has_names_that_do_not_overlap():
+    planner = Planner(SITE, VEHICLE)
+    plan = planner.plan(mission="inspection", start=(27.0, 2.5))
+    figure = Figure(figsize=(8.0, 6.0))
+    FigureCanvasAgg(figure)
+    axes = figure.add_subplot()
+    picture.draw_plane(axes, SITE, planner.maps, picture.view_of(SITE, VEHICLE, [(27.0, 2.5)]))
+    picture.draw_goal(axes, SITE, planner.maps, plan.mission, plan.request.target, None)
+    colours = picture.draw_path(axes, plan, greatest_mps=12.0)
+    picture.draw_start(axes, (27.0, 2.5), (0.0, 0.0))
+    picture.place_labels(axes, plan.waypoints.position_m)
+    assert colours.norm.vmax == 12.0
+    texts = [text for text in axes.texts if text.get_text()]
+    assert {"left-lower", "splice-outer", "start"} <= {text.get_text() for text in texts}
+    boxes = [text.get_window_extent() for text in texts if text.get_visible()]
+    assert len(boxes) == 9
+    assert not any(a.overlaps(b) for n, a in enumerate(boxes) for b in boxes[:n])
+
+
+def test_the_view_holds_what_matters_and_not_what_is_far():
+    near = picture.view_of(SITE, VEHICLE, [(27.0, 2.5), (40.0, 0.0)])
+    assert near[0] < 0.0
+    assert near[1] > 40.0
+    far = picture.view_of(SITE, VEHICLE, [(4_000.0, 0.0)])
+    assert far[1] - far[0] < 2.0 * 30.0
+    # The foot of the tower is shown as far as it costs safety (3 m).
+    assert -5.0 < picture.view_of(replace(SITE, obstacles=(TOWER,)), VEHICLE, [])[2] < -3.0
