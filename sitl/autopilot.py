@@ -1,0 +1,211 @@
+"""The fake autopilot: one machine without I/O. Bytes and time in, bytes out.
+
+    vehicle = FakeAutopilot(Options(latitude_deg=45.3781, longitude_deg=-71.9295))
+    vehicle.receive("companion", packet)      # bytes that arrived on a link
+    vehicle.step(now_s)                       # advance to now_s (seconds since the start, at 0)
+    for link, data in vehicle.data_to_send():
+        ...                                   # bytes to carry away
+
+    vehicle.truth            # frozen: where it really is, wind, battery, mode
+    vehicle.conditions       # change the world in flight: vehicle.conditions.wind_mps = 8.0
+    vehicle.move_sticks(roll=0.5)             # a pilot's remote control; no_sticks() turns it off
+    vehicle.parameter("COM_OF_LOSS_T"), vehicle.set_parameter("COM_OF_LOSS_T", 0.5)
+    vehicle.reboot()         # as if power-cycled: time_boot_ms goes back, disarmed
+
+Links are named in `Options.links`; PX4's manner sends its onboard set of messages to links of
+profile `onboard` and its normal set to those of profile `normal` (a ground station).
+Everything is deterministic: the same options, bytes and times give the same bytes.
+"""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from sitl.battery import BatteryOptions
+from sitl.conditions import Conditions
+from sitl.links import Link, LinkOptions, Router
+from sitl.manner import Manner
+from sitl.px4 import Px4Manner
+from sitl.quadrotor import Airframe
+from sitl.scenario import Scenario, ScenarioPlayer
+from sitl.world import TICK_US, World, WorldOptions
+
+DEFAULT_LINKS = (
+    LinkOptions(name="companion", profile="onboard"),
+    LinkOptions(name="gcs", profile="normal"),
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Options:
+    """What a simulation starts with. Home is where the aircraft stands; ground is flat there."""
+
+    latitude_deg: float = 47.397742
+    longitude_deg: float = 8.545594
+    altitude_amsl_m: float = 489.4
+    yaw_deg: float = 0.0
+    airframe: Airframe = field(default_factory=Airframe)
+    battery: BatteryOptions = field(default_factory=BatteryOptions)
+    scenario: Scenario = field(default_factory=Scenario)
+    seed: int = 1
+    links: tuple[LinkOptions, ...] = DEFAULT_LINKS
+    parameters: Mapping[str, float] = field(default_factory=dict)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Truth:
+    """What is really so.
+
+    position_ned_m      (3,)  metres north, east, down of home, WGS84
+    velocity_ned_mps    (3,)
+    attitude_rad        (3,)  roll, pitch, yaw
+    wind_ned_mps        (3,)  where the air moves to
+    """
+
+    time_s: float
+    position_ned_m: tuple[float, float, float]
+    velocity_ned_mps: tuple[float, float, float]
+    attitude_rad: tuple[float, float, float]
+    wind_ned_mps: tuple[float, float, float]
+    latitude_deg: float
+    longitude_deg: float
+    altitude_amsl_m: float
+    battery_fraction: float
+    thrust: float
+    armed: bool
+    mode: str
+    landed_state: int
+    on_ground: bool
+
+
+class FakeAutopilot:
+    """A PX4 vehicle: physics, battery, sensors, manner and links in one step machine."""
+
+    def __init__(self, options: Options | None = None) -> None:
+        """Power on at time 0, disarmed on the ground at home."""
+        options = options or Options()
+        self.options = options
+        self._world = World(
+            WorldOptions(
+                latitude_deg=options.latitude_deg,
+                longitude_deg=options.longitude_deg,
+                altitude_amsl_m=options.altitude_amsl_m,
+                yaw_deg=options.yaw_deg,
+                airframe=options.airframe,
+                battery=options.battery,
+                seed=options.seed,
+            )
+        )
+        self._player = ScenarioPlayer(options.scenario)
+        self._links = {link.name: Link(link) for link in options.links}
+        self._router = Router(list(self._links.values()), self._forwards)
+        self._px4 = Px4Manner(self._world, self._router, parameters=options.parameters)
+        self._inbox: list[tuple[str, bytes]] = []
+
+    @property
+    def manner(self) -> Manner:
+        """The autopilot's behaviour."""
+        return self._px4
+
+    @property
+    def conditions(self) -> Conditions:
+        """The world's conditions: read them or write them at any time."""
+        return self._world.conditions
+
+    @property
+    def time_s(self) -> float:
+        """Simulated time reached so far."""
+        return self._world.now_s
+
+    @property
+    def truth(self) -> Truth:
+        """A snapshot of what is really so."""
+        world, quad = self._world, self._world.quad
+        place = world.frame.geodetic(quad.n, quad.e, quad.d)
+        return Truth(
+            time_s=world.now_s,
+            position_ned_m=(quad.n, quad.e, quad.d),
+            velocity_ned_mps=(quad.vn, quad.ve, quad.vd),
+            attitude_rad=(quad.roll, quad.pitch, quad.yaw),
+            wind_ned_mps=world.wind.ned_mps,
+            latitude_deg=place.latitude_deg,
+            longitude_deg=place.longitude_deg,
+            altitude_amsl_m=place.altitude_amsl_m,
+            battery_fraction=world.battery.fraction,
+            thrust=quad.thrust,
+            armed=self._px4.armed,
+            mode=self._px4.mode_name,
+            landed_state=self._px4.landed_state,
+            on_ground=quad.on_ground,
+        )
+
+    def receive(self, link: str, data: bytes) -> None:
+        """Take bytes that arrived on a link.
+
+        They are handled in the next tick (10 ms), and lost while the autopilot boots.
+        """
+        if link not in self._links:
+            raise KeyError(link)
+        if data:
+            self._inbox.append((link, data))
+
+    def step(self, now_s: float) -> None:
+        """Advance to `now_s` in ticks of 10 ms; earlier times do nothing."""
+        end_us = math.floor(now_s * 1e6 + 0.5)
+        world, manner = self._world, self._px4
+        while world.now_us + TICK_US <= end_us:
+            if self._inbox:
+                self._take_inbox()
+            self._player.step(world)
+            manner.control()
+            world.tick(armed=manner.armed)
+            manner.emit()
+
+    def data_to_send(self) -> list[tuple[str, bytes]]:
+        """Return and forget the bytes that wait, at most one entry per link."""
+        loss = self._world.conditions.link_loss_percent / 100.0
+        out = []
+        for link in self._links.values():
+            if link.out:
+                link.loss_fraction = loss if link.profile == "onboard" else 0.0
+                data = link.drain(self._world.random)
+                if data:
+                    out.append((link.name, data))
+        return out
+
+    def move_sticks(
+        self, *, roll: float = 0.0, pitch: float = 0.0, throttle: float = 0.0, yaw: float = 0.0
+    ) -> None:
+        """Switch on a remote control and hold its sticks there, each -1 to 1, 0 in the middle."""
+        self._px4.sticks.hold(roll=roll, pitch=pitch, throttle=throttle, yaw=yaw)
+
+    def no_sticks(self) -> None:
+        """Switch the remote control off."""
+        self._px4.sticks.release()
+
+    def parameter(self, name: str) -> float:
+        """Return a parameter's value; `KeyError` when there is none."""
+        return self._px4.parameters.value(name)
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter as PARAM_SET does; `KeyError`, `ValueError` when it is refused."""
+        self._px4.set_parameter(name, value)
+
+    def reboot(self) -> None:
+        """Restart the autopilot's software; the aircraft stays where it is, motors off."""
+        self._px4.reboot()
+
+    def _forwards(self, link: Link) -> bool:
+        return self._px4.forwards(link)
+
+    def _take_inbox(self) -> None:
+        inbox, self._inbox = self._inbox, []
+        if not self._px4.running:
+            return
+        for name, data in inbox:
+            link = self._links[name]
+            if link.loss_fraction and self._world.random.random() < link.loss_fraction:
+                continue
+            for message in link.parse(data):
+                self._router.forward(link, message)
+                self._px4.receive(name, message)

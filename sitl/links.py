@@ -1,0 +1,130 @@
+"""Links between the autopilot and the world, and the forwarding between them.
+
+Bytes in, decoded messages out; payloads in, framed bytes out. Forwarding follows PX4 v1.17 as
+measured: only between links that both forward, only to a link on which something was heard, and
+addressed messages only to a link on which the addressee was heard.
+"""
+
+import random
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any, Final
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from sitl.wire import Layout, frame, packet_header
+
+SYSTEM: Final = 1
+AUTOPILOT_COMPONENT: Final = 1
+RADIO_SYSTEM: Final = 51
+RADIO_COMPONENT: Final = 68
+_MAX_QUEUE_BYTES: Final = 4_000_000
+"""A link that nobody drains keeps the last of its data."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkOptions:
+    """One link: its name, and PX4's profile for it (`onboard` or `normal`)."""
+
+    name: str
+    profile: str = "onboard"
+
+
+class Link:
+    """One link: parser, sequence numbers, what was heard on it, bytes waiting to be sent."""
+
+    def __init__(self, options: LinkOptions) -> None:
+        """Start silent."""
+        self.name = options.name
+        self.profile = options.profile
+        self.heard: set[tuple[int, int]] = set()
+        self.heard_systems: set[int] = set()
+        self.ground_station_heard = False
+        self.out: list[bytes] = []
+        self.sent = 0
+        self.received = 0
+        self.sent_bytes = 0
+        self.received_bytes = 0
+        self.loss_fraction = 0.0
+        self._parser = mavlink.MAVLink(None)
+        self._parser.robust_parsing = True
+        self._seq = 0
+        self._radio_seq = 0
+        self._queued = 0
+
+    def parse(self, data: bytes) -> list[Any]:
+        """Return the whole messages that `data` completes; broken ones are dropped."""
+        self.received_bytes += len(data)
+        messages = []
+        for message in self._parser.parse_buffer(data) or []:
+            if message.get_type() == "BAD_DATA":
+                continue
+            self.received += 1
+            _, system, component = packet_header(message.get_msgbuf())
+            self.heard.add((system, component))
+            self.heard_systems.add(system)
+            if message.get_type() == "HEARTBEAT" and message.type == mavlink.MAV_TYPE_GCS:
+                self.ground_station_heard = True
+            messages.append(message)
+        return messages
+
+    def send(self, layout: Layout, payload: bytes) -> None:
+        """Frame a payload as the autopilot's own packet."""
+        packet = frame(layout, payload, seq=self._seq, system=SYSTEM, component=AUTOPILOT_COMPONENT)
+        self._seq = (self._seq + 1) & 0xFF
+        self.put(packet)
+
+    def send_as_radio(self, layout: Layout, payload: bytes) -> None:
+        """Frame a payload as a telemetry radio's (system 51, component 68)."""
+        packet = frame(
+            layout, payload, seq=self._radio_seq, system=RADIO_SYSTEM, component=RADIO_COMPONENT
+        )
+        self._radio_seq = (self._radio_seq + 1) & 0xFF
+        self.put(packet)
+
+    def put(self, packet: bytes) -> None:
+        """Queue a whole packet as it is."""
+        self.sent += 1
+        self.sent_bytes += len(packet)
+        self._queued += len(packet)
+        if self._queued > _MAX_QUEUE_BYTES:
+            self.out.clear()
+            self._queued = len(packet)
+        self.out.append(packet)
+
+    def drain(self, generator: random.Random) -> bytes:
+        """Return and forget what waits, less what a bad link loses."""
+        packets, self.out = self.out, []
+        self._queued = 0
+        if self.loss_fraction > 0.0:
+            packets = [p for p in packets if generator.random() >= self.loss_fraction]
+        return b"".join(packets)
+
+
+class Router:
+    """All links of one autopilot."""
+
+    def __init__(self, links: list[Link], forwards: Callable[[Link], bool]) -> None:
+        """Take the links, and the rule that says whether a link forwards."""
+        self.links = {link.name: link for link in links}
+        self.forwards = forwards
+
+    def forward(self, source: Link, message: Any) -> None:
+        """Pass a message on to the other links that should have it."""
+        if len(self.links) == 1 or not self.forwards(source):
+            return
+        raw = bytes(message.get_msgbuf())
+        system = getattr(message, "target_system", 0)
+        component = getattr(message, "target_component", 0)
+        if (system, component) == (SYSTEM, AUTOPILOT_COMPONENT):
+            return
+        for link in self.links.values():
+            if link is source or not link.heard or not self.forwards(link):
+                continue
+            if system and (
+                (system, component) not in link.heard
+                if component
+                else system not in link.heard_systems
+            ):
+                continue
+            link.put(raw)

@@ -1,0 +1,130 @@
+"""PX4's failsafes: which action is due, as a pure function of flags.
+
+Precedence is severity: the most severe action wins. Measured on PX4 v1.17.0; parameter values
+COM_OBL_RC_ACT: 0 position (with sticks) or return, 1 altitude or return, 3 return, 4 land,
+5 hold; COM_LOW_BAT_ACT: 0 warn, 2 land, 3 return at critical and land at emergency.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import Final
+
+from sitl.px4.modes import AUTO_MODES, Mode
+
+_SEVERITY: Final = (
+    Mode.POSCTL,
+    Mode.ALTCTL,
+    Mode.MANUAL,
+    Mode.HOLD,
+    Mode.RTL,
+    Mode.LAND,
+    Mode.DESCEND,
+)
+_OFFBOARD_LOSS: Final = {3: Mode.RTL, 4: Mode.LAND, 5: Mode.HOLD}
+
+
+class Charge(IntEnum):
+    """BATTERY_STATUS.charge_state as PX4 judges it."""
+
+    OK = 1
+    LOW = 2
+    CRITICAL = 3
+    EMERGENCY = 4
+
+
+class Cause(IntEnum):
+    """Why; the battery's numbers are those of PX4's events."""
+
+    OFFBOARD_LOST = 0
+    STICKS_LOST = 1
+    POSITION_LOST = 2
+    BATTERY_CRITICAL = 4
+    BATTERY_EMERGENCY = 5
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Flags:
+    """What the failsafes look at."""
+
+    mode: Mode
+    stream_alive: bool
+    position_valid: bool
+    sticks: bool
+    charge: Charge
+    overridden_charge: Charge
+    """Battery levels up to this one were overridden by a mode request."""
+    offboard_action: int
+    battery_action: int
+    sticks_action: int
+
+
+_CHARGE_CAUSES: Final = {
+    Charge.CRITICAL: Cause.BATTERY_CRITICAL,
+    Charge.EMERGENCY: Cause.BATTERY_EMERGENCY,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Action:
+    """What must be done: the mode, whether PX4 first holds for COM_FAIL_ACT_T, and why."""
+
+    mode: Mode
+    delayed: bool
+    cause: Cause
+
+
+def due(flags: Flags) -> Action | None:
+    """Return the most severe action that is due, or None."""
+    found = [
+        action
+        for action in (_offboard(flags), _sticks(flags), _position(flags), _battery(flags))
+        if action is not None
+    ]
+    if not found:
+        return None
+    worst = max(found, key=lambda action: _SEVERITY.index(action.mode))
+    if not flags.position_valid and worst.mode in AUTO_MODES:
+        return Action(mode=Mode.DESCEND, delayed=worst.delayed, cause=worst.cause)
+    return worst
+
+
+def _offboard(flags: Flags) -> Action | None:
+    if flags.mode is not Mode.OFFBOARD:
+        return None
+    if not flags.position_valid:
+        return Action(mode=Mode.ALTCTL, delayed=False, cause=Cause.POSITION_LOST)
+    if flags.stream_alive:
+        return None
+    mode = _OFFBOARD_LOSS.get(flags.offboard_action, Mode.RTL)
+    if flags.sticks and flags.offboard_action in (0, 1):
+        mode = Mode.POSCTL if flags.offboard_action == 0 else Mode.ALTCTL
+    return Action(mode=mode, delayed=False, cause=Cause.OFFBOARD_LOST)
+
+
+def _sticks(flags: Flags) -> Action | None:
+    if flags.sticks or flags.mode not in (Mode.POSCTL, Mode.ALTCTL, Mode.MANUAL):
+        return None
+    mode = {1: Mode.HOLD, 3: Mode.LAND}.get(flags.sticks_action, Mode.RTL)
+    return Action(mode=mode, delayed=True, cause=Cause.STICKS_LOST)
+
+
+def _position(flags: Flags) -> Action | None:
+    if flags.position_valid:
+        return None
+    if flags.mode is Mode.POSCTL:
+        return Action(mode=Mode.ALTCTL, delayed=False, cause=Cause.POSITION_LOST)
+    if flags.mode in AUTO_MODES:
+        return Action(mode=Mode.DESCEND, delayed=False, cause=Cause.POSITION_LOST)
+    return None
+
+
+def _battery(flags: Flags) -> Action | None:
+    if flags.charge <= flags.overridden_charge or flags.charge < Charge.CRITICAL:
+        return None
+    if flags.battery_action == 0:
+        return None
+    returns = flags.battery_action == 3 and flags.charge is Charge.CRITICAL
+    mode = Mode.RTL if returns else Mode.LAND
+    if flags.mode is mode or (flags.mode is Mode.LAND and mode is Mode.RTL):
+        return None
+    return Action(mode=mode, delayed=True, cause=_CHARGE_CAUSES[flags.charge])

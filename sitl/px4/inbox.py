@@ -1,0 +1,124 @@
+"""Messages to PX4, each handed to the part that answers it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+from sitl.links import AUTOPILOT_COMPONENT, SYSTEM
+from sitl.px4 import voice as say
+from sitl.px4.commands import Commands, read_command
+from sitl.px4.offboard import OffboardStream, Refused, read_local_ned
+from sitl.px4.parameter_server import ParameterServer
+from sitl.px4.sticks import Sticks
+from sitl.wire import layout, packet_header
+from sitl.world import World
+
+Send = Callable[[str, str, bytes], None]
+"""Send a payload: link, message name, payload."""
+
+
+@dataclass(slots=True, kw_only=True)
+class Receivers:
+    """Who takes the messages."""
+
+    world: World
+    boot_us: int
+    commands: Commands
+    stream: OffboardStream
+    sticks: Sticks
+    server: ParameterServer
+    voice: say.Voice
+    send: Send
+
+
+class Inbox:
+    """The table of messages that PX4 listens to; all others are ignored."""
+
+    def __init__(self, receivers: Receivers) -> None:
+        """Connect the handlers."""
+        self._r = receivers
+        self._handlers: dict[str, Callable[[str, Any], None]] = {
+            "COMMAND_LONG": self._command,
+            "COMMAND_INT": self._command,
+            "SET_POSITION_TARGET_LOCAL_NED": self._position_setpoint,
+            "MANUAL_CONTROL": self._manual_control,
+            "PARAM_REQUEST_LIST": self._parameter,
+            "PARAM_REQUEST_READ": self._parameter,
+            "PARAM_SET": self._parameter,
+            "MISSION_REQUEST_LIST": self._mission_list,
+            "TIMESYNC": self._timesync,
+            "PING": self._ping,
+        }
+
+    def take(self, link: str, message: Any) -> None:
+        """Handle one message that came on a link."""
+        handler = self._handlers.get(message.get_type())
+        if handler is not None:
+            handler(link, message)
+
+    def _command(self, link: str, message: Any) -> None:
+        if message.target_system == SYSTEM and message.target_component in (
+            0,
+            AUTOPILOT_COMPONENT,
+        ):
+            self._r.commands.run(read_command(link, message, _source(message)))
+
+    def _position_setpoint(self, _: str, message: Any) -> None:
+        if not _for_autopilot(message):
+            return
+        try:
+            setpoint = read_local_ned(message, self._r.world.quad.yaw)
+        except Refused as refused:
+            self._r.voice.say(say.CRITICAL, str(refused))
+            return
+        self._r.stream.take(setpoint, self._r.world.now_us)
+
+    def _manual_control(self, _: str, message: Any) -> None:
+        if message.target in (0, SYSTEM):
+            self._r.sticks.take(message, self._r.world.now_us)
+
+    def _parameter(self, link: str, message: Any) -> None:
+        if _for_autopilot(message):
+            for payload in self._r.server.answer(link, message):
+                self._r.send(link, "PARAM_VALUE", payload)
+
+    def _mission_list(self, link: str, message: Any) -> None:
+        if not _for_autopilot(message):
+            return
+        system, component = _source(message)
+        kind = layout("MISSION_COUNT")
+        values = dict.fromkeys(kind.fields, 0) | {
+            "target_system": system,
+            "target_component": component,
+            "mission_type": message.mission_type,
+        }
+        self._r.send(link, "MISSION_COUNT", kind.payload(**values))
+
+    def _timesync(self, link: str, message: Any) -> None:
+        if message.tc1 == 0:
+            now_ns = (self._r.world.now_us - self._r.boot_us) * 1000
+            payload = layout("TIMESYNC").payload(tc1=now_ns, ts1=message.ts1)
+            self._r.send(link, "TIMESYNC", payload)
+
+    def _ping(self, link: str, message: Any) -> None:
+        if message.target_system == 0 and message.target_component == 0:
+            system, component = _source(message)
+            payload = layout("PING").payload(
+                time_usec=message.time_usec,
+                seq=message.seq,
+                target_system=system,
+                target_component=component,
+            )
+            self._r.send(link, "PING", payload)
+
+
+def _source(message: Any) -> tuple[int, int]:
+    _, system, component = packet_header(message.get_msgbuf())
+    return system, component
+
+
+def _for_autopilot(message: Any) -> bool:
+    return message.target_system in (0, SYSTEM) and message.target_component in (
+        0,
+        AUTOPILOT_COMPONENT,
+    )

@@ -1,0 +1,53 @@
+"""The pilot's hands: MANUAL_CONTROL messages, or a simulated remote control."""
+
+import math
+from typing import Any, Final
+
+FULL: Final = 1000.0
+
+
+class Sticks:
+    """Stick positions -1 to 1, throttle too (0 in the middle), and whether anyone holds them."""
+
+    def __init__(self) -> None:
+        """Nobody is there."""
+        self.roll = self.pitch = self.throttle = self.yaw = 0.0
+        self.remote_control = False
+        self.last_us: int | None = None
+        self.ever = False
+
+    def hold(self, *, roll: float, pitch: float, throttle: float, yaw: float) -> None:
+        """Switch the remote control on and hold the sticks there."""
+        self.roll, self.pitch, self.throttle, self.yaw = roll, pitch, throttle, yaw
+        self.remote_control = True
+
+    def release(self) -> None:
+        """Switch the remote control off."""
+        self.remote_control = False
+        self.last_us = None
+
+    def take(self, message: Any, now_us: int) -> None:
+        """Take a MANUAL_CONTROL message: x pitch, y roll, r yaw, z throttle 0 to 1000."""
+        self.pitch, self.roll = message.x / FULL, message.y / FULL
+        self.throttle, self.yaw = message.z / FULL * 2.0 - 1.0, message.r / FULL
+        self.last_us = now_us
+
+    def step(self, now_us: int) -> None:
+        """Let the remote control repeat itself."""
+        if self.remote_control:
+            self.last_us = now_us
+        if self.last_us is not None:
+            self.ever = True
+
+    def present(self, now_us: int, timeout_s: float) -> bool:
+        """Whether input came within the time-out (COM_RC_LOSS_T)."""
+        return self.last_us is not None and now_us - self.last_us <= timeout_s * 1e6
+
+    def deflection(self) -> float:
+        """Return how far roll or pitch is from the middle, 0 to 1."""
+        return max(abs(self.roll), abs(self.pitch))
+
+    def channels(self) -> list[int]:
+        """Return RC channels 1 to 8 in microseconds: roll, pitch, throttle, yaw, four spare."""
+        moved = [self.roll, -self.pitch, self.throttle, self.yaw]
+        return [1500 + math.floor(500 * value + 0.5) for value in moved] + [1500] * 4

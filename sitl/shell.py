@@ -1,0 +1,253 @@
+"""The process around the fake autopilot: arguments, sockets, the clock, the truth log.
+
+Exit status: 0 stopped by the user; 2 bad input (one line on stderr); 1 a port or file that cannot
+be had.
+"""
+
+import argparse
+import asyncio
+import contextlib
+import math
+import signal
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Final, NoReturn
+
+from sitl.autopilot import FakeAutopilot, Options
+from sitl.geodesy import Geodetic
+from sitl.links import LinkOptions
+from sitl.ports import Port, Url, open_port
+from sitl.px4.parameters import Parameters
+from sitl.scenario import Scenario, ScenarioError
+from sitl.truth_log import PERIOD_S, TruthLog
+
+_PERIOD_S: Final = 0.01
+"""How often the clock is looked at, in real time."""
+_MAX_LAG_S: Final = 0.5
+"""A process that was stopped for longer goes on from where it was."""
+_DEFAULT_LINKS: Final = ("companion=udpout:127.0.0.1:14540", "gcs=udpout:127.0.0.1:14550")
+_DEFAULT_HOME: Final = "47.397742,8.545594,489.4"
+"""PX4's own."""
+_GROUND_STATION_NAMES: Final = ("gcs", "qgc", "operator")
+
+
+class _Bad(Exception):  # noqa: N818 - it is the user's input that is bad
+    """An argument that cannot be used."""
+
+
+class _Parser(argparse.ArgumentParser):
+    """Says what is wrong in one line."""
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"sitl: {message}\n")
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Settings:
+    """What the arguments say."""
+
+    options: Options
+    urls: dict[str, Url]
+    speed: float
+    truth: Path | None
+
+
+def read_arguments(arguments: Sequence[str] | None) -> Settings:
+    """Read the command line; exits with status 2 and one line when it cannot be used."""
+    parser = _Parser(
+        prog="python -m sitl",
+        description="A fake autopilot that talks MAVLink like a real PX4.",
+    )
+    parser.add_argument("--autopilot", choices=("px4",), default="px4")
+    parser.add_argument("--home", metavar="LAT,LON,ALT[,YAW]", help="degrees, metres AMSL, degrees")
+    parser.add_argument(
+        "--link",
+        metavar="NAME=URL",
+        action="append",
+        help="udpin, udpout, tcpin or tcp :HOST:PORT; names gcs... get a ground station's messages"
+        f" (default: {' and '.join(_DEFAULT_LINKS)})",
+    )
+    parser.add_argument("--scenario", metavar="FILE", help="timed changes of the conditions")
+    parser.add_argument("--speed", type=float, default=1.0, help="simulated seconds per second")
+    parser.add_argument("--truth", metavar="FILE.csv", help="log of what is really so, at 20 Hz")
+    parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--param", metavar="NAME=VALUE", action="append", help="set a parameter")
+    args = parser.parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
+    try:
+        urls = _links(args.link or _DEFAULT_LINKS)
+        _check_speed(args.speed)
+        home, yaw_deg = _home(args.home)
+        options = Options(
+            latitude_deg=home.latitude_deg,
+            longitude_deg=home.longitude_deg,
+            altitude_amsl_m=home.altitude_amsl_m,
+            yaw_deg=yaw_deg,
+            scenario=Scenario.load(Path(args.scenario)) if args.scenario else Scenario(),
+            seed=args.seed,
+            links=tuple(
+                LinkOptions(
+                    name=name,
+                    profile="normal" if name.startswith(_GROUND_STATION_NAMES) else "onboard",
+                )
+                for name in urls
+            ),
+            parameters=_parameters(args.param or []),
+        )
+    except (_Bad, ScenarioError) as error:
+        parser.error(str(error))
+    return Settings(
+        options=options,
+        urls=urls,
+        speed=args.speed,
+        truth=Path(args.truth) if args.truth else None,
+    )
+
+
+def _joined(arguments: Sequence[str]) -> list[str]:
+    """Let `--home -33.1,151.2,20` mean `--home=-33.1,...`: a minus is no option there."""
+    joined: list[str] = []
+    for argument in arguments:
+        if joined and joined[-1] == "--home":
+            joined[-1] = f"--home={argument}"
+        else:
+            joined.append(argument)
+    return joined
+
+
+def _check_speed(speed: float) -> None:
+    if not (math.isfinite(speed) and speed > 0.0):
+        raise _Bad(f"--speed {speed:g}: must be more than 0")
+
+
+def _home(text: str | None) -> tuple[Geodetic, float]:
+    """Return the place and the heading in degrees."""
+    if text is None:
+        text = _DEFAULT_HOME
+    allowed = "must be LAT,LON,ALT or LAT,LON,ALT,YAW"
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        raise _Bad(f"--home {text!r}: {allowed}") from None
+    if len(numbers) not in (3, 4) or not all(math.isfinite(number) for number in numbers):
+        raise _Bad(f"--home {text!r}: {allowed}")
+    if abs(numbers[0]) > 89.0 or abs(numbers[1]) > 180.0:
+        raise _Bad(f"--home {text!r}: latitude within 89, longitude within 180 degrees")
+    place = Geodetic(latitude_deg=numbers[0], longitude_deg=numbers[1], altitude_amsl_m=numbers[2])
+    return place, numbers[3] if len(numbers) == 4 else 0.0
+
+
+def _links(texts: Sequence[str]) -> dict[str, Url]:
+    urls: dict[str, Url] = {}
+    for text in texts:
+        name, found, url = text.partition("=")
+        if not found or not name:
+            raise _Bad(f"--link {text!r}: must be NAME=URL")
+        if name in urls:
+            raise _Bad(f"--link {text!r}: there is already a link named {name}")
+        try:
+            urls[name] = Url.parse(url)
+        except ValueError as error:
+            raise _Bad(f"--link {name}: {error}") from None
+    return urls
+
+
+def _parameters(texts: Sequence[str]) -> dict[str, float]:
+    known = Parameters()
+    return dict(_parameter(text, known) for text in texts)
+
+
+def _parameter(text: str, known: Parameters) -> tuple[str, float]:
+    name, _, number = text.partition("=")
+    try:
+        value = float(number)
+    except ValueError:
+        raise _Bad(f"--param {text!r}: must be NAME=NUMBER") from None
+    try:
+        known.set(name, value)
+    except KeyError:
+        raise _Bad(f"--param {text!r}: no parameter is named {name!r}") from None
+    except ValueError as error:
+        raise _Bad(f"--param {error}") from None
+    return name, value
+
+
+async def run(settings: Settings) -> int:
+    """Simulate in real time, times `speed`, until told to stop."""
+    vehicle = FakeAutopilot(settings.options)
+    log = None
+    ports: dict[str, Port] = {}
+    try:
+        if settings.truth is not None:
+            log = TruthLog(settings.truth, settings.options)
+        for name, url in settings.urls.items():
+            ports[name] = await _open(name, url, vehicle)
+        print(
+            f"sitl: PX4 at {settings.options.latitude_deg:.6f},"
+            f"{settings.options.longitude_deg:.6f},{settings.options.altitude_amsl_m:g};",
+            ", ".join(f"{name}={url}" for name, url in settings.urls.items()),
+            flush=True,
+        )
+        stop = asyncio.Event()
+        loop = asyncio.get_running_loop()
+        for number in (signal.SIGINT, signal.SIGTERM):
+            with contextlib.suppress(NotImplementedError):
+                loop.add_signal_handler(number, stop.set)
+        await _pace(vehicle, ports, log, settings.speed, stop)
+    except OSError as error:
+        print(f"sitl: {error}", file=sys.stderr)
+        return 1
+    finally:
+        for port in ports.values():
+            port.close()
+        if log is not None:
+            log.close()
+    return 0
+
+
+async def _open(name: str, url: Url, vehicle: FakeAutopilot) -> Port:
+    try:
+        return await open_port(url, partial(vehicle.receive, name))
+    except OSError as error:
+        raise OSError(f"{name}={url}: {error.strerror or error}") from None
+
+
+async def _pace(
+    vehicle: FakeAutopilot,
+    ports: dict[str, Port],
+    log: TruthLog | None,
+    speed: float,
+    stop: asyncio.Event,
+) -> None:
+    """Step by absolute deadlines, so that errors of sleeping do not add up."""
+    start = deadline = time.monotonic()
+    while not stop.is_set():
+        goal_s = (deadline - start) * speed
+        while vehicle.time_s + 1e-6 < goal_s:
+            before_s = vehicle.time_s
+            vehicle.step(min(goal_s, before_s + PERIOD_S))
+            if log is not None:
+                log.step(vehicle.truth)
+            for name, data in vehicle.data_to_send():
+                ports[name].send(data)
+            if vehicle.time_s == before_s:
+                break
+        deadline += _PERIOD_S
+        late_s = time.monotonic() - deadline
+        if late_s > _MAX_LAG_S:
+            start += late_s
+            deadline += late_s
+        with contextlib.suppress(asyncio.TimeoutError):
+            await asyncio.wait_for(stop.wait(), max(0.0, -late_s))
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the simulator; returns the exit status."""
+    settings = read_arguments(arguments)
+    try:
+        return asyncio.run(run(settings))
+    except KeyboardInterrupt:
+        return 0

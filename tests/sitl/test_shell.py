@@ -1,0 +1,165 @@
+"""The process: arguments, sockets, pacing, the truth log."""
+
+import contextlib
+import csv
+import signal
+import socket
+import subprocess
+import sys
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from sitl.ports import Url
+from sitl.shell import read_arguments
+
+ROOT = Path(__file__).parents[2]
+
+
+def _sitl(*arguments):
+    return [sys.executable, "-m", "sitl", *arguments]
+
+
+@contextlib.contextmanager
+def _running(*arguments):
+    process = subprocess.Popen(
+        _sitl(*arguments), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    try:
+        assert process.stdout.readline().startswith("sitl: PX4 at")
+        yield process
+    finally:
+        if process.poll() is None:
+            process.kill()
+        process.communicate()
+
+
+def _hear(receive, wanted, limit=20_000):
+    """Read until a message of the wanted type comes; the process paces us, not a clock."""
+    mav = mavlink.MAVLink(None)
+    mav.robust_parsing = True
+    for _ in range(limit):
+        for message in mav.parse_buffer(receive()) or []:
+            if message.get_type() == wanted:
+                return message
+    raise AssertionError(f"no {wanted}")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "says"),
+    [
+        (["--home", "1,2"], "--home '1,2': must be LAT,LON,ALT or LAT,LON,ALT,YAW"),
+        (["--home", "95,2,3"], "latitude within 89"),
+        (["--link", "companion"], "must be NAME=URL"),
+        (["--link", "a=udp:nowhere"], "must be udpin:HOST:PORT"),
+        (["--link", "a=udpin:0.0.0.0:70000"], "must be udpin:HOST:PORT"),
+        (["--link", "a=udpin::14550", "--link", "a=udpin::14551"], "already a link named a"),
+        (["--speed", "0"], "--speed 0: must be more than 0"),
+        (["--speed", "fast"], "invalid float value"),
+        (["--autopilot", "apm"], "invalid choice"),
+        (["--param", "NO_SUCH=1"], "no parameter is named 'NO_SUCH'"),
+        (["--param", "COM_OF_LOSS_T=100"], "not between 0 and 60"),
+        (["--param", "COM_OF_LOSS_T"], "must be NAME=NUMBER"),
+        (["--scenario", "/no/such.yaml"], "/no/such.yaml: cannot be read"),
+    ],
+)
+def test_bad_arguments_give_one_line_and_status_2(capsys, arguments, says):
+    with pytest.raises(SystemExit) as caught:
+        read_arguments(arguments)
+    assert caught.value.code == 2
+    said = capsys.readouterr().err
+    assert says in said
+    assert said.count("\n") == 1
+
+
+def test_the_defaults_are_px4s_ports_and_home():
+    settings = read_arguments([])
+    assert {name: str(url) for name, url in settings.urls.items()} == {
+        "companion": "udpout:127.0.0.1:14540",
+        "gcs": "udpout:127.0.0.1:14550",
+    }
+    assert settings.options.latitude_deg == 47.397742
+    assert [link.profile for link in settings.options.links] == ["onboard", "normal"]
+
+
+def test_a_home_in_the_south_west_is_taken_with_and_without_equals_sign():
+    for arguments in (["--home", "-33.1,-70.2,520,90"], ["--home=-33.1,-70.2,520,90"]):
+        options = read_arguments(arguments).options
+        assert (options.latitude_deg, options.longitude_deg) == (-33.1, -70.2)
+        assert (options.altitude_amsl_m, options.yaw_deg) == (520.0, 90.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "url"),
+    [
+        ("udp:0.0.0.0:14550", "udpin:0.0.0.0:14550"),
+        ("udpin://:14550", "udpin:0.0.0.0:14550"),
+        ("udpout:10.0.0.2:14540", "udpout:10.0.0.2:14540"),
+        ("tcpin:0.0.0.0:5760", "tcpin:0.0.0.0:5760"),
+        ("tcp::5760", "tcp:127.0.0.1:5760"),
+    ],
+)
+def test_urls(text, url):
+    assert str(Url.parse(text)) == url
+
+
+def test_a_stranger_talks_to_the_process_over_real_udp(tmp_path):
+    log = tmp_path / "truth.csv"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
+        end.bind(("127.0.0.1", 0))
+        end.settimeout(20.0)
+        link = f"companion=udpout:127.0.0.1:{end.getsockname()[1]}"
+        with _running("--link", link, "--speed", "10", "--truth", str(log)) as process:
+            peer = {}
+
+            def receive():
+                data, peer["address"] = end.recvfrom(65535)
+                return data
+
+            heartbeat = _hear(receive, "HEARTBEAT")
+            assert (heartbeat.autopilot, heartbeat.custom_mode) == (12, 0x03040000)
+            mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=195)
+            request = mavlink.MAVLink_command_long_message(1, 1, 512, 0, 148, 0, 0, 0, 0, 0, 0)
+            end.sendto(request.pack(mav), peer["address"])
+            assert _hear(receive, "AUTOPILOT_VERSION").flight_sw_version == 17891583
+            process.send_signal(signal.SIGINT)
+            assert process.wait(20) == 0
+            assert process.stderr.read() == ""
+    lines = log.read_text().splitlines()
+    assert lines[0].startswith("# home latitude_deg=47.397742 longitude_deg=8.545594")
+    rows = list(csv.DictReader(lines[1:]))
+    assert len(rows) > 10
+    assert {"time_s", "north_m", "battery_fraction", "mode"} <= set(rows[0])
+    gaps = [float(b["time_s"]) - float(a["time_s"]) for a, b in pairwise(rows)]
+    assert max(gaps) <= 0.1
+
+
+def test_a_ground_station_connects_over_tcp_and_the_truth_survives_a_kill(tmp_path):
+    log = tmp_path / "truth.csv"
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with _running(
+        "--link", f"gcs=tcpin:127.0.0.1:{port}", "--speed", "10", "--truth", str(log)
+    ) as process:
+        with socket.create_connection(("127.0.0.1", port), timeout=20.0) as end:
+            end.settimeout(20.0)
+            assert _hear(lambda: end.recv(4096), "HEARTBEAT").type == 2
+        process.kill()
+        process.wait(20)
+    assert log.read_text().endswith("\n")
+
+
+def test_a_port_in_use_is_one_line_and_status_1():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        done = subprocess.run(
+            _sitl("--link", f"gcs=udpin:127.0.0.1:{port}"),
+            cwd=ROOT, capture_output=True, text=True, check=False, timeout=60,
+        )  # fmt: skip
+    assert done.returncode == 1
+    assert f"gcs=udpin:127.0.0.1:{port}: Address already in use" in done.stderr
+    assert done.stderr.count("\n") == 1
