@@ -1,10 +1,16 @@
 """moar-companion: risk-aware path planning and guidance for inspection next to power lines."""
 
-from .planner.plan import Plan, PlanStatus
-from .planner.planner import Planner
-from .site import Site
-from .types import Mission, RiskIndices, Weights
-from .vehicle import Vehicle
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .planner.plan import Plan, PlanStatus
+    from .planner.planner import Planner
+    from .site import Site
+    from .types import Mission, RiskIndices, Weights
+    from .vehicle import Vehicle
 
 __all__ = [
     "Mission",
@@ -16,3 +22,21 @@ __all__ = [
     "Vehicle",
     "Weights",
 ]
+
+_HOMES = {
+    "Mission": "types",
+    "Plan": "planner.plan",
+    "PlanStatus": "planner.plan",
+    "Planner": "planner.planner",
+    "RiskIndices": "types",
+    "Site": "site",
+    "Vehicle": "vehicle",
+    "Weights": "types",
+}
+"""Imported when first asked for: the command line's help needs no compiler."""
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOMES:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(importlib.import_module(f".{_HOMES[name]}", __name__), name)

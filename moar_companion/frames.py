@@ -3,7 +3,7 @@
 Two projections meet here, each the one its owner uses:
 
 - The site is surveyed in true metres, so its plane stands on the WGS84 ellipsoid: near the
-  origin, metres per radian are the radii of curvature (exact to 1e-6 over a kilometre).
+  origin, metres per radian are the radii of curvature (within 1e-5 over 100 m).
 - PX4's local frame is an azimuthal equidistant projection on a sphere of 6,371,000 m (PX4, `geo.h`,
   CONSTANTS_RADIUS_OF_EARTH); ArduPilot scales angles by 6,378,100 m and the cosine of the latitude
   (`AP_Common/Location.h`, LOCATION_SCALING_FACTOR). Over 100 m they differ from true metres by up

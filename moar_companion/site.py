@@ -100,6 +100,13 @@ class Site:
     landing_m: Mapping[Mission, tuple[PlanePoint, ...]]
     """Landing points of the exit and of the evacuation; a mission without any is absent."""
 
+    def target(self, name: str) -> Target:
+        """The target of this name; KeyError without it."""
+        for target in self.targets:
+            if target.name == name:
+                return target
+        raise KeyError(name)
+
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Site:
         """The site in a YAML file; raises InputError with one line when it cannot be used."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import logging
 from dataclasses import replace
 from pathlib import Path
 
@@ -29,6 +30,8 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the service until it is told to end."""
     config = configured(arguments)
     from ..service.app import run_service  # noqa: PLC0415
+
+    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s")
 
     return run_service(config)
 

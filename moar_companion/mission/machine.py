@@ -185,10 +185,11 @@ def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
     if status.sought is None:
         return status, ()
     in_control = status.state in IN_CONTROL
-    entered, effects = _enter(
-        status, MissionState.FLYING if in_control else MissionState.READY, now_s
+    found, effects = _enter(
+        replace(status, task=status.sought, failsafe_known=world.autopilot_failsafe),
+        MissionState.FLYING if in_control else MissionState.READY,
+        now_s,
     )
-    found = replace(entered, task=status.sought, failsafe_known=world.autopilot_failsafe)
     answers = () if status.order_id is None else (Answer(status.order_id, Verdict.ACCEPTED),)
     return found, (*effects, *answers)
 

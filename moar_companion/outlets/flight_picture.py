@@ -23,7 +23,7 @@ from ..types import Mission
 from ..vehicle import Vehicle
 from .picture import (
     DPI,
-    _STYLE as STYLE,
+    STYLE,
     draw_colour_bars,
     draw_goal,
     draw_plane,

@@ -39,7 +39,7 @@ View = tuple[float, float, float, float]
 
 DPI = 150
 
-_STYLE = {
+STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 9.0,
     "axes.linewidth": 0.8,
@@ -89,7 +89,7 @@ def draw_plan(
     file_format: str = "png",
 ) -> None:
     """Draw a plan, also one that was not found, into a file (png, svg or pdf)."""
-    with style.context(["default", _STYLE], after_reset=True), warnings.catch_warnings():
+    with style.context(["default", STYLE], after_reset=True), warnings.catch_warnings():
         # A name in a script that the font does not have is drawn as boxes.
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
         _plan_figure(plan, site, vehicle, maps).savefig(file, format=file_format, dpi=DPI)

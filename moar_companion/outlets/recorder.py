@@ -3,9 +3,9 @@
     FOLDER/flight_20261121T114500Z/flight.tlog      packets of both directions, for ground stations
     FOLDER/flight_20261121T114500Z/decisions.jsonl  one JSON object a line: time_s, kind, data
 
-A .tlog is a sequence of 8 bytes big-endian microseconds since 1970 and one raw packet. The machine's
-times are turned into wall-clock times by the offset at the start, so that both files agree even
-when the host's clock is set in flight. A disk that is full ends the recording and not the flight.
+A .tlog is a sequence of 8 bytes big-endian microseconds since 1970 and one raw packet. The
+machine's times are turned into wall-clock times by the offset at the start, so that both files
+agree even when the host's clock is set in flight. A full disk ends the recording, not the flight.
 """
 
 from __future__ import annotations

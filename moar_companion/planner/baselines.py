@@ -24,6 +24,11 @@ from .plan import Metrics, PlanRequest, PlanStatus, Waypoints, trajectory
 from .planner import Planner
 from .regions import LandingLeg, goal_region, landing_leg
 
+_TIE = 1e-6
+"""Per metre of roadmap, to choose among connectors of equal length."""
+_PAD = np.zeros(1, dtype=np.int64)
+"""The first cell of the padding, which no step of the grid leads to or from."""
+
 
 class BaselineKind(str, enum.Enum):
     """The naive approaches of the paper, by its names."""
@@ -155,37 +160,39 @@ def _shortest(steps: csr_array[np.float64], start: int, goals: IntArray) -> list
 def _along(
     graph: Graph, free: BoolArray, roadmap: BoolArray, start: int, goals: IntArray
 ) -> list[int] | None:
-    """The shortest path on a roadmap, joined to start and goals by the shortest connectors.
+    """A path on a roadmap, joined to start and goals, each by its own shortest connector.
 
-    The roadmap may be in pieces: the one with the least length of both connectors serves.
+    The roadmap may be in pieces: the one with the least connectors to start and nearest goal
+    serves. Of all goals, the one with the shortest way on the roadmap and over its connector.
     """
     anywhere, on_roadmap = _steps(graph, free), _steps(graph, roadmap)
     from_start, before = _search(anywhere, np.array([start]))
-    to_goal, after = _search(anywhere, goals)
+    to_goal, _ = _search(anywhere, goals)
     _, piece = connected_components(on_roadmap, directed=False)
     cells = np.flatnonzero(np.asarray(graph.grid.padded(roadmap, 0)))
-    join = _least_by_piece(from_start, piece, cells)
-    leave = _least_by_piece(to_goal, piece, cells)
-    best = np.argmin(join + leave) if len(cells) else 0
-    if not len(cells) or not np.isfinite(join[best] + leave[best]):
+    both = _least_by_piece(from_start, piece, cells) + _least_by_piece(to_goal, piece, cells)
+    if not np.isfinite(both).any():
         return None
-    members = cells[piece[cells] == piece[cells[best]]]
-    entry = int(members[np.argmin(from_start[members])])
-    length, previous = _search(on_roadmap, np.array([entry]))
-    exits = members[to_goal[members] <= leave[best] + TOLERANCE]
-    last = int(exits[np.argmin(length[exits])])
-    path = [
-        *_chain(before, entry)[::-1],
-        *_chain(previous, last)[-2::-1],
-        *_chain(after, last)[1:],
-    ]
+    members = cells[piece[cells] == piece[cells[np.argmin(both)]]]
+    nearest = from_start[members] <= from_start[members].min() + TOLERANCE
+    length, previous = _search(on_roadmap, members[nearest])
+    # Cell 0 is padding. From it a step leads to every cell of the roadmap, the longer the farther
+    # that is along the roadmap, by so little that it only chooses among equal connectors.
+    onto = (_TIE * (1.0 + length[members]), (np.zeros_like(members), members))
+    connector, onwards = _search((anywhere + coo_array(onto, shape=anywhere.shape)).tocsr(), _PAD)
+    joined = goals[np.isfinite(connector[goals])]
+    connectors = [_chain(onwards, int(goal))[-2::-1] for goal in joined]
+    total = connector[joined] + [length[cells[0]] for cells in connectors]
+    last = connectors[int(np.argmin(total))]
+    middle = _chain(previous, last[0])[::-1]
+    path = [*_chain(before, middle[0])[::-1], *middle[1:], *last[1:]]
     # A connector may pass a goal on its way to the roadmap: there the path has arrived.
     arrived = np.flatnonzero(np.isin(path, goals))
     return path[: int(arrived[0]) + 1]
 
 
 def _search(steps: csr_array[np.float64], sources: IntArray) -> tuple[FloatArray, IntArray]:
-    """For every cell, the length from the nearest source, and the cell before it on the way."""
+    """For every cell the length from the nearest source, and the cell before it on the way."""
     length, previous, _ = dijkstra(steps, indices=sources, return_predecessors=True, min_only=True)
     return length, previous
 

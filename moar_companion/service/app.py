@@ -159,7 +159,7 @@ class Service:
             answer = PlanAnswer(job_id=job.job_id, plan=None, reason="the planner failed")
         self._companion.plan_answered(answer, asyncio.get_running_loop().time())
 
-    def _open_recorder(self, stack: contextlib.ExitStack, now_s: float) -> Recorder | None:
+    def _open_recorder(self, stack: contextlib.AsyncExitStack, now_s: float) -> Recorder | None:
         directory = self._config.recorder.directory
         if directory is None:
             return None

@@ -17,13 +17,7 @@ from typing import Any
 
 from ..config import Authority, CompanionConfig
 from ..frames import PlaneToLocal
-from ..mavlink.commands import (
-    Command,
-    CommandCancelled,
-    CommandResult,
-    MissionCommand,
-    PauseContinue,
-)
+from ..mavlink.commands import CommandCancelled, CommandResult, MissionCommand, PauseContinue
 from ..mavlink.identity import AutopilotRestarted
 from ..mavlink.session import Event, Session, Severity, SystemStatus
 from ..mission import machine
@@ -48,29 +42,21 @@ from ..planner.maps import Maps
 from ..planner.plan import PlanRequest
 from ..risk import RiskEstimate, update
 from ..site import Site
-from ..types import LandedState, Mission, RiskIndices, Telemetry, Weights
+from ..types import Mission, RiskIndices, Telemetry, Weights
 from ..vehicle import Vehicle
 from .flight import Adoption, Flight, Junction, Pose, Setpoint
 from .jobs import PlanAnswer, PlanJob
+from .orders import RESULTS, OrderBook, Refused, understood
+from .surroundings import Surroundings, airborne
 
 _RISK_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 0.5
-_IN_PROGRESS_AFTER_S = 0.2
-"""An order that is still being planned after this is answered IN_PROGRESS (contract)."""
 _ENGAGE_AFTER_S = 1.2
 """PX4 gives OFFBOARD to a stream that has run for a second."""
 _OFF_PATH_FOR_S = 1.0
 """An aircraft that is off its path for so long will not be back by itself."""
 _LONGEST_STEP_S = 0.1
 """After a longer pause of the shell the reference moves on as if only this had passed."""
-
-_RESULTS = {
-    Verdict.ACCEPTED: CommandResult.ACCEPTED,
-    Verdict.TEMPORARILY_REJECTED: CommandResult.TEMPORARILY_REJECTED,
-    Verdict.DENIED: CommandResult.DENIED,
-    Verdict.FAILED: CommandResult.FAILED,
-    Verdict.CANCELLED: CommandResult.CANCELLED,
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,15 +85,6 @@ class _Awaited:
     first: bool
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _OpenOrder:
-    """An operator's command that has no final answer yet."""
-
-    command: Command
-    received_s: float
-    progress_told: bool = False
-
-
 class Companion:
     """The machine. ground: None without a site: then telemetry and risk only."""
 
@@ -122,11 +99,11 @@ class Companion:
         )
         self._status = MissionStatus()
         self._risk = RiskEstimate.unknown(vehicle.risk)
-        self._plane: tuple[object, PlaneToLocal] | None = None
         self._flight: Flight | None = None
         self._awaited: _Awaited | None = None
-        self._orders: dict[int, _OpenOrder] = {}
-        self._order_ids = itertools.count(1)
+        site = None if ground is None else ground.site
+        self._surroundings = Surroundings(site, vehicle.autopilot, config.supervision)
+        self._orders = OrderBook()
         self._job_ids = itertools.count(1)
         self._jobs: list[PlanJob] = []
         self._decisions: list[Decision] = []
@@ -220,7 +197,8 @@ class Companion:
             now_s,
         )
         self._fault = None
-        self._tell_progress(now_s)
+        for command in self._orders.in_progress(now_s):
+            self._session.answer(command, CommandResult.IN_PROGRESS)
         self._replan(now_s)
         self._stream(now_s, step_s)
         self._engage(now_s)
@@ -256,122 +234,53 @@ class Companion:
         if isinstance(event, MissionCommand | PauseContinue):
             self._handle_order(event, now_s)
         elif isinstance(event, CommandCancelled):
-            for order_id, order in list(self._orders.items()):
-                if order.command == event.command:
-                    del self._orders[order_id]
-                    self._carry_out(machine.withdrawn(self._status, order_id, now_s), now_s)
+            order_id = self._orders.withdraw(event.command)
+            if order_id is not None:
+                self._carry_out(machine.withdrawn(self._status, order_id, now_s), now_s)
         elif isinstance(event, AutopilotRestarted):
             self._fault = "the autopilot restarted"
 
     def _handle_order(self, command: MissionCommand | PauseContinue, now_s: float) -> None:
-        order_id = next(self._order_ids)
-        self._orders[order_id] = _OpenOrder(command=command, received_s=now_s)
-        order = self._understood(command)
-        self._record("order", now_s, order=str(order), sender=command.sender.system_id)
-        if isinstance(order, str) and not isinstance(order, Order):
-            self._carry_out((self._status, (Answer(order_id, Verdict.DENIED, order),)), now_s)
-            return
-        self._carry_out(
-            machine.command(self._status, order, order_id, self._situation(now_s), now_s), now_s
-        )
-
-    def _understood(self, command: MissionCommand | PauseContinue) -> Task | Order | str:
-        """What a command orders; a text why it cannot be."""
-        if isinstance(command, PauseContinue):
-            return Order.HOLD if command.pause else Order.CONTINUE
-        if not isinstance(command.mission, Mission):
-            return Order(command.mission)
-        if self._ground is None:
-            return "no site is loaded"
-        if self._config.authority is Authority.OBSERVE:
-            return "the authority is observe"
-        site, index = self._ground.site, command.index
-        if command.mission is Mission.INSPECTION:
-            names = tuple(target.name for target in site.targets)
-            if not names or (index is not None and index >= len(names)):
-                return f"no target {index or 0}: the site has {len(names)}"
-            return Task(mission=command.mission, stops=names if index is None else (names[index],))
-        landings = site.landing_m.get(command.mission, ())
-        if not landings or (index is not None and index >= len(landings)):
-            return f"no landing point {index or 0}: the site has {len(landings)}"
-        return Task(mission=command.mission, landing=index)
+        order_id = self._orders.enter(command, now_s)
+        site = None if self._ground is None else self._ground.site
+        order = understood(command, site, self._config.authority)
+        self._record("order", now_s, order=_words(order), sender=command.sender.system_id)
+        if isinstance(order, Refused):
+            answer = Answer(order_id, Verdict.DENIED, order.reason)
+            self._carry_out((self._status, (answer,)), now_s)
+        else:
+            world = self._situation(now_s)
+            step = machine.command(self._status, order, order_id, world, now_s)
+            self._carry_out(step, now_s)
 
     # What it means
 
+    def _pose(self) -> Pose | None:
+        return self._surroundings.pose(self.telemetry)
+
     def _situation(self, now_s: float) -> Situation:
-        telemetry = self.telemetry
+        telemetry, flight = self.telemetry, self._flight
         autopilot = telemetry.autopilot
-        pose = self._pose()
-        flight = self._flight
-        task = self._status.task
-        dwell_s = 0.0
-        if self._ground is not None and task is not None and task.stops:
-            dwell_s = next(
-                target.dwell_s
-                for target in self._ground.site.targets
-                if target.name == task.stops[0]
-            )
-        reluctance = None
-        if pose is not None:
-            off_m = abs(pose.position_m[1])
-            tolerance_m = self._config.supervision.plane_tolerance_m
-            if off_m > tolerance_m:
-                reluctance = f"{off_m:.1f} m from the plane, more than {tolerance_m:g} m"
         return Situation(
-            obstruction=self._obstruction(pose, now_s),
-            reluctance=reluctance,
-            airborne=autopilot is not None
-            and autopilot.armed
-            and telemetry.landed_state in {LandedState.IN_AIR, LandedState.LANDING},
+            obstruction=self._fault
+            or self._surroundings.obstruction(
+                telemetry, control_allowed=self._session.control_allowed, now_s=now_s
+            ),
+            reluctance=self._surroundings.reluctance(telemetry),
+            airborne=airborne(telemetry),
             mode_ours=autopilot is not None and autopilot.ours,
             autopilot_failsafe=autopilot is not None and autopilot.failsafe,
             on_leg=flight is not None and flight.on_leg,
             arrived=flight is not None and flight.arrived,
-            dwell_s=dwell_s,
+            dwell_s=self._dwell_s(),
         )
 
-    def _obstruction(self, pose: Pose | None, now_s: float) -> str | None:
-        """Why nothing may be streamed now."""
-        if self._fault is not None:
-            return self._fault
-        telemetry, limits = self.telemetry, self._config.supervision
-        autopilot, position = telemetry.autopilot, telemetry.local_position
-        if autopilot is None:
-            return "no autopilot is heard"
-        if not self._session.control_allowed:
-            return "two autopilots are heard"
-        if now_s - autopilot.received_s > limits.heartbeat_timeout_s:
-            return f"no heartbeat of the autopilot for {now_s - autopilot.received_s:.1f} s"
-        if position is None:
-            return "no local position is heard"
-        if now_s - position.received_s > limits.position_timeout_s:
-            return f"the position is {now_s - position.received_s:.1f} s old"
-        if pose is None:
-            return "the origin of the local frame, or the attitude, is unknown"
-        return None
-
-    def _plane_to_local(self) -> PlaneToLocal | None:
-        """The map from the site's frame to the autopilot's, made anew when its origin moves."""
-        origin, autopilot = self.telemetry.local_origin, self.telemetry.autopilot
-        if self._ground is None or origin is None or autopilot is None:
-            return None
-        kind = self._vehicle.autopilot or autopilot.kind
-        if self._plane is None or self._plane[0] != (origin.point, kind):
-            frame = self._ground.site.frame
-            self._plane = ((origin.point, kind), PlaneToLocal.between(frame, origin.point, kind))
-        return self._plane[1]
-
-    def _pose(self) -> Pose | None:
-        """The aircraft in the site's frame; None while that is unknown."""
-        plane = self._plane_to_local()
-        position, attitude = self.telemetry.local_position, self.telemetry.attitude
-        if plane is None or position is None or attitude is None:
-            return None
-        return Pose(
-            position_m=plane.position_from_ned(position.position_ned_m),
-            velocity_mps=plane.velocity_from_ned(position.velocity_ned_mps),
-            yaw_rad=attitude.yaw_rad,
-        )
+    def _dwell_s(self) -> float:
+        """How long to stay at the present target."""
+        task = self._status.task
+        if self._ground is None or task is None or not task.stops:
+            return 0.0
+        return self._ground.site.target(task.stops[0]).dwell_s
 
     # What follows
 
@@ -407,17 +316,10 @@ class Companion:
                     self._session.request_land()
 
     def _answer(self, order_id: int, verdict: Verdict, reason: str, now_s: float) -> None:
-        order = self._orders.pop(order_id)
-        self._session.answer(order.command, _RESULTS[verdict])
+        self._session.answer(self._orders.close(order_id), RESULTS[verdict])
         self._record("answer", now_s, verdict=verdict.value, reason=reason)
         if verdict is not Verdict.ACCEPTED and reason:
             self._session.send_text(Severity.WARNING, f"MOAR {verdict.value}: {reason}", now_s)
-
-    def _tell_progress(self, now_s: float) -> None:
-        for order_id, order in self._orders.items():
-            if not order.progress_told and now_s - order.received_s > _IN_PROGRESS_AFTER_S:
-                self._session.answer(order.command, CommandResult.IN_PROGRESS)
-                self._orders[order_id] = replace(order, progress_told=True)
 
     def _ask(self, task: Task, now_s: float, *, first: bool, recover: bool = False) -> None:
         """Ask the planner for a task's plan, from where it can be joined."""
@@ -427,6 +329,8 @@ class Companion:
         if self._flight is None:
             self._flight = Flight(self._ground.site, self._vehicle, self._ground.maps, pose)
         junction = self._flight.junction_at(pose) if recover else self._flight.junction()
+        if not first and junction.at_end:
+            return
         (x_m, _, z_m), (vx_mps, _, vz_mps) = junction.position_m, junction.velocity_mps
         risk = self._risk.indices
         job = PlanJob(
@@ -486,7 +390,7 @@ class Companion:
 
     def _stream(self, now_s: float, step_s: float) -> None:
         """Send the setpoint of this instant, if one may be sent."""
-        flight, pose, plane = self._flight, self._pose(), self._plane_to_local()
+        flight, pose, plane = self._flight, self._pose(), self._surroundings.plane(self.telemetry)
         if self._status.state not in STREAMING or not flight or not pose or not plane:
             return
         if self._status.state in IN_CONTROL:
@@ -501,7 +405,7 @@ class Companion:
 
     def _send_farewell(self, now_s: float) -> None:
         """The last setpoint before silence is at rest where the last one was."""
-        flight, pose, plane = self._flight, self._pose(), self._plane_to_local()
+        flight, pose, plane = self._flight, self._pose(), self._surroundings.plane(self.telemetry)
         if flight and pose and plane:
             setpoint = flight.setpoint(pose, plane, 0.0)
             self._send_setpoint(replace(setpoint, velocity_mps=(0.0, 0.0, 0.0)), plane, now_s)
@@ -556,3 +460,10 @@ class Companion:
 
     def _record(self, kind: str, now_s: float, **data: Any) -> None:
         self._decisions.append(Decision(time_s=now_s, kind=kind, data=data))
+
+
+def _words(order: Task | Order | Refused) -> str:
+    """An order for the record."""
+    if isinstance(order, Task):
+        return " ".join([order.mission.value, *order.stops])
+    return order.reason if isinstance(order, Refused) else order.value

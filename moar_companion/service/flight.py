@@ -74,6 +74,11 @@ class Junction:
     position_m: Vector
     velocity_mps: Vector
 
+    @property
+    def at_end(self) -> bool:
+        """Whether the trajectory ends there, so that there is nothing left to plan better."""
+        return self.corner == len(self.trajectory.corner_m) - 1
+
 
 class Flight:
     """The reference and everything that moves it."""
@@ -292,7 +297,7 @@ class Flight:
         """The target of an inspection's plan."""
         if plan.mission is not Mission.INSPECTION:
             return None
-        return next(item for item in self._site.targets if item.name == plan.request.target)
+        return self._site.target(str(plan.request.target))
 
 
 def _standing(position_m: Vector) -> PathPoints:

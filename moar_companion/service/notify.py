@@ -8,7 +8,7 @@ import socket
 
 
 def notify(state: str) -> None:
-    """Tell the service manager, e.g. `READY=1`. Without one, or when it does not listen: nothing."""
+    """Tell the service manager, e.g. `READY=1`; without one that listens, do nothing."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address:
         return

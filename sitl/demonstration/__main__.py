@@ -149,6 +149,9 @@ def _operate(operator: Operator, companion: subprocess.Popen[bytes]) -> None:
     def alive() -> bool:
         if companion.poll() is not None:
             raise OperatorError("the companion ended; see companion.log")
+        for text in operator.texts:
+            if text.startswith(("MOAR released", "MOAR overridden")) and not operator.landing:
+                raise OperatorError(f"the companion let go: {text}")
         return True
 
     _say("waiting for autopilot and companion")

@@ -77,7 +77,7 @@ def judge(
     landing_leg_m: the last planned way out of the workspace, from its last cell to above the
     landing point; the way down from there belongs to it.
     """
-    faults = []
+    faults: list[str] = []
     obstacles = [_shape(obstacle) for obstacle in site.obstacles]
     space = site.workspace
     workspace = box(*space.lower_m, *space.upper_m)

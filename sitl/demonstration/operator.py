@@ -1,4 +1,4 @@
-"""An operator's ground station in raw MAVLink over UDP: what a pilot's screen and hands would do."""
+"""An operator's ground station in raw MAVLink over UDP: what a pilot sees and does."""
 
 from __future__ import annotations
 
@@ -50,10 +50,11 @@ class Operator:
         self.battery_percent: int | None = None
         self.altitude_m = 0.0
         self.texts: list[str] = []
+        self.landing = False
         self.home_altitude_m: float | None = None
 
     def wait_for(self, what: str, condition: Callable[[], bool], timeout_s: float) -> None:
-        """Read until a condition holds; OperatorError, naming what was awaited, when it does not."""
+        """Read until a condition holds; OperatorError, naming it, when it does not in time."""
         deadline_s = time.monotonic() + timeout_s
         while not condition():
             if time.monotonic() > deadline_s:
@@ -65,9 +66,7 @@ class Operator:
         now_s = time.monotonic()
         if self._peer is not None and now_s >= self._heartbeat_due_s:
             self._heartbeat_due_s = now_s + _HEARTBEAT_S
-            self._send(
-                mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4, 3)
-            )
+            self._send(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
         try:
             data, peer = self._socket.recvfrom(65536)
         except TimeoutError:
@@ -80,13 +79,13 @@ class Operator:
         """Send a command and wait for its answer; OperatorError when it is not ACCEPTED."""
         padded = (*parameters, *[0.0] * (7 - len(parameters)))
         self._answers.pop(number, None)
-        self._send(
-            mavlink.MAVLink_command_long_message(1, component, number, 0, *padded)
-        )
+        self._send(mavlink.MAVLink_command_long_message(1, component, number, 0, *padded))
         self.wait_for(
             f"an answer to {name}",
-            lambda: self._answers.get(number, mavlink.MAV_RESULT_IN_PROGRESS)
-            != mavlink.MAV_RESULT_IN_PROGRESS,
+            lambda: (
+                self._answers.get(number, mavlink.MAV_RESULT_IN_PROGRESS)
+                != mavlink.MAV_RESULT_IN_PROGRESS
+            ),
             _ANSWER_TIMEOUT_S,
         )
         result = self._answers[number]
@@ -99,9 +98,7 @@ class Operator:
         self.wait_for("a home position", lambda: self.home_altitude_m is not None, 10.0)
         altitude_m = (self.home_altitude_m or 0.0) + height_m
         nan = math.nan
-        self.command(
-            "take-off", mavlink.MAV_CMD_NAV_TAKEOFF, nan, 0, 0, nan, nan, nan, altitude_m
-        )
+        self.command("take-off", mavlink.MAV_CMD_NAV_TAKEOFF, nan, 0, 0, nan, nan, nan, altitude_m)
         self.command("arm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
 
     def give_offboard(self) -> None:
@@ -110,7 +107,8 @@ class Operator:
         self.wait_for("OFFBOARD mode", lambda: self.custom_mode >> 16 & 0xFF == _OFFBOARD[0], 3.0)
 
     def land(self) -> None:
-        """Give the autopilot's LAND mode."""
+        """Give the autopilot's LAND mode; the companion then lets go."""
+        self.landing = True
         self.command("LAND", mavlink.MAV_CMD_DO_SET_MODE, 1, *_LAND)
 
     def order(self, name: str, mission: int) -> None:

@@ -1,0 +1,98 @@
+"""Operators' orders: what a command means on this site, and the answer it is owed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ..config import Authority
+from ..mavlink.commands import Command, CommandResult, MissionCommand, PauseContinue
+from ..mission.machine import Order, Task, Verdict
+from ..site import Site
+from ..types import Mission
+
+_IN_PROGRESS_AFTER_S = 0.2
+"""An order that is still being planned after this is answered IN_PROGRESS (contract)."""
+
+RESULTS = {
+    Verdict.ACCEPTED: CommandResult.ACCEPTED,
+    Verdict.TEMPORARILY_REJECTED: CommandResult.TEMPORARILY_REJECTED,
+    Verdict.DENIED: CommandResult.DENIED,
+    Verdict.FAILED: CommandResult.FAILED,
+    Verdict.CANCELLED: CommandResult.CANCELLED,
+}
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refused:
+    """An order that cannot be carried out here, whatever the aircraft does."""
+
+    reason: str
+
+
+def understood(
+    command: MissionCommand | PauseContinue, site: Site | None, authority: Authority
+) -> Task | Order | Refused:
+    """What a command orders."""
+    if isinstance(command, PauseContinue):
+        return Order.HOLD if command.pause else Order.CONTINUE
+    if not isinstance(command.mission, Mission):
+        return Order(command.mission)
+    if site is None:
+        return Refused(reason="no site is loaded")
+    if authority is Authority.OBSERVE:
+        return Refused(reason="the authority is observe")
+    index = command.index
+    if command.mission is Mission.INSPECTION:
+        names = tuple(target.name for target in site.targets)
+        if not names or (index is not None and index >= len(names)):
+            return Refused(reason=f"no target {index or 0}: the site has {len(names)}")
+        stops = names if index is None else (names[index],)
+        return Task(mission=command.mission, stops=stops)
+    landings = site.landing_m.get(command.mission, ())
+    if not landings or (index is not None and index >= len(landings)):
+        return Refused(reason=f"no landing point {index or 0}: the site has {len(landings)}")
+    return Task(mission=command.mission, landing=index)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Open:
+    command: Command
+    received_s: float
+    progress_told: bool = False
+
+
+class OrderBook:
+    """The commands that have no final answer yet, by the number given to each."""
+
+    def __init__(self) -> None:
+        self._open: dict[int, _Open] = {}
+        self._last_id = 0
+
+    def enter(self, command: Command, now_s: float) -> int:
+        """Note a command; its number."""
+        self._last_id += 1
+        self._open[self._last_id] = _Open(command=command, received_s=now_s)
+        return self._last_id
+
+    def close(self, order_id: int) -> Command:
+        """The command of an order that is answered now."""
+        return self._open.pop(order_id).command
+
+    def withdraw(self, command: Command) -> int | None:
+        """Forget a command that its sender took back; its number, if it was open."""
+        for order_id, order in self._open.items():
+            if order.command == command:
+                del self._open[order_id]
+                return order_id
+        return None
+
+    def in_progress(self, now_s: float) -> list[Command]:
+        """Commands that have waited so long that their sender must be told, once each."""
+        waiting = {
+            order_id: order
+            for order_id, order in self._open.items()
+            if not order.progress_told and now_s - order.received_s > _IN_PROGRESS_AFTER_S
+        }
+        for order_id, order in waiting.items():
+            self._open[order_id] = replace(order, progress_told=True)
+        return [order.command for order in waiting.values()]

@@ -1,0 +1,107 @@
+"""The escape leg out of an occupied or outside cell."""
+
+from __future__ import annotations
+
+import math
+import random
+
+import numpy as np
+import pytest
+from shapely.geometry import Point
+
+from moar_companion.planner.escape import escape_leg
+from moar_companion.planner.maps import build_maps
+
+from . import oracle
+from .problems import conductor, make_site, make_vehicle, polygon, random_problem
+
+
+def clearance(site, point):
+    here = Point(point)
+    return min((oracle.clearance(item, here) for item in site.obstacles), default=math.inf)
+
+
+def falls(site, start, end, samples, by):
+    """Whether clearance falls by more than that on the way, from its greatest value so far."""
+    greatest = -math.inf
+    for t in np.linspace(0.0, 1.0, samples):
+        here = clearance(site, np.add(start, t * np.subtract(end, start)))
+        if here < greatest - by:
+            return True
+        greatest = max(greatest, here)
+    return False
+
+
+def escape(site, start, **vehicle):
+    return escape_leg(site, build_maps(site, make_vehicle(**vehicle)), start)
+
+
+def test_next_to_a_conductor_the_way_out_is_away_from_it():
+    site = make_site(conductor(5.5, 4.5, 0.1))
+    assert escape(site, (6.0, 4.4), radius=1.2) == (6.5, 3.5)
+    assert escape(site, (5.6, 4.1), radius=1.2) == (6.5, 3.5)
+
+
+def test_below_the_minimum_altitude_the_way_out_is_up():
+    site = make_site(min_altitude=2.0)
+    assert escape(site, (3.5, 0.2)) == (3.5, 2.5)
+
+
+def test_outside_the_workspace_the_way_out_is_the_nearest_free_cell():
+    assert escape(make_site(), (-4.0, 2.5)) == (0.5, 2.5)
+    assert escape(make_site(), (12.0, 9.0)) == (9.5, 7.5)
+
+
+def test_a_conductor_in_between_is_flown_around_or_not_approached():
+    # The nearest free cell is past the conductor; the leg goes another way.
+    site = make_site(conductor(0.0, 2.5, 0.1))
+    end = escape(site, (-1.2, 2.5), radius=0.6)
+    assert end is None or not falls(site, (-1.2, 2.5), end, 200, 1e-6)
+
+
+@pytest.mark.parametrize("start", [(4.0, 4.0), (6.05, 4.5)])
+def test_inside_an_obstacle_there_is_no_way_out(start):
+    square = polygon((3.0, 3.0), (5.0, 3.0), (5.0, 5.0), (3.0, 5.0))
+    site = make_site(square, conductor(6.0, 4.5, 0.2))
+    assert escape(site, start) is None
+
+
+def test_where_every_way_leads_closer_to_an_obstacle_there_is_none():
+    # In the middle of a gap between two walls, clearance falls on every way out but the gap's own,
+    # along which it stays; and there nothing is free.
+    walls = [
+        polygon((x, -9.0), (x + 1.0, -9.0), (x + 1.0, 19.0), (x, 19.0), name=f"wall {x}")
+        for x in (3.0, 5.0)
+    ]
+    assert escape(make_site(*walls), (4.5, 4.5)) is None
+
+
+def test_escape_legs_are_the_shortest_along_which_clearance_never_falls():
+    rng = random.Random("escape")
+    found = 0
+    while found < 40:
+        problem = random_problem(rng)
+        site, space = problem.site, problem.site.workspace
+        maps = oracle.build_maps(site, problem.vehicle)
+        start = tuple(
+            rng.uniform(low - 1.0, high + 1.0)
+            for low, high in zip(space.lower_m, space.upper_m, strict=True)
+        )
+        cell = oracle.cell_of(space, start)
+        if cell is not None and not maps.occupied[cell]:
+            continue
+        end = escape_leg(site, build_maps(site, problem.vehicle), start)
+        if clearance(site, start) == 0.0:
+            assert end is None
+            continue
+        length = math.inf
+        if end is not None:
+            found += 1
+            length = math.dist(start, end)
+            assert not maps.occupied[oracle.cell_of(space, end)]
+            # Clearance is sampled ten times per cell: between two samples it may dip.
+            assert not falls(site, start, end, 200, 0.05 * space.resolution_m)
+        for other, occupied in maps.occupied.items():
+            centre = oracle.centre_of(space, other)
+            if not occupied and math.dist(start, centre) < length - 1e-9:
+                assert falls(site, start, centre, 200, 0.0)
