@@ -180,13 +180,13 @@ def command(
     return _rejected(status, order_id, "nothing is flown")
 
 
-def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
+def planned(status: MissionStatus, now_s: float) -> Step:
     """The plan of `sought` was found."""
     if status.sought is None:
         return status, ()
     in_control = status.state in IN_CONTROL
     found, effects = _enter(
-        replace(status, task=status.sought, failsafe_known=world.autopilot_failsafe),
+        replace(status, task=status.sought),
         MissionState.FLYING if in_control else MissionState.READY,
         now_s,
     )
@@ -203,9 +203,9 @@ def unplanned(status: MissionStatus, reason: str, now_s: float) -> Step:
     if status.state is MissionState.PLANNING:
         idle, effects = _enter(status, MissionState.IDLE, now_s)
         return idle, (*effects, *answers, say)
-    if status.state is MissionState.AT_TARGET:
+    if status.state is MissionState.AT_TARGET and status.order_id is None:
         held, effects = _enter(status, MissionState.HOLDING, now_s)
-        return replace(held, task=status.sought), (*effects, *answers, say)
+        return replace(held, task=status.sought), (*effects, say)
     return replace(status, sought=None, order_id=None), (*answers, say)
 
 
@@ -229,6 +229,8 @@ def tick(
     """One look at the world; what ends our control comes first."""
     state = status.state
     if state is MissionState.OVERRIDDEN:
+        if resume and world.autopilot_failsafe:
+            return _silenced(status, MissionState.RELEASED, "the autopilot is in failsafe", now_s)
         if resume and world.mode_ours and world.obstruction is None and status.task is not None:
             return _sought(status, status.task, None, world, now_s)
         return status, ()

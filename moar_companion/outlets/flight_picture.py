@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 from matplotlib import colormaps, style
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 
@@ -24,6 +25,7 @@ from ..vehicle import Vehicle
 from .picture import (
     DPI,
     STYLE,
+    View,
     draw_colour_bars,
     draw_goal,
     draw_plane,
@@ -43,6 +45,10 @@ _MISSIONS = {
     Mission.EVACUATION: colormaps["Reds"],
 }
 _FLOWN = "#111111"
+
+# The page, in inches.
+_LEFT, _WIDTH, _RIGHT = 0.7, 9.6, 1.55
+_BOTTOM, _RISKS_HEIGHT, _BETWEEN, _TOP = 0.55, 1.9, 0.95, 0.45
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,9 +133,27 @@ def draw_flight(
 ) -> None:
     """Draw a flight into a PNG file; `flown_m` are points of the plane in order of time."""
     with style.context(["default", STYLE], after_reset=True):
-        figure = Figure(figsize=(10.5, 10.5), layout="constrained")
-        plane, risks = figure.subplots(2, 1, height_ratios=[3.0, 1.0])
-        _draw_paths(plane, story, flown_m, site, vehicle, maps)
+        landing = [point for points in site.landing_m.values() for point in points]
+        view = view_of(site, vehicle, [*flown_m, *landing])
+        plane_in = _WIDTH * (view[3] - view[2]) / (view[1] - view[0])
+        page_in = (_LEFT + _WIDTH + _RIGHT, _BOTTOM + _RISKS_HEIGHT + _BETWEEN + plane_in + _TOP)
+        figure = Figure(figsize=page_in, facecolor="white")
+        FigureCanvasAgg(figure)
+        plane, risks = (
+            figure.add_axes(
+                (
+                    _LEFT / page_in[0],
+                    bottom_in / page_in[1],
+                    _WIDTH / page_in[0],
+                    height_in / page_in[1],
+                )
+            )
+            for bottom_in, height_in in (
+                (_BOTTOM + _RISKS_HEIGHT + _BETWEEN, plane_in),
+                (_BOTTOM, _RISKS_HEIGHT),
+            )
+        )
+        _draw_paths(plane, story, flown_m, site, maps, view)
         _draw_risks(risks, story)
         figure.savefig(file, format="png", dpi=DPI)
 
@@ -147,17 +171,16 @@ def _draw_paths(
     story: FlightStory,
     flown_m: list[PlanePoint],
     site: Site,
-    vehicle: Vehicle,
     maps: Maps,
+    view: View,
 ) -> None:
     """Planned paths, later ones darker, and the flown one over them."""
-    landing = [point for points in site.landing_m.values() for point in points]
-    safety = draw_plane(axes, site, maps, view_of(site, vehicle, [*flown_m, *landing]))
-    draw_colour_bars(axes, [(safety, "safety cost SC")])
+    safety = draw_plane(axes, site, maps, view)
+    draw_colour_bars(axes, [(safety, "safety cost")])
     for mission, colours in _MISSIONS.items():
         plans = [plan for plan in story.plans if plan.mission is mission]
         if plans:
-            shades = colours(np.linspace(0.35, 1.0, len(plans)))
+            shades = colours(np.linspace(0.45, 1.0, len(plans)))
             axes.add_collection(
                 LineCollection([plan.points_m for plan in plans], colors=shades, linewidths=1.2)
             )
@@ -181,7 +204,7 @@ def _draw_risks(axes: Any, story: FlightStory) -> None:
         story.states, [*story.states[1:], (end_s, "")], strict=True
     ):
         axes.axvline(time_s, color="#888888", lw=0.6)
-        if next_s - time_s > 0.04 * end_s:
+        if next_s - time_s > 0.075 * end_s:
             axes.text(
                 time_s + 0.004 * end_s, 1.03, state, fontsize=7.5, color="#444444", va="bottom"
             )
@@ -190,4 +213,4 @@ def _draw_risks(axes: Any, story: FlightStory) -> None:
     axes.set_xlabel("time (s)")
     axes.set_ylabel("risk index")
     axes.grid(visible=True, color="#dddddd", lw=0.6)
-    axes.legend(loc="upper left", ncols=4, framealpha=0.9)
+    axes.legend(loc="upper left", bbox_to_anchor=(1.0, 1.02), frameon=False)

@@ -213,7 +213,7 @@ def draw_goal(
                 color="white",
                 markeredgecolor=_INK,
                 linestyle="none",
-                label="other targets",
+                label="targets" if target is None else "other targets",
                 zorder=5,
             )
         for item in site.targets:

@@ -166,7 +166,7 @@ class Companion:
             return
         if adopted is not Adoption.TOO_LATE:
             self._near_path_s = now_s
-            step = machine.planned(self._status, self._situation(now_s), now_s)
+            step = machine.planned(self._status, now_s)
             self._carry_out(step, now_s)
         elif self._status.sought is not None:
             self._ask(self._status.sought, now_s, first=True)
@@ -291,9 +291,13 @@ class Companion:
             self._record("state", now_s, state=self._status.state.value, before=before.value)
         for effect in effects:
             self._carry_out_one(effect, now_s)
-        if self._status.state not in STREAMING and self._status.sought is None:
-            self._flight = None
-            self._awaited = None
+        if self._status.sought is None:
+            if self._status.state not in STREAMING:
+                self._flight = None
+                self._awaited = None
+            elif self._awaited is not None and self._awaited.first:
+                # Taken back: its plan must not be flown when it comes.
+                self._awaited = None
 
     def _carry_out_one(self, effect: Effect, now_s: float) -> None:
         match effect:

@@ -66,18 +66,15 @@ class Junction:
     """Where a plan that is being made will begin.
 
     trajectory: what was flown when the plan was asked for; corner: the index of its point; None
-    for the aircraft's own place, off the trajectory.
+    for the aircraft's own place, off the trajectory. at_end: the trajectory ends there, or leaves
+    the workspace by its landing leg: there is nothing left to plan better.
     """
 
     trajectory: Trajectory
     corner: int | None
     position_m: Vector
     velocity_mps: Vector
-
-    @property
-    def at_end(self) -> bool:
-        """Whether the trajectory ends there, so that there is nothing left to plan better."""
-        return self.corner == len(self.trajectory.corner_m) - 1
+    at_end: bool = False
 
 
 class Flight:
@@ -114,6 +111,13 @@ class Flight:
             return False
         return self._reference.distance_m >= float(self._reference.trajectory.corner_m[corner])
 
+    @property
+    def _last_corner(self) -> int:
+        """The point of the trajectory at which the planned path, without its landing leg, ends."""
+        if self._region_corner is not None:
+            return self._region_corner
+        return len(self._reference.trajectory.corner_m) - 1
+
     def error_m(self, pose: Pose) -> float:
         """How far the aircraft is from its setpoint."""
         return math.dist(self._reference.position_m, pose.position_m)
@@ -143,6 +147,7 @@ class Flight:
             corner=corner,
             position_m=_vector(trajectory.points_m[corner]),
             velocity_mps=_vector(speed * direction),
+            at_end=corner >= self._last_corner,
         )
 
     def junction_at(self, pose: Pose) -> Junction:

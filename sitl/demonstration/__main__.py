@@ -35,7 +35,7 @@ from .judge import judge, read_truth
 from .operator import EXIT, INSPECTION, Operator, OperatorError
 
 _SCENARIO = Path(__file__).parents[1] / "scenarios" / "wind_then_battery.yaml"
-_VEHICLE = "linedrone_flight.yaml"
+_VEHICLE = "x500.yaml"
 _SITE = "315kv_double_circuit.yaml"
 _LOW_BATTERY_PERCENT = 35
 _STREAM_FIRST_S = 1.5
