@@ -117,6 +117,8 @@ class Situation:
     """The reference has reached the end of its trajectory."""
     dwell_s: float = 0.0
     """How long to stay at the present target."""
+    astray: bool = False
+    """The aircraft is not where the setpoint is; it would be drawn there when the mode is given."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -255,10 +257,10 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
     if state is MissionState.READY:
         if world.mode_ours:
             return _enter(status, MissionState.FLYING, now_s)
-        if now_s - status.since_s >= ready_timeout_s:
-            return _silenced(
-                status, MissionState.IDLE, "the mode was not given", now_s, farewell=True
-            )
+        late = now_s - status.since_s >= ready_timeout_s
+        if late or world.astray:
+            reason = "the mode was not given" if late else "the aircraft has left its place"
+            return _silenced(status, MissionState.IDLE, reason, now_s, farewell=True)
     elif state is MissionState.FLYING and world.on_leg:
         return _enter(status, MissionState.LANDING_LEG, now_s, keep_sought=True)
     elif state is MissionState.FLYING and world.arrived and task is not None:

@@ -191,7 +191,7 @@ def _draw_paths(
         draw_goal(axes, site, maps, mission, None, None)
     place_labels(axes)
     named = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
-    axes.legend(named.values(), named.keys(), loc="upper right", framealpha=0.9)
+    axes.legend(named.values(), named.keys(), loc="upper left", framealpha=0.9)
     axes.set_title(f"{site.name}: planned and flown", loc="left", fontweight="bold")
 
 

@@ -260,7 +260,7 @@ class Companion:
 
     def _situation(self, now_s: float) -> Situation:
         telemetry, flight = self.telemetry, self._flight
-        autopilot = telemetry.autopilot
+        autopilot, pose = telemetry.autopilot, self._pose()
         return Situation(
             obstruction=self._fault
             or self._surroundings.obstruction(
@@ -273,6 +273,9 @@ class Companion:
             on_leg=flight is not None and flight.on_leg,
             arrived=flight is not None and flight.arrived,
             dwell_s=self._dwell_s(),
+            astray=flight is not None
+            and pose is not None
+            and flight.error_m(pose) > self._vehicle.guidance.tracking_hold_m,
         )
 
     def _dwell_s(self) -> float:
@@ -325,16 +328,16 @@ class Companion:
         if verdict is not Verdict.ACCEPTED and reason:
             self._session.send_text(Severity.WARNING, f"MOAR {verdict.value}: {reason}", now_s)
 
-    def _ask(self, task: Task, now_s: float, *, first: bool, recover: bool = False) -> None:
-        """Ask the planner for a task's plan, from where it can be joined."""
+    def _ask(self, task: Task, now_s: float, *, first: bool, recover: bool = False) -> bool:
+        """Ask the planner for a task's plan, from where it can be joined; whether it was asked."""
         pose = self._pose()
         if pose is None or self._ground is None:
-            return
+            return False
         if self._flight is None:
             self._flight = Flight(self._ground.site, self._vehicle, self._ground.maps, pose)
         junction = self._flight.junction_at(pose) if recover else self._flight.junction()
         if not first and junction.at_end:
-            return
+            return False
         (x_m, _, z_m), (vx_mps, _, vz_mps) = junction.position_m, junction.velocity_mps
         risk = self._risk.indices
         job = PlanJob(
@@ -351,6 +354,7 @@ class Companion:
         self._awaited = _Awaited(job=job, junction=junction, first=first)
         self._jobs.append(job)
         self._planned_s, self._planned_risk = now_s, risk
+        return True
 
     def _adopt(self, awaited: _Awaited, answer: PlanAnswer, now_s: float) -> Adoption:
         """Fly the plan if it can still be joined; for the record, say so."""
@@ -388,9 +392,8 @@ class Companion:
             risk=self._risk.indices,
             age_s=now_s - self._planned_s,
         )
-        if reason is not None:
+        if reason is not None and self._ask(task, now_s, first=False):
             self._record("replan", now_s, reason=reason)
-            self._ask(task, now_s, first=False)
 
     def _stream(self, now_s: float, step_s: float) -> None:
         """Send the setpoint of this instant, if one may be sent."""

@@ -21,12 +21,12 @@ from ..guidance.trajectory import FloatArray, PathPoints, Trajectory, make_traje
 from ..mission.gate import Corridor, distance_m, refusal
 from ..planner.maps import Maps
 from ..planner.plan import Plan
-from ..planner.regions import obstacle_clearance_m
 from ..site import PlanePoint, Site, Target
 from ..types import Mission, Vector
 from ..vehicle import Vehicle, YawMode
 
-_CLEAR_SAMPLES = 50
+_PER_CELL = 10
+"""Samples of a straight that must be free, for each cell of its length."""
 _LEAST_PATH_MPS = 0.1
 """Slower than this the path has no direction to look along."""
 _PLANNING_TIME_S = 0.3
@@ -151,11 +151,15 @@ class Flight:
         )
 
     def junction_at(self, pose: Pose) -> Junction:
-        """The beginning of a plan for an aircraft that has been pushed off its path."""
+        """The beginning of a plan for an aircraft that has been pushed off its path.
+
+        It is in the plane: an aircraft beside it comes back to it.
+        """
+        x_m, _, z_m = pose.position_m
         return Junction(
             trajectory=self._reference.trajectory,
             corner=None,
-            position_m=pose.position_m,
+            position_m=(x_m, 0.0, z_m),
             velocity_mps=pose.velocity_mps,
         )
 
@@ -166,7 +170,10 @@ class Flight:
             return Adoption.TOO_LATE
         path = self._path(plan, junction.position_m, escape_end_m)
         if junction.corner is None:
-            if not self._clear_between(reference.position_m, junction.position_m):
+            # The old path is free: where the way over is not, or the setpoint has not come to
+            # rest yet, it stays there, and the aircraft comes back to it.
+            resting = reference.speed_mps <= self._vehicle.speed.min_mps
+            if not resting or not self._free_between(reference.position_m, junction.position_m):
                 return Adoption.TOO_LATE
             moved = Reference.start(self._trajectory(path), _vector(reference.position_m))
         else:
@@ -270,12 +277,17 @@ class Flight:
             landing = (tuple(points[-1 - len(plan.landing_leg.points_m) :]),)
         self._corridors_m = (*kept, *escape, *landing)
 
-    def _clear_between(self, start_m: FloatArray, end_m: Vector) -> bool:
-        """Whether the setpoint may move straight from one place to another."""
-        along = np.linspace(0.0, 1.0, _CLEAR_SAMPLES)[:, None]
-        line = start_m + along * (np.array(end_m) - start_m)
-        clearance = obstacle_clearance_m(self._site, line[:, [0, 2]])
-        return bool((clearance >= self._vehicle.radius_m).all())
+    def _free_between(self, start_m: FloatArray, end_m: Vector) -> bool:
+        """Whether the setpoint may move straight from one place to another: in free cells only."""
+        grid = self._maps.grid
+        line = np.array(end_m) - start_m
+        samples = 2 + math.ceil(float(np.sqrt(line @ line)) / grid.resolution_m * _PER_CELL)
+        for part in np.linspace(0.0, 1.0, samples):
+            x_m, _, z_m = _vector(start_m + part * line)
+            cell = grid.cell_of((x_m, z_m))
+            if cell is None or self._maps.occupied[cell]:
+                return False
+        return True
 
     def _wanted_yaw_rad(self, pose: Pose, plane: PlaneToLocal) -> float | None:
         """Where the nose should point; None to keep the heading."""

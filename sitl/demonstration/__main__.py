@@ -30,6 +30,7 @@ from moar_companion.outlets.flight_picture import FlightStory, draw_flight
 from moar_companion.planner.maps import build_maps
 from moar_companion.site import Site
 from moar_companion.vehicle import Vehicle
+from sitl.scenario import Scenario, ScenarioError
 
 from .judge import judge, read_truth
 from .operator import EXIT, INSPECTION, Operator, OperatorError
@@ -68,8 +69,9 @@ def main(arguments: list[str] | None = None) -> int:
         settings = _settings(arguments)
         site = Site.load(settings.site)
         vehicle = Vehicle.load(shipped_configs() / "vehicles" / _VEHICLE)
+        Scenario.load(settings.scenario)
         settings.out.mkdir(parents=True, exist_ok=True)
-    except InputError as error:
+    except (InputError, ScenarioError) as error:
         sys.stderr.write(f"sitl/fly: {error}\n")
         return 2
     except OSError as error:

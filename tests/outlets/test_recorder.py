@@ -1,0 +1,78 @@
+import json
+import logging
+import struct
+
+import pytest
+from pymavlink import mavutil
+
+from moar_companion.mavlink.codec import Codec
+from moar_companion.mavlink.dialect import create
+from moar_companion.outlets.recorder import Recorder
+
+OFFSET_S = 1_700_000_000.0
+
+
+def heartbeat() -> bytes:
+    message = create(
+        "HEARTBEAT",
+        type=18,
+        autopilot=8,
+        base_mode=0,
+        custom_mode=0,
+        system_status=4,
+        mavlink_version=3,
+    )
+    return Codec(system_id=1, component_id=195).encode(message)
+
+
+def test_packets_are_a_tlog_that_other_programs_read(tmp_path):
+    recorder = Recorder(tmp_path, OFFSET_S, 5.0)
+    recorder.write([(5.0, heartbeat()), (5.5, heartbeat())], [])
+    recorder.close()
+    log = mavutil.mavlink_connection(str(recorder.folder / "flight.tlog"))
+    times = [log.recv_match().__getattribute__("_timestamp") for _ in range(2)]
+    log.close()
+    assert times == pytest.approx([OFFSET_S + 5.0, OFFSET_S + 5.5])
+    raw = (recorder.folder / "flight.tlog").read_bytes()
+    assert struct.unpack(">Q", raw[:8])[0] == round((OFFSET_S + 5.0) * 1e6)
+
+
+def test_decisions_are_one_json_object_a_line_with_wall_clock_times(tmp_path):
+    recorder = Recorder(tmp_path, OFFSET_S, 0.0)
+    recorder.write([], [(1.5, "state", {"state": "flying"}), (2.0, "text", {"text": "a\nb"})])
+    recorder.close()
+    lines = (recorder.folder / "decisions.jsonl").read_text().splitlines()
+    assert [json.loads(line) for line in lines] == [
+        {"time_s": OFFSET_S + 1.5, "kind": "state", "data": {"state": "flying"}},
+        {"time_s": OFFSET_S + 2.0, "kind": "text", "data": {"text": "a\nb"}},
+    ]
+
+
+def test_what_was_flushed_is_in_the_files_before_they_are_closed(tmp_path):
+    recorder = Recorder(tmp_path, OFFSET_S, 0.0)
+    recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
+    recorder.flush()
+    assert (recorder.folder / "flight.tlog").stat().st_size == 8 + len(heartbeat())
+    assert (recorder.folder / "decisions.jsonl").read_text().count("\n") == 1
+    recorder.close()
+
+
+def test_a_full_disk_ends_the_recording_with_one_warning_and_no_error(tmp_path, caplog):
+    recorder = Recorder(tmp_path, OFFSET_S, 0.0)
+    recorder._packets.close()
+    recorder._packets = open("/dev/full", "wb")  # noqa: PTH123, SIM115
+    with caplog.at_level(logging.WARNING):
+        for _ in range(3):
+            recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
+            recorder.flush()
+        recorder.close()
+    assert [record.getMessage() for record in caplog.records] == [
+        f"recording ended: {recorder.folder}: No space left on device"
+    ]
+
+
+def test_two_recordings_of_one_second_do_not_share_a_folder(tmp_path):
+    recorders = [Recorder(tmp_path, OFFSET_S, 0.001 * number) for number in range(3)]
+    assert len({recorder.folder for recorder in recorders}) == 3
+    for recorder in recorders:
+        recorder.close()

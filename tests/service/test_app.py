@@ -1,0 +1,139 @@
+"""The service as a process: sockets, signals, files."""
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from moar_companion.config import shipped_configs
+
+SITE = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
+
+
+@contextlib.contextmanager
+def service(*arguments, environment=None):
+    running = subprocess.Popen(
+        [sys.executable, "-m", "moar_companion", *map(str, arguments)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={**os.environ, **(environment or {})},
+    )
+    try:
+        yield running
+    finally:
+        if running.poll() is None:
+            running.kill()
+        running.communicate()
+
+
+@contextlib.contextmanager
+def listener():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as item:
+        item.bind(("127.0.0.1", 0))
+        item.settimeout(30)
+        yield item, item.getsockname()[1]
+
+
+def messages(data):
+    codec = mavlink.MAVLink(None)
+    codec.robust_parsing = True
+    return codec.parse_buffer(data) or []
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_it_heartbeats_as_a_path_planner_once_a_second_and_ends_quietly_on_a_signal(number):
+    with (
+        listener() as (item, port),
+        service("--connect", f"udpout:127.0.0.1:{port}", "--site", SITE) as running,
+    ):
+        beats = []
+        while len(beats) < 3:
+            beats += [
+                (time.monotonic(), message)
+                for message in messages(item.recv(4096))
+                if message.get_type() == "HEARTBEAT"
+            ]
+        _, first = beats[0]
+        assert (first.get_srcSystem(), first.get_srcComponent()) == (1, 195)
+        assert (first.type, first.autopilot, first.base_mode) == (18, 8, 0)
+        assert beats[2][0] - beats[0][0] == pytest.approx(2.0, abs=0.5)
+        running.send_signal(number)
+        _, errors = running.communicate(timeout=10)
+        assert running.returncode == 0
+        assert "Traceback" not in errors
+
+
+def test_without_a_site_it_serves_telemetry_and_risk_only():
+    with (
+        listener() as (item, port),
+        service("--connect", f"udpout:127.0.0.1:{port}"),
+    ):
+        seen = set()
+        while "NAMED_VALUE_FLOAT" not in seen:
+            seen |= {message.get_type() for message in messages(item.recv(4096))}
+
+
+def test_a_port_in_use_is_one_line_and_status_1():
+    with (
+        listener() as (_, port),
+        service("--connect", f"udp:127.0.0.1:{port}", "--site", SITE) as running,
+    ):
+        _, errors = running.communicate(timeout=30)
+        assert running.returncode == 1
+        assert len(errors.splitlines()) == 1
+        assert str(port) in errors
+
+
+@pytest.mark.parametrize(
+    ("arguments", "named"),
+    [
+        (("--connect", "carrier-pigeon:home"), "carrier-pigeon"),
+        (("--connect", "udp:127.0.0.1:99999"), "99999"),
+        (("--site", "missing.yaml"), "missing.yaml"),
+        (("--config", "missing.yaml"), "missing.yaml"),
+        (("--vehicle", str(SITE)), str(SITE)),
+    ],
+)
+def test_bad_input_is_one_line_that_names_it_and_status_2(arguments, named):
+    with service(*arguments) as running:
+        _, errors = running.communicate(timeout=30)
+        assert running.returncode == 2
+        assert len(errors.splitlines()) == 1
+        assert named in errors
+
+
+def test_it_records_from_the_first_heartbeat(tmp_path):
+    configuration = tmp_path / "companion.yaml"
+    with listener() as (item, port):
+        configuration.write_text(
+            f"vehicle: {shipped_configs() / 'vehicles' / 'x500.yaml'}\n"
+            f"links: [{{url: 'udpout:127.0.0.1:{port}', role: autopilot}}]\n"
+            f"recorder: {{directory: {tmp_path / 'flights'}}}\n"
+        )
+        with service("--config", configuration) as running:
+            item.recv(4096)
+            running.send_signal(signal.SIGTERM)
+            running.communicate(timeout=10)
+    (folder,) = (tmp_path / "flights").iterdir()
+    assert messages((folder / "flight.tlog").read_bytes()[8:])[0].get_type() == "HEARTBEAT"
+    assert (folder / "decisions.jsonl").exists()
+
+
+def test_the_service_manager_is_told_when_planner_and_links_are_up(tmp_path):
+    address = str(tmp_path / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager, listener() as (_, port):
+        manager.bind(address)
+        manager.settimeout(30)
+        with service(
+            "--connect", f"udpout:127.0.0.1:{port}", environment={"NOTIFY_SOCKET": address}
+        ) as running:
+            assert manager.recv(64) == b"READY=1"
+            running.terminate()
+            assert manager.recv(64) == b"STOPPING=1"

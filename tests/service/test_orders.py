@@ -1,0 +1,315 @@
+"""What operators are answered, and when."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from moar_companion.config import Authority, LinkConfig, LinkRole
+from moar_companion.mavlink.dialect import create
+
+from .desk import (
+    ACCEPTED,
+    CANCELLED,
+    DENIED,
+    EVACUATION,
+    EXIT,
+    FAILED,
+    HOLD,
+    IN_PROGRESS,
+    INSPECTION,
+    LINK,
+    OFFBOARD,
+    PAUSE_CONTINUE,
+    POSCTL,
+    RELEASE,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+    USER_1,
+    Desk,
+    Peer,
+)
+
+OPERATOR_LINK = "udp:127.0.0.1:14550"
+
+
+def test_a_mission_ordered_in_the_air_is_accepted_once_its_plan_is_there():
+    desk = Desk().run(1.2).order(INSPECTION)
+    desk.step()
+    assert (desk.state, desk.answers()) == ("planning", [])
+    desk.run(0.1)
+    assert (desk.state, desk.answers()) == ("ready", [ACCEPTED])
+    acknowledged = desk.messages("COMMAND_ACK")[0]
+    assert (acknowledged.target_system, acknowledged.target_component) == (255, 190)
+    assert (acknowledged.get_srcSystem(), acknowledged.get_srcComponent()) == (1, 195)
+    assert desk.said("MOAR ready inspection")
+
+
+@pytest.mark.parametrize(
+    ("case", "armed", "landed_state"),
+    [
+        ("armed on the ground", True, 1),
+        ("disarmed on the ground", False, 1),
+        ("disarmed, though it says in the air", False, 2),
+        ("still taking off", True, 3),
+        ("landed state unknown", True, 0),
+    ],
+)
+def test_a_mission_is_temporarily_rejected_unless_in_the_air(case, armed, landed_state):
+    desk = Desk()
+    desk.armed, desk.landed_state = armed, landed_state
+    desk.run(1.2).order(INSPECTION).run(1.0)
+    assert (desk.state, desk.answers()) == ("idle", [TEMPORARILY_REJECTED])
+    assert desk.said("not in the air")
+    assert not desk.setpoints()
+
+
+@pytest.mark.parametrize("mission", [INSPECTION, EXIT, EVACUATION])
+def test_an_index_out_of_range_is_denied_with_the_number_there_are(mission):
+    desk = Desk().run(1.2).order(mission, 7.0).run(0.2)
+    assert (desk.state, desk.answers()) == ("idle", [DENIED])
+    assert desk.said("7: the site has")
+
+
+@pytest.mark.parametrize(
+    ("mission", "index"), [(5.0, 0.0), (-1.0, 0.0), (1.5, 0.0), (math.nan, 0.0), (1.0, 0.5)]
+)
+def test_a_parameter_that_means_nothing_is_denied(mission, index):
+    desk = Desk().run(1.2).order(mission, index).run(0.2)
+    assert (desk.state, desk.answers()) == ("idle", [DENIED])
+
+
+@pytest.mark.parametrize("index", [-1.0, math.nan])
+def test_without_an_index_all_targets_are_visited_in_turn(index):
+    desk = Desk().run(1.2).order(INSPECTION, index).run(0.2)
+    assert desk.companion.status.task.stops == ("splice-outer", "splice-inner")
+
+
+def test_with_an_index_one_target_is_visited():
+    desk = Desk().run(1.2).order(INSPECTION, 1.0).run(0.2)
+    assert desk.companion.status.task.stops == ("splice-inner",)
+
+
+def test_an_order_to_all_components_is_heard_and_what_is_not_ours_is_not_answered():
+    desk = Desk().run(1.2).order(INSPECTION, target=(1, 0)).run(0.2)
+    assert (desk.state, desk.answers()) == ("ready", [ACCEPTED])
+    desk.order(0.0, command=1000, target=(1, 0)).run(0.2)
+    assert desk.answers(1000) == []
+    desk.order(0.0, command=1000).run(0.2)
+    assert desk.answers(1000) == [UNSUPPORTED]
+
+
+def test_an_order_to_another_component_or_system_is_none_of_ours():
+    desk = Desk().run(1.2)
+    desk.order(INSPECTION, target=(1, 1)).order(INSPECTION, target=(2, 195)).run(0.5)
+    assert (desk.state, desk.answers()) == ("idle", [])
+
+
+def test_while_planning_takes_long_the_order_is_in_progress_and_then_accepted():
+    desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION)
+    desk.run(0.2)
+    assert desk.answers() == []
+    desk.run(0.04)
+    assert desk.answers() == [IN_PROGRESS]
+    desk.run(3.0)
+    assert desk.answers() == [IN_PROGRESS]
+    desk.answer_plan().step()
+    assert desk.answers() == [IN_PROGRESS, ACCEPTED]
+    assert desk.state == "ready"
+
+
+def test_a_mission_that_cannot_be_planned_is_denied_with_the_reason_in_words():
+    desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
+    desk.answer_plan(plan=None, reason="the goal cannot be reached: no free way leads there")
+    desk.run(0.1)
+    assert (desk.state, desk.answers()) == ("idle", [DENIED])
+    assert desk.said("the goal cannot be reached: no free way leads there")
+    assert not desk.setpoints()
+
+
+def test_in_flight_a_mission_that_cannot_be_planned_is_denied_and_the_flight_goes_on():
+    desk = Desk().come_to("flying")
+    desk.plan_delay_s = None
+    desk.run(3.0)  # no replan is answered any more
+    desk.order(EVACUATION).step().answer_plan(plan=None, reason="no landing point can be seen")
+    before = desk.now_s
+    desk.plan_delay_s = 0.04
+    desk.run(1.0)
+    assert desk.answers()[-1] == DENIED
+    assert desk.said("no landing point can be seen")
+    assert desk.state == "flying"
+    assert len(desk.setpoints(before)) == 50
+    assert desk.run_until("at_target", 60.0).state == "at_target"
+
+
+def test_a_second_order_from_another_operator_cancels_the_first():
+    desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
+    tablet = Peer(254, 190)
+    desk.order(EXIT, peer=tablet).step()
+    answered = [
+        (message.target_system, message.result) for message in desk.messages("COMMAND_ACK")
+    ]
+    assert answered == [(255, CANCELLED)]
+    desk.answer_plan(0).step()  # the first plan comes too late
+    assert desk.state == "planning"
+    desk.answer_plan(1).step()
+    assert desk.companion.status.task.mission.value == "exit"
+    answered = [
+        (message.target_system, message.result) for message in desk.messages("COMMAND_ACK")
+    ]
+    assert answered == [(255, CANCELLED), (254, ACCEPTED)]
+
+
+def test_a_repeated_order_is_carried_out_once():
+    desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
+    desk.hear(desk.operator.command(USER_1, INSPECTION, -1.0, confirmation=1)).step()
+    assert len(desk.jobs) == 1
+    desk.answer_plan().step()
+    assert desk.answers()[-1] == ACCEPTED
+    desk.hear(desk.operator.command(USER_1, INSPECTION, -1.0, confirmation=2)).step()
+    assert len(desk.jobs) == 1
+    assert desk.state == "ready"
+
+
+def test_an_order_taken_back_on_the_ground_of_planning_is_cancelled_and_its_plan_dropped():
+    desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
+    desk.hear(_cancel(desk)).step()
+    assert (desk.state, desk.answers()) == ("idle", [CANCELLED])
+    desk.answer_plan().run(1.0)
+    assert desk.state == "idle"
+    assert not desk.setpoints()
+
+
+def test_an_order_taken_back_in_flight_is_not_flown_when_its_plan_comes():
+    desk = Desk().come_to("flying")
+    desk.plan_delay_s = None
+    desk.run(0.2).order(EVACUATION).step()
+    evacuation = len(desk.jobs) - 1
+    desk.hear(_cancel(desk)).step()
+    path = desk.companion._flight.plan
+    desk.answer_plan(evacuation).step()
+    assert desk.companion._flight.plan is path
+    assert desk.companion.status.task.mission.value == "inspection"
+    desk.plan_delay_s = 0.04
+    assert desk.run_until("at_target", 60.0).state == "at_target"
+
+
+def test_pause_holds_and_continue_goes_on():
+    desk = Desk().come_to("flying").run(5.0)
+    desk.order(0.0, command=PAUSE_CONTINUE).run(2.0)
+    assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("holding", [ACCEPTED])
+    place = desk.position_ned_m
+    last = desk.run(5.0).setpoints()[-1]
+    assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
+    assert math.dist(desk.position_ned_m, place) < 1e-3
+    desk.order(1.0, command=PAUSE_CONTINUE).run(0.2)
+    assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("flying", [ACCEPTED, ACCEPTED])
+    assert desk.run_until("at_target", 60.0).state == "at_target"
+
+
+def test_continue_without_anything_held_is_rejected():
+    desk = Desk().come_to("flying").order(1.0, command=PAUSE_CONTINUE).run(0.1)
+    assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]
+    assert desk.state == "flying"
+
+
+@pytest.mark.parametrize("state", ["ready", "flying", "at_target"])
+def test_release_ends_the_stream_with_one_last_setpoint_at_rest(state):
+    desk = Desk().come_to(state)
+    desk.order(RELEASE).step()
+    assert desk.state == "released"
+    assert desk.answers()[-1] == ACCEPTED
+    before = desk.now_s
+    last = desk.setpoints()[-1]
+    assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
+    desk.run(30.0)
+    assert desk.setpoints(before) == []
+
+
+def test_hold_on_the_ground_of_nothing_is_rejected():
+    desk = Desk().run(1.2).order(HOLD).run(0.1)
+    assert (desk.state, desk.answers()) == ("idle", [TEMPORARILY_REJECTED])
+
+
+def test_an_open_order_fails_when_the_pilot_takes_over():
+    desk = Desk().come_to("flying")
+    desk.plan_delay_s = None
+    desk.order(EXIT).step().say_heartbeat(POSCTL).step()
+    assert desk.state == "overridden"
+    assert desk.answers()[-1] == FAILED
+
+
+def test_an_operators_own_link_is_answered_there():
+    links = (
+        LinkConfig(url=LINK),
+        LinkConfig(url=OPERATOR_LINK, role=LinkRole.OPERATOR),
+    )
+    desk = Desk(links=links).run(1.2)
+    desk.hear(desk.operator.command(USER_1, INSPECTION, -1.0), OPERATOR_LINK).run(0.2)
+    acknowledged = [link for _, link, m in desk.sent if m.get_type() == "COMMAND_ACK"]
+    assert acknowledged == [OPERATOR_LINK]
+    texts = {link for _, link, m in desk.sent if m.get_type() == "STATUSTEXT"}
+    assert texts == {LINK, OPERATOR_LINK}
+    streams = {
+        link for _, link, m in desk.sent if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
+    }
+    assert streams == {LINK}
+
+
+# Authority and site -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mission", [INSPECTION, EXIT, EVACUATION])
+def test_an_observer_denies_missions_with_a_text_and_never_streams(mission):
+    desk = Desk(authority=Authority.OBSERVE).run(1.2)
+    desk.order(mission).say_heartbeat(OFFBOARD).run(60.0)
+    assert (desk.state, desk.answers()) == ("idle", [DENIED])
+    assert desk.said("the authority is observe")
+    assert not desk.setpoints()
+    assert not [m for m in desk.messages("COMMAND_LONG") if m.command == 176]
+
+
+def test_without_a_site_missions_are_denied_and_risks_told_all_the_same():
+    desk = Desk(with_site=False).run(1.2).order(INSPECTION).run(2.0)
+    assert desk.answers() == [DENIED]
+    assert desk.said("no site is loaded")
+    names = {message.name for message in desk.messages("NAMED_VALUE_FLOAT")}
+    assert names == {
+        "RISK_WIND",
+        "RISK_COMM",
+        "RISK_LOC",
+        "RISK_BATT",
+        "K_SAFETY",
+        "K_TIME",
+        "K_ENERGY",
+    }
+
+
+@pytest.mark.parametrize("authority", [Authority.STREAM, Authority.ENGAGE])
+def test_only_engage_asks_for_the_mode_once_the_stream_has_run_and_never_twice(authority):
+    desk = Desk(authority=authority).come_to("ready")
+    assert not _mode_requests(desk)
+    desk.run(1.0)
+    assert not _mode_requests(desk)
+    desk.run(20.0)
+    requests = _mode_requests(desk)
+    if authority is Authority.STREAM:
+        assert not requests
+    else:
+        assert [(m.target_system, m.target_component, m.param2) for m in requests] == [(1, 1, 6)]
+
+
+def test_engage_asks_for_the_landing_above_the_landing_point_and_once():
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(10.0)
+    assert [(m.param2, m.param3) for m in _mode_requests(desk)] == [(4, 6)]
+
+
+def _mode_requests(desk):
+    return [m for m in desk.messages("COMMAND_LONG") if m.command == 176]
+
+
+def _cancel(desk):
+    return desk.operator.pack(
+        create("COMMAND_CANCEL", command=USER_1, target_system=1, target_component=195)
+    )

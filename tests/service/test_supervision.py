@@ -1,0 +1,278 @@
+"""What ends the stream, and that nothing but a new command begins it again."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from moar_companion.config import Supervision
+
+from .desk import (
+    ACCEPTED,
+    AUTO_HOLD,
+    CRITICAL,
+    EVACUATION,
+    INSPECTION,
+    OFFBOARD,
+    POSCTL,
+    TEMPORARILY_REJECTED,
+    Desk,
+    Peer,
+)
+
+
+def test_the_first_thing_ever_sent_is_a_heartbeat():
+    desk = Desk()
+    desk.companion.receive("udp:127.0.0.1:14540", desk.autopilot.heartbeat(OFFBOARD, 4), 50.0)
+    assert desk.companion.data_to_send() == []
+    desk.run(3.0)
+    kinds = [message.get_type() for _, _, message in desk.sent]
+    assert kinds[0] == "HEARTBEAT"
+    beats = desk.messages("HEARTBEAT")
+    assert 3 <= len(beats) <= 4
+    for beat in beats:
+        assert (beat.type, beat.autopilot, beat.base_mode) == (18, 8, 0)
+        assert (beat.get_srcSystem(), beat.get_srcComponent()) == (1, 195)
+
+
+def test_its_heartbeat_says_active_while_it_streams_and_standby_otherwise():
+    desk = Desk().run(2.0)
+    assert desk.messages("HEARTBEAT")[-1].system_status == 3
+    desk.order(INSPECTION).run(2.0)
+    assert desk.messages("HEARTBEAT")[-1].system_status == 4
+    desk.say_heartbeat(OFFBOARD).run(1.2).say_heartbeat(POSCTL).run(2.0)
+    assert desk.messages("HEARTBEAT")[-1].system_status == 3
+
+
+@pytest.mark.parametrize("state", ["ready", "flying", "at_target", "holding"])
+@pytest.mark.parametrize(
+    ("case", "mute", "limit_s", "words"),
+    [
+        ("no position", {"LOCAL_POSITION_NED"}, 0.5, "the position is"),
+        ("no heartbeat", {"HEARTBEAT"}, 3.0, "no heartbeat"),
+        ("nothing at all", {"HEARTBEAT", "LOCAL_POSITION_NED", "ATTITUDE"}, 0.5, "the position is"),
+    ],
+)
+def test_what_is_stale_ends_the_stream_and_its_return_begins_nothing(
+    state, case, mute, limit_s, words
+):
+    desk = Desk()
+    desk.come_to(state)
+    desk.say_heartbeat(desk.mode).step()
+    desk.mute = mute
+    began = desk.now_s
+    desk.run(limit_s - 0.1)
+    assert desk.state == state
+    desk.run(0.3)
+    assert desk.state == "released"
+    assert desk.said(words)
+    assert desk.messages("SET_POSITION_TARGET_LOCAL_NED")[-1] is not None
+    assert not desk.setpoints(began + limit_s + 0.1)
+    silent = desk.now_s
+    desk.mute = set()
+    desk.run(30.0)
+    assert desk.state == "released"
+    assert not desk.setpoints(silent)
+    desk.order(INSPECTION).run(0.5)
+    assert desk.answers()[-1] == ACCEPTED
+    assert desk.setpoints(silent)
+
+
+def test_a_position_gap_shorter_than_the_limit_is_flown_through():
+    desk = Desk().come_to("flying")
+    for _ in range(5):
+        desk.mute = {"LOCAL_POSITION_NED"}
+        desk.run(0.4)
+        desk.mute = set()
+        desk.run(0.4)
+    assert desk.state == "flying"
+
+
+def test_the_pilots_mode_is_obeyed_at_once():
+    desk = Desk().come_to("flying").run(3.0)
+    desk.say_heartbeat(POSCTL)
+    took = desk.now_s
+    desk.run(10.0)
+    assert desk.state == "overridden"
+    assert not desk.setpoints(took)
+    desk.say_heartbeat(OFFBOARD).run(10.0)  # given back: not without a new command
+    assert desk.state == "overridden"
+    assert not desk.setpoints(took)
+    desk.order(EVACUATION).run(1.0)
+    assert desk.state == "flying"
+    assert desk.setpoints(took)
+
+
+def test_with_resume_the_mode_given_back_is_flown_from_where_the_aircraft_is():
+    desk = Desk(resume=True).come_to("flying").run(5.0)
+    desk.say_heartbeat(POSCTL).run(2.0)
+    north, east, down = desk.position_ned_m
+    desk.position_ned_m = (north, east - 0.5, down - 0.5)  # the pilot moves it
+    place = desk.position_ned_m
+    took = desk.now_s
+    desk.run(2.0)
+    assert not desk.setpoints(took)
+    desk.say_heartbeat(OFFBOARD).run(0.5)
+    first = desk.setpoints(took)[0]
+    assert math.dist((first.x, first.y, first.z), place) < 0.01
+    assert desk.state == "flying"
+
+
+@pytest.mark.parametrize("state", ["ready", "flying", "at_target"])
+def test_an_autopilot_failsafe_is_obeyed_and_its_end_brings_nothing_back(state):
+    desk = Desk().come_to(state)
+    desk.say_heartbeat(AUTO_HOLD, CRITICAL)
+    began = desk.now_s
+    desk.run(5.0)
+    assert desk.state == "released"
+    assert desk.said("the autopilot is in failsafe")
+    assert not desk.setpoints(began)
+    desk.say_heartbeat(OFFBOARD).run(30.0)  # PX4 resumes OFFBOARD by itself
+    assert desk.state == "released"
+    assert not desk.setpoints(began)
+
+
+def test_a_failsafe_heard_in_the_instant_of_the_plan_streams_nothing():
+    desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
+    desk.hear(desk.autopilot.heartbeat(AUTO_HOLD, CRITICAL)).answer_plan()
+    desk.system_status = CRITICAL
+    desk.run(2.0)
+    assert desk.state == "released"
+    assert not desk.setpoints()
+
+
+def test_an_autopilot_restart_releases():
+    desk = Desk().come_to("flying").run(2.0)
+    desk.boot_s = 1.0
+    desk.step().step()
+    began = desk.now_s
+    assert desk.state == "released"
+    assert desk.said("the autopilot restarted")
+    desk.run(30.0)
+    assert desk.state == "released"
+    assert not desk.setpoints(began)
+
+
+def test_two_autopilots_refuse_control_and_are_both_named():
+    desk = Desk().run(1.2)
+    other = Peer(2, 1)
+    desk.hear(other.heartbeat(AUTO_HOLD, 4)).step()
+    desk.order(INSPECTION).run(0.2)
+    assert desk.answers() == [TEMPORARILY_REJECTED]
+    assert desk.said("two autopilots are heard")
+    assert not desk.setpoints()
+
+
+def test_a_second_autopilot_in_flight_ends_the_stream():
+    desk = Desk().come_to("flying").run(1.0)
+    desk.hear(Peer(2, 1).heartbeat(AUTO_HOLD, 4)).step()
+    began = desk.now_s
+    desk.run(2.0)
+    assert desk.state == "released"
+    assert not desk.setpoints(began)
+
+
+def test_a_ground_station_and_a_camera_are_no_autopilots():
+    desk = Desk().come_to("flying")
+    from pymavlink.dialects.v20 import all as mavlink
+
+    for system, component, kind in ((255, 190, 6), (1, 100, 30), (1, 195, 18)):
+        peer = Peer(system, component)
+        desk.hear(peer.pack(mavlink.MAVLink_heartbeat_message(kind, 8, 0, 0, 4, 3)))
+    desk.run(2.0)
+    assert desk.state == "flying"
+
+
+def test_the_hold_is_offered_for_thirty_seconds():
+    desk = Desk().come_to("ready")
+    began = desk.now_s
+    desk.run(29.5)
+    assert desk.state == "ready"
+    assert len(desk.setpoints(began)) == pytest.approx(29.5 * 50, abs=2)
+    desk.run(1.0)
+    assert desk.state == "idle"
+    ended = desk.now_s
+    desk.run(5.0)
+    assert not desk.setpoints(ended)
+    assert desk.said("the mode was not given")
+
+
+def test_the_hold_is_withdrawn_when_the_pilot_flies_away_from_it():
+    """Given OFFBOARD then, the aircraft would be drawn back to where the hold was."""
+    desk = Desk().come_to("ready")
+    north, east, down = desk.position_ned_m
+    desk.position_ned_m = (north, east + 1.0, down)
+    desk.run(1.0)
+    assert desk.state == "ready"
+    desk.position_ned_m = (north, east + 2.0, down)
+    desk.run(0.1)
+    assert desk.state == "idle"
+    ended = desk.now_s
+    desk.say_heartbeat(OFFBOARD).run(5.0)
+    assert not desk.setpoints(ended)
+    assert desk.said("the aircraft has left its place")
+
+
+def test_too_far_from_the_plane_nothing_is_begun():
+    desk = Desk()
+    desk.position_ned_m = (3.0, 0.0, -3.0)  # the plane runs east
+    desk.run(1.2).order(INSPECTION).run(0.5)
+    assert desk.answers() == [TEMPORARILY_REJECTED]
+    assert desk.said("3.0 m from the plane, more than 2 m")
+
+
+def test_a_little_beside_the_plane_is_flown_from_there_into_it():
+    desk = Desk()
+    desk.position_ned_m = (1.5, 0.0, -3.0)
+    desk.come_to("flying")
+    first = desk.setpoints()[0]
+    assert (first.x, first.y, first.z) == pytest.approx((1.5, 0.0, -3.0), abs=0.01)
+    desk.run_until("at_target", 60.0)
+    assert desk.position_ned_m[0] == pytest.approx(0.0, abs=0.02)
+
+
+def test_on_the_ground_the_stream_ends():
+    desk = Desk().come_to("flying")
+    desk.landed_state = 1
+    desk.run(0.3)
+    began = desk.now_s
+    assert desk.state == "idle"
+    desk.landed_state = 2
+    desk.run(10.0)
+    assert not desk.setpoints(began)
+
+
+def test_a_shorter_limit_is_kept_too():
+    desk = Desk(supervision=Supervision(position_timeout_s=0.2)).come_to("flying")
+    desk.mute = {"LOCAL_POSITION_NED"}
+    desk.run(0.3)
+    assert desk.state == "released"
+
+
+def test_shutting_down_says_farewell_at_rest():
+    desk = Desk().come_to("flying").run(3.0)
+    assert desk.setpoints()[-1].vz != 0.0 or desk.setpoints()[-1].vy != 0.0
+    desk.companion.shut_down(desk.now_s)
+    desk._take_what_is_sent()
+    before, last = desk.setpoints()[-2:]
+    assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
+    assert math.dist((last.x, last.y, last.z), (before.x, before.y, before.z)) < 1e-6
+
+
+def test_shutting_down_in_silence_sends_nothing():
+    desk = Desk().come_to("flying").say_heartbeat(POSCTL).run(1.0)
+    count = len(desk.sent)
+    desk.companion.shut_down(desk.now_s)
+    desk._take_what_is_sent()
+    assert len(desk.sent) == count
+
+
+def test_a_late_shell_does_not_make_the_setpoint_jump():
+    desk = Desk().come_to("flying").run(4.0)
+    before = desk.setpoints()[-1]
+    desk.now_s += 0.4  # the process was held up
+    desk.step()
+    after = desk.setpoints()[-1]
+    moved = math.dist((before.x, before.y, before.z), (after.x, after.y, after.z))
+    assert moved <= 0.7 * 0.1 + 1e-6

@@ -1,0 +1,66 @@
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.config import shipped_configs
+from moar_companion.site import Site
+from sitl.autopilot import FakeAutopilot, Options
+from sitl.demonstration.judge import FlightTruth, judge, read_truth
+from sitl.truth_log import TruthLog
+
+SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+LEG = [(30.0, 14.0), (40.0, 4.5)]
+RADIUS_M = 0.6
+
+
+def flight(*places, landed=True):
+    rows = [
+        FlightTruth(time_s=float(n), position_m=(x, 0.0, z), on_ground=False, armed=True)
+        for n, (x, z) in enumerate(places)
+    ]
+    end = replace(rows[-1], on_ground=True, armed=False) if landed else rows[-1]
+    return [*rows, end]
+
+
+GOOD = [(27.0, 1.0), (27.0, 10.0), (29.9, 14.0), (35.0, 9.0), (40.0, 4.0), (40.0, 0.1)]
+
+
+def test_a_flight_that_ends_over_its_landing_leg_has_no_fault():
+    verdict = judge(flight(*GOOD), SITE, RADIUS_M, LEG)
+    assert verdict.faults == ()
+    assert verdict.least_clearance_m > 3.0
+
+
+@pytest.mark.parametrize(
+    ("rows", "leg", "fault"),
+    [
+        (flight(GOOD[0], (22.9, 11.0), *GOOD), LEG, "touched an obstacle"),
+        (flight((27.0, 3.0), (32.5, 3.0), *GOOD), LEG, "left the workspace at 1.0 s"),
+        (flight(*GOOD), [], "left the workspace at 3.0 s"),
+        (flight((27.0, 3.0), (15.0, 21.0)), LEG, "left the workspace"),
+        (flight(*GOOD, landed=False), LEG, "did not land"),
+        ([replace(row, on_ground=True) for row in flight(*GOOD)], LEG, "never flew"),
+    ],
+)
+def test_each_fault_is_named(rows, leg, fault):
+    faults = judge(rows, SITE, RADIUS_M, leg).faults
+    assert len(faults) == 1
+    assert faults[0].startswith(fault)
+
+
+def test_the_truth_log_is_read_in_the_frame_of_the_site(tmp_path):
+    home = SITE.frame.to_geodetic((27.0, 0.0, 0.0))
+    options = Options(
+        latitude_deg=home.latitude_deg,
+        longitude_deg=home.longitude_deg,
+        altitude_amsl_m=home.altitude_amsl_m,
+    )
+    vehicle = FakeAutopilot(options)
+    log = TruthLog(tmp_path / "truth.csv", options)
+    vehicle.step(1.0)
+    log.step(vehicle.truth)
+    log.close()
+    (row,) = read_truth(tmp_path / "truth.csv", SITE)
+    assert row.position_m == pytest.approx((27.0, 0.0, 0.0), abs=1e-3)
+    assert row.on_ground
+    assert not row.armed
