@@ -62,6 +62,8 @@ class Guidance:
     """How a plan becomes setpoints (all optional in the file; limits in its units)."""
 
     acceleration_mps2: Annotated[float, Field(gt=0.0, le=20.0)] = 1.0
+    """Setpoints carry no acceleration: while it is a, PX4 is off by a / (MPC_XY_P 0.95 times
+    MPC_XY_VEL_P_ACC 1.8), 0.58 m for each m/s^2."""
     yaw_rate_radps: Annotated[float, Field(gt=0.0, le=360.0)] = 0.785
     yaw_mode: YawMode = YawMode.TARGET
     fixed_yaw_rad: Annotated[float, Field(ge=-180.0, le=360.0)] = 0.0

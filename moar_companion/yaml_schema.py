@@ -128,4 +128,5 @@ def _file_type(hint: Any) -> Any:
 def _limited(bare: Any, limits: tuple[Any, ...]) -> Any:
     if bare is float and not limits:
         limits = (Field(ge=0.0, le=1e6),)
-    return Annotated[(bare, *limits)] if limits else bare
+    arguments = (bare, *limits)
+    return Annotated[arguments] if limits else bare

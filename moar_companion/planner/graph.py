@@ -53,7 +53,8 @@ def elevation_speed_mps(speed: SpeedLimits, direction: FloatArray) -> FloatArray
     """v_max in any direction (..., 2), interpolated over elevation between the headings."""
     elevation = np.arctan2(direction[..., 1], np.abs(direction[..., 0]))
     known = heading_speeds_mps(speed)[5:0:-1]
-    return np.interp(elevation, np.radians([-90.0, -45.0, 0.0, 45.0, 90.0]), known)
+    between: FloatArray = np.interp(elevation, np.radians([-90.0, -45.0, 0.0, 45.0, 90.0]), known)
+    return between
 
 
 def build_graph(maps: Maps, vehicle: Vehicle) -> Graph:

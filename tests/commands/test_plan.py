@@ -254,7 +254,7 @@ def test_a_landing_point_that_is_not_there(site, target, capsys):
     assert cli.main(["plan", site, "--mission", "evacuation", "--target", target]) == 2
     err = capsys.readouterr().err
     assert f"--target: is '{target}', must be the index of a landing point" in err
-    assert "0 at (-10, 0), 1 at (40, 0)" in err
+    assert "0 at (-10, 2.5), 1 at (40, 2.5)" in err
 
 
 @pytest.mark.parametrize(

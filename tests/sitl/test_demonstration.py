@@ -32,7 +32,9 @@ def test_the_demonstration_flies_two_splices_and_the_exit_lands_and_draws_its_pi
     with Image.open(tmp_path / "flight.png") as picture:
         assert min(picture.size) > 800
         assert len(picture.convert("RGB").getcolors(1 << 24)) > 1000
-    decisions = [json.loads(line) for line in (tmp_path / "decisions.jsonl").open()]
+    decisions = [
+        json.loads(line) for line in (tmp_path / "decisions.jsonl").read_text().splitlines()
+    ]
     states = [item["data"]["state"] for item in decisions if item["kind"] == "state"]
     assert states.count("at_target") == 2
     assert states.index("landing_leg") > states.index("at_target")
