@@ -82,10 +82,12 @@ class Trajectory:
         after = max(1, bisect.bisect_right(known, distance_m))
         before = after - 1
         part = max(0.0, (distance_m - known[before]) / (known[after] - known[before]))
-        position, direction = (
-            values[before] + part * (values[after] - values[before])
-            for values in (self.position_m, self.direction)
-        )
+        step = self.position_m[after] - self.position_m[before]
+        position = self.position_m[before] + part * step
+        direction = self.direction[before] + part * (self.direction[after] - self.direction[before])
+        if float(self.direction[before] @ self.direction[after]) < 0.0:
+            # The path turns back at the next sample, and not before.
+            direction = step
         norm = float(np.sqrt(direction @ direction))
         # Under constant braking the square of the speed is linear in the distance.
         first, second = float(self.speed_mps[before]), float(self.speed_mps[after])

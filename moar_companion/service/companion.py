@@ -18,7 +18,7 @@ from typing import Any
 from ..config import Authority, CompanionConfig
 from ..frames import PlaneToLocal
 from ..mavlink.commands import CommandCancelled, CommandResult, MissionCommand, PauseContinue
-from ..mavlink.identity import AutopilotRestarted
+from ..mavlink.identity import AutopilotConflict, AutopilotRestarted
 from ..mavlink.session import Event, Session, Severity, SystemStatus
 from ..mission import machine
 from ..mission.machine import (
@@ -239,6 +239,10 @@ class Companion:
                 self._carry_out(machine.withdrawn(self._status, order_id, now_s), now_s)
         elif isinstance(event, AutopilotRestarted):
             self._fault = "the autopilot restarted"
+        elif isinstance(event, AutopilotConflict):
+            text = f"Two autopilots, none is controlled: {event.autopilot}, {event.other}"
+            self._session.send_text(Severity.ERROR, text, now_s)
+            self._record("text", now_s, text=text)
 
     def _handle_order(self, command: MissionCommand | PauseContinue, now_s: float) -> None:
         order_id = self._orders.enter(command, now_s)

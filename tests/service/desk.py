@@ -125,10 +125,7 @@ class Desk:
             self.raw += data
             for message in self._codec.parse_buffer(data) or []:
                 self.sent.append((self.now_s, link, message))
-                if (
-                    message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
-                    and self.mode == OFFBOARD
-                ):
+                if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED" and self.mode == OFFBOARD:
                     self.position_ned_m = (message.x, message.y, message.z)
 
     def _autopilot_says(self):
@@ -174,8 +171,8 @@ class Desk:
     def answer_plan(self, number=-1, **changes):
         """The planner's answer to a job that waits."""
         job = self.jobs[number]
-        answer = PlanAnswer(job_id=job.job_id, **changes) if changes else answer_job(
-            self.planner, job
+        answer = (
+            PlanAnswer(job_id=job.job_id, **changes) if changes else answer_job(self.planner, job)
         )
         self.companion.plan_answered(answer, self.now_s)
         return self
@@ -205,9 +202,7 @@ class Desk:
 
     def answers(self, command=USER_1):
         return [
-            message.result
-            for message in self.messages("COMMAND_ACK")
-            if message.command == command
+            message.result for message in self.messages("COMMAND_ACK") if message.command == command
         ]
 
     def texts(self):
@@ -221,5 +216,3 @@ class Desk:
 
     def said(self, words):
         return any(words in text for text in self.texts())
-
-

@@ -147,17 +147,13 @@ def test_a_second_order_from_another_operator_cancels_the_first():
     desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
     tablet = Peer(254, 190)
     desk.order(EXIT, peer=tablet).step()
-    answered = [
-        (message.target_system, message.result) for message in desk.messages("COMMAND_ACK")
-    ]
+    answered = [(message.target_system, message.result) for message in desk.messages("COMMAND_ACK")]
     assert answered == [(255, CANCELLED)]
     desk.answer_plan(0).step()  # the first plan comes too late
     assert desk.state == "planning"
     desk.answer_plan(1).step()
     assert desk.companion.status.task.mission.value == "exit"
-    answered = [
-        (message.target_system, message.result) for message in desk.messages("COMMAND_ACK")
-    ]
+    answered = [(message.target_system, message.result) for message in desk.messages("COMMAND_ACK")]
     assert answered == [(255, CANCELLED), (254, ACCEPTED)]
 
 
@@ -251,9 +247,7 @@ def test_an_operators_own_link_is_answered_there():
     assert acknowledged == [OPERATOR_LINK]
     texts = {link for _, link, m in desk.sent if m.get_type() == "STATUSTEXT"}
     assert texts == {LINK, OPERATOR_LINK}
-    streams = {
-        link for _, link, m in desk.sent if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
-    }
+    streams = {link for _, link, m in desk.sent if m.get_type() == "SET_POSITION_TARGET_LOCAL_NED"}
     assert streams == {LINK}
 
 

@@ -1,0 +1,201 @@
+"""The tracker: the setpoint never jumps, waits for the aircraft, arrives, and turns slowly."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from moar_companion.guidance.tracking import Reference, advanced, turned
+from moar_companion.guidance.trajectory import make_trajectory
+from moar_companion.vehicle import Guidance
+
+from .paths import ROUNDING_M, grid_walks, trajectory
+
+properties = settings(deadline=None, max_examples=60, derandomize=True, database=None)
+STEP_S = 0.02
+FADE_MPS = 0.4
+GUIDANCE = Guidance()  # 1 m/s^2; slows from 0.5 m behind, stands at 1.5 m
+
+
+def vector(values):
+    return tuple(float(value) for value in values)
+
+
+def stepped(reference, aircraft_m=None, guidance=GUIDANCE):
+    """One step; the aircraft is at its setpoint unless it is said to be elsewhere."""
+    place = vector(reference.position_m) if aircraft_m is None else aircraft_m
+    return advanced(reference, place, guidance, FADE_MPS, STEP_S)
+
+
+def begun(path_trajectory, setpoint_m=None):
+    start = path_trajectory.position_m[0] if setpoint_m is None else setpoint_m
+    return Reference.start(path_trajectory, vector(start))
+
+
+def test_it_gathers_speed_no_faster_than_the_acceleration_and_arrives_at_rest():
+    reference = begun(trajectory((0.0, 0.0), (5.0, 0.0), speed=0.7))
+    seconds = 0.0
+    while not reference.arrived:
+        before = reference.speed_mps
+        reference = stepped(reference)
+        seconds += STEP_S
+        assert reference.speed_mps <= before + GUIDANCE.acceleration_mps2 * STEP_S + 1e-12
+        assert seconds < 60.0
+    # A trapeze: 5 m at 0.7 m/s, and 0.7 s more for each of its two flanks' halves.
+    assert seconds == pytest.approx(5.0 / 0.7 + 0.7, abs=0.2)
+    for _ in range(50):
+        reference = stepped(reference)
+    assert reference.speed_mps == 0.0
+    assert vector(reference.position_m) == pytest.approx((5.0, 0.0, 0.0), abs=0.006)
+
+
+def test_it_waits_for_an_aircraft_that_a_gust_holds_back_and_goes_on_after():
+    reference = begun(trajectory((0.0, 0.0), (10.0, 0.0), speed=0.7))
+    for _ in range(150):
+        reference = stepped(reference)
+    held_m = vector(reference.position_m)
+    speeds = []
+    for _ in range(1000):  # twenty seconds of gust: the aircraft does not move
+        reference = stepped(reference, held_m)
+        speeds.append(reference.speed_mps)
+    ahead_m = math.dist(reference.position_m, held_m)
+    assert ahead_m <= GUIDANCE.tracking_hold_m
+    assert speeds == sorted(speeds, reverse=True)
+    assert speeds[-1] < 0.01
+    for _ in range(2000):  # the gust is over
+        reference = stepped(reference)
+    assert reference.arrived
+
+
+def test_it_stands_while_the_aircraft_is_farther_than_the_hold_distance():
+    reference = begun(trajectory((0.0, 0.0), (10.0, 0.0), speed=0.7))
+    for _ in range(300):
+        reference = stepped(reference, (0.0, 5.0, 0.0))
+    assert reference.distance_m == 0.0
+
+
+def test_an_aircraft_suddenly_far_off_brakes_it_hard_and_still_without_a_jump():
+    reference = begun(trajectory((0.0, 0.0), (20.0, 0.0), speed=3.0))
+    for _ in range(250):
+        reference = stepped(reference)
+    assert reference.speed_mps == pytest.approx(3.0)
+    count = 0
+    while reference.speed_mps > 0.0:
+        before = reference.speed_mps
+        reference = stepped(reference, (-9.0, 0.0, 0.0))
+        assert before - reference.speed_mps <= 2.0 * GUIDANCE.acceleration_mps2 * STEP_S + 1e-12
+        count += 1
+    assert count == pytest.approx(75, abs=1)  # 3 m/s at 2 m/s^2
+
+
+def test_the_stopping_distance_is_where_braking_ends():
+    reference = begun(trajectory((0.0, 0.0), (20.0, 0.0), speed=2.0))
+    for _ in range(250):
+        reference = stepped(reference)
+    assert reference.stopping_m(1.0) == pytest.approx(reference.distance_m + 2.0)
+
+
+def test_a_setpoint_beside_its_trajectory_fades_over_to_it_before_anything_else_moves():
+    reference = begun(trajectory((0.0, 0.0), (5.0, 0.0)), (0.0, 1.0, 0.0))
+    assert vector(reference.position_m) == (0.0, 1.0, 0.0)
+    seconds = 0.0
+    while reference.offset_m.any():
+        before = reference
+        reference = stepped(reference)
+        seconds += STEP_S
+        moved_m = math.dist(before.position_m, reference.position_m)
+        if reference.offset_m.any():
+            assert moved_m <= FADE_MPS * STEP_S + 1e-12
+            assert reference.distance_m == 0.0
+            assert vector(reference.velocity_mps) == pytest.approx((0.0, -FADE_MPS, 0.0))
+    assert seconds == pytest.approx(1.0 / FADE_MPS, abs=2 * STEP_S)
+    assert not reference.offset_rate_mps.any()
+    for _ in range(600):
+        reference = stepped(reference)
+    assert reference.arrived
+
+
+@properties
+@given(
+    walk=grid_walks(1),
+    acceleration=st.sampled_from([0.5, 1.0, 2.0]),
+    beside=st.sampled_from([(0.0, 0.0, 0.0), (0.2, 0.1, -0.3)]),
+    lags=st.lists(st.floats(0.0, 3.0), min_size=1, max_size=8),
+)
+def test_the_setpoint_moves_no_faster_than_its_speed_wherever_the_aircraft_is(
+    walk, acceleration, beside, lags
+):
+    """The aircraft is now near its setpoint, now far, as the list of lags says."""
+    guidance = Guidance(acceleration_mps2=acceleration)
+    plan = make_trajectory(walk, acceleration_mps2=acceleration, rounding_m=ROUNDING_M)
+    reference = begun(plan, plan.position_m[0] + np.array(beside))
+    margin_mps = 2.0 * acceleration * STEP_S
+    for number in range(400):
+        lag_m = lags[number // 25 % len(lags)]
+        aircraft_m = vector(reference.position_m + np.array([0.0, lag_m, 0.0]))
+        after = advanced(reference, aircraft_m, guidance, FADE_MPS, STEP_S)
+        step_m = math.dist(after.position_m, reference.position_m)
+        faded = reference.offset_m.any()
+        assert step_m <= max(after.speed_mps, FADE_MPS if faded else 0.0) * STEP_S + 1e-9
+        assert -margin_mps - 1e-9 <= after.speed_mps - reference.speed_mps
+        assert after.speed_mps - reference.speed_mps <= 0.5 * margin_mps + 1e-9
+        assert 0.0 <= after.speed_mps <= max(walk.speed_mps) + 1e-9
+        # Never faster than the place allows, but for what one step of braking takes.
+        assert after.speed_mps <= plan.at(reference.distance_m)[2] + margin_mps
+        assert reference.distance_m <= after.distance_m <= plan.length_m
+        reference = after
+
+
+@properties
+@given(walk=grid_walks(1), acceleration=st.sampled_from([0.5, 1.0, 2.0]))
+def test_an_aircraft_that_keeps_up_arrives_whatever_the_walk(walk, acceleration):
+    guidance = Guidance(acceleration_mps2=acceleration)
+    plan = make_trajectory(walk, acceleration_mps2=acceleration, rounding_m=ROUNDING_M)
+    reference = begun(plan)
+    # Each move might be started and ended at rest, at the slowest speed there is.
+    steps = int((5.0 + 12.0 * len(walk.speed_mps)) / STEP_S)
+    for _ in range(steps):
+        if reference.arrived:
+            break
+        reference = stepped(reference, guidance=guidance)
+    assert reference.arrived
+
+
+# Heading ----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("case", "yaw_deg", "wanted_deg", "after_deg"),
+    [
+        ("to the right", 0.0, 90.0, 10.0),
+        ("to the left", 0.0, -90.0, -10.0),
+        ("over south the short way", 175.0, -175.0, -175.0),
+        ("over south, farther than a step", 175.0, -160.0, -175.0),
+        ("over south the other way", -175.0, 160.0, 175.0),
+        ("near enough for one step", 20.0, 25.0, 25.0),
+        ("there already", 42.0, 42.0, 42.0),
+        ("a turn too many is none", 0.0, 365.0, 5.0),
+    ],
+)
+def test_the_heading_turns_the_short_way(case, yaw_deg, wanted_deg, after_deg):
+    after = turned(math.radians(yaw_deg), math.radians(wanted_deg), math.radians(10.0))
+    assert math.remainder(after - math.radians(after_deg), math.tau) == pytest.approx(0.0, abs=1e-9)
+
+
+@properties
+@given(
+    yaw=st.floats(-math.pi, math.pi),
+    wanted=st.floats(-10.0, 10.0),
+    greatest=st.floats(0.001, 1.0),
+)
+def test_the_heading_is_reached_and_no_step_is_too_great(yaw, wanted, greatest):
+    for _ in range(int(math.pi / greatest) + 2):
+        after = turned(yaw, wanted, greatest)
+        assert abs(math.remainder(after - yaw, math.tau)) <= greatest + 1e-9
+        assert -math.pi <= after <= math.pi
+        yaw = after
+    assert math.remainder(yaw - wanted, math.tau) == pytest.approx(0.0, abs=1e-9)

@@ -1,0 +1,314 @@
+"""The trajectory: ends kept, corners rounded, never faster than moves, arcs and brakes allow."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from moar_companion.guidance.trajectory import PathPoints, make_trajectory
+
+from .paths import (
+    CELL_M,
+    ROUNDING_M,
+    accelerations,
+    curvatures_per_m,
+    distance_to_polyline_m,
+    grid_walks,
+    length_m,
+    path,
+    trajectory,
+)
+
+properties = settings(deadline=None, max_examples=80, derandomize=True, database=None)
+SHARP_MPS = 0.1
+"""At a turn back the reference all but stands."""
+
+
+def made(walk, acceleration=1.0, lead_in=None):
+    return make_trajectory(
+        walk, lead_in=lead_in, acceleration_mps2=acceleration, rounding_m=ROUNDING_M
+    )
+
+
+# By hand ----------------------------------------------------------------------------------------
+
+
+def test_a_straight_is_flown_at_its_speed_and_braked_to_rest_at_its_end():
+    straight = trajectory((0.0, 0.0), (3.0, 0.0), speed=1.0, acceleration=1.0)
+    assert straight.length_m == pytest.approx(3.0)
+    assert straight.at(0.0)[2] == pytest.approx(1.0)
+    assert straight.at(2.4)[2] == pytest.approx(1.0)
+    # v^2 = 2 a s: a metre per second is braked from within half a metre.
+    assert straight.at(2.75)[2] == pytest.approx(math.sqrt(0.5), abs=1e-6)
+    assert straight.at(3.0)[2] == 0.0
+    assert straight.at(99.0)[2] == 0.0
+
+
+def test_a_slower_move_is_braked_for_before_it_begins():
+    slow = trajectory((0.0, 0.0), (3.0, 0.0), (6.0, 0.0), speed=(2.0, 0.5))
+    assert slow.at(3.0)[2] == pytest.approx(0.5)
+    assert slow.at(2.0)[2] == pytest.approx(math.sqrt(0.25 + 2.0), rel=1e-6)
+    assert slow.at(0.5)[2] == pytest.approx(2.0)
+
+
+def test_a_right_angle_is_an_arc_of_the_rounding_distance():
+    corner = trajectory((0.0, 0.0), (3.0, 0.0), (3.0, 3.0), speed=0.7, acceleration=1.0)
+    # r tan(45 deg) = rounding: the radius of a right angle is the rounding distance itself.
+    middle = corner.corner_m[1] + 0.5 * (ROUNDING_M * math.pi / 2.0)
+    position, direction, speed = corner.at(middle)
+    centre = np.array([3.0 - ROUNDING_M, 0.0, ROUNDING_M])
+    assert np.linalg.norm(position - centre) == pytest.approx(ROUNDING_M, rel=0.01)
+    assert direction == pytest.approx([math.sqrt(0.5), 0.0, math.sqrt(0.5)], abs=1e-2)
+    assert speed == pytest.approx(math.sqrt(1.0 * ROUNDING_M), rel=1e-6)
+    shorter = 2.0 * ROUNDING_M - ROUNDING_M * math.pi / 2.0
+    assert corner.length_m == pytest.approx(6.0 - shorter, abs=0.005)
+
+
+def test_a_turn_back_reaches_its_corner_and_all_but_stands_there():
+    back = trajectory((0.0, 0.0), (1.0, 0.0), (0.0, 0.0), speed=0.7)
+    assert back.length_m == pytest.approx(2.0)
+    position, _, speed = back.at(float(back.corner_m[1]))
+    assert position == pytest.approx([1.0, 0.0, 0.0])
+    assert speed <= SHARP_MPS + 1e-9
+    assert back.at(0.9)[1] == pytest.approx([1.0, 0.0, 0.0])
+    assert back.at(1.1)[1] == pytest.approx([-1.0, 0.0, 0.0])
+
+
+def test_up_to_a_turn_back_the_direction_is_the_way_there_and_behind_it_the_way_back():
+    back = trajectory((0.0, 0.0), (1.0, 0.0), (0.0, 0.0), speed=0.7)
+    for before in (0.91, 0.96, 0.99, 0.999):
+        assert back.at(before)[1] == pytest.approx([1.0, 0.0, 0.0])
+        assert back.at(2.0 - before)[1] == pytest.approx([-1.0, 0.0, 0.0])
+
+
+@properties
+@given(walk=grid_walks(1), acceleration=accelerations, part=st.floats(0.0, 1.0))
+def test_the_direction_is_that_in_which_the_position_moves(walk, acceleration, part):
+    result = made(walk, acceleration)
+    if result.length_m < 0.01:
+        return
+    at_m = part * (result.length_m - 0.002)
+    position, direction, _ = result.at(at_m)
+    onward = result.at(at_m + 0.001)[0] - position
+    if np.linalg.norm(onward) > 0.0009:  # not over a turn back
+        assert float(direction @ onward) / np.linalg.norm(onward) > math.cos(math.radians(24.0))
+
+
+def test_one_point_is_a_trajectory_that_stands_there():
+    one = trajectory((1.0, 2.0))
+    assert one.length_m == 0.0
+    for distance in (0.0, 1.0):
+        position, direction, speed = one.at(distance)
+        assert position == pytest.approx([1.0, 0.0, 2.0])
+        assert (speed, list(direction)) == (0.0, [0.0, 0.0, 0.0])
+    assert one.corner_after(0.0) == 0
+    assert len(one.corner_m) == 1
+
+
+def test_the_same_point_over_and_over_is_one_point():
+    same = trajectory((1.0, 2.0), (1.0, 2.0), (1.0, 2.0))
+    assert same.length_m == 0.0
+    assert list(same.corner_m) == [0.0, 0.0, 0.0]
+    assert len(same.points_m) == 3
+
+
+def test_a_repeated_point_changes_nothing_but_the_number_of_corners():
+    once = trajectory((0.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+    twice = trajectory((0.0, 0.0), (1.0, 0.0), (1.0, 0.0), (1.0, 1.0))
+    assert twice.position_m == pytest.approx(once.position_m)
+    assert twice.speed_mps == pytest.approx(once.speed_mps)
+    first, second, third = once.corner_m
+    assert list(twice.corner_m) == [first, second, second, third]
+
+
+def test_two_corners_close_together_share_the_straight_between_them():
+    stair = trajectory((0.0, 0.0), (0.3, 0.0), (0.3, 0.3), (0.6, 0.3), rounding=1.0)
+    assert (np.diff(stair.distance_m) > 0.0).all()
+    polyline = path((0.0, 0.0), (0.3, 0.0), (0.3, 0.3), (0.6, 0.3)).position_m
+    worst = max(distance_to_polyline_m(point, polyline) for point in stair.position_m)
+    assert worst < 0.15
+
+
+def test_the_next_corner_is_the_first_not_passed_yet_and_at_last_the_end():
+    line = trajectory((0.0, 0.0), (1.0, 0.0), (2.0, 0.0))
+    assert line.corner_after(0.0) == 0
+    assert line.corner_after(0.01) == 1
+    assert line.corner_after(1.0) == 1
+    assert line.corner_after(1.01) == 2
+    assert line.corner_after(99.0) == 2
+
+
+# Whatever the walk ------------------------------------------------------------------------------
+
+
+@properties
+@given(walk=grid_walks(), acceleration=accelerations)
+def test_both_ends_are_kept(walk, acceleration):
+    result = made(walk, acceleration)
+    assert result.position_m[0] == pytest.approx(walk.position_m[0])
+    assert result.position_m[-1] == pytest.approx(walk.position_m[-1])
+    assert result.speed_mps[-1] == 0.0
+    assert len(result.corner_m) == len(walk.position_m)
+    assert result.corner_m[0] == 0.0
+    assert result.corner_m[-1] == pytest.approx(result.length_m)
+
+
+@properties
+@given(walk=grid_walks(1), acceleration=accelerations)
+def test_distances_grow_and_are_those_between_the_samples(walk, acceleration):
+    result = made(walk, acceleration)
+    steps = np.sqrt((np.diff(result.position_m, axis=0) ** 2).sum(axis=1))
+    assert (steps > 0.0).all()
+    assert np.diff(result.distance_m) == pytest.approx(steps)
+    assert result.length_m <= length_m(walk.position_m) + 1e-9
+    norms = np.linalg.norm(result.direction, axis=1)
+    assert norms == pytest.approx(np.ones(len(norms)) if result.length_m > 0.0 else norms)
+    assert (np.diff(result.corner_m) >= 0.0).all()
+
+
+@properties
+@given(walk=grid_walks(1), acceleration=accelerations)
+def test_every_speed_can_be_braked_from_in_time(walk, acceleration):
+    result = made(walk, acceleration)
+    assert (result.speed_mps >= 0.0).all()
+    assert (result.speed_mps <= result.limit_mps + 1e-9).all()
+    squared = result.speed_mps**2
+    room = 2.0 * acceleration * np.diff(result.distance_m)
+    assert (squared[:-1] <= squared[1:] + room + 1e-9).all()
+
+
+@properties
+@given(walk=grid_walks(1), acceleration=accelerations)
+def test_no_limit_is_lower_than_it_must_be(walk, acceleration):
+    """Each sample is at its limit, or so fast that braking to the next needs the acceleration."""
+    result = made(walk, acceleration)
+    at_limit = result.limit_mps[:-1] - result.speed_mps[:-1] < 1e-6
+    squared = result.speed_mps**2
+    room = 2.0 * acceleration * np.diff(result.distance_m)
+    assert (at_limit | (squared[:-1] > squared[1:] + room - 1e-6)).all()
+
+
+@properties
+@given(walk=grid_walks(1), acceleration=accelerations)
+def test_no_arc_asks_for_more_than_the_acceleration(walk, acceleration):
+    result = made(walk, acceleration)
+    if len(result.position_m) < 3:
+        return
+    lateral = result.speed_mps[1:-1] ** 2 * curvatures_per_m(result.position_m)
+    standing = result.speed_mps[1:-1] <= SHARP_MPS + 1e-9
+    assert (standing | (lateral <= acceleration * 1.001)).all()
+
+
+@properties
+@given(walk=grid_walks(1), acceleration=accelerations)
+def test_the_limit_is_that_of_a_move_the_sample_may_belong_to(walk, acceleration):
+    result = made(walk, acceleration)
+    moves = list(itertools.pairwise(walk.position_m))
+    for position, limit in zip(result.position_m, result.limit_mps, strict=True):
+        near = [
+            speed
+            for (start, end), speed in zip(moves, walk.speed_mps, strict=True)
+            if distance_to_polyline_m(position, np.array([start, end])) <= ROUNDING_M
+        ]
+        assert limit <= max(near) + 1e-9
+
+
+@properties
+@given(walk=grid_walks(1))
+def test_the_path_is_left_by_no_more_than_the_rounding_and_every_point_is_passed(walk):
+    result = made(walk)
+    for position in result.position_m:
+        assert distance_to_polyline_m(position, walk.position_m) <= ROUNDING_M
+    for point, corner in zip(walk.position_m, result.corner_m, strict=True):
+        assert distance_to_polyline_m(point, result.position_m) <= ROUNDING_M
+        # The corner begins where its rounding does.
+        assert math.dist(result.at(float(corner))[0], point) <= ROUNDING_M + 1e-6
+
+
+# Splices ----------------------------------------------------------------------------------------
+
+
+def test_what_is_left_of_a_trajectory_leads_into_the_next():
+    old = trajectory((0.0, 0.0), (2.0, 0.0), (4.0, 0.0))
+    lead_in = old.between(0.5, 2.0)
+    new = trajectory((2.0, 0.0), (2.0, 2.0), lead_in=lead_in)
+    assert new.position_m[0] == pytest.approx([0.5, 0.0, 0.0])
+    assert new.direction[0] == pytest.approx([1.0, 0.0, 0.0])
+    assert new.position_m[-1] == pytest.approx([2.0, 0.0, 2.0])
+    # The points and corners are those of the plan, which begins at the joint.
+    assert len(new.points_m) == len(new.corner_m) == 2
+    # Its corner is rounded within the last sample that leads there.
+    assert 1.5 - ROUNDING_M <= new.corner_m[0] < 1.5
+
+
+def test_a_lead_in_of_no_length_is_no_lead_in():
+    old = trajectory((0.0, 0.0), (2.0, 0.0))
+    joined = trajectory((2.0, 0.0), (2.0, 2.0), lead_in=old.between(2.0, 2.0))
+    alone = trajectory((2.0, 0.0), (2.0, 2.0))
+    assert joined.position_m == pytest.approx(alone.position_m)
+    assert joined.speed_mps == pytest.approx(alone.speed_mps)
+
+
+@properties
+@given(
+    walk=grid_walks(3),
+    onward=grid_walks(1),
+    acceleration=accelerations,
+    part=st.floats(0.0, 1.0),
+    joint=st.floats(0.0, 1.0),
+)
+def test_a_splice_keeps_place_and_direction(walk, onward, acceleration, part, joint):
+    old = made(walk, acceleration)
+    corner = round(joint * (len(old.corner_m) - 1))
+    joined_m = float(old.corner_m[corner])
+    from_m = part * joined_m
+    moved = PathPoints(
+        position_m=onward.position_m + old.points_m[corner], speed_mps=onward.speed_mps
+    )
+    new = made(moved, acceleration, old.between(from_m, joined_m))
+    position, direction, _ = old.at(from_m)
+    assert new.position_m[0] == pytest.approx(position, abs=1e-9)
+    assert new.position_m[-1] == pytest.approx(moved.position_m[-1], abs=1e-5)
+    # Between two samples of an arc of 135 degrees in six pieces lie 22.5 degrees. Where the old
+    # path stood or turned back there is no direction to keep.
+    if joined_m - from_m > CELL_M and not _turns_back(old, from_m):
+        assert float(new.direction[0] @ direction) >= math.cos(math.radians(23.0))
+    # What leads in is flown along the old path.
+    for fraction in (0.25, 0.5, 0.75):
+        ahead = from_m + fraction * (joined_m - from_m)
+        nearest = distance_to_polyline_m(old.at(ahead)[0], new.position_m)
+        assert nearest <= ROUNDING_M
+
+
+@properties
+@given(
+    walk=grid_walks(4),
+    acceleration=accelerations,
+    part=st.floats(0.0, 1.0),
+    joint=st.floats(0.0, 1.0),
+)
+def test_a_splice_onto_the_same_path_is_the_same_path(walk, acceleration, part, joint):
+    """Where nothing changes but the planner's mind, nothing much changes for the aircraft."""
+    old = made(walk, acceleration)
+    corner = round(joint * (len(old.corner_m) - 1))
+    from_m = part * float(old.corner_m[corner])
+    rest = PathPoints(position_m=walk.position_m[corner:], speed_mps=walk.speed_mps[corner:])
+    new = made(rest, acceleration, old.between(from_m, float(old.corner_m[corner])))
+    # Arcs are made again from their own chords, and the corner at the joint may be tighter.
+    slack_m = 0.05 + 0.03 * len(walk.speed_mps)
+    assert new.length_m == pytest.approx(old.length_m - from_m, abs=slack_m)
+    for position in new.position_m:
+        assert distance_to_polyline_m(position, walk.position_m) <= ROUNDING_M
+    assert (new.speed_mps <= max(walk.speed_mps) + 1e-9).all()
+
+
+def _turns_back(old, at_m):
+    """Whether the path turns sharply within a sample of a distance along it."""
+    near = np.abs(old.distance_m - at_m) < 0.11
+    directions = old.direction[near]
+    return bool((directions @ directions.T < 0.0).any())
