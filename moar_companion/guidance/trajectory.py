@@ -22,10 +22,11 @@ FloatArray = npt.NDArray[np.floating[Any]]
 _SAMPLE_M = 0.1
 _ARC_PIECES = 6
 _SLIGHT_TURN_RAD = math.radians(10.0)
-"""A lesser turn needs no arc."""
+"""A lesser turn needs no arc, but is taken no faster than one as long as its straights."""
 _SHARP_TURN_RAD = math.radians(150.0)
 """A greater one cannot be an arc: it is taken at the corner, all but standing."""
 _SHARP_TURN_MPS = 0.1
+_STRAIGHT_RAD = 1e-6
 _SAME_POINT_M = 1e-6
 
 
@@ -186,6 +187,10 @@ def _sample(
         np.concatenate([speed_mps[:1], speed_mps]), np.concatenate([speed_mps, speed_mps[-1:]])
     )
     at_point[1:-1][turn > _SHARP_TURN_RAD] = _SHARP_TURN_MPS
+    slight = turn < _SLIGHT_TURN_RAD
+    around_m = np.minimum(0.5 * (lengths[:-1] + lengths[1:]), 2.0 * rounding_m)[slight]
+    radius = around_m / np.maximum(turn[slight], _STRAIGHT_RAD)
+    at_point[1:-1][slight] = np.minimum(at_point[1:-1][slight], np.sqrt(acceleration_mps2 * radius))
 
     corner = np.flatnonzero(rounded)
     angle = turn[arc]

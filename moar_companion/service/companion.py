@@ -309,7 +309,10 @@ class Companion:
     def _carry_out_one(self, effect: Effect, now_s: float) -> None:
         match effect:
             case Seek(task):
-                self._ask(task, now_s, first=True)
+                if task == self._status.task and self._flight and self._flight.resume_leg():
+                    self._carry_out(machine.planned(self._status, now_s), now_s)
+                else:
+                    self._ask(task, now_s, first=True)
             case Answer(order_id, verdict, reason):
                 self._answer(order_id, verdict, reason, now_s)
             case Say(text, serious):

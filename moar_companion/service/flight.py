@@ -87,6 +87,7 @@ class Flight:
         self._maps = maps
         self._plan: Plan | None = None
         self._region_corner: int | None = None
+        self._rest_of_leg: PathPoints | None = None
         self._corridors_m: tuple[Corridor, ...] = ()
         self._yaw_rad = pose.yaw_rad
         self._reference = Reference.start(
@@ -129,9 +130,29 @@ class Flight:
             reference.stopping_m(self._vehicle.guidance.acceleration_mps2),
             reference.trajectory.length_m,
         )
-        rest = reference.trajectory.between(reference.distance_m, stop_m)
-        self._reference = replace(reference, trajectory=self._trajectory(rest), distance_m=0.0)
+        trajectory = reference.trajectory
+        braking = trajectory.between(reference.distance_m, stop_m)
+        if self.on_leg:
+            self._rest_of_leg = trajectory.between(stop_m, trajectory.length_m)
+        self._reference = replace(reference, trajectory=self._trajectory(braking), distance_m=0.0)
         self._region_corner = None
+
+    def resume_leg(self) -> bool:
+        """Go on along the landing leg on which the flight was braked; False when it was not.
+
+        Outside the workspace nothing can be planned, and the leg was checked when it was.
+        """
+        rest, reference = self._rest_of_leg, self._reference
+        if rest is None:
+            return False
+        trajectory = reference.trajectory
+        braking = trajectory.between(reference.distance_m, trajectory.length_m)
+        self._rest_of_leg = None
+        self._reference = replace(
+            reference, trajectory=self._trajectory(rest, braking), distance_m=0.0
+        )
+        self._region_corner = 0
+        return True
 
     def junction(self) -> Junction:
         """Where a plan that is asked for now will begin: where the reference could still stop."""
@@ -193,6 +214,7 @@ class Flight:
                 distance_m=0.0,
             )
         self._enter_corridors(plan, path, escape_end_m)
+        self._rest_of_leg = None
         self._reference = moved
         self._plan = plan
         self._region_corner = (

@@ -203,7 +203,6 @@ def test_a_hold_on_the_landing_leg_is_held_whatever_cannot_be_planned_from_there
     judged(flight)
 
 
-@pytest.mark.xfail(reason="outside the workspace there is no escape leg towards conductors")
 def test_a_hold_on_the_landing_leg_can_be_continued():
     flight = held_on_the_landing_leg()
     flight.operator.go_on()
