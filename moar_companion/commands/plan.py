@@ -118,7 +118,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
 
     def draw(stream: IO[bytes]) -> None:
-        from ..outlets.picture import draw_plan  # noqa: PLC0415
+        from ..outlets.plan_picture import draw_plan  # noqa: PLC0415
 
         draw_plan(plan, site, vehicle, planner.maps, stream, picture_format)
 

@@ -9,19 +9,16 @@ Heartbeats come from `tick` alone, so that a companion whose thinking has stoppe
 
 from __future__ import annotations
 
-import enum
-import math
 from collections import deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 
 from ..config import LinkRole
 from ..types import AutopilotKind, LinkStatistics, Telemetry, Vector
-from . import modes, translate
+from . import modes, services, translate, translate_outgoing
 from .codec import Codec
 from .commands import Answer, Command, CommandCancelled, CommandLedger, CommandResult
-from .dialect import Message, create, mavlink
+from .dialect import Message, mavlink
 from .identity import (
     Autopilot,
     AutopilotConflict,
@@ -30,15 +27,14 @@ from .identity import (
     BootClock,
     Identity,
 )
+from .outbox import Outbox
+from .places import PlaceRequests
 from .rates import DEFAULT_RATES_HZ, RateRequests
-from .texts import StatusTexts
+from .texts import Severity, StatusTexts
+from .translate_outgoing import SystemStatus
 
-_HEARTBEAT_PERIOD_S = 1.0
-_ORIGIN_PERIOD_S = 5.0
-"""Estimators may move their origin in flight; PX4 tells it by itself only once."""
-_UNKNOWN_PERIOD_S = 2.0
-"""Between requests for an origin or a home that the autopilot has not told."""
-_NAME_LENGTH = 10
+__all__ = ["CommandAnswered", "Event", "Session", "Severity", "SystemStatus"]
+
 _MAX_PACKETS = 4096
 """Kept for a record until they are taken: ten seconds of PX4."""
 
@@ -48,27 +44,6 @@ _COMMAND_CANCEL = 80
 _SET_MESSAGE_INTERVAL = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
 _REQUEST_MESSAGE = int(mavlink.MAV_CMD_REQUEST_MESSAGE)
 _DO_SET_MODE = int(mavlink.MAV_CMD_DO_SET_MODE)
-
-
-class Severity(enum.IntEnum):
-    """MAV_SEVERITY, as far as we use it."""
-
-    CRITICAL = 2
-    """A primary failure."""
-    ERROR = 3
-    """A secondary failure."""
-    WARNING = 4
-    NOTICE = 5
-    INFO = 6
-
-
-class SystemStatus(enum.IntEnum):
-    """MAV_STATE of our own heartbeat."""
-
-    BOOT = 1
-    STANDBY = 3
-    ACTIVE = 4
-    CRITICAL = 5
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -115,8 +90,7 @@ class Session:
             int(mavlink.MAVLINK_MSG_ID_COMMAND_INT): self._receive_command,
             _COMMAND_CANCEL: self._receive_command,
             int(mavlink.MAVLINK_MSG_ID_COMMAND_ACK): self._receive_acknowledgement,
-            int(mavlink.MAVLINK_MSG_ID_TIMESYNC): self._receive_timesync,
-            int(mavlink.MAVLINK_MSG_ID_PING): self._receive_ping,
+            **dict.fromkeys(services.MESSAGE_IDS, self._receive_request),
         }
         wanted = (
             translate.MESSAGE_IDS
@@ -132,15 +106,13 @@ class Session:
         self._identity = Identity()
         self._boot_clock = BootClock()
         self._rates = RateRequests()
+        self._places = PlaceRequests()
+        self._outbox = Outbox(links)
         self._ledger = CommandLedger()
         self._texts = StatusTexts()
         self._telemetry = Telemetry()
         self._events: list[Event] = []
         self._packets: deque[tuple[float, bytes]] = deque(maxlen=_MAX_PACKETS)
-        self._outgoing: list[tuple[str, Message]] = []
-        self._heartbeat_due_s: float | None = None
-        self._origin_requested_s = -math.inf
-        self._home_requested_s = -math.inf
         self._packet_s = 0.0
         self._now_s = 0.0
 
@@ -183,13 +155,9 @@ class Session:
     def data_to_send(self) -> list[tuple[str, bytes]]:
         """Packets since the last call, in order, each with its link's name.
 
-        Nothing before the first `tick`: a heartbeat is the first thing ever sent, because both
-        autopilots route to a component only what follows its first packet.
+        Nothing before the first `tick`: a heartbeat is the first thing ever sent.
         """
-        if self._heartbeat_due_s is None:
-            return []
-        outgoing, self._outgoing = self._outgoing, []
-        return [(link, self._codecs[link].encode(message)) for link, message in outgoing]
+        return [(link, self._codecs[link].encode(message)) for link, message in self._outbox.take()]
 
     # In
 
@@ -202,18 +170,13 @@ class Session:
         self._packets.extend((now_s, packet) for packet in codec.packets)
 
     def _receive_message(self, link: str, message: Message, now_s: float) -> None:
-        source = (message.get_srcSystem(), message.get_srcComponent())
-        if source == (self._system_id, self._component_id):
+        if _source(message) == (self._system_id, self._component_id):
             return
         message_id = message.get_msgId()
         if message_id == _HEARTBEAT:
             self._receive_heartbeat(link, message, now_s)
         autopilot = self._identity.autopilot
-        if (
-            autopilot is not None
-            and source == (autopilot.system_id, autopilot.component_id)
-            and link == autopilot.link
-        ):
+        if autopilot is not None and _is_from(autopilot, link, message):
             self._packet_s = now_s
             self._rates.hear(message_id)
             boot_s = translate.boot_time_s(message)
@@ -265,10 +228,8 @@ class Session:
             silent=kind is AutopilotKind.ARDUPILOT,
             now_s=now_s,
         )
-        self._origin_requested_s = -math.inf
-        self._home_requested_s = -math.inf
-        if self._heartbeat_due_s is not None:
-            self._heartbeat_due_s = now_s
+        self._places = PlaceRequests()
+        self._outbox.hurry_heartbeat(now_s)
 
     def _receive_command(self, link: str, message: Message, now_s: float) -> None:
         reception = self._ledger.receive(
@@ -284,65 +245,33 @@ class Session:
 
     def _receive_acknowledgement(self, link: str, message: Message, _now_s: float) -> None:
         autopilot = self._identity.autopilot
-        source = (message.get_srcSystem(), message.get_srcComponent())
-        if (
-            autopilot is None
-            or source != (autopilot.system_id, autopilot.component_id)
-            or link != autopilot.link
-            or (message.target_system, message.target_component)
-            not in {(0, 0), (self._system_id, self._component_id)}
-        ):
+        if autopilot is None or not _is_from(autopilot, link, message):
+            return
+        target = (message.target_system, message.target_component)
+        if target not in {(0, 0), (self._system_id, self._component_id)}:
             return
         if message.command == _SET_MESSAGE_INTERVAL:
             self._rates.answered(message.result)
         elif message.command == _DO_SET_MODE:
             self._events.append(CommandAnswered(command=_DO_SET_MODE, result=message.result))
 
-    def _receive_timesync(self, link: str, message: Message, now_s: float) -> None:
-        """Answers requests (tc1 = 0) to us, and the autopilot's to all."""
-        if message.tc1 != 0:
-            return
-        target = (message.target_system, message.target_component)
-        source = (message.get_srcSystem(), message.get_srcComponent())
+    def _receive_request(self, link: str, message: Message, now_s: float) -> None:
         autopilot = self._identity.autopilot
-        broadcast = (
-            target == (0, 0)
-            and autopilot is not None
-            and source == (autopilot.system_id, autopilot.component_id)
+        answer = services.answer(
+            message,
+            ours=(self._system_id, self._component_id),
+            autopilot=_address(autopilot) if autopilot else None,
+            now_s=now_s,
         )
-        if broadcast or target == (self._system_id, self._component_id):
-            self._send(
-                link,
-                create(
-                    "TIMESYNC",
-                    tc1=max(1, int(now_s * 1e9)),
-                    ts1=message.ts1,
-                    target_system=source[0],
-                    target_component=source[1],
-                ),
-            )
-
-    def _receive_ping(self, link: str, message: Message, _now_s: float) -> None:
-        """Answers requests: PING without a target."""
-        if (message.target_system, message.target_component) == (0, 0):
-            self._send(
-                link,
-                create(
-                    "PING",
-                    time_usec=message.time_usec,
-                    seq=message.seq,
-                    target_system=message.get_srcSystem(),
-                    target_component=message.get_srcComponent(),
-                ),
-            )
+        if answer is not None:
+            self._outbox.send(link, answer)
 
     # Out
 
     def tick(self, now_s: float, system_status: SystemStatus) -> None:
         """Sends what is due: our heartbeat, requests for streams, origin and home."""
         self._now_s = now_s
-        if self._heartbeat_due_s is None or now_s >= self._heartbeat_due_s:
-            self._send_heartbeat(now_s, system_status)
+        self._outbox.send_heartbeat_if_due(now_s, system_status)
         self._identity.forget_silent(now_s)
         autopilot = self._identity.autopilot
         if autopilot is None:
@@ -350,49 +279,21 @@ class Session:
         self._update_link_statistics(autopilot)
         if not self._identity.alive(now_s):
             return
-        request = self._rates.next_request(now_s)
-        if request is not None:
-            self._command(autopilot, _SET_MESSAGE_INTERVAL, *request)
-        self._request_origin_and_home(autopilot, now_s)
-
-    def _send_heartbeat(self, now_s: float, system_status: SystemStatus) -> None:
-        heartbeat = create(
-            "HEARTBEAT",
-            type=mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
-            autopilot=mavlink.MAV_AUTOPILOT_INVALID,
-            base_mode=0,
-            custom_mode=0,
-            system_status=int(system_status),
-            mavlink_version=3,
-        )
-        self._outgoing[:0] = [(link, heartbeat) for link in self._roles]
-        due_s = self._heartbeat_due_s
-        late = due_s is None or now_s - due_s >= _HEARTBEAT_PERIOD_S
-        self._heartbeat_due_s = (now_s if late or due_s is None else due_s) + _HEARTBEAT_PERIOD_S
+        rate = self._rates.next_request(now_s)
+        if rate is not None:
+            self._command(autopilot, _SET_MESSAGE_INTERVAL, *rate)
+        place = self._places.next_request(self._telemetry, now_s)
+        if place is not None:
+            self._command(autopilot, _REQUEST_MESSAGE, place)
 
     def _update_link_statistics(self, autopilot: Autopilot) -> None:
-        counted = self._codecs[autopilot.link].statistics(
-            autopilot.system_id, autopilot.component_id
-        )
+        counted = self._codecs[autopilot.link].statistics(*_address(autopilot))
         statistics = LinkStatistics(
             received_s=self._packet_s,
             packets_received=counted.received,
             packets_lost=counted.lost,
         )
         self._telemetry = replace(self._telemetry, link=statistics)
-
-    def _request_origin_and_home(self, autopilot: Autopilot, now_s: float) -> None:
-        origin = self._telemetry.local_origin
-        if origin is None:
-            origin_due_s = self._origin_requested_s + _UNKNOWN_PERIOD_S
-        else:
-            origin_due_s = max(self._origin_requested_s, origin.received_s) + _ORIGIN_PERIOD_S
-        if now_s >= origin_due_s:
-            self._origin_requested_s = now_s
-            self._command(autopilot, _REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
-        elif self._telemetry.home is None and now_s >= self._home_requested_s + _UNKNOWN_PERIOD_S:
-            self._home_requested_s = now_s
-            self._command(autopilot, _REQUEST_MESSAGE, mavlink.MAVLINK_MSG_ID_HOME_POSITION)
 
     def send_setpoint(
         self, position_ned_m: Vector, velocity_ned_mps: Vector, yaw_rad: float, now_s: float
@@ -402,9 +303,8 @@ class Session:
         Raises ValueError when a value is not finite.
         """
         autopilot = self._identity.autopilot
-        message = translate.setpoint_message(
-            target_system=autopilot.system_id if autopilot else 0,
-            target_component=autopilot.component_id if autopilot else 0,
+        message = translate_outgoing.setpoint_message(
+            target=_address(autopilot) if autopilot else (0, 0),
             position_ned_m=position_ned_m,
             velocity_ned_mps=velocity_ned_mps,
             yaw_rad=yaw_rad,
@@ -412,7 +312,7 @@ class Session:
         )
         if autopilot is None or not self.control_allowed:
             return False
-        self._send(autopilot.link, message)
+        self._outbox.send(autopilot.link, message)
         return True
 
     def request_own_mode(self) -> bool:
@@ -457,44 +357,35 @@ class Session:
 
         Raises ValueError when the name is longer than 10 ASCII characters.
         """
-        if not (name.isascii() and 0 < len(name) <= _NAME_LENGTH):
-            raise ValueError(f"{name!r} is not a name of 1 to {_NAME_LENGTH} ASCII characters")
-        if translate.is_sendable(value):
-            self._send_to_all(
-                create(
-                    "NAMED_VALUE_FLOAT",
-                    time_boot_ms=translate.milliseconds(now_s),
-                    name=name.encode("ascii"),
-                    value=value,
-                )
-            )
+        message = translate_outgoing.named_value_message(name, value, now_s)
+        if message is not None:
+            self._outbox.send_to_all(message)
 
     def send_text(self, severity: Severity, text: str, now_s: float) -> None:
         """STATUSTEXT on all links, in chunks; the same text not again within 10 s."""
-        for message in self._texts.messages(int(severity), text, now_s):
-            self._send_to_all(message)
+        for message in self._texts.messages(severity, text, now_s):
+            self._outbox.send_to_all(message)
 
     def _acknowledge(self, answer: Answer | None, link: str) -> None:
         if answer is not None:
-            self._send(link, answer.message())
+            self._outbox.send(link, answer.message())
 
     def _command(self, autopilot: Autopilot, command: int, *parameters: float) -> None:
         """A COMMAND_LONG to the autopilot; parameters not given are 0."""
-        padded: list[Any] = [*parameters, *[0.0] * (7 - len(parameters))]
-        self._send(
-            autopilot.link,
-            create(
-                "COMMAND_LONG",
-                target_system=autopilot.system_id,
-                target_component=autopilot.component_id,
-                command=command,
-                confirmation=0,
-                **{f"param{number}": value for number, value in enumerate(padded, start=1)},
-            ),
+        message = translate_outgoing.command_message(
+            target=_address(autopilot), command=command, parameters=parameters
         )
+        self._outbox.send(autopilot.link, message)
 
-    def _send(self, link: str, message: Message) -> None:
-        self._outgoing.append((link, message))
 
-    def _send_to_all(self, message: Message) -> None:
-        self._outgoing += [(link, message) for link in self._roles]
+def _address(autopilot: Autopilot) -> tuple[int, int]:
+    return autopilot.system_id, autopilot.component_id
+
+
+def _source(message: Message) -> tuple[int, int]:
+    return message.get_srcSystem(), message.get_srcComponent()
+
+
+def _is_from(autopilot: Autopilot, link: str, message: Message) -> bool:
+    """Whether the autopilot says this, on the link on which it is ours."""
+    return link == autopilot.link and _source(message) == _address(autopilot)

@@ -2,12 +2,26 @@
 
 from __future__ import annotations
 
+import enum
+
 from .dialect import Message, create
 
 CHUNK_BYTES = 50
 _MAX_BYTES = 1000
 """Nobody reads more of one message on a ground station."""
 _REPEAT_S = 10.0
+
+
+class Severity(enum.IntEnum):
+    """MAV_SEVERITY, as far as we use it."""
+
+    CRITICAL = 2
+    """A primary failure."""
+    ERROR = 3
+    """A secondary failure."""
+    WARNING = 4
+    NOTICE = 5
+    INFO = 6
 
 
 class StatusTexts:
@@ -17,12 +31,11 @@ class StatusTexts:
         self._sent_s: dict[str, float] = {}
         self._last_id = 0
 
-    def messages(self, severity: int, text: str, now_s: float) -> list[Message]:
+    def messages(self, severity: Severity, text: str, now_s: float) -> list[Message]:
         """The chunks of a text, none when it was sent within the last 10 s.
 
-        severity: MAV_SEVERITY. Up to 50 characters go as one message with id 0; more as chunks of
-        50 with an id and a chunk_seq, the last of which has a NUL in it. What is not ASCII becomes
-        a question mark.
+        Up to 50 characters go as one message with id 0; more as chunks of 50 with an id and a
+        chunk_seq, the last of which has a NUL in it. What is not ASCII becomes a question mark.
         """
         self._sent_s = {
             known: sent_s for known, sent_s in self._sent_s.items() if now_s - sent_s < _REPEAT_S
@@ -40,5 +53,5 @@ class StatusTexts:
         ]
 
 
-def _chunk(severity: int, data: bytes, text_id: int, sequence: int) -> Message:
-    return create("STATUSTEXT", severity=severity, text=data, id=text_id, chunk_seq=sequence)
+def _chunk(severity: Severity, data: bytes, text_id: int, sequence: int) -> Message:
+    return create("STATUSTEXT", severity=int(severity), text=data, id=text_id, chunk_seq=sequence)

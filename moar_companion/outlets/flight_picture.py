@@ -5,6 +5,7 @@ Input: the decisions that the recorder wrote, and the path that was flown. Outpu
 
 from __future__ import annotations
 
+import itertools
 import json
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -13,25 +14,17 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib import colormaps, style
-from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib import colormaps
 from matplotlib.collections import LineCollection
-from matplotlib.figure import Figure
 
 from ..planner.maps import Maps
 from ..site import PlanePoint, Site
 from ..types import Mission
 from ..vehicle import Vehicle
-from .picture import (
-    DPI,
-    STYLE,
-    View,
-    draw_colour_bars,
-    draw_goal,
-    draw_plane,
-    place_labels,
-    view_of,
-)
+from .course import draw_goal
+from .labels import place_labels
+from .page import DPI, Page, page_style
+from .plane import View, draw_colour_bars, draw_plane, view_of
 
 _RISKS = {
     "wind": "#1f77b4",
@@ -132,30 +125,16 @@ def draw_flight(
     file: str | PathLike[str],
 ) -> None:
     """Draw a flight into a PNG file; `flown_m` are points of the plane in order of time."""
-    with style.context(["default", STYLE], after_reset=True):
-        landing = [point for points in site.landing_m.values() for point in points]
-        view = view_of(site, vehicle, [*flown_m, *landing])
-        plane_in = _WIDTH * (view[3] - view[2]) / (view[1] - view[0])
-        page_in = (_LEFT + _WIDTH + _RIGHT, _BOTTOM + _RISKS_HEIGHT + _BETWEEN + plane_in + _TOP)
-        figure = Figure(figsize=page_in, facecolor="white")
-        FigureCanvasAgg(figure)
-        plane, risks = (
-            figure.add_axes(
-                (
-                    _LEFT / page_in[0],
-                    bottom_in / page_in[1],
-                    _WIDTH / page_in[0],
-                    height_in / page_in[1],
-                )
-            )
-            for bottom_in, height_in in (
-                (_BOTTOM + _RISKS_HEIGHT + _BETWEEN, plane_in),
-                (_BOTTOM, _RISKS_HEIGHT),
-            )
-        )
+    landing = [point for points in site.landing_m.values() for point in points]
+    view = view_of(site, vehicle, [*flown_m, *landing])
+    plane_in = _WIDTH * (view[3] - view[2]) / (view[1] - view[0])
+    below_in = _BOTTOM + _RISKS_HEIGHT + _BETWEEN
+    with page_style():
+        page = Page(_LEFT + _WIDTH + _RIGHT, below_in + plane_in + _TOP)
+        plane = page.panel(_LEFT, below_in, _WIDTH, plane_in)
         _draw_paths(plane, story, flown_m, site, maps, view)
-        _draw_risks(risks, story)
-        figure.savefig(file, format="png", dpi=DPI)
+        _draw_risks(page.panel(_LEFT, _BOTTOM, _WIDTH, _RISKS_HEIGHT), story)
+        page.figure.savefig(file, format="png", dpi=DPI)
 
 
 def _lines(text: str) -> Iterable[dict[str, Any]]:
@@ -200,9 +179,7 @@ def _draw_risks(axes: Any, story: FlightStory) -> None:
     for column, (name, colour) in enumerate(_RISKS.items()):
         axes.plot(story.time_s, story.risk[:, column], color=colour, lw=1.6, label=name)
     end_s = float(story.time_s[-1]) if len(story.time_s) else 1.0
-    for (time_s, state), (next_s, _) in zip(
-        story.states, [*story.states[1:], (end_s, "")], strict=True
-    ):
+    for (time_s, state), (next_s, _) in itertools.pairwise([*story.states, (end_s, "")]):
         axes.axvline(time_s, color="#888888", lw=0.6)
         if next_s - time_s > 0.075 * end_s:
             axes.text(

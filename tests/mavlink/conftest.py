@@ -11,6 +11,8 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.mavlink.dialect import create
 
+from .story import Story
+
 SHARED = Path(__file__).resolve().parents[3] / "shared"
 
 
@@ -126,6 +128,11 @@ class Peer:
 
 
 @pytest.fixture
+def story() -> Story:
+    return Story()
+
+
+@pytest.fixture
 def peer() -> Callable[[int, int], Peer]:
     return Peer
 
@@ -140,7 +147,8 @@ def ground_station() -> Peer:
     return Peer(255, 190)
 
 
-def _packets(path: Path) -> Iterator[tuple[float, bytes]]:
+def packets(path: Path) -> Iterator[tuple[float, bytes]]:
+    """Time and packet of everything in a tlog."""
     data = path.read_bytes()
     position = 0
     while position + 8 < len(data):
@@ -162,6 +170,6 @@ def recording() -> Callable[[str], list[tuple[float, bytes]]]:
         path = SHARED / "traces" / name
         if not path.exists():
             pytest.skip(f"the recording {path} is not here")
-        return list(_packets(path))
+        return list(packets(path))
 
     return load

@@ -2,16 +2,16 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.mavlink.texts import StatusTexts
+from moar_companion.mavlink.texts import Severity, StatusTexts
 
 
 def told(texts, text, now_s=0.0):
-    return [(m.id, m.chunk_seq, m.text) for m in texts.messages(4, text, now_s)]
+    return [(m.id, m.chunk_seq, m.text) for m in texts.messages(Severity.WARNING, text, now_s)]
 
 
 def test_a_short_text_is_one_message_without_an_id():
     assert told(StatusTexts(), "x" * 50) == [(0, 0, "x" * 50)]
-    assert StatusTexts().messages(4, "x", 0.0)[0].severity == 4
+    assert StatusTexts().messages(Severity.WARNING, "x", 0.0)[0].severity == 4
 
 
 @pytest.mark.parametrize(("length", "chunks"), [(51, 2), (99, 2), (100, 3), (101, 3), (5000, 21)])

@@ -1,4 +1,4 @@
-"""Pictures: that they are drawn, whole, with names that do not overlap, whatever the site."""
+"""Pictures of plans: that they are drawn, and whole, whatever the site."""
 
 import io
 from dataclasses import replace
@@ -6,14 +6,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from matplotlib import rc_context
-from matplotlib.backends.backend_agg import FigureCanvasAgg
-from matplotlib.figure import Figure
 from matplotlib.image import imread
 
 from moar_companion import Planner, Site, Vehicle
 from moar_companion.config import shipped_configs
-from moar_companion.outlets import picture
-from moar_companion.outlets.picture import DPI, draw_plan
+from moar_companion.outlets.page import DPI
+from moar_companion.outlets.plan_picture import draw_plan
 from moar_companion.site import Conductor, Polygon, Workspace
 from moar_companion.types import Mission
 
@@ -111,32 +109,3 @@ def test_a_picture_ignores_the_settings_of_its_user():
         _, changed = drawn(SITE, mission="exit")
     _, plain = drawn(SITE, mission="exit")
     assert pixels(changed).shape == pixels(plain).shape
-
-
-def test_a_plane_on_other_axes_has_names_that_do_not_overlap():
-    planner = Planner(SITE, VEHICLE)
-    plan = planner.plan(mission="inspection", start=(27.0, 2.5))
-    figure = Figure(figsize=(8.0, 6.0))
-    FigureCanvasAgg(figure)
-    axes = figure.add_subplot()
-    picture.draw_plane(axes, SITE, planner.maps, picture.view_of(SITE, VEHICLE, [(27.0, 2.5)]))
-    picture.draw_goal(axes, SITE, planner.maps, plan.mission, plan.request.target, None)
-    colours = picture.draw_path(axes, plan, greatest_mps=12.0)
-    picture.draw_start(axes, (27.0, 2.5), (0.0, 0.0))
-    picture.place_labels(axes, plan.waypoints.position_m)
-    assert colours.norm.vmax == 12.0
-    texts = [text for text in axes.texts if text.get_text()]
-    assert {"left-lower", "splice-outer", "start"} <= {text.get_text() for text in texts}
-    boxes = [text.get_window_extent() for text in texts if text.get_visible()]
-    assert len(boxes) == 9
-    assert not any(a.overlaps(b) for n, a in enumerate(boxes) for b in boxes[:n])
-
-
-def test_the_view_holds_what_matters_and_not_what_is_far():
-    near = picture.view_of(SITE, VEHICLE, [(27.0, 2.5), (40.0, 0.0)])
-    assert near[0] < 0.0
-    assert near[1] > 40.0
-    far = picture.view_of(SITE, VEHICLE, [(4_000.0, 0.0)])
-    assert far[1] - far[0] < 2.0 * 30.0
-    # The foot of the tower is shown as far as it costs safety (3 m).
-    assert -5.0 < picture.view_of(replace(SITE, obstacles=(TOWER,)), VEHICLE, [])[2] < -3.0

@@ -1,0 +1,39 @@
+"""Asking the autopilot for its local frame's origin and its home until it has told them. No I/O."""
+
+from __future__ import annotations
+
+import math
+
+from ..types import Telemetry
+from .dialect import mavlink
+
+_ORIGIN = int(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
+_HOME = int(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
+
+_ORIGIN_PERIOD_S = 5.0
+"""Estimators may move their origin in flight; PX4 tells it by itself only once."""
+_UNKNOWN_PERIOD_S = 2.0
+"""Between requests for an origin or a home that the autopilot has not told."""
+
+
+class PlaceRequests:
+    """Requests the origin for ever, and home until it is known; from the first call on."""
+
+    def __init__(self) -> None:
+        self._origin_requested_s = -math.inf
+        self._home_requested_s = -math.inf
+
+    def next_request(self, telemetry: Telemetry, now_s: float) -> int | None:
+        """The message to ask for now with MAV_CMD_REQUEST_MESSAGE; at most one per call."""
+        origin = telemetry.local_origin
+        if origin is None:
+            origin_due_s = self._origin_requested_s + _UNKNOWN_PERIOD_S
+        else:
+            origin_due_s = max(self._origin_requested_s, origin.received_s) + _ORIGIN_PERIOD_S
+        if now_s >= origin_due_s:
+            self._origin_requested_s = now_s
+            return _ORIGIN
+        if telemetry.home is None and now_s >= self._home_requested_s + _UNKNOWN_PERIOD_S:
+            self._home_requested_s = now_s
+            return _HOME
+        return None

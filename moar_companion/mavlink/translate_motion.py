@@ -1,0 +1,126 @@
+"""Where the aircraft is and how it lies in the air: messages to `Telemetry`. Pure.
+
+Part of `translate`, which names the sources.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+
+from ..types import (
+    Attitude,
+    GeodeticPoint,
+    GlobalPosition,
+    Home,
+    LandedState,
+    LocalOrigin,
+    LocalPosition,
+    Telemetry,
+    Wind,
+)
+from .dialect import Message, mavlink
+
+_LANDED_STATES = {state.value: state for state in LandedState}
+
+
+def _attitude(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    roll, pitch, yaw = message.roll, message.pitch, message.yaw
+    if not math.isfinite(roll + pitch + yaw):
+        return telemetry
+    attitude = Attitude(received_s=now_s, roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw)
+    return replace(telemetry, attitude=attitude)
+
+
+def _local_position(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    position = (message.x, message.y, message.z)
+    velocity = (message.vx, message.vy, message.vz)
+    if not math.isfinite(sum(position) + sum(velocity)):
+        return telemetry
+    return replace(
+        telemetry,
+        local_position=LocalPosition(
+            received_s=now_s,
+            boot_s=message.time_boot_ms * 1e-3,
+            position_ned_m=position,
+            velocity_ned_mps=velocity,
+        ),
+    )
+
+
+def _local_origin(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    point = _point(message.latitude, message.longitude, message.altitude)
+    if point is None:
+        return telemetry
+    return replace(telemetry, local_origin=LocalOrigin(received_s=now_s, point=point))
+
+
+def _home(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    point = _point(message.latitude, message.longitude, message.altitude)
+    position = (message.x, message.y, message.z)
+    if point is None or not math.isfinite(sum(position)):
+        return telemetry
+    home = Home(received_s=now_s, point=point, position_ned_m=position)
+    return replace(telemetry, home=home)
+
+
+def _global_position(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    point = _point(message.lat, message.lon, message.alt)
+    if point is None:
+        return telemetry
+    return replace(telemetry, global_position=GlobalPosition(received_s=now_s, point=point))
+
+
+def _point(latitude_e7: int, longitude_e7: int, altitude_mm: int) -> GeodeticPoint | None:
+    """A point; ArduPilot sends 0, 0 until it has one."""
+    if (latitude_e7 == 0 and longitude_e7 == 0) or abs(latitude_e7) > 900_000_000:
+        return None
+    return GeodeticPoint(
+        latitude_deg=latitude_e7 * 1e-7,
+        longitude_deg=longitude_e7 * 1e-7,
+        altitude_amsl_m=altitude_mm * 1e-3,
+    )
+
+
+def _landed_state(telemetry: Telemetry, message: Message, _now_s: float) -> Telemetry:
+    landed_state = _LANDED_STATES.get(message.landed_state)
+    if landed_state is telemetry.landed_state:
+        return telemetry
+    return replace(telemetry, landed_state=landed_state)
+
+
+def _wind_cov(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    north, east, down = message.wind_x, message.wind_y, message.wind_z
+    if not math.isfinite(north + east):
+        return replace(telemetry, wind=None)
+    # Multirotor estimators know no vertical wind.
+    velocity = (north, east, down if math.isfinite(down) else 0.0)
+    return replace(telemetry, wind=Wind(received_s=now_s, velocity_ned_mps=velocity))
+
+
+def _wind(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    speed, direction_deg, down = message.speed, message.direction, message.speed_z
+    unknown = speed == 0.0 and abs(direction_deg) >= 179.99
+    if unknown or not math.isfinite(speed + direction_deg):
+        return replace(telemetry, wind=None)
+    # The direction is where the wind comes from.
+    towards_rad = math.radians(direction_deg) + math.pi
+    velocity = (
+        speed * math.cos(towards_rad),
+        speed * math.sin(towards_rad),
+        down if math.isfinite(down) else 0.0,
+    )
+    return replace(telemetry, wind=Wind(received_s=now_s, velocity_ned_mps=velocity))
+
+
+TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {
+    mavlink.MAVLINK_MSG_ID_ATTITUDE: _attitude,
+    mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: _local_position,
+    mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _global_position,
+    mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: _local_origin,
+    mavlink.MAVLINK_MSG_ID_HOME_POSITION: _home,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: _landed_state,
+    mavlink.MAVLINK_MSG_ID_WIND_COV: _wind_cov,
+    mavlink.MAVLINK_MSG_ID_WIND: _wind,
+}

@@ -1,0 +1,318 @@
+"""What a session says: heartbeats, requests, answers, modes, setpoints, values, texts, time."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from moar_companion.mavlink.commands import CommandCancelled, CommandResult, MissionCommand
+from moar_companion.mavlink.dialect import mavlink
+from moar_companion.mavlink.session import CommandAnswered, Severity, SystemStatus
+from moar_companion.types import AutopilotKind
+
+from .story import Story, commands, of_type, types
+
+USER_1 = 31010
+SET_MESSAGE_INTERVAL = 511
+REQUEST_MESSAGE = 512
+DO_SET_MODE = 176
+ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+
+
+# Heartbeat
+
+
+def test_a_heartbeat_is_the_first_thing_ever_sent(story, autopilot, ground_station):
+    story.hear(autopilot.heartbeat())
+    story.hear(ground_station.command(400))
+    story.hear(autopilot.send("TIMESYNC", tc1=0, ts1=1, target_system=0, target_component=0))
+    story.session.send_text(Severity.INFO, "hello", story.now_s)
+    assert story.session.data_to_send() == []
+    story.tick(SystemStatus.STANDBY)
+    sent = story.sent()
+    assert types(sent)[:2] == ["HEARTBEAT", "HEARTBEAT"]
+    assert {link for link, _ in sent[:2]} == {"serial", "network"}
+    assert "STATUSTEXT" in types(sent)
+
+
+def test_the_heartbeat_is_an_onboard_controllers(story):
+    story.tick(SystemStatus.CRITICAL)
+    for _, message in story.sent():
+        assert (message.type, message.autopilot) == (18, 8)
+        assert (message.base_mode, message.system_status) == (0, 5)
+        assert (message.get_srcSystem(), message.get_srcComponent()) == (1, 195)
+
+
+def test_the_heartbeat_comes_once_a_second_on_each_link(story):
+    sent = [item for item in story.run(10.0) if item[2].get_type() == "HEARTBEAT"]
+    assert len(sent) == 20
+    times = sorted({time_s for time_s, _, _ in sent})
+    assert times == pytest.approx([100.02 + index for index in range(10)], abs=0.021)
+
+
+def test_a_companion_that_did_not_think_for_a_while_does_not_catch_up(story):
+    story.run(1.0)
+    story.now_s += 30.0
+    assert len(of_type(story.run(0.5), "HEARTBEAT")) == 2
+
+
+# Requests
+
+
+def test_px4_is_asked_only_for_what_it_does_not_send(story, autopilot):
+    story.meet(autopilot)
+    asked = []
+    for step in range(500):
+        if step % 50 == 0:
+            story.hear(autopilot.heartbeat())
+        story.hear(autopilot.attitude(1.0 + step * 0.02))
+        sent = story.run(0.02)
+        asked += commands(sent, SET_MESSAGE_INTERVAL)
+        for _ in commands(sent, SET_MESSAGE_INTERVAL):
+            story.hear(autopilot.acknowledge(SET_MESSAGE_INTERVAL, 0))
+    wanted = {int(m.param1): m.param2 for m in asked}
+    assert mavlink.MAVLINK_MSG_ID_ATTITUDE not in wanted
+    assert wanted[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED] == 33333
+    assert len(asked) == len(wanted)
+    assert {(m.target_system, m.target_component) for m in asked} == {(1, 1)}
+
+
+def test_the_rates_can_be_given(autopilot):
+    story = Story(message_rates_hz={AutopilotKind.ARDUPILOT: {74: 4.0}})
+    story.meet(autopilot, autopilot=ARDUPILOT)
+    (request,) = commands(story.run(0.5), SET_MESSAGE_INTERVAL)
+    assert (request.param1, request.param2) == (74, 250000)
+
+
+def test_a_silent_autopilot_is_asked_nothing(story, autopilot):
+    story.meet(autopilot)
+    story.run(3.0)
+    assert set(types(story.run(60.0))) == {"HEARTBEAT"}
+
+
+def test_origin_and_home_are_asked_for_until_known_and_the_origin_ever_after(story, autopilot):
+    story.meet(autopilot)
+
+    def asked(duration_s):
+        numbers = []
+        for _ in range(duration_s):
+            story.hear(autopilot.heartbeat())
+            numbers += [int(m.param1) for m in commands(story.run(1.0), REQUEST_MESSAGE)]
+        return numbers
+
+    assert sorted(asked(10)) == [49] * 5 + [242] * 5
+    story.hear(
+        autopilot.send("GPS_GLOBAL_ORIGIN", latitude=1, longitude=2, altitude=3, time_usec=0)
+    )
+    story.hear(
+        autopilot.send(
+            "HOME_POSITION",
+            latitude=1,
+            longitude=2,
+            altitude=3,
+            x=0.0,
+            y=0.0,
+            z=0.0,
+            q=[1.0, 0.0, 0.0, 0.0],
+            approach_x=0.0,
+            approach_y=0.0,
+            approach_z=0.0,
+            time_usec=0,
+        )
+    )
+    assert asked(20) == [49] * 3
+    assert story.session.telemetry.home is not None
+
+
+# Commands
+
+
+def test_a_mission_command_reaches_the_service_and_its_answer_the_sender(
+    story, autopilot, ground_station
+):
+    story.meet(autopilot)
+    story.hear(ground_station.command(USER_1, 3, math.nan), link="network")
+    (command,) = story.events()
+    assert isinstance(command, MissionCommand)
+    assert command.sender.link == "network"
+    assert story.session.answer(command, CommandResult.IN_PROGRESS, progress=50)
+    assert story.session.answer(command, CommandResult.ACCEPTED)
+    assert not story.session.answer(command, CommandResult.FAILED)
+    sent = story.sent()
+    assert [link for link, _ in sent] == ["network", "network"]
+    acknowledged = of_type(sent, "COMMAND_ACK")
+    assert [(m.result, m.progress) for m in acknowledged] == [(5, 50), (0, 0)]
+    for message in acknowledged:
+        assert (message.get_srcSystem(), message.get_srcComponent()) == (1, 195)
+        assert (message.target_system, message.target_component) == (255, 190)
+
+
+def test_unknown_commands_to_us_are_answered_at_once_and_those_to_all_not(
+    story, autopilot, ground_station
+):
+    story.meet(autopilot)
+    story.hear(ground_station.command(400, target=(1, 195)))
+    story.hear(autopilot.command(1000, math.nan, target=(1, 0)))
+    story.hear(autopilot.command(1001, target=(1, 0)))
+    (acknowledged,) = of_type(story.sent(), "COMMAND_ACK")
+    assert (acknowledged.command, acknowledged.result) == (400, 3)
+
+
+def test_a_repeat_is_answered_where_it_came_from(story, autopilot, ground_station):
+    story.meet(autopilot)
+    story.hear(ground_station.command(USER_1, 1))
+    story.hear(ground_station.command(USER_1, 1), link="network")
+    assert len(story.events()) == 1
+    ((link, message),) = story.sent()
+    assert (link, message.result) == ("network", 5)
+
+
+def test_a_cancel_tells_the_service_and_the_sender(story, autopilot, ground_station):
+    story.meet(autopilot)
+    story.hear(ground_station.command(USER_1, 1))
+    (command,) = story.events()
+    story.hear(ground_station.cancel(USER_1))
+    assert story.events() == [CommandCancelled(command=command)]
+    ((_, message),) = story.sent()
+    assert message.result == CommandResult.CANCELLED
+
+
+# Modes
+
+
+@pytest.mark.parametrize(
+    ("kind", "base_mode", "own", "land"),
+    [
+        (mavlink.MAV_AUTOPILOT_PX4, 29, [1, 6, 0], [1, 4, 6]),
+        (mavlink.MAV_AUTOPILOT_PX4, 157, [129, 6, 0], [129, 4, 6]),
+        (ARDUPILOT, 217, [1, 4, 0], [1, 9, 0]),
+    ],
+)
+def test_modes_are_requested_once_in_the_autopilots_way(
+    story, autopilot, kind, base_mode, own, land
+):
+    story.meet(autopilot, autopilot=kind, base_mode=base_mode)
+    assert story.session.request_own_mode()
+    assert story.session.request_land()
+    sent = story.sent()
+    assert {link for link, _ in sent} == {"serial"}
+    asked = [[m.param1, m.param2, m.param3] for m in commands(sent, DO_SET_MODE)]
+    assert asked == [own, land]
+    assert commands(story.run(10.0), DO_SET_MODE) == []
+
+
+def test_an_autopilot_of_unknown_kind_is_asked_for_no_mode(story, autopilot):
+    story.meet(autopilot, autopilot=mavlink.MAV_AUTOPILOT_GENERIC)
+    assert not story.session.request_own_mode()
+    assert not Story().session.request_land()
+
+
+def test_answers_to_a_mode_request_are_events_broadcast_or_not(story, autopilot, ground_station):
+    story.meet(autopilot)
+    story.hear(autopilot.acknowledge(DO_SET_MODE, 0))
+    story.hear(autopilot.acknowledge(DO_SET_MODE, 1, target=(0, 0)))
+    story.hear(autopilot.acknowledge(DO_SET_MODE, 4, target=(255, 190)))
+    story.hear(ground_station.acknowledge(DO_SET_MODE, 4))
+    assert story.events() == [
+        CommandAnswered(command=DO_SET_MODE, result=0),
+        CommandAnswered(command=DO_SET_MODE, result=1),
+    ]
+
+
+# Setpoints, values, texts
+
+
+def test_a_setpoint_goes_to_the_autopilot_on_its_link(story, peer):
+    story.meet(peer(7, 1))
+    assert story.session.send_setpoint((1.0, 2.0, -3.0), (0.5, 0.0, 0.0), 0.25, story.now_s)
+    ((link, message),) = story.sent()
+    assert link == "serial"
+    assert (message.target_system, message.target_component) == (7, 1)
+    assert (message.type_mask, message.x, message.vx, message.yaw) == (0x9C0, 1.0, 0.5, 0.25)
+
+
+def test_without_an_autopilot_no_setpoint_is_sent(story):
+    story.tick()
+    story.sent()
+    assert not story.session.send_setpoint((0, 0, 0), (0, 0, 0), 0.0, story.now_s)
+    assert story.sent() == []
+
+
+def test_a_setpoint_that_is_not_finite_is_refused(story, autopilot):
+    story.meet(autopilot)
+    with pytest.raises(ValueError, match="finite"):
+        story.session.send_setpoint((math.nan, 0, 0), (0, 0, 0), 0.0, story.now_s)
+    assert story.sent() == []
+
+
+def test_values_and_texts_go_to_all_links(story, autopilot):
+    story.meet(autopilot)
+    story.session.send_named_value("RISK_WIND", 0.25, story.now_s)
+    story.session.send_named_value("RISK_COMM", math.nan, story.now_s)
+    story.session.send_text(Severity.WARNING, "w" * 60, story.now_s)
+    story.session.send_text(Severity.WARNING, "w" * 60, story.now_s + 9.0)
+    sent = story.sent()
+    assert [(link, m.get_type()) for link, m in sent] == [
+        ("serial", "NAMED_VALUE_FLOAT"),
+        ("network", "NAMED_VALUE_FLOAT"),
+        ("serial", "STATUSTEXT"),
+        ("network", "STATUSTEXT"),
+        ("serial", "STATUSTEXT"),
+        ("network", "STATUSTEXT"),
+    ]
+    assert (sent[0][1].name, sent[0][1].value) == ("RISK_WIND", 0.25)
+
+
+@pytest.mark.parametrize("name", ["", "ELEVENCHARS", "RISIKO_Ä"])
+def test_a_value_needs_a_name_of_at_most_ten_characters(story, name):
+    with pytest.raises(ValueError, match="is not a name"):
+        story.session.send_named_value(name, 1.0, story.now_s)
+
+
+def test_each_link_has_a_sequence_of_its_own(story, autopilot):
+    story.meet(autopilot)
+    story.run(5.0)
+    for reader in story._readers.values():
+        assert reader.statistics(1, 195).lost == 0
+    assert story._readers["serial"].statistics(1, 195).received > 5
+
+
+# Time
+
+
+def timesync(sender, *, tc1=0, target=(0, 0)):
+    return sender.send(
+        "TIMESYNC", tc1=tc1, ts1=-5, target_system=target[0], target_component=target[1]
+    )
+
+
+def test_the_autopilots_time_requests_are_answered_with_our_clock(story, autopilot):
+    story.meet(autopilot)
+    story.hear(timesync(autopilot))
+    ((link, message),) = story.sent()
+    assert (link, message.tc1, message.ts1) == ("serial", 100_000_000_000, -5)
+    assert (message.target_system, message.target_component) == (1, 1)
+
+
+def test_other_time_requests_are_answered_only_when_they_are_for_us(
+    story, autopilot, ground_station
+):
+    story.meet(autopilot)
+    story.hear(timesync(ground_station))
+    story.hear(timesync(ground_station, target=(1, 1)))
+    story.hear(timesync(autopilot, tc1=7))
+    assert story.sent() == []
+    story.hear(timesync(ground_station, target=(1, 195)))
+    assert types(story.sent()) == ["TIMESYNC"]
+
+
+def test_a_ping_is_answered_and_a_pong_is_not(story, ground_station):
+    story.tick()
+    story.sent()
+    ping = {"time_usec": 5, "seq": 6}
+    story.hear(ground_station.send("PING", **ping, target_system=0, target_component=0))
+    story.hear(ground_station.send("PING", **ping, target_system=1, target_component=195))
+    ((_, message),) = story.sent()
+    assert (message.time_usec, message.seq) == (5, 6)
+    assert (message.target_system, message.target_component) == (255, 190)

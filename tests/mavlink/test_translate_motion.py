@@ -1,0 +1,85 @@
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from moar_companion.types import LandedState
+
+from .messages import updated
+
+NAN = math.nan
+
+
+def test_a_local_position_has_the_autopilots_clock():
+    telemetry = updated(
+        "LOCAL_POSITION_NED", time_boot_ms=2500, x=1.0, y=2.0, z=-3.0, vx=4.0, vy=5.0, vz=6.0
+    )
+    position = telemetry.local_position
+    assert position.boot_s == 2.5
+    assert position.position_ned_m == (1.0, 2.0, -3.0)
+    assert position.velocity_ned_mps == (4.0, 5.0, 6.0)
+
+
+@pytest.mark.parametrize("field", ["x", "y", "z", "vx", "vy", "vz"])
+@pytest.mark.parametrize("value", [NAN, math.inf, -math.inf])
+def test_a_position_that_is_not_finite_is_dropped(field, value):
+    before = updated("LOCAL_POSITION_NED", x=1.0)
+    after = updated("LOCAL_POSITION_NED", before, now_s=11.0, **{field: value})
+    assert after is before
+
+
+def test_an_attitude_that_is_not_finite_is_dropped():
+    assert updated("ATTITUDE", yaw=NAN).attitude is None
+    assert updated("ATTITUDE", roll=0.5).attitude.roll_rad == 0.5
+
+
+def test_points_become_degrees_and_metres():
+    telemetry = updated(
+        "GPS_GLOBAL_ORIGIN", latitude=453780000, longitude=-719290000, altitude=200100
+    )
+    point = telemetry.local_origin.point
+    assert point.latitude_deg == pytest.approx(45.378)
+    assert point.longitude_deg == pytest.approx(-71.929)
+    assert point.altitude_amsl_m == pytest.approx(200.1)
+    telemetry = updated("GLOBAL_POSITION_INT", lat=453780000, lon=-719290000, alt=210000)
+    assert telemetry.global_position.point.altitude_amsl_m == pytest.approx(210.0)
+    telemetry = updated("HOME_POSITION", latitude=1, longitude=2, altitude=3, x=1.0, y=2.0, z=3.0)
+    assert telemetry.home.position_ned_m == (1.0, 2.0, 3.0)
+
+
+def test_ardupilots_zero_coordinates_are_no_point():
+    assert updated("GLOBAL_POSITION_INT", alt=1).global_position is None
+    assert updated("GPS_GLOBAL_ORIGIN").local_origin is None
+    assert updated("HOME_POSITION").home is None
+    assert updated("HOME_POSITION", latitude=1, longitude=1, x=NAN).home is None
+
+
+def test_the_landed_state_may_be_unknown():
+    telemetry = updated("EXTENDED_SYS_STATE", landed_state=2)
+    assert telemetry.landed_state is LandedState.IN_AIR
+    assert updated("EXTENDED_SYS_STATE", telemetry, landed_state=0).landed_state is None
+    assert updated("EXTENDED_SYS_STATE", telemetry, landed_state=77).landed_state is None
+    assert updated("EXTENDED_SYS_STATE", telemetry, landed_state=2) is telemetry
+
+
+def test_px4s_wind_points_where_the_air_goes():
+    wind = updated("WIND_COV", wind_x=-5.0, wind_y=1.0, wind_z=NAN).wind
+    assert wind.velocity_ned_mps == (-5.0, 1.0, 0.0)
+
+
+def test_ardupilots_wind_comes_from_its_direction():
+    wind = updated("WIND", direction=90.0, speed=5.0, speed_z=0.5).wind
+    assert wind.velocity_ned_mps == pytest.approx((0.0, -5.0, 0.5))
+
+
+def test_ardupilots_wind_of_0_from_minus_180_is_unknown():
+    known = updated("WIND", direction=90.0, speed=5.0)
+    assert updated("WIND", known, direction=-180.0, speed=0.0).wind is None
+    assert updated("WIND", direction=20.0, speed=0.0).wind.velocity_ned_mps == (0.0, 0.0, 0.0)
+
+
+def test_a_wind_that_is_not_a_number_is_unknown():
+    known = updated("WIND_COV", wind_x=1.0)
+    assert updated("WIND_COV", known, wind_x=NAN).wind is None
+    assert updated("WIND", known, speed=NAN).wind is None
