@@ -114,6 +114,14 @@ class LandedState(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Landed:
+    """EXTENDED_SYS_STATE."""
+
+    received_s: float
+    state: LandedState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotStatus:
     """HEARTBEAT of the autopilot."""
 
@@ -290,7 +298,7 @@ class Telemetry:
     local_origin: LocalOrigin | None = None
     global_position: GlobalPosition | None = None
     home: Home | None = None
-    landed_state: LandedState | None = None
+    landed: Landed | None = None
     batteries: dict[int, Battery] = field(default_factory=dict)
     """By battery id; never changed in place."""
     gnss: Gnss | None = None

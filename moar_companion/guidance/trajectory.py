@@ -156,7 +156,10 @@ def make_trajectory(
         limit_mps=limit,
         speed_mps=_braking_speed_mps(distance, limit, acceleration_mps2),
         points_m=path.position_m,
-        corner_m=distance[np.searchsorted(order, index_of_point - 0.25)],
+        # A point on which an arc ends is not a sample of its own: it is where the path ends.
+        corner_m=distance[
+            np.minimum(np.searchsorted(order, index_of_point - 0.25), len(order) - 1)
+        ],
     )
 
 

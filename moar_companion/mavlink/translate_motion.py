@@ -14,6 +14,7 @@ from ..types import (
     GeodeticPoint,
     GlobalPosition,
     Home,
+    Landed,
     LandedState,
     LocalOrigin,
     LocalPosition,
@@ -83,11 +84,10 @@ def _point(latitude_e7: int, longitude_e7: int, altitude_mm: int) -> GeodeticPoi
     )
 
 
-def _landed_state(telemetry: Telemetry, message: Message, _now_s: float) -> Telemetry:
-    landed_state = _LANDED_STATES.get(message.landed_state)
-    if landed_state is telemetry.landed_state:
-        return telemetry
-    return replace(telemetry, landed_state=landed_state)
+def _landed(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    state = _LANDED_STATES.get(message.landed_state)
+    landed = None if state is None else Landed(received_s=now_s, state=state)
+    return replace(telemetry, landed=landed)
 
 
 def _wind_cov(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
@@ -120,7 +120,7 @@ TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _global_position,
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: _local_origin,
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: _home,
-    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: _landed_state,
+    mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: _landed,
     mavlink.MAVLINK_MSG_ID_WIND_COV: _wind_cov,
     mavlink.MAVLINK_MSG_ID_WIND: _wind,
 }

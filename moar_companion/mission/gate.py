@@ -16,6 +16,8 @@ from ..types import Vector
 Occupancy = npt.NDArray[np.bool_]
 Corridor = tuple[Vector, ...]
 
+_TOLERANCE_M = 1e-9
+
 
 def refusal(
     position_m: Vector,
@@ -23,6 +25,7 @@ def refusal(
     *,
     cell: tuple[int, ...] | None,
     occupied: Occupancy,
+    min_altitude_m: float | None,
     corridors_m: tuple[Corridor, ...],
     corridor_width_m: float,
     plane_tolerance_m: float,
@@ -36,7 +39,8 @@ def refusal(
         return "the setpoint is not finite"
     if abs(position_m[1]) > plane_tolerance_m:
         return f"the setpoint is {abs(position_m[1]):.1f} m from the plane"
-    if cell is not None and not occupied[cell]:
+    low = min_altitude_m is not None and position_m[2] < min_altitude_m - _TOLERANCE_M
+    if cell is not None and not occupied[cell] and not low:
         return None
     if any(distance_m(position_m, leg) <= corridor_width_m for leg in corridors_m):
         return None

@@ -43,6 +43,12 @@ IN_CONTROL = frozenset(
 STREAMING = IN_CONTROL | {MissionState.READY}
 """Setpoints are sent."""
 
+_INTERRUPTED = IN_CONTROL - {MissionState.HOLDING}
+"""What a pilot interrupts here may be resumed; what an operator held is not."""
+
+_CROSSED_S = 0.5
+"""An order that comes so soon after we let go was given before its sender knew."""
+
 
 class Order(str, enum.Enum):
     """What an operator may order besides the three missions."""
@@ -70,6 +76,8 @@ class Task:
     stops: tuple[str, ...] = ()
     landing: int | None = None
     """The index of the landing point of an exit or evacuation; None for any."""
+    flown: bool = False
+    """An exit or evacuation that has ended above its landing point."""
 
     @property
     def goal(self) -> str | int | None:
@@ -78,8 +86,8 @@ class Task:
 
     @property
     def done(self) -> bool:
-        """Whether an inspection has no target left."""
-        return self.mission is Mission.INSPECTION and not self.stops
+        """Whether nothing of it is left to fly."""
+        return self.flown or (self.mission is Mission.INSPECTION and not self.stops)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,13 +97,15 @@ class MissionStatus:
     state: MissionState = MissionState.IDLE
     since_s: float = 0.0
     task: Task | None = None
-    """What is flown, held or was last flown."""
+    """What is flown or held; while overridden, what a pilot interrupted."""
     sought: Task | None = None
     """The task whose first plan is awaited."""
     order_id: int | None = None
     """The operator's order that `sought` answers; None for a next target."""
     failsafe_known: bool = False
     """The autopilot was already in failsafe when an operator ordered this."""
+    held: bool = False
+    """A hold was ordered while ready: when the mode is given, the place is held."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,10 +117,18 @@ class Situation:
     reluctance: str | None
     """Why nothing may be begun now (too far from the plane, ...); what is flown goes on."""
     airborne: bool
-    """Armed and in the air, as far as is known."""
+    """Armed, and known to be in the air."""
+    grounded: bool
+    """Disarmed, or known to be on the ground."""
     mode_ours: bool
     """The autopilot is in the mode in which it follows our setpoints."""
+    mode_heard_s: float
+    """When its mode was last heard: once a second, so it may have changed since."""
     autopilot_failsafe: bool
+    parting: bool = True
+    """Whether a last setpoint at rest does good when the stream ends for an obstruction."""
+    landing_requested: bool = False
+    """We asked for the landing, so that a mode that is not ours is no pilot's."""
     on_leg: bool = False
     """The reference has entered the landing leg."""
     arrived: bool = False
@@ -164,19 +182,24 @@ def command(
     if isinstance(order, Task):
         return _sought(status, order, order_id, world, now_s)
     if order is Order.CONTINUE:
-        if status.state is not MissionState.HOLDING or status.task is None:
+        if status.task is None or not (status.held or status.state is MissionState.HOLDING):
             return _rejected(status, order_id, "nothing is held")
         if status.task.done:
-            return _rejected(status, order_id, "every target is done")
+            return _rejected(status, order_id, "nothing is left to fly")
         return _sought(status, status.task, order_id, world, now_s)
     done = Answer(order_id, Verdict.ACCEPTED)
+    overtaken, status = _cancelled(status), replace(status, order_id=None)
     if order is Order.HOLD and status.state in IN_CONTROL:
         held, effects = _enter(status, MissionState.HOLDING, now_s)
-        return held, (*effects, *_cancelled(status), Do.BRAKE, done)
+        return held, (*overtaken, *effects, Do.BRAKE, done)
+    if order is Order.HOLD and status.state is MissionState.READY:
+        # The mode may have been given and not yet heard of: the stream must not end.
+        ready = replace(status, held=True, sought=None)
+        return ready, (*overtaken, Do.BRAKE, done, Say("MOAR ready to hold"))
     if status.state in STREAMING or status.state is MissionState.PLANNING:
         rest = MissionState.IDLE if order is Order.HOLD else MissionState.RELEASED
         silent, effects = _silenced(status, rest, f"{order.value} on command", now_s, farewell=True)
-        return silent, (*effects, done)
+        return silent, (*overtaken, *effects, done)
     if order is Order.RELEASE:
         return status, (done,)
     return _rejected(status, order_id, "nothing is flown")
@@ -188,7 +211,7 @@ def planned(status: MissionStatus, now_s: float) -> Step:
         return status, ()
     in_control = status.state in IN_CONTROL
     found, effects = _enter(
-        replace(status, task=status.sought),
+        replace(status, task=status.sought, held=False),
         MissionState.FLYING if in_control else MissionState.READY,
         now_s,
     )
@@ -201,14 +224,14 @@ def unplanned(status: MissionStatus, reason: str, now_s: float) -> Step:
     if status.sought is None:
         return status, ()
     answers = () if status.order_id is None else (Answer(status.order_id, Verdict.DENIED, reason),)
-    say = Say(f"No {status.sought.mission.value} plan: {reason}", serious=True)
     if status.state is MissionState.PLANNING:
         idle, effects = _enter(status, MissionState.IDLE, now_s)
-        return idle, (*effects, *answers, say)
+        return idle, (*effects, *answers)
     if status.state is MissionState.AT_TARGET and status.order_id is None:
         held, effects = _enter(status, MissionState.HOLDING, now_s)
+        say = Say(f"No way to {status.sought.goal}: {reason}", serious=True)
         return replace(held, task=status.sought), (*effects, say)
-    return replace(status, sought=None, order_id=None), (*answers, say)
+    return replace(status, sought=None, order_id=None), answers
 
 
 def withdrawn(status: MissionStatus, order_id: int, now_s: float) -> Step:
@@ -231,22 +254,22 @@ def tick(
     """One look at the world; what ends our control comes first."""
     state = status.state
     if state is MissionState.OVERRIDDEN:
-        if resume and world.autopilot_failsafe:
-            return _silenced(status, MissionState.RELEASED, "the autopilot is in failsafe", now_s)
-        if resume and world.mode_ours and world.obstruction is None and status.task is not None:
-            return _sought(status, status.task, None, world, now_s)
-        return status, ()
+        return _overridden(status, world, resume=resume, now_s=now_s)
     if state not in STREAMING and state is not MissionState.PLANNING:
         return status, ()
     if world.obstruction is not None:
-        return _silenced(status, MissionState.RELEASED, world.obstruction, now_s)
+        return _silenced(
+            status, MissionState.RELEASED, world.obstruction, now_s, farewell=world.parting
+        )
     if world.autopilot_failsafe and not status.failsafe_known:
         return _silenced(status, MissionState.RELEASED, "the autopilot is in failsafe", now_s)
-    if not world.airborne:
+    if world.grounded:
         return _silenced(status, MissionState.IDLE, "on the ground", now_s)
     if status.failsafe_known and not world.autopilot_failsafe:
         status = replace(status, failsafe_known=False)
     if state in IN_CONTROL and not world.mode_ours:
+        if world.landing_requested:
+            return _silenced(status, MissionState.IDLE, "the autopilot has left our mode", now_s)
         return _silenced(status, MissionState.OVERRIDDEN, "the pilot has control", now_s)
     return _onward(status, world, ready_timeout_s, now_s)
 
@@ -256,8 +279,10 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
     state, task = status.state, status.task
     if state is MissionState.READY:
         if world.mode_ours:
-            return _enter(status, MissionState.FLYING, now_s)
-        late = now_s - status.since_s >= ready_timeout_s
+            given = MissionState.HOLDING if status.held else MissionState.FLYING
+            return _enter(replace(status, held=False), given, now_s, keep_sought=True)
+        # By a mode heard after the deadline: before that it may have been given.
+        late = world.mode_heard_s - status.since_s >= ready_timeout_s
         if late or world.astray:
             reason = "the mode was not given" if late else "the aircraft has left its place"
             return _silenced(status, MissionState.IDLE, reason, now_s, farewell=True)
@@ -283,7 +308,20 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
 def _landed_above(status: MissionStatus, now_s: float) -> Step:
     """The landing leg is done: what is left is the autopilot's landing."""
     held, effects = _enter(status, MissionState.HOLDING, now_s, keep_sought=True)
-    return held, (*effects, Do.LAND)
+    task = None if held.task is None else replace(held.task, flown=True)
+    return replace(held, task=task), (*effects, Do.LAND)
+
+
+def _overridden(status: MissionStatus, world: Situation, *, resume: bool, now_s: float) -> Step:
+    """A pilot flies: silent, unless the mode is given back and `resume` says to go on."""
+    if world.autopilot_failsafe:
+        return _silenced(status, MissionState.RELEASED, "the autopilot is in failsafe", now_s)
+    if world.grounded:
+        return _silenced(status, MissionState.IDLE, "on the ground", now_s)
+    task = status.task
+    if resume and world.mode_ours and task is not None and not task.done:
+        return _sought(status, task, None, world, now_s)
+    return status, ()
 
 
 def _sought(
@@ -295,18 +333,19 @@ def _sought(
         obstruction = "not in the air"
     if obstruction is not None:
         return status, () if order_id is None else _rejected(status, order_id, obstruction)[1]
-    farewell: tuple[Effect, ...] = ()
-    cancelled = _cancelled(status)
-    if status.state not in IN_CONTROL:
-        farewell = (Do.FAREWELL,) if status.state is MissionState.READY else ()
+    if status.state is MissionState.RELEASED and now_s - status.since_s < _CROSSED_S:
+        return status, () if order_id is None else _rejected(status, order_id, "just let go")[1]
+    effects = _cancelled(status)
+    if status.state not in STREAMING:
         status = replace(status, state=MissionState.PLANNING, since_s=now_s)
+        effects = (*effects, Say(f"MOAR planning {task.mission.value}"))
     sought = replace(
         status,
         sought=task,
         order_id=order_id,
         failsafe_known=world.autopilot_failsafe,
     )
-    return sought, (*cancelled, *farewell, Seek(task))
+    return sought, (*effects, Seek(task))
 
 
 def _rejected(status: MissionStatus, order_id: int, reason: str) -> Step:
@@ -342,8 +381,9 @@ def _silenced(
     With `farewell` a last setpoint at rest is sent, where there was a stream. Without it nothing
     more is sent: the autopilot has left us, or what we know of the aircraft is not to be trusted.
     """
+    interrupted = status.task if status.state in _INTERRUPTED else None
     last = (Do.FAREWELL,) if farewell and status.state in STREAMING else ()
     failed = () if status.order_id is None else (Answer(status.order_id, Verdict.FAILED, reason),)
-    silent = replace(status, state=state, since_s=now_s, sought=None, order_id=None)
+    silent = MissionStatus(state=state, since_s=now_s, task=interrupted)
     say = Say(f"MOAR {state.value}: {reason}", serious=state is not MissionState.IDLE)
     return silent, (*last, *failed, say)

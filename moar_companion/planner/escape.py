@@ -15,8 +15,8 @@ from .maps import Maps
 from .regions import obstacle_clearance_m
 
 _SAMPLES_PER_CELL = 10
-_CANDIDATES = 4096
-"""Nearest free cells that are tried: a disc of 36 cells' radius where all are free."""
+_REACH_M = 10.0
+"""An aircraft that is farther from any free cell is not near the structure at all."""
 
 
 def escape_leg(site: Site, maps: Maps, start_m: PlanePoint) -> PlanePoint | None:
@@ -29,7 +29,8 @@ def escape_leg(site: Site, maps: Maps, start_m: PlanePoint) -> PlanePoint | None
     cells = np.argwhere(~maps.occupied)
     centres = np.array(grid.lower_m) + (cells + 0.5) * grid.resolution_m
     distance = np.hypot(*(centres - start).T)
-    for index in np.argsort(distance, kind="stable")[:_CANDIDATES]:
+    near = np.flatnonzero(distance <= _REACH_M)
+    for index in near[np.argsort(distance[near], kind="stable")]:
         samples = 2 + int(distance[index] / grid.resolution_m * _SAMPLES_PER_CELL)
         along = np.linspace(0.0, 1.0, samples)[:, None]
         clearance = obstacle_clearance_m(site, start + along * (centres[index] - start))

@@ -53,18 +53,15 @@ class WindMemory:
     samples: tuple[LeanSample, ...] = ()
 
 
-def airborne(telemetry: Telemetry) -> bool:
+def _tells_of_wind(telemetry: Telemetry) -> bool:
     """Whether lean and motor outputs say anything about wind.
 
     During the landed state TAKEOFF the aircraft may still stand on its legs. Without any landed
     state, armed has to do.
     """
     armed = telemetry.autopilot is not None and telemetry.autopilot.armed
-    return armed and telemetry.landed_state in (
-        LandedState.IN_AIR,
-        LandedState.LANDING,
-        None,
-    )
+    landed = telemetry.landed
+    return armed and (landed is None or landed.state in {LandedState.IN_AIR, LandedState.LANDING})
 
 
 def remember(memory: WindMemory, telemetry: Telemetry) -> WindMemory:
@@ -72,7 +69,7 @@ def remember(memory: WindMemory, telemetry: Telemetry) -> WindMemory:
 
     The window ends at the latest attitude, so that without a new one nothing changes.
     """
-    if not airborne(telemetry):
+    if not _tells_of_wind(telemetry):
         return WindMemory()
     latest = _sample(telemetry)
     samples = memory.samples
@@ -200,7 +197,7 @@ def _motors(
     """
     motors = telemetry.motors
     greatest = None
-    if motors is not None and motors.pulse_us and airborne(telemetry):
+    if motors is not None and motors.pulse_us and _tells_of_wind(telemetry):
         pulse = model.motor_pulse_us
         greatest = (max(motors.pulse_us) - pulse.low) / (pulse.high - pulse.low)
     return measured(

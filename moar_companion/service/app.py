@@ -26,9 +26,10 @@ from ..planner.planner import Planner
 from ..site import Site
 from ..types import AutopilotStatus
 from ..vehicle import Vehicle
-from .companion import Companion, Ground
-from .jobs import PlanAnswer, PlanJob, answer_job
+from .companion import Companion
+from .jobs import PlanAnswer, PlanJob, answer_job, prepare_all
 from .notify import notify
+from .surroundings import Ground
 
 _SWITCH_INTERVAL_S = 0.0005
 """The planner thread gives the interpreter back to the streaming loop at least this often."""
@@ -67,6 +68,8 @@ class Service:
         self._links: Mapping[str, Link] = {}
         self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
         self._planning: Future[PlanAnswer] | None = None
+        self._arrived: list[tuple[float, str, bytes]] = []
+        self._answered: list[PlanAnswer] = []
         self._recorder: Recorder | None = None
         self._heard: AutopilotStatus | None = None
 
@@ -89,6 +92,8 @@ class Service:
             self._links = links
             # What was imported lives as long as the process: no need to look through it again.
             gc.freeze()
+            if self._planner is not None:
+                self._thread.submit(prepare_all, self._planner)
             notify("READY=1")
             thinking = asyncio.create_task(self._think_loop(loop), name="think")
             stopping = asyncio.create_task(stopped.wait(), name="wait for a signal")
@@ -100,6 +105,7 @@ class Service:
             thinking.cancel()
             with contextlib.suppress(asyncio.CancelledError):
                 await thinking
+            self._take_in(loop.time())
             self._companion.shut_down(loop.time())
             self._send(loop.time())
 
@@ -109,6 +115,7 @@ class Service:
         due_s = flush_s = loop.time()
         while True:
             now_s = loop.time()
+            self._take_in(now_s)
             self._companion.tick(now_s)
             for job in self._companion.plan_jobs():
                 self._plan(loop, job)
@@ -118,12 +125,23 @@ class Service:
                 self._say_who_is_heard()
                 if self._recorder is not None:
                     self._recorder.flush()
-            # After a pause no setpoints are sent twice to catch up.
-            due_s = max(due_s + period_s, now_s)
+            due_s += period_s
+            if due_s <= now_s:
+                # After a pause nothing is sent twice to catch up.
+                due_s = now_s + period_s
             await asyncio.sleep(due_s - loop.time())
 
     def _receive(self, loop: asyncio.AbstractEventLoop, url: str, data: bytes) -> None:
-        self._companion.receive(url, data, loop.time())
+        self._arrived.append((loop.time(), url, data))
+
+    def _take_in(self, now_s: float) -> None:
+        """Hand over what has arrived: here, so that what fails ends the thinking, too."""
+        arrived, self._arrived = self._arrived, []
+        for time_s, url, data in arrived:
+            self._companion.receive(url, data, time_s)
+        answered, self._answered = self._answered, []
+        for answer in answered:
+            self._companion.plan_answered(answer, now_s)
 
     def _send(self, now_s: float) -> None:
         outgoing = self._companion.data_to_send()
@@ -144,20 +162,22 @@ class Service:
         if self._planning is not None:
             self._planning.cancel()
         self._planning = self._thread.submit(answer_job, self._planner, job)
-        self._planning.add_done_callback(
-            lambda done: loop.call_soon_threadsafe(self._planned, job, done)
-        )
+        self._planning.add_done_callback(partial(self._planned, loop, job))
 
-    def _planned(self, job: PlanJob, done: Future[PlanAnswer]) -> None:
+    def _planned(
+        self, loop: asyncio.AbstractEventLoop, job: PlanJob, done: Future[PlanAnswer]
+    ) -> None:
+        """In the planner's thread: the answer goes to the loop, if that still runs."""
         if done.cancelled():
             return
         error = done.exception()
         if error is None:
             answer = done.result()
         else:
-            _logger.error("the planner failed", exc_info=error)
+            _logger.error("the planner failed: %s: %s", type(error).__name__, error)
             answer = PlanAnswer(job_id=job.job_id, plan=None, reason="the planner failed")
-        self._companion.plan_answered(answer, asyncio.get_running_loop().time())
+        with contextlib.suppress(RuntimeError):
+            loop.call_soon_threadsafe(self._answered.append, answer)
 
     def _open_recorder(self, stack: contextlib.AsyncExitStack, now_s: float) -> Recorder | None:
         directory = self._config.recorder.directory

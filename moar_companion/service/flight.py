@@ -95,11 +95,6 @@ class Flight:
         )
 
     @property
-    def plan(self) -> Plan | None:
-        """The plan that is flown."""
-        return self._plan
-
-    @property
     def arrived(self) -> bool:
         """Whether the trajectory's end is reached."""
         return self._reference.arrived
@@ -107,10 +102,7 @@ class Flight:
     @property
     def on_leg(self) -> bool:
         """Whether the reference is on the landing leg."""
-        corner = self._region_corner
-        if corner is None:
-            return False
-        return self._reference.distance_m >= float(self._reference.trajectory.corner_m[corner])
+        return self._leaves_workspace_by(self._reference.distance_m)
 
     @property
     def _last_corner(self) -> int:
@@ -118,6 +110,18 @@ class Flight:
         if self._region_corner is not None:
             return self._region_corner
         return len(self._reference.trajectory.corner_m) - 1
+
+    def _leaves_workspace_by(self, distance_m: float) -> bool:
+        """Whether the landing leg has begun at a distance along the trajectory."""
+        corner = self._region_corner
+        if corner is None:
+            return False
+        return distance_m >= float(self._reference.trajectory.corner_m[corner])
+
+    def shift(self, jump_m: Vector) -> None:
+        """Take the setpoint along with a position that jumped, so that the jump is not chased."""
+        reference = self._reference
+        self._reference = replace(reference, offset_m=reference.offset_m + np.array(jump_m))
 
     def error_m(self, pose: Pose) -> float:
         """How far the aircraft is from its setpoint."""
@@ -132,7 +136,7 @@ class Flight:
         )
         trajectory = reference.trajectory
         braking = trajectory.between(reference.distance_m, stop_m)
-        if self.on_leg:
+        if self._leaves_workspace_by(stop_m):
             self._rest_of_leg = trajectory.between(stop_m, trajectory.length_m)
         self._reference = replace(reference, trajectory=self._trajectory(braking), distance_m=0.0)
         self._region_corner = None
@@ -235,7 +239,7 @@ class Flight:
         )
 
     def setpoint(self, pose: Pose, plane: PlaneToLocal, step_s: float) -> Setpoint:
-        """The setpoint of this instant, the heading turned by one step."""
+        """The setpoint of this instant, the heading turned by one step (0: kept)."""
         guidance = self._vehicle.guidance
         wanted = self._wanted_yaw_rad(pose, plane)
         if wanted is not None:
@@ -255,6 +259,7 @@ class Flight:
             setpoint.velocity_mps,
             cell=self._maps.grid.cell_of((x_m, z_m)) if finite else None,
             occupied=self._maps.occupied,
+            min_altitude_m=self._site.workspace.min_altitude_m,
             corridors_m=self._corridors_m,
             corridor_width_m=self._maps.grid.resolution_m,
             plane_tolerance_m=plane_tolerance_m,

@@ -6,6 +6,7 @@ run in a thread, in lockstep, or from a recording.
 
 from __future__ import annotations
 
+import contextlib
 from dataclasses import dataclass
 
 from ..errors import InputError
@@ -13,6 +14,7 @@ from ..planner.escape import escape_leg
 from ..planner.plan import Plan, PlanRequest, PlanStatus
 from ..planner.planner import Planner
 from ..site import PlanePoint
+from ..types import Mission
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -41,8 +43,13 @@ def answer_job(planner: Planner, job: PlanJob) -> PlanAnswer:
     request = job.request
     try:
         cell = planner.maps.grid.cell_of(request.start_m)
+        lowest_m = planner.site.workspace.min_altitude_m
         escape_end_m = None
-        if cell is None or planner.maps.occupied[cell]:
+        if (
+            cell is None
+            or planner.maps.occupied[cell]
+            or (lowest_m is not None and request.start_m[1] < lowest_m)
+        ):
             start_m = (request.start_m[0], request.start_m[1])
             escape_end_m = escape_leg(planner.site, planner.maps, start_m)
         if escape_end_m is None:
@@ -60,3 +67,16 @@ def answer_job(planner: Planner, job: PlanJob) -> PlanAnswer:
     if plan.status is not PlanStatus.FOUND:
         return PlanAnswer(job_id=job.job_id, plan=None, reason=plan.reason)
     return PlanAnswer(job_id=job.job_id, plan=plan, escape_end_m=escape_end_m)
+
+
+def prepare_all(planner: Planner) -> None:
+    """Whatever is precomputed for the site's goals, before anyone asks for them."""
+    site = planner.site
+    goals: list[tuple[Mission, str | None]] = [
+        (Mission.INSPECTION, target.name) for target in site.targets
+    ]
+    goals += [(mission, None) for mission in site.landing_m]
+    for mission, target in goals:
+        # What is wrong with a goal is said when it is ordered.
+        with contextlib.suppress(InputError):
+            planner.prepare(mission=mission, target=target)

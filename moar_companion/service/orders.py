@@ -96,3 +96,10 @@ class OrderBook:
         for order_id, order in waiting.items():
             self._open[order_id] = replace(order, progress_told=True)
         return [order.command for order in waiting.values()]
+
+
+def words(order: Task | Order | Refused) -> str:
+    """An order for the record."""
+    if isinstance(order, Task):
+        return " ".join([order.mission.value, *order.stops])
+    return order.reason if isinstance(order, Refused) else order.value

@@ -14,8 +14,10 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import Authority, CompanionConfig, LinkConfig, shipped_configs
 from moar_companion.planner.planner import Planner
-from moar_companion.service.companion import Companion, Decision, Ground
+from moar_companion.service.companion import Companion
 from moar_companion.service.jobs import PlanAnswer, answer_job
+from moar_companion.service.reports import Decision
+from moar_companion.service.surroundings import Ground
 from moar_companion.site import Site
 from moar_companion.vehicle import Vehicle
 from sitl.autopilot import FakeAutopilot, Options, Truth

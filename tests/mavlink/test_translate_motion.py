@@ -57,10 +57,9 @@ def test_ardupilots_zero_coordinates_are_no_point():
 
 def test_the_landed_state_may_be_unknown():
     telemetry = updated("EXTENDED_SYS_STATE", landed_state=2)
-    assert telemetry.landed_state is LandedState.IN_AIR
-    assert updated("EXTENDED_SYS_STATE", telemetry, landed_state=0).landed_state is None
-    assert updated("EXTENDED_SYS_STATE", telemetry, landed_state=77).landed_state is None
-    assert updated("EXTENDED_SYS_STATE", telemetry, landed_state=2) is telemetry
+    assert telemetry.landed.state is LandedState.IN_AIR
+    assert updated("EXTENDED_SYS_STATE", telemetry, landed_state=0).landed is None
+    assert updated("EXTENDED_SYS_STATE", telemetry, landed_state=77).landed is None
 
 
 def test_px4s_wind_points_where_the_air_goes():

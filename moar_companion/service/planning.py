@@ -1,0 +1,97 @@
+"""The plan desk: which plan is awaited, where it will begin, and since when.
+
+Jobs go out as values and answers come back as values; only the newest job's answer counts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ..mission.machine import Task
+from ..planner.plan import PlanRequest
+from ..types import RiskIndices, Weights
+from .flight import Junction
+from .jobs import PlanAnswer, PlanJob
+
+_ANSWER_TIMEOUT_S = 5.0
+"""Plans take milliseconds: a planner that is silent for so long has failed."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Awaited:
+    """A plan that was asked for: where it begins, and whether it is the mission's first."""
+
+    job: PlanJob
+    junction: Junction
+    first: bool
+
+
+class PlanDesk:
+    """Asks for plans one at a time."""
+
+    def __init__(self) -> None:
+        self._last_id = 0
+        self._jobs: list[PlanJob] = []
+        self._awaited: Awaited | None = None
+        self.asked_s = -math.inf
+        self.asked_risk = RiskIndices()
+        """When the last plan was asked for, and under which risks."""
+
+    @property
+    def awaited(self) -> Awaited | None:
+        """The plan whose answer is still to come."""
+        return self._awaited
+
+    def ask(
+        self,
+        task: Task,
+        junction: Junction,
+        weights: Weights,
+        risk: RiskIndices,
+        *,
+        first: bool,
+        now_s: float,
+    ) -> None:
+        """Ask for a task's plan; whatever was awaited is awaited no more."""
+        (x_m, _, z_m), (vx_mps, _, vz_mps) = junction.position_m, junction.velocity_mps
+        self._last_id += 1
+        job = PlanJob(
+            job_id=self._last_id,
+            request=PlanRequest(
+                mission=task.mission,
+                target=task.goal,
+                start_m=(x_m, z_m),
+                velocity_mps=(vx_mps, vz_mps),
+                weights=weights,
+                risk=risk,
+            ),
+        )
+        self._awaited = Awaited(job=job, junction=junction, first=first)
+        self._jobs.append(job)
+        self.asked_s, self.asked_risk = now_s, risk
+
+    def forget(self) -> None:
+        """Nothing is awaited any more."""
+        self._awaited = None
+
+    def taken(self, answer: PlanAnswer) -> Awaited | None:
+        """What an answer belongs to; None when it is no longer awaited."""
+        awaited = self._awaited
+        if awaited is None or awaited.job.job_id != answer.job_id:
+            return None
+        self._awaited = None
+        return awaited
+
+    def overdue(self, now_s: float) -> PlanAnswer | None:
+        """The answer in place of one that has not come in time."""
+        if self._awaited is None or now_s - self.asked_s < _ANSWER_TIMEOUT_S:
+            return None
+        return PlanAnswer(
+            job_id=self._awaited.job.job_id, plan=None, reason="the planner does not answer"
+        )
+
+    def jobs(self) -> list[PlanJob]:
+        """Jobs since the last call."""
+        jobs, self._jobs = self._jobs, []
+        return jobs
