@@ -1,7 +1,7 @@
 """The command line: arguments in, exit status out.
 
 `main` is the one place where errors become what a user sees: one line on stderr, never a
-traceback. Exit status: 0 done; 2 usage or bad input; 130 interrupted; 1 anything else.
+traceback. Exit status: 0 done; 2 usage or bad input; 1 anything else, an interrupt among it.
 """
 
 from __future__ import annotations
@@ -83,7 +83,7 @@ def main(argv: list[str] | None = None) -> int:
     except LinkError as error:
         return _failed(str(error), 1)
     except KeyboardInterrupt:
-        return 130
+        return 1
     except BrokenPipeError:
         _settle_stdout()
         return 1
@@ -93,7 +93,7 @@ def main(argv: list[str] | None = None) -> int:
         return _failed(f"{what}{error.strerror or error}", 1)
     except Exception as error:  # noqa: BLE001
         if _is_interrupted(error):
-            return 130
+            return 1
         _log.debug("unexpected error", exc_info=True)
         return _failed(f"unexpected error: {type(error).__name__}: {error}", 1)
     return status

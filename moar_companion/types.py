@@ -71,13 +71,15 @@ class Weights:
     @classmethod
     def normalised(cls, safety: float, time: float, energy: float) -> Weights:
         """Weights proportional to three non-negative numbers."""
-        total = safety + time + energy
-        if not math.isfinite(total) or total <= 0.0 or min(safety, time, energy) < 0.0:
+        greatest = max(safety, time, energy)
+        if not 0.0 < greatest < math.inf or not min(safety, time, energy) >= 0.0:
             raise ValueError(
                 f"weights {(safety, time, energy)} must be finite, not negative, "
                 "with a positive sum"
             )
-        return cls(safety / total, time / total, energy / total)
+        # By the greatest first: the sum of three huge numbers is infinite.
+        parts = (safety / greatest, time / greatest, energy / greatest)
+        return cls(*(part / sum(parts) for part in parts))
 
     def adjusted(self, risk: RiskIndices) -> Weights:
         """Eq. 9 with these weights as k_{S,0}, k_{T,0}, k_{E,0}.

@@ -140,7 +140,7 @@ def test_wrong_usage_is_one_line_and_status_2(argv, words, capsys, configs):
     [
         (InputError("file", "key", "is wrong"), 2, "file: key: is wrong"),
         (LinkError("udp:1: cannot be opened"), 1, "udp:1: cannot be opened"),
-        (KeyboardInterrupt(), 130, None),
+        (KeyboardInterrupt(), 1, None),
         (BrokenPipeError(), 1, None),
         (PermissionError(13, "Permission denied", "there"), 1, "there: Permission denied"),
         (ZeroDivisionError("so\nwhat"), 1, "unexpected error: ZeroDivisionError: so what"),
@@ -156,7 +156,7 @@ def test_an_interrupt_inside_compiled_code_is_an_interrupt(monkeypatch, capsys):
     error = SystemError("returned a result with an exception set")
     error.__cause__ = KeyboardInterrupt()
     monkeypatch.setattr(cli, "_run", raising(error))
-    assert cli.main([]) == 130
+    assert cli.main([]) == 1
     assert capsys.readouterr().err == ""
 
 

@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 
 from ..config import CompanionConfig, LinkConfig, shipped_configs
+from ..errors import InputError
+from ..mavlink.urls import parse_url
 from .options import add_file, refused
 
 
@@ -52,4 +54,10 @@ def configured(arguments: argparse.Namespace) -> CompanionConfig:
             raise refused("--connect", url, problem)
     if urls:
         config = replace(config, links=tuple(LinkConfig(url=url) for url in urls))
+    if not config.links:
+        problem = "is empty, must have at least one link, or --connect be given"
+        raise InputError(str(arguments.config), "links", problem)
+    for index, link in enumerate(config.links):
+        source, key = ("--connect", "") if urls else (str(arguments.config), f"links[{index}].url")
+        parse_url(link.url, source=source, key=key)
     return config

@@ -16,6 +16,8 @@ from .grid import FloatArray, IntArray
 from .maps import Maps
 from .regions import LandingLeg
 
+_GREATEST_MPS = 1000.0
+
 
 class PlanStatus(str, enum.Enum):
     """Why a plan is, or is not, there; tested in this order."""
@@ -76,7 +78,8 @@ class Waypoints:
 class PlanRequest:
     """One planning problem; the planner answers it with a `Plan` that carries it.
 
-    Raises ValueError for a velocity that is not finite: no path could start from it.
+    Raises ValueError for a start or velocity of another dimension, and for a velocity that is not
+    finite or that nothing flies at: its square must be a number.
     """
 
     mission: Mission
@@ -90,8 +93,10 @@ class PlanRequest:
     """The indices behind the weights, for the record."""
 
     def __post_init__(self) -> None:
-        if not all(math.isfinite(value) for value in self.velocity_mps):
-            raise ValueError(f"velocity {self.velocity_mps} is not finite")
+        if len(self.start_m) != len(self.velocity_mps):
+            raise ValueError(f"start {self.start_m} and velocity {self.velocity_mps} do not agree")
+        if not all(abs(value) <= _GREATEST_MPS for value in self.velocity_mps):
+            raise ValueError(f"velocity {self.velocity_mps} is not within {_GREATEST_MPS:g} m/s")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -223,6 +228,8 @@ def trajectory(
         velocity_change_mps=float(np.sqrt((np.diff(velocity, axis=0) ** 2).sum(axis=1)).sum()),
     )
     time = np.concatenate([[0.0], np.cumsum(step_s)])
+    for array in (position, speed, time):
+        array.flags.writeable = False
     return Waypoints(position_m=position, speed_mps=speed, time_s=time), metrics
 
 

@@ -105,9 +105,9 @@ class Planner:
         return self.solve(
             PlanRequest(
                 mission=mission,
-                target=target,
-                start_m=self.site.start_m if start is None else start,
-                velocity_mps=velocity,
+                target=target if target is None or isinstance(target, str) else int(target),
+                start_m=self.site.start_m if start is None else _point(start),
+                velocity_mps=_point(velocity),
                 weights=self.vehicle.weights[mission] if weights is None else weights,
                 risk=RiskIndices() if risk is None else risk,
             )
@@ -171,6 +171,7 @@ class Planner:
         if goal.region is not None:
             end: Cell = (int(states[-1, 0]), int(states[-1, 1]))
             leg = landing_leg(self.site, self.vehicle, goal.region, end)
+        states.flags.writeable = False
         waypoints, metrics = trajectory(graph, self.maps, states, request.velocity_mps, leg)
         return Plan(
             request=request,
@@ -262,3 +263,9 @@ class Planner:
         )
         self._fields[goal] = (weights, field)
         return field
+
+
+def _point(values: PlanePoint) -> PlanePoint:
+    """Two plain numbers, whatever numbers they were; ValueError for another count."""
+    x, z = values
+    return float(x), float(z)

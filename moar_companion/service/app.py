@@ -43,8 +43,6 @@ def run_service(config: CompanionConfig) -> int:
 
     Raises InputError for files that cannot be used, LinkError for links that cannot be opened.
     """
-    for link in config.links:
-        parse_url(link.url, source="links", key="url")
     vehicle = Vehicle.load(config.vehicle)
     site = None if config.site is None else Site.load(config.site)
     planner = None if site is None else Planner(site, vehicle)

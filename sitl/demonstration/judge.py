@@ -14,11 +14,12 @@ from shapely.geometry import LineString, Point, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
 from moar_companion.frames import radii_of_curvature_m
-from moar_companion.site import Conductor, Site
+from moar_companion.site import Conductor, Obstacle, Site
 
 _LEG_TOLERANCE_M = 2.0
 """How far from its landing leg an aircraft in wind may be, outside the workspace."""
-_IN_AIR = 2
+_OFF_PLANE_M = 3.0
+"""How far beside the plane the workspace reaches, for the judge."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -90,7 +91,8 @@ def judge(
     for row in flown:
         place = Point(row.position_m[0], row.position_m[2])
         least_m = min(least_m, *(shape.distance(place) for shape in obstacles), math.inf)
-        if not faults and workspace.distance(place) > 0.0 and not _near(leg, place):
+        outside = workspace.distance(place) > 0.0 and not _near(leg, place)
+        if not faults and (outside or abs(row.position_m[1]) > _OFF_PLANE_M):
             faults.append(
                 f"left the workspace at {row.time_s:.1f} s, x {place.x:.1f} m, z {place.y:.1f} m"
             )
@@ -107,7 +109,7 @@ def _near(leg: BaseGeometry, place: Point) -> bool:
     return not leg.is_empty and bool(leg.distance(place) <= _LEG_TOLERANCE_M)
 
 
-def _shape(obstacle: object) -> BaseGeometry:
+def _shape(obstacle: Obstacle) -> BaseGeometry:
     if isinstance(obstacle, Conductor):
         return Point(obstacle.position_m).buffer(obstacle.radius_m)
-    return Polygon(obstacle.vertices_m)  # type: ignore[attr-defined]
+    return Polygon(obstacle.vertices_m)
