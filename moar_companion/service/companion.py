@@ -81,6 +81,7 @@ class Companion:
         site = None if ground is None else ground.site
         self._surroundings = Surroundings(site, vehicle.autopilot, config.supervision)
         self._orders = OrderBook()
+        self._orders_heard: list[MissionCommand | PauseContinue] = []
         self._fault: str | None = None
         self._parting = True
         self._thought_s: float | None = None
@@ -125,14 +126,14 @@ class Companion:
             self._status.state in STREAMING
             and world.obstruction is None
             and not world.autopilot_failsafe
+            and (world.mode_ours or self._status.state is MissionState.READY)
         ):
-            self._setpoints.send_farewell(now_s)
+            self._setpoints.send_farewell(self._surroundings.plane, now_s)
 
     def plan_answered(self, answer: PlanAnswer, now_s: float) -> None:
         """Takes the answer to a job; one that is no longer awaited is dropped."""
-        orders = self._hear(now_s)
+        self._hear(now_s)
         self._plan_answered(answer, now_s)
-        self._handle_orders(orders, now_s)
 
     def _plan_answered(self, answer: PlanAnswer, now_s: float) -> None:
         awaited = self._plans.taken(answer)
@@ -163,7 +164,7 @@ class Companion:
         if paused_s > self._config.supervision.position_timeout_s:
             # What has arrived meanwhile is old, and the autopilot may have given up on us.
             self._let_go(f"thinking paused for {paused_s:.1f} s", parting=False)
-        orders = self._hear(now_s)
+        self._hear(now_s)
         if now_s >= self._risk_due_s:
             self._risk_due_s = now_s + _RISK_PERIOD_S
             self._risk = update(
@@ -184,12 +185,15 @@ class Companion:
             now_s,
         )
         self._fault, self._parting = None, True
-        self._handle_orders(orders, now_s)
+        orders, self._orders_heard = self._orders_heard, []
+        for order in orders:
+            self._handle_order(order, now_s)
         self._give_up_waiting(now_s)
         for command in self._orders.in_progress(now_s):
             self._session.answer(command, CommandResult.IN_PROGRESS)
         self._replan(now_s)
         self._stream(now_s, min(_LONGEST_STEP_S, paused_s))
+        self._engaging.look(self._status, grounded=grounded(self.telemetry))
         if self._engaging.is_due(self.telemetry.autopilot, self._status, now_s):
             self._session.request_own_mode()
         streaming = self._status.state in STREAMING
@@ -218,22 +222,22 @@ class Companion:
 
     # What is heard
 
-    def _hear(self, now_s: float) -> list[MissionCommand | PauseContinue]:
-        """Take in telemetry and events, all but the orders, which are returned.
+    def _hear(self, now_s: float) -> None:
+        """Take in telemetry and events.
 
-        Orders wait until what ends our control has been looked at.
+        Orders wait for the next thought, until what ends our control has been looked at.
         """
         jump_m = self._surroundings.look(self.telemetry)
         if jump_m is not None and self._flight is not None:
             self._flight.shift(jump_m)
+            self._setpoints.shift(jump_m)
             self._reports.record("jump", now_s, jump_m=list(jump_m))
-        orders: list[MissionCommand | PauseContinue] = []
         for event in self._session.events_received():
             match event:
                 case MissionCommand() | PauseContinue():
-                    orders.append(event)
+                    self._orders_heard.append(event)
                 case CommandCancelled(command=command):
-                    self._withdraw(command, orders, now_s)
+                    self._withdraw(command, now_s)
                 case DeniedCommand(reason=reason):
                     self._tell_why(Verdict.DENIED, reason, now_s)
                 case CommandAnswered(result=result) if result != CommandResult.ACCEPTED:
@@ -244,13 +248,10 @@ class Companion:
                 case AutopilotConflict(autopilot=autopilot, other=other):
                     text = f"MOAR: two autopilots, no control: {autopilot}, {other}"
                     self._reports.say(Severity.ERROR, text, now_s)
-        return orders
 
-    def _withdraw(
-        self, command: Command, orders: list[MissionCommand | PauseContinue], now_s: float
-    ) -> None:
+    def _withdraw(self, command: Command, now_s: float) -> None:
         """An operator took an order back, which has been acknowledged."""
-        orders[:] = [order for order in orders if order != command]
+        self._orders_heard = [order for order in self._orders_heard if order != command]
         order_id = self._orders.withdraw(command)
         if order_id is not None:
             self._carry_out(machine.withdrawn(self._status, order_id, now_s), now_s)
@@ -258,10 +259,6 @@ class Companion:
     def _let_go(self, fault: str, *, parting: bool) -> None:
         """The next look at the mission ends the stream."""
         self._fault, self._parting = fault, parting
-
-    def _handle_orders(self, orders: list[MissionCommand | PauseContinue], now_s: float) -> None:
-        for order in orders:
-            self._handle_order(order, now_s)
 
     def _handle_order(self, command: MissionCommand | PauseContinue, now_s: float) -> None:
         order_id = self._orders.enter(command, now_s)
@@ -272,11 +269,11 @@ class Companion:
             answer = Answer(order_id, Verdict.DENIED, order.reason)
             self._carry_out((self._status, (answer,)), now_s)
         else:
-            if isinstance(order, Task):
-                self._engaging.note_order(self.telemetry.autopilot, self._status)
             world = self._situation(now_s)
             step = machine.command(self._status, order, order_id, world, now_s)
             self._carry_out(step, now_s)
+            if self._status.order_id == order_id:
+                self._engaging.note_order(self.telemetry.autopilot)
 
     # What it means
 
@@ -323,7 +320,7 @@ class Companion:
             )
         for effect in effects:
             self._carry_out_one(effect, now_s)
-        if self._status.state not in IN_CONTROL:
+        if self._status.state is not MissionState.HOLDING:
             self._landing_requested = False
         if self._status.sought is None:
             if self._status.state not in STREAMING:
@@ -350,7 +347,7 @@ class Companion:
                 if self._flight is not None:
                     self._flight.brake()
             case Do.FAREWELL:
-                self._setpoints.send_farewell(now_s)
+                self._setpoints.send_farewell(self._surroundings.plane, now_s)
             case Do.LAND:
                 if self._config.authority is Authority.ENGAGE:
                     self._landing_requested = self._session.request_land()

@@ -88,6 +88,7 @@ class Flight:
         self._plan: Plan | None = None
         self._region_corner: int | None = None
         self._rest_of_leg: PathPoints | None = None
+        self._braked = False
         self._corridors_m: tuple[Corridor, ...] = ()
         self._yaw_rad = pose.yaw_rad
         self._reference = Reference.start(
@@ -96,8 +97,8 @@ class Flight:
 
     @property
     def arrived(self) -> bool:
-        """Whether the trajectory's end is reached."""
-        return self._reference.arrived
+        """Whether the plan's end is reached; where it was braked is not its end."""
+        return self._reference.arrived and not self._braked
 
     @property
     def on_leg(self) -> bool:
@@ -139,6 +140,7 @@ class Flight:
         if self._leaves_workspace_by(stop_m):
             self._rest_of_leg = trajectory.between(stop_m, trajectory.length_m)
         self._reference = replace(reference, trajectory=self._trajectory(braking), distance_m=0.0)
+        self._braked = True
         self._region_corner = None
 
     def resume_leg(self) -> bool:
@@ -152,6 +154,7 @@ class Flight:
         trajectory = reference.trajectory
         braking = trajectory.between(reference.distance_m, trajectory.length_m)
         self._rest_of_leg = None
+        self._braked = False
         self._reference = replace(
             reference, trajectory=self._trajectory(rest, braking), distance_m=0.0
         )
@@ -219,6 +222,7 @@ class Flight:
             )
         self._enter_corridors(plan, path, escape_end_m)
         self._rest_of_leg = None
+        self._braked = False
         self._reference = moved
         self._plan = plan
         self._region_corner = (

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from ..config import Authority
 from ..frames import PlaneToLocal
 from ..mavlink.session import Session
-from ..mission.machine import MissionState, MissionStatus
+from ..mission.machine import IN_CONTROL, MissionState, MissionStatus
 from ..types import AutopilotStatus, Vector
 from .flight import Setpoint
 
@@ -18,43 +20,56 @@ class Stream:
 
     def __init__(self, session: Session) -> None:
         self._session = session
-        self._last_sent: tuple[Vector, float] | None = None
+        self._last: Setpoint | None = None
 
     def send(self, setpoint: Setpoint, plane: PlaneToLocal, now_s: float) -> None:
         """A setpoint of the site's frame, as SET_POSITION_TARGET_LOCAL_NED."""
-        position_ned_m = plane.position_to_ned(setpoint.position_m)
-        velocity_ned_mps = plane.velocity_to_ned(setpoint.velocity_mps)
-        self._last_sent = (position_ned_m, setpoint.yaw_rad)
-        self._session.send_setpoint(position_ned_m, velocity_ned_mps, setpoint.yaw_rad, now_s)
+        self._last = setpoint
+        self._session.send_setpoint(
+            plane.position_to_ned(setpoint.position_m),
+            plane.velocity_to_ned(setpoint.velocity_mps),
+            setpoint.yaw_rad,
+            now_s,
+        )
 
-    def send_farewell(self, now_s: float) -> None:
+    def shift(self, jump_m: Vector) -> None:
+        """The aircraft's position has jumped: what was sent last jumps with it."""
+        if self._last is not None:
+            x_m, y_m, z_m = (
+                old + step for old, step in zip(self._last.position_m, jump_m, strict=True)
+            )
+            self._last = replace(self._last, position_m=(x_m, y_m, z_m))
+
+    def send_farewell(self, plane: PlaneToLocal | None, now_s: float) -> None:
         """The last setpoint before silence: where the one before was, at rest."""
-        if self._last_sent is not None:
-            position_ned_m, yaw_rad = self._last_sent
-            self._session.send_setpoint(position_ned_m, (0.0, 0.0, 0.0), yaw_rad, now_s)
+        if self._last is not None and plane is not None:
+            self.send(replace(self._last, velocity_mps=(0.0, 0.0, 0.0)), plane, now_s)
 
 
 class Engaging:
     """Under `engage`: when the companion itself may ask for its mode.
 
-    An order may take the mode that it was given in, and no other; not from a pilot who has
-    overridden us, and not out of a failsafe: there the mode must be given, whatever is ordered.
+    An order may take the mode that it was given in, and no other; not out of a failsafe; and not
+    from a pilot who has overridden us, until he has given the mode himself or has landed.
     """
 
     def __init__(self, authority: Authority) -> None:
         self._allowed = authority is Authority.ENGAGE
         self._in_mode: str | None = None
+        self._pilot_flies = False
 
-    def note_order(self, autopilot: AutopilotStatus | None, status: MissionStatus) -> None:
-        """A mission was ordered."""
-        self._in_mode = (
-            autopilot.mode
-            if self._allowed
-            and autopilot is not None
-            and not autopilot.failsafe
-            and status.state is not MissionState.OVERRIDDEN
-            else None
-        )
+    def look(self, status: MissionStatus, *, grounded: bool) -> None:
+        """Notice a pilot who has taken over, and that he has given back."""
+        if status.state is MissionState.OVERRIDDEN:
+            self._pilot_flies = True
+        elif status.state in IN_CONTROL or grounded:
+            self._pilot_flies = False
+
+    def note_order(self, autopilot: AutopilotStatus | None) -> None:
+        """A mission was ordered and is being planned."""
+        may = self._allowed and not self._pilot_flies
+        fit = autopilot is not None and not autopilot.failsafe
+        self._in_mode = autopilot.mode if may and fit and autopilot is not None else None
 
     def is_due(
         self, autopilot: AutopilotStatus | None, status: MissionStatus, now_s: float
@@ -64,6 +79,7 @@ class Engaging:
             self._in_mode is None
             or autopilot is None
             or status.state is not MissionState.READY
+            or status.held
             or now_s - status.since_s < _ENGAGE_AFTER_S
         ):
             return False

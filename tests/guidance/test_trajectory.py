@@ -230,6 +230,52 @@ def test_the_path_is_left_by_no_more_than_the_rounding_and_every_point_is_passed
         assert math.dist(result.at(float(corner))[0], point) <= ROUNDING_M + 1e-6
 
 
+# Short ends -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("last_m", [1e-4, 0.05, 0.1, ROUNDING_M, 0.2, 0.3])
+def test_a_corner_whose_arc_ends_on_the_last_point_is_reached_by_the_end(last_m):
+    corner = trajectory((0.0, 0.0), (1.0, 0.0), (1.0, last_m))
+    assert len(corner.corner_m) == 3
+    assert corner.corner_m[-1] == pytest.approx(corner.length_m)
+    assert corner.position_m[-1] == pytest.approx([1.0, 0.0, last_m])
+
+
+@properties
+@given(
+    turns_deg=st.lists(st.floats(-180.0, 180.0), min_size=1, max_size=4),
+    lengths_m=st.lists(st.floats(1e-3, 0.4), min_size=5, max_size=5),
+    acceleration=accelerations,
+)
+def test_however_short_the_last_segments_behind_turns_are_all_points_are_reached(
+    turns_deg, lengths_m, acceleration
+):
+    heading_rad, points = 0.0, [(0.0, 0.0), (1.0, 0.0)]
+    for turn_deg, step_m in zip(turns_deg, lengths_m, strict=False):
+        heading_rad += math.radians(turn_deg)
+        x, z = points[-1]
+        points.append((x + step_m * math.cos(heading_rad), z + step_m * math.sin(heading_rad)))
+    result = trajectory(*points, acceleration=acceleration)
+    assert len(result.corner_m) == len(points)
+    assert (np.diff(result.corner_m) >= 0.0).all()
+    assert result.corner_m[-1] == pytest.approx(result.length_m)
+    assert result.position_m[-1] == pytest.approx([points[-1][0], 0.0, points[-1][1]])
+
+
+@properties
+@given(walk=grid_walks(1), acceleration=accelerations, part=st.floats(0.0, 1.0))
+def test_from_anywhere_on_it_the_way_to_rest_is_a_trajectory(walk, acceleration, part):
+    old = made(walk, acceleration)
+    from_m = part * old.length_m
+    position, _, speed = old.at(from_m)
+    stop_m = min(from_m + speed**2 / (2.0 * acceleration), old.length_m)
+    braking = made(old.between(from_m, stop_m), acceleration)
+    assert braking.position_m[0] == pytest.approx(position, abs=1e-9)
+    assert braking.position_m[-1] == pytest.approx(old.at(stop_m)[0], abs=1e-5)
+    assert braking.speed_mps[-1] == 0.0
+    assert braking.length_m <= stop_m - from_m + 1e-9
+
+
 # Splices ----------------------------------------------------------------------------------------
 
 

@@ -22,7 +22,9 @@ WELL = Situation(
     obstruction=None,
     reluctance=None,
     airborne=True,
+    grounded=False,
     mode_ours=False,
+    mode_heard_s=0.0,
     autopilot_failsafe=False,
 )
 """Hovering in a mode of the pilot's, nothing against it."""
@@ -31,6 +33,9 @@ INSPECTION = Task(mission=Mission.INSPECTION, stops=("first", "second"))
 LAST = Task(mission=Mission.INSPECTION, stops=("second",))
 EXIT = Task(mission=Mission.EXIT)
 EVACUATION = Task(mission=Mission.EVACUATION, landing=1)
+
+ON_THE_GROUND = {"airborne": False, "grounded": True}
+NOBODY_KNOWS = {"airborne": False, "grounded": False}
 
 
 class Story:
@@ -44,6 +49,8 @@ class Story:
         self.ready_timeout_s = ready_timeout_s
         self.effects = []
         self.last_id = 0
+        self.deaf = False
+        """The autopilot's heartbeats do not arrive: its mode is that of the last one."""
 
     @property
     def state(self):
@@ -60,6 +67,8 @@ class Story:
 
     def tick(self, seconds=0.02):
         self.now_s += seconds
+        if not self.deaf:
+            self.world = replace(self.world, mode_heard_s=self.now_s)
         return self._took(
             machine.tick(
                 self.status,
@@ -130,7 +139,8 @@ def story(state, task=INSPECTION, **options):
     if state is MissionState.READY:
         return told
     if state is MissionState.RELEASED:
-        return told.see(obstruction="the position is 0.6 s old").see(obstruction=None)
+        # Long enough for an operator to have heard of it.
+        return told.see(obstruction="the position is 0.6 s old").see(obstruction=None).tick(1.0)
     told.see(mode_ours=True)
     if state is MissionState.FLYING:
         return told

@@ -17,12 +17,15 @@ OCCUPANCY = np.array([[False, True]])
 LEG = ((0.0, 0.0, 5.0), (10.0, 0.0, 5.0), (10.0, 0.0, 0.0))
 
 
-def reason(position=(1.0, 0.0, 1.0), velocity=(0.0, 0.0, 0.0), cell=FREE, corridors=()):
+def reason(
+    position=(1.0, 0.0, 1.0), velocity=(0.0, 0.0, 0.0), cell=FREE, corridors=(), lowest_m=None
+):
     return refusal(
         position,
         velocity,
         cell=cell,
         occupied=OCCUPANCY,
+        min_altitude_m=lowest_m,
         corridors_m=corridors,
         corridor_width_m=0.3,
         plane_tolerance_m=2.0,
@@ -56,6 +59,16 @@ def test_outside_the_workspace_is_refused():
 
 def test_an_occupied_cell_is_refused():
     assert reason(cell=OCCUPIED) == "the setpoint is too close to an obstacle or too low"
+
+
+@pytest.mark.parametrize(("z_m", "allowed"), [(2.0, True), (2.0 - 1e-12, True), (1.99, False)])
+def test_below_the_least_altitude_is_refused_though_its_cell_is_free(z_m, allowed):
+    low = reason(position=(1.0, 0.0, z_m), lowest_m=2.0)
+    assert low == (None if allowed else "the setpoint is too close to an obstacle or too low")
+
+
+def test_a_landing_leg_leads_below_the_least_altitude():
+    assert reason(position=(10.0, 0.0, 0.5), lowest_m=2.0, corridors=(LEG,)) is None
 
 
 @pytest.mark.parametrize("cell", [None, OCCUPIED])

@@ -32,9 +32,14 @@ class Events(RuleBasedStateMachine):
         self.open_orders = set()
         self.failsafe_known = False
         self.failsafe_new = False
+        self.streamed = False
 
     def _after(self, *, ticked=False):
         status = self.story.status
+        if self.story.farewell:
+            assert self.streamed
+            assert status.state not in STREAMING
+        self.streamed = status.state in STREAMING
         if status.state in LET_GO:
             self.commanded_since_let_go = False
         for effect in self.story.effects:
@@ -48,7 +53,7 @@ class Events(RuleBasedStateMachine):
         self.failsafe_new |= world.autopilot_failsafe and not self.failsafe_known
         if status.state in STREAMING:
             assert world.obstruction is None
-            assert world.airborne
+            assert not world.grounded
             assert not self.failsafe_new
             if status.state in IN_CONTROL:
                 assert world.mode_ours
@@ -64,32 +69,38 @@ class Events(RuleBasedStateMachine):
     @rule(
         obstruction=st.sampled_from([None, None, None, "stale"]),
         reluctance=st.sampled_from([None, None, "far"]),
-        airborne=st.sampled_from([True, True, True, False]),
+        landed=st.sampled_from([*[(True, False)] * 4, (False, False), (False, True)]),
+        deaf=st.sampled_from([False, False, True]),
+        parting=st.booleans(),
+        landing_requested=st.sampled_from([False, False, True]),
         mode_ours=st.booleans(),
         failsafe=st.sampled_from([False, False, True]),
         on_leg=st.booleans(),
         arrived=st.booleans(),
         seconds=st.sampled_from([0.02, 1.0, 31.0]),
     )
-    def the_world_changes(
-        self, obstruction, reluctance, airborne, mode_ours, failsafe, on_leg, arrived, seconds
-    ):
+    def the_world_changes(self, landed, failsafe, deaf, seconds, **changes):
         self.story.now_s += seconds
+        self.story.deaf = deaf
+        airborne, grounded = landed
         self.story.see(
-            obstruction=obstruction,
-            reluctance=reluctance,
             airborne=airborne,
-            mode_ours=mode_ours,
+            grounded=grounded,
             autopilot_failsafe=failsafe,
-            on_leg=on_leg,
-            arrived=arrived,
             dwell_s=1.0,
+            **changes,
         )
         self._after(ticked=True)
 
     @rule()
     def all_is_well_and_the_mode_is_ours(self):
-        self.story.see(obstruction=None, airborne=True, mode_ours=True, autopilot_failsafe=False)
+        self.story.see(
+            obstruction=None,
+            airborne=True,
+            grounded=False,
+            mode_ours=True,
+            autopilot_failsafe=False,
+        )
         self._after(ticked=True)
 
     @rule()
@@ -107,10 +118,10 @@ class Events(RuleBasedStateMachine):
     @rule(order=st.sampled_from(list(Order)))
     def something_else_is_ordered(self, order):
         self.open_orders.add(self.story.last_id + 1)
-        before = self.story.status.state
+        before = self.story.status
         self.story.order(order)
         if self._commanded():
-            assert before is MissionState.HOLDING
+            assert before.held or before.state is MissionState.HOLDING
         self._after()
 
     @rule()
@@ -144,6 +155,8 @@ class Events(RuleBasedStateMachine):
             assert status.sought is not None
         if status.state in STREAMING:
             assert status.task is not None
+        if status.held:
+            assert status.state is MissionState.READY
 
 
 TestEvents = Events.TestCase

@@ -19,6 +19,7 @@ from moar_companion.types import (
     Gnss,
     Heard,
     Home,
+    Landed,
     LandedState,
     LinkStatistics,
     LocalPosition,
@@ -44,7 +45,7 @@ HEALTHY: dict[str, Source] = {
         ours=True,
         failsafe=False,
     ),
-    "landed_state": lambda _: LandedState.IN_AIR,
+    "landed": lambda t: Landed(received_s=t, state=LandedState.IN_AIR),
     "attitude": lambda t: Attitude(received_s=t, roll_rad=0.0, pitch_rad=0.0, yaw_rad=0.0),
     "local_position": lambda t: LocalPosition(
         received_s=t,

@@ -54,7 +54,8 @@ wild_telemetry = st.builds(
         ),
         position_ned_m=vectors,
     ),
-    landed_state=st.none() | st.sampled_from(types.LandedState),
+    landed=st.none()
+    | st.builds(types.Landed, received_s=received, state=st.sampled_from(types.LandedState)),
     batteries=st.dictionaries(
         st.integers(0, 2),
         st.builds(
@@ -154,7 +155,7 @@ def test_forgetting_all_never_lowers_an_index(telemetry, silence_s):
 
 NAMES = sorted(
     {field.name for field in fields(types.Telemetry)}
-    - {"global_position", "local_origin", "landed_state"}
+    - {"global_position", "local_origin", "landed"}
 )
 
 

@@ -14,7 +14,7 @@ from moar_companion.risk.wind import (
     lean_acceleration_mps2,
     wind_from_lean,
 )
-from moar_companion.types import Attitude, LandedState, Wind
+from moar_companion.types import Attitude, Landed, LandedState, Wind
 from moar_companion.vehicle import RiskModel
 
 headings = st.floats(-math.pi, math.pi)
@@ -149,7 +149,7 @@ def test_braking_in_still_air_is_not_wind(flight):
 
 
 def test_lean_on_the_ground_says_nothing(new_flight, healthy):
-    healthy["landed_state"] = lambda _: LandedState.ON_GROUND
+    healthy["landed"] = lambda t: Landed(received_s=t, state=LandedState.ON_GROUND)
     healthy["attitude"] = lambda t: Attitude(received_s=t, roll_rad=0.5, pitch_rad=0.0, yaw_rad=0.0)
     del healthy["wind"]
     parked = new_flight(**healthy)
@@ -163,7 +163,7 @@ def test_after_landing_the_risk_does_not_fall(flight):
     flight.sources["wind"] = lambda t: Wind(received_s=t, velocity_ned_mps=(0.0, -9.0, 0.0))
     before = flight.fly(10.0).indices.wind
     flight.silence("wind")
-    flight.sources["landed_state"] = lambda _: LandedState.ON_GROUND
+    flight.sources["landed"] = lambda t: Landed(received_s=t, state=LandedState.ON_GROUND)
     assert flight.fly(60.0).indices.wind >= before
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import pytest
@@ -11,12 +12,14 @@ from moar_companion.config import Supervision
 
 from .desk import (
     ACCEPTED,
+    ACTIVE,
     AUTO_HOLD,
     CRITICAL,
     EVACUATION,
     INSPECTION,
     OFFBOARD,
     POSCTL,
+    RELEASE,
     TEMPORARILY_REJECTED,
     Desk,
     Peer,
@@ -69,6 +72,10 @@ def test_what_is_stale_ends_the_stream_and_its_return_begins_nothing(
     assert desk.state == "released"
     assert desk.said(words)
     assert not desk.setpoints(began + limit_s + 0.1)
+    if state != "ready":  # a last setpoint, at rest
+        before, last = desk.setpoints()[-2:]
+        assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
+        assert (last.x, last.y, last.z) == (before.x, before.y, before.z)
     silent = desk.now_s
     desk.mute = set()
     desk.run(30.0)
@@ -144,9 +151,9 @@ def test_a_failsafe_heard_in_the_instant_of_the_plan_streams_nothing():
 
 def test_an_autopilot_restart_releases():
     desk = Desk().come_to("flying").run(2.0)
-    desk.boot_s = 1.0
-    desk.step().step()
+    desk.run_to_position().boot_s = 1.0
     began = desk.now_s
+    desk.step().step()
     assert desk.state == "released"
     assert desk.said("the autopilot restarted")
     desk.run(30.0)
@@ -161,7 +168,7 @@ def test_two_autopilots_refuse_control_and_are_both_named():
     desk.order(INSPECTION).run(0.2)
     assert desk.answers() == [TEMPORARILY_REJECTED]
     assert desk.said("two autopilots are heard")
-    named = next(text for text in desk.texts() if text.startswith("Two autopilots"))
+    named = next(text for text in desk.texts() if text.startswith("MOAR: two autopilots"))
     assert "system id 1" in named
     assert "system id 2" in named
     assert not desk.setpoints()
@@ -191,7 +198,7 @@ def test_the_hold_is_offered_for_thirty_seconds():
     desk.run(29.5)
     assert desk.state == "ready"
     assert len(desk.setpoints(began)) == pytest.approx(29.5 * 50, abs=2)
-    desk.run(1.0)
+    desk.run(1.6)  # by the next heartbeat, which says the mode
     assert desk.state == "idle"
     ended = desk.now_s
     desk.run(5.0)
@@ -199,15 +206,24 @@ def test_the_hold_is_offered_for_thirty_seconds():
     assert desk.said("the mode was not given")
 
 
+def test_the_hold_is_not_withdrawn_before_the_mode_at_the_deadline_is_heard():
+    desk = Desk().come_to("ready")
+    began = desk.now_s
+    desk.run(29.0).run_to_heartbeat()
+    desk.mode = OFFBOARD  # just in time
+    while desk.now_s < began + 31.2:
+        desk.step()
+        assert desk.state in {"ready", "flying"}
+    assert desk.state == "flying"
+    assert len(desk.setpoints(began)) == pytest.approx(31.2 * 50, abs=2)
+
+
 def test_the_hold_is_withdrawn_when_the_pilot_flies_away_from_it():
     """Given OFFBOARD then, the aircraft would be drawn back to where the hold was."""
     desk = Desk().come_to("ready")
-    north, east, down = desk.position_ned_m
-    desk.position_ned_m = (north, east + 1.0, down)
-    desk.run(1.0)
+    desk.drift(0.0, 1.0, 0.0).run(1.0)
     assert desk.state == "ready"
-    desk.position_ned_m = (north, east + 2.0, down)
-    desk.run(0.1)
+    desk.drift(0.0, 1.0, 0.0).run(0.1)
     assert desk.state == "idle"
     ended = desk.now_s
     desk.say_heartbeat(OFFBOARD).run(5.0)
@@ -244,6 +260,72 @@ def test_on_the_ground_the_stream_ends():
     assert not desk.setpoints(began)
 
 
+@pytest.mark.parametrize("case", ["unknown", "silent"])
+def test_while_the_landed_state_is_unknown_the_flight_goes_on_and_nothing_is_begun(case):
+    desk = Desk().come_to("flying").run(2.0)
+    if case == "unknown":
+        desk.landed_state = 0
+    else:
+        desk.mute = {"EXTENDED_SYS_STATE"}
+    desk.run(6.0)
+    assert desk.state == "flying"
+    desk.order(EVACUATION).run(0.5)
+    assert desk.answers()[-1] == TEMPORARILY_REJECTED
+    assert desk.state == "flying"
+
+
+def test_a_pilot_who_lands_and_takes_off_again_is_not_resumed():
+    desk = Desk(resume=True).come_to("flying").run(4.0)
+    desk.say_heartbeat(POSCTL).run(2.0)
+    desk.landed_state = 1
+    desk.run(1.0)
+    assert desk.state == "idle"
+    took = desk.now_s
+    desk.landed_state = 2
+    desk.run(1.0).say_heartbeat(OFFBOARD).run(5.0)
+    assert desk.state == "idle"
+    assert not desk.setpoints(took)
+
+
+def test_what_was_held_is_not_resumed():
+    desk = Desk(resume=True).come_to("flying").run(4.0).pause().run(2.0)
+    desk.say_heartbeat(POSCTL).run(2.0)
+    took = desk.now_s
+    desk.say_heartbeat(OFFBOARD).run(5.0)
+    assert desk.state == "overridden"
+    assert not desk.setpoints(took)
+
+
+def test_what_is_done_is_not_resumed():
+    desk = Desk(resume=True).come_to("holding")
+    desk.say_heartbeat(POSCTL).run(2.0).say_heartbeat(OFFBOARD).run(5.0)
+    assert desk.state == "overridden"
+
+
+def test_a_failsafe_while_the_pilot_flies_releases():
+    desk = Desk(resume=True).come_to("flying").run(4.0)
+    desk.say_heartbeat(POSCTL).run(1.0).say_heartbeat(AUTO_HOLD, CRITICAL).run(0.1)
+    assert desk.state == "released"
+
+
+def test_it_arrives_only_when_the_aircraft_does():
+    desk = Desk().come_to("flying")
+    desk.fall_behind(0.0, 0.8, 0.0).run(120.0)
+    assert desk.state == "flying"
+    desk.fall_behind(0.0, 0.3, 0.0)
+    assert desk.state == "at_target"
+
+
+def test_the_nose_does_not_turn_before_the_aircraft_follows():
+    desk = Desk().come_to("ready").run(5.0)
+    assert [m.yaw for m in desk.setpoints()] == pytest.approx([0.3] * len(desk.setpoints()))
+    desk.say_heartbeat(OFFBOARD).run(5.0)
+    yaws = [0.3, *(m.yaw for m in desk.setpoints())]
+    assert abs(yaws[-1] - 0.3) > 0.5
+    turned = [math.remainder(new - old, math.tau) for old, new in itertools.pairwise(yaws)]
+    assert max(map(abs, turned)) <= desk.vehicle.guidance.yaw_rate_radps * 0.02 + 1e-6
+
+
 def test_a_shorter_limit_is_kept_too():
     desk = Desk(supervision=Supervision(position_timeout_s=0.2)).come_to("flying")
     desk.mute = {"LOCAL_POSITION_NED"}
@@ -255,7 +337,7 @@ def test_shutting_down_says_farewell_at_rest():
     desk = Desk().come_to("flying").run(3.0)
     assert desk.setpoints()[-1].vz != 0.0 or desk.setpoints()[-1].vy != 0.0
     desk.companion.shut_down(desk.now_s)
-    desk._take_what_is_sent()
+    desk.take_what_is_sent()
     before, last = desk.setpoints()[-2:]
     assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
     assert math.dist((last.x, last.y, last.z), (before.x, before.y, before.z)) < 1e-6
@@ -265,8 +347,55 @@ def test_shutting_down_in_silence_sends_nothing():
     desk = Desk().come_to("flying").say_heartbeat(POSCTL).run(1.0)
     count = len(desk.sent)
     desk.companion.shut_down(desk.now_s)
-    desk._take_what_is_sent()
+    desk.take_what_is_sent()
     assert len(desk.sent) == count
+
+
+@pytest.mark.parametrize(
+    ("case", "mode", "status"),
+    [
+        ("a failsafe in the same breath", AUTO_HOLD, CRITICAL),
+        ("the pilot in the same breath", POSCTL, ACTIVE),
+    ],
+)
+def test_shutting_down_says_no_farewell_when_the_autopilot_has_left(case, mode, status):
+    desk = Desk().come_to("flying").run(3.0)
+    desk.plan_delay_s = None
+    began = desk.now_s
+    desk.say_heartbeat(mode, status).companion.shut_down(desk.now_s + 0.01)
+    desk.now_s += 0.01
+    desk.take_what_is_sent()
+    assert not desk.setpoints(began), case
+
+
+def test_shutting_down_with_old_data_says_no_farewell():
+    desk = Desk().come_to("flying").run(3.0)
+    began = desk.now_s
+    desk.now_s += 60.0
+    desk.companion.shut_down(desk.now_s)
+    desk.take_what_is_sent()
+    assert not desk.setpoints(began)
+
+
+def test_the_farewell_is_where_the_last_setpoint_was_wherever_the_aircraft_is():
+    desk = Desk().come_to("flying").run(3.0)
+    desk.fall_behind(0.0, 0.4, 0.0)
+    before = desk.setpoints()[-1]
+    desk.order(RELEASE).step()
+    last = desk.setpoints()[-1]
+    assert (last.x, last.y, last.z, last.yaw) == (before.x, before.y, before.z, before.yaw)
+    assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("state", ["ready", "flying", "at_target"])
+def test_after_a_pause_of_the_shell_nothing_is_sent_any_more(state):
+    desk = Desk().come_to(state)
+    began = desk.now_s
+    desk.step(1.5)  # what was in the sockets meanwhile is old, and looks new
+    desk.run(5.0)
+    assert desk.state == "released"
+    assert desk.said("thinking paused for 1.5 s")
+    assert not desk.setpoints(began)
 
 
 def test_a_late_shell_does_not_make_the_setpoint_jump():
