@@ -118,7 +118,7 @@ class _Udp(asyncio.DatagramProtocol):
         _logger.log(level, "%s: %s", self._address, _reason(exc))
 
     def _hear(self, peer: Any) -> None:
-        raise NotImplementedError
+        """A datagram came from a peer; of interest only to who does not know it yet."""
 
     def _write(self, data: bytes, peer: Any = None) -> None:
         transport = self._transport
@@ -151,9 +151,6 @@ class _UdpListener(_Udp):
 
 class _UdpSender(_Udp):
     """Sends to one peer."""
-
-    def _hear(self, peer: Any) -> None:
-        pass
 
     def send(self, data: bytes) -> None:
         self._write(data)
