@@ -194,8 +194,7 @@ async def run(settings: Settings) -> int:
         stop = asyncio.Event()
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
-            with contextlib.suppress(NotImplementedError):
-                loop.add_signal_handler(number, stop.set)
+            loop.add_signal_handler(number, stop.set)
         await _pace(vehicle, ports, log, settings.speed, stop)
     except OSError as error:
         print(f"sitl: {error}", file=sys.stderr)
