@@ -42,6 +42,13 @@ class Authority(str, enum.Enum):
     """May also request OFFBOARD/GUIDED and LAND on an operator's command."""
 
 
+class LossCheck(str, enum.Enum):
+    """What is done about a plan on which we had better not die."""
+
+    REFUSE = "refuse"
+    WARN = "warn"
+
+
 class LinkRole(str, enum.Enum):
     """Who is at the other end of a link."""
 
@@ -67,11 +74,22 @@ class Replanning:
     """As soon as an index has moved by this much since the last plan."""
     min_interval_s: Annotated[float, _Seconds] = 0.3
     """Never more often than this."""
+    improvement: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005
+    """What part of its cost a new path must save, or the one that is flown stays. Paths that noise
+    on the risks chooses among cost the same within that; a wind that rises to 0.8 saves 0.01."""
+
+
+class LinkLoss(str, enum.Enum):
+    """What is done without a ground station."""
+
+    CONTINUE = "continue"
+    HOLD = "hold"
+    EXIT = "exit"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Supervision:
-    """Limits beyond which nothing is flown."""
+    """Limits of what is flown; mission/conditions.py says what each of them does."""
 
     position_timeout_s: Annotated[float, _Seconds] = 0.5
     """An older position is stale: the stream ends (LOCAL_POSITION_NED comes at 30 Hz)."""
@@ -81,6 +99,31 @@ class Supervision:
     """How long a hold is offered to the pilot before he gives the mode."""
     plane_tolerance_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
     """Farther from the plane than this is not flown."""
+    wind_limit_mps: Annotated[float, Field(gt=0.0, le=100.0)] = 15.0
+    """With the default drag the tilt tells 15 m/s of a true 13 and 18 (two recorded quadrotors): 12
+    is a good limit once the vehicle's drag is measured (`replay --fit-drag`)."""
+    localization_limit: Annotated[float, Field(gt=0.0, le=1.0)] = 0.9
+    """Of the localization risk: nearly at its worst."""
+    position_uncertainty_m: Annotated[float, Field(ge=0.0, le=100.0)] = 0.9
+    """What the site's keep-outs allow for. PX4's receiver tells 0.9 m under an open sky, its
+    estimator 0.3 m; ArduPilot's receiver 0.3 m."""
+    position_uncertainty_limit_m: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
+    """Above it the mission is held; between the two, obstacles grow by what there is too much."""
+    battery_reserve: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2
+    """The fraction left with which the way out is begun."""
+    ground_link_lost_s: Annotated[float, _Seconds] = 10.0
+    """After it both autopilots, too, call the ground station lost."""
+    ground_link_action: LinkLoss = LinkLoss.HOLD
+    jump_limit_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 3.0
+    """The setpoint goes along with a jump of the position; beyond this an operator must look."""
+    plan_stale_s: Annotated[float, _Seconds] = 12.0
+    """Plans take milliseconds; without an answer the planner is asked again after 5 s: twice."""
+    disk_free_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 200.0
+    """An hour of recording takes about 100 MB."""
+    memory_free_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 100.0
+    loss_action: LossCheck = LossCheck.REFUSE
+    """When what the autopilot does after our death would lead through an obstacle: a parameter
+    mends it, and a text in flight is easily missed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,6 +131,20 @@ class Recorder:
     """Where flights are recorded; None: nowhere."""
 
     directory: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class State:
+    """Where the mission's state outlives the process; None: in systemd's folder, else nowhere."""
+
+    directory: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class View:
+    """Where the live view is served; None: in systemd's runtime directory, else nowhere."""
+
+    socket: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,6 +166,10 @@ class CompanionConfig:
     replanning: Replanning = field(default_factory=Replanning)
     supervision: Supervision = field(default_factory=Supervision)
     recorder: Recorder = field(default_factory=Recorder)
+    state: State = field(default_factory=State)
+    view: View = field(default_factory=View)
+    file: Path | None = field(default=None, compare=False)
+    """Where it was read from; None where no file was."""
 
     @classmethod
     def load(
@@ -140,6 +201,9 @@ class CompanionConfig:
             replanning=file.replanning,
             supervision=file.supervision,
             recorder=Recorder(directory=_resolved(folder, file.recorder.directory)),
+            state=State(directory=_resolved(folder, file.state.directory)),
+            view=View(socket=_resolved(folder, file.view.socket)),
+            file=Path(path),
             **values,
         )
 
@@ -161,6 +225,14 @@ class _RecorderFile(FileModel):
     directory: FilePath | None = None
 
 
+class _StateFile(FileModel):
+    directory: FilePath | None = None
+
+
+class _ViewFile(FileModel):
+    socket: FilePath | None = None
+
+
 class _CompanionFile(FileModel):
     """Keys with a default; which default, the dataclass says."""
 
@@ -175,6 +247,8 @@ class _CompanionFile(FileModel):
     replanning: Annotated[Replanning, Section(Replanning)] = Field(default_factory=Replanning)
     supervision: Annotated[Supervision, Section(Supervision)] = Field(default_factory=Supervision)
     recorder: _RecorderFile = Field(default_factory=_RecorderFile)
+    state: _StateFile = Field(default_factory=_StateFile)
+    view: _ViewFile = Field(default_factory=_ViewFile)
 
 
 def _findings(file: _CompanionFile) -> Iterator[Finding]:
@@ -190,3 +264,8 @@ def _findings(file: _CompanionFile) -> Iterator[Finding]:
             ("replanning", "min_interval_s"),
             f"is {replanning.min_interval_s:g}, must be at most period_s ({replanning.period_s:g})",
         )
+    allowed_m = file.supervision.position_uncertainty_m
+    limit_m = file.supervision.position_uncertainty_limit_m
+    if limit_m < allowed_m:
+        problem = f"is {limit_m:g}, must be at least position_uncertainty_m ({allowed_m:g})"
+        yield Finding(("supervision", "position_uncertainty_limit_m"), problem)

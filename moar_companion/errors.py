@@ -10,7 +10,11 @@ class InputError(Exception):
     is allowed. The command line prints it and exits with status 2.
     """
 
-    def __init__(self, source: str, key: str, problem: str) -> None:
+    def __init__(
+        self, source: str, key: str, problem: str, *, parts: tuple[InputError, ...] = ()
+    ) -> None:
+        self.parts = parts or (self,)
+        """Where one line stands for several findings: each by itself."""
         self.source = source
         self.key = key
         self.problem = problem

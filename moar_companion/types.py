@@ -79,7 +79,8 @@ class Weights:
             )
         # By the greatest first: the sum of three huge numbers is infinite.
         parts = (safety / greatest, time / greatest, energy / greatest)
-        return cls(*(part / sum(parts) for part in parts))
+        total = sum(parts)
+        return cls(parts[0] / total, parts[1] / total, parts[2] / total)
 
     def adjusted(self, risk: RiskIndices) -> Weights:
         """Eq. 9 with these weights as k_{S,0}, k_{T,0}, k_{E,0}.
@@ -137,8 +138,14 @@ class AutopilotStatus:
     """The mode's name as its ground stations show it, e.g. `OFFBOARD`, `HOLD`, `GUIDED`."""
     ours: bool
     """Whether this is the mode in which the autopilot follows our setpoints."""
+    homeward: bool
+    """Whether the autopilot brings the aircraft home, down or to a stop by rules of its own."""
+    multirotor: bool
+    """Whether it flies an aircraft that can hover."""
     failsafe: bool
     """system_status says CRITICAL or worse: the autopilot, not a pilot, chose this mode."""
+    motors: int | None = None
+    """How many the vehicle's type has; None where the type does not tell."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -149,6 +156,10 @@ class Attitude:
     roll_rad: float
     pitch_rad: float
     yaw_rad: float
+    boot_s: float | None = None
+    """The autopilot's own clock."""
+    yaw_rate_radps: float | None = None
+    """About the body's axis; by the gyroscopes, whatever the estimator thinks of its heading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -160,6 +171,18 @@ class LocalPosition:
     """The autopilot's own clock; it goes back when the autopilot restarts."""
     position_ned_m: Vector
     velocity_ned_mps: Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Odometry:
+    """ODOMETRY: how the estimator that tells the local position is doing."""
+
+    received_s: float
+    reset_counter: int
+    """Another number than before: position, velocity or heading were reset, PX4 says not which."""
+    horizontal_accuracy_m: float | None
+    vertical_accuracy_m: float | None = None
+    """Standard deviations of the horizontal position and of the height."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -207,13 +230,15 @@ class Battery:
     current_a: float | None
     charge_state: int | None
     """MAV_BATTERY_CHARGE_STATE: 1 ok, 2 low, 3 critical, 4 emergency."""
+    cells: int | None = None
+    """In series, where each one's voltage is told."""
     summary: bool = False
     """From SYS_STATUS, which speaks for battery 0 while its BATTERY_STATUS is not heard."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gnss:
-    """GPS_RAW_INT."""
+    """GPS_RAW_INT, or GPS2_RAW of a second receiver."""
 
     received_s: float
     receiver_s: float | None
@@ -228,12 +253,29 @@ class Gnss:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Estimator:
-    """ESTIMATOR_STATUS (PX4) or EKF_STATUS_REPORT (ArduPilot)."""
+    """ESTIMATOR_STATUS (PX4) or EKF_STATUS_REPORT (ArduPilot).
+
+    The innovations are how far measurements are from what was expected, as fractions of what the
+    estimator accepts; None where it says no number, as for what it does not use.
+    """
 
     received_s: float
     flags: int
     horizontal_position_ok: bool
     horizontal_accuracy_m: float | None
+    vertical_accuracy_m: float | None = None
+    velocity_innovation: float | None = None
+    position_innovation: float | None = None
+    height_innovation: float | None = None
+    compass_innovation: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MagneticField:
+    """HIGHRES_IMU (PX4) or RAW_IMU (ArduPilot): the field's strength at the first magnetometer."""
+
+    received_s: float
+    strength_gauss: float
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -242,6 +284,8 @@ class Wind:
 
     received_s: float
     velocity_ned_mps: Vector
+    deviation_mps: float | None = None
+    """Standard deviation of each level component; None where it is not told."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,10 +311,23 @@ class RemoteControl:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MotorOutputs:
-    """SERVO_OUTPUT_RAW: pulse widths of the outputs in use."""
+    """SERVO_OUTPUT_RAW or ACTUATOR_OUTPUT_STATUS: pulse widths of the motors in use.
+
+    least_us: of all that was ever told. What is less than any pulse is wide is told in another
+    unit, as PX4 does of DShot (1 to 1999).
+    """
 
     received_s: float
-    pulse_us: tuple[int, ...]
+    pulse_us: tuple[float, ...]
+    least_us: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MotorSpeeds:
+    """ESC_STATUS: the speeds of the motors, four of a message, in either direction."""
+
+    received_s: float
+    rpm: tuple[int, ...]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -283,11 +340,50 @@ class Heard:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkStatistics:
-    """Raw packets of the autopilot on our own link, by the sequence numbers of their headers."""
+    """Raw packets of the autopilot on our own link, by the sequence numbers of their headers.
+
+    answers: those of the received that belong to no stream: parameters, logs, texts.
+    round_trip_s: how long it takes from a question of ours to the autopilot's answer.
+    """
 
     received_s: float
     packets_received: int
     packets_lost: int
+    answers: int = 0
+    round_trip_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkNode:
+    """LINK_NODE_STATUS (PX4): what arrives at the autopilot's end of our own link."""
+
+    received_s: float
+    packets_received: int
+    packets_lost: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Firmware:
+    """AUTOPILOT_VERSION: what the autopilot runs."""
+
+    received_s: float
+    version: tuple[int, int, int]
+    release: str
+    """`dev`, `alpha`, `beta` or `rc`; empty for an official release."""
+
+    def __str__(self) -> str:
+        return "-".join(filter(None, (".".join(map(str, self.version)), self.release)))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Readiness:
+    """SYS_STATUS: whether the autopilot itself would arm, and what of it is unhealthy."""
+
+    received_s: float
+    ready: bool
+    unhealthy: tuple[str, ...]
+    remote_control_ok: bool | None = None
+    """Whether the pilot's transmitter is received; None where it never was."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -297,6 +393,7 @@ class Telemetry:
     autopilot: AutopilotStatus | None = None
     attitude: Attitude | None = None
     local_position: LocalPosition | None = None
+    odometry: Odometry | None = None
     local_origin: LocalOrigin | None = None
     global_position: GlobalPosition | None = None
     home: Home | None = None
@@ -304,10 +401,23 @@ class Telemetry:
     batteries: dict[int, Battery] = field(default_factory=dict)
     """By battery id; never changed in place."""
     gnss: Gnss | None = None
+    second_gnss: Gnss | None = None
+    second_gnss_first: bool = False
+    """Whether the second receiver is the autopilot's first choice."""
+    better_gnss_taken: bool = False
+    """Whether the autopilot is known to navigate by the better receiver of two."""
     estimator: Estimator | None = None
+    magnetic_field: MagneticField | None = None
     wind: Wind | None = None
     radio: Radio | None = None
     remote_control: RemoteControl | None = None
     motors: MotorOutputs | None = None
+    motor_speeds: MotorSpeeds | None = None
+    motor_min_us: float | None = None
+    motor_max_us: float | None = None
+    """The range of the motor outputs, where parameters told it."""
     ground_station: Heard | None = None
     link: LinkStatistics | None = None
+    link_node: LinkNode | None = None
+    firmware: Firmware | None = None
+    readiness: Readiness | None = None

@@ -90,7 +90,16 @@ class Range:
 
     def fraction(self, value: float) -> float:
         """The input's risk in [0, 1], linear between the two ends."""
-        return min(1.0, max(0.0, (value - self.low) / (self.high - self.low)))
+        share = (value - self.low) / (self.high - self.low)
+        return 0.0 if share <= 0.0 else min(1.0, share)
+
+    def share(self, value: float) -> float:
+        """Where between the two ends a value lies: 0 at the first, 1 at the second."""
+        return (value - self.low) / (self.high - self.low)
+
+
+_USUAL_DRAG = (0.2, 0.005)
+"""Per second, and per metre."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,38 +107,85 @@ class RiskModel:
     """Thresholds of the risk indices, each with its reason (all optional in the file)."""
 
     unknown: Annotated[float, _Fraction] = 0.5
-    """An index none of whose inputs was ever known: pessimistic, in [0, 1]."""
-    drag_per_s: Annotated[float, _Positive] = 0.3
-    """Linear drag: deceleration per m/s of airspeed. PX4's simulated quadrotor: 6.5 deg of tilt at
-    5 m/s, 16.5 deg at 9.4 m/s, 24 deg at 15 m/s give 0.22 to 0.31."""
+    """An index none of whose inputs was ever known, and the communication risk while no way to the
+    ground is known: pessimistic, in [0, 1]."""
+    drag_per_s: Annotated[float, _Positive] = _USUAL_DRAG[0]
+    """Linear drag: deceleration per m/s of airspeed, by the propellers. With the next about the
+    mean of two recorded quadrotors: 0.227 and 0, 0.209 and 0.008. `replay --fit-drag` has yours."""
+    drag_per_m: Annotated[float, Field(ge=0.0, le=10.0)] = _USUAL_DRAG[1]
+    """Quadratic drag: deceleration per (m/s)^2 of airspeed, by the body."""
     wind_mps: Range = field(default_factory=lambda: Range(low=3.0, high=12.0))
     """From a light breeze to the wind in which small inspection multirotors are grounded."""
+    gust_mps: Range = field(default_factory=lambda: Range(low=2.0, high=5.0))
+    """Standard deviation of the wind over half a minute: gusts are told to pilots from 5 m/s above
+    the mean, which is 2.5 times 2 m/s; with 5 m/s the gusts alone pass the greatest wind."""
     tilt_rad: Annotated[Range, Field(ge=0.0, le=90.0)] = field(
         default_factory=lambda: Range(low=0.17, high=0.52)
     )
-    """From 10 deg to 30 deg of lean, the usual limit of the autopilots in position control."""
+    """Lean in hover against the wind: from 10 deg to 30 deg, the limit of ArduPilot in position
+    control, and of PX4 less a third for manoeuvres."""
     motor_fraction: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.75, high=0.95)
     )
     """Greatest motor output over its range: above 95 % no attitude authority is left."""
-    motor_pulse_us: Range = field(default_factory=lambda: Range(low=1000.0, high=2000.0))
-    """Pulse widths of no and full output."""
+    motor_pulse_us: Range | None = None
+    """Outputs of no and full thrust in the unit in which they are told: of PX4 with DShot 1 and
+    1999. None: pulse widths, by the autopilot's parameters, 1000 to 2000 until these are heard."""
+    motor_rpm: Range | None = None
+    """Speeds of no and full thrust; without it ESC_STATUS says nothing and is not used."""
+    tracking_error_m: Range = field(default_factory=lambda: Range(low=1.0, high=2.0))
+    """Distance from our setpoint: in calm air PX4 strays by up to 0.98 m with the noise of its
+    simulated receiver; at 2 m the path is left (`guidance.off_path_m`)."""
     radio_margin: Range = field(default_factory=lambda: Range(low=60.0, high=10.0))
-    """RSSI above noise in SiK units (about half a decibel): below 10 packets are lost."""
+    """RSSI above noise in SiK units (about half a decibel). In recorded flights next to no packet
+    was broken above 60, one every two seconds between 10 and 30, and below 10 none came."""
+    receive_errors_hz: Range = field(default_factory=lambda: Range(low=0.4, high=2.0))
+    """Broken packets a second at the radio here, over 3 s: one is chance. In those flights 0.004
+    above a margin of 60, and up to 5 at the edge of reception."""
     transmit_buffer_percent: Range = field(default_factory=lambda: Range(low=50.0, high=15.0))
     """Free space of the radio's transmit buffer: ArduPilot slows its streams below 50 % and at 15 %
     sends a seventh of them."""
     rc_rssi: Annotated[Range, _Fraction] = field(default_factory=lambda: Range(low=0.6, high=0.2))
+    """Receivers tell full signal over most of their range; a fifth of it is their edge."""
+    remote_control_age_s: Range = field(default_factory=lambda: Range(low=2.5, high=6.0))
+    """RC_CHANNELS is asked for twice a second, and PX4 ends it when the transmitter is lost."""
     ground_station_age_s: Range = field(default_factory=lambda: Range(low=2.5, high=10.0))
     """Ground stations send one heartbeat a second; autopilots call the link lost after 10 s."""
+    autopilot_age_s: Range = field(default_factory=lambda: Range(low=1.5, high=3.0))
+    """Its slowest stream comes once a second; after 3 s the supervisor calls the link lost."""
     packet_loss: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.02, high=0.3)
     )
+    """A wire loses none; of a command said 3 times with a loss of 0.3, one in 37 is never heard."""
+    data_rate: Annotated[Range, _Fraction] = field(default_factory=lambda: Range(low=0.5, high=0.1))
+    """Of the usual one. ArduPilot sends 0.45 of it when a radio's buffer is short, 0.13 when it is
+    nearly full; a stream that somebody switches off is less than half of all."""
     satellites: Range = field(default_factory=lambda: Range(low=10.0, high=5.0))
     """A fix needs 4; autopilots refuse to arm below 6."""
     hdop: Range = field(default_factory=lambda: Range(low=1.2, high=3.0))
     """Autopilots refuse to arm above 2.5 (PX4) or 1.4 (ArduPilot)."""
+    vdop: Range = field(default_factory=lambda: Range(low=2.2, high=5.0))
+    """Satellites are above only: heights are known 1.5 to 2 times worse than places."""
     horizontal_accuracy_m: Range = field(default_factory=lambda: Range(low=1.0, high=5.0))
+    """A common receiver says 1 m under open sky; PX4 arms up to 3 m, and gives up its position at 5
+    (COM_POS_FS_EPH), as ArduPilot does."""
+    vertical_accuracy_m: Range = field(default_factory=lambda: Range(low=3.0, high=7.5))
+    """Autopilots accept receivers up to 5 m (PX4) or 7.5 m (ArduPilot)."""
+    receiver_lost: Annotated[float, _Fraction] = 0.25
+    """The risk of an aircraft that has lost one of two receivers: the other alone is enough, and
+    what took the first may take it, too."""
+    innovation: Range = field(default_factory=lambda: Range(low=0.5, high=1.0))
+    """Of what the estimator accepts. Above 0.5 PX4 does not arm, at 0.8 in two of them ArduPilot
+    lands, and from 1 on the measurement is refused. In wind both simulators stay below 0.5, and two
+    recorded quadrotors for 99 % of their flights below 0.6."""
+    position_resets: Range = field(default_factory=lambda: Range(low=1.0, high=4.0))
+    """Of the estimator within 10 s; PX4 aligns its heading once after take-off."""
+    magnetic_change: Annotated[Range, _Fraction] = field(
+        default_factory=lambda: Range(low=0.25, high=0.5)
+    )
+    """Of the field's strength, against its mean: motors and calibration make up to 0.15 in recorded
+    flights, in an old one 0.34; PX4 distrusts a compass from 0.2 gauss on (EKF2_MAG_CHK_STR), 0.4
+    of the earth's field."""
     battery_remaining: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.7, high=0.2)
     )
@@ -143,6 +199,32 @@ class RiskModel:
     home_margin_s: Range = field(default_factory=lambda: Range(low=300.0, high=60.0))
     """Flight time left on arrival at home: a minute is the reserve for one landing; five minutes of
     twenty is where pilots turn home."""
+
+    @property
+    def drag_is_usual(self) -> bool:
+        """Whether it is the default one, so that nobody has measured it."""
+        return (self.drag_per_s, self.drag_per_m) == _USUAL_DRAG
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Power:
+    """What flying takes of the batteries, until it is measured (all optional in the file)."""
+
+    hover_w: Annotated[float, _Positive] = 400.0
+    """A quadrotor of 2 to 3 kg. Without `capacity_wh` only the ratios of the powers count."""
+    cruise_w: Annotated[float | None, _Positive] = None
+    """At `speed.horizontal_mps`; as hovering: at the speeds of an inspection the drag takes what
+    the rotors gain by the moving air."""
+    climb_w: Annotated[float | None, _Positive] = None
+    """At `speed.up_mps`; by momentum theory, at 1.5 m/s 1.13 times hovering."""
+    descent_w: Annotated[float | None, _Positive] = None
+    """At `speed.down_mps`; as hovering."""
+    capacity_wh: Annotated[float | None, _Positive] = None
+    """Of all batteries together; by `risk.endurance_s` when it is not given."""
+    reserve_s: float = 60.0
+    """Flight time that must be left after a landing: enough for a second one."""
+    cell_resistance_ohm: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005
+    """What a cell's voltage sags by for each ampere; PX4's own figure (BAT1_R_INTERNAL)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -158,6 +240,7 @@ class Vehicle:
     weights: Mapping[Mission, Weights]
     """k_{S,0}, k_{T,0}, k_{E,0} per mission, normalised."""
     guidance: Guidance = field(default_factory=Guidance)
+    power: Power = field(default_factory=Power)
     risk: RiskModel = field(default_factory=RiskModel)
 
     @classmethod
@@ -191,6 +274,7 @@ class Vehicle:
                 for mission in Mission
             },
             guidance=file.guidance,
+            power=file.power,
             risk=file.risk,
         )
 
@@ -260,6 +344,7 @@ class _VehicleFile(FileModel):
     speed: _SpeedFile
     weights: _WeightsFile
     guidance: Annotated[Guidance, Section(Guidance)] = Field(default_factory=Guidance)
+    power: Annotated[Power, Section(Power)] = Field(default_factory=Power)
     risk: Annotated[RiskModel, Section(RiskModel)] = Field(default_factory=RiskModel)
 
 
@@ -279,11 +364,22 @@ def _findings(file: _VehicleFile) -> Iterator[Finding]:
         if sum(getattr(file.weights, mission.value).values) <= 0.0:
             yield Finding(("weights", mission.value), "are all 0, must have a positive sum")
     yield from _guidance_findings(file.guidance)
-    for member in dataclasses.fields(file.risk):
-        limits = getattr(file.risk, member.name)
-        if isinstance(limits, Range) and limits.low == limits.high:
-            key = ("risk", file_key(member.name))
+    yield from _risk_findings(file.risk)
+
+
+def _risk_findings(risk: RiskModel) -> Iterator[Finding]:
+    usual = RiskModel()
+    for member in dataclasses.fields(risk):
+        limits, before = getattr(risk, member.name), getattr(usual, member.name)
+        if not isinstance(limits, Range):
+            continue
+        key = ("risk", file_key(member.name))
+        falls = before is not None and before.high < before.low
+        if limits.low == limits.high:
             yield Finding(key, "has two equal values, must differ")
+        elif (limits.high < limits.low) is not falls:
+            first = "greater" if falls else "lesser"
+            yield Finding(key, f"has its values the wrong way round, must have the {first} first")
 
 
 def _guidance_findings(guidance: Guidance) -> Iterator[Finding]:

@@ -11,6 +11,7 @@ each once.
 from __future__ import annotations
 
 import difflib
+import itertools
 import os
 import re
 import typing
@@ -37,13 +38,25 @@ _MAX_SHOWN = 40
 """Characters of a text value that a message repeats."""
 _MAX_INTEGER_DIGITS = 18
 """Longer integers become floats, which the schemas then refuse by range."""
-
+_MAX_VALUES = 100_000
+"""Aliases repeat what they name: a small file may stand for more than a memory holds."""
 
 _TEXT_TAG = "tag:yaml.org,2002:str"
 _MERGE_TAG = "tag:yaml.org,2002:merge"
 _INTEGER_TAG = "tag:yaml.org,2002:int"
 _REAL_TAG = "tag:yaml.org,2002:float"
-_KEPT_TAGS = (_MERGE_TAG, "tag:yaml.org,2002:bool", "tag:yaml.org,2002:null")
+_NULL_TAG = "tag:yaml.org,2002:null"
+_KEPT_TAGS = (_MERGE_TAG, "tag:yaml.org,2002:bool", _NULL_TAG)
+_PLAIN_WORDS = {
+    "found character '\\t' that cannot start any token": "found a tab, must be blanks",
+    "mapping values are not allowed here": (
+        "found a colon out of place, must be `key: value` with a blank, text with a colon in quotes"
+    ),
+    "expected '<document start>', but found '<block mapping start>'": (
+        "found a key after text, must be `key: value` with a blank"
+    ),
+}
+"""What PyYAML says of the commonest slips, and what they are."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +89,8 @@ def read(
             raise InputError(
                 source, "", f"is {_kind(root)}, must be a mapping with the keys {keys}"
             )
+        if _count_values(root, {}) > _MAX_VALUES:
+            raise InputError(source, "", f"has more than {_MAX_VALUES} values, aliases spelt out")
         findings = list(loader.findings(root))
         if not findings:
             data = loader.construct_document(root)
@@ -90,15 +105,18 @@ def read(
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
         where = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        problem = ", ".join(filter(None, (error.context, error.problem)))
+        plain = _PLAIN_WORDS.get(error.problem or "")
+        problem = plain or ", ".join(filter(None, (error.context, error.problem)))
         raise InputError(source, "", f"is not YAML: {where}{problem}") from None
     except yaml.YAMLError as error:
         raise InputError(source, "", f"is not YAML: {str(error).splitlines()[0]}") from None
     except RecursionError:
         raise InputError(source, "", "is nested too deeply") from None
-    findings.sort(key=lambda finding: _position(root, finding.key))
+    places = _places(root)
+    findings.sort(key=lambda finding: _place(finding.key, places))
     more = f" (and {len(findings) - 1} more)" if len(findings) > 1 else ""
-    raise InputError(source, dotted(findings[0].key), findings[0].problem + more)
+    parts = tuple(InputError(source, dotted(item.key), item.problem) for item in findings)
+    raise InputError(source, parts[0].key, parts[0].problem + more, parts=parts)
 
 
 def dotted(key: Key) -> str:
@@ -128,9 +146,10 @@ def shown(value: object) -> str:
 
 
 def nearest(word: str, words: Iterable[str]) -> str:
-    """`, did you mean …?` for a misspelt word, or nothing."""
-    found = difflib.get_close_matches(word, list(words), n=1)
-    return f", did you mean {found[0]}?" if found else ""
+    """`, did you mean …?` for a misspelt word, in capitals or not, or nothing."""
+    known = {each.lower(): each for each in words}
+    found = difflib.get_close_matches(word.lower(), known, n=1)
+    return f", did you mean {known[found[0]]}?" if found else ""
 
 
 def _text(source: str) -> str:
@@ -202,14 +221,15 @@ class _Loader(yaml.SafeLoader):
 
     def _key_findings(self, key: Key, mapping: yaml.MappingNode) -> Iterator[Finding]:
         lines: dict[str, int] = {}
-        for name, _ in mapping.value:
+        for name, value in mapping.value:
             line = name.start_mark.line + 1
             if name.tag == _MERGE_TAG:
                 continue
             if name.tag != _TEXT_TAG:
-                yield Finding(
-                    key, f"has {_kind(name)} as a key (line {line}), must be text in quotes"
-                )
+                lone_number = name.tag == _INTEGER_TAG and value.tag == _NULL_TAG
+                hint = " (a number has a decimal point, no comma)" if lone_number else ""
+                problem = f"has {_kind(name)} as a key (line {line}), must be text in quotes{hint}"
+                yield Finding(key, problem)
             elif name.value in lines:
                 problem = f"is given twice (lines {lines[name.value]} and {line}), must be once"
                 yield Finding((*key, name.value), problem)
@@ -233,20 +253,57 @@ _Loader.add_constructor(_INTEGER_TAG, _Loader.integer)
 _Loader.add_constructor(_REAL_TAG, _Loader.real)
 
 
-def _position(root: yaml.Node, key: Key) -> tuple[int, int]:
-    """Line and column of a key in the file; what is missing stands at the end of its mapping."""
-    node = root
-    mark = root.start_mark
-    for part in key:
-        if isinstance(node, yaml.SequenceNode) and isinstance(part, int):
-            node = node.value[part]
-            mark = node.start_mark
+def _count_values(node: yaml.Node, counts: dict[int, int]) -> int:
+    """How many values and keys a node stands for with every alias spelt out.
+
+    Raises RecursionError for one that holds itself.
+    """
+    if id(node) not in counts:
+        children: Iterable[yaml.Node] = ()
+        if isinstance(node, yaml.CollectionNode):
+            children = itertools.chain.from_iterable(
+                item if isinstance(item, tuple) else (item,) for item in node.value
+            )
+        counts[id(node)] = 1 + sum(_count_values(child, counts) for child in children)
+    return counts[id(node)]
+
+
+@dataclass(frozen=True, slots=True)
+class _Place:
+    """Line and column where a key begins, and where its value ends."""
+
+    start: tuple[int, int]
+    end: tuple[int, int]
+
+
+def _places(root: yaml.Node) -> dict[Key, _Place]:
+    """Where every key of the file is."""
+    places: dict[Key, _Place] = {}
+    pending: list[tuple[Key, yaml.Node, yaml.Mark]] = [((), root, root.start_mark)]
+    while pending:
+        key, node, start = pending.pop()
+        end = node.end_mark
+        places[key] = _Place((start.line, start.column), (end.line, end.column))
+        if isinstance(node, yaml.SequenceNode):
+            pending.extend(
+                ((*key, index), item, item.start_mark) for index, item in enumerate(node.value)
+            )
         elif isinstance(node, yaml.MappingNode):
-            found = [pair for pair in node.value if pair[0].value == part]
-            if not found:
-                return node.end_mark.line, node.end_mark.column
-            mark, node = found[0][0].start_mark, found[0][1]
-    return mark.line, mark.column
+            pending.extend(
+                ((*key, name.value), item, name.start_mark)
+                for name, item in node.value
+                if isinstance(name, yaml.ScalarNode)
+            )
+    return places
+
+
+def _place(key: Key, places: dict[Key, _Place]) -> tuple[int, int]:
+    """Where a key is in the file; what is missing stands at the end of its mapping."""
+    if key in places:
+        return places[key].start
+    while key not in places:
+        key = key[:-1]
+    return places[key].end
 
 
 def _finding(details: ErrorDetails, schema: type[BaseModel], data: Any) -> Finding:
@@ -279,8 +336,7 @@ def _finding(details: ErrorDetails, schema: type[BaseModel], data: Any) -> Findi
     if kind == "value_error":
         return Finding(key, f"is {shown(value)}, {context['error']}")
     if kind in _TYPES:
-        quoted = " (text, not a number)" if _is_quoted_number(kind, value) else ""
-        return Finding(key, f"is {shown(value)}{quoted}, must be {_TYPES[kind]}")
+        return Finding(key, f"is {shown(value)}{_why_text(kind, value)}, must be {_TYPES[kind]}")
     return Finding(key, f"is {shown(value)}: {details['msg']}")
 
 
@@ -302,12 +358,14 @@ _LIMITS = {
 }
 
 
-def _is_quoted_number(kind: str, value: object) -> bool:
-    return (
-        kind in ("float_type", "int_type")
-        and isinstance(value, str)
-        and re.fullmatch(r"\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*", value) is not None
-    )
+def _why_text(kind: str, value: object) -> str:
+    """Why what looks like a number is none, or nothing."""
+    if kind in ("float_type", "int_type") and isinstance(value, str):
+        if re.fullmatch(r"\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*", value):
+            return " (text, not a number)"
+        if re.fullmatch(r"\s*[-+]?[0-9]*,[0-9]+\s*", value):
+            return " (a decimal comma)"
+    return ""
 
 
 def _schema_at(schema: type[BaseModel], key: Key) -> type[BaseModel]:

@@ -107,10 +107,11 @@ def file_key(name: str) -> str:
 
 
 def _bare(hint: Any) -> tuple[Any, tuple[Any, ...]]:
-    """A type and the limits that `Annotated` puts on it."""
+    """A type and the limits that `Annotated` puts on it; of a record or None, the record."""
     if typing.get_origin(hint) is Annotated:
         return hint.__origin__, hint.__metadata__
-    return hint, ()
+    records = [item for item in typing.get_args(hint) if dataclasses.is_dataclass(item)]
+    return (records[0] if records else hint), ()
 
 
 def _file_type(hint: Any) -> Any:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import enum
 import math
 import re
 from collections.abc import Iterator
@@ -19,13 +20,14 @@ from moar_companion.config import (
     LinkRole,
     Recorder,
     Replanning,
+    State,
     Supervision,
     _CompanionFile,
     shipped_configs,
 )
 from moar_companion.errors import InputError
 from moar_companion.site import Site, _SiteFile
-from moar_companion.vehicle import Guidance, Range, RiskModel, Vehicle, YawMode, _VehicleFile
+from moar_companion.vehicle import Guidance, Power, Range, RiskModel, Vehicle, _VehicleFile
 from moar_companion.yaml_file import _model_in
 from moar_companion.yaml_schema import Section, file_key
 
@@ -66,6 +68,7 @@ resume: true
 replanning: {period_s: 5, risk_change: 0.2, min_interval_s: 5}
 supervision: {position_timeout_s: 1, heartbeat_timeout_s: 5, plane_tolerance_m: 1.5}
 recorder: {directory: flights}
+state: {directory: state}
 """
     assert load(text, tmp_path) == CompanionConfig(
         vehicle=Path("/etc/moar/vehicle.yaml"),
@@ -84,6 +87,7 @@ recorder: {directory: flights}
             position_timeout_s=1.0, heartbeat_timeout_s=5.0, plane_tolerance_m=1.5
         ),
         recorder=Recorder(directory=tmp_path / "flights"),
+        state=State(directory=tmp_path / "state"),
     )
 
 
@@ -162,7 +166,7 @@ def test_the_page_of_the_configurations_names_every_key(schema: type[BaseModel])
     assert [key for key in documented_keys(schema) if key not in named] == []
 
 
-@pytest.mark.parametrize("record", [Guidance, RiskModel, Replanning, Supervision])
+@pytest.mark.parametrize("record", [Guidance, Power, RiskModel, Replanning, Supervision])
 def test_the_page_of_the_configurations_gives_the_defaults(record: type[Any]) -> None:
     page = (shipped_configs() / "README.md").read_text()
     for member in dataclasses.fields(record):
@@ -173,7 +177,7 @@ def test_the_page_of_the_configurations_gives_the_defaults(record: type[Any]) ->
         row = re.search(rf"^\| `\w+\.{key}` \|[^|]*\|([^|]*)\|", page, re.MULTILINE)
         assert row, key
         written = row[1].strip(" []`")
-        if value is None or isinstance(value, YawMode):
+        if value is None or isinstance(value, enum.Enum):
             assert written == (value.value if value else "none")
         else:
             numbers = [float(each) for each in written.split(",")]

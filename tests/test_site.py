@@ -15,6 +15,7 @@ from hypothesis import strategies as st
 from moar_companion.config import shipped_configs
 from moar_companion.errors import InputError
 from moar_companion.frames import SiteFrame
+from moar_companion.outline import outline_problem
 from moar_companion.site import (
     MAX_VERTICES,
     Conductor,
@@ -22,7 +23,6 @@ from moar_companion.site import (
     Site,
     Target,
     Workspace,
-    _outline_problem,
 )
 from moar_companion.types import GeodeticPoint, Mission
 
@@ -303,7 +303,7 @@ def test_the_outline_of_a_polygon(
     vertices_m: list[tuple[float, float]], problem: str | None
 ) -> None:
     for scale, shift in ((1.0, 0.0), (0.01, 700.0)):
-        found = _outline_problem(np.array(vertices_m, dtype=float) * scale + shift)
+        found = outline_problem(np.array(vertices_m, dtype=float) * scale + shift)
         assert (found is None) if problem is None else (found is not None and problem in found)
 
 
@@ -314,7 +314,7 @@ def test_outlines_agree_with_shapely(vertices: list[tuple[int, int]]) -> None:
     assume(all(first != second for first, second in zip(vertices, following, strict=True)))
     polygon = shapely.Polygon(vertices)
     simple = polygon.is_valid and polygon.area > 0.0
-    assert (_outline_problem(np.array(vertices, dtype=float)) is None) == simple
+    assert (outline_problem(np.array(vertices, dtype=float)) is None) == simple
 
 
 def test_a_large_outline_is_checked_and_a_larger_one_refused(tmp_path: Path) -> None:

@@ -179,6 +179,21 @@ def test_optional_sections_in_the_units_of_the_file(tmp_path: Path) -> None:
         ),
         (
             "geometry:",
+            "risk: {wind_mps: [12, 3]}\ngeometry:",
+            "risk.wind_mps: has its values the wrong way round, must have the lesser first",
+        ),
+        (
+            "geometry:",
+            "risk: {satellites: [5, 10]}\ngeometry:",
+            "risk.satellites: has its values the wrong way round, must have the greater first",
+        ),
+        (
+            "geometry:",
+            "risk: {motor_pulse_us: [1999, 1]}\ngeometry:",
+            "risk.motor_pulse_us: has its values the wrong way round, must have the lesser first",
+        ),
+        (
+            "geometry:",
             "risk: {battery_remaining: [70, 20]}\ngeometry:",
             "risk.battery_remaining[0]: is 70, must be at most 1 (and 1 more)",
         ),

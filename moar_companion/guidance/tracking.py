@@ -25,13 +25,15 @@ _ARRIVED_M = 0.005
 class Reference:
     """One instant of the trajectory that is followed.
 
-    offset_m, (3,), leads from the trajectory to the setpoint; it fades, and the reference waits
-    for it. It is not zero only after the trajectory was moved under the setpoint.
+    stop_m: where on the trajectory it comes to rest; None: at its end. offset_m, (3,), leads from
+    the trajectory to the setpoint; it fades, and the reference waits for it. It is not zero only
+    after the trajectory was moved under the setpoint.
     """
 
     trajectory: Trajectory
     distance_m: float = 0.0
     speed_mps: float = 0.0
+    stop_m: float | None = None
     offset_m: FloatArray
     offset_rate_mps: FloatArray
 
@@ -41,6 +43,16 @@ class Reference:
         return cls(
             trajectory=trajectory,
             offset_m=np.array(setpoint_m) - trajectory.position_m[0],
+            offset_rate_mps=np.zeros(3),
+        )
+
+    def stood(self, setpoint_m: Vector) -> Reference:
+        """The reference at rest where it is on its trajectory, the setpoint at another place."""
+        return replace(
+            self,
+            speed_mps=0.0,
+            stop_m=self.distance_m,
+            offset_m=np.array(setpoint_m) - self.trajectory.at(self.distance_m)[0],
             offset_rate_mps=np.zeros(3),
         )
 
@@ -63,6 +75,11 @@ class Reference:
         """The distance along the trajectory at which the reference can stand."""
         return self.distance_m + self.speed_mps**2 / (2.0 * acceleration_mps2)
 
+    def braked(self, acceleration_mps2: float) -> Reference:
+        """The reference that comes to rest as soon as the acceleration allows."""
+        stop_m = min(self.stopping_m(acceleration_mps2), self.trajectory.length_m)
+        return replace(self, stop_m=stop_m)
+
 
 def advanced(
     reference: Reference,
@@ -70,21 +87,30 @@ def advanced(
     guidance: Guidance,
     fade_mps: float,
     step_s: float,
+    pace: float = 1.0,
 ) -> Reference:
-    """The reference after `step_s`; `fade_mps` is how fast an offset may fade."""
+    """The reference after `step_s`; `fade_mps` is how fast an offset may fade.
+
+    pace: the part of the trajectory's speed that is allowed.
+    """
     offset = _faded(reference, fade_mps, step_s)
     trajectory, speed = reference.trajectory, reference.speed_mps
     _, _, allowed = trajectory.at(reference.distance_m)
+    end_m = trajectory.length_m
+    if reference.stop_m is not None:
+        end_m = reference.stop_m
+        left_m = max(0.0, end_m - reference.distance_m)
+        allowed = min(allowed, math.sqrt(2.0 * guidance.acceleration_mps2 * left_m))
     error_m = math.dist(reference.position_m, aircraft_m)
     room = guidance.tracking_hold_m - guidance.tracking_slow_m
-    allowed *= min(1.0, max(0.0, (guidance.tracking_hold_m - error_m) / room))
+    allowed *= pace * min(1.0, max(0.0, (guidance.tracking_hold_m - error_m) / room))
     if offset.offset_m.any():
         allowed = 0.0
     step_mps = guidance.acceleration_mps2 * step_s
     speed = min(speed + step_mps, max(allowed, speed - _STAND_STILL * step_mps))
     return replace(
         offset,
-        distance_m=min(reference.distance_m + speed * step_s, trajectory.length_m),
+        distance_m=min(reference.distance_m + speed * step_s, end_m),
         speed_mps=speed,
     )
 

@@ -1,16 +1,18 @@
 """The trajectory: a path with rounded corners and, at each point, the greatest speed allowed.
 
-Inputs: the points of a plan with the speed of each move; output: samples along the path. Corners
-are rounded by arcs that leave the path within a given distance of the corner, and the speed is
-such that neither the arcs nor any braking ask for more than the vehicle's acceleration. How that
-speed is reached is the tracker's affair (`tracking`), which knows how late the aircraft is.
+Inputs: the points of a plan with the speed of each move, and what else caps the speed; output:
+samples along the path. Corners are rounded by arcs that leave the path within a given distance of
+the corner, and the speed is such that neither the arcs nor any braking ask for more than the
+vehicle's acceleration. How that speed is reached is the tracker's affair (`tracking`), which knows
+how late the aircraft is.
 """
 
 from __future__ import annotations
 
 import bisect
 import math
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -18,6 +20,8 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.floating[Any]]
+SpeedCap = Callable[[FloatArray, FloatArray], FloatArray]
+"""Greatest speeds (n,) at places (n, d) that are passed in directions (n, d)."""
 
 _SAMPLE_M = 0.1
 _ARC_PIECES = 6
@@ -28,6 +32,8 @@ _SHARP_TURN_RAD = math.radians(150.0)
 _SHARP_TURN_MPS = 0.1
 _STRAIGHT_RAD = 1e-6
 _SAME_POINT_M = 1e-6
+_SLOWEST_MPS = 1e-3
+"""Nothing is flown slower for longer than an instant."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -52,7 +58,7 @@ class Trajectory:
     distance_m:  (n,)    of each sample, increasing
     position_m:  (n, d)
     direction:   (n, d)  unit vectors
-    limit_mps:   (n,)    what the plan and the corners allow
+    limit_mps:   (n,)    what the plan, the corners and the cap allow
     speed_mps:   (n,)    what of it can still be braked from, to rest at the end
     points_m:    (m, d)  the points of the plan
     corner_m:    (m,)    where each of them is reached, or its rounding begins
@@ -95,6 +101,42 @@ class Trajectory:
         speed = math.sqrt(first * first + part * (second * second - first * first))
         return position, direction / norm if norm > _SAME_POINT_M else direction, speed
 
+    def duration_s(self, from_m: float) -> float:
+        """How long the rest from a distance on takes at the greatest speed."""
+        if from_m >= self.length_m:
+            return 0.0
+        ahead = self.distance_m > from_m
+        distance = np.concatenate([[from_m], self.distance_m[ahead]])
+        speed = np.concatenate([[self.at(from_m)[2]], self.speed_mps[ahead]])
+        # Between two samples the acceleration is constant, and the mean speed that of the ends.
+        mean = np.maximum(0.5 * (speed[:-1] + speed[1:]), _SLOWEST_MPS)
+        return float((np.diff(distance) / mean).sum())
+
+    def rest(
+        self, from_m: float, speed_mps: float, acceleration_mps2: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Points (n, d) from a distance on, and the times (n - 1,) between them, as it is flown.
+
+        speed_mps: there; how soon the greatest speed is reached is a matter of the acceleration.
+        """
+        ahead = self.distance_m > from_m
+        first, _, greatest_mps = self.at(from_m)
+        distance = np.concatenate([[from_m], self.distance_m[ahead]])
+        limit = np.concatenate([[min(speed_mps, greatest_mps)], self.speed_mps[ahead]])
+        # With v^2 - 2 a s constant while it speeds up, the limit is a running minimum of that.
+        gained = 2.0 * acceleration_mps2 * distance
+        speed = np.sqrt(np.minimum.accumulate(limit**2 - gained) + gained)
+        mean = np.maximum(0.5 * (speed[:-1] + speed[1:]), _SLOWEST_MPS)
+        return np.concatenate([first[None], self.position_m[ahead]]), np.diff(distance) / mean
+
+    def capped(self, cap: SpeedCap, acceleration_mps2: float) -> Trajectory:
+        """The same, flown no faster than another cap allows."""
+        if len(self.distance_m) == 1:
+            return self
+        limit = np.minimum(self.limit_mps, cap(self.position_m, self.direction))
+        speed = _braking_speed_mps(self.distance_m, limit, acceleration_mps2)
+        return replace(self, limit_mps=limit, speed_mps=speed)
+
     def corner_after(self, distance_m: float) -> int:
         """The first point of the plan that is reached at or after a distance, or its last."""
         return min(int(np.searchsorted(self.corner_m, distance_m)), len(self.corner_m) - 1)
@@ -119,12 +161,13 @@ def make_trajectory(
     lead_in: PathPoints | None = None,
     acceleration_mps2: float,
     rounding_m: float,
+    cap: SpeedCap | None = None,
 ) -> Trajectory:
     """The trajectory along a plan's points, at rest at its end.
 
     lead_in: points that are flown first and end at the plan's first point: what is left of an
     earlier trajectory, so that a new plan moves no setpoint. rounding_m: how far before and
-    behind a corner its arc may reach.
+    behind a corner its arc may reach. cap: what else limits the speed.
     """
     whole = path if lead_in is None else lead_in.then(path)
     plan_begins = 0 if lead_in is None else len(lead_in.position_m) - 1
@@ -149,10 +192,13 @@ def make_trajectory(
     order, position, limit = _sample(points, speed, acceleration_mps2, rounding_m)
     step = np.diff(position, axis=0)
     distance = np.concatenate([[0.0], np.cumsum(np.sqrt((step**2).sum(axis=1)))])
+    direction = _directions(step)
+    if cap is not None:
+        limit = np.minimum(limit, cap(position, direction))
     return Trajectory(
         distance_m=distance,
         position_m=position,
-        direction=_directions(step),
+        direction=direction,
         limit_mps=limit,
         speed_mps=_braking_speed_mps(distance, limit, acceleration_mps2),
         points_m=path.position_m,

@@ -2,13 +2,19 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
+from functools import cached_property, lru_cache
 
 import numpy as np
 
 from ..vehicle import SpeedLimits, Vehicle
-from .grid import FloatArray, Grid, IntArray, Moves
+from .arrays import Steps
+from .cells import steps_of
+from .grid import TOLERANCE, FloatArray, Grid, IntArray, Moves
 from .maps import Maps
+
+_ROUNDING = 1e-12
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -18,10 +24,12 @@ class Graph:
     allowed:   (cells,)    bit h: move h may be made from the cell
     safety:    (cells,)    SC
     speed:     (cells, H)  v(d_obs, heading), zero for stop
-    duration:  (cells, H)  seconds of the move that arrives with this heading, zero for stop
     offset:    (H,)        step of a move in the flat index
     length_m:  (H,)        length of a move
     unit:      (H, d)      direction of a move
+    place:     (cells, 3)  the cell's indices; a plane's third is 0
+    axes:      (3, H)      `unit` by axes; a plane's third is 0
+    pace:      (n, 3)      seconds per cell: times a displacement at most its least duration
     """
 
     grid: Grid
@@ -31,10 +39,17 @@ class Graph:
     allowed: IntArray
     safety: FloatArray
     speed: FloatArray
-    duration: FloatArray
     offset: IntArray
     length_m: FloatArray
     unit: FloatArray
+    place: FloatArray
+    axes: FloatArray
+    pace: FloatArray
+
+    @cached_property
+    def steps(self) -> Steps:
+        """What the compiled search reads."""
+        return Steps(*(getattr(self, name) for name in Steps._fields))
 
 
 def heading_speeds_mps(speed: SpeedLimits) -> FloatArray:
@@ -59,26 +74,71 @@ def elevation_speed_mps(speed: SpeedLimits, direction: FloatArray) -> FloatArray
 
 def build_graph(maps: Maps, vehicle: Vehicle) -> Graph:
     """The graph of a site's maps, independent of weights, start and goal."""
-    grid, moves = maps.grid, Moves.of_plane()
+    grid = maps.grid
+    moves, place, pace = _frame(grid, vehicle.speed)
     heading_speed = heading_speeds_mps(vehicle.speed)
     length_m = moves.cells * grid.resolution_m
-    limit = np.asarray(grid.padded(maps.speed_limit_mps, 0.0))
-    speed = np.minimum(limit[:, None], heading_speed[None, :])
-    duration = np.divide(length_m[None, :], speed, out=np.zeros_like(speed), where=speed > 0.0)
+    offset = moves.steps @ np.array(grid.strides)
+    allowed, speed = steps_of(
+        grid.padded(~maps.occupied, 0).view(np.uint8),
+        np.asarray(grid.padded(maps.speed_limit_mps, 0.0), dtype=np.float64),
+        heading_speed,
+        offset,
+        moves.needed,
+    )
     graph = Graph(
         grid=grid,
         moves=moves,
         v_max_mps=vehicle.speed.max_mps,
         heading_speed_mps=heading_speed,
-        allowed=np.asarray(grid.padded(moves.allowed(~maps.occupied), 0), dtype=np.uint32),
+        allowed=allowed,
         safety=np.asarray(grid.padded(maps.safety_cost, 0.0), dtype=np.float64),
         speed=speed,
-        duration=duration,
-        offset=moves.steps @ np.array(grid.strides),
+        offset=offset,
         length_m=length_m,
         unit=moves.unit,
+        place=place,
+        axes=_three_axes(moves.unit).T.copy(),
+        pace=pace,
     )
     for array in vars(graph).values():
         if isinstance(array, np.ndarray):
             array.flags.writeable = False
     return graph
+
+
+@lru_cache(maxsize=1)
+def _frame(grid: Grid, speed: SpeedLimits) -> tuple[Moves, FloatArray, FloatArray]:
+    """What no obstacle changes: moves, the cells' places and the least paces."""
+    moves = Moves.of_plane()
+    duration = moves.cells[1:] * grid.resolution_m / heading_speeds_mps(speed)[1:]
+    return moves, _places(grid), least_paces(moves.steps[1:], duration)
+
+
+def least_paces(steps: IntArray, duration: FloatArray) -> FloatArray:
+    """Rows y, (n, 3), of which y.step <= duration holds for all moves: (m, d) cells, (m,) s.
+
+    For any path, the sum of its durations is therefore at least y times its displacement. They
+    are the corners of that polyhedron, where the bound is greatest.
+    """
+    dimensions = steps.shape[1]
+    chosen = np.array(list(itertools.combinations(range(len(steps)), dimensions)))
+    edges = steps[chosen].astype(np.float64)
+    regular = np.abs(np.linalg.det(edges)) > TOLERANCE
+    corners = np.linalg.solve(edges[regular], duration[chosen[regular]][..., None])[..., 0]
+    within = (corners @ steps.T <= duration * (1.0 + _ROUNDING)).all(axis=1)
+    paces = np.unique(np.round(corners[within] / duration.max(), 12), axis=0) * duration.max()
+    return _three_axes(paces * (1.0 - 1e3 * _ROUNDING))
+
+
+def _places(grid: Grid) -> FloatArray:
+    """The indices of every padded cell along three axes, (cells, 3)."""
+    padded = tuple(count + 2 for count in grid.shape)
+    return _three_axes(np.indices(padded).reshape(len(padded), -1).T - 1.0)
+
+
+def _three_axes(array: FloatArray) -> FloatArray:
+    """An array (n, d) with zeros for the axes that there are not, (n, 3)."""
+    whole = np.zeros((len(array), 3))
+    whole[:, : array.shape[1]] = array
+    return whole

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import itertools
 import math
+import operator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -82,7 +83,7 @@ class Grid:
             for lower, index in zip(self.lower_m, cell, strict=True)
         )
 
-    @property
+    @cached_property
     def strides(self) -> tuple[int, ...]:
         """Steps between neighbours along each axis in the padded flat index."""
         strides = [1]
@@ -92,7 +93,8 @@ class Grid:
 
     def flat(self, cell: tuple[int, ...]) -> int:
         """The padded flat index of a cell."""
-        return sum((index + 1) * stride for index, stride in zip(cell, self.strides, strict=True))
+        flat: int = sum(map(operator.mul, cell, self.strides), start=sum(self.strides))
+        return flat
 
     def unflat(self, flat: IntArray) -> IntArray:
         """The cells, (n, dimensions), of padded flat indices, (n,)."""
@@ -101,7 +103,9 @@ class Grid:
 
     def padded(self, array: npt.NDArray[np.generic], fill: float) -> npt.NDArray[np.generic]:
         """A map of this grid, flat, with a border of `fill` one cell wide."""
-        return np.ascontiguousarray(np.pad(array, 1, constant_values=fill).reshape(-1))
+        padded = np.full([count + 2 for count in array.shape], fill, dtype=array.dtype)
+        padded[(slice(1, -1),) * array.ndim] = array
+        return padded.reshape(-1)
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -129,22 +133,15 @@ class Moves:
         unit = steps / np.where(cells > 0.0, cells, 1.0)[:, None]
         return cls(steps=steps, unit=unit, cells=cells)
 
-    def allowed(self, free: BoolArray) -> IntArray:
-        """Bit h of a cell: move h may be made from it; no diagonal cuts a corner.
+    @cached_property
+    def needed(self) -> IntArray:
+        """Bit h of a move, (H,): where move h leads has to be free for it: no cut corners.
 
-        free: any shape; returns the same shape. A move needs its cell, and every cell that one of
-        its partial moves (along a part of its axes) leads to.
+        Its own cell, and every cell that a partial move (along a part of its axes) leads to.
         """
-        padded = np.pad(free, 1, constant_values=False)
-        masks = np.zeros(free.shape, dtype=np.uint32)
-        for heading, step in enumerate(self.steps[1:], start=1):
-            clear = free.copy()
-            for part in itertools.product(*({0, int(component)} for component in step)):
-                clear &= padded[
-                    tuple(
-                        slice(1 + offset, 1 + offset + count)
-                        for offset, count in zip(part, free.shape, strict=True)
-                    )
-                ]
-            masks[clear] |= np.uint32(1 << heading)
-        return masks
+        heading_of = {tuple(step): heading for heading, step in enumerate(self.steps.tolist())}
+        needed = np.zeros(len(self.steps), dtype=np.uint32)
+        for heading, step in enumerate(self.steps.tolist()):
+            for part in itertools.product(*({0, component} for component in step)):
+                needed[heading] |= np.uint32(1 << heading_of[part] if any(part) else 0)
+        return needed

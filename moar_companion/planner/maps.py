@@ -9,7 +9,10 @@ import numpy as np
 from ..site import Site
 from ..vehicle import SafetyShape, SpeedLimits, Vehicle
 from . import geometry
+from .cells import horizontal_distances
+from .clearances import Clearances
 from .grid import TOLERANCE, BoolArray, FloatArray, Grid
+from .reach import Reach
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -18,17 +21,21 @@ class Maps:
 
     position_uncertainty_m: what the occupied distance is widened by
     occupied:               never entered
+    room_m:                 from the hull to where the nearest keep-out begins; inf without any
     obstacle_distance_m:    d_obs, to the nearest obstacle's surface
     hull_distance_m:        d_ch, to the obstacles' convex hull
     horizontal_distance_m:  d_hor, to the nearest obstacle below, after the 45 degree exclusion
     collision_cost, insertion_cost, damage_cost:  C of the three (Eq. 3)
     safety_cost:            SC (Eq. 2)
     speed_limit_mps:        v_sat (Eq. 5)
+    clearances, hull:       to the obstacles and to their hull, for repairs
+    reach:                  where straight flights run into obstacles, also outside the workspace
     """
 
     grid: Grid
     position_uncertainty_m: float
     occupied: BoolArray
+    room_m: FloatArray
     obstacle_distance_m: FloatArray
     hull_distance_m: FloatArray
     horizontal_distance_m: FloatArray
@@ -37,41 +44,48 @@ class Maps:
     damage_cost: FloatArray
     safety_cost: FloatArray
     speed_limit_mps: FloatArray
+    clearances: Clearances
+    hull: Clearances
+    reach: Reach
 
 
-def build_maps(site: Site, vehicle: Vehicle, position_uncertainty_m: float = 0.0) -> Maps:
-    """The maps of a site for a vehicle whose position is known to `position_uncertainty_m`."""
+def build_maps(
+    site: Site,
+    vehicle: Vehicle,
+    position_uncertainty_m: float = 0.0,
+    *,
+    before: Maps | None = None,
+) -> Maps:
+    """The maps of a site for a vehicle whose position is known to `position_uncertainty_m`.
+
+    before: those of the site with other obstacles, which are repaired.
+    """
     space = site.workspace
     grid = Grid.over(space.lower_m, space.upper_m, space.resolution_m)
     x_m, z_m = grid.axes_m
-    centres = np.stack(np.meshgrid(x_m, z_m, indexing="ij"), axis=-1)
-    obstacle = np.full(grid.shape, np.inf)
-    horizontal = np.full(grid.shape, np.inf)
-    occupied = np.zeros(grid.shape, dtype=bool)
+    known = () if before is None else (before.clearances, before.reach.clearances)
+    clearances = Clearances.over(grid, site.obstacles, *known)
+    obstacle = clearances.distance_m
+    room = clearances.room_m - (vehicle.radius_m + position_uncertainty_m)
+    occupied = room < -TOLERANCE
     if space.min_altitude_m is not None:
         occupied[:, z_m < space.min_altitude_m - TOLERANCE] = True
-    for item in site.obstacles:
-        distance = geometry.obstacle_distance_m(item, centres)
-        np.minimum(obstacle, distance, out=obstacle)
-        np.minimum(horizontal, geometry.horizontal_distance_m(item, x_m, z_m), out=horizontal)
-        required_m = vehicle.radius_m + position_uncertainty_m + item.keep_out_m
-        occupied |= distance < required_m - TOLERANCE
-    # The paper's exclusion: below a 45 degree slope from the lowest obstacle a fall does no damage.
-    above_lowest = z_m - geometry.obstacles_lowest_m(site.obstacles)
-    horizontal[above_lowest[None, :] < horizontal - TOLERANCE] = np.inf
-    hull = np.full(grid.shape, np.inf)
-    if site.obstacles:
-        hull = geometry.polygon_distance_m(geometry.hull_vertices_m(site.obstacles), centres)
+    horizontal = horizontal_distances(x_m, z_m, *geometry.rings(site.obstacles)[:2])
+    hull = Clearances.over(
+        grid, geometry.hull(site.obstacles), *(() if before is None else (before.hull,))
+    )
     collision, insertion, damage = (
-        distance_cost(distance, vehicle.safety) for distance in (obstacle, hull, horizontal)
+        distance_cost(distance, vehicle.safety)
+        for distance in (obstacle, hull.distance_m, horizontal)
     )
     shape = vehicle.safety
     maps = Maps(
         grid=grid,
         position_uncertainty_m=position_uncertainty_m,
         occupied=occupied,
+        room_m=room,
         obstacle_distance_m=obstacle,
-        hull_distance_m=hull,
+        hull_distance_m=hull.distance_m,
         horizontal_distance_m=horizontal,
         collision_cost=collision,
         insertion_cost=insertion,
@@ -80,6 +94,14 @@ def build_maps(site: Site, vehicle: Vehicle, position_uncertainty_m: float = 0.0
         + shape.insertion * insertion
         + shape.damage * damage,
         speed_limit_mps=speed_limit_mps(obstacle, vehicle.safety, vehicle.speed),
+        clearances=clearances,
+        hull=hull,
+        reach=Reach.over(
+            site,
+            vehicle.radius_m,
+            position_uncertainty_m,
+            known=(clearances, *known),
+        ),
     )
     for array in vars(maps).values():
         if isinstance(array, np.ndarray):
@@ -90,8 +112,11 @@ def build_maps(site: Site, vehicle: Vehicle, position_uncertainty_m: float = 0.0
 def distance_cost(distance_m: FloatArray, shape: SafetyShape) -> FloatArray:
     """Eq. 3: C(d), 1 below d_min, falling to 0 at d_max."""
     alpha = shape.d_min_m / (shape.d_max_m - shape.d_min_m)
-    between = np.clip(distance_m, shape.d_min_m, shape.d_max_m)
-    return alpha * (shape.d_max_m / between - 1.0)
+    cost = np.maximum(distance_m, shape.d_min_m)
+    np.divide(shape.d_max_m, np.minimum(cost, shape.d_max_m, out=cost), out=cost)
+    cost -= 1.0
+    cost *= alpha
+    return cost
 
 
 def speed_limit_mps(
@@ -99,5 +124,5 @@ def speed_limit_mps(
 ) -> FloatArray:
     """Eq. 5: v_sat(d_obs), from v_MIN at d_min to v_MAX at d_max."""
     beta = (speed.max_mps - speed.min_mps) / (shape.d_max_m - shape.d_min_m)
-    between = np.clip(obstacle_distance_m, shape.d_min_m, shape.d_max_m)
-    return speed.min_mps + beta * (between - shape.d_min_m)
+    between = np.minimum(np.maximum(obstacle_distance_m, shape.d_min_m), shape.d_max_m)
+    return np.asarray(speed.min_mps + beta * (between - shape.d_min_m))

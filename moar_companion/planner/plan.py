@@ -5,14 +5,16 @@ from __future__ import annotations
 import enum
 import json
 import math
+from collections.abc import Callable
 from dataclasses import asdict, dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from ..types import Mission, RiskIndices, Weights
 from .graph import Graph
-from .grid import FloatArray, IntArray
+from .grid import STOP, FloatArray, IntArray
 from .maps import Maps
 from .regions import LandingLeg
 
@@ -52,10 +54,19 @@ class Metrics:
     min_clearance_m: float
     velocity_change_mps: float
 
+    def to_dict(self) -> dict[str, float | None]:
+        """The metrics in the form of the contract; an infinite clearance is null."""
+        return {
+            name: value if math.isfinite(value) else None for name, value in asdict(self).items()
+        }
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compute:
-    """What the plan took; the maps are built once per site."""
+    """What the plan took; the maps are built once per site.
+
+    expanded: cells, each with all its headings, where there was no table; with one, states.
+    """
 
     map_ms: float
     search_ms: float
@@ -72,6 +83,15 @@ class Waypoints:
     position_m: FloatArray
     speed_mps: FloatArray
     time_s: FloatArray
+
+    def to_list(self) -> list[dict[str, float]]:
+        """The points in the form of the contract."""
+        return [
+            {"x_m": x, "z_m": z, "speed_mps": speed, "time_s": time}
+            for (x, z), speed, time in zip(
+                self.position_m.tolist(), self.speed_mps.tolist(), self.time_s.tolist(), strict=True
+            )
+        ]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,26 +115,54 @@ class PlanRequest:
     def __post_init__(self) -> None:
         if len(self.start_m) != len(self.velocity_mps):
             raise ValueError(f"start {self.start_m} and velocity {self.velocity_mps} do not agree")
-        if not all(abs(value) <= _GREATEST_MPS for value in self.velocity_mps):
+        if not math.hypot(*self.velocity_mps) <= _GREATEST_MPS:
             raise ValueError(f"velocity {self.velocity_mps} is not within {_GREATEST_MPS:g} m/s")
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Plan:
-    """The answer to one planning problem. states: (n, 3) of cell indices and heading."""
+    """The answer to one planning problem. states: (n, 3) of cell indices and heading.
+
+    What follows from the states (landing leg, waypoints, metrics) is made when first asked for.
+    """
 
     request: PlanRequest
     site: str
     graph: Graph
+    maps: Maps
     status: PlanStatus
     reason: str
     """For a person, when the status is not `found`."""
     compute: Compute
     states: IntArray
-    waypoints: Waypoints
     cost: Cost | None = None
-    metrics: Metrics | None = None
-    landing_leg: LandingLeg | None = None
+    land: Callable[[], LandingLeg] | None = None
+    """Makes the landing leg of a path that has one."""
+
+    @cached_property
+    def landing_leg(self) -> LandingLeg | None:
+        """The leg from the last state to above a landing point; None for an inspection."""
+        return None if self.land is None else self.land()
+
+    @property
+    def waypoints(self) -> Waypoints:
+        """The path as points, landing leg included; none unless there is a path."""
+        return self._flight[0]
+
+    @property
+    def metrics(self) -> Metrics | None:
+        """The paper's metrics; None unless there is a path."""
+        return self._flight[1]
+
+    @cached_property
+    def _flight(self) -> tuple[Waypoints, Metrics | None]:
+        if self.status is not PlanStatus.FOUND:
+            nowhere = np.empty((0, len(self.graph.grid.shape)))
+            nothing = nowhere[:, 0]
+            return Waypoints(position_m=nowhere, speed_mps=nothing, time_s=nothing), None
+        return trajectory(
+            self.graph, self.maps, self.states, self.request.velocity_mps, self.landing_leg
+        )
 
     @property
     def mission(self) -> Mission:
@@ -127,8 +175,7 @@ class Plan:
         return self.request.weights
 
     def to_dict(self) -> dict[str, Any]:
-        """The plan in the form of the contract; an infinite clearance is null."""
-        points = self.waypoints
+        """The plan in the form of the contract."""
         return {
             "site": self.site,
             "mission": self.mission.value,
@@ -144,45 +191,14 @@ class Plan:
             "cost": None if self.cost is None else asdict(self.cost),
             "start_velocity_mps": list(self.request.velocity_mps),
             "states": self.states.tolist(),
-            "waypoints": [
-                {"x_m": x, "z_m": z, "speed_mps": speed, "time_s": time}
-                for (x, z), speed, time in zip(
-                    points.position_m.tolist(),
-                    points.speed_mps.tolist(),
-                    points.time_s.tolist(),
-                    strict=True,
-                )
-            ],
-            "metrics": None
-            if self.metrics is None
-            else {
-                name: value if math.isfinite(value) else None
-                for name, value in asdict(self.metrics).items()
-            },
+            "waypoints": self.waypoints.to_list(),
+            "metrics": None if self.metrics is None else self.metrics.to_dict(),
             "compute": asdict(self.compute),
         }
 
     def to_json(self) -> str:
         """The plan as the JSON document of the contract."""
         return json.dumps(self.to_dict(), allow_nan=False)
-
-
-def path_cost(
-    graph: Graph, states: IntArray, velocity_mps: tuple[float, ...], weights: Weights
-) -> Cost:
-    """Eq. 1, 4, 6, 7 along a path of states (n, 3) that starts with a velocity."""
-    flat = (states[1:, :-1] + 1) @ np.array(graph.grid.strides)
-    heading = states[1:, -1]
-    change = np.diff(_velocities(graph, states, velocity_mps), axis=0)
-    safety = float((graph.safety[flat] * graph.length_m[heading]).sum())
-    time = float(graph.duration[flat, heading].sum())
-    energy = float(np.sqrt((change**2).sum(axis=1)).sum() / (2.0 * graph.v_max_mps))
-    return Cost(
-        total=weights.safety * safety + weights.time * time + weights.energy * energy,
-        safety=safety,
-        time=time,
-        energy=energy,
-    )
 
 
 def trajectory(
@@ -198,9 +214,32 @@ def trajectory(
     heading = states[1:, -1]
     position = np.array(grid.lower_m) + (states[:, :-1] + 0.5) * grid.resolution_m
     speed = np.concatenate([[math.hypot(*velocity_mps)], graph.speed[flat, heading]])
-    step_s = graph.duration[flat, heading]
-    clearance = maps.obstacle_distance_m[tuple(states[:, :-1].T)]
-    velocity = _velocities(graph, states, velocity_mps)
+    moved = heading != STOP
+    step_s = np.zeros(len(heading))
+    step_s[moved] = graph.length_m[heading[moved]] / graph.speed[flat[moved], heading[moved]]
+    return flight(
+        position=position,
+        speed=speed,
+        step_s=step_s,
+        clearance=maps.obstacle_distance_m[tuple(states[:, :-1].T)],
+        velocity=_velocities(graph, states, velocity_mps),
+        leg=leg,
+    )
+
+
+def flight(
+    *,
+    position: FloatArray,
+    speed: FloatArray,
+    step_s: FloatArray,
+    clearance: FloatArray,
+    velocity: FloatArray,
+    leg: LandingLeg | None,
+) -> tuple[Waypoints, Metrics]:
+    """Waypoints and metrics of n points and the landing leg behind them.
+
+    step_s: (n - 1,) between them; the others (n,) or (n, d), of each point.
+    """
     if leg is not None:
         path = np.concatenate([position[-1:], leg.points_m])
         along = np.diff(path, axis=0)

@@ -6,68 +6,87 @@ final weights. Output: a `Plan`, which is the optimum of J on the paper's graph 
 
 from __future__ import annotations
 
-import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ..errors import InputError
-from ..site import PlanePoint, Site, Target
+from ..site import Obstacle, PlanePoint, Site, Target
 from ..types import Mission, RiskIndices, Weights
 from ..vehicle import Vehicle
-from . import kernels
 from .graph import build_graph
-from .grid import STOP, FloatArray, IntArray
-from .maps import build_maps
-from .plan import (
-    Compute,
-    Plan,
-    PlanRequest,
-    PlanStatus,
-    Waypoints,
-    path_cost,
-    trajectory,
-)
+from .grid import STOP, IntArray
+from .maps import Maps, build_maps
+from .plan import Compute, Plan, PlanRequest, PlanStatus
 from .regions import Cell, GoalRegion, goal_region, landing_leg
+from .solver import Goal, Solver, walked
+from .table import Table
+from .tables import TableBuilder, shares
 
-_TIE_TIME_ENERGY = 1e-11
-"""Added to k_T and k_E: of paths with equal J, the one with the least sum of TC and EC.
-J is off its optimum by at most this times that sum, below 1e-9 for a path of 100 s."""
+if TYPE_CHECKING:
+    from .refinement import Refinement, Refiner
 
-_TIE_ACTION = 1e-14
-"""Added per action: of those, the one with the fewest actions."""
+_TABLES_BYTES = 128 * 2**20
+"""Of all tables together, also while one is being built."""
+_NO_RISK = RiskIndices()
+
+Clock = Callable[[], float]
+_Key = tuple[Mission, str | int | None]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Goal:
-    """Where a mission ends, in the search's terms."""
+    """Where a mission ends: for the search, and for the landing leg (None for an inspection)."""
 
-    flat_cells: IntArray
-    is_goal: IntArray
+    goal: Goal
+    cells: frozenset[int]
     region: GoalRegion | None
-    """None for an inspection, which ends at rest in its target's cell."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class _Prepared:
+    """The table of a goal as it is now, and whether it is what it will be."""
+
+    table: Table
+    ready: bool
 
 
 class Planner:
     """Plans on the maps of one site for one vehicle.
 
-    The maps are built here, goals are looked up once, and the cost-to-go of the cells is kept
-    for each goal until the weights change. Not safe for use by two threads at once.
+    The maps are built here, goals are looked up once. `plan` serves one thread, `prepare` may
+    run beside it in another: with its tables plans cost the same and are found sooner. The goals
+    of the site share their memory; where it holds no table for each, that of the goal which was
+    prepared the longest ago makes room.
+
+    A plan's J is the optimum to 1e-11 for each second (and each EC) of the optimal path. Of paths
+    of equal J a plan is the one of the least sum of TC and EC; then of the fewest actions, the
+    shortest landing leg and the least sum of SC. These are the same with and without a table, to
+    rounding. Where several paths have all of them in common, which one is flown is not determined:
+    they differ in the order of their actions, and it may be another with a table than without.
     """
 
     def __init__(
-        self, site: Site, vehicle: Vehicle, *, position_uncertainty_m: float = 0.0
+        self,
+        site: Site,
+        vehicle: Vehicle,
+        *,
+        position_uncertainty_m: float = 0.0,
+        clock: Clock = time.perf_counter,
     ) -> None:
-        """Builds the maps; `position_uncertainty_m` widens what counts as occupied."""
+        """Builds the maps; `position_uncertainty_m` widens what counts as occupied.
+
+        clock: what tells the seconds of a plan's `compute`; no plan depends on it.
+        """
         self.site = site
         self.vehicle = vehicle
-        began = time.perf_counter()
-        self.maps = build_maps(site, vehicle, position_uncertainty_m)
-        self.graph = build_graph(self.maps, vehicle)
-        self._map_ms = 1e3 * (time.perf_counter() - began)
-        self._goals: dict[tuple[Mission, str | int | None], _Goal] = {}
-        self._fields: dict[_Goal, tuple[Weights, FloatArray]] = {}
+        self.clock = clock
+        self._build(position_uncertainty_m, before=None)
+        self._solver = Solver(self.graph)
 
     def prepare(self, *, mission: Mission | str, target: str | int | None = None) -> None:
         """Whatever is precomputed for a goal is ready when this returns; `plan` never waits.
@@ -77,8 +96,53 @@ class Planner:
         mission = Mission(mission)
         if mission is Mission.INSPECTION:
             target = self._target(target).name
-        goal = self._goal(mission, target)
-        self._field(goal, self.vehicle.weights[mission])
+        key = (mission, target)
+        # Read once: where obstacles change meanwhile, what is built goes to dropped tables.
+        tables = self._tables
+        goal = self._goal(key)
+        count, corners = self._shares
+        if not (goal.cells and count):
+            return
+        known = tables.pop(key, None)
+        if known is not None and known.ready:
+            tables[key] = known
+            return
+        while len(tables) >= count:
+            del tables[next(iter(tables))]
+        builder = TableBuilder(self.graph, goal.goal, self.vehicle.weights[mission], corners)
+        tables[key] = _Prepared(table=builder.table(), ready=False)
+        while builder.refine():
+            if builder.corners & (builder.corners - 1) == 0:
+                tables[key] = _Prepared(table=builder.table(), ready=False)
+        tables[key] = _Prepared(table=builder.table(), ready=True)
+
+    @property
+    def most_prepared(self) -> int:
+        """Of how many goals the tables are kept."""
+        return self._shares[0]
+
+    @property
+    def _shares(self) -> tuple[int, int]:
+        goals = len(self.site.targets) + len(self.site.landing_m)
+        return shares(self.graph, goals, _TABLES_BYTES)
+
+    def set_obstacles(self, obstacles: tuple[Obstacle, ...]) -> None:
+        """The same site with other obstacles: maps repaired, goals and tables dropped.
+
+        What is being prepared meanwhile is dropped, too.
+        """
+        self.site = replace(self.site, obstacles=obstacles)
+        self._build(self.maps.position_uncertainty_m, before=self.maps)
+        self._solver.graph = self.graph
+
+    def _build(self, position_uncertainty_m: float, *, before: Maps | None) -> None:
+        began = self.clock()
+        self.maps = build_maps(self.site, self.vehicle, position_uncertainty_m, before=before)
+        self.graph = build_graph(self.maps, self.vehicle)
+        self._map_ms = 1e3 * (self.clock() - began)
+        self._goals: dict[_Key, _Goal] = {}
+        self._tables: dict[_Key, _Prepared] = {}
+        self._refiner: Refiner | None = None
 
     def plan(
         self,
@@ -109,7 +173,7 @@ class Planner:
                 start_m=self.site.start_m if start is None else _point(start),
                 velocity_mps=_point(velocity),
                 weights=self.vehicle.weights[mission] if weights is None else weights,
-                risk=RiskIndices() if risk is None else risk,
+                risk=_NO_RISK if risk is None else risk,
             )
         )
 
@@ -118,73 +182,93 @@ class Planner:
         target = None
         if request.mission is Mission.INSPECTION:
             target = self._target(request.target)
-            request = replace(request, target=target.name)
+            if request.target != target.name:
+                request = replace(request, target=target.name)
         grid, occupied = self.maps.grid, self.maps.occupied
         start_cell = grid.cell_of(request.start_m)
         if start_cell is None:
             return self._none(request, PlanStatus.OUT_OF_BOUNDS, "the start", request.start_m)
         if occupied[start_cell]:
             return self._none(request, PlanStatus.START_OCCUPIED, "the start", request.start_m)
-        if target is not None:
-            cell = grid.cell_of(target.position_m)
-            where = (f"target {target.name}", target.position_m)
-            if cell is None:
-                return self._none(request, PlanStatus.OUT_OF_BOUNDS, *where)
-            if occupied[cell]:
-                return self._none(request, PlanStatus.TARGET_OCCUPIED, *where)
+        if target is not None and not self._goal((request.mission, target.name)).cells:
+            outside = grid.cell_of(target.position_m) is None
+            status = PlanStatus.OUT_OF_BOUNDS if outside else PlanStatus.TARGET_OCCUPIED
+            return self._none(request, status, f"target {target.name}", target.position_m)
         return self._search(request, start_cell)
 
-    def _search(self, request: PlanRequest, start_cell: tuple[int, ...]) -> Plan:
-        goal = self._goal(request.mission, request.target)
-        began = time.perf_counter()
-        graph, weights = self.graph, request.weights
-        field = self._field(goal, weights)
-        start = graph.grid.flat(start_cell)
-        if not math.isfinite(field[start]):
-            return self._none(request, PlanStatus.UNREACHABLE, "the goal", None)
-        path, expanded = kernels.best_path(
-            start,
-            np.array(request.velocity_mps, dtype=np.float64),
-            goal.is_goal,
-            goal.region is None,
-            field,
-            graph.allowed,
-            graph.safety,
-            graph.speed,
-            graph.duration,
-            graph.offset,
-            graph.length_m,
-            graph.unit,
-            weights.safety,
-            weights.time + _TIE_TIME_ENERGY,
-            weights.energy + _TIE_TIME_ENERGY,
-            graph.v_max_mps,
-            _TIE_ACTION,
+    def refine(self, plan: Plan) -> Refinement:
+        """A plan's path at any angle, of no greater J as a continuous path.
+
+        Raises ValueError for a plan without a path, or one made before the obstacles changed.
+        """
+        # Nothing in flight needs it: neither the first start nor any other waits for its kernels.
+        from .refinement import Refinement, Refiner  # noqa: PLC0415
+
+        if plan.status is not PlanStatus.FOUND or plan.maps is not self.maps:
+            raise ValueError("only a path on the planner's own maps can be refined")
+        if self._refiner is None:
+            self._refiner = Refiner(self.site, self.vehicle, self.maps)
+        region = self._goal((plan.mission, plan.request.target)).region
+        began = self.clock()
+        points_m, cost, plan_cost = self._refiner.refine(plan, region)
+        compute_ms = 1e3 * (self.clock() - began)
+        land = None
+        if region is not None:
+            x, z = points_m[-1].tolist()
+            column, row = self.maps.grid.cell_of((x, z)) or plan.states[-1, :-1]
+            end = (int(column), int(row))
+            land = partial(landing_leg, self.site, self.vehicle, region, end, points_m[-1])
+        return Refinement(
+            plan=plan,
+            points_m=points_m,
+            cost=cost,
+            plan_cost=plan_cost,
+            compute_ms=compute_ms,
+            continuous=self._refiner.continuous,
+            site=self.site,
+            land=land,
         )
-        headings = len(graph.offset)
-        states = np.empty((len(path) + 1, len(start_cell) + 1), dtype=np.int64)
-        states[0] = (*start_cell, STOP)
-        states[1:, :-1] = graph.grid.unflat(path // headings)
-        states[1:, -1] = path % headings
-        search_ms = 1e3 * (time.perf_counter() - began)
-        leg = None
+
+    def _search(self, request: PlanRequest, start_cell: tuple[int, ...]) -> Plan:
+        began = self.clock()
+        key = (request.mission, request.target)
+        goal = self._goal(key)
+        start = self.graph.grid.flat(start_cell)
+        velocity = np.zeros(3)
+        velocity[: len(start_cell)] = request.velocity_mps
+        headings: IntArray | None
+        if start in goal.cells:
+            # There already: only to come to rest may be left to do.
+            stops = goal.goal.ends_at_rest and any(request.velocity_mps)
+            headings, expanded = np.full(int(stops), STOP), 0
+        else:
+            prepared = self._tables.get(key)
+            headings, expanded = (
+                self._solver.cold(goal.goal, start, velocity, request.weights)
+                if prepared is None
+                else self._solver.between(
+                    goal.goal, prepared.table, start, velocity, request.weights
+                )
+            )
+        if headings is None:
+            return self._none(request, PlanStatus.UNREACHABLE, "the goal", None)
+        states, cost = walked(self.graph, start, velocity, headings, request.weights)
+        search_ms = 1e3 * (self.clock() - began)
+        land = None
         if goal.region is not None:
             end: Cell = (int(states[-1, 0]), int(states[-1, 1]))
-            leg = landing_leg(self.site, self.vehicle, goal.region, end)
-        states.flags.writeable = False
-        waypoints, metrics = trajectory(graph, self.maps, states, request.velocity_mps, leg)
+            land = partial(landing_leg, self.site, self.vehicle, goal.region, end)
         return Plan(
             request=request,
             site=self.site.name,
-            graph=graph,
+            graph=self.graph,
+            maps=self.maps,
             status=PlanStatus.FOUND,
             reason="",
-            compute=Compute(map_ms=self._map_ms, search_ms=search_ms, expanded=int(expanded)),
+            compute=Compute(map_ms=self._map_ms, search_ms=search_ms, expanded=expanded),
             states=states,
-            waypoints=waypoints,
-            cost=path_cost(graph, states, request.velocity_mps, weights),
-            metrics=metrics,
-            landing_leg=leg,
+            cost=cost,
+            land=land,
         )
 
     def _none(
@@ -202,33 +286,32 @@ class Planner:
             PlanStatus.UNREACHABLE: "cannot be reached: no free way leads there",
         }
         place = "" if point_m is None else f" at ({point_m[0]:g}, {point_m[1]:g})"
-        nowhere = np.empty((0, len(self.graph.grid.shape)))
         return Plan(
             request=request,
             site=self.site.name,
             graph=self.graph,
+            maps=self.maps,
             status=status,
             reason=f"{what}{place} {words[status]}",
             compute=Compute(map_ms=self._map_ms, search_ms=0.0, expanded=0),
             states=np.empty((0, len(self.graph.grid.shape) + 1), dtype=np.int64),
-            waypoints=Waypoints(position_m=nowhere, speed_mps=nowhere[:, 0], time_s=nowhere[:, 0]),
         )
 
     def _target(self, name: str | int | None) -> Target:
         """The target of this name; the first for None."""
         targets = self.site.targets
         for target in targets:
-            if name in (None, target.name):
+            if name is None or name == target.name:
                 return target
         known = ", ".join(target.name for target in targets) or "none"
         raise InputError(self.site.name, "targets", f"no target {name!r}; the site has: {known}")
 
-    def _goal(self, mission: Mission, target: str | int | None) -> _Goal:
-        """The goal of a mission, looked up once."""
-        key = (mission, target)
-        if key not in self._goals:
-            self._goals[key] = self._make_goal(mission, target)
-        return self._goals[key]
+    def _goal(self, key: _Key) -> _Goal:
+        """The goal of a mission and target, looked up once."""
+        goals = self._goals
+        if key not in goals:
+            goals[key] = self._make_goal(*key)
+        return goals[key]
 
     def _make_goal(self, mission: Mission, target: str | int | None) -> _Goal:
         grid = self.graph.grid
@@ -239,30 +322,17 @@ class Planner:
         else:
             region = goal_region(self.site, self.vehicle, self.maps, mission, target)
             cells = [tuple(cell) for cell in region.corners]
-        flat = np.array([grid.flat(cell) for cell in cells], dtype=np.int64)
-        is_goal = np.zeros(len(self.graph.allowed), dtype=np.uint8)
-        is_goal[flat] = 1
-        return _Goal(flat_cells=flat, is_goal=is_goal, region=region)
-
-    def _field(self, goal: _Goal, weights: Weights) -> FloatArray:
-        """The cell field of a goal; computed again only when the weights have changed."""
-        known = self._fields.get(goal)
-        if known is not None and known[0] == weights:
-            return known[1]
-        graph = self.graph
-        field: FloatArray = kernels.cell_field(
-            goal.flat_cells,
-            graph.allowed,
-            graph.safety,
-            graph.duration,
-            graph.offset,
-            graph.length_m,
-            weights.safety,
-            weights.time + _TIE_TIME_ENERGY,
-            _TIE_ACTION,
+        flat = [grid.flat(cell) for cell in cells]
+        leg_m = [0.0] * len(cells) if region is None else [*region.length_m.values()]
+        return _Goal(
+            goal=Goal(
+                cells=np.array(flat, dtype=np.int64),
+                leg_m=np.array(leg_m),
+                ends_at_rest=region is None,
+            ),
+            cells=frozenset(flat),
+            region=region,
         )
-        self._fields[goal] = (weights, field)
-        return field
 
 
 def _point(values: PlanePoint) -> PlanePoint:

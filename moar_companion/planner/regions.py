@@ -9,6 +9,7 @@ that one must clear every obstacle too, down to the landing point.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -20,7 +21,8 @@ from ..types import Mission
 from ..vehicle import Vehicle
 from . import geometry
 from .graph import elevation_speed_mps
-from .grid import TOLERANCE, BoolArray, FloatArray
+from .grid import TOLERANCE, BoolArray, FloatArray, IntArray
+from .legs import leg_clearances
 from .maps import Maps, speed_limit_mps
 
 Cell = tuple[int, int]
@@ -32,6 +34,8 @@ class LandingLeg:
 
     points_m:  (n, 2)  at most one cell apart, without the cell's centre
     speed_mps: (n,)    on the way to each point; the last point is reached and held at rest
+    room_m:            from the hull to where the nearest keep-out begins, outside the region's
+                       cell; inf without any
     """
 
     landing_index: int
@@ -40,17 +44,20 @@ class LandingLeg:
     speed_mps: FloatArray
     clearance_m: FloatArray
     """(n,) d_obs of each point."""
+    room_m: float
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class GoalRegion:
     """The cells in which an exit or evacuation ends, each with its landing leg's corners.
 
-    mask: (nx, nz); corners: per cell the landing point's index and the points of its leg.
+    mask: (nx, nz); corners: per cell the landing point's index and the points of its leg;
+    length_m: per cell that of its leg.
     """
 
     mask: BoolArray
     corners: Mapping[Cell, tuple[int, FloatArray]]
+    length_m: Mapping[Cell, float]
 
 
 def goal_region(
@@ -69,10 +76,14 @@ def goal_region(
         )
     chosen = list(range(len(points))) if landing is None else [int(landing)]
     corners: dict[Cell, tuple[int, FloatArray]] = {}
+    shortest_m: dict[Cell, float] = {}
     for index in chosen:
-        for cell, leg in _visible_cells(site, vehicle, maps, points[index]):
-            if cell not in corners or _length_m(leg) < _length_m(corners[cell][1]):
-                corners[cell] = (index, leg)
+        cells, legs = _visible_cells(site, vehicle, maps, points[index])
+        lengths = np.sqrt((np.diff(legs, axis=1) ** 2).sum(axis=2)).sum(axis=1).tolist()
+        for (x, z), leg, length_m in zip(cells.tolist(), legs, lengths, strict=True):
+            if length_m < shortest_m.get((x, z), math.inf):
+                shortest_m[x, z] = length_m
+                corners[x, z] = (index, leg)
     if not corners:
         named = ", ".join(f"({x:g}, {z:g})" for x, z in (points[i] for i in chosen))
         raise InputError(
@@ -81,14 +92,25 @@ def goal_region(
             f"no free border cell sees {named}" if named else "the site has no landing point",
         )
     mask = np.zeros(maps.grid.shape, dtype=bool)
-    for cell in corners:
-        mask[cell] = True
-    return GoalRegion(mask=mask, corners=corners)
+    mask[tuple(np.array([*corners]).T)] = True
+    return GoalRegion(mask=mask, corners=corners, length_m=shortest_m)
 
 
-def landing_leg(site: Site, vehicle: Vehicle, region: GoalRegion, cell: Cell) -> LandingLeg:
-    """The leg flown from a region cell: min(v_sat, v_max) along it, at rest at its end."""
+def landing_leg(
+    site: Site,
+    vehicle: Vehicle,
+    region: GoalRegion,
+    cell: Cell,
+    from_m: FloatArray | None = None,
+) -> LandingLeg:
+    """The leg flown from a region cell: min(v_sat, v_max) along it, at rest at its end.
+
+    from_m: where in the cell it begins, (2,); its centre by default.
+    """
     index, corners = region.corners[cell]
+    if from_m is not None:
+        # Without an edge to leave by, what was checked leads on from the centre.
+        corners = np.stack([from_m, *corners[-2:]])
     points = [corners[0]]
     for start, end in itertools.pairwise(corners):
         pieces = max(1, int(np.ceil(np.hypot(*(end - start)) / site.workspace.resolution_m)))
@@ -102,10 +124,11 @@ def landing_leg(site: Site, vehicle: Vehicle, region: GoalRegion, cell: Cell) ->
     )
     return LandingLeg(
         landing_index=index,
-        length_m=_length_m(path),
+        length_m=float(np.hypot(*steps.T).sum()),
         points_m=path[1:],
         speed_mps=speed,
         clearance_m=clearance,
+        room_m=_leg_room_m(site, vehicle, corners[-2], corners[-1]),
     )
 
 
@@ -117,19 +140,27 @@ def obstacle_clearance_m(site: Site, points_m: FloatArray) -> FloatArray:
     return clearance
 
 
-def _length_m(points_m: FloatArray) -> float:
-    return float(np.hypot(*np.diff(points_m, axis=0).T).sum())
+def _leg_room_m(site: Site, vehicle: Vehicle, start_m: FloatArray, end_m: FloatArray) -> float:
+    """From the hull on a straight leg to the nearest keep-out."""
+    vertices_m, first, radius_m, keep_out_m = geometry.rings(site.obstacles)
+    clearance = leg_clearances(start_m[None, :], end_m, vertices_m, first, radius_m)
+    room = clearance[0] - keep_out_m
+    return float(room.min(initial=np.inf)) - vehicle.radius_m
 
 
 def _visible_cells(
     site: Site, vehicle: Vehicle, maps: Maps, landing_m: PlanePoint
-) -> list[tuple[Cell, FloatArray]]:
-    """The free cells that a landing point serves, each with its leg from the cell's centre."""
+) -> tuple[IntArray, FloatArray]:
+    """The free cells (n, 2) that a landing point serves, and their legs (n, 2 or 3 points, 2).
+
+    A leg begins at the cell's centre. A cell in a corner of the workspace may come twice.
+    """
     grid = maps.grid
     above = np.array([landing_m[0], landing_m[1] + vehicle.guidance.landing_height_m])
     lowest_row = _lowest_row(site, maps)
+    nowhere = np.empty((0, 2), dtype=np.int64), np.empty((0, 3, 2))
     if lowest_row is None:
-        return []
+        return nowhere
     half = 0.5 * grid.resolution_m
     lower = np.array([grid.lower_m[0], grid.axes_m[1][lowest_row] - half])
     upper = np.array(grid.upper_m)
@@ -137,10 +168,10 @@ def _visible_cells(
     if (end > lower + TOLERANCE).all() and (end < upper - TOLERANCE).all():
         cell = grid.cell_of(landing_m)
         if cell is None or maps.occupied[cell]:
-            return []
+            return nowhere
         leg = np.stack([grid.centre_m(cell), above])
         clear = _legs_clear(site, vehicle, maps, leg[:1], above).all()
-        return [((cell[0], cell[1]), leg)] if clear else []
+        return (np.array([cell]), leg[None]) if clear else nowhere
     cells, edges = _border(grid.shape, lowest_row)
     free = ~maps.occupied[cells[:, 0], cells[:, 1]]
     cells, edges = cells[free], edges[free]
@@ -150,22 +181,19 @@ def _visible_cells(
     for leg_end in (end, above):
         seen &= _legs_clear(site, vehicle, maps, midpoints, leg_end)
     seen &= _legs_clear(site, vehicle, maps, above[None, :], end)
-    return [
-        ((int(cell[0]), int(cell[1])), np.stack([centre, midpoint, above]))
-        for cell, centre, midpoint in zip(cells[seen], centres[seen], midpoints[seen], strict=True)
-    ]
+    centres, midpoints = centres[seen], midpoints[seen]
+    legs = np.stack([centres, midpoints, np.broadcast_to(above, centres.shape)], axis=1)
+    return cells[seen], legs
 
 
 def _legs_clear(
     site: Site, vehicle: Vehicle, maps: Maps, starts_m: FloatArray, end_m: FloatArray
 ) -> BoolArray:
     """Which straight legs from starts (n, 2) to an end clear all obstacles, (n,)."""
-    clear = np.ones(len(starts_m), dtype=bool)
     widened_m = vehicle.radius_m + maps.position_uncertainty_m - TOLERANCE
-    for obstacle in site.obstacles:
-        clearance = geometry.leg_clearance_m(obstacle, starts_m, end_m)
-        clear &= clearance >= widened_m + obstacle.keep_out_m
-    return clear
+    vertices_m, first, radius_m, keep_out_m = geometry.rings(site.obstacles)
+    clearance = leg_clearances(starts_m, end_m, vertices_m, first, radius_m)
+    return np.asarray((clearance >= widened_m + keep_out_m).all(axis=1))
 
 
 def _lowest_row(site: Site, maps: Maps) -> int | None:
@@ -176,7 +204,7 @@ def _lowest_row(site: Site, maps: Maps) -> int | None:
     return int(flyable[0]) if len(flyable) else None
 
 
-def _border(shape: tuple[int, ...], lowest_row: int) -> tuple[FloatArray, FloatArray]:
+def _border(shape: tuple[int, ...], lowest_row: int) -> tuple[IntArray, IntArray]:
     """Border cells (n, 2) of the flyable rectangle and the outward direction of an edge of each."""
     columns, rows = np.arange(shape[0]), np.arange(lowest_row, shape[1])
     sides = [

@@ -49,6 +49,26 @@ def test_a_straight_is_flown_at_its_speed_and_braked_to_rest_at_its_end():
     assert straight.at(99.0)[2] == 0.0
 
 
+def test_the_time_that_is_left_is_that_of_cruising_and_braking():
+    straight = trajectory((0.0, 0.0), (10.0, 0.0), speed=2.0, acceleration=1.0)
+    # 8 m at 2 m/s, then 2 m of braking at 1 m/s^2.
+    assert straight.duration_s(0.0) == pytest.approx(4.0 + 2.0, rel=1e-3)
+    assert straight.duration_s(9.5) == pytest.approx(1.0, rel=1e-3)
+    assert straight.duration_s(10.0) == straight.duration_s(99.0) == 0.0
+
+
+def test_the_rest_as_it_is_flown_speeds_up_from_the_present_speed():
+    straight = trajectory((0.0, 0.0), (10.0, 0.0), speed=2.0, acceleration=1.0)
+    # From rest 2 m in 2 s, then 6 m at 2 m/s, then 2 s of braking.
+    points, seconds = straight.rest(0.0, 0.0, 1.0)
+    assert seconds.sum() == pytest.approx(2.0 + 3.0 + 2.0, rel=1e-3)
+    assert len(points) == len(seconds) + 1
+    assert points[[0, -1], 0] == pytest.approx([0.0, 10.0])
+    _, seconds = straight.rest(4.0, 2.0, 1.0)
+    assert seconds.sum() == pytest.approx(2.0 + 2.0, rel=1e-3)
+    assert straight.rest(99.0, 2.0, 1.0)[1].sum() == 0.0
+
+
 def test_a_slower_move_is_braked_for_before_it_begins():
     slow = trajectory((0.0, 0.0), (3.0, 0.0), (6.0, 0.0), speed=(2.0, 0.5))
     assert slow.at(3.0)[2] == pytest.approx(0.5)
@@ -230,6 +250,33 @@ def test_the_path_is_left_by_no_more_than_the_rounding_and_every_point_is_passed
         assert math.dist(result.at(float(corner))[0], point) <= ROUNDING_M + 1e-6
 
 
+@properties
+@given(walk=grid_walks(1), acceleration=accelerations, mps=st.sampled_from([0.05, 0.3, 1.0]))
+def test_a_cap_is_kept_and_braked_for_before_it_begins(walk, acceleration, mps):
+    """Slower on one side of the middle of the walk."""
+
+    def cap(position, _):
+        return np.where(position[:, 0] > 0.5, mps, math.inf)
+
+    free = made(walk, acceleration)
+    capped = make_trajectory(walk, acceleration_mps2=acceleration, rounding_m=ROUNDING_M, cap=cap)
+    assert capped.position_m == pytest.approx(free.position_m)
+    assert (capped.speed_mps <= cap(capped.position_m, None) + 1e-9).all()
+    assert (capped.speed_mps <= free.speed_mps + 1e-9).all()
+    squared, room = capped.speed_mps**2, 2.0 * acceleration * np.diff(capped.distance_m)
+    assert (squared[:-1] <= squared[1:] + room + 1e-9).all()
+
+
+def test_a_cap_may_ask_for_the_direction():
+    def cap(_, direction):
+        return np.where(direction[:, 2] > 0.9, 0.2, math.inf)
+
+    there = path((0.0, 0.0), (3.0, 0.0), (3.0, 3.0), speed=2.0)
+    climbs = make_trajectory(there, acceleration_mps2=1.0, rounding_m=ROUNDING_M, cap=cap)
+    assert climbs.at(4.5)[2] == pytest.approx(0.2)
+    assert climbs.at(1.5)[2] > 1.0
+
+
 # Short ends -------------------------------------------------------------------------------------
 
 
@@ -353,8 +400,48 @@ def test_a_splice_onto_the_same_path_is_the_same_path(walk, acceleration, part, 
     assert (new.speed_mps <= max(walk.speed_mps) + 1e-9).all()
 
 
+@properties
+@given(walk=grid_walks(4), acceleration=accelerations, part=st.floats(0.0, 1.0))
+def test_the_time_that_is_left_is_finite_and_no_less_than_at_the_greatest_speed(
+    walk, acceleration, part
+):
+    flown = made(walk, acceleration)
+    from_m = part * flown.length_m
+    left_s = flown.duration_s(from_m)
+    assert (flown.length_m - from_m) / max(walk.speed_mps, default=1.0) - 1e-9 <= left_s
+    assert left_s <= flown.duration_s(0.0) < math.inf
+    points, seconds = flown.rest(from_m, 0.0, acceleration)
+    assert left_s - 1e-6 <= seconds.sum() < math.inf
+    assert length_m(points) == pytest.approx(flown.length_m - from_m, abs=0.01)
+
+
 def _turns_back(old, at_m):
     """Whether the path turns sharply within a sample of a distance along it."""
     near = np.abs(old.distance_m - at_m) < 0.11
     directions = old.direction[near]
     return bool((directions @ directions.T < 0.0).any())
+
+
+def test_another_cap_slows_what_is_left_and_moves_nothing():
+    trajectory = make_trajectory(
+        PathPoints(
+            position_m=np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]),
+            speed_mps=np.array([3.0, 3.0]),
+        ),
+        acceleration_mps2=1.0,
+        rounding_m=0.5,
+    )
+
+    def near_the_corner(position_m, direction):
+        return np.where(position_m[:, 0] > 8.0, 1.0, 5.0)
+
+    capped = trajectory.capped(near_the_corner, 1.0)
+    assert (capped.position_m == trajectory.position_m).all()
+    assert (capped.corner_m == trajectory.corner_m).all()
+    assert (capped.speed_mps <= trajectory.speed_mps).all()
+    assert capped.at(9.0)[2] == pytest.approx(1.0)
+    # It brakes before: v^2 = 1 + 2 * 1 m/s^2 * 2 m.
+    assert capped.at(6.0)[2] == pytest.approx(math.sqrt(5.0), abs=0.05)
+    assert capped.capped(lambda position_m, _: np.full(len(position_m), 9.0), 1.0).speed_mps == (
+        pytest.approx(capped.speed_mps)
+    )

@@ -10,7 +10,11 @@ import pytest
 
 from moar_companion.planner.geometry import hull_vertices_m, polygon_distance_m
 from moar_companion.planner.grid import Grid
-from moar_companion.planner.maps import build_maps, distance_cost, speed_limit_mps
+from moar_companion.planner.maps import (
+    build_maps,
+    distance_cost,
+    speed_limit_mps,
+)
 
 from . import oracle
 from .problems import conductor, make_site, make_vehicle, polygon, random_problem
@@ -141,6 +145,20 @@ def test_each_obstacle_keeps_out_by_its_own_distance():
     assert not maps.occupied[3, 4]
     assert maps.occupied[6, 4]
     assert maps.occupied[7, 4]
+
+
+@pytest.mark.parametrize("uncertainty_m", [0.1, 0.7, 2.0])
+def test_the_room_to_the_keep_outs_says_what_any_uncertainty_occupies(uncertainty_m):
+    site = make_site(
+        conductor(2.5, 4.5, 0.01, name="insulated"),
+        conductor(7.5, 4.5, 0.01, name="live", keep_out=1.5),
+        min_altitude=2.0,
+    )
+    exact = build_maps(site, make_vehicle(radius=0.6))
+    wide = build_maps(site, make_vehicle(radius=0.6), uncertainty_m)
+    low = np.broadcast_to(exact.grid.axes_m[1] < 2.0, exact.grid.shape)
+    np.testing.assert_array_equal(wide.occupied, (exact.room_m < uncertainty_m - 1e-9) | low)
+    np.testing.assert_allclose(wide.room_m, exact.room_m - uncertainty_m)
 
 
 def test_an_obstacle_outside_the_workspace_counts():

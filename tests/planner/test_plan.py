@@ -225,6 +225,30 @@ def test_on_a_plateau_of_the_safety_cost_time_and_energy_are_least():
         assert len(plan.states) - 1 == actions
 
 
+@pytest.mark.parametrize(("landing_z", "row"), [(1.5, 2), (6.5, 6)])
+@pytest.mark.parametrize("prepared", [False, True])
+def test_of_equal_ways_out_the_one_with_the_shortest_landing_leg_is_flown(landing_z, row, prepared):
+    # Up and down to the border cost the same energy and time.
+    site = make_site(start=(7.5, 4.5), exits=[(20.0, landing_z)])
+    planner = Planner(site, make_vehicle())
+    if prepared:
+        planner.prepare(mission="exit")
+    plan = planner.plan(mission="exit", weights=Weights(0.0, 0.0, 1.0))
+    assert plan.states[-1, :2].tolist() == [9, row]
+
+
+@pytest.mark.parametrize("weights", [(0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 0.5, 0.5)])
+@pytest.mark.parametrize("prepared", [False, True])
+def test_where_safety_has_no_weight_it_chooses_between_equal_costs(weights, prepared):
+    # Over and under the conductor cost the same time and energy; what falls on it does damage.
+    site = make_site(conductor(5.5, 4.5), start=(1.5, 4.5), targets={"t": (9.5, 4.5)})
+    planner = Planner(site, make_vehicle())
+    if prepared:
+        planner.prepare(mission="inspection")
+    plan = planner.plan(mission="inspection", weights=Weights(*weights))
+    assert plan.states[:, 1].min() < 4
+
+
 # JSON -------------------------------------------------------------------------------------------
 
 

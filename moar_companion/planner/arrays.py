@@ -1,0 +1,130 @@
+"""The arrays that the compiled search reads and writes, named, and their types."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from .grid import FloatArray, IntArray
+from .jit import BOOL, F8, I8, U1, U4, fields, read, written
+
+
+class Steps(NamedTuple):
+    """What is known of the steps of a graph (`graph.Graph`)."""
+
+    allowed: IntArray
+    safety: FloatArray
+    speed: FloatArray
+    place: FloatArray
+    offset: IntArray
+    length_m: FloatArray
+    axes: FloatArray
+    pace: FloatArray
+
+
+class StepCost(NamedTuple):
+    """k_S, k_T, k_E / (2 v_MAX), and what each action costs beside them."""
+
+    safety: float
+    time: float
+    energy: float
+    action: float
+
+
+class CellMemory(NamedTuple):
+    """What `backward` writes to, for each cell. Never initialised but for `touched`, zeros."""
+
+    lead: FloatArray
+    pending: IntArray
+    touched: IntArray
+    keys: FloatArray
+    items: IntArray
+    position: IntArray
+
+
+class StateMemory(NamedTuple):
+    """What `forward` writes to, for each state. Never initialised but for `touched`, zeros."""
+
+    cost: FloatArray
+    came_by: IntArray
+    touched: IntArray
+    keys: FloatArray
+    items: IntArray
+    position: IntArray
+
+
+class Field(NamedTuple):
+    """What is known of the plane (`continuous`); samples are `spacing_m` apart, or closer.
+
+    values:        (nx, nz, 2)  SC and v_sat in the cells' centres
+    free:          (nx, nz)     0 occupied, 1 free, 2 free and clear of all wherever in the cell
+    elevation_mps: (5,)         v_max from straight down to straight up
+    """
+
+    values: FloatArray
+    free: IntArray
+    elevation_mps: FloatArray
+    left_m: float
+    low_m: float
+    cell_m: float
+    spacing_m: float
+
+
+class Limits(NamedTuple):
+    """What a path keeps from: rings (`cells`) by distances, (n,), and what is below a height."""
+
+    vertices_m: FloatArray
+    first: IntArray
+    keep_m: FloatArray
+    lowest_m: float
+
+
+class LegCost(NamedTuple):
+    """k_S, k_T, k_E / (2 v_MAX)."""
+
+    safety: float
+    time: float
+    energy: float
+
+
+class Terms(NamedTuple):
+    """What a path costs, and what it has to keep to.
+
+    goal: (nx, nz)  1 where a path may end that need not come to rest
+    """
+
+    field: Field
+    limits: Limits
+    cost: LegCost
+    goal: IntArray
+    ends_at_rest: bool
+
+
+class Path(NamedTuple):
+    """A path that is being changed: row i of `legs` leads from point i - 1 to point i.
+
+    points_m: (capacity, 2)
+    legs:     (capacity, 5)  cost, velocity at the beginning and at the end; row 0 ends with the
+                             velocity of the start
+    new_m, new: (2, 2), (2, 5)  what a change would put in
+    """
+
+    points_m: FloatArray
+    legs: FloatArray
+    new_m: FloatArray
+    new: FloatArray
+
+
+STEPS = fields(
+    Steps,
+    read(U4), read(F8), read(F8, 2), read(F8, 2),
+    read(I8), read(F8), read(F8, 2), read(F8, 2),
+)  # fmt: skip
+STEP_COST = fields(StepCost, F8, F8, F8, F8)
+HEAP = (written(F8), written(I8), written(I8))
+CELL_MEMORY = fields(CellMemory, written(F8, 2), written(U4), written(I8), *HEAP)
+STATE_MEMORY = fields(StateMemory, written(F8), written(U1), written(I8), *HEAP)
+FIELD = fields(Field, read(F8, 3), read(U1, 2), read(F8), F8, F8, F8, F8)
+LIMITS = fields(Limits, read(F8, 2), read(I8), read(F8), F8)
+LEG_COST = fields(LegCost, F8, F8, F8)
+TERMS = fields(Terms, FIELD, LIMITS, LEG_COST, read(U1, 2), BOOL)
+PATH = fields(Path, written(F8, 2), written(F8, 2), written(F8, 2), written(F8, 2))

@@ -1,0 +1,95 @@
+"""Reach: how far a straight flight from a place is free of obstacles.
+
+Inputs: a site, the vehicle's radius and how well its position is known; places and directions in
+the plane. Outputs: distances. Cells are blocked as in `maps.occupied`, but by obstacles alone: what
+is too low to plan in may still be flown through by a leg that leads to the ground.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..site import PlanePoint, Site
+from .clearances import Clearances
+from .geometry import obstacle_distance_m, rings
+from .grid import TOLERANCE, FloatArray, Grid
+from .rays import free_ahead
+
+_AROUND_M = 20.0
+"""An obstacle farther outside the workspace than this is out of reach."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reach:
+    """Where obstacles are, in the workspace and as far around it as they stand.
+
+    blocked: (nx, nz), 1 where the hull would be nearer to an obstacle than is allowed.
+    """
+
+    grid: Grid
+    blocked: npt.NDArray[np.uint8]
+    clearances: Clearances
+
+    @classmethod
+    def over(
+        cls,
+        site: Site,
+        radius_m: float,
+        position_uncertainty_m: float = 0.0,
+        *,
+        known: tuple[Clearances, ...] = (),
+    ) -> Reach:
+        """The reach on a site of a vehicle whose position is known to `position_uncertainty_m`.
+
+        known: clearances that it may be made from.
+        """
+        widened_m = radius_m + position_uncertainty_m
+        clearances = Clearances.over(_grid(site, widened_m), site.obstacles, *known)
+        blocked = (clearances.room_m < widened_m - TOLERANCE).view(np.uint8)
+        blocked.flags.writeable = False
+        return cls(grid=clearances.grid, blocked=blocked, clearances=clearances)
+
+    def free_m(self, places_m: FloatArray, directions: FloatArray, farthest_m: float) -> FloatArray:
+        """How far from places (n, 2) in directions (n, 2), unit vectors, nothing is hit: (n,).
+
+        At most `farthest_m`. The keep-out that a place is in does not count: what leads out of one
+        (`escape`) was checked when it was made.
+        """
+        cell_m = self.grid.resolution_m
+        free: FloatArray = free_ahead(
+            self.blocked,
+            np.ascontiguousarray((places_m - np.array(self.grid.lower_m)) / cell_m),
+            np.ascontiguousarray(directions / cell_m),
+            farthest_m,
+        )
+        return free
+
+    def nearest(self, place_m: PlanePoint) -> str:
+        """The name of the obstacle whose keep-out is the nearest to a place."""
+        place = np.array([place_m])
+        return min(
+            self.clearances.obstacles,
+            key=lambda item: float(obstacle_distance_m(item, place)[0]) - item.keep_out_m,
+        ).name
+
+
+def _grid(site: Site, widened_m: float) -> Grid:
+    """The workspace's grid, with whole cells added where obstacles stand outside it."""
+    space = site.workspace
+    inner = Grid.over(space.lower_m, space.upper_m, space.resolution_m)
+    cell_m = space.resolution_m
+    vertices, first, radius_m, keep_out_m = rings(site.obstacles)
+    around_m = np.repeat(widened_m + radius_m + keep_out_m, np.diff(first))
+    lower_m, shape = [], []
+    for axis, (low, high) in enumerate(zip(inner.lower_m, inner.upper_m, strict=True)):
+        beyond = low - (vertices[:, axis] - around_m).min(initial=low)
+        before = math.ceil(min(beyond, _AROUND_M) / cell_m)
+        beyond = (vertices[:, axis] + around_m).max(initial=high) - high
+        after = math.ceil(min(beyond, _AROUND_M) / cell_m)
+        lower_m.append(low - before * cell_m)
+        shape.append(before + inner.shape[axis] + after)
+    return Grid(lower_m=tuple(lower_m), resolution_m=cell_m, shape=tuple(shape))

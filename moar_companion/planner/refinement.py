@@ -1,0 +1,179 @@
+"""A plan's path at any angle: bent and straightened, off the cells' centres, where that lowers J.
+
+Inputs: a planner's maps and a plan of theirs. Output: straight legs from the start of the plan to
+its goal whose J as a continuous path (planner page, Metrics) is that of the plan's own path or
+less. It is a local optimum: the plan's path is what it is found from.
+
+It is as free as a path on the grid: it touches no occupied cell, stays in the workspace and above
+the minimum altitude, and comes no nearer to an obstacle than the occupied distance, or than the
+plan's path does, as straight moves between two free centres may come nearer than either.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Callable
+from dataclasses import asdict, dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from ..site import Site
+from ..vehicle import Vehicle
+from .arrays import LegCost, Limits, Terms
+from .continuous import CLEAR, ContinuousCost
+from .geometry import rings
+from .grid import STOP, TOLERANCE, FloatArray
+from .maps import Maps
+from .plan import Cost, Metrics, Plan, Waypoints, flight
+from .polyline import leg_sums, outline_distances, refined
+from .regions import GoalRegion, LandingLeg, obstacle_clearance_m
+
+_LEVELS = np.array(
+    [(1, 1), (2, 1), (4, 1), (1, 0.5), (4, 0.5), (0.5, 0.5), (0.125, 0.25)], dtype=np.float64
+)
+"""Steps and distances of samples, in cells. Short steps before long ones, and those again with
+closer samples: that ends in lower optima than the usual way from long to short."""
+_LEVELS.flags.writeable = False
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Refinement:
+    """What became of a plan's path. Both costs are those of continuous paths.
+
+    points_m: (n, 2)  the ends of the legs
+    """
+
+    plan: Plan
+    points_m: FloatArray
+    cost: Cost
+    plan_cost: Cost
+    compute_ms: float
+    continuous: ContinuousCost
+    site: Site
+    land: Callable[[], LandingLeg] | None = None
+    """Makes the landing leg of a path that has one."""
+
+    @cached_property
+    def landing_leg(self) -> LandingLeg | None:
+        """The leg from the last point to above a landing point; None for an inspection."""
+        return None if self.land is None else self.land()
+
+    @property
+    def waypoints(self) -> Waypoints:
+        """Points at most a cell apart, landing leg included; speeds are means of the way there."""
+        return self._flight[0]
+
+    @property
+    def metrics(self) -> Metrics:
+        """The paper's metrics."""
+        return self._flight[1]
+
+    @cached_property
+    def _flight(self) -> tuple[Waypoints, Metrics]:
+        legs = np.diff(self.points_m, axis=0)
+        length = np.hypot(legs[:, 0], legs[:, 1])
+        pieces = np.ceil(length / self.continuous.field.cell_m).astype(int)
+        leg = np.repeat(np.arange(len(legs)), pieces)
+        nth = np.arange(len(leg)) - np.searchsorted(leg, leg) + 1
+        ends = self.points_m[leg] + (nth / pieces[leg])[:, None] * legs[leg]
+        position = np.concatenate([self.points_m[:1], ends])
+        step_s = np.array(
+            [
+                leg_sums(from_x, from_z, to_x, to_z, self.continuous.field)[1]
+                for (from_x, from_z), (to_x, to_z) in itertools.pairwise(position.tolist())
+            ]
+        )
+        speed = (length / pieces)[leg] / step_s
+        velocity = speed[:, None] * (legs / length[:, None])[leg]
+        own = self.plan.request.velocity_mps
+        if _stops(self.plan):
+            position = np.concatenate([position, position[-1:]])
+            step_s, speed = np.append(step_s, 0.0), np.append(speed, 0.0)
+            velocity = np.concatenate([velocity, np.zeros((1, 2))])
+        return flight(
+            position=position,
+            speed=np.concatenate([[math.hypot(*own)], speed]),
+            step_s=step_s,
+            clearance=obstacle_clearance_m(self.site, position),
+            velocity=np.concatenate([[own], velocity]),
+            leg=self.landing_leg,
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """What the plan's JSON says of it; an infinite clearance is null."""
+        return {
+            "points": [{"x_m": x, "z_m": z} for x, z in self.points_m.tolist()],
+            "cost": asdict(self.cost),
+            "plan_cost": asdict(self.plan_cost),
+            "waypoints": self.waypoints.to_list(),
+            "metrics": self.metrics.to_dict(),
+            "compute_ms": self.compute_ms,
+        }
+
+
+class Refiner:
+    """Refines plans of one planner's maps."""
+
+    def __init__(self, site: Site, vehicle: Vehicle, maps: Maps) -> None:
+        self.continuous = ContinuousCost.on(maps, vehicle.speed)
+        self._site = site
+        self._vertices_m, self._first, radius_m, keep_out_m = rings(site.obstacles)
+        self._keep_m = radius_m + keep_out_m + vehicle.radius_m + maps.position_uncertainty_m
+        for array in (self._vertices_m, self._first):
+            array.flags.writeable = False
+        lowest_m = site.workspace.min_altitude_m
+        self._lowest_m = -math.inf if lowest_m is None else lowest_m - TOLERANCE
+
+    def refine(self, plan: Plan, goal: GoalRegion | None) -> tuple[FloatArray, Cost, Cost]:
+        """The path that a plan's becomes, (n, 2), its J, and that of the plan's own.
+
+        goal: where it may end at any velocity; None where it ends at rest.
+        """
+        grid, (vx, vz) = plan.graph.grid, plan.request.velocity_mps
+        cells = plan.states[: -1 if _stops(plan) else None]
+        own_m = np.array(grid.lower_m) + (cells[:, :-1] + 0.5) * grid.resolution_m
+        turns = np.flatnonzero(cells[1:-1, -1] != cells[2:, -1]) + 1
+        corners_m = own_m[[0, *turns, len(cells) - 1]] if len(cells) > 1 else own_m
+        points_m = refined(corners_m, vx, vz, _LEVELS, self._terms(plan, corners_m, goal))
+        cost, plan_cost = (
+            self.continuous.of_path(path_m, (vx, vz), plan.weights, ends_at_rest=goal is None)
+            for path_m in (points_m, own_m)
+        )
+        if not cost.total < plan_cost.total:
+            points_m, cost = own_m, plan_cost
+        points_m.flags.writeable = False
+        return points_m, cost, plan_cost
+
+    def _terms(self, plan: Plan, corners_m: FloatArray, goal: GoalRegion | None) -> Terms:
+        """What the path of a plan, (n, 2), may become."""
+        field, weights = self.continuous.field, plan.weights
+        near_m = outline_distances(corners_m, self._vertices_m, self._first)
+        keep_m = np.minimum(self._keep_m, near_m) - TOLERANCE
+        # The end is moved within cells that are clear all over: so is its way to their edge.
+        ends = np.zeros((0, 0), dtype=bool) if goal is None else goal.mask & (field.free == CLEAR)
+        for array in (keep_m, ends):
+            array.flags.writeable = False
+        return Terms(
+            field=field,
+            limits=Limits(
+                vertices_m=self._vertices_m,
+                first=self._first,
+                keep_m=keep_m,
+                lowest_m=self._lowest_m,
+            ),
+            cost=LegCost(
+                safety=float(weights.safety),
+                time=float(weights.time),
+                energy=0.5 * weights.energy / self.continuous.v_max_mps,
+            ),
+            goal=ends.view(np.uint8),
+            ends_at_rest=goal is None,
+        )
+
+
+def _stops(plan: Plan) -> bool:
+    """Whether the last action of a plan is to come to rest."""
+    return len(plan.states) > 1 and plan.states[-1, -1] == STOP

@@ -1,0 +1,183 @@
+"""Exact search on a graph: from nothing, for all states at once, or between a table's bounds.
+
+Inputs: a graph, a goal, a start's flat cell and velocity, weights. Output: headings of the best
+path. A solver owns the memory that its searches write to: one for each thread.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..types import Weights
+from . import search
+from .arrays import CellMemory, StateMemory, StepCost
+from .graph import Graph
+from .grid import FloatArray, IntArray
+from .jit import direct
+from .plan import Cost
+from .table import Table
+from .walk import walk
+
+TIE_TIME_ENERGY = 1e-11
+"""Added to k_T and k_E: of paths with equal J, the one with the least sum of TC and EC.
+J is off its optimum by at most this times that sum of the optimal path: 1e-9 at 100 s."""
+
+TIE_ACTION = 1e-14
+"""Added per action: of those, the one with the fewest actions."""
+
+TIE_LEG = 1e-15
+"""Added per metre of the leg behind the goal's cell: of those, the one with the shortest."""
+
+TIE_SAFETY = 1e-14
+"""Added to k_S: where safety has no weight, of those the one with the least sum of SC d.
+These three are as small as rounding lets them be: they tell equal costs apart, not near ones."""
+
+_SLACK = 1e-14
+"""Bounds that differ by less, relative, differ by rounding."""
+
+_NOWHERE = -1
+
+_backward, _follow, _forward = map(direct, (search.backward, search.follow, search.forward))
+_walk = direct(walk)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Goal:
+    """Where a path ends: (n,) flat cells, at rest there or with any heading.
+
+    leg_m: (n,) what is to be flown behind each; it counts only between equal costs.
+    """
+
+    cells: IntArray
+    leg_m: FloatArray
+    ends_at_rest: bool
+
+
+class Solver:
+    """Searches one graph. Not safe for use by two threads at once."""
+
+    def __init__(self, graph: Graph) -> None:
+        self.graph = graph
+        cells, moves = len(graph.allowed), len(graph.offset) - 1
+        self._version = 0
+        self._label = np.empty((cells, moves))
+        self._policy = np.empty((cells, moves), dtype=np.uint8)
+        self._cells = CellMemory(
+            lead=np.empty((cells, moves)),
+            pending=np.empty(cells, dtype=np.uint32),
+            touched=np.zeros(cells, dtype=np.int64),
+            keys=np.empty(cells),
+            items=np.empty(cells, dtype=np.int64),
+            position=np.empty(cells, dtype=np.int64),
+        )
+        states = cells * moves
+        self._states = StateMemory(
+            cost=np.empty(states),
+            came_by=np.empty(states, dtype=np.uint8),
+            touched=np.zeros(states, dtype=np.int64),
+            keys=np.empty(states),
+            items=np.empty(states, dtype=np.int64),
+            position=np.empty(states, dtype=np.int64),
+        )
+
+    def cold(
+        self, goal: Goal, start: int, velocity: FloatArray, weights: Weights
+    ) -> tuple[IntArray | None, int]:
+        """The best path, None if there is none, and how many cells were expanded.
+
+        The start is no cell of the goal.
+        """
+        _, first, expanded = self._backward(
+            goal, start, velocity, weights, self._label, self._policy
+        )
+        if not first:
+            return None, expanded
+        headings: IntArray = _follow(
+            start, first, self._policy, self.graph.offset, goal.ends_at_rest
+        )
+        return headings, expanded
+
+    def field(
+        self, goal: Goal, weights: Weights, label: FloatArray, policy: npt.NDArray[np.uint8]
+    ) -> None:
+        """Write the exact cost to go and the best next heading of all states, (cells, M)."""
+        label.fill(np.inf)
+        policy.fill(0)
+        self._backward(goal, _NOWHERE, np.zeros(3), weights, label, policy)
+
+    def between(
+        self, goal: Goal, table: Table, start: int, velocity: FloatArray, weights: Weights
+    ) -> tuple[IntArray | None, int]:
+        """As `cold`, between the bounds of a table of this goal; states expanded."""
+        self._version += 1
+        headings, lower, expanded = _forward(
+            start,
+            velocity,
+            self.graph.steps,
+            _step_cost(weights, self.graph.v_max_mps),
+            weights.safety,
+            weights.time,
+            weights.energy,
+            table.roots,
+            table.triangles,
+            table.costs_to_go,
+            table.policies,
+            goal.ends_at_rest,
+            _SLACK,
+            self._states,
+            self._version,
+        )
+        return (headings if lower < np.inf else None), expanded
+
+    def _backward(
+        self,
+        goal: Goal,
+        start: int,
+        velocity: FloatArray,
+        weights: Weights,
+        label: FloatArray,
+        policy: npt.NDArray[np.uint8],
+    ) -> tuple[float, int, int]:
+        self._version += 1
+        found: tuple[float, int, int] = _backward(
+            goal.cells,
+            TIE_LEG * goal.leg_m,
+            goal.ends_at_rest,
+            start,
+            velocity,
+            self.graph.steps,
+            _step_cost(weights, self.graph.v_max_mps),
+            label,
+            policy,
+            self._cells,
+            self._version,
+        )
+        return found
+
+
+def walked(
+    graph: Graph, start: int, velocity: FloatArray, headings: IntArray, weights: Weights
+) -> tuple[IntArray, Cost]:
+    """The states along headings, (n + 1, d + 1) and read-only, and what they cost.
+
+    start: flat cell; velocity: (3,) m/s.
+    """
+    states, safety, time, energy = _walk(
+        start, velocity, headings, len(graph.grid.shape), graph.steps, graph.v_max_mps
+    )
+    states.flags.writeable = False
+    total = weights.safety * safety + weights.time * time + weights.energy * energy
+    return states, Cost(total=total, safety=safety, time=time, energy=energy)
+
+
+def _step_cost(weights: Weights, v_max_mps: float) -> StepCost:
+    """The cost of a step for weights, in which equal costs are told apart."""
+    return StepCost(
+        weights.safety + TIE_SAFETY,
+        weights.time + TIE_TIME_ENERGY,
+        0.5 * (weights.energy + TIE_TIME_ENERGY) / v_max_mps,
+        TIE_ACTION,
+    )

@@ -1,0 +1,65 @@
+"""A problem under other levels of risk: the answers are the planner's own, and told in words."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion import Planner, RiskIndices, Site, Vehicle
+from moar_companion.config import shipped_configs
+from moar_companion.planner.alternatives import RISK_LEVELS, alternatives, risk_words, same_path
+from moar_companion.types import Mission, Weights
+
+SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+FLOWN = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
+
+
+@pytest.fixture(scope="module")
+def planner():
+    return Planner(SITE, FLOWN)
+
+
+@pytest.mark.parametrize("mission", list(Mission))
+def test_each_level_of_risk_has_the_plan_of_its_weights(planner, mission):
+    base = Weights.normalised(2.0, 1.0, 1.0)
+    request = planner.plan(mission=mission, start=(14.0, 12.0), velocity=(0.3, 0.0)).request
+    plans = alternatives(planner, request, base)
+    assert [plan.request.risk for plan in plans] == list(RISK_LEVELS)
+    for plan in plans:
+        assert plan.weights == base.adjusted(plan.request.risk)
+        again = planner.plan(
+            mission=mission,
+            target=request.target,
+            start=(14.0, 12.0),
+            velocity=(0.3, 0.0),
+            weights=plan.weights,
+        )
+        assert same_path(plan, again)
+        assert plan.cost == again.cost
+
+
+def test_risk_moves_the_path(planner):
+    request = planner.plan(mission="inspection", target="splice-inner").request
+    plans = alternatives(planner, request, FLOWN.weights[Mission.INSPECTION])
+    assert not all(same_path(plans[0], plan) for plan in plans)
+    by_risk = {plan.request.risk: plan for plan in plans}
+    safe = by_risk[RiskIndices(wind=0.5)]
+    hasty = by_risk[RiskIndices(battery=1.0)]
+    assert safe.cost.safety < hasty.cost.safety
+
+
+def test_where_there_is_no_plan_there_is_none_under_any_risk(planner):
+    request = planner.plan(mission="exit", start=(-5.0, 2.0)).request
+    plans = alternatives(planner, request, FLOWN.weights[Mission.EXIT])
+    assert {plan.status.value for plan in plans} == {"out_of_bounds"}
+
+
+@pytest.mark.parametrize(
+    ("risk", "words"),
+    [
+        (RiskIndices(), "no risk"),
+        (RiskIndices(wind=0.5), "wind 0.5"),
+        (RiskIndices(wind=1.0, battery=0.25), "wind 1, battery 0.25"),
+    ],
+)
+def test_risks_in_words(risk, words):
+    assert risk_words(risk) == words

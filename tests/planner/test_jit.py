@@ -1,0 +1,66 @@
+"""The jit policy: what the cache of compiled kernels must notice."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import moar_companion
+
+ELSEWHERE = """
+from typing import NamedTuple
+
+LIMIT = {limit}
+
+class Pair(NamedTuple):
+    {fields[0]}: float
+    {fields[1]}: float
+"""
+KERNELS = """
+from elsewhere import LIMIT, Pair
+from moar_companion.planner.jit import F8, fields, jit
+
+PAIR = fields(Pair, F8, F8)
+
+@jit(F8, F8)
+def beyond(value):
+    return value - LIMIT
+
+@jit(F8, PAIR)
+def difference(pair):
+    return beyond(pair.first) - pair.second
+
+print(difference(Pair(**{"first": 5.0, "second": 2.0})))
+"""
+
+
+@pytest.mark.slow
+def test_kernels_are_compiled_anew_where_layouts_or_constants_of_other_files_change(tmp_path):
+    def run(limit, *fields):
+        source = ELSEWHERE.format(limit=limit, fields=fields)
+        (tmp_path / "elsewhere.py").write_text(source, encoding="utf-8")
+        checkout = Path(moar_companion.__file__).parents[1]
+        answer = subprocess.run(
+            [sys.executable, "-B", str(tmp_path / "kernels.py")],
+            env={
+                **os.environ,
+                "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+                "PYTHONPATH": str(checkout),
+            },
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+        return float(answer.stdout)
+
+    (tmp_path / "kernels.py").write_text(KERNELS, encoding="utf-8")
+    assert run(1.0, "first", "second") == 2.0
+    compiled = sorted((tmp_path / "cache").rglob("*.nbc"))
+    assert run(1.0, "first", "second") == 2.0
+    assert sorted((tmp_path / "cache").rglob("*.nbc")) == compiled
+    assert run(1.0, "second", "first") == 2.0, "the fields have changed places"
+    assert run(3.0, "first", "second") == 0.0, "what a called kernel knows has changed"
