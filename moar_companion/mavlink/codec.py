@@ -36,6 +36,20 @@ _SECRETS = frozenset(
     {int(mavlink.MAVLINK_MSG_ID_AUTH_KEY), int(mavlink.MAVLINK_MSG_ID_SETUP_SIGNING)}
 )
 
+_ANSWERS = frozenset(
+    {
+        int(mavlink.MAVLINK_MSG_ID_PARAM_VALUE),
+        int(mavlink.MAVLINK_MSG_ID_PARAM_EXT_VALUE),
+        int(mavlink.MAVLINK_MSG_ID_MISSION_ITEM),
+        int(mavlink.MAVLINK_MSG_ID_MISSION_ITEM_INT),
+        int(mavlink.MAVLINK_MSG_ID_LOG_ENTRY),
+        int(mavlink.MAVLINK_MSG_ID_LOG_DATA),
+        int(mavlink.MAVLINK_MSG_ID_FILE_TRANSFER_PROTOCOL),
+        int(mavlink.MAVLINK_MSG_ID_STATUSTEXT),
+    }
+)
+"""What comes in bursts, when somebody asks for it or there is something to say."""
+
 _BITS_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
@@ -47,18 +61,23 @@ def checksum(data: bytes | bytearray) -> int:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SourceStatistics:
-    """Packets of one source on one link, by the sequence numbers of their headers."""
+    """Packets of one source on one link, by the sequence numbers of their headers.
+
+    answers: those of the received that belong to no stream.
+    """
 
     received: int
     lost: int
+    answers: int = 0
 
 
 class _Source:
     """The sequence of one source: which of the last numbers have come."""
 
-    __slots__ = ("_last", "_seen", "lost", "received")
+    __slots__ = ("_last", "_seen", "answers", "lost", "received")
 
     def __init__(self) -> None:
+        self.answers = 0
         self.received = 0
         self.lost = 0
         self._last: int | None = None
@@ -125,7 +144,12 @@ class Codec:
         source = self._sources.get((system_id, component_id))
         if source is None:
             return SourceStatistics(received=0, lost=0)
-        return SourceStatistics(received=source.received, lost=source.lost)
+        return SourceStatistics(received=source.received, lost=source.lost, answers=source.answers)
+
+    @property
+    def sources(self) -> list[tuple[int, int]]:
+        """System and component ids of all that were heard, in order."""
+        return list(self._sources)
 
     def encode(self, message: Message) -> bytes:
         """The message as a MAVLink 2 packet under our ids and this link's next sequence number."""
@@ -151,7 +175,7 @@ class Codec:
                 self.dropped_bytes += start - position
                 position = start
                 continue
-            size = _frame_size(buffer, position, end)
+            size = frame_size(buffer, position, end)
             if size is None or position + size > end:
                 break
             if size > 0 and self._accept(buffer, position, size, messages):
@@ -165,15 +189,7 @@ class Codec:
     def _accept(self, buffer: bytearray, position: int, size: int, messages: list[Message]) -> bool:
         """Whether a frame is one; counts it, and appends its message when it is wanted."""
         length = buffer[position + 1]
-        if buffer[position] == _MARKER_V2:
-            sequence, system_id, component_id, low, middle, high = buffer[
-                position + 4 : position + 10
-            ]
-            message_id = low | middle << 8 | high << 16
-            payload_start = position + 10
-        else:
-            sequence, system_id, component_id, message_id = buffer[position + 2 : position + 6]
-            payload_start = position + 6
+        sequence, system_id, component_id, message_id, payload_start = _header(buffer, position)
         payload_end = payload_start + length
         message_class = mavlink.mavlink_map.get(message_id)
         source = self._sources.get((system_id, component_id))
@@ -187,13 +203,12 @@ class Codec:
             self.unknown_messages += 1
             self.packets.append(bytes(buffer[position:after]))
             return True
-        checked = buffer[position + 1 : payload_end]
-        checked.append(message_class.crc_extra)
-        if checksum(checked) != buffer[payload_end] | buffer[payload_end + 1] << 8:
+        if not _is_sound(buffer, position, payload_end, message_class):
             return False
         if source is None:
             source = self._sources[system_id, component_id] = _Source()
         source.hear(sequence)
+        source.answers += message_id in _ANSWERS
         packet = bytes(buffer[position : position + size])
         if message_id not in _SECRETS:
             self.packets.append(packet)
@@ -209,8 +224,37 @@ class Codec:
         return True
 
 
-def _frame_size(buffer: bytearray, position: int, end: int) -> int | None:
-    """Length of the frame that starts here; None: not told yet; 0: no frame starts here."""
+def is_sound(buffer: bytes | bytearray, position: int) -> bool | None:
+    """Whether the whole frame that starts here has its checksum; None: its message is unknown."""
+    *_, message_id, payload_start = _header(buffer, position)
+    message_class = mavlink.mavlink_map.get(message_id)
+    if message_class is None:
+        return None
+    return _is_sound(buffer, position, payload_start + buffer[position + 1], message_class)
+
+
+def _header(buffer: bytes | bytearray, position: int) -> tuple[int, int, int, int, int]:
+    """Sequence, system, component and message id of a frame, and where its payload starts."""
+    if buffer[position] == _MARKER_V2:
+        sequence, system_id, component_id, low, middle, high = buffer[position + 4 : position + 10]
+        return sequence, system_id, component_id, low | middle << 8 | high << 16, position + 10
+    sequence, system_id, component_id, message_id = buffer[position + 2 : position + 6]
+    return sequence, system_id, component_id, message_id, position + 6
+
+
+def _is_sound(
+    buffer: bytes | bytearray, position: int, payload_end: int, message_class: Any
+) -> bool:
+    checked = bytearray(buffer[position + 1 : payload_end])
+    checked.append(message_class.crc_extra)
+    return checksum(checked) == buffer[payload_end] | buffer[payload_end + 1] << 8
+
+
+def frame_size(buffer: bytes | bytearray, position: int, end: int) -> int | None:
+    """Length of the frame that starts here; None: not told yet; 0: no frame starts here.
+
+    There is a marker at `position`; `end` is the buffer's.
+    """
     if end - position < 3:
         return None
     if buffer[position] != _MARKER_V2:

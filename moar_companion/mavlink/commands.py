@@ -18,7 +18,7 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, TypedDict
 
 from ..types import Mission
 from .dialect import Message, create, mavlink
@@ -26,22 +26,12 @@ from .dialect import Message, create, mavlink
 MissionWord = Mission | Literal["hold", "release"]
 
 _MISSIONS: tuple[MissionWord, ...] = (
-    "hold",
-    Mission.INSPECTION,
-    Mission.EXIT,
-    Mission.EVACUATION,
-    "release",
-)
+    "hold", Mission.INSPECTION, Mission.EXIT, Mission.EVACUATION, "release"
+)  # fmt: skip
 """By param1 of MAV_CMD_USER_1."""
 
 _MAX_INDEX = 65535
 """No site file has more targets; a float holds such integers exactly."""
-_REPEAT_WINDOW_S = 5.0
-"""A repeat comes within this of its predecessor: ground stations repeat after 0.5 to 3 s."""
-_DECISION_TIMEOUT_S = 10.0
-"""A command that nobody has answered for so long may be given anew."""
-_MAX_REMEMBERED = 64
-_PROGRESS_UNKNOWN = 255
 
 
 class CommandResult(enum.IntEnum):
@@ -142,18 +132,26 @@ def interpret(message: Message, *, link: str, system_id: int, component_id: int)
         return None
     if message.target_component not in {0, component_id}:
         return None
-    sender = Sender(
-        link=link, system_id=message.get_srcSystem(), component_id=message.get_srcComponent()
+    given = _Given(
+        sender=Sender(
+            link=link, system_id=message.get_srcSystem(), component_id=message.get_srcComponent()
+        ),
+        command=int(message.command),
+        parameters=_parameters(message),
     )
-    command = int(message.command)
-    parameters = _parameters(message)
-    if command == mavlink.MAV_CMD_USER_1:
-        return _mission_command(sender, command, parameters)
-    if command == mavlink.MAV_CMD_DO_PAUSE_CONTINUE:
-        return _pause_continue(sender, command, parameters)
-    if message.target_component == 0:
-        return None
-    return UnsupportedCommand(sender=sender, command=command, parameters=parameters)
+    if message.command == mavlink.MAV_CMD_USER_1:
+        return _mission_command(given)
+    if message.command == mavlink.MAV_CMD_DO_PAUSE_CONTINUE:
+        return _pause_continue(given)
+    return None if message.target_component == 0 else UnsupportedCommand(**given)
+
+
+class _Given(TypedDict):
+    """What all commands have."""
+
+    sender: Sender
+    command: int
+    parameters: tuple[float | None, ...]
 
 
 def _parameters(message: Message) -> tuple[float | None, ...]:
@@ -165,203 +163,27 @@ def _parameters(message: Message) -> tuple[float | None, ...]:
     return tuple(None if math.isnan(value) else value for value in values)
 
 
-def _mission_command(
-    sender: Sender, command: int, parameters: tuple[float | None, ...]
-) -> MissionCommand | DeniedCommand:
-    number, index = parameters[0], parameters[1]
+def _mission_command(given: _Given) -> MissionCommand | DeniedCommand:
+    number, index = given["parameters"][:2]
     if number not in range(len(_MISSIONS)):
-        return DeniedCommand(
-            sender=sender,
-            command=command,
-            parameters=parameters,
-            reason=f"param1 {_shown(number)} is not a mission (0 to {len(_MISSIONS) - 1})",
-        )
+        reason = f"param1 {_shown(number)} is not a mission (0 to {len(_MISSIONS) - 1})"
+        return DeniedCommand(**given, reason=reason)
     if index == -1:
         index = None
     if index is not None and (not 0 <= index <= _MAX_INDEX or index != int(index)):
-        return DeniedCommand(
-            sender=sender,
-            command=command,
-            parameters=parameters,
-            reason=f"param2 {_shown(index)} is not an index (0, 1, …; -1: any)",
-        )
-    return MissionCommand(
-        sender=sender,
-        command=command,
-        parameters=parameters,
-        mission=_MISSIONS[int(number or 0)],
-        index=None if index is None else int(index),
-    )
+        reason = f"param2 {_shown(index)} is not an index (0, 1, …; -1: any)"
+        return DeniedCommand(**given, reason=reason)
+    mission = _MISSIONS[int(number or 0)]
+    return MissionCommand(**given, mission=mission, index=None if index is None else int(index))
 
 
-def _pause_continue(
-    sender: Sender, command: int, parameters: tuple[float | None, ...]
-) -> PauseContinue | DeniedCommand:
-    number = parameters[0]
+def _pause_continue(given: _Given) -> PauseContinue | DeniedCommand:
+    number = given["parameters"][0]
     if number not in {0, 1}:
-        return DeniedCommand(
-            sender=sender,
-            command=command,
-            parameters=parameters,
-            reason=f"param1 {_shown(number)} is neither 0 (pause) nor 1 (continue)",
-        )
-    return PauseContinue(sender=sender, command=command, parameters=parameters, pause=number == 0)
+        reason = f"param1 {_shown(number)} is neither 0 (pause) nor 1 (continue)"
+        return DeniedCommand(**given, reason=reason)
+    return PauseContinue(**given, pause=number == 0)
 
 
 def _shown(value: float | None) -> str:
     return "NaN" if value is None else f"{value:g}"
-
-
-class _Remembered:
-    """The last command of one number from one sender, and how it was answered."""
-
-    __slots__ = ("answer", "answered_s", "command", "heard_s")
-
-    def __init__(self, command: Command, now_s: float) -> None:
-        self.command = command
-        self.answer: Answer | None = None
-        self.heard_s = now_s
-        self.answered_s = now_s
-
-    @property
-    def open(self) -> bool:
-        """Whether the final answer is still to come."""
-        return self.answer is None or self.answer.result is CommandResult.IN_PROGRESS
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Reception:
-    """What a received command leads to: an event for the service, an answer for its sender."""
-
-    event: Command | CommandCancelled | None = None
-    answer: Answer | None = None
-
-
-_NOTHING = Reception()
-
-
-class CommandLedger:
-    """Makes repeated commands idempotent, answers what needs no decision, and serves cancels.
-
-    A repeat has the sender and the parameters of a command that is still being decided, or that
-    was the sender's last, less than 5 s ago, and comes with a confirmation above 0 or over another
-    link. It gets the last answer again and is not carried out twice. After 5 s, or after another
-    command, the same words are a new command: an operator's second "hold" must hold.
-    """
-
-    def __init__(self) -> None:
-        self._remembered: dict[tuple[int, int, int], _Remembered] = {}
-        self._last: dict[tuple[int, int], int] = {}
-
-    def receive(
-        self, message: Message, *, link: str, system_id: int, component_id: int, now_s: float
-    ) -> Reception:
-        """Takes a COMMAND_LONG, COMMAND_INT or COMMAND_CANCEL; system_id, component_id: ours."""
-        if message.get_msgId() == _COMMAND_CANCEL:
-            return self._cancel(message, system_id=system_id, component_id=component_id)
-        command = interpret(message, link=link, system_id=system_id, component_id=component_id)
-        if command is None:
-            return _NOTHING
-        sender = command.sender
-        ids = (sender.system_id, sender.component_id)
-        remembered = self._remembered.get((*ids, command.command))
-        if remembered is not None and self._is_repeat(remembered, command, message, now_s):
-            remembered.heard_s = now_s
-            return Reception(answer=self._again(remembered, sender))
-        self._last[ids] = command.command
-        if isinstance(command, UnsupportedCommand):
-            return Reception(event=command, answer=_answer(command, CommandResult.UNSUPPORTED))
-        if isinstance(command, DeniedCommand):
-            return Reception(event=command, answer=_answer(command, CommandResult.DENIED))
-        self._remember(command, now_s)
-        return Reception(event=command)
-
-    def answer(
-        self,
-        command: Command,
-        result: CommandResult,
-        *,
-        progress: int = 0,
-        result_param2: int = 0,
-        now_s: float,
-    ) -> Answer | None:
-        """The answer to a received command; None when it is not due.
-
-        Not due: after its final answer, its cancellation, or another command of that number from
-        the same sender, since an acknowledgement names no more than the number.
-        """
-        sender = command.sender
-        slot = (sender.system_id, sender.component_id, command.command)
-        remembered = self._remembered.get(slot)
-        if remembered is None or remembered.command != command or not remembered.open:
-            return None
-        remembered.answer = Answer(
-            receiver=sender,
-            command=command.command,
-            result=result,
-            progress=progress,
-            result_param2=result_param2,
-        )
-        remembered.answered_s = now_s
-        return remembered.answer
-
-    def _is_repeat(
-        self, remembered: _Remembered, command: Command, message: Message, now_s: float
-    ) -> bool:
-        if remembered.command.parameters != command.parameters:
-            return False
-        if remembered.open:
-            return now_s - remembered.answered_s <= _DECISION_TIMEOUT_S
-        sender = command.sender
-        if self._last.get((sender.system_id, sender.component_id)) != command.command:
-            return False
-        again = (
-            getattr(message, "confirmation", 0) > 0 or sender.link != remembered.command.sender.link
-        )
-        return again and now_s - remembered.heard_s <= _REPEAT_WINDOW_S
-
-    def _again(self, remembered: _Remembered, sender: Sender) -> Answer:
-        last = remembered.answer
-        if last is None:
-            return Answer(
-                receiver=sender,
-                command=remembered.command.command,
-                result=CommandResult.IN_PROGRESS,
-                progress=_PROGRESS_UNKNOWN,
-            )
-        return Answer(
-            receiver=sender,
-            command=last.command,
-            result=last.result,
-            progress=last.progress,
-            result_param2=last.result_param2,
-        )
-
-    def _remember(self, command: Command, now_s: float) -> None:
-        sender = command.sender
-        slot = (sender.system_id, sender.component_id, command.command)
-        self._remembered.pop(slot, None)
-        if len(self._remembered) >= _MAX_REMEMBERED:
-            del self._remembered[next(iter(self._remembered))]
-        self._remembered[slot] = _Remembered(command, now_s)
-
-    def _cancel(self, message: Message, *, system_id: int, component_id: int) -> Reception:
-        """COMMAND_CANCEL by the command's own sender; ignored when nothing is in progress."""
-        if message.target_system not in {0, system_id}:
-            return _NOTHING
-        if message.target_component not in {0, component_id}:
-            return _NOTHING
-        slot = (message.get_srcSystem(), message.get_srcComponent(), message.command)
-        remembered = self._remembered.get(slot)
-        if remembered is None or not remembered.open:
-            return _NOTHING
-        command = remembered.command
-        remembered.answer = _answer(command, CommandResult.CANCELLED)
-        return Reception(event=CommandCancelled(command=command), answer=remembered.answer)
-
-
-_COMMAND_CANCEL = 80
-
-
-def _answer(command: Command, result: CommandResult) -> Answer:
-    return Answer(receiver=command.sender, command=command.command, result=result)

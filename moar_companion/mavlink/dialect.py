@@ -18,10 +18,14 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as mavlink
 
-__all__ = ["Message", "create", "mavlink"]
+__all__ = ["ESC_STATUS_ID", "LINK_NODE_STATUS_ID", "Message", "create", "mavlink"]
 
 Message = Any
 """An instance of one of pymavlink's generated message classes."""
+
+LINK_NODE_STATUS_ID = 8
+ESC_STATUS_ID = 291
+"""pymavlink has no names for these numbers."""
 
 _FORMATS = {
     "char": "s",
@@ -47,7 +51,7 @@ class _Definition:
 
 _DEFINITIONS = (
     _Definition(
-        message_id=8,
+        message_id=LINK_NODE_STATUS_ID,
         name="LINK_NODE_STATUS",
         crc_extra=117,
         fields=(
@@ -86,7 +90,7 @@ _DEFINITIONS = (
         ),
     ),
     _Definition(
-        message_id=291,
+        message_id=ESC_STATUS_ID,
         name="ESC_STATUS",
         crc_extra=10,
         fields=(

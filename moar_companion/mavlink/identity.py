@@ -11,7 +11,7 @@ from .dialect import Message, mavlink
 _LINK_TIMEOUT_S = 3.0
 """Three missed heartbeats: the autopilot's link is lost, and another that hears it is used."""
 _CONFLICT_TIMEOUT_S = 10.0
-"""A second autopilot that has been silent for so long is gone."""
+"""An autopilot that has been silent for so long is gone; nothing is streamed to it any more."""
 _CLOCK_TOLERANCE_S = 1.0
 """The modules of an autopilot stamp their messages at different times, milliseconds apart."""
 
@@ -78,13 +78,15 @@ class Identity:
         )
         booting = message.system_status == mavlink.MAV_STATE_BOOT
         known = self.autopilot
-        if known is None:
+        key = (heard.system_id, heard.kind)
+        other = known is not None and key != (known.system_id, known.kind)
+        if known is None or (other and self._is_gone(now_s) and not self._others.keys() - {key}):
             self.autopilot = heard
             self.heard_s = now_s
             self._booting = booting
+            self._others.clear()
             return AutopilotFound(autopilot=heard)
-        if (heard.system_id, heard.kind) != (known.system_id, known.kind):
-            key = (heard.system_id, heard.kind)
+        if other:
             new = key not in self._others
             self._others[key] = now_s
             return AutopilotConflict(autopilot=known, other=heard) if new else None
@@ -96,6 +98,10 @@ class Identity:
         restarted = booting and not self._booting
         self._booting = booting
         return AutopilotRestarted(autopilot=self.autopilot or known) if restarted else None
+
+    def _is_gone(self, now_s: float) -> bool:
+        """Whether the autopilot has been silent for so long that another may take its place."""
+        return self.heard_s is not None and now_s - self.heard_s > _CONFLICT_TIMEOUT_S
 
     def alive(self, now_s: float) -> bool:
         """Whether the autopilot's heartbeat is younger than three of its periods."""

@@ -5,7 +5,8 @@ connection (TCP, serial) is used once; that it is made again when it ends is the
 loop outside it. UDP has no connection and nothing to make again.
 
 Nothing here waits for a peer: what cannot be written at once is kept up to a limit, and then the
-oldest packets go first, since an old setpoint is worse than none.
+oldest packets go first, since an old setpoint is worse than none. What the kernel has taken is out
+of reach: 4096 bytes of a UART, which at 921600 baud are 44 ms, and at 57600 0.7 s.
 """
 
 from __future__ import annotations
@@ -14,8 +15,10 @@ import asyncio
 import contextlib
 import errno
 import logging
+import math
 import os
 import socket
+import termios
 from collections import deque
 from collections.abc import AsyncIterator, Callable
 from typing import Any, Protocol
@@ -31,10 +34,18 @@ _RECONNECT_S = 1.0
 """Pause before a lost connection is made again."""
 _CONNECT_TIMEOUT_S = 5.0
 _READ_BYTES = 4096
-_SOCKET_BUFFER_BYTES = 65536
+_SEND_BUFFER_BYTES = 16384
+"""Of the kernel's queue, which counts twice that and some 800 for a setpoint: a network that stands
+still finds what was said within half a second, not within a minute."""
+_UNSENT_BYTES = 512
+"""How much may wait in a TCP connection beyond what its peer has room for."""
+_UNANSWERED_MS = 1000
+"""A TCP peer that takes nothing for so long is lost, and what waits for it with the connection."""
 _SERIAL_BUFFER_S = 0.25
 """How much of a serial line's time may wait in our own buffer."""
 _MIN_SERIAL_BUFFER_BYTES = 1024
+_TCP_NOTSENT_LOWAT = 25
+"""Linux's; the socket module has it from Python 3.12 on."""
 _BITS_PER_BYTE = 10
 """On a serial line: start bit, eight, stop bit."""
 
@@ -46,8 +57,11 @@ OnBytes = Callable[[bytes], None]
 class Link(Protocol):
     """One open link."""
 
-    def send(self, data: bytes) -> None:
-        """Sends one packet without waiting; drops it when nobody is there."""
+    def send(self, data: bytes, within_s: float = math.inf, /) -> None:
+        """Sends one packet without waiting; drops it when nobody is there.
+
+        within_s: it is dropped, too, when it would have to wait for longer in a buffer of ours.
+        """
 
 
 @contextlib.asynccontextmanager
@@ -83,7 +97,11 @@ def _reason(error: BaseException) -> str:
         return "the name is not found"
     if isinstance(error, TimeoutError | asyncio.TimeoutError):
         return "no answer"
+    if isinstance(error.__context__, termios.error) and error.__context__.args[0] == errno.ENOTTY:
+        return "is no serial port"
     if isinstance(error, OSError):
+        if error.errno == errno.EADDRNOTAVAIL:
+            return "is no address of this computer"
         if error.errno in {errno.EADDRINUSE, errno.EAGAIN, errno.EBUSY}:
             return "in use by another program"
         if error.errno is not None:
@@ -105,6 +123,7 @@ class _Udp(asyncio.DatagramProtocol):
 
     def connection_made(self, transport: Any) -> None:
         self._transport = transport
+        _keep_short(transport)
 
     def datagram_received(self, data: bytes, addr: Any) -> None:
         self._hear(addr)
@@ -122,11 +141,7 @@ class _Udp(asyncio.DatagramProtocol):
 
     def _write(self, data: bytes, peer: Any = None) -> None:
         transport = self._transport
-        if (
-            transport is not None
-            and not transport.is_closing()
-            and transport.get_write_buffer_size() < _SOCKET_BUFFER_BYTES
-        ):
+        if _has_room(transport):
             transport.sendto(data, peer)
 
 
@@ -140,7 +155,7 @@ class _UdpListener(_Udp):
     def _hear(self, peer: Any) -> None:
         self._peers[peer] = _now_s()
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, _within_s: float = math.inf, /) -> None:
         oldest_s = _now_s() - _PEER_TIMEOUT_S
         for peer, heard_s in list(self._peers.items()):
             if heard_s < oldest_s:
@@ -152,7 +167,7 @@ class _UdpListener(_Udp):
 class _UdpSender(_Udp):
     """Sends to one peer."""
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, _within_s: float = math.inf, /) -> None:
         self._write(data)
 
 
@@ -176,6 +191,22 @@ async def _open_udp(
         transport.close()
 
 
+def _keep_short(transport: Any) -> Any:
+    """Give a transport's socket a queue in which nothing grows old; the socket."""
+    own = transport.get_extra_info("socket")
+    own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
+    return own
+
+
+def _has_room(transport: Any) -> bool:
+    """Whether what is written now leaves at once."""
+    return (
+        transport is not None
+        and not transport.is_closing()
+        and transport.get_write_buffer_size() == 0
+    )
+
+
 def _now_s() -> float:
     return asyncio.get_running_loop().time()
 
@@ -189,7 +220,7 @@ class _Connection(Protocol):
     lost: asyncio.Future[str]
     """Why it ended, once it has."""
 
-    def send(self, data: bytes) -> None: ...
+    def send(self, data: bytes, within_s: float, /) -> None: ...
 
     def close(self) -> None: ...
 
@@ -230,9 +261,9 @@ class _Reconnecting:
                 self._failing = False
                 _logger.info("%s: connected again", self._address)
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, within_s: float = math.inf, /) -> None:
         if self._connection is not None:
-            self._connection.send(data)
+            self._connection.send(data, within_s)
 
     def close(self) -> None:
         if self._connection is not None:
@@ -256,6 +287,9 @@ class _TcpConnection(asyncio.Protocol):
 
     def connection_made(self, transport: Any) -> None:
         self._transport = transport
+        own = _keep_short(transport)
+        own.setsockopt(socket.IPPROTO_TCP, _TCP_NOTSENT_LOWAT, _UNSENT_BYTES)
+        own.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNANSWERED_MS)
 
     def data_received(self, data: bytes) -> None:
         self._on_bytes(data)
@@ -264,14 +298,10 @@ class _TcpConnection(asyncio.Protocol):
         if not self.lost.done():
             self.lost.set_result("closed by the peer" if exc is None else _reason(exc))
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, _within_s: float, /) -> None:
         # What is in a stream's buffer cannot be taken back, so a full one refuses the newest.
-        transport = self._transport
-        if (
-            transport is not None
-            and not transport.is_closing()
-            and transport.get_write_buffer_size() < _SOCKET_BUFFER_BYTES
-        ):
+        transport: Any = self._transport
+        if _has_room(transport):
             transport.write(data)
 
     def close(self) -> None:
@@ -303,18 +333,25 @@ class _SerialConnection:
         )
         self._begun = b""
         """What is left of the packet that the line has the beginning of."""
-        self._waiting: deque[bytes] = deque()
+        self._waiting: deque[tuple[float, bytes]] = deque()
+        """Packets, each with the time at which it is too old."""
         self._waiting_bytes = 0
         self._loop.add_reader(self._descriptor, self._readable)
 
-    def send(self, data: bytes) -> None:
+    def send(self, data: bytes, within_s: float, /) -> None:
         if self.lost.done():
             return
-        self._waiting.append(data)
+        self._waiting.append((_now_s() + within_s, data))
         self._waiting_bytes += len(data)
         while self._waiting_bytes > self._limit_bytes and len(self._waiting) > 1:
-            self._waiting_bytes -= len(self._waiting.popleft())
+            self._next()
         self._writable()
+
+    def _next(self) -> bytes:
+        """The oldest packet, which waits no more; nothing of one that is too old."""
+        last_s, data = self._waiting.popleft()
+        self._waiting_bytes -= len(data)
+        return data if _now_s() <= last_s else b""
 
     def close(self) -> None:
         self._end("closed")
@@ -336,9 +373,7 @@ class _SerialConnection:
     def _writable(self) -> None:
         try:
             while self._begun or self._waiting:
-                if not self._begun:
-                    self._begun = self._waiting.popleft()
-                    self._waiting_bytes -= len(self._begun)
+                self._begun = self._begun or self._next()
                 self._begun = self._begun[os.write(self._descriptor, self._begun) :]
         except BlockingIOError:
             self._loop.add_writer(self._descriptor, self._writable)

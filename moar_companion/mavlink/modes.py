@@ -62,6 +62,63 @@ _COPTER = {
     28: "TURTLE",
 }
 
+_QUADROTOR = int(mavlink.MAV_TYPE_QUADROTOR)
+_MULTIROTORS = frozenset(
+    {
+        _QUADROTOR,
+        int(mavlink.MAV_TYPE_COAXIAL),
+        int(mavlink.MAV_TYPE_HELICOPTER),
+        int(mavlink.MAV_TYPE_HEXAROTOR),
+        int(mavlink.MAV_TYPE_OCTOROTOR),
+        int(mavlink.MAV_TYPE_TRICOPTER),
+        int(mavlink.MAV_TYPE_DODECAROTOR),
+        int(mavlink.MAV_TYPE_DECAROTOR),
+        int(mavlink.MAV_TYPE_GENERIC_MULTIROTOR),
+    }
+)
+"""MAV_TYPEs that can stand still in the air."""
+_MOTORS = {
+    _QUADROTOR: 4,
+    int(mavlink.MAV_TYPE_HEXAROTOR): 6,
+    int(mavlink.MAV_TYPE_OCTOROTOR): 8,
+    int(mavlink.MAV_TYPE_DECAROTOR): 10,
+    int(mavlink.MAV_TYPE_DODECAROTOR): 12,
+}
+
+
+def _names(enum: str) -> dict[int, str]:
+    """The names of one of pymavlink's enums of modes."""
+    names = {
+        number: item.name.removeprefix(f"{enum}_") for number, item in mavlink.enums[enum].items()
+    }
+    return {number: name for number, name in names.items() if name != "ENUM_END"}
+
+
+_OTHER_VEHICLES = {
+    int(mavlink.MAV_TYPE_FIXED_WING): _names("PLANE_MODE"),
+    **dict.fromkeys(
+        range(int(mavlink.MAV_TYPE_VTOL_DUOROTOR), int(mavlink.MAV_TYPE_VTOL_RESERVED5) + 1),
+        _names("PLANE_MODE"),
+    ),
+    int(mavlink.MAV_TYPE_GROUND_ROVER): _names("ROVER_MODE"),
+    int(mavlink.MAV_TYPE_SURFACE_BOAT): _names("ROVER_MODE"),
+    int(mavlink.MAV_TYPE_SUBMARINE): _names("SUB_MODE"),
+}
+"""The modes of ArduPilot's vehicles that are no copters, by MAV_TYPE."""
+
+_HOMEWARD = frozenset(
+    {
+        "RTL",
+        "LAND",
+        "PRECLAND",
+        "TERMINATION",
+        "BRAKE",
+        "SMART_RTL",
+        "AUTO_RTL",
+        "AVOID_ADSB",
+    }
+)
+
 _PX4_OFFBOARD = (6, 0)
 _PX4_LAND = (4, 6)
 _COPTER_GUIDED = 4
@@ -70,8 +127,11 @@ _CUSTOM_MODE = 1
 _ARMED = 128
 
 
-def mode_name(kind: AutopilotKind, custom_mode: int) -> str:
-    """The mode's name as its ground stations show it; an unknown number is shown as such."""
+def mode_name(kind: AutopilotKind, custom_mode: int, vehicle_type: int = _QUADROTOR) -> str:
+    """The mode's name as its ground stations show it; an unknown number is shown as such.
+
+    vehicle_type: MAV_TYPE; ArduPilot numbers the modes of planes, rovers and submarines otherwise.
+    """
     name: str | None = None
     if kind is AutopilotKind.PX4:
         main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
@@ -81,19 +141,43 @@ def mode_name(kind: AutopilotKind, custom_mode: int) -> str:
             name = _PX4_POSCTL.get(sub)
         else:
             name = _PX4_MAIN.get(main)
+    elif kind is AutopilotKind.ARDUPILOT and vehicle_type in _OTHER_VEHICLES:
+        name = _OTHER_VEHICLES[vehicle_type].get(custom_mode)
     elif kind is AutopilotKind.ARDUPILOT:
         name = _COPTER.get(custom_mode)
     return name or f"MODE 0x{custom_mode:08X}"
 
 
-def is_ours(kind: AutopilotKind, custom_mode: int) -> bool:
+def is_ours(kind: AutopilotKind, custom_mode: int, vehicle_type: int = _QUADROTOR) -> bool:
     """Whether the autopilot follows setpoints in this mode: PX4's OFFBOARD, ArduPilot's GUIDED.
 
-    base_mode's guided bit says nothing: ArduPilot sets it in many modes.
+    base_mode's guided bit says nothing: ArduPilot sets it in many modes. No plane, rover or
+    submarine is ours in any mode: it would not hold a setpoint that stands still.
     """
+    if not is_multirotor(vehicle_type):
+        return False
     if kind is AutopilotKind.PX4:
         return (custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF) == _PX4_OFFBOARD
     return kind is AutopilotKind.ARDUPILOT and custom_mode == _COPTER_GUIDED
+
+
+def is_multirotor(vehicle_type: int) -> bool:
+    """Whether a vehicle of this MAV_TYPE hovers, and leans against the wind to do so."""
+    return vehicle_type in _MULTIROTORS
+
+
+def motor_count(vehicle_type: int) -> int | None:
+    """How many motors a vehicle of this MAV_TYPE has; None where that does not tell."""
+    return _MOTORS.get(vehicle_type)
+
+
+def is_homeward(kind: AutopilotKind, custom_mode: int, vehicle_type: int = _QUADROTOR) -> bool:
+    """Whether the autopilot itself returns, lands, or stops for a fence or another aircraft.
+
+    Nobody but the pilot takes it out of these: ArduPilot lets a companion end any failsafe, and
+    its fence acts without system_status 5.
+    """
+    return mode_name(kind, custom_mode, vehicle_type) in _HOMEWARD
 
 
 def is_failsafe(system_status: int) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 
 from .dialect import Message
 from .translate_outgoing import SystemStatus, heartbeat_message
@@ -26,12 +26,14 @@ class Outbox:
         """On every link."""
         self._waiting += [(link, message) for link in self._links]
 
-    def send_heartbeat_if_due(self, now_s: float, system_status: SystemStatus) -> None:
+    def send_heartbeat_if_due(
+        self, now_s: float, system_status: SystemStatus, custom_mode: int
+    ) -> None:
         """On every link, before what waits already; what was missed is not made up for."""
         due_s = self._heartbeat_due_s
         if due_s is not None and now_s < due_s:
             return
-        heartbeat = heartbeat_message(system_status)
+        heartbeat = heartbeat_message(system_status, custom_mode)
         self._waiting[:0] = [(link, heartbeat) for link in self._links]
         late = due_s is None or now_s - due_s >= _HEARTBEAT_PERIOD_S
         self._heartbeat_due_s = (now_s if late or due_s is None else due_s) + _HEARTBEAT_PERIOD_S
@@ -41,12 +43,13 @@ class Outbox:
         if self._heartbeat_due_s is not None:
             self._heartbeat_due_s = now_s
 
-    def take(self) -> list[tuple[str, Message]]:
-        """What waits, with its link; nothing before the first heartbeat.
+    def take(self, wanted: Callable[[Message], bool] = lambda _: True) -> list[tuple[str, Message]]:
+        """What waits and is wanted, with its link; nothing before the first heartbeat.
 
         Both autopilots route to a component only what follows its first packet.
         """
         if self._heartbeat_due_s is None:
             return []
-        waiting, self._waiting = self._waiting, []
-        return waiting
+        taken = [item for item in self._waiting if wanted(item[1])]
+        self._waiting = [item for item in self._waiting if not wanted(item[1])]
+        return taken

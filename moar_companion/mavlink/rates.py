@@ -11,7 +11,7 @@ from collections.abc import Mapping
 
 from ..types import AutopilotKind
 from .commands import CommandResult
-from .dialect import mavlink
+from .dialect import LINK_NODE_STATUS_ID, mavlink
 
 _COMMON_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 30.0,
@@ -21,6 +21,7 @@ _COMMON_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE: 5.0,
     mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: 5.0,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: 2.0,
+    mavlink.MAVLINK_MSG_ID_GPS2_RAW: 2.0,
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS: 2.0,
     mavlink.MAVLINK_MSG_ID_SYSTEM_TIME: 1.0,
     mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
@@ -30,14 +31,18 @@ _COMMON_RATES_HZ: dict[int, float] = {
 DEFAULT_RATES_HZ: Mapping[AutopilotKind, Mapping[int, float]] = {
     AutopilotKind.PX4: {
         **_COMMON_RATES_HZ,
+        mavlink.MAVLINK_MSG_ID_ODOMETRY: 5.0,
         mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 1.0,
         mavlink.MAVLINK_MSG_ID_WIND_COV: 2.0,
+        mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: 2.0,
+        LINK_NODE_STATUS_ID: 1.0,
     },
     AutopilotKind.ARDUPILOT: {
         **_COMMON_RATES_HZ,
         mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 1.0,
         mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: 2.0,
         mavlink.MAVLINK_MSG_ID_WIND: 2.0,
+        mavlink.MAVLINK_MSG_ID_RAW_IMU: 2.0,
         mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: 0.2,
     },
     AutopilotKind.UNKNOWN: _COMMON_RATES_HZ,

@@ -10,54 +10,42 @@ Heartbeats come from `tick` alone, so that a companion whose thinking has stoppe
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Iterable, Mapping
 
 from ..config import LinkRole
-from ..types import AutopilotKind, LinkStatistics, Telemetry, Vector
-from . import modes, services, translate, translate_outgoing
+from ..types import AutopilotKind, Telemetry, Vector
+from . import listener, modes, services, translate_outgoing
 from .codec import Codec
-from .commands import Answer, Command, CommandCancelled, CommandLedger, CommandResult
+from .commands import Answer, Command, CommandCancelled, CommandResult
 from .dialect import Message, mavlink
 from .identity import (
     Autopilot,
     AutopilotConflict,
     AutopilotFound,
     AutopilotRestarted,
-    BootClock,
-    Identity,
 )
+from .ledger import CommandLedger
+from .listener import Listener, ModeLeft
+from .mode_requests import DO_SET_MODE, CommandAnswered, ModeRequests
 from .outbox import Outbox
+from .parameters import ParameterRequests
 from .places import PlaceRequests
 from .rates import DEFAULT_RATES_HZ, RateRequests
+from .round_trips import RoundTrips
 from .texts import Severity, StatusTexts
+from .translate_motors import MOTOR_PARAMETERS
 from .translate_outgoing import SystemStatus
+from .translate_status import GNSS_PARAMETERS
 
 __all__ = ["CommandAnswered", "Event", "Session", "Severity", "SystemStatus"]
 
 _MAX_PACKETS = 4096
 """Kept for a record until they are taken: ten seconds of PX4."""
 
-_HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
-_RADIO_STATUS = int(mavlink.MAVLINK_MSG_ID_RADIO_STATUS)
 _COMMAND_CANCEL = 80
 _SET_MESSAGE_INTERVAL = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
 _REQUEST_MESSAGE = int(mavlink.MAV_CMD_REQUEST_MESSAGE)
-_DO_SET_MODE = int(mavlink.MAV_CMD_DO_SET_MODE)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class CommandAnswered:
-    """The autopilot's COMMAND_ACK to a mode that was requested.
-
-    Not the last word: PX4 sends ACCEPTED and 4 ms later TEMPORARILY_REJECTED for OFFBOARD without
-    a stream. The mode in the heartbeat is.
-    """
-
-    command: int
-    result: int
-
-
+_AUTOPILOT_VERSION = int(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
 Event = (
     Command
     | CommandCancelled
@@ -65,6 +53,7 @@ Event = (
     | AutopilotRestarted
     | AutopilotConflict
     | CommandAnswered
+    | ModeLeft
 )
 
 
@@ -90,30 +79,27 @@ class Session:
             int(mavlink.MAVLINK_MSG_ID_COMMAND_INT): self._receive_command,
             _COMMAND_CANCEL: self._receive_command,
             int(mavlink.MAVLINK_MSG_ID_COMMAND_ACK): self._receive_acknowledgement,
+            int(mavlink.MAVLINK_MSG_ID_PARAM_VALUE): self._receive_parameter,
             **dict.fromkeys(services.MESSAGE_IDS, self._receive_request),
         }
-        wanted = (
-            translate.MESSAGE_IDS
-            | self._handlers.keys()
-            | {int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME)}
-        )
+        wanted = listener.MESSAGE_IDS | self._handlers.keys()
         self._codecs = {
             name: Codec(system_id=system_id, component_id=component_id, wanted=wanted)
             for name in links
         }
         self._system_id = system_id
         self._message_rates_hz = message_rates_hz
-        self._identity = Identity()
-        self._boot_clock = BootClock()
+        self._listener = Listener()
         self._rates = RateRequests()
         self._places = PlaceRequests()
+        self._parameters = ParameterRequests()
+        self._modes = ModeRequests()
+        self._round_trips = RoundTrips()
         self._outbox = Outbox(links)
         self._ledger = CommandLedger()
         self._texts = StatusTexts()
-        self._telemetry = Telemetry()
         self._events: list[Event] = []
         self._packets: deque[tuple[float, bytes]] = deque(maxlen=_MAX_PACKETS)
-        self._packet_s = 0.0
         self._now_s = 0.0
 
     # What is known
@@ -121,7 +107,7 @@ class Session:
     @property
     def telemetry(self) -> Telemetry:
         """The autopilot's last words, our link's statistics, the radio's and ground stations'."""
-        return self._telemetry
+        return self._listener.telemetry
 
     @property
     def system_id(self) -> int:
@@ -131,12 +117,17 @@ class Session:
     @property
     def autopilot(self) -> Autopilot | None:
         """The autopilot that was heard first."""
-        return self._identity.autopilot
+        return self._listener.autopilot
 
     @property
     def control_allowed(self) -> bool:
         """Whether there is one autopilot, and only one, to control."""
-        return self._identity.autopilot is not None and not self._identity.conflict
+        return self.autopilot is not None and not self._listener.identity.conflict
+
+    @property
+    def parameters(self) -> Mapping[str, float | None]:
+        """What `want_parameters` asked for, by name; None: the autopilot never told it."""
+        return self._parameters.values
 
     def events_received(self) -> list[Event]:
         """What has happened since the last call, in order."""
@@ -152,12 +143,21 @@ class Session:
         self._packets.clear()
         return packets
 
-    def data_to_send(self) -> list[tuple[str, bytes]]:
+    def data_to_send(self, *, control: bool = True) -> list[tuple[str, bytes]]:
         """Packets since the last call, in order, each with its link's name.
 
-        Nothing before the first `tick`: a heartbeat is the first thing ever sent.
+        Nothing before the first `tick`: a heartbeat is the first thing ever sent. Without `control`
+        setpoints and requests for a mode are left out for good.
         """
-        return [(link, self._codecs[link].encode(message)) for link, message in self._outbox.take()]
+        waiting = self._outbox.take()
+        return self._encoded(item for item in waiting if control or not _controls(item[1]))
+
+    def control_to_send(self) -> list[tuple[str, bytes]]:
+        """Of that what moves the aircraft: setpoints, requests for a mode."""
+        return self._encoded(self._outbox.take(_controls))
+
+    def _encoded(self, messages: Iterable[tuple[str, Message]]) -> list[tuple[str, bytes]]:
+        return [(link, self._codecs[link].encode(message)) for link, message in messages]
 
     # In
 
@@ -172,52 +172,21 @@ class Session:
     def _receive_message(self, link: str, message: Message, now_s: float) -> None:
         if _source(message) == (self._system_id, self._component_id):
             return
-        message_id = message.get_msgId()
-        if message_id == _HEARTBEAT:
-            self._receive_heartbeat(link, message, now_s)
-        autopilot = self._identity.autopilot
-        if autopilot is not None and _is_from(autopilot, link, message):
-            self._packet_s = now_s
-            self._rates.hear(message_id)
-            boot_s = translate.boot_time_s(message)
-            if boot_s is not None and self._boot_clock.hear(boot_s):
-                self._restart(AutopilotRestarted(autopilot=autopilot), now_s)
-            self._telemetry = translate.update(self._telemetry, message, now_s)
-        elif message_id == _RADIO_STATUS:
-            # A telemetry radio speaks for itself, as system 51, component 68.
-            self._telemetry = translate.update(self._telemetry, message, now_s)
-        handler = self._handlers.get(message_id)
-        if handler is not None:
-            handler(link, message, now_s)
-
-    def _receive_heartbeat(self, link: str, message: Message, now_s: float) -> None:
-        if translate.is_ground_station(message):
-            self._telemetry = translate.update(self._telemetry, message, now_s)
-            return
-        if self._roles[link] is not LinkRole.AUTOPILOT:
-            return
-        event = self._identity.hear(message, link=link, now_s=now_s)
+        event = self._listener.hear(message, link=link, role=self._roles[link], now_s=now_s)
         if isinstance(event, AutopilotFound):
             self._system_id = event.autopilot.system_id
             for codec in self._codecs.values():
                 codec.system_id = self._system_id
+        if isinstance(event, (AutopilotFound, AutopilotRestarted)):
             self._start_conversation(event, now_s)
-        elif isinstance(event, AutopilotRestarted):
-            self._boot_clock.reset()
-            self._restart(event, now_s)
         elif event is not None:
             self._events.append(event)
-
-    def _restart(self, event: AutopilotRestarted, now_s: float) -> None:
-        """Nothing the autopilot said before its restart holds any more; its mode comes at 1 Hz."""
-        before = self._telemetry
-        self._telemetry = Telemetry(
-            autopilot=before.autopilot,
-            radio=before.radio,
-            ground_station=before.ground_station,
-            link=before.link,
-        )
-        self._start_conversation(event, now_s)
+        message_id = message.get_msgId()
+        if self._listener.is_autopilots(message, link):
+            self._rates.hear(message_id)
+        handler = self._handlers.get(message_id)
+        if handler is not None:
+            handler(link, message, now_s)
 
     def _start_conversation(self, event: AutopilotFound | AutopilotRestarted, now_s: float) -> None:
         """Asks for streams and origin, with a heartbeat before all else."""
@@ -229,6 +198,8 @@ class Session:
             now_s=now_s,
         )
         self._places = PlaceRequests()
+        self._round_trips = RoundTrips()
+        self._parameters.restart()
         self._outbox.hurry_heartbeat(now_s)
 
     def _receive_command(self, link: str, message: Message, now_s: float) -> None:
@@ -243,20 +214,25 @@ class Session:
             self._events.append(reception.event)
         self._acknowledge(reception.answer, link)
 
-    def _receive_acknowledgement(self, link: str, message: Message, _now_s: float) -> None:
-        autopilot = self._identity.autopilot
-        if autopilot is None or not _is_from(autopilot, link, message):
+    def _receive_acknowledgement(self, link: str, message: Message, now_s: float) -> None:
+        if not self._listener.is_autopilots(message, link):
             return
         target = (message.target_system, message.target_component)
         if target not in {(0, 0), (self._system_id, self._component_id)}:
             return
         if message.command == _SET_MESSAGE_INTERVAL:
             self._rates.answered(message.result)
-        elif message.command == _DO_SET_MODE:
-            self._events.append(CommandAnswered(command=_DO_SET_MODE, result=message.result))
+        answered = self._modes.answered(message, now_s)
+        if answered is not None:
+            self._events.append(answered)
+
+    def _receive_parameter(self, link: str, message: Message, _now_s: float) -> None:
+        autopilot = self.autopilot
+        if autopilot is not None and self._listener.is_autopilots(message, link):
+            self._parameters.hear(message, autopilot.kind)
 
     def _receive_request(self, link: str, message: Message, now_s: float) -> None:
-        autopilot = self._identity.autopilot
+        autopilot = self.autopilot
         answer = services.answer(
             message,
             ours=(self._system_id, self._component_id),
@@ -265,44 +241,64 @@ class Session:
         )
         if answer is not None:
             self._outbox.send(link, answer)
+        if self._listener.is_autopilots(message, link):
+            self._round_trips.hear(message, now_s)
 
     # Out
 
-    def tick(self, now_s: float, system_status: SystemStatus) -> None:
-        """Sends what is due: our heartbeat, requests for streams, origin and home."""
+    def tick(self, now_s: float, system_status: SystemStatus, custom_mode: int = 0) -> None:
+        """Sends what is due: our heartbeat, requests for streams, origin, home and parameters."""
         self._now_s = now_s
-        self._outbox.send_heartbeat_if_due(now_s, system_status)
-        self._identity.forget_silent(now_s)
-        autopilot = self._identity.autopilot
+        self._outbox.send_heartbeat_if_due(now_s, system_status, custom_mode)
+        self._listener.identity.forget_silent(now_s)
+        autopilot = self.autopilot
         if autopilot is None:
             return
-        self._update_link_statistics(autopilot)
-        if not self._identity.alive(now_s):
+        statistics = self._codecs[autopilot.link].statistics(*_address(autopilot))
+        self._listener.count_packets(statistics, self._round_trips.least_s(now_s))
+        if not self._listener.identity.alive(now_s):
             return
+        question = self._round_trips.next_request(_address(autopilot), now_s)
+        if question is not None:
+            self._outbox.send(autopilot.link, question)
         rate = self._rates.next_request(now_s)
         if rate is not None:
             self._command(autopilot, _SET_MESSAGE_INTERVAL, *rate)
-        place = self._places.next_request(self._telemetry, now_s)
+        place = self._places.next_request(self.telemetry, now_s)
         if place is not None:
             self._command(autopilot, _REQUEST_MESSAGE, place)
+        if autopilot.kind is AutopilotKind.ARDUPILOT and self.telemetry.second_gnss is not None:
+            self._parameters.want(GNSS_PARAMETERS)
+        if self.telemetry.motors is not None:
+            self._parameters.want(MOTOR_PARAMETERS.get(autopilot.kind, ()))
+        parameter = self._parameters.next_request(now_s)
+        if parameter is not None:
+            request = translate_outgoing.parameter_request_message(
+                target=_address(autopilot), name=parameter
+            )
+            self._outbox.send(autopilot.link, request)
 
-    def _update_link_statistics(self, autopilot: Autopilot) -> None:
-        counted = self._codecs[autopilot.link].statistics(*_address(autopilot))
-        statistics = LinkStatistics(
-            received_s=self._packet_s,
-            packets_received=counted.received,
-            packets_lost=counted.lost,
-        )
-        self._telemetry = replace(self._telemetry, link=statistics)
+    def want_parameters(self, names: Iterable[str]) -> None:
+        """Has these parameters asked for, and again after the autopilot's restart."""
+        self._parameters.want(names)
+
+    def request_version(self) -> None:
+        """Asks once for AUTOPILOT_VERSION, where an autopilot is known."""
+        if self.autopilot is not None:
+            self._command(self.autopilot, _REQUEST_MESSAGE, _AUTOPILOT_VERSION)
 
     def send_setpoint(
         self, position_ned_m: Vector, velocity_ned_mps: Vector, yaw_rad: float, now_s: float
     ) -> bool:
         """Streams one setpoint to the autopilot; False when there is none to control.
 
+        While another is heard, one at rest is sent all the same, as the last word to the one that
+        was flown: by its ids, so that others ignore it (measured), and one that has the same ids
+        comes to rest, too, where those before have drawn it.
+
         Raises ValueError when a value is not finite.
         """
-        autopilot = self._identity.autopilot
+        autopilot = self.autopilot
         message = translate_outgoing.setpoint_message(
             target=_address(autopilot) if autopilot else (0, 0),
             position_ned_m=position_ned_m,
@@ -310,7 +306,7 @@ class Session:
             yaw_rad=yaw_rad,
             now_s=now_s,
         )
-        if autopilot is None or not self.control_allowed:
+        if autopilot is None or (any(velocity_ned_mps) and not self.control_allowed):
             return False
         self._outbox.send(autopilot.link, message)
         return True
@@ -327,14 +323,15 @@ class Session:
         return self._request_mode(modes.land_parameters)
 
     def _request_mode(self, parameters_of: Callable[..., tuple[int, int, int] | None]) -> bool:
-        autopilot = self._identity.autopilot
-        status = self._telemetry.autopilot
+        autopilot = self.autopilot
+        status = self.telemetry.autopilot
         if autopilot is None or not self.control_allowed:
             return False
         parameters = parameters_of(autopilot.kind, armed=status is not None and status.armed)
         if parameters is None:
             return False
-        self._command(autopilot, _DO_SET_MODE, *parameters)
+        self._command(autopilot, DO_SET_MODE, *parameters)
+        self._modes.note_request(self._now_s)
         return True
 
     def answer(
@@ -361,9 +358,9 @@ class Session:
         if message is not None:
             self._outbox.send_to_all(message)
 
-    def send_text(self, severity: Severity, text: str, now_s: float) -> None:
-        """STATUSTEXT on all links, in chunks; the same text not again within 10 s."""
-        for message in self._texts.messages(severity, text, now_s):
+    def send_text(self, severity: Severity, text: str, now_s: float, *, news: bool = False) -> None:
+        """STATUSTEXT on all links, in chunks; the same text not within 10 s, unless it is news."""
+        for message in self._texts.messages(severity, text, now_s, news=news):
             self._outbox.send_to_all(message)
 
     def _acknowledge(self, answer: Answer | None, link: str) -> None:
@@ -386,6 +383,8 @@ def _source(message: Message) -> tuple[int, int]:
     return message.get_srcSystem(), message.get_srcComponent()
 
 
-def _is_from(autopilot: Autopilot, link: str, message: Message) -> bool:
-    """Whether the autopilot says this, on the link on which it is ours."""
-    return link == autopilot.link and _source(message) == _address(autopilot)
+def _controls(message: Message) -> bool:
+    """Whether it moves the aircraft."""
+    name: str = message.get_type()
+    asks_for_mode = name == "COMMAND_LONG" and message.command == DO_SET_MODE
+    return asks_for_mode or name == "SET_POSITION_TARGET_LOCAL_NED"

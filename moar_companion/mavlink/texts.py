@@ -1,8 +1,9 @@
-"""STATUSTEXT: what people are told, in chunks, and not over and over. No I/O."""
+"""STATUSTEXT: what people are told, in chunks and not over and over; what others tell. No I/O."""
 
 from __future__ import annotations
 
 import enum
+from dataclasses import dataclass
 
 from .dialect import Message, create
 
@@ -10,6 +11,11 @@ CHUNK_BYTES = 50
 _MAX_BYTES = 1000
 """Nobody reads more of one message on a ground station."""
 _REPEAT_S = 10.0
+_NEWS_REPEAT_S = 1.0
+
+
+_SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
+"""MAV_SEVERITY in words."""
 
 
 class Severity(enum.IntEnum):
@@ -25,14 +31,19 @@ class Severity(enum.IntEnum):
 
 
 class StatusTexts:
-    """Texts to STATUSTEXT messages; the same text is not sent again within 10 s."""
+    """Texts to STATUSTEXT messages; the same text not again within 10 s, unless it is news."""
 
     def __init__(self) -> None:
         self._sent_s: dict[str, float] = {}
         self._last_id = 0
 
-    def messages(self, severity: Severity, text: str, now_s: float) -> list[Message]:
+    def messages(
+        self, severity: Severity, text: str, now_s: float, *, news: bool = False
+    ) -> list[Message]:
         """The chunks of a text, none when it was sent within the last 10 s.
+
+        news: it says that something has changed, or answers somebody, and is sent again unless it
+        was said within a second and nothing else since: a mission that was held flies again.
 
         Up to 50 characters go as one message with id 0; more as chunks of 50 with an id and a
         chunk_seq, the last of which has a NUL in it. What is not ASCII becomes a question mark.
@@ -40,8 +51,9 @@ class StatusTexts:
         self._sent_s = {
             known: sent_s for known, sent_s in self._sent_s.items() if now_s - sent_s < _REPEAT_S
         }
-        if text in self._sent_s:
+        if text in self._sent_s and not (news and self._is_news(text, now_s)):
             return []
+        self._sent_s.pop(text, None)
         self._sent_s[text] = now_s
         data = text.encode("ascii", errors="replace")[:_MAX_BYTES]
         if len(data) <= CHUNK_BYTES:
@@ -51,6 +63,49 @@ class StatusTexts:
             _chunk(severity, data[start : start + CHUNK_BYTES], self._last_id, sequence)
             for sequence, start in enumerate(range(0, len(data) + 1, CHUNK_BYTES))
         ]
+
+    def _is_news(self, text: str, now_s: float) -> bool:
+        last = next(reversed(self._sent_s))
+        return text != last or now_s - self._sent_s[text] >= _NEWS_REPEAT_S
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HeardText:
+    """A whole text of one speaker. severity: MAV_SEVERITY in a word."""
+
+    severity: str
+    text: str
+
+
+class HeardTexts:
+    """STATUSTEXT messages to texts: the chunks of one speaker joined."""
+
+    def __init__(self) -> None:
+        self._text_id = 0
+        self._severity = 0
+        self._chunks: list[str] = []
+
+    def hear(self, message: Message) -> list[HeardText]:
+        """The texts that this chunk completes; one whose end is lost ends where another begins."""
+        done = []
+        if self._chunks and message.id != self._text_id:
+            done += self.rest()
+        self._text_id, self._severity = message.id, message.severity
+        self._chunks.append(message.text)
+        if message.id == 0 or len(message.text) < CHUNK_BYTES:
+            done += self.rest()
+        return done
+
+    def rest(self) -> list[HeardText]:
+        """What has been heard of a text whose end is missing."""
+        shown = "".join(char if char.isprintable() else " " for char in "".join(self._chunks))
+        text = " ".join(shown.split())
+        self._chunks = []
+        return [HeardText(severity=_severity_word(self._severity), text=text)] if text else []
+
+
+def _severity_word(severity: int) -> str:
+    return _SEVERITIES[severity] if severity < len(_SEVERITIES) else f"severity {severity}"
 
 
 def _chunk(severity: Severity, data: bytes, text_id: int, sequence: int) -> Message:

@@ -1,9 +1,9 @@
 """Where MAVLink's fields become ours: messages to `Telemetry`. Pure.
 
-Each message has one function, in `translate_motion`, in `translate_status`, or the heartbeat's
-here; MAVLink's many ways to say "unknown" become `None` in these and nowhere else. The other way
-is `translate_outgoing`'s. Sources: the message definitions, and for what they leave open PX4
-v1.17/v1.18 and ArduCopter 4.6.3 as recorded.
+Each message has one function, in `translate_motion`, `translate_motors`, `translate_status`, or
+the heartbeat's here; MAVLink's many ways to say "unknown" become `None` in these and nowhere else.
+The other way is `translate_outgoing`'s. Sources: the message definitions, and for what they leave
+open PX4 v1.17/v1.18 and ArduCopter 4.6.3 as recorded.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from ..types import AutopilotKind, AutopilotStatus, Heard, Telemetry
-from . import modes, translate_motion, translate_status
+from . import modes, translate_motion, translate_motors, translate_status
 from .dialect import Message, mavlink
 
 _KINDS = {
@@ -90,6 +90,7 @@ def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetr
     kind = autopilot_kind(message)
     if kind is None:
         return telemetry
+    mode = (kind, message.custom_mode, message.type)
     return replace(
         telemetry,
         autopilot=AutopilotStatus(
@@ -99,9 +100,12 @@ def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetr
             kind=kind,
             armed=bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
             custom_mode=message.custom_mode,
-            mode=modes.mode_name(kind, message.custom_mode),
-            ours=modes.is_ours(kind, message.custom_mode),
+            mode=modes.mode_name(*mode),
+            ours=modes.is_ours(*mode),
+            homeward=modes.is_homeward(*mode),
+            multirotor=modes.is_multirotor(message.type),
             failsafe=modes.is_failsafe(message.system_status),
+            motors=modes.motor_count(message.type),
         ),
     )
 
@@ -109,6 +113,7 @@ def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetr
 _TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: _heartbeat,
     **translate_motion.TRANSLATORS,
+    **translate_motors.TRANSLATORS,
     **translate_status.TRANSLATORS,
 }
 

@@ -18,19 +18,37 @@ from ..types import (
     LandedState,
     LocalOrigin,
     LocalPosition,
+    Odometry,
     Telemetry,
+    Vector,
     Wind,
 )
 from .dialect import Message, mavlink
 
 _LANDED_STATES = {state.value: state for state in LandedState}
+_LOCAL_FRAMES = {
+    int(mavlink.MAV_FRAME_LOCAL_NED),
+    int(mavlink.MAV_FRAME_LOCAL_ENU),
+    int(mavlink.MAV_FRAME_LOCAL_FRD),
+    int(mavlink.MAV_FRAME_LOCAL_FLU),
+}
+_X, _Y, _Z = 0, 6, 11
+"""Of the upper right triangle of a 6 x 6 covariance matrix: where these variances are."""
 
 
 def _attitude(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     roll, pitch, yaw = message.roll, message.pitch, message.yaw
     if not math.isfinite(roll + pitch + yaw):
         return telemetry
-    attitude = Attitude(received_s=now_s, roll_rad=roll, pitch_rad=pitch, yaw_rad=yaw)
+    rate_radps = message.yawspeed
+    attitude = Attitude(
+        received_s=now_s,
+        roll_rad=roll,
+        pitch_rad=pitch,
+        yaw_rad=yaw,
+        boot_s=message.time_boot_ms * 1e-3,
+        yaw_rate_radps=rate_radps if math.isfinite(rate_radps) else None,
+    )
     return replace(telemetry, attitude=attitude)
 
 
@@ -48,6 +66,27 @@ def _local_position(telemetry: Telemetry, message: Message, now_s: float) -> Tel
             velocity_ned_mps=velocity,
         ),
     )
+
+
+def _odometry(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    if message.frame_id not in _LOCAL_FRAMES or message.quality < 0:
+        return replace(telemetry, odometry=None)
+    variances_m2 = message.pose_covariance
+    return replace(
+        telemetry,
+        odometry=Odometry(
+            received_s=now_s,
+            reset_counter=message.reset_counter,
+            horizontal_accuracy_m=_deviation_m(variances_m2[_X] + variances_m2[_Y]),
+            vertical_accuracy_m=_deviation_m(variances_m2[_Z]),
+        ),
+    )
+
+
+def _deviation_m(variance_m2: float) -> float | None:
+    """NaN, or 0, is how an odometry says that it does not know."""
+    known = math.isfinite(variance_m2) and variance_m2 > 0.0
+    return math.sqrt(variance_m2) if known else None
 
 
 def _local_origin(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
@@ -96,7 +135,20 @@ def _wind_cov(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry
         return replace(telemetry, wind=None)
     # Multirotor estimators know no vertical wind.
     velocity = (north, east, down if math.isfinite(down) else 0.0)
-    return replace(telemetry, wind=Wind(received_s=now_s, velocity_ned_mps=velocity))
+    return wind_told(telemetry, now_s, velocity, message.var_horiz)
+
+
+def wind_told(
+    telemetry: Telemetry, now_s: float, velocity_ned_mps: Vector, variance_m2ps2: float
+) -> Telemetry:
+    """The telemetry with PX4's wind, and the sum of its variances north and east; 0: none known."""
+    told = math.isfinite(variance_m2ps2) and variance_m2ps2 > 0.0
+    wind = Wind(
+        received_s=now_s,
+        velocity_ned_mps=velocity_ned_mps,
+        deviation_mps=math.sqrt(0.5 * variance_m2ps2) if told else None,
+    )
+    return replace(telemetry, wind=wind)
 
 
 def _wind(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
@@ -117,6 +169,7 @@ def _wind(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
 TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {
     mavlink.MAVLINK_MSG_ID_ATTITUDE: _attitude,
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: _local_position,
+    mavlink.MAVLINK_MSG_ID_ODOMETRY: _odometry,
     mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT: _global_position,
     mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: _local_origin,
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: _home,

@@ -26,14 +26,14 @@ class SystemStatus(enum.IntEnum):
     CRITICAL = 5
 
 
-def heartbeat_message(system_status: SystemStatus) -> Message:
-    """HEARTBEAT of an onboard controller."""
+def heartbeat_message(system_status: SystemStatus, custom_mode: int) -> Message:
+    """HEARTBEAT of an onboard controller; custom_mode is for the component to define."""
     return create(
         "HEARTBEAT",
         type=mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
         autopilot=mavlink.MAV_AUTOPILOT_INVALID,
         base_mode=0,
-        custom_mode=0,
+        custom_mode=custom_mode,
         system_status=int(system_status),
         mavlink_version=3,
     )
@@ -82,6 +82,17 @@ def command_message(
         command=command,
         confirmation=0,
         **{f"param{number}": value for number, value in enumerate(padded, start=1)},
+    )
+
+
+def parameter_request_message(*, target: tuple[int, int], name: str) -> Message:
+    """PARAM_REQUEST_READ of one parameter by its name."""
+    return create(
+        "PARAM_REQUEST_READ",
+        target_system=target[0],
+        target_component=target[1],
+        param_id=name.encode("ascii"),
+        param_index=-1,
     )
 
 

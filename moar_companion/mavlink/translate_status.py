@@ -1,4 +1,4 @@
-"""How the aircraft fares: batteries, receiver, estimator, radios and motors to `Telemetry`. Pure.
+"""How the aircraft fares: batteries, receivers, estimator, radios to `Telemetry`. Pure.
 
 Part of `translate`, which names the sources.
 """
@@ -10,48 +10,119 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from ..types import (
+    AutopilotKind,
     Battery,
     Estimator,
+    Firmware,
     Gnss,
-    MotorOutputs,
+    LinkNode,
+    MagneticField,
     Radio,
+    Readiness,
     RemoteControl,
     Telemetry,
 )
-from .dialect import Message, mavlink
+from .dialect import LINK_NODE_STATUS_ID, Message, mavlink
+from .translate_motors import motor_parameter
+
+RADIO_IDS = frozenset({int(mavlink.MAVLINK_MSG_ID_RADIO_STATUS), int(mavlink.MAVLINK_MSG_ID_RADIO)})
+"""RADIO_STATUS, and RADIO, as which radios sent the same before 2014."""
 
 _UNKNOWN_DOP = 9999
 """ArduPilot says 9999, PX4 10000, the definition 65535: 100 DOP from here on is unknown."""
 _UNKNOWN_U8 = 255
+_MOST_CELL_MV = 5000
+"""No lithium cell has more."""
 _UNKNOWN_U16 = 65535
 _UNKNOWN_U32 = 4294967295
-_MAX_RSSI = 254
-_IDLE_PULSE_US = 900
-"""PX4 gives outputs without a function, and all while disarmed, 900 µs; ArduPilot gives 0."""
+_MAX_RSSI = {
+    AutopilotKind.PX4: 100,
+    AutopilotKind.ARDUPILOT: 255,
+    AutopilotKind.UNKNOWN: 254,
+}
+"""The definition says 254, and 255 for unknown. PX4 says in RC_CHANNELS what its receivers' drivers
+do, a percentage; of ArduPilot 255 is full signal."""
+_NOT_FLOWN_WITH = {
+    int(mavlink.MAV_BATTERY_FUNCTION_AVIONICS),
+    int(mavlink.MAV_BATTERY_FUNCTION_PAYLOAD),
+}
 _BATTERY_STATUS_TIMEOUT_S = 5.0
 """PX4 sends BATTERY_STATUS at 0.5 Hz: after two missed ones SYS_STATUS speaks for battery 0."""
 _HORIZONTAL_POSITION = 0x10
 """Absolute horizontal position, in ESTIMATOR_STATUS and EKF_STATUS_REPORT alike."""
-_PX4_GPS_GLITCH = 0x400
+PX4_GPS_GLITCH = 0x400
 _ARDUPILOT_GPS_GLITCH = 0x8000
+_MAGNETOMETER_UPDATED = 0x1C0
+"""The three axes in HIGHRES_IMU.fields_updated; what is not updated is repeated."""
+GNSS_PARAMETERS = ("GPS_AUTO_SWITCH", "GPS_PRIMARY")
+"""ArduPilot's, on which of two receivers it navigates by."""
+_BETTER_GNSS_TAKEN = {1.0, 2.0}
+"""Values of GPS_AUTO_SWITCH: the best receiver, or a mean in which the better one weighs more."""
+_PREARM_CHECK = int(mavlink.MAV_SYS_STATUS_PREARM_CHECK)
+_RC_RECEIVER = int(mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER)
+_SENSOR_NAMES = {
+    1 << bit: mavlink.enums["MAV_SYS_STATUS_SENSOR"][1 << bit]
+    .name.removeprefix("MAV_SYS_STATUS_")
+    .removeprefix("SENSOR_")
+    .replace("_", " ")
+    .lower()
+    for bit in range(31)
+    if 1 << bit != _PREARM_CHECK
+}
+_RELEASES = ((255, ""), (192, "rc"), (128, "beta"), (64, "alpha"), (0, "dev"))
+"""FIRMWARE_VERSION_TYPE: the least value of each, the greatest first."""
 
 
 def _battery_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    # One entry is the whole pack (both autopilots' way), or there is one per cell.
-    voltage_mv = sum(value for value in message.voltages if value != _UNKNOWN_U16) + sum(
-        value for value in message.voltages_ext if value != _UNKNOWN_U16
-    )
+    if message.battery_function in _NOT_FLOWN_WITH:
+        return telemetry
+    # One entry is the whole pack (both autopilots' way), or there is one per cell; a pack of more
+    # than 65 V takes two.
+    entries_mv = [
+        value
+        for value in (*message.voltages, *message.voltages_ext)
+        if value not in {0, _UNKNOWN_U16}
+    ]
+    voltage_mv = sum(entries_mv)
+    told_each = len(entries_mv) > 1 and max(entries_mv) <= _MOST_CELL_MV
     battery = Battery(
         received_s=now_s,
         remaining=_percent(message.battery_remaining),
         voltage_v=voltage_mv * 1e-3 if voltage_mv else None,
         current_a=_current_a(message.current_battery),
         charge_state=message.charge_state or None,
+        cells=len(entries_mv) if told_each else None,
     )
     return replace(telemetry, batteries={**telemetry.batteries, message.id: battery})
 
 
 def _sys_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    # PX4 sets the pre-arm check's bit in health alone, ArduPilot in all three.
+    health = message.onboard_control_sensors_health
+    unhealthy = message.onboard_control_sensors_enabled & ~health
+    readiness = Readiness(
+        received_s=now_s,
+        ready=bool(health & _PREARM_CHECK),
+        unhealthy=tuple(name for bit, name in _SENSOR_NAMES.items() if unhealthy & bit),
+        remote_control_ok=_remote_control_ok(telemetry, message),
+    )
+    return _battery_summary(replace(telemetry, readiness=readiness), message, now_s)
+
+
+def _remote_control_ok(telemetry: Telemetry, message: Message) -> bool | None:
+    """Known from the first reception on; PX4 calls a receiver that has lost it not present."""
+    ok = bool(
+        message.onboard_control_sensors_present
+        & message.onboard_control_sensors_enabled
+        & message.onboard_control_sensors_health
+        & _RC_RECEIVER
+    )
+    before = telemetry.readiness
+    known = before is not None and before.remote_control_ok is not None
+    return ok if ok or known else None
+
+
+def _battery_summary(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     known = telemetry.batteries.get(0)
     if (
         known is not None
@@ -65,7 +136,8 @@ def _sys_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemet
         remaining=_percent(message.battery_remaining),
         voltage_v=None if voltage_mv in {0, _UNKNOWN_U16} else voltage_mv * 1e-3,
         current_a=_current_a(message.current_battery),
-        charge_state=None,
+        # It tells none: what BATTERY_STATUS called critical is so until that says otherwise.
+        charge_state=None if known is None else known.charge_state,
         summary=True,
     )
     if battery.voltage_v is None and battery.remaining is None:
@@ -84,20 +156,44 @@ def _current_a(value_ca: int) -> float | None:
     return value_ca * 0.01 if value_ca >= 0 else None
 
 
-def _gnss(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    satellites = message.satellites_visible
+def _autopilot_version(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    version = message.flight_sw_version
+    if version == 0:
+        return telemetry
+    major, minor, patch, release = version.to_bytes(4, "big")
+    firmware = Firmware(
+        received_s=now_s,
+        version=(major, minor, patch),
+        release=next(name for least, name in _RELEASES if release >= least),
+    )
+    return replace(telemetry, firmware=firmware)
+
+
+def _gps_raw_int(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    return replace(telemetry, gnss=_gnss(message, now_s))
+
+
+def _gps2_raw(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    px4 = telemetry.autopilot is not None and telemetry.autopilot.kind is AutopilotKind.PX4
+    # PX4 weighs its receivers by their accuracy (SENS_GPS_MASK); ArduPilot's parameter tells.
     return replace(
         telemetry,
-        gnss=Gnss(
-            received_s=now_s,
-            receiver_s=message.time_usec * 1e-6 if message.time_usec else None,
-            fix_type=message.fix_type,
-            satellites=None if satellites == _UNKNOWN_U8 else satellites,
-            hdop=_dilution(message.eph),
-            vdop=_dilution(message.epv),
-            horizontal_accuracy_m=_accuracy_m(message.h_acc),
-            vertical_accuracy_m=_accuracy_m(message.v_acc),
-        ),
+        second_gnss=_gnss(message, now_s),
+        better_gnss_taken=px4 or telemetry.better_gnss_taken,
+    )
+
+
+def _gnss(message: Message, now_s: float) -> Gnss:
+    satellites = message.satellites_visible
+    return Gnss(
+        received_s=now_s,
+        receiver_s=message.time_usec * 1e-6 if message.time_usec else None,
+        fix_type=message.fix_type,
+        satellites=None if satellites == _UNKNOWN_U8 else satellites,
+        hdop=_dilution(message.eph),
+        vdop=_dilution(message.epv),
+        horizontal_accuracy_m=_accuracy_m(message.h_acc),
+        vertical_accuracy_m=_accuracy_m(message.v_acc),
     )
 
 
@@ -111,33 +207,80 @@ def _accuracy_m(value_mm: int) -> float | None:
     return None if value_mm in {0, _UNKNOWN_U32} else value_mm * 1e-3
 
 
+def _parameter(telemetry: Telemetry, message: Message, _now_s: float) -> Telemetry:
+    name, value = message.param_id, message.param_value
+    if name == "GPS_AUTO_SWITCH":
+        return replace(telemetry, better_gnss_taken=value in _BETTER_GNSS_TAKEN)
+    if name == "GPS_PRIMARY":
+        return replace(telemetry, second_gnss_first=value == 1.0)
+    return motor_parameter(telemetry, message)
+
+
 def _estimator_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    accuracy_m = message.pos_horiz_accuracy
     return replace(
         telemetry,
         estimator=Estimator(
             received_s=now_s,
             flags=message.flags,
-            horizontal_position_ok=_horizontal_position_ok(message.flags, _PX4_GPS_GLITCH),
-            horizontal_accuracy_m=accuracy_m if math.isfinite(accuracy_m) else None,
+            horizontal_position_ok=horizontal_position_ok(message.flags, PX4_GPS_GLITCH),
+            horizontal_accuracy_m=_finite(message.pos_horiz_accuracy),
+            vertical_accuracy_m=_finite(message.pos_vert_accuracy),
+            velocity_innovation=innovation(message.vel_ratio),
+            position_innovation=innovation(message.pos_horiz_ratio),
+            height_innovation=innovation(message.pos_vert_ratio),
+            compass_innovation=innovation(message.mag_ratio),
         ),
     )
 
 
 def _ekf_status_report(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    # Its variances are innovation test ratios, not metres.
+    # Its variances are innovations, as fractions of what the filter accepts: not metres.
     return replace(
         telemetry,
         estimator=Estimator(
             received_s=now_s,
             flags=message.flags,
-            horizontal_position_ok=_horizontal_position_ok(message.flags, _ARDUPILOT_GPS_GLITCH),
+            horizontal_position_ok=horizontal_position_ok(message.flags, _ARDUPILOT_GPS_GLITCH),
             horizontal_accuracy_m=None,
+            velocity_innovation=innovation(message.velocity_variance),
+            position_innovation=innovation(message.pos_horiz_variance),
+            height_innovation=innovation(message.pos_vert_variance),
+            compass_innovation=innovation(message.compass_variance),
         ),
     )
 
 
-def _horizontal_position_ok(flags: int, glitch: int) -> bool:
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
+
+
+def innovation(value: float) -> float | None:
+    """Exactly 0, or NaN, is how both autopilots say that a source is not in use."""
+    return value if 0.0 < value < math.inf else None
+
+
+def _highres_imu(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    if not message.fields_updated & _MAGNETOMETER_UPDATED:
+        return telemetry
+    return _magnetic_field(telemetry, message, 1.0, now_s)
+
+
+def _raw_imu(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    # Raw by name: ArduPilot sends the calibrated field, in milligauss.
+    return _magnetic_field(telemetry, message, 1e-3, now_s)
+
+
+def _magnetic_field(
+    telemetry: Telemetry, message: Message, unit_gauss: float, now_s: float
+) -> Telemetry:
+    strength_gauss = unit_gauss * math.hypot(message.xmag, message.ymag, message.zmag)
+    if not 0.0 < strength_gauss < math.inf:
+        return telemetry
+    field = MagneticField(received_s=now_s, strength_gauss=strength_gauss)
+    return replace(telemetry, magnetic_field=field)
+
+
+def horizontal_position_ok(flags: int, glitch: int) -> bool:
     """Absolute position claimed, and not while GPS is being refused.
 
     "Constant position" (0x80) is no objection: PX4 sets it while standing, beside a good position.
@@ -146,16 +289,38 @@ def _horizontal_position_ok(flags: int, glitch: int) -> bool:
 
 
 def _radio_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    free_percent = message.txbuf
+    return radio_told(
+        telemetry,
+        now_s,
+        here=(message.rssi, message.noise),
+        there=(message.remrssi, message.remnoise),
+        receive_errors=message.rxerrors,
+        free_percent=message.txbuf,
+    )
+
+
+def radio_told(
+    telemetry: Telemetry,
+    now_s: float,
+    *,
+    here: tuple[int, int],
+    there: tuple[int, int],
+    receive_errors: int,
+    free_percent: int,
+) -> Telemetry:
+    """The telemetry with what a radio said. here, there: signal and noise, as it says them."""
+    known = telemetry.radio is not None and telemetry.radio.remote_rssi is not None
+    # A radio says 0 and 0 of its peer when it has lost it, or knows nothing of one.
+    remote = known or max(there) > 0
     return replace(
         telemetry,
         radio=Radio(
             received_s=now_s,
-            rssi=_signal(message.rssi),
-            remote_rssi=_signal(message.remrssi),
-            noise=_signal(message.noise),
-            remote_noise=_signal(message.remnoise),
-            receive_errors=message.rxerrors,
+            rssi=_signal(here[0]),
+            remote_rssi=_signal(there[0]) if remote else None,
+            noise=_signal(here[1]),
+            remote_noise=_signal(there[1]) if remote else None,
+            receive_errors=receive_errors,
             transmit_buffer_percent=free_percent if free_percent <= 100 else None,
         ),
     )
@@ -165,43 +330,40 @@ def _signal(value: int) -> int | None:
     return None if value == _UNKNOWN_U8 else value
 
 
-def _rc_channels(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    rssi = None if message.rssi == _UNKNOWN_U8 else message.rssi / _MAX_RSSI
-    return replace(telemetry, remote_control=RemoteControl(received_s=now_s, rssi=rssi))
-
-
-def _servo_output_raw(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    if message.port != 0:
-        return telemetry
-    pulses = (
-        message.servo1_raw,
-        message.servo2_raw,
-        message.servo3_raw,
-        message.servo4_raw,
-        message.servo5_raw,
-        message.servo6_raw,
-        message.servo7_raw,
-        message.servo8_raw,
-        message.servo9_raw,
-        message.servo10_raw,
-        message.servo11_raw,
-        message.servo12_raw,
-        message.servo13_raw,
-        message.servo14_raw,
-        message.servo15_raw,
-        message.servo16_raw,
+def _link_node_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    node = LinkNode(
+        received_s=now_s,
+        packets_received=message.messages_received,
+        packets_lost=message.messages_lost,
     )
-    in_use = tuple(pulse for pulse in pulses if _IDLE_PULSE_US < pulse != _UNKNOWN_U16)
-    return replace(telemetry, motors=MotorOutputs(received_s=now_s, pulse_us=in_use))
+    return replace(telemetry, link_node=node)
+
+
+def _rc_channels(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    known = telemetry.remote_control is not None and telemetry.remote_control.rssi is not None
+    kind = AutopilotKind.UNKNOWN if telemetry.autopilot is None else telemetry.autopilot.kind
+    rssi: float | None = min(message.rssi / _MAX_RSSI[kind], 1.0)
+    if message.rssi == _UNKNOWN_U8 and kind is not AutopilotKind.ARDUPILOT:
+        rssi = None
+    elif message.rssi in {0, _UNKNOWN_U8} and not known:
+        # Autopilots without a signal strength to tell say one of these: only after another is it
+        # none, or full.
+        rssi = None
+    return replace(telemetry, remote_control=RemoteControl(received_s=now_s, rssi=rssi))
 
 
 TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {
     mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: _battery_status,
     mavlink.MAVLINK_MSG_ID_SYS_STATUS: _sys_status,
-    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: _gnss,
+    mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION: _autopilot_version,
+    mavlink.MAVLINK_MSG_ID_PARAM_VALUE: _parameter,
+    mavlink.MAVLINK_MSG_ID_GPS_RAW_INT: _gps_raw_int,
+    mavlink.MAVLINK_MSG_ID_GPS2_RAW: _gps2_raw,
     mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: _estimator_status,
     mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: _ekf_status_report,
-    mavlink.MAVLINK_MSG_ID_RADIO_STATUS: _radio_status,
+    mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: _highres_imu,
+    mavlink.MAVLINK_MSG_ID_RAW_IMU: _raw_imu,
+    **dict.fromkeys(RADIO_IDS, _radio_status),
+    LINK_NODE_STATUS_ID: _link_node_status,
     mavlink.MAVLINK_MSG_ID_RC_CHANNELS: _rc_channels,
-    mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: _servo_output_raw,
 }

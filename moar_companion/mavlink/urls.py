@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import re
 from dataclasses import dataclass
 
 from ..errors import InputError
@@ -11,6 +12,10 @@ ALLOWED = (
     "udp:HOST:PORT or udpin:HOST:PORT (listen), udpout:HOST:PORT (send first), tcp:HOST:PORT, "
     "serial:DEVICE:BAUD"
 )
+
+
+_MAX_BAUD = 20_000_000
+"""Faster than any serial port."""
 
 
 class LinkKind(enum.Enum):
@@ -64,11 +69,13 @@ def parse_url(url: str, *, source: str = "--connect", key: str = "") -> LinkAddr
         raise refuse("is not a link")
     rest = rest.removeprefix("//")
     place, _, number = rest.rpartition(":")
-    if not (number.isascii() and number.isdigit()):
+    if not re.fullmatch(r"\d{1,10}", number, re.ASCII):
         raise refuse("has no baud rate" if kind is LinkKind.SERIAL else "has no port")
     if kind is LinkKind.SERIAL:
-        if not place or int(number) == 0:
-            raise refuse("names no device" if not place else "has no baud rate")
+        if not place:
+            raise refuse("names no device")
+        if not 1 <= int(number) <= _MAX_BAUD:
+            raise refuse(f"has the baud rate {number}, which is not in 1 to {_MAX_BAUD}")
         return LinkAddress(kind=kind, device=place, baud=int(number))
     if not 1 <= int(number) <= 65535:
         raise refuse(f"has the port {number}, which is not in 1 to 65535")
@@ -77,4 +84,15 @@ def parse_url(url: str, *, source: str = "--connect", key: str = "") -> LinkAddr
         raise refuse("has more than one port, or an IPv6 address without brackets")
     if not host and kind is not LinkKind.UDP_LISTEN:
         raise refuse("names no host")
+    if not _is_host(host):
+        raise refuse("has a host that is neither a name nor an address")
     return LinkAddress(kind=kind, host=host or "0.0.0.0", port=int(number))  # noqa: S104 — as asked
+
+
+def _is_host(host: str) -> bool:
+    """Whether a resolver takes it: labels of 1 to 63 characters, no blanks."""
+    try:
+        host.encode("idna")
+    except UnicodeError:
+        return False
+    return not re.search(r"\s", host)

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion.mavlink.codec import Codec, checksum
+from moar_companion.mavlink.codec import Codec, checksum, is_sound
 from moar_companion.mavlink.dialect import create, mavlink
 
 
@@ -146,6 +146,17 @@ def test_only_wanted_messages_are_built_and_all_are_counted(autopilot):
     )
     assert types(received) == ["ATTITUDE"]
     assert codec.statistics(1, 1).received == 3
+
+
+def test_parameters_and_texts_are_counted_as_answers_too(autopilot):
+    codec, peer = new_codec(), mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    for message in (
+        mavlink.MAVLink_param_value_message(b"MPC_XY_P", 0.95, 9, 2, 0),
+        mavlink.MAVLink_statustext_message(6, b"ready"),
+    ):
+        codec.receive(message.pack(peer))
+    codec.receive(autopilot.attitude(1.0))
+    assert codec.statistics(1, 1).answers == 2
 
 
 def test_packets_are_kept_whole_for_a_record_but_none_with_a_secret(autopilot, ground_station):
@@ -310,3 +321,16 @@ def test_a_recorded_stream_with_gaps_in_it_loses_only_what_is_missing(recording)
     assert len(received) >= len(packets) - 4 * holes - len(packets) // 50
     statistics = codec.statistics(1, 1)
     assert 0 < statistics.lost < 6 * holes
+
+
+def test_a_frame_is_sound_when_its_checksum_is(autopilot):
+    data = autopilot.heartbeat()
+    assert is_sound(b"junk" + data, 4) is True
+    assert is_sound(data[:-1] + bytes([data[-1] ^ 1]), 0) is False
+    assert is_sound(b"\xfd\x00\x00\x00\x00\x01\x01\xff\xff\x7fXY", 0) is None
+
+
+def test_the_sources_are_told_in_the_order_in_which_they_were_heard(peer):
+    codec = new_codec()
+    codec.receive(peer(7, 1).heartbeat() + peer(1, 1).heartbeat() + peer(7, 1).heartbeat())
+    assert codec.sources == [(7, 1), (1, 1)]

@@ -57,8 +57,32 @@ def test_a_second_autopilot_is_a_conflict_until_it_falls_silent(peer):
     assert identity.conflict
     identity.forget_silent(12.1)
     assert not identity.conflict
+    hear(identity, peer(1, 1).heartbeat(), now_s=19.0)
     event = hear(identity, peer(2, 1).heartbeat(autopilot=3), link="udp", now_s=20.0)
     assert isinstance(event, AutopilotConflict)
+
+
+def test_an_autopilot_that_is_gone_makes_room_for_the_only_other_one(peer):
+    """Else a simulator that was heard once would have to be forgotten by a restart."""
+    identity = Identity()
+    hear(identity, peer(7, 1).heartbeat(), now_s=0.0)
+    assert isinstance(hear(identity, peer(1, 1).heartbeat(), now_s=9.9), AutopilotConflict)
+    event = hear(identity, peer(1, 1).heartbeat(), now_s=10.1)
+    assert isinstance(event, AutopilotFound)
+    assert identity.autopilot is not None
+    assert identity.autopilot.system_id == 1
+    assert not identity.conflict
+
+
+def test_of_two_others_none_takes_its_place(peer):
+    identity = Identity()
+    hear(identity, peer(7, 1).heartbeat(), now_s=0.0)
+    for second in range(1, 30):
+        hear(identity, peer(1, 1).heartbeat(), now_s=second)
+        hear(identity, peer(2, 1).heartbeat(), now_s=second)
+    assert identity.autopilot is not None
+    assert identity.autopilot.system_id == 7
+    assert identity.conflict
 
 
 def test_two_kinds_of_autopilot_under_one_id_are_a_conflict(peer):

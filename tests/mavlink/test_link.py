@@ -2,10 +2,12 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import fcntl
 import logging
 import os
 import pty
 import socket
+import sys
 import tty
 
 import pytest
@@ -16,6 +18,9 @@ from moar_companion.mavlink.link import open_link
 from moar_companion.mavlink.urls import LinkAddress, LinkKind
 
 pytestmark = pytest.mark.asyncio
+
+SIOCOUTQNSD = 0x894B
+"""How many bytes of a TCP connection have not been sent yet (tcp(7))."""
 
 
 class Received:
@@ -197,7 +202,7 @@ async def test_a_tcp_peer_that_comes_later_is_found(monkeypatch, caplog):
     assert levels[:3] == ["WARNING", "DEBUG", "DEBUG"]
 
 
-async def test_a_full_tcp_connection_refuses_more():
+async def test_a_tcp_peer_that_takes_nothing_finds_nothing_old_here():
     server = Server()
     stalled = asyncio.Event()
 
@@ -211,7 +216,9 @@ async def test_a_full_tcp_connection_refuses_more():
         for _ in range(20_000):
             link.send(b"x" * 1000)
         transport = link._connection._transport
-        assert transport.get_write_buffer_size() < 2 * link_module._SOCKET_BUFFER_BYTES
+        assert transport.get_write_buffer_size() <= 1000
+        waiting = fcntl.ioctl(transport.get_extra_info("socket"), SIOCOUTQNSD, bytes(4))
+        assert int.from_bytes(waiting, sys.byteorder) <= link_module._UNSENT_BYTES + 1000
     stalled.set()
     server.stop()
 
@@ -274,6 +281,20 @@ async def test_a_stuck_serial_line_drops_the_oldest_whole_packets_and_never_bloc
     assert arrived[0] == packets[0]
     assert arrived[-10:] == packets[-10:]
     assert len(arrived) < 1000
+
+
+async def test_what_must_not_be_late_is_not_sent_by_a_serial_line_that_was_stuck():
+    with serial_line() as (far, device):
+        async with open_link(serial(device), Received()) as link:
+            while not link._connection._waiting:
+                link.send(b"stuck" * 100)
+            link.send(b"A SETPOINT", 0.0)
+            link.send(b"A TEXT")
+            link.send(b"THE NEXT SETPOINT", 60.0)
+            data = b""
+            while not data.endswith(b"THE NEXT SETPOINT"):
+                data += await read_far(far, 1)
+    assert data.endswith(b"stuckA TEXTTHE NEXT SETPOINT")
 
 
 async def test_a_missing_device_is_told_in_one_line():

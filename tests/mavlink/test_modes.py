@@ -3,6 +3,7 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.mavlink import modes
+from moar_companion.mavlink.dialect import mavlink
 from moar_companion.types import AutopilotKind
 
 PX4 = AutopilotKind.PX4
@@ -35,6 +36,40 @@ ARDUPILOT = AutopilotKind.ARDUPILOT
 def test_a_mode_has_its_name_and_only_offboard_and_guided_are_ours(kind, custom_mode, name, ours):
     assert modes.mode_name(kind, custom_mode) == name
     assert modes.is_ours(kind, custom_mode) is ours
+
+
+def test_returns_landings_and_stops_for_a_fence_are_the_autopilots_own():
+    homeward = [0x05040000, 0x06040000, 0x09040000, 0x000A0000]
+    assert all(modes.is_homeward(PX4, mode) for mode in homeward)
+    assert not any(modes.is_homeward(PX4, mode) for mode in (0x03040000, 0x00030000, 0x00060000))
+    assert all(modes.is_homeward(ARDUPILOT, mode) for mode in (6, 9, 17, 21, 27))
+    assert not any(modes.is_homeward(ARDUPILOT, mode) for mode in (0, 2, 4, 5, 16))
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "custom_mode", "name"),
+    [
+        (mavlink.MAV_TYPE_FIXED_WING, 11, "RTL"),
+        (mavlink.MAV_TYPE_VTOL_QUADROTOR, 4, "ACRO"),
+        (mavlink.MAV_TYPE_GROUND_ROVER, 4, "HOLD"),
+        (mavlink.MAV_TYPE_SUBMARINE, 19, "MANUAL"),
+        (mavlink.MAV_TYPE_SUBMARINE, 22, "MODE 0x00000016"),
+        (mavlink.MAV_TYPE_HEXAROTOR, 4, "GUIDED"),
+    ],
+)
+def test_ardupilots_other_vehicles_number_their_modes_otherwise(vehicle, custom_mode, name):
+    assert modes.mode_name(ARDUPILOT, custom_mode, vehicle) == name
+    assert modes.is_ours(ARDUPILOT, custom_mode, vehicle) is (name == "GUIDED")
+    assert modes.is_homeward(ARDUPILOT, custom_mode, vehicle) is (name == "RTL")
+
+
+@pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
+def test_only_what_hovers_is_ours(kind):
+    ours = 0x00060000 if kind is PX4 else 4
+    quadrotor, plane, hexarotor, vtol, submarine = 2, 1, 13, 20, 12
+    assert modes.is_ours(kind, ours, quadrotor)
+    assert modes.is_ours(kind, ours, hexarotor)
+    assert not any(modes.is_ours(kind, ours, other) for other in (plane, vtol, submarine))
 
 
 def test_critical_or_worse_is_a_failsafe():

@@ -4,6 +4,7 @@ import itertools
 
 import pytest
 
+from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.rates import DEFAULT_RATES_HZ, RateRequests
 from moar_companion.types import AutopilotKind
 
@@ -127,3 +128,12 @@ def test_what_telemetry_needs_is_wanted_of_every_autopilot(kind):
 
 def test_what_an_autopilot_denies_is_not_wanted():
     assert not {231, 230, 109, 111, 331, 253} & set(DEFAULT_RATES_HZ[AutopilotKind.ARDUPILOT])
+
+
+@pytest.mark.parametrize("kind", list(AutopilotKind))
+def test_all_that_is_wanted_fits_a_serial_link_of_57600_baud(kind):
+    bytes_per_s = sum(
+        rate_hz * (mavlink.mavlink_map[message_id].unpacker.size + 12)
+        for message_id, rate_hz in DEFAULT_RATES_HZ[kind].items()
+    )
+    assert bytes_per_s < 5760

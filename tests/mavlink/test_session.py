@@ -15,10 +15,12 @@ from moar_companion.mavlink.identity import (
     AutopilotFound,
     AutopilotRestarted,
 )
+from moar_companion.mavlink.listener import ModeLeft
 from moar_companion.mavlink.session import CommandAnswered, Session, SystemStatus
 from moar_companion.types import AutopilotKind
 
-from .story import Story, commands, types
+from .messages import message_of
+from .story import Story, commands, of_type, types
 
 USER_1 = 31010
 SET_MESSAGE_INTERVAL = 511
@@ -60,13 +62,23 @@ def test_two_autopilots_are_refused_and_both_named(story, autopilot, peer):
     assert isinstance(event, AutopilotConflict)
     assert (event.autopilot.system_id, event.other.system_id) == (1, 2)
     assert not story.session.control_allowed
-    assert not story.session.send_setpoint((0, 0, 0), (0, 0, 0), 0.0, story.now_s)
+    assert not story.session.send_setpoint((0, 0, 0), (0, 0, 0.1), 0.0, story.now_s)
     assert not story.session.request_own_mode()
     assert not story.session.request_land()
     for _ in range(11):  # the other falls silent
         story.hear(autopilot.heartbeat())
         story.run(1.0)
     assert story.session.control_allowed
+
+
+def test_while_another_is_heard_the_one_that_was_flown_may_be_told_to_stand(story, autopilot, peer):
+    story.meet(autopilot)
+    story.hear(peer(2, 1).heartbeat())
+    story.sent()
+    assert story.session.send_setpoint((4, 5, -6), (0, 0, 0), 0.0, story.now_s)
+    ((link, message),) = story.sent()
+    assert (link, message.target_system, message.target_component) == ("serial", 1, 1)
+    assert (message.x, message.vx, message.vy, message.vz) == (4.0, 0.0, 0.0, 0.0)
 
 
 def test_telemetry_is_the_latched_autopilots_alone(story, autopilot, peer):
@@ -99,6 +111,15 @@ def test_a_radio_and_a_ground_station_are_heard_beside_the_autopilot(story, peer
     story.hear(ground_station.ground_heartbeat(), link="network")
     assert story.session.telemetry.radio.rssi == 200
     assert story.session.telemetry.ground_station.system_id == 255
+
+
+@pytest.mark.parametrize(("kind", "asked"), [(ARDUPILOT, True), (mavlink.MAV_AUTOPILOT_PX4, False)])
+def test_ardupilot_is_asked_which_of_two_receivers_it_navigates_by(story, autopilot, kind, asked):
+    story.meet(autopilot, autopilot=kind)
+    assert not of_type(story.run(1.0), "PARAM_REQUEST_READ")
+    story.hear(autopilot.pack(message_of("GPS2_RAW", fix_type=3)))
+    names = {message.param_id for message in of_type(story.run(1.0), "PARAM_REQUEST_READ")}
+    assert names == ({"GPS_AUTO_SWITCH", "GPS_PRIMARY"} if asked else set())
 
 
 def test_only_the_autopilots_packets_count_for_the_link(story, autopilot, ground_station):
@@ -140,6 +161,15 @@ def test_packets_that_nobody_takes_do_not_pile_up(story, autopilot):
     assert len(story.session.packets_heard()) == 4096
 
 
+def test_a_mode_that_is_left_and_given_back_at_once_is_an_event(story, autopilot):
+    for mode in (4, 5, 4, 4):
+        story.hear(autopilot.heartbeat(autopilot=ARDUPILOT, custom_mode=mode))
+    found, left = story.events()
+    assert isinstance(found, AutopilotFound)
+    assert left == ModeLeft(mode="LOITER")
+    assert story.session.telemetry.autopilot.ours
+
+
 # Restart
 
 
@@ -151,7 +181,7 @@ def test_after_a_restart_everything_is_asked_for_anew(story, autopilot):
         for request in commands(story.run(0.1), SET_MESSAGE_INTERVAL):
             assert request.target_system == 1
             story.hear(autopilot.acknowledge(SET_MESSAGE_INTERVAL, 0))
-    story.hear(autopilot.heartbeat(autopilot=ARDUPILOT))
+    story.hear(autopilot.heartbeat(autopilot=ARDUPILOT, custom_mode=4))
     story.hear(autopilot.attitude(500.0))
     assert story.session.telemetry.attitude is not None
     story.now_s += 1.2
@@ -267,11 +297,9 @@ def test_a_real_autopilot_is_found_followed_and_seen_to_restart(recording, name,
 
 
 @pytest.mark.recordings
-def test_px4s_two_answers_to_offboard_are_both_told(recording):
+def test_px4s_answers_to_a_mode_that_others_asked_for_are_not_ours(recording):
     _, events = replayed(recording("px4/a1_boot_offboard_takeoff.companion.tlog"))
-    results = [event.result for event in events if isinstance(event, CommandAnswered)]
-    assert 1 in results
-    assert results[results.index(1) - 1] == 0
+    assert not [event for event in events if isinstance(event, CommandAnswered)]
 
 
 @pytest.mark.recordings

@@ -210,7 +210,10 @@ def test_an_autopilot_of_unknown_kind_is_asked_for_no_mode(story, autopilot):
 
 def test_answers_to_a_mode_request_are_events_broadcast_or_not(story, autopilot, ground_station):
     story.meet(autopilot)
+    story.hear(autopilot.acknowledge(DO_SET_MODE, 4, target=(0, 0)))  # somebody else's
+    story.session.request_own_mode()
     story.hear(autopilot.acknowledge(DO_SET_MODE, 0))
+    story.hear(autopilot.acknowledge(DO_SET_MODE, 5))  # in progress
     story.hear(autopilot.acknowledge(DO_SET_MODE, 1, target=(0, 0)))
     story.hear(autopilot.acknowledge(DO_SET_MODE, 4, target=(255, 190)))
     story.hear(ground_station.acknowledge(DO_SET_MODE, 4))

@@ -41,3 +41,19 @@ def test_the_same_text_is_not_sent_again_within_10_seconds():
 
 def test_what_is_not_ascii_becomes_a_question_mark():
     assert told(StatusTexts(), "45° left") == [(0, 0, "45? left")]
+
+
+def test_news_is_told_again_once_something_else_was_said_or_a_second_has_passed():
+    texts = StatusTexts()
+    told = [
+        bool(texts.messages(Severity.NOTICE, text, now_s, news=True))
+        for now_s, text in [
+            (0.0, "MOAR flying"),
+            (0.5, "MOAR flying"),
+            (0.6, "MOAR holding"),
+            (0.7, "MOAR flying"),
+            (0.8, "MOAR flying"),
+            (1.7, "MOAR flying"),
+        ]
+    ]
+    assert told == [True, False, True, True, False, True]

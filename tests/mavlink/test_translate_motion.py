@@ -29,6 +29,54 @@ def test_a_position_that_is_not_finite_is_dropped(field, value):
     assert after is before
 
 
+def covariance(x_m2, y_m2, z_m2=4.0):
+    """As PX4 fills it: variances on the diagonal, the rest unknown."""
+    triangle = [NAN] * 21
+    triangle[0], triangle[6], triangle[11] = x_m2, y_m2, z_m2
+    return triangle
+
+
+def test_odometry_tells_of_resets_and_of_how_well_the_position_is_known():
+    odometry = updated(
+        "ODOMETRY", frame_id=1, reset_counter=255, pose_covariance=covariance(0.09, 0.16)
+    ).odometry
+    assert odometry.reset_counter == 255
+    assert odometry.horizontal_accuracy_m == pytest.approx(0.5)
+    assert odometry.vertical_accuracy_m == pytest.approx(2.0)
+    assert odometry.received_s == 10.0
+
+
+@pytest.mark.parametrize(("x_m2", "y_m2"), [(NAN, 0.1), (0.1, NAN), (0.0, 0.0), (-1.0, 0.5)])
+def test_an_odometry_without_a_variance_still_tells_of_resets(x_m2, y_m2):
+    odometry = updated(
+        "ODOMETRY", frame_id=1, reset_counter=3, pose_covariance=covariance(x_m2, y_m2)
+    ).odometry
+    assert (odometry.reset_counter, odometry.horizontal_accuracy_m) == (3, None)
+    assert odometry.vertical_accuracy_m == 2.0
+
+
+@pytest.mark.parametrize("z_m2", [NAN, 0.0, -1.0])
+def test_an_odometry_that_does_not_know_its_height_knows_its_place(z_m2):
+    odometry = updated(
+        "ODOMETRY", frame_id=1, pose_covariance=covariance(0.09, 0.16, z_m2)
+    ).odometry
+    assert odometry.horizontal_accuracy_m == pytest.approx(0.5)
+    assert odometry.vertical_accuracy_m is None
+
+
+@pytest.mark.parametrize(
+    ("case", "fields"),
+    [
+        ("the odometry has failed", {"frame_id": 1, "quality": -1}),
+        ("the pose is in the body's frame", {"frame_id": 12}),
+    ],
+)
+def test_an_odometry_of_nothing_local_is_unknown(case, fields):
+    known = updated("ODOMETRY", frame_id=20, reset_counter=3)
+    assert known.odometry is not None
+    assert updated("ODOMETRY", known, **fields).odometry is None, case
+
+
 def test_an_attitude_that_is_not_finite_is_dropped():
     assert updated("ATTITUDE", yaw=NAN).attitude is None
     assert updated("ATTITUDE", roll=0.5).attitude.roll_rad == 0.5
@@ -65,6 +113,15 @@ def test_the_landed_state_may_be_unknown():
 def test_px4s_wind_points_where_the_air_goes():
     wind = updated("WIND_COV", wind_x=-5.0, wind_y=1.0, wind_z=NAN).wind
     assert wind.velocity_ned_mps == (-5.0, 1.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("var_horiz", "deviation_mps"),
+    [(0.32, 0.4), (0.0, None), (NAN, None), (math.inf, None), (-1.0, None)],
+)
+def test_px4s_variance_is_the_sum_of_two(var_horiz, deviation_mps):
+    wind = updated("WIND_COV", wind_x=1.0, var_horiz=var_horiz).wind
+    assert wind.deviation_mps == pytest.approx(deviation_mps)
 
 
 def test_ardupilots_wind_comes_from_its_direction():

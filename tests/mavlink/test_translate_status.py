@@ -4,6 +4,9 @@ import math
 
 import pytest
 
+from moar_companion.mavlink.dialect import mavlink
+from moar_companion.mavlink.witness import Witness
+
 from .messages import updated
 
 
@@ -47,11 +50,31 @@ def test_cells_add_up_to_the_packs_voltage():
     assert told.voltage_v == pytest.approx(43.2)
 
 
+@pytest.mark.parametrize(
+    ("voltages", "beyond", "cells"),
+    [
+        ([4100, 4090, 4110, 4100] + [65535] * 6, [0] * 4, 4),
+        ([3600] * 10, [3600, 3600, 0, 0], 12),
+        ([14400] + [65535] * 9, [0] * 4, None),  # the whole pack
+        ([65534, 1200] + [65535] * 8, [0] * 4, None),  # a pack of 66.7 V
+        ([65535] * 10, [0] * 4, None),
+    ],
+)
+def test_cells_are_counted_where_each_is_told(voltages, beyond, cells):
+    assert battery(voltages=voltages, voltages_ext=beyond).cells == cells
+
+
 def test_a_second_battery_does_not_displace_the_first():
     first = updated("BATTERY_STATUS", id=0, voltages=[12000] + [65535] * 9)
     both = updated("BATTERY_STATUS", first, id=1, voltages=[11000] + [65535] * 9)
     assert {number: b.voltage_v for number, b in both.batteries.items()} == {0: 12.0, 1: 11.0}
     assert list(first.batteries) == [0]
+
+
+@pytest.mark.parametrize(("function", "flown_with"), [(0, 1), (1, 1), (2, 1), (3, 0), (4, 0)])
+def test_batteries_of_avionics_and_payload_fly_nothing(function, flown_with):
+    told = updated("BATTERY_STATUS", battery_function=function, battery_remaining=40)
+    assert len(told.batteries) == flown_with
 
 
 def sys_status(telemetry=None, now_s=10.0, **fields):
@@ -74,10 +97,21 @@ def test_sys_status_speaks_for_a_battery_that_does_not_speak():
 
 def test_sys_status_is_silent_while_battery_status_is_heard():
     telemetry = updated("BATTERY_STATUS", voltages=[14400] + [65535] * 9, battery_remaining=72)
-    assert sys_status(telemetry, now_s=14.9) is telemetry
+    assert sys_status(telemetry, now_s=14.9).batteries == telemetry.batteries
     assert sys_status(telemetry, now_s=15.1).batteries[0].summary
     telemetry = updated("BATTERY_STATUS", sys_status(), voltages=[14400] + [65535] * 9)
     assert not telemetry.batteries[0].summary
+
+
+def test_what_battery_status_called_critical_is_so_until_it_says_otherwise():
+    told = {"voltages": [14400] + [65535] * 9, "battery_remaining": 72}
+    critical = updated("BATTERY_STATUS", charge_state=3, **told)
+    for now_s in (15.1, 15.3, 60.0):
+        critical = sys_status(critical, now_s=now_s)
+        assert critical.batteries[0].summary
+        assert critical.batteries[0].charge_state == 3
+    well = updated("BATTERY_STATUS", critical, charge_state=1, **told)
+    assert well.batteries[0].charge_state == 1
 
 
 def test_an_aircraft_without_a_battery_monitor_has_no_battery():
@@ -86,18 +120,19 @@ def test_an_aircraft_without_a_battery_monitor_has_no_battery():
     assert sys_status(voltage_battery=65535).batteries[0].voltage_v is None
 
 
+GNSS = {
+    "time_usec": 5_000_000,
+    "fix_type": 3,
+    "satellites_visible": 10,
+    "eph": 70,
+    "epv": 110,
+    "h_acc": 900,
+    "v_acc": 1780,
+}
+
+
 def gnss(**fields):
-    fields = {
-        "time_usec": 5_000_000,
-        "fix_type": 3,
-        "satellites_visible": 10,
-        "eph": 70,
-        "epv": 110,
-        "h_acc": 900,
-        "v_acc": 1780,
-        **fields,
-    }
-    return updated("GPS_RAW_INT", **fields).gnss
+    return updated("GPS_RAW_INT", **{**GNSS, **fields}).gnss
 
 
 def test_a_receiver_tells_dilution_and_accuracy():
@@ -128,6 +163,51 @@ def test_what_a_receiver_does_not_know_is_none(fields, name):
     assert getattr(gnss(**fields), name) is None
 
 
+def heard(autopilot):
+    """Telemetry after a heartbeat of this autopilot."""
+    return updated("HEARTBEAT", type=mavlink.MAV_TYPE_QUADROTOR, autopilot=autopilot)
+
+
+PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+
+
+def test_a_second_receiver_is_read_as_the_first():
+    both = updated("GPS2_RAW", updated("GPS_RAW_INT", **GNSS), **{**GNSS, "satellites_visible": 7})
+    assert (both.gnss.satellites, both.second_gnss.satellites) == (10, 7)
+    alone = updated("GPS2_RAW", **GNSS)
+    assert alone.gnss is None
+    assert alone.second_gnss == gnss()
+
+
+def test_px4_navigates_by_the_better_receiver_and_ardupilot_as_its_parameter_says():
+    assert updated("GPS2_RAW", heard(PX4), **GNSS).better_gnss_taken
+    assert not updated("GPS2_RAW", heard(ARDUPILOT), **GNSS).better_gnss_taken
+
+
+@pytest.mark.parametrize(
+    ("value", "better"),
+    [
+        pytest.param(0.0, False, id="primary"),
+        pytest.param(1.0, True, id="best"),
+        pytest.param(2.0, True, id="blend"),
+        pytest.param(4.0, False, id="primary while it has a fix"),
+        pytest.param(math.nan, False, id="not a number"),
+    ],
+)
+def test_ardupilots_choice_of_receivers(value, better):
+    told = updated("PARAM_VALUE", param_id=b"GPS_AUTO_SWITCH", param_value=value)
+    assert told.better_gnss_taken is better
+    assert updated("GPS2_RAW", told, **GNSS).better_gnss_taken is better
+
+
+def test_ardupilots_primary_receiver():
+    second = updated("PARAM_VALUE", param_id=b"GPS_PRIMARY", param_value=1.0)
+    assert second.second_gnss_first
+    again = updated("PARAM_VALUE", second, param_id=b"GPS_PRIMARY", param_value=0.0)
+    assert not again.second_gnss_first
+    assert updated("PARAM_VALUE", second, param_id=b"GPS_TYPE", param_value=0.0) is second
+
+
 @pytest.mark.parametrize(
     ("name", "flags", "good"),
     [
@@ -150,12 +230,106 @@ def test_the_estimators_flags_tell_whether_there_is_a_position(name, flags, good
 
 
 def test_only_px4_knows_its_accuracy_in_metres():
-    told = updated("ESTIMATOR_STATUS", pos_horiz_accuracy=0.5).estimator
-    assert told.horizontal_accuracy_m == 0.5
-    told = updated("ESTIMATOR_STATUS", pos_horiz_accuracy=math.nan).estimator
-    assert told.horizontal_accuracy_m is None
-    told = updated("EKF_STATUS_REPORT", pos_horiz_variance=0.5).estimator
-    assert told.horizontal_accuracy_m is None
+    told = updated("ESTIMATOR_STATUS", pos_horiz_accuracy=0.5, pos_vert_accuracy=0.25).estimator
+    assert (told.horizontal_accuracy_m, told.vertical_accuracy_m) == (0.5, 0.25)
+    unknown = {"pos_horiz_accuracy": math.nan, "pos_vert_accuracy": math.nan}
+    told = updated("ESTIMATOR_STATUS", **unknown).estimator
+    assert (told.horizontal_accuracy_m, told.vertical_accuracy_m) == (None, None)
+    told = updated("EKF_STATUS_REPORT", pos_horiz_variance=0.5, pos_vert_variance=0.5).estimator
+    assert (told.horizontal_accuracy_m, told.vertical_accuracy_m) == (None, None)
+
+
+INNOVATIONS = {
+    "ESTIMATOR_STATUS": ("vel_ratio", "pos_horiz_ratio", "pos_vert_ratio", "mag_ratio"),
+    "EKF_STATUS_REPORT": (
+        "velocity_variance",
+        "pos_horiz_variance",
+        "pos_vert_variance",
+        "compass_variance",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", INNOVATIONS)
+def test_the_estimator_tells_how_far_measurements_are_from_what_was_expected(name):
+    given = dict(zip(INNOVATIONS[name], (0.1, 0.2, 0.3, 0.4), strict=True))
+    told = updated(name, **given).estimator
+    assert (
+        told.velocity_innovation,
+        told.position_innovation,
+        told.height_innovation,
+        told.compass_innovation,
+    ) == (0.1, 0.2, 0.3, 0.4)
+
+
+@pytest.mark.parametrize("nothing", [0.0, math.nan, math.inf, -1.0])
+@pytest.mark.parametrize("name", INNOVATIONS)
+def test_what_the_estimator_does_not_use_has_no_innovation(name, nothing):
+    told = updated(name, **dict.fromkeys(INNOVATIONS[name], nothing)).estimator
+    assert told.velocity_innovation is None
+    assert told.position_innovation is None
+    assert told.height_innovation is None
+    assert told.compass_innovation is None
+
+
+def test_the_magnetic_field_has_a_strength():
+    field = {"xmag": 0.3, "ymag": 0.0, "zmag": -0.4, "fields_updated": 0x1C0}
+    assert updated("HIGHRES_IMU", **field).magnetic_field.strength_gauss == pytest.approx(0.5)
+    told = updated("RAW_IMU", xmag=300, ymag=0, zmag=-400)
+    assert told.magnetic_field.strength_gauss == pytest.approx(0.5)
+
+
+@pytest.mark.parametrize(
+    "field",
+    [
+        pytest.param({"fields_updated": 0x03F}, id="repeated"),
+        pytest.param({"xmag": 0.0}, id="nothing measured"),
+        pytest.param({"xmag": math.nan}, id="not a number"),
+        pytest.param({"xmag": math.inf}, id="infinite"),
+    ],
+)
+def test_what_is_no_magnetic_field_is_left_out(field):
+    field = {"xmag": 0.5, "fields_updated": 0x1FF, **field}
+    assert updated("HIGHRES_IMU", **field).magnetic_field is None
+
+
+def test_px4_tells_what_arrives_at_its_end_of_the_link():
+    node = updated("LINK_NODE_STATUS", messages_received=900, messages_lost=3).link_node
+    assert (node.packets_received, node.packets_lost) == (900, 3)
+
+
+def test_a_radio_that_never_heard_its_peer_knows_nothing_of_it():
+    never = updated("RADIO_STATUS", rssi=60, noise=50)
+    assert (never.radio.remote_rssi, never.radio.remote_noise) == (None, None)
+    lost = updated("RADIO_STATUS", updated("RADIO_STATUS", never, rssi=90, remrssi=80, remnoise=40))
+    assert (lost.radio.remote_rssi, lost.radio.remote_noise) == (0, 0)
+
+
+RC = 0x10000
+
+
+@pytest.mark.parametrize(
+    ("bits", "ok"),
+    [
+        pytest.param([(0, RC, 0)], None, id="PX4 without a transmitter"),
+        pytest.param([(0, 0, RC)], None, id="PX4 as it starts"),
+        pytest.param([(RC, RC, 0)], None, id="ArduPilot as it starts"),
+        pytest.param([(RC, RC, RC)], True, id="received"),
+        pytest.param([(RC, RC, RC), (0, RC, 0)], False, id="lost, as PX4 says it"),
+        pytest.param([(RC, RC, RC), (RC, RC, 0)], False, id="lost, as ArduPilot says it"),
+        pytest.param([(RC, RC, RC), (RC, RC, 0), (RC, RC, RC)], True, id="received again"),
+    ],
+)
+def test_whether_the_transmitter_is_received_is_known_once_it_was(bits, ok):
+    telemetry = None
+    for present, enabled, health in bits:
+        telemetry = sys_status(
+            telemetry,
+            onboard_control_sensors_present=present,
+            onboard_control_sensors_enabled=enabled,
+            onboard_control_sensors_health=health,
+        )
+    assert telemetry.readiness.remote_control_ok is ok
 
 
 def test_a_radio_tells_what_it_knows():
@@ -167,20 +341,91 @@ def test_a_radio_tells_what_it_knows():
     assert updated("RADIO_STATUS", txbuf=255).radio.transmit_buffer_percent is None
 
 
-def test_the_pilots_signal_is_a_fraction():
-    assert updated("RC_CHANNELS", rssi=127).remote_control.rssi == pytest.approx(0.5)
-    assert updated("RC_CHANNELS", rssi=255).remote_control.rssi is None
-    assert updated("RC_CHANNELS", rssi=0).remote_control.rssi == 0.0
+def test_the_radio_message_of_old_is_radio_status():
+    fields = {"rssi": 200, "remrssi": 190, "noise": 50, "remnoise": 60, "txbuf": 90}
+    assert updated("RADIO", **fields) == updated("RADIO_STATUS", **fields)
 
 
-def test_outputs_without_a_motor_are_left_out():
-    motors = updated(
-        "SERVO_OUTPUT_RAW",
-        servo1_raw=1500,
-        servo2_raw=1400,
-        servo3_raw=900,
-        servo4_raw=65535,
-        servo16_raw=1600,
-    ).motors
-    assert motors.pulse_us == (1500, 1400, 1600)
-    assert updated("SERVO_OUTPUT_RAW", port=1, servo1_raw=1500).motors is None
+@pytest.mark.parametrize(
+    ("autopilot", "rssi", "fraction"),
+    [
+        (mavlink.MAV_AUTOPILOT_PX4, 100, 1.0),  # full reception, as recorded
+        (mavlink.MAV_AUTOPILOT_PX4, 50, 0.5),
+        (mavlink.MAV_AUTOPILOT_PX4, 200, 1.0),
+        (mavlink.MAV_AUTOPILOT_PX4, 255, None),
+        (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 204, 0.8),
+        (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 51, 0.2),
+        (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 255, None),
+        (mavlink.MAV_AUTOPILOT_GENERIC, 127, 0.5),
+        (mavlink.MAV_AUTOPILOT_GENERIC, 255, None),
+    ],
+)
+def test_the_pilots_signal_is_a_fraction_of_the_autopilots_own_scale(autopilot, rssi, fraction):
+    assert updated("RC_CHANNELS", heard(autopilot), rssi=rssi).remote_control.rssi == fraction
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize(
+    ("name", "best"),
+    [("px4/f1_radio_rc.companion.tlog", 1.0), ("ardupilot/f1_rssi.companion.tlog", 1.0)],
+)
+def test_full_reception_as_recorded_is_full(recording, name, best):
+    witness = Witness()
+    signals = set()
+    for time_s, packet in recording(name):
+        witness.hear(packet, time_s)
+        remote = witness.telemetry.remote_control
+        signals.add(None if remote is None else remote.rssi)
+    assert max(signals - {None}) == best
+
+
+def test_no_signal_is_known_only_where_there_was_one():
+    never = updated("RC_CHANNELS", rssi=0)
+    assert never.remote_control.rssi is None
+    assert updated("RC_CHANNELS", never, rssi=0).remote_control.rssi is None
+    lost = updated("RC_CHANNELS", updated("RC_CHANNELS", rssi=127), rssi=0)
+    assert lost.remote_control.rssi == 0.0
+    assert updated("RC_CHANNELS", lost, rssi=0).remote_control.rssi == 0.0
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "signal"), [(ARDUPILOT, 1.0), (PX4, None), (mavlink.MAV_AUTOPILOT_GENERIC, None)]
+)
+def test_of_ardupilot_255_is_full_signal_after_another_one(autopilot, signal):
+    told = heard(autopilot)
+    for rssi in (255, 80, 40, 255):
+        told = updated("RC_CHANNELS", told, rssi=rssi)
+    assert told.remote_control.rssi == signal
+
+
+@pytest.mark.parametrize(
+    ("flight_sw_version", "shown"),
+    [
+        (17891583, "1.17.0"),  # PX4 v1.17.0, as recorded
+        (67503103, "4.6.3"),  # ArduCopter 4.6.3, as recorded
+        (0x01120080, "1.18.0-beta"),
+        (0x011000C0, "1.16.0-rc"),
+        (0x04070040, "4.7.0-alpha"),
+        (0x04070000, "4.7.0-dev"),
+    ],
+)
+def test_the_firmware_says_its_version_and_kind_of_release(flight_sw_version, shown):
+    firmware = updated("AUTOPILOT_VERSION", flight_sw_version=flight_sw_version).firmware
+    assert str(firmware) == shown
+
+
+def test_a_version_of_0_is_unknown():
+    assert updated("AUTOPILOT_VERSION", flight_sw_version=0).firmware is None
+
+
+def test_the_autopilot_says_whether_it_would_arm_and_what_is_unhealthy():
+    prearm, gps, gyro = 1 << 28, 1 << 5, 1
+    fit = sys_status(
+        onboard_control_sensors_enabled=gps | gyro,
+        onboard_control_sensors_health=prearm | gps | gyro,
+    ).readiness
+    assert (fit.ready, fit.unhealthy) == (True, ())
+    unfit = sys_status(
+        onboard_control_sensors_enabled=gps | gyro, onboard_control_sensors_health=gyro
+    ).readiness
+    assert (unfit.ready, unfit.unhealthy) == (False, ("gps",))

@@ -66,7 +66,7 @@ def test_the_forms_of_the_contract_and_of_mavsdk_are_understood(url, address):
         ("tcp::5760", "names no host"),
         ("udpout://:14550", "names no host"),
         ("serial:/dev/ttyACM0", "has no baud rate"),
-        ("serial:/dev/ttyACM0:0", "has no baud rate"),
+        ("serial:/dev/ttyACM0:0", "has the baud rate 0, which is not in"),
         ("serial::57600", "names no device"),
     ],
 )

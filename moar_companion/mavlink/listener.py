@@ -1,0 +1,120 @@
+"""The autopilot's telemetry out of everybody's messages: who it is, what it says. No I/O.
+
+The session listens so on its own links, a witness on a recording of somebody's.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ..config import LinkRole
+from ..types import LinkStatistics, Telemetry
+from . import translate
+from .codec import SourceStatistics
+from .dialect import Message, mavlink
+from .identity import (
+    Autopilot,
+    AutopilotConflict,
+    AutopilotFound,
+    AutopilotRestarted,
+    BootClock,
+    Identity,
+)
+from .translate_status import RADIO_IDS
+
+MESSAGE_IDS = translate.MESSAGE_IDS | {
+    int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME),
+    int(mavlink.MAVLINK_MSG_ID_TIMESYNC),
+}
+"""The messages that tell a listener something."""
+
+_HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModeLeft:
+    """The autopilot has left the mode in which it follows our setpoints. mode: the new one."""
+
+    mode: str
+
+
+Shown = AutopilotFound | AutopilotRestarted | AutopilotConflict | ModeLeft
+"""What a message shows of the autopilot."""
+
+
+class Listener:
+    """Latches the autopilot, and keeps the last word of it, of radios and of ground stations."""
+
+    def __init__(self) -> None:
+        self.identity = Identity()
+        self.telemetry = Telemetry()
+        self._boot_clock = BootClock()
+        self._packet_s = 0.0
+
+    @property
+    def autopilot(self) -> Autopilot | None:
+        """The autopilot that was heard first."""
+        return self.identity.autopilot
+
+    def is_autopilots(self, message: Message, link: str) -> bool:
+        """Whether the autopilot says this, on the link on which it is ours."""
+        autopilot = self.identity.autopilot
+        source = (message.get_srcSystem(), message.get_srcComponent())
+        return (
+            autopilot is not None
+            and link == autopilot.link
+            and source == (autopilot.system_id, autopilot.component_id)
+        )
+
+    def hear(self, message: Message, *, link: str, role: LinkRole, now_s: float) -> Shown | None:
+        """Takes a message of anyone on a link with this role; what it shows of the autopilot."""
+        event: Shown | None = None
+        message_id = message.get_msgId()
+        if message_id == _HEARTBEAT:
+            if translate.is_ground_station(message):
+                self.telemetry = translate.update(self.telemetry, message, now_s)
+            elif role is LinkRole.AUTOPILOT:
+                event = self.identity.hear(message, link=link, now_s=now_s)
+                if isinstance(event, AutopilotFound):
+                    self._boot_clock.reset()
+                    self._forget()
+        if self.is_autopilots(message, link):
+            self._packet_s = now_s
+            boot_s = translate.boot_time_s(message)
+            autopilot = self.identity.autopilot
+            if boot_s is not None and self._boot_clock.hear(boot_s) and autopilot is not None:
+                event = AutopilotRestarted(autopilot=autopilot)
+            elif isinstance(event, AutopilotRestarted):
+                self._boot_clock.reset()
+            if isinstance(event, AutopilotRestarted):
+                self._forget()
+            before = self.telemetry.autopilot
+            self.telemetry = translate.update(self.telemetry, message, now_s)
+            after = self.telemetry.autopilot
+            if event is None and before and before.ours and after and not after.ours:
+                event = ModeLeft(mode=after.mode)
+        elif message_id in RADIO_IDS:
+            # A telemetry radio speaks for itself, as system 51, component 68.
+            self.telemetry = translate.update(self.telemetry, message, now_s)
+        return event
+
+    def count_packets(self, counted: SourceStatistics, round_trip_s: float | None = None) -> None:
+        """Takes how many of the autopilot's packets came and were lost on its link, how late."""
+        statistics = LinkStatistics(
+            received_s=self._packet_s,
+            packets_received=counted.received,
+            packets_lost=counted.lost,
+            answers=counted.answers,
+            round_trip_s=round_trip_s,
+        )
+        self.telemetry = replace(self.telemetry, link=statistics)
+
+    def _forget(self) -> None:
+        """Nothing the autopilot, or another before it, said holds any more; modes come at 1 Hz."""
+        before = self.telemetry
+        self.telemetry = Telemetry(
+            autopilot=before.autopilot,
+            radio=before.radio,
+            ground_station=before.ground_station,
+            link=before.link,
+        )

@@ -1,0 +1,97 @@
+"""What the motors are told, and how fast they turn: messages to `Telemetry`. Pure.
+
+Part of `translate`, which names the sources.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import replace
+
+from ..types import AutopilotKind, MotorOutputs, MotorSpeeds, Telemetry
+from .dialect import ESC_STATUS_ID, Message, mavlink
+from .parameters import parameter_value
+
+_IDLE_PULSE_US = 900
+"""PX4 gives outputs without a function, and all while disarmed, 900 µs; ArduPilot gives 0."""
+_MOST_MOTORS = 32
+_UNKNOWN_U16 = 65535
+_MIN_PARAMETERS = {AutopilotKind.PX4: "PWM_MAIN_MIN1", AutopilotKind.ARDUPILOT: "MOT_PWM_MIN"}
+_MAX_PARAMETERS = {AutopilotKind.PX4: "PWM_MAIN_MAX1", AutopilotKind.ARDUPILOT: "MOT_PWM_MAX"}
+MOTOR_PARAMETERS: Mapping[AutopilotKind, tuple[str, ...]] = {
+    kind: (name, _MAX_PARAMETERS[kind]) for kind, name in _MIN_PARAMETERS.items()
+}
+"""The range of the outputs; all motors of a vehicle have the same."""
+
+
+def motor_parameter(telemetry: Telemetry, message: Message) -> Telemetry:
+    """The telemetry with what a PARAM_VALUE says of the range of the outputs."""
+    kind = AutopilotKind.UNKNOWN if telemetry.autopilot is None else telemetry.autopilot.kind
+    if message.param_id == _MIN_PARAMETERS.get(kind):
+        return replace(telemetry, motor_min_us=_pulse_us(message, kind))
+    if message.param_id == _MAX_PARAMETERS.get(kind):
+        return replace(telemetry, motor_max_us=_pulse_us(message, kind))
+    return telemetry
+
+
+def _pulse_us(message: Message, kind: AutopilotKind) -> float | None:
+    """A pulse width; ArduPilot's 0 is "as the transmitter's throttle"."""
+    value = parameter_value(message, kind)
+    return value if value is not None and value > 0.0 else None
+
+
+def _servo_output_raw(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    if message.port != 0:
+        return telemetry
+    pulses = (
+        message.servo1_raw,
+        message.servo2_raw,
+        message.servo3_raw,
+        message.servo4_raw,
+        message.servo5_raw,
+        message.servo6_raw,
+        message.servo7_raw,
+        message.servo8_raw,
+        message.servo9_raw,
+        message.servo10_raw,
+        message.servo11_raw,
+        message.servo12_raw,
+        message.servo13_raw,
+        message.servo14_raw,
+        message.servo15_raw,
+        message.servo16_raw,
+    )
+    return motor_outputs(telemetry, (pulse for pulse in pulses if pulse != _UNKNOWN_U16), now_s)
+
+
+def _actuator_output_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    # `active` is a bit mask by its definition, a count in PX4: the outputs themselves tell.
+    return motor_outputs(telemetry, filter(math.isfinite, message.actuator), now_s)
+
+
+def motor_outputs(telemetry: Telemetry, pulses_us: Iterable[float], now_s: float) -> Telemetry:
+    """Motors come first in both autopilots' frames; gimbals and landing gears after them."""
+    count = None if telemetry.autopilot is None else telemetry.autopilot.motors
+    in_use = tuple(pulse for pulse in pulses_us if pulse > 0 and pulse != _IDLE_PULSE_US)[:count]
+    before = None if telemetry.motors is None else telemetry.motors.least_us
+    told = in_use if before is None else (before, *in_use)
+    motors = MotorOutputs(received_s=now_s, pulse_us=in_use, least_us=min(told, default=None))
+    return replace(telemetry, motors=motors)
+
+
+def _esc_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    first, told = message.index, tuple(abs(rpm) for rpm in message.rpm)
+    if first % len(told) or first >= _MOST_MOTORS:
+        return telemetry
+    known = () if telemetry.motor_speeds is None else telemetry.motor_speeds.rpm
+    before = (*known[:first], *[0] * (first - len(known)))
+    speeds = MotorSpeeds(received_s=now_s, rpm=(*before, *told, *known[first + len(told) :]))
+    return replace(telemetry, motor_speeds=speeds)
+
+
+TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {
+    mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW: _servo_output_raw,
+    mavlink.MAVLINK_MSG_ID_ACTUATOR_OUTPUT_STATUS: _actuator_output_status,
+    ESC_STATUS_ID: _esc_status,
+}

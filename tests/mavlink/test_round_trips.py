@@ -1,0 +1,90 @@
+"""How late the autopilot's words are, by its answers to TIMESYNC."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.mavlink.dialect import create
+from moar_companion.mavlink.round_trips import RoundTrips
+from moar_companion.mavlink.translate_outgoing import SystemStatus, heartbeat_message
+
+TICK_S = 0.05
+AUTOPILOT = (1, 1)
+
+
+def answer_to(stamp):
+    return create("TIMESYNC", tc1=5, ts1=stamp, target_system=1, target_component=195)
+
+
+def answered(trips, *late_s, from_s=100.0):
+    """Every question is answered, each so late."""
+    now_s, under_way = from_s, []
+    late = iter(late_s)
+    while True:
+        for due_s, answer in [item for item in under_way if item[0] <= now_s]:
+            trips.hear(answer, due_s)
+        under_way = [item for item in under_way if item[0] > now_s]
+        question = trips.next_request(AUTOPILOT, now_s)
+        if question is not None:
+            seconds = next(late, None)
+            if seconds is None:
+                for due_s, answer in under_way:
+                    trips.hear(answer, due_s)
+                return trips.least_s(now_s)
+            answer = answer_to(question.ts1)
+            under_way.append((now_s + seconds, answer))
+        now_s += TICK_S
+
+
+def test_nothing_is_known_before_two_answers():
+    assert answered(RoundTrips()) is None
+    assert answered(RoundTrips(), 0.02) is None
+
+
+@pytest.mark.parametrize(
+    ("late_s", "least_s"),
+    [
+        ((0.02, 0.03), 0.02),
+        ((0.02, 0.9), 0.02),  # one late answer
+        ((0.02, 0.9, 0.8), 0.8),
+        ((4.0, 4.0, 4.0), 4.0),
+        ((0.9, 0.8, 0.6), 0.6),
+    ],
+)
+def test_the_shorter_of_the_last_two_counts(late_s, least_s):
+    assert answered(RoundTrips(), *late_s) == pytest.approx(least_s)
+
+
+def test_answers_to_nobodys_question_and_questions_are_no_answers():
+    trips = RoundTrips()
+    question = trips.next_request(AUTOPILOT, 100.0)
+    assert (question.target_system, question.target_component) == AUTOPILOT
+    heartbeat = heartbeat_message(SystemStatus.ACTIVE, 0)
+    for message in (question, answer_to(question.ts1 + 1), heartbeat):
+        trips.hear(message, 100.1)
+    answer = answer_to(question.ts1)
+    for _ in range(3):  # nor a repeated one
+        trips.hear(answer, 100.1)
+    assert trips.least_s(100.1) is None
+
+
+def test_questions_are_asked_four_times_a_second():
+    trips = RoundTrips()
+    asked = [trips.next_request(AUTOPILOT, 100.0 + 0.02 * tick) for tick in range(500)]
+    assert 36 <= sum(message is not None for message in asked) <= 41
+
+
+def test_answers_that_cease_are_under_way_for_as_long_as_they_are_awaited():
+    trips = RoundTrips()
+    assert answered(trips, 0.02, 0.02, 0.02) == pytest.approx(0.02)
+    for tick in range(100):
+        trips.next_request(AUTOPILOT, 101.0 + TICK_S * tick)
+    assert trips.least_s(103.0) == pytest.approx(0.02)  # they may have been lost
+    assert trips.least_s(106.0) == pytest.approx(5.0, abs=0.3)
+
+
+def test_answers_that_nobody_ever_gave_are_not_awaited():
+    trips = RoundTrips()
+    for tick in range(200):
+        trips.next_request(AUTOPILOT, 100.0 + TICK_S * tick)
+    assert trips.least_s(110.0) is None
