@@ -1,84 +1,134 @@
-"""Battery risk BR (paper, Section IV-C (d)): what is left, and the way home.
+"""Battery risk BR (paper, Section IV-C (d)): what is left, against what is still to be flown.
 
 Inputs for each battery: the fraction left, the voltage of a cell, the autopilot's own warning, the
-flight time left on arrival at home. Each is judged by itself, so the worst battery decides.
+flight time left on arrival at home. Each is judged by itself, so the worst battery decides. Of all
+together: the flight time left after the mission, after an exit and after an evacuation, by what
+the aircraft was measured to take (`power`).
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
+from ..power import (
+    BATTERY_MAX_AGE_S,
+    Demands,
+    Meter,
+    PowerModel,
+    cell_v,
+    is_powered,
+    metered,
+    on_the_ground,
+)
 from ..types import Battery, Telemetry
 from ..vehicle import RiskModel
-from .inputs import InputReport, measured
+from .inputs import InputReport, heard, heard_at
 
-BATTERY_MAX_AGE_S = 15.0
-"""BATTERY_STATUS comes at 0.5 Hz, on a slow link once in 12 s. In 15 s a multirotor spends about a
-hundredth of its charge."""
 POSITION_MAX_AGE_S = 0.5
 """LOCAL_POSITION_NED comes at 10 Hz or more: 5 periods."""
-_FLIGHT_VOLTAGE_MIN_V = 5.0
-"""Below, the autopilot is fed by USB and claims a full battery; two empty cells have 6 V."""
-_STATE_OK = 1
-_STATE_LOW = 2
-_STATE_UNHEALTHY = 6
-"""MAV_BATTERY_CHARGE_STATE: 3 critical, 4 emergency, 5 failed; 0 and 7 (charging) say nothing."""
+_STATE_OK, _STATE_LOW = 1, 2
+WARNINGS = {2: "low", 3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
+"""MAV_BATTERY_CHARGE_STATE; 1 is well, 0 and 7 (charging) say nothing."""
 _LOW_RISK = 0.8
 """Low asks for the way home, not yet for haste at any price: Eq. 9 leaves nothing of the safety
 weight at a risk of 1."""
+_S_PER_H = 3600.0
+_TITLE = "battery "
+
+
+def remember(meter: Meter, telemetry: Telemetry, now_s: float, power: PowerModel) -> Meter:
+    """What is measured of the batteries, up to this telemetry."""
+    return metered(meter, telemetry, now_s, power)
 
 
 def inputs(
-    telemetry: Telemetry, now_s: float, model: RiskModel, cruise_mps: float
+    telemetry: Telemetry,
+    now_s: float,
+    model: RiskModel,
+    meter: Meter,
+    power: PowerModel,
+    cruise_mps: float,
+    demands: Demands | None,
 ) -> tuple[InputReport, ...]:
-    """The normalised inputs of the battery risk; cruise_mps: speed of the way home."""
+    """The normalised inputs of the battery risk; `meter` includes this telemetry.
+
+    cruise_mps: speed of the way home. demands: None where nothing is planned.
+    """
     home_s = _time_home_s(telemetry, now_s, cruise_mps)
-    return tuple(
+    each = tuple(
         report
         for number, battery in sorted(telemetry.batteries.items())
-        for report in _battery(number, battery, now_s, model, home_s)
+        for report in _battery(number, battery, now_s, model, meter, power, home_s)
     )
+    needs = Demands() if demands is None else demands
+    told = heard_at(meter.heard_s, now_s, BATTERY_MAX_AGE_S)
+    return each + tuple(
+        told.says(
+            f"flight time left after {name}",
+            meter.left_after_s(power, need_wh),
+            "s",
+            model.home_margin_s.fraction,
+            applies=demands is not None and flown,
+        )
+        for name, need_wh, flown in (
+            ("mission", needs.finish_wh, needs.flown),
+            ("exit", needs.exit_wh, True),
+            ("evacuation", needs.evacuation_wh, True),
+        )
+    )
+
+
+def still_there(
+    last_known: Mapping[str, InputReport], telemetry: Telemetry
+) -> Mapping[str, InputReport]:
+    """What was last known, without the batteries that were taken out on the ground."""
+    if not on_the_ground(telemetry):
+        return last_known
+    titles = tuple(f"{_TITLE}{number} " for number in telemetry.batteries)
+    return {
+        name: report
+        for name, report in last_known.items()
+        if name.startswith(titles) or not name.startswith(_TITLE)
+    }
 
 
 def _battery(
-    number: int, battery: Battery, now_s: float, model: RiskModel, home_s: float | None
+    number: int,
+    battery: Battery,
+    now_s: float,
+    model: RiskModel,
+    meter: Meter,
+    power: PowerModel,
+    home_s: float | None,
 ) -> tuple[InputReport, ...]:
-    voltage_v = battery.voltage_v
-    powered = voltage_v is None or voltage_v >= _FLIGHT_VOLTAGE_MIN_V
+    powered = is_powered(battery)
     remaining = battery.remaining if powered else None
-    cell_v = None
-    if voltage_v is not None and powered and model.cells is not None:
-        cell_v = voltage_v / model.cells
+    volts = cell_v(battery, power, meter.mean_current_a.get(number))
     margin_s = None
     if remaining is not None and home_s is not None:
-        margin_s = remaining * model.endurance_s - home_s
+        flight_s = remaining * power.capacity_wh / (meter.factor * power.hover_w) * _S_PER_H
+        margin_s = flight_s - home_s * power.cruise_w / power.hover_w
     state = battery.charge_state if powered else None
-    if state == _STATE_OK and remaining is None and cell_v is None:
+    only_ok = state == _STATE_OK and remaining is None and volts is None
+    if only_ok or state not in (_STATE_OK, *WARNINGS):
         state = None  # "not low" alone does not say how much is left
-    readings = (
-        ("remaining", remaining, "", model.battery_remaining.fraction),
-        ("cell voltage", cell_v, "V", model.cell_voltage_v.fraction),
-        ("charge state", _warning(state), "", float),
-        ("left at home", margin_s, "s", model.home_margin_s.fraction),
-    )
-    return tuple(
-        measured(
-            f"battery {number} {name}",
-            value,
-            unit,
-            received_s=battery.received_s,
-            now_s=now_s,
-            max_age_s=BATTERY_MAX_AGE_S,
-            risk=risk,
-        )
-        for name, value, unit, risk in readings
+    told = heard(battery, now_s, BATTERY_MAX_AGE_S)
+    title = f"{_TITLE}{number}"
+    return (
+        told.says(
+            f"{title} remaining", remaining, "of its charge", model.battery_remaining.fraction
+        ),
+        told.says(f"{title} cell voltage", volts, "V", model.cell_voltage_v.fraction),
+        told.says(
+            f"{title} charge state", state, "", _warning, remark=WARNINGS.get(state or 0, "ok")
+        ),
+        told.says(f"{title} flight time left at home", margin_s, "s", model.home_margin_s.fraction),
     )
 
 
-def _warning(state: int | None) -> float | None:
-    """The risk of the autopilot's word on the battery; None where it says nothing."""
-    if state is None or not _STATE_OK <= state <= _STATE_UNHEALTHY:
-        return None
+def _warning(state: float) -> float:
+    """The risk of the autopilot's word on the battery."""
     if state == _STATE_OK:
         return 0.0
     return _LOW_RISK if state == _STATE_LOW else 1.0

@@ -3,7 +3,7 @@
 `update` is a pure step. Each index is the worst of its inputs, followed fast upwards and slowly
 downwards. Missing is unknown, never 0, and never lowers a risk:
 
-- an input keeps the last risk it was known to have; only its own fresh measurement lowers it;
+- an input keeps the last word by which its risk was known, until its next fresh measurement;
 - an index without any fresh input stays at its last value or rises to `RiskModel.unknown`.
 """
 
@@ -12,9 +12,11 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from operator import attrgetter
 
+from ..power import Demands, Meter, PowerModel
 from ..types import RiskIndices, Telemetry
-from ..vehicle import RiskModel
+from ..vehicle import Power, RiskModel
 from . import battery, communication, localization, wind
 from .communication import CommunicationMemory
 from .inputs import InputReport
@@ -28,23 +30,30 @@ FALL_S = 5.0
 """Time constant downwards: longer than the lulls between gusts and the gaps of a fading radio, so
 that plans do not alternate with them."""
 
+_RISK_OF = attrgetter("risk")
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class IndexReport:
     """An index as measured now: value is the worst risk of its known inputs, None without any.
 
+    target: what the index moves to. cause: the input that decides this; None where no input does.
+    held: whether that is the last risk of a cause that is unknown now.
     ever_known: whether any of its inputs was known since the start.
     """
 
     value: float | None = None
     inputs: tuple[InputReport, ...] = ()
+    target: float = 0.0
+    cause: str | None = None
+    held: bool = False
     ever_known: bool = False
 
     @property
     def worst(self) -> str | None:
         """The name of the input that decides the value; None where none is known."""
         known = [report for report in self.inputs if report.risk is not None]
-        return max(known, key=lambda report: report.risk or 0.0).name if known else None
+        return max(known, key=_RISK_OF).name if known else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,11 +73,13 @@ class RiskEstimate:
     indices: RiskIndices
     report: RiskReport = field(default_factory=RiskReport)
     updated_s: float | None = None
-    last_risks: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
-    """By index and input: the last known risk; never changed in place."""
+    last_known: Mapping[str, Mapping[str, InputReport]] = field(default_factory=dict)
+    """By index and input: its last word by which a risk was known; never changed in place."""
     wind: WindMemory = field(default_factory=WindMemory)
     communication: CommunicationMemory = field(default_factory=CommunicationMemory)
     localization: LocalizationMemory = field(default_factory=LocalizationMemory)
+    meter: Meter = field(default_factory=Meter)
+    """Of the batteries."""
 
     @classmethod
     def unknown(cls, model: RiskModel) -> RiskEstimate:
@@ -90,70 +101,88 @@ def update(
     *,
     model: RiskModel,
     cruise_mps: float,
+    tracking_error_m: float | None = None,
+    power: PowerModel | None = None,
+    demands: Demands | None = None,
 ) -> RiskEstimate:
     """The estimate after a look at the telemetry at `now_s`; made to be called at about 10 Hz.
 
-    cruise_mps: the speed at which the aircraft would fly home, positive.
+    cruise_mps: the speed at which the aircraft would fly home, positive. power: None for that of
+    a vehicle file without one. demands: what is to be flown; None where nothing is planned.
     """
-    memory_wind = wind.remember(estimate.wind, telemetry)
-    memory_communication = communication.remember(estimate.communication, telemetry)
-    memory_localization = localization.remember(estimate.localization, telemetry)
+    if power is None:
+        power = PowerModel.made(Power(), model, cruise_mps, cruise_mps, cruise_mps)
+    meter = battery.remember(estimate.meter, telemetry, now_s, power)
+    memory_wind = wind.remember(estimate.wind, telemetry, model)
+    memory_communication = communication.remember(estimate.communication, telemetry, model)
+    memory_localization = localization.remember(estimate.localization, telemetry, model)
     inputs = {
-        "wind": wind.inputs(telemetry, now_s, model, memory_wind),
+        "wind": wind.inputs(telemetry, now_s, model, memory_wind, tracking_error_m),
         "communication": communication.inputs(telemetry, now_s, model, memory_communication),
         "localization": localization.inputs(telemetry, now_s, model, memory_localization),
-        "battery": battery.inputs(telemetry, now_s, model, cruise_mps),
+        "battery": battery.inputs(telemetry, now_s, model, meter, power, cruise_mps, demands),
     }
-    last_risks = {
-        name: _last_risks(estimate.last_risks.get(name, {}), reports)
+    told_before = {name: estimate.last_known.get(name, {}) for name in inputs}
+    told_before["battery"] = battery.still_there(told_before["battery"], telemetry)
+    last_known = {name: _last_known(told_before[name], reports) for name, reports in inputs.items()}
+    before = estimate.indices.as_dict()
+    report = {
+        name: _report(reports, last_known[name], before[name], model.unknown)
         for name, reports in inputs.items()
     }
-    report = {name: _report(reports, last_risks[name]) for name, reports in inputs.items()}
     elapsed_s = 0.0 if estimate.updated_s is None else max(0.0, now_s - estimate.updated_s)
-    before = estimate.indices.as_dict()
-    after = {
-        name: _follow(before[name], index, last_risks[name], elapsed_s, model.unknown)
-        for name, index in report.items()
-    }
+    after = {name: _follow(before[name], index, elapsed_s) for name, index in report.items()}
     return RiskEstimate(
         indices=RiskIndices(**after),
         report=RiskReport(**report),
         updated_s=now_s,
-        last_risks=last_risks,
+        last_known=last_known,
         wind=memory_wind,
         communication=memory_communication,
         localization=memory_localization,
+        meter=meter,
     )
 
 
-def _last_risks(
-    before: Mapping[str, float], reports: tuple[InputReport, ...]
-) -> Mapping[str, float]:
-    """The last known risk of every input that was ever known."""
-    return {
-        **before,
-        **{report.name: report.risk for report in reports if report.risk is not None},
-    }
+def _last_known(
+    before: Mapping[str, InputReport], reports: tuple[InputReport, ...]
+) -> Mapping[str, InputReport]:
+    """The last known report of every input that was ever known, and still applies."""
+    after = {**before}
+    for report in reports:
+        if report.risk is not None:
+            after[report.name] = report
+        elif not report.applies:
+            after.pop(report.name, None)
+    return after
 
 
-def _report(reports: tuple[InputReport, ...], last_risks: Mapping[str, float]) -> IndexReport:
-    return IndexReport(
-        value=max((report.risk for report in reports if report.risk is not None), default=None),
-        inputs=reports,
-        ever_known=bool(last_risks),
-    )
-
-
-def _follow(
+def _report(
+    reports: tuple[InputReport, ...],
+    last_known: Mapping[str, InputReport],
     index: float,
-    report: IndexReport,
-    last_risks: Mapping[str, float],
-    elapsed_s: float,
     unknown: float,
-) -> float:
-    """The index after `elapsed_s`: first order towards the worst last risk of its inputs."""
-    worst = max(last_risks.values(), default=unknown)
+) -> IndexReport:
+    """What an index that stands at `index` is made of, and where it goes from there."""
+    risks = [report.risk for report in reports if report.risk is not None]
+    cause = max(last_known.values(), key=_RISK_OF, default=None)
+    target = unknown if cause is None else cause.risk or 0.0
+    least = 0.0 if risks else max(index, unknown)
+    decides = cause is not None and target >= least
+    return IndexReport(
+        value=max(risks, default=None),
+        inputs=reports,
+        target=max(target, least),
+        cause=cause.name if cause is not None and decides else None,
+        held=decides and cause not in reports,
+        ever_known=cause is not None,
+    )
+
+
+def _follow(index: float, report: IndexReport, elapsed_s: float) -> float:
+    """The index after `elapsed_s`: first order towards its target; there at once in the dark."""
+    target = report.target
     if report.value is None:
-        worst = index = max(index, unknown, worst)
-    time_constant_s = RISE_S if worst > index else FALL_S
-    return index + (worst - index) * -math.expm1(-elapsed_s / time_constant_s)
+        return target
+    time_constant_s = RISE_S if target > index else FALL_S
+    return index + (target - index) * -math.expm1(-elapsed_s / time_constant_s)

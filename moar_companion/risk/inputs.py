@@ -8,14 +8,21 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+YES_OR_NO = "yes or no"
+"""The unit of what is so (1) or is not (0)."""
+_OF = "of "
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InputReport:
+class InputReport(NamedTuple):
     """An input as last heard: what it said, how long ago, and the risk that follows.
 
     age_s: None where the source was never heard. risk: in [0, 1], None where it is unknown now.
+    applies: whether it could say anything now. What does not apply (the tracking error of an
+    aircraft that others fly) is not missing: its last risk is forgotten, and nothing is held.
+    unit: `YES_OR_NO` and `of ...`, of a fraction, among them. remark: what the value is worth, or
+    means. A named tuple, for some hundreds are made a second.
     """
 
     name: str
@@ -23,47 +30,83 @@ class InputReport:
     unit: str
     age_s: float | None
     risk: float | None
+    applies: bool = True
+    remark: str = ""
+
+    @property
+    def known(self) -> bool:
+        """Whether it counts now."""
+        return self.risk is not None
+
+    @property
+    def reading(self) -> str:
+        """The value for a person: angles in degrees, fractions in percent, counts as they are."""
+        value, unit = self.value, self.unit
+        if value is None:
+            return "unknown"
+        if unit == "":
+            return f"{value:.0f}" if float(value).is_integer() else f"{value:.2f}"
+        if unit.startswith(_OF):
+            return f"{value:.0%}"
+        if unit == "rad":
+            return f"{math.degrees(value):.1f}°"
+        if unit == YES_OR_NO:
+            return "yes" if value else "no"
+        return f"{value:.{2 if unit == 'V' else 1}f} {unit}"
+
+    @property
+    def phrase(self) -> str:
+        """What was said, in words: `motor output 93% of its range`; the name where nothing was."""
+        if self.value is None:
+            return self.name
+        if self.unit == YES_OR_NO:
+            return f"{self.name}: {self.reading}"
+        whole = f" {self.unit}" if self.unit.startswith(_OF) else ""
+        remark = f" ({self.remark})" if self.remark else ""
+        return f"{self.name} {self.reading}{whole}{remark}"
 
 
-def measured(
-    name: str,
-    value: float | None,
-    unit: str,
-    *,
-    received_s: float | None,
-    now_s: float,
-    max_age_s: float,
-    risk: Callable[[float], float],
-) -> InputReport:
-    """The report of a value received at `received_s`; its risk counts up to `max_age_s` later.
+class Source(NamedTuple):
+    """When a source was last heard. age_s: None where it never was. fresh: whether that counts."""
 
-    `received_s` is None where the source was never heard; a value that is not finite is None.
-    """
-    if value is not None and not math.isfinite(value):
-        value = None
-    age_s = None if received_s is None else max(0.0, now_s - received_s)
-    fresh = age_s is not None and age_s <= max_age_s
-    return InputReport(
-        name=name,
-        value=value,
-        unit=unit,
-        age_s=age_s,
-        risk=risk(value) if fresh and value is not None else None,
-    )
+    age_s: float | None
+    fresh: bool
+
+    def says(
+        self,
+        name: str,
+        value: float | None,
+        unit: str,
+        risk: Callable[[float], float],
+        *,
+        applies: bool = True,
+        remark: str = "",
+    ) -> InputReport:
+        """The report of a value that it told; one that is not finite is None."""
+        if value is not None and not math.isfinite(value):
+            value = None
+        counts = risk(value) if self.fresh and value is not None else None
+        return InputReport(name, value, unit, self.age_s, counts, applies, remark)
+
+
+class _Sample(Protocol):
+    @property
+    def received_s(self) -> float: ...
+
+
+def heard(sample: _Sample | None, now_s: float, max_age_s: float) -> Source:
+    """The source of a sample; what it says counts for `max_age_s`."""
+    return heard_at(None if sample is None else sample.received_s, now_s, max_age_s)
+
+
+def heard_at(received_s: float | None, now_s: float, max_age_s: float) -> Source:
+    """The source that was last heard then; None: never."""
+    if received_s is None:
+        return Source(None, fresh=False)
+    age_s = max(0.0, now_s - received_s)
+    return Source(age_s, age_s <= max_age_s)
 
 
 def certain(bad: float) -> float:
     """The risk of a yes-or-no input: 1 where something is wrong (`bad` not 0), else 0."""
     return 0.0 if bad == 0.0 else 1.0
-
-
-def at_least_unknown_alone(
-    risk: Callable[[float], float], others: tuple[InputReport, ...], unknown: float
-) -> Callable[[float], float]:
-    """The risk of an input that can tell trouble, but not by itself that all is well.
-
-    At least `unknown` as long as none of the `others` is known.
-    """
-    if any(other.risk is not None for other in others):
-        return risk
-    return lambda value: max(unknown, risk(value))

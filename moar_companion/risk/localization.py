@@ -1,121 +1,226 @@
 """Localization risk LR (paper, Section IV-C (c)): satellites and their dilution of precision.
 
-Inputs: the receiver's fix, satellites, HDOP and accuracy, the estimator's accuracy and its own
-word on its horizontal position, and whether the receiver's clock still runs: autopilots go on
-repeating a dead receiver's last good values for seconds.
+Inputs: the receivers' fix, satellites, dilution and accuracy, and whether their clocks still run;
+the estimator's accuracy, its innovations, its resets, and its own word on its horizontal position;
+the strength of the magnetic field, which changes near conductors and steel. The strength is the
+same however the aircraft is turned, so that its change needs no attitude of the same instant; a
+field that only turns is seen in the compass's innovation, which is how far the heading is from the
+field's. Reckoned here, from field and attitude, it would be that again, later and coarser: the
+heading follows the compass, so that where the estimator takes a false field in, both turn alike,
+and nothing but the strength shows it.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from dataclasses import dataclass, field, replace
 
-from ..types import Telemetry
+from ..types import LandedState, MagneticField, Odometry, Telemetry
 from ..vehicle import RiskModel
-from .inputs import InputReport, certain, measured
+from .inputs import YES_OR_NO, InputReport, certain, heard
+from .receivers import Memories, ReceiverMemory, positive, receiver_inputs
 
-GNSS_MAX_AGE_S = 3.0
-"""GPS_RAW_INT comes at 5 to 8 Hz, at 1 Hz while PX4's receiver is silent: 3 periods."""
-ESTIMATOR_MAX_AGE_S = 3.0
-"""ESTIMATOR_STATUS comes at 1 Hz (PX4), EKF_STATUS_REPORT at 5 Hz: 3 periods."""
-FROZEN_S = 1.5
-"""A receiver measures at least once a second; ArduPilot repeats a dead one for 4 s."""
-_FIX_3D = 3
-"""GPS_FIX_TYPE_3D_FIX; better fixes have greater numbers."""
+_ESTIMATOR_MAX_AGE_S = 3.0
+"""ESTIMATOR_STATUS comes at 1 Hz (PX4), EKF_STATUS_REPORT and ODOMETRY at 5 Hz: 3 periods."""
+ESTIMATOR_ACCURACY = "estimator accuracy"
+ESTIMATOR_HEIGHT_ACCURACY = "estimator height accuracy"
+ODOMETRY_ACCURACY = "odometry accuracy"
+ODOMETRY_HEIGHT_ACCURACY = "odometry height accuracy"
+_RESETS_S = 10.0
+"""A reset is still news for so long: as long as the supervisor remembers a jump."""
+_CLOCK_BACK_S = 1.0
+"""Messages overtake one another by less."""
+_FIELD_MAX_AGE_S = 3.0
+"""HIGHRES_IMU comes at 50 Hz (PX4), RAW_IMU is asked for at 2 Hz; a slow link brings less."""
+_FIELD_MIN_GAUSS = 0.01
+"""Less is no magnetometer's word: where the earth's field is weakest it has 0.2 gauss."""
+_FIELD_MEAN_S = 300.0
+"""Time constant of the mean: an approach to a line takes less, an inspection little more."""
+_FIELD_KNOWN_S = 5.0
+"""A mean over less is no mean."""
+_FIELD_SETTLED_S = 30.0
+"""Until then it still has the steel about the pad in it, and follows."""
+_FIELD_CHANGED = 0.2
+"""How much of the time counts for which a change lasts that is a risk. Little, so that a line's
+field does not become usual; some, as the one before may have been that of steel under a hover."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FieldMean:
+    """The magnetic field's mean strength since `since_s`, or over the last minutes.
+
+    It begins anew with each take-off and landing. In the air a change that is a risk becomes usual
+    slowly: of the time that it lasts a fifth counts. grounded: whether it is the ground's.
+    """
+
+    since_s: float
+    heard_s: float
+    mean_gauss: float
+    grounded: bool = False
+
+    def read(self, heard: MagneticField, model: RiskModel) -> FieldMean:
+        """The mean with another measurement."""
+        elapsed_s = heard.received_s - self.heard_s
+        if elapsed_s <= 0.0:
+            return self
+        settled = not self.grounded and self.heard_s - self.since_s >= _FIELD_SETTLED_S
+        change = abs(heard.strength_gauss / self.mean_gauss - 1.0)
+        if settled and model.magnetic_change.fraction(change) > 0.0:
+            elapsed_s *= _FIELD_CHANGED
+        known_s = self.heard_s - self.since_s + elapsed_s
+        share = elapsed_s / min(known_s, _FIELD_MEAN_S + elapsed_s)
+        mean_gauss = (1.0 - share) * self.mean_gauss + share * heard.strength_gauss
+        since_s = heard.received_s - known_s
+        return replace(self, since_s=since_s, heard_s=heard.received_s, mean_gauss=mean_gauss)
+
+    def change(self, heard: MagneticField) -> float | None:
+        """By what fraction of the mean a measurement differs from it; None: too early."""
+        if self.heard_s - self.since_s < _FIELD_KNOWN_S:
+            return None
+        return abs(heard.strength_gauss / self.mean_gauss - 1.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Resets:
+    """When the estimator's counter was seen to change, over the last seconds."""
+
+    counter: int
+    changed_s: tuple[float, ...] = ()
+
+    def read(self, heard: Odometry) -> Resets:
+        """What is remembered after another word; several at once count as one."""
+        if heard.reset_counter == self.counter:
+            return self
+        changed_s = (*self.changed_s, heard.received_s)
+        return Resets(counter=heard.reset_counter, changed_s=_recent(changed_s, heard.received_s))
+
+    def count(self, heard: Odometry) -> int:
+        """How many there were until this word."""
+        return len(_recent(self.changed_s, heard.received_s))
+
+
+def _recent(times_s: tuple[float, ...], now_s: float) -> tuple[float, ...]:
+    return tuple(time_s for time_s in times_s if now_s - time_s < _RESETS_S)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalizationMemory:
-    """The receiver's clock, and when it was first received with that reading."""
+    """What is remembered of the receivers, of the estimator's resets and of the magnetic field."""
 
-    receiver_s: float | None = None
-    since_s: float = 0.0
+    receivers: Memories = field(default=(ReceiverMemory(), ReceiverMemory()))
+    resets: Resets | None = None
+    boot_s: float = -math.inf
+    """The autopilot's own clock."""
+    field_mean: FieldMean | None = None
 
 
-def remember(memory: LocalizationMemory, telemetry: Telemetry) -> LocalizationMemory:
-    """The memory with the latest reading of the receiver's clock."""
-    gnss = telemetry.gnss
-    if gnss is None or gnss.receiver_s == memory.receiver_s:
-        return memory
-    return LocalizationMemory(receiver_s=gnss.receiver_s, since_s=gnss.received_s)
+def remember(
+    memory: LocalizationMemory, telemetry: Telemetry, model: RiskModel
+) -> LocalizationMemory:
+    """The memory with the latest of what was heard."""
+    first, second = memory.receivers
+    position, boot_s = telemetry.local_position, memory.boot_s
+    if position is not None and math.isfinite(position.boot_s):
+        boot_s = position.boot_s
+    restarted = boot_s < memory.boot_s - _CLOCK_BACK_S  # then the counter begins anew
+    return LocalizationMemory(
+        receivers=(first.read(telemetry.gnss), second.read(telemetry.second_gnss)),
+        resets=_resets(None if restarted else memory.resets, telemetry.odometry),
+        boot_s=boot_s,
+        field_mean=_field_mean(memory.field_mean, telemetry, model),
+    )
+
+
+def _resets(before: Resets | None, heard: Odometry | None) -> Resets | None:
+    if heard is None:  # that takes back nothing that was counted
+        return before
+    return Resets(counter=heard.reset_counter) if before is None else before.read(heard)
+
+
+def _field_mean(
+    before: FieldMean | None, telemetry: Telemetry, model: RiskModel
+) -> FieldMean | None:
+    heard, landed = telemetry.magnetic_field, telemetry.landed
+    if heard is None or not _FIELD_MIN_GAUSS < heard.strength_gauss < math.inf:
+        return before
+    grounded = before is not None and before.grounded
+    if landed is not None:
+        grounded = landed.state is LandedState.ON_GROUND
+    if before is not None and before.grounded is grounded:
+        return before.read(heard, model)
+    return FieldMean(
+        since_s=heard.received_s,
+        heard_s=heard.received_s,
+        mean_gauss=heard.strength_gauss,
+        grounded=grounded,
+    )
 
 
 def inputs(
     telemetry: Telemetry, now_s: float, model: RiskModel, memory: LocalizationMemory
 ) -> tuple[InputReport, ...]:
     """The normalised inputs of the localization risk; `memory` includes this telemetry."""
-    gnss, estimator = telemetry.gnss, telemetry.estimator
-    gnss_s = None if gnss is None else gnss.received_s
-    estimator_s = None if estimator is None else estimator.received_s
-    frozen_s = None
-    if gnss is not None and gnss.receiver_s is not None:
-        frozen_s = gnss.received_s - memory.since_s
-    return (
-        measured(
-            "fix type",
-            None if gnss is None else gnss.fix_type,
-            "",
-            received_s=gnss_s,
-            now_s=now_s,
-            max_age_s=GNSS_MAX_AGE_S,
-            risk=lambda fix_type: certain(fix_type < _FIX_3D),
-        ),
-        measured(
-            "satellites",
-            None if gnss is None else gnss.satellites,
-            "",
-            received_s=gnss_s,
-            now_s=now_s,
-            max_age_s=GNSS_MAX_AGE_S,
-            risk=model.satellites.fraction,
-        ),
-        measured(
-            "hdop",
-            None if gnss is None else _positive(gnss.hdop),
-            "",
-            received_s=gnss_s,
-            now_s=now_s,
-            max_age_s=GNSS_MAX_AGE_S,
-            risk=model.hdop.fraction,
-        ),
-        measured(
-            "receiver accuracy",
-            None if gnss is None else _positive(gnss.horizontal_accuracy_m),
+    estimator, odometry, resets = telemetry.estimator, telemetry.odometry, memory.resets
+    magnetic, mean = telemetry.magnetic_field, memory.field_mean
+    estimated = heard(estimator, now_s, _ESTIMATOR_MAX_AGE_S)
+    tracked = heard(odometry, now_s, _ESTIMATOR_MAX_AGE_S)
+    position = (
+        *receiver_inputs(telemetry, memory.receivers, now_s, model),
+        estimated.says(
+            ESTIMATOR_ACCURACY,
+            None if estimator is None else positive(estimator.horizontal_accuracy_m),
             "m",
-            received_s=gnss_s,
-            now_s=now_s,
-            max_age_s=GNSS_MAX_AGE_S,
-            risk=model.horizontal_accuracy_m.fraction,
+            model.horizontal_accuracy_m.fraction,
         ),
-        measured(
-            "receiver clock stopped",
-            frozen_s,
-            "s",
-            received_s=gnss_s,
-            now_s=now_s,
-            max_age_s=GNSS_MAX_AGE_S,
-            risk=lambda stopped_s: certain(stopped_s > FROZEN_S),
-        ),
-        measured(
-            "estimator accuracy",
-            None if estimator is None else _positive(estimator.horizontal_accuracy_m),
-            "m",
-            received_s=estimator_s,
-            now_s=now_s,
-            max_age_s=ESTIMATOR_MAX_AGE_S,
-            risk=model.horizontal_accuracy_m.fraction,
-        ),
-        measured(
+        estimated.says(
             "estimator without position",
             None if estimator is None else float(not estimator.horizontal_position_ok),
-            "",
-            received_s=estimator_s,
-            now_s=now_s,
-            max_age_s=ESTIMATOR_MAX_AGE_S,
-            risk=certain,
+            YES_OR_NO,
+            certain,
+        ),
+        *(
+            estimated.says(
+                f"{source} innovation",
+                None if estimator is None else getattr(estimator, f"{source}_innovation"),
+                "of what is accepted",
+                model.innovation.fraction,
+            )
+            for source in ("velocity", "position", "height", "compass")
+        ),
+        tracked.says(
+            ODOMETRY_ACCURACY,
+            None if odometry is None else positive(odometry.horizontal_accuracy_m),
+            "m",
+            model.horizontal_accuracy_m.fraction,
         ),
     )
-
-
-def _positive(value: float | None) -> float | None:
-    """An accuracy or dilution; 0 is how receivers say that they do not know."""
-    return value if value is not None and value > 0.0 else None
+    # Neither a height, nor an estimator that is not reset, nor a steady field says that there is a
+    # position.
+    alone = not any(report.known for report in position)
+    return (
+        *position,
+        estimated.says(
+            ESTIMATOR_HEIGHT_ACCURACY,
+            None if alone or estimator is None else positive(estimator.vertical_accuracy_m),
+            "m",
+            model.vertical_accuracy_m.fraction,
+        ),
+        tracked.says(
+            ODOMETRY_HEIGHT_ACCURACY,
+            None if alone or odometry is None else positive(odometry.vertical_accuracy_m),
+            "m",
+            model.vertical_accuracy_m.fraction,
+        ),
+        tracked.says(
+            "position resets",
+            None if alone or odometry is None or resets is None else resets.count(odometry),
+            "",
+            model.position_resets.fraction,
+        ),
+        heard(magnetic, now_s, _FIELD_MAX_AGE_S).says(
+            "magnetic field change",
+            None if alone or magnetic is None or mean is None else mean.change(magnetic),
+            "of its mean",
+            model.magnetic_change.fraction,
+        ),
+    )

@@ -1,211 +1,241 @@
 """Wind risk WR (paper, Section IV-C (a)): wind speed and what is left to resist it.
 
-Inputs: the autopilot's own wind estimate, the wind that explains how a hovering multirotor leans,
-the lean itself against the tilt limit, the greatest motor output against its range.
+Inputs: the autopilot's own wind estimate; the wind that explains how a multirotor leans, and how
+much it changes; the lean that it asks of a hover, against the tilt limit; the greatest motor output
+against its range; how far the aircraft is from our setpoint.
 
 Many autopilots report no wind on a multirotor by default, or only after half a minute; the lean
-is always there. With linear drag, dv/dt = lean - c (v - w), so w = v - (lean - dv/dt) / c.
+is always there. `braking` measures what the air does, `drag` makes an airspeed of it: the wind is
+the velocity over ground minus the velocity through the air.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
-from ..types import LandedState, Telemetry
-from ..vehicle import RiskModel
-from .inputs import InputReport, at_least_unknown_alone, measured
+from ..types import Telemetry, Wind
+from ..vehicle import Range, RiskModel
+from .braking import (
+    ATTITUDE_MAX_AGE_S,
+    GRAVITY_MPS2,
+    AirSample,
+    braking,
+    extended,
+    tells_of_wind,
+)
+from .drag import Level, air_velocity_mps, deceleration_mps2
+from .inputs import InputReport, heard, heard_at
 
-GRAVITY_MPS2 = 9.80665
-
-WINDOW_S = 2.5
-"""Over which lean is averaged: longer than the swing of a position controller's correction
-(about 1 s), shorter than a lull between gusts."""
-WINDOW_MIN_S = 2.0
-"""What the window must span before its mean counts."""
-ATTITUDE_MAX_AGE_S = 0.5
-"""ATTITUDE and LOCAL_POSITION_NED come at 10 Hz or more, even on a slow link: 5 periods."""
+REPORTED = "wind reported"
+FROM_TILT = "wind from tilt"
+_USUAL_DRAG = "default drag, not measured"
+_ALONE = "alone it tells of no calm"
+GUST_S = 15.0
+"""Time constant of the running spread: 86 % of its weight is of the last 30 s."""
 WIND_MAX_AGE_S = 3.0
 """Wind comes at 5 to 10 Hz, on a slow link at 1 Hz: 3 periods."""
+_WIND_MAX_MPS = 100.0
+"""Nothing flies in more, and the spread would not forget it."""
+_DEVIATION_MAX_MPS = 3.0
+"""An estimate this uncertain cannot tell a calm from the wind at which the risk begins. PX4's has
+0.2 m/s when it has settled."""
 MOTORS_MAX_AGE_S = 1.0
 """SERVO_OUTPUT_RAW comes at 5 to 10 Hz: 5 periods."""
-_TILT_COSINE_MIN = 0.5
-"""60 deg: no multirotor holds its height beyond, and the tangent grows without bound."""
+_USUAL_PULSE_US = Range(low=1000.0, high=2000.0)
+"""Both autopilots' default."""
+_LEAST_PULSE_US = 800.0
+"""The least that PX4 allows for a motor (PWM_MAIN_MIN1); DShot idles at a twentieth of 1999."""
+_OUTPUT_MAX = 1.5
+"""Of the range: an output beyond it is told in another unit than the range (DroneCAN's 8191)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LeanSample:
-    """Attitude and velocity at one instant in the air."""
+class Spread:
+    """Mean and variance of a wind, the present weighing most; `span_s` since its beginning."""
 
-    attitude_s: float
-    velocity_s: float
-    tilt_rad: float
-    lean_ne_mps2: tuple[float, float]
-    """Horizontal acceleration by the thrust that also carries the weight, north and east."""
-    velocity_ne_mps: tuple[float, float] | None
-    """None where it was not known."""
+    time_s: float
+    mean_ne_mps: Level
+    variance_m2ps2: float = 0.0
+    span_s: float = 0.0
+
+    @property
+    def deviation_mps(self) -> float:
+        """Standard deviation of the wind's vector."""
+        return math.sqrt(self.variance_m2ps2)
+
+    def then(self, time_s: float, wind_ne_mps: Level) -> Spread:
+        """The spread with a later wind. The first seconds are a plain mean."""
+        elapsed_s = max(0.0, time_s - self.time_s)
+        span_s = self.span_s + elapsed_s
+        weight = min(1.0, elapsed_s / max(1e-9, min(GUST_S, span_s)))
+        north, east = (
+            wind - mean for wind, mean in zip(wind_ne_mps, self.mean_ne_mps, strict=True)
+        )
+        variance = self.variance_m2ps2 + weight * (north * north + east * east)
+        return Spread(
+            time_s=time_s,
+            mean_ne_mps=(
+                self.mean_ne_mps[0] + weight * north,
+                self.mean_ne_mps[1] + weight * east,
+            ),
+            variance_m2ps2=(1.0 - weight) * variance,
+            span_s=span_s,
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindMemory:
-    """The samples of the last `WINDOW_S` in the air, oldest first."""
+    """The last seconds in the air, oldest first, the wind that they tell of, and its spread.
 
-    samples: tuple[LeanSample, ...] = ()
-
-
-def _tells_of_wind(telemetry: Telemetry) -> bool:
-    """Whether lean and motor outputs say anything about wind.
-
-    During the landed state TAKEOFF the aircraft may still stand on its legs. Without any landed
-    state, armed has to do.
+    wind_ne_mps: towards which it blows; None where they do not tell.
     """
-    armed = telemetry.autopilot is not None and telemetry.autopilot.armed
-    landed = telemetry.landed
-    return armed and (landed is None or landed.state in {LandedState.IN_AIR, LandedState.LANDING})
+
+    samples: tuple[AirSample, ...] = ()
+    wind_ne_mps: Level | None = None
+    spread: Spread | None = None
 
 
-def remember(memory: WindMemory, telemetry: Telemetry) -> WindMemory:
-    """The memory with the latest attitude and velocity; empty on the ground.
-
-    The window ends at the latest attitude, so that without a new one nothing changes.
-    """
-    if not _tells_of_wind(telemetry):
-        return WindMemory()
-    latest = _sample(telemetry)
-    samples = memory.samples
-    if latest is None or (samples and latest.attitude_s <= samples[-1].attitude_s):
+def remember(memory: WindMemory, telemetry: Telemetry, model: RiskModel) -> WindMemory:
+    """The memory with the latest attitude and velocity; empty on the ground."""
+    samples = extended(memory.samples, telemetry)
+    if samples is memory.samples:
         return memory
-    begin_s = latest.attitude_s - WINDOW_S
-    return WindMemory(
-        samples=(*(sample for sample in samples if sample.attitude_s >= begin_s), latest)
-    )
+    air = braking(samples, model.drag_per_s)
+    if air is None:
+        return replace(memory, samples=samples, wind_ne_mps=None) if samples else WindMemory()
+    through = air_velocity_mps(air.deceleration_ne_mps2, model)
+    wind = (air.velocity_ne_mps[0] - through[0], air.velocity_ne_mps[1] - through[1])
+    speed_mps = math.hypot(*wind)
+    if not math.isfinite(speed_mps):
+        return replace(memory, samples=samples, wind_ne_mps=None)
+    if speed_mps > _WIND_MAX_MPS:
+        wind = (wind[0] / speed_mps * _WIND_MAX_MPS, wind[1] / speed_mps * _WIND_MAX_MPS)
+    spread = memory.spread
+    if spread is None:
+        spread = Spread(time_s=air.time_s, mean_ne_mps=wind)
+    return WindMemory(samples=samples, wind_ne_mps=wind, spread=spread.then(air.time_s, wind))
 
 
 def inputs(
-    telemetry: Telemetry, now_s: float, model: RiskModel, memory: WindMemory
+    telemetry: Telemetry,
+    now_s: float,
+    model: RiskModel,
+    memory: WindMemory,
+    tracking_error_m: float | None,
 ) -> tuple[InputReport, ...]:
-    """The normalised inputs of the wind risk; `memory` includes this telemetry."""
-    wind = telemetry.wind
-    reported = measured(
-        "wind reported",
-        None if wind is None else math.hypot(*wind.velocity_ned_mps[:2]),
-        "m/s",
-        received_s=None if wind is None else wind.received_s,
-        now_s=now_s,
-        max_age_s=WIND_MAX_AGE_S,
-        risk=model.wind_mps.fraction,
-    )
-    samples = memory.samples
-    whole = bool(samples) and samples[-1].attitude_s - samples[0].attitude_s >= WINDOW_MIN_S
-    estimate = wind_from_lean(samples, model.drag_per_s) if whole else None
-    heard_s = samples[-1].attitude_s if samples else None
-    from_lean = measured(
-        "wind from lean",
-        None if estimate is None else math.hypot(*estimate),
-        "m/s",
-        received_s=heard_s,
-        now_s=now_s,
-        max_age_s=ATTITUDE_MAX_AGE_S,
-        risk=model.wind_mps.fraction,
-    )
-    tilt = measured(
-        "tilt",
-        sum(sample.tilt_rad for sample in samples) / len(samples) if whole else None,
-        "rad",
-        received_s=heard_s,
-        now_s=now_s,
-        max_age_s=ATTITUDE_MAX_AGE_S,
-        risk=model.tilt_rad.fraction,
-    )
-    others = reported, from_lean, tilt
-    return *others, _motors(telemetry, now_s, model, others)
+    """The normalised inputs of the wind risk; `memory` includes this telemetry.
 
-
-def lean_acceleration_mps2(
-    roll_rad: float, pitch_rad: float, yaw_rad: float
-) -> tuple[float, float]:
-    """Acceleration north and east by a thrust whose vertical part is g.
-
-    The thrust points along -z of the body, R(yaw) R(pitch) R(roll) (0, 0, -1): nose down
-    accelerates forwards, right side down to the right.
+    tracking_error_m: from our setpoint to the aircraft, infinite where it is not known where that
+    is; None where others fly it.
     """
-    upright = max(_TILT_COSINE_MIN, math.cos(roll_rad) * math.cos(pitch_rad))
-    forward = -math.cos(roll_rad) * math.sin(pitch_rad)
-    right = math.sin(roll_rad)
-    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
-    scale = GRAVITY_MPS2 / upright
-    return scale * (forward * cosine - right * sine), scale * (forward * sine + right * cosine)
+    told, wind, spread = telemetry.wind, memory.wind_ne_mps, memory.spread
+    hover = None if wind is None else math.hypot(*deceleration_mps2(wind, model))
+    report = heard(told, now_s, WIND_MAX_AGE_S)
+    lean = heard_at(
+        memory.samples[-1].attitude_s if memory.samples else None, now_s, ATTITUDE_MAX_AGE_S
+    )
+    others = (
+        report.says(
+            REPORTED,
+            None if told is None else _reported_mps(told),
+            "m/s",
+            model.wind_mps.fraction,
+        ),
+        lean.says(
+            FROM_TILT,
+            None if wind is None else math.hypot(*wind),
+            "m/s",
+            model.wind_mps.fraction,
+            remark=_USUAL_DRAG if model.drag_is_usual else "",
+        ),
+        lean.says(
+            "gusts",
+            None if wind is None or spread is None else spread.deviation_mps,
+            "m/s",
+            model.gust_mps.fraction,
+        ),
+        lean.says(
+            "tilt in hover",
+            None if hover is None else math.atan(hover / GRAVITY_MPS2),
+            "rad",
+            model.tilt_rad.fraction,
+        ),
+    )
+    return *others, *_effort(telemetry, now_s, model, others, tracking_error_m)
 
 
-def wind_from_lean(
-    samples: tuple[LeanSample, ...], drag_per_s: float
-) -> tuple[float, float] | None:
-    """The wind (north, east, towards which it blows) by which the samples' lean is explained.
+def strongest(inputs: tuple[InputReport, ...]) -> InputReport | None:
+    """The wind speed in use, with its source for a name: the greater one of those known now."""
+    known = [item for item in inputs if item.name in {REPORTED, FROM_TILT} and item.known]
+    return max(known, key=lambda item: item.value or 0.0, default=None)
 
-    Means over the samples: w = v - (lean - dv/dt) / c. None where a velocity is missing, or where
-    velocity was received only once.
+
+def _reported_mps(wind: Wind) -> float | None:
+    """The speed of a wind that the autopilot is sure enough of."""
+    if wind.deviation_mps is not None and wind.deviation_mps > _DEVIATION_MAX_MPS:
+        return None
+    return math.hypot(*wind.velocity_ned_mps[:2])
+
+
+def _effort(
+    telemetry: Telemetry,
+    now_s: float,
+    model: RiskModel,
+    others: tuple[InputReport, ...],
+    tracking_error_m: float | None,
+) -> tuple[InputReport, ...]:
+    """What the wind asks of the motors and of our tracking; they alone never tell of calm.
+
+    Outputs hardly rise before the lean is at its limit. On the ground they say nothing.
     """
-    first, last = samples[0].velocity_ne_mps, samples[-1].velocity_ne_mps
-    span_s = samples[-1].velocity_s - samples[0].velocity_s
-    velocities = [s.velocity_ne_mps for s in samples if s.velocity_ne_mps is not None]
-    if first is None or last is None or len(velocities) < len(samples) or span_s <= 0.0:
-        return None
-    count = len(samples)
+    motors, speeds, flying = telemetry.motors, telemetry.motor_speeds, tells_of_wind(telemetry)
+    outputs = turning = None
+    pulses = _pulse_range(telemetry, model)
+    if flying and motors is not None and motors.pulse_us and pulses is not None:
+        outputs = pulses.share(max(motors.pulse_us))
+    if flying and speeds is not None and speeds.rpm and model.motor_rpm is not None:
+        turning = model.motor_rpm.share(max(speeds.rpm))
+    alone = not any(item.known for item in others)
+    least, remark = (model.unknown, _ALONE) if alone else (0.0, "")
 
-    def along(axis: int) -> float:
-        lean = sum(sample.lean_ne_mps2[axis] for sample in samples) / count
-        velocity = sum(velocity[axis] for velocity in velocities) / count
-        acceleration = (last[axis] - first[axis]) / span_s
-        return velocity - (lean - acceleration) / drag_per_s
+    def trouble(output: float) -> float:
+        return max(least, model.motor_fraction.fraction(output))
 
-    return along(0), along(1)
-
-
-def _sample(telemetry: Telemetry) -> LeanSample | None:
-    """The latest attitude with the velocity of the same time, if there is one."""
-    attitude, local = telemetry.attitude, telemetry.local_position
-    if attitude is None:
-        return None
-    angles = attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad
-    if not all(map(math.isfinite, angles)):
-        return None
-    velocity = None
-    velocity_s = attitude.received_s
-    if (
-        local is not None
-        and abs(local.received_s - attitude.received_s) <= ATTITUDE_MAX_AGE_S
-        and all(map(math.isfinite, local.velocity_ned_mps))
-    ):
-        velocity = local.velocity_ned_mps[:2]
-        velocity_s = local.received_s
-    upright = math.cos(attitude.roll_rad) * math.cos(attitude.pitch_rad)
-    return LeanSample(
-        attitude_s=attitude.received_s,
-        velocity_s=velocity_s,
-        tilt_rad=math.acos(max(-1.0, min(1.0, upright))),
-        lean_ne_mps2=lean_acceleration_mps2(*angles),
-        velocity_ne_mps=velocity,
+    ours = heard_at(None if tracking_error_m is None else now_s, now_s, 0.0)
+    return (
+        heard(motors, now_s, MOTORS_MAX_AGE_S).says(
+            "motor output",
+            outputs if outputs is None or outputs <= _OUTPUT_MAX else None,
+            "of its range",
+            trouble,
+            remark=remark,
+        ),
+        heard(speeds, now_s, MOTORS_MAX_AGE_S).says(
+            "motor speed", turning, "of its range", trouble, remark=remark
+        ),
+        ours.says(
+            "tracking error",
+            tracking_error_m,
+            "m",
+            lambda error_m: max(least, model.tracking_error_m.fraction(error_m)),
+            applies=tracking_error_m is not None,
+            remark=remark,
+        ),
     )
 
 
-def _motors(
-    telemetry: Telemetry, now_s: float, model: RiskModel, others: tuple[InputReport, ...]
-) -> InputReport:
-    """The greatest output in use, over its range; on the ground it says nothing.
+def _pulse_range(telemetry: Telemetry, model: RiskModel) -> Range | None:
+    """The outputs of no and full thrust: configured, else told by parameters, else as usual.
 
-    Outputs hardly rise before the lean is at its limit: low ones alone do not mean calm.
+    None where they are not configured and no pulse widths.
     """
+    if model.motor_pulse_us is not None:
+        return model.motor_pulse_us
     motors = telemetry.motors
-    greatest = None
-    if motors is not None and motors.pulse_us and _tells_of_wind(telemetry):
-        pulse = model.motor_pulse_us
-        greatest = (max(motors.pulse_us) - pulse.low) / (pulse.high - pulse.low)
-    return measured(
-        "motor output",
-        greatest,
-        "",
-        received_s=None if motors is None else motors.received_s,
-        now_s=now_s,
-        max_age_s=MOTORS_MAX_AGE_S,
-        risk=at_least_unknown_alone(model.motor_fraction.fraction, others, model.unknown),
-    )
+    if motors is not None and motors.least_us is not None and motors.least_us < _LEAST_PULSE_US:
+        return None
+    low, high = telemetry.motor_min_us, telemetry.motor_max_us
+    if low is None or high is None or low >= high:
+        return _USUAL_PULSE_US
+    return Range(low=low, high=high)

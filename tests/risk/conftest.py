@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from moar_companion.power import Demands, PowerModel
 from moar_companion.risk import IndexReport, InputReport, RiskEstimate, update
 from moar_companion.types import (
     Attitude,
@@ -43,6 +44,8 @@ HEALTHY: dict[str, Source] = {
         custom_mode=0,
         mode="OFFBOARD",
         ours=True,
+        homeward=False,
+        multirotor=True,
         failsafe=False,
     ),
     "landed": lambda t: Landed(received_s=t, state=LandedState.IN_AIR),
@@ -100,7 +103,10 @@ class Flight:
         self.model = model if model is not None else RiskModel()
         self.sources = dict(sources)
         self.telemetry = Telemetry()
+        self.tracking_error_m: float | None = None
         self.estimate = RiskEstimate.unknown(self.model)
+        self.power: PowerModel | None = None
+        self.demands: Demands | None = None
         self.now_s = 100.0
 
     @classmethod
@@ -113,7 +119,14 @@ class Flight:
             heard = {name: source(self.now_s) for name, source in self.sources.items()}
             self.telemetry = replace(self.telemetry, **heard)
             self.estimate = update(
-                self.estimate, self.telemetry, self.now_s, model=self.model, cruise_mps=5.0
+                self.estimate,
+                self.telemetry,
+                self.now_s,
+                model=self.model,
+                cruise_mps=5.0,
+                tracking_error_m=self.tracking_error_m,
+                power=self.power,
+                demands=self.demands,
             )
         return self.estimate
 

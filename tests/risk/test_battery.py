@@ -1,11 +1,21 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from moar_companion.types import Battery
-from moar_companion.vehicle import RiskModel
+from moar_companion.power import Demands, Meter, PowerModel
+from moar_companion.risk.battery import inputs, remember
+from moar_companion.types import Battery, LandedState, Telemetry
+from moar_companion.vehicle import Power, RiskModel
+
+properties = settings(deadline=None, max_examples=100, derandomize=True, database=None)
+MODEL = RiskModel(cells=4)
+POWER = PowerModel.made(Power(hover_w=300.0, capacity_wh=100.0), MODEL, 5.0, 2.0, 1.5)
+"""A full battery flies for 1,200 s."""
 
 
 def battery(now_s: float, **changes: object) -> Battery:
@@ -74,15 +84,24 @@ def test_the_worst_battery_decides_even_when_it_falls_silent(flight):
     assert flight.fly(60.0).indices.battery >= before
 
 
+def test_a_battery_that_was_taken_out_on_the_ground_is_no_risk_any_more(flight):
+    flight.sources["batteries"] = lambda t: {0: battery(t), 1: battery(t, remaining=0.3)}
+    flight.hear("landed", state=LandedState.ON_GROUND)
+    flight.fly(5.0)
+    flight.sources["batteries"] = lambda t: {0: battery(t)}
+    assert flight.fly(30.0).indices.battery < 0.01
+    assert not any(name.startswith("battery 1") for name in flight.estimate.last_known["battery"])
+
+
 def test_far_from_home(flight):
     # 60 % of 20 minutes is 720 s; 2700 m at 5 m/s take 540 s: 180 s are left on arrival.
     flight.hear("local_position", position_ned_m=(2700.0, 0.0, 0.0))
     flight.sources["batteries"] = lambda t: {0: battery(t, remaining=0.6)}
     flight.fly(5.0)
-    left = flight.input("battery", "battery 0 left at home")
+    left = flight.input("battery", "battery 0 flight time left at home")
     assert left.value == pytest.approx(180.0)
     assert left.risk == pytest.approx(0.5)
-    assert flight.estimate.report.battery.worst == "battery 0 left at home"
+    assert flight.estimate.report.battery.worst == "battery 0 flight time left at home"
 
 
 def test_too_far_from_home(flight):
@@ -94,7 +113,7 @@ def test_without_home_the_rest_is_judged(new_flight, healthy):
     del healthy["home"]
     flight = new_flight(**healthy)
     assert flight.fly(60.0).indices.battery < 0.01
-    assert flight.input("battery", "battery 0 left at home").risk is None
+    assert flight.input("battery", "battery 0 flight time left at home").risk is None
 
 
 def test_no_battery_monitor_stays_unknown(new_flight, healthy):
@@ -127,3 +146,113 @@ def test_a_battery_that_is_heard_every_twelve_seconds_is_known(flight):
         assert flight.estimate.report.battery.value == 0.0
         flight.sources["batteries"] = lambda t: {0: battery(t)}
         flight.fly(0.1)
+
+
+# Against what is still to be flown ------------------------------------------------------------
+
+
+def flown(new_flight, healthy, demands, remaining=0.9):
+    """A settled flight of a known battery, with something to fly."""
+    healthy["batteries"] = lambda t: {0: battery(t, remaining=remaining)}
+    flight = new_flight(model=MODEL, **healthy)
+    flight.power = POWER
+    flight.fly(30.0)
+    flight.demands = demands
+    flight.fly(0.1)
+    return flight
+
+
+@pytest.mark.parametrize("way", ["mission", "exit", "evacuation"])
+def test_what_is_left_after_a_way_is_judged(new_flight, healthy, way):
+    # In 30 s the file's 300 W have given way to the 240 W that 15 A at 16 V are.
+    need = {"mission": "finish_wh", "exit": "exit_wh", "evacuation": "evacuation_wh"}[way]
+    flight = flown(new_flight, healthy, Demands(flown=True, **{need: 70.0}))
+    left = flight.input("battery", f"flight time left after {way}")
+    flight_s = flight.estimate.meter.flight_s(POWER)
+    assert flight_s == pytest.approx(0.9 * 100.0 / 240.0 * 3600.0, rel=0.05)
+    assert left.value == pytest.approx(flight_s - 70.0 / 300.0 * 3600.0)
+    assert left.risk == MODEL.home_margin_s.fraction(left.value)
+    for other in {"mission", "exit", "evacuation"} - {way}:
+        assert flight.input("battery", f"flight time left after {other}").risk is None
+
+
+def test_a_percentage_that_looks_good_does_not_hide_a_long_way(new_flight, healthy):
+    flight = flown(new_flight, healthy, Demands(exit_wh=105.0, evacuation_wh=110.0))
+    flight.fly(3.0)
+    assert flight.estimate.indices.battery > 0.9
+    assert flight.input("battery", "battery 0 remaining").risk == 0.0
+    assert flight.estimate.report.battery.worst == "flight time left after exit"
+
+
+def test_a_drained_battery_shows_within_three_seconds(new_flight, healthy):
+    flight = flown(new_flight, healthy, Demands(flown=True, finish_wh=50.0, exit_wh=20.0))
+    before = flight.estimate.indices.as_dict()
+    assert before["battery"] < 0.1
+    # At 45 % half of the alarm; but what is to be flown takes nearly all of them.
+    flight.sources["batteries"] = lambda t: {0: battery(t, remaining=0.45)}
+    after = flight.fly(3.0).indices.as_dict()
+    assert after["battery"] > 0.9
+    assert [name for name in after if after[name] > before[name] + 0.1] == ["battery"]
+
+
+def test_a_mission_that_ends_is_forgotten_and_a_plan_that_is_missing_is_not(new_flight, healthy):
+    flight = flown(new_flight, healthy, Demands(flown=True, finish_wh=108.0, exit_wh=20.0))
+    assert flight.fly(5.0).indices.battery > 0.9
+    flight.demands = Demands(flown=True, exit_wh=20.0)
+    assert flight.fly(30.0).indices.battery > 0.9
+    flight.demands = Demands(exit_wh=20.0)
+    assert flight.fly(60.0).indices.battery < 0.05
+
+
+def test_what_is_left_is_not_known_while_nothing_is_heard_and_stays_a_risk(new_flight, healthy):
+    flight = flown(new_flight, healthy, Demands(exit_wh=90.0))
+    before = flight.fly(10.0).indices.battery
+    flight.silence("batteries")
+    assert flight.fly(60.0).indices.battery >= before
+    assert flight.input("battery", "flight time left after exit").risk is None
+
+
+def risk_of(remaining=0.8, voltage_v=15.6, current_a=15.0, state=1, needs=(10.0, 5.0, 5.0)):
+    """The worst known risk of one battery's first word; None where nothing is known."""
+    told = battery(1.0, remaining=remaining, voltage_v=voltage_v, current_a=current_a)
+    telemetry = Telemetry(batteries={0: replace(told, charge_state=state)})
+    meter = remember(Meter(), telemetry, 1.0, POWER)
+    finish_wh, exit_wh, evacuation_wh = needs
+    demands = Demands(flown=True, finish_wh=finish_wh, exit_wh=exit_wh, evacuation_wh=evacuation_wh)
+    reports = inputs(telemetry, 1.0, MODEL, meter, POWER, 5.0, demands)
+    risks = [report.risk for report in reports if report.risk is not None]
+    assert all(0.0 <= risk <= 1.0 for risk in risks)
+    return max(risks, default=None)
+
+
+maybe = st.one_of(st.none(), st.floats(allow_nan=True, allow_infinity=True))
+need = st.floats(min_value=0.0, max_value=200.0)
+
+
+@properties
+@given(st.floats(0.0, 1.0), st.floats(12.0, 17.0), st.tuples(need, need, need))
+def test_less_charge_less_voltage_and_more_to_fly_never_lower_the_risk(charge, volts, needs):
+    risk = risk_of(charge, volts, needs=needs)
+    assert risk_of(0.9 * charge, volts, needs=needs) >= risk
+    assert risk_of(charge, volts - 0.3, needs=needs) >= risk
+    for index in range(3):
+        more = tuple(n + 3.0 * (index == i) for i, n in enumerate(needs))
+        assert risk_of(charge, volts, needs=more) >= risk
+
+
+@properties
+@given(st.floats(0.0, 1.0), st.floats(12.0, 17.0), st.tuples(need, need, need))
+def test_a_little_noise_changes_the_risk_a_little(charge, volts, needs):
+    risk = risk_of(charge, volts, needs=needs)
+    assert abs(risk_of(min(1.0, charge + 1e-4), volts, needs=needs) - risk) < 0.01
+    assert abs(risk_of(charge, volts + 1e-3, needs=needs) - risk) < 0.01
+
+
+@properties
+@given(maybe, maybe, maybe, st.integers(0, 10), st.tuples(maybe, maybe, maybe))
+def test_nothing_that_is_no_number_becomes_a_risk(remaining, volts, current, state, needs):
+    finite = [
+        value if value is not None and math.isfinite(value) and abs(value) <= 1e6 else None
+        for value in (remaining, volts, current)
+    ]
+    risk_of(*finite, state, needs=needs)

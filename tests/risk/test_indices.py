@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from moar_companion import types
+from moar_companion.power import Demands
 from moar_companion.risk import RiskEstimate, update
 from moar_companion.vehicle import RiskModel
 
@@ -20,6 +21,17 @@ wild = st.floats(allow_nan=True, allow_infinity=True)
 maybe_wild = st.none() | wild
 vectors = st.tuples(wild, wild, wild)
 bytes_ = st.none() | st.integers(0, 254)
+receivers = st.builds(
+    types.Gnss,
+    received_s=received,
+    receiver_s=maybe_wild,
+    fix_type=st.integers(0, 8),
+    satellites=st.none() | st.integers(0, 60),
+    hdop=maybe_wild,
+    vdop=maybe_wild,
+    horizontal_accuracy_m=maybe_wild,
+    vertical_accuracy_m=maybe_wild,
+)
 wild_telemetry = st.builds(
     types.Telemetry,
     autopilot=st.none()
@@ -68,18 +80,10 @@ wild_telemetry = st.builds(
         ),
         max_size=3,
     ),
-    gnss=st.none()
-    | st.builds(
-        types.Gnss,
-        received_s=received,
-        receiver_s=maybe_wild,
-        fix_type=st.integers(0, 8),
-        satellites=st.none() | st.integers(0, 60),
-        hdop=maybe_wild,
-        vdop=maybe_wild,
-        horizontal_accuracy_m=maybe_wild,
-        vertical_accuracy_m=maybe_wild,
-    ),
+    gnss=st.none() | receivers,
+    second_gnss=st.none() | receivers,
+    second_gnss_first=st.booleans(),
+    better_gnss_taken=st.booleans(),
     estimator=st.none()
     | st.builds(
         types.Estimator,
@@ -87,6 +91,34 @@ wild_telemetry = st.builds(
         flags=st.just(0),
         horizontal_position_ok=st.booleans(),
         horizontal_accuracy_m=maybe_wild,
+        velocity_innovation=maybe_wild,
+        position_innovation=maybe_wild,
+        height_innovation=maybe_wild,
+        compass_innovation=maybe_wild,
+    ),
+    odometry=st.none()
+    | st.builds(
+        types.Odometry,
+        received_s=received,
+        reset_counter=st.integers(0, 255),
+        horizontal_accuracy_m=maybe_wild,
+    ),
+    magnetic_field=st.none()
+    | st.builds(types.MagneticField, received_s=received, strength_gauss=wild),
+    motor_speeds=st.none()
+    | st.builds(
+        types.MotorSpeeds,
+        received_s=received,
+        rpm=st.lists(st.integers(0, 1_000_000), max_size=4).map(tuple),
+    ),
+    motor_min_us=maybe_wild,
+    motor_max_us=maybe_wild,
+    link_node=st.none()
+    | st.builds(
+        types.LinkNode,
+        received_s=received,
+        packets_received=st.integers(0, 10_000),
+        packets_lost=st.integers(0, 10_000),
     ),
     wind=st.none() | st.builds(types.Wind, received_s=received, velocity_ned_mps=vectors),
     radio=st.none()
@@ -154,12 +186,14 @@ def test_forgetting_all_never_lowers_an_index(telemetry, silence_s):
 
 
 NAMES = sorted(
-    {field.name for field in fields(types.Telemetry)}
-    - {"global_position", "local_origin", "landed"}
+    {field.name for field in fields(types.Telemetry)} - {"global_position", "local_origin"}
+)
+needs_wh = st.fixed_dictionaries(
+    {name: st.floats(0.0, 150.0) for name in ("finish_wh", "exit_wh", "evacuation_wh")}
 )
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=30, deadline=None)
 @given(
     silent=st.sets(st.sampled_from(NAMES), min_size=1),
     erased=st.booleans(),
@@ -170,11 +204,25 @@ NAMES = sorted(
     rssi=st.integers(40, 200),
     loss=st.integers(0, 40),
     duration_s=st.floats(0.1, 100.0),
+    needs=needs_wh,
+    unknown_needs=st.sets(st.sampled_from(["finish_wh", "exit_wh", "evacuation_wh"])),
 )
 def test_losing_sources_never_lowers_an_index_that_has_settled(
-    new_flight, silent, erased, roll_rad, wind_mps, satellites, remaining, rssi, loss, duration_s
+    new_flight,
+    silent,
+    erased,
+    roll_rad,
+    wind_mps,
+    satellites,
+    remaining,
+    rssi,
+    loss,
+    duration_s,
+    needs,
+    unknown_needs,
 ):
     flight = new_flight.healthy(model=MODEL)
+    flight.demands = Demands(flown=True, **needs)
     flight.hear("attitude", roll_rad=roll_rad)
     flight.hear("wind", velocity_ned_mps=(wind_mps, 0.0, 0.0))
     flight.hear("gnss", satellites=satellites)
@@ -189,6 +237,7 @@ def test_losing_sources_never_lowers_an_index_that_has_settled(
     )
     before = flight.fly(100.0, step_s=0.5).indices
     flight.silence(*silent)
+    flight.demands = replace(flight.demands, **dict.fromkeys(unknown_needs))
     if erased:
         nothing = {name: getattr(types.Telemetry(), name) for name in silent}
         flight.telemetry = replace(flight.telemetry, **nothing)

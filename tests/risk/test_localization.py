@@ -1,9 +1,15 @@
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
+from moar_companion.risk import localization
+from moar_companion.risk.localization import LocalizationMemory, remember
+from moar_companion.types import Estimator, LandedState, MagneticField, Odometry, Telemetry
 from moar_companion.vehicle import RiskModel
 
 
@@ -17,7 +23,11 @@ def test_a_good_fix_settles_to_no_risk(flight):
         pytest.param("gnss", {"fix_type": 2}, "fix type", id="fix lost"),
         pytest.param("gnss", {"satellites": 4}, "satellites", id="satellites lost"),
         pytest.param("gnss", {"hdop": 3.5}, "hdop", id="bad geometry"),
+        pytest.param("gnss", {"vdop": 6.0}, "vdop", id="bad geometry above"),
         pytest.param("gnss", {"horizontal_accuracy_m": 15.0}, "receiver accuracy", id="jamming"),
+        pytest.param(
+            "gnss", {"vertical_accuracy_m": 9.0}, "receiver height accuracy", id="heights unknown"
+        ),
         pytest.param(
             "estimator", {"horizontal_accuracy_m": 15.0}, "estimator accuracy", id="dead reckoning"
         ),
@@ -26,6 +36,12 @@ def test_a_good_fix_settles_to_no_risk(flight):
             {"horizontal_position_ok": False},
             "estimator without position",
             id="the estimator gives up",
+        ),
+        *(
+            pytest.param(
+                "estimator", {f"{name}_innovation": 1.0}, f"{name} innovation", id=f"{name} refused"
+            )
+            for name in ("velocity", "position", "height", "compass")
         ),
     ],
 )
@@ -90,3 +106,271 @@ def test_the_receiver_and_the_estimator_fall_silent(flight):
     assert flight.fly(1.0).indices.localization >= RiskModel().unknown
     assert flight.estimate.report.localization.value is None
     assert flight.estimate.report.localization.ever_known
+
+
+@pytest.mark.parametrize(
+    ("innovation", "risk"),
+    [
+        pytest.param(0.5, 0.0, id="PX4 arms"),
+        pytest.param(0.8, 0.6, id="ArduPilot lands"),
+        pytest.param(1.3, 1.0, id="refused"),
+    ],
+)
+def test_the_compass_disagrees_with_the_heading(flight, innovation, risk):
+    flight.hear("estimator", compass_innovation=innovation)
+    flight.fly(3.0)
+    assert flight.input("localization", "compass innovation").risk == pytest.approx(risk)
+
+
+def odometry(flight, *, resets=0, accuracy_m=0.3):
+    """From now on the estimator is heard, which was reset so often at once, a second apart."""
+    since_s = flight.now_s
+    flight.sources["odometry"] = lambda t: Odometry(
+        received_s=t,
+        reset_counter=(250 + min(resets, int(t - since_s))) % 256,
+        horizontal_accuracy_m=accuracy_m,
+    )
+
+
+def test_the_estimator_is_reset_again_and_again(flight):
+    odometry(flight, resets=4)
+    flight.fly(5.0)
+    resets = flight.input("localization", "position resets")
+    assert (resets.value, resets.risk) == (4, 1.0)
+    flight.fly(9.0)
+    assert flight.input("localization", "position resets").value == 1
+    flight.fly(2.0)
+    assert flight.input("localization", "position resets").value == 0
+
+
+def test_a_single_reset_is_no_risk(flight):
+    odometry(flight, resets=1)
+    flight.fly(5.0)
+    assert flight.input("localization", "position resets").value == 1
+    assert flight.estimate.indices.localization < 0.01
+
+
+def test_a_counter_that_begins_anew_after_a_restart_is_no_reset(flight):
+    odometry(flight)
+    flight.fly(1.0)
+    flight.silence("odometry")
+    flight.telemetry = replace(flight.telemetry, odometry=None)
+    flight.fly(1.0)
+    flight.hear("local_position", boot_s=0.5)
+    flight.sources["odometry"] = lambda t: Odometry(
+        received_s=t, reset_counter=4, horizontal_accuracy_m=0.3
+    )
+    flight.fly(1.0)
+    assert flight.input("localization", "position resets").value == 0
+
+
+def test_odometry_loses_its_accuracy(flight):
+    odometry(flight, accuracy_m=6.0)
+    assert flight.fly(3.0).indices.localization > 0.99
+    assert flight.estimate.report.localization.worst == "odometry accuracy"
+
+
+@pytest.mark.parametrize("source", ["estimator", "odometry"])
+def test_the_height_is_known_worse(flight, source):
+    odometry(flight)
+    usual = flight.sources[source]
+    flight.sources[source] = lambda t: replace(usual(t), vertical_accuracy_m=6.0)
+    flight.fly(3.0)
+    height = flight.input("localization", f"{source} height accuracy")
+    assert (height.value, height.risk) == (6.0, pytest.approx(2.0 / 3.0))
+    assert flight.estimate.report.localization.worst == height.name
+
+
+def test_a_height_alone_says_nothing_of_the_position(new_flight, healthy):
+    for name in ("gnss", "estimator"):
+        del healthy[name]
+    blind = new_flight(**healthy)
+    blind.sources["odometry"] = lambda t: Odometry(
+        received_s=t, reset_counter=0, horizontal_accuracy_m=None, vertical_accuracy_m=0.2
+    )
+    assert blind.fly(10.0).indices.localization == RiskModel().unknown
+
+
+def field(flight, strength_gauss):
+    flight.sources["magnetic_field"] = lambda t: MagneticField(
+        received_s=t, strength_gauss=strength_gauss(t)
+    )
+
+
+def test_a_conductor_changes_the_magnetic_field(flight):
+    field(flight, lambda t: 0.5 + 0.05 * math.sin(9.0 * t))  # motors, noise
+    assert flight.fly(60.0).indices.localization < 0.01
+    field(flight, lambda _: 0.69)
+    flight.fly(2.0)
+    change = flight.input("localization", "magnetic field change")
+    assert change.value == pytest.approx(0.38, abs=0.02)
+    assert flight.estimate.report.localization.worst == "magnetic field change"
+    assert flight.estimate.indices.localization > 0.4
+    field(flight, lambda _: 0.25)
+    assert flight.fly(3.0).indices.localization > 0.9
+
+
+def test_a_field_that_is_heard_for_seconds_has_no_mean_yet(flight):
+    field(flight, lambda _: 0.5)
+    flight.fly(4.0)
+    assert flight.input("localization", "magnetic field change").risk is None
+    flight.fly(2.0)
+    assert flight.input("localization", "magnetic field change").risk == 0.0
+
+
+def test_the_mean_is_that_of_the_flight_and_an_inspection_does_not_move_it(flight):
+    field(flight, lambda _: 0.5)
+    flight.fly(120.0, step_s=0.5)
+    field(flight, lambda _: 0.75)
+    flight.fly(60.0, step_s=0.5)
+    assert flight.input("localization", "magnetic field change").value > 0.25
+
+
+def test_a_field_that_stays_wrong_becomes_the_usual_one_slowly(flight):
+    field(flight, lambda _: 0.5)
+    flight.fly(300.0, step_s=0.5)
+    field(flight, lambda _: 0.8)
+    assert flight.fly(10.0).indices.localization > 0.95
+    assert flight.fly(300.0, step_s=0.5).indices.localization > 0.7
+    field(flight, lambda _: 0.5)
+    assert flight.fly(40.0).indices.localization < 0.01
+
+
+def test_a_field_that_was_learned_over_steel_is_left_behind_in_minutes(flight):
+    field(flight, lambda _: 0.85)
+    flight.fly(35.0)
+    field(flight, lambda _: 0.45)
+    assert flight.fly(10.0).indices.localization > 0.7
+    assert flight.fly(600.0, step_s=0.5).indices.localization < 0.01
+
+
+@pytest.mark.parametrize("state", [LandedState.ON_GROUND, LandedState.IN_AIR])
+def test_each_take_off_and_landing_begins_a_field_of_its_own(flight, state):
+    other = {LandedState.ON_GROUND: LandedState.IN_AIR, LandedState.IN_AIR: LandedState.ON_GROUND}
+    flight.hear("landed", state=other[state])
+    field(flight, lambda _: 0.5)
+    flight.fly(60.0)
+    flight.hear("landed", state=state)
+    field(flight, lambda _: 0.8)
+    assert flight.fly(60.0).indices.localization < 0.01
+
+
+def test_what_is_about_the_pad_is_left_behind_in_the_first_seconds(flight):
+    since_s = flight.now_s
+    field(flight, lambda t: 0.8 if t < since_s + 8.0 else 0.5)
+    flight.fly(60.0)
+    assert flight.input("localization", "magnetic field change").value < 0.25
+
+
+def test_a_word_without_resets_takes_none_back(flight):
+    odometry(flight, resets=5)
+    flight.fly(4.5)
+    assert flight.input("localization", "position resets").value == 4
+    heard = flight.sources["odometry"]
+    flight.sources["odometry"] = lambda _: None
+    flight.fly(0.2)
+    flight.sources["odometry"] = heard
+    flight.fly(0.5)
+    assert flight.input("localization", "position resets").value == 5
+
+
+def test_a_steady_field_and_an_estimator_that_is_not_reset_are_no_position(new_flight, healthy):
+    for name in ("gnss", "estimator"):
+        del healthy[name]
+    blind = new_flight(**healthy)
+    field(blind, lambda _: 0.5)
+    odometry(blind, accuracy_m=None)
+    assert blind.fly(60.0).indices.localization == RiskModel().unknown
+    assert not blind.estimate.report.localization.ever_known
+
+
+def test_the_second_receiver_takes_over(flight):
+    first = flight.sources["gnss"]
+    flight.sources["second_gnss"] = first
+    flight.sources["better_gnss_taken"] = lambda _: True
+    flight.fly(5.0)
+    flight.hear("gnss", fix_type=0, satellites=None, hdop=None)
+    after = flight.fly(10.0).indices.localization
+    assert after == pytest.approx(RiskModel().receiver_lost, abs=0.01)
+    assert flight.estimate.report.localization.worst == "receivers lost"
+    flight.silence("second_gnss")
+    assert flight.fly(10.0).indices.localization > 0.99
+
+
+NOW_S = 100.0
+estimators = st.builds(
+    Estimator,
+    received_s=st.just(NOW_S),
+    flags=st.just(0),
+    horizontal_position_ok=st.just(True),
+    horizontal_accuracy_m=st.floats(0.1, 8.0),
+    velocity_innovation=st.floats(0.0, 2.0),
+    position_innovation=st.floats(0.0, 2.0),
+    height_innovation=st.floats(0.0, 2.0),
+    compass_innovation=st.floats(0.0, 2.0),
+)
+MEASURES = (
+    "horizontal_accuracy_m",
+    "velocity_innovation",
+    "position_innovation",
+    "height_innovation",
+    "compass_innovation",
+)
+
+
+def worst(telemetry, memory=None):
+    memory = remember(memory or LocalizationMemory(), telemetry, RiskModel())
+    reports = localization.inputs(telemetry, NOW_S, RiskModel(), memory)
+    risks = [report.risk for report in reports if report.risk is not None]
+    assert all(0.0 <= risk <= 1.0 for risk in risks)
+    return max(risks)
+
+
+@given(estimator=estimators, name=st.sampled_from(MEASURES), more=st.floats(0.0, 2.0))
+def test_a_worse_estimator_is_never_less_risk(estimator, name, more):
+    bad = replace(estimator, **{name: getattr(estimator, name) + more})
+    assert worst(Telemetry(estimator=bad)) >= worst(Telemetry(estimator=estimator))
+
+
+@given(estimator=estimators, name=st.sampled_from(MEASURES), noise=st.floats(-0.01, 0.01))
+def test_a_little_noise_changes_little(estimator, name, noise):
+    noisy = replace(estimator, **{name: getattr(estimator, name) + noise})
+    before = worst(Telemetry(estimator=estimator))
+    assert worst(Telemetry(estimator=noisy)) == pytest.approx(before, abs=0.025)
+
+
+@given(
+    strengths=st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=20),
+    estimator=estimators,
+)
+def test_whatever_the_magnetometer_says_the_risk_is_one(strengths, estimator):
+    memory = LocalizationMemory()
+    for number, strength in enumerate(strengths):
+        magnetic = MagneticField(
+            received_s=NOW_S - len(strengths) + number + 1, strength_gauss=strength
+        )
+        telemetry = Telemetry(estimator=estimator, magnetic_field=magnetic)
+        memory = remember(memory, telemetry, RiskModel())
+        assert 0.0 <= worst(telemetry, memory) <= 1.0
+
+
+@given(strengths=st.tuples(st.floats(0.5, 2.0), st.floats(0.5, 2.0)))
+def test_a_greater_change_of_the_field_is_never_less_risk(strengths):
+    estimator = Estimator(
+        received_s=NOW_S, flags=0, horizontal_position_ok=True, horizontal_accuracy_m=None
+    )
+    calm = LocalizationMemory()
+    for second in range(20):
+        heard = MagneticField(received_s=NOW_S - 20.0 + second, strength_gauss=0.5)
+        calm = remember(calm, Telemetry(magnetic_field=heard), RiskModel())
+    less, more = (
+        worst(
+            Telemetry(
+                estimator=estimator,
+                magnetic_field=MagneticField(received_s=NOW_S, strength_gauss=strength),
+            ),
+            calm,
+        )
+        for strength in sorted(strengths)
+    )
+    assert less <= more

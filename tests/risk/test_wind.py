@@ -5,147 +5,76 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.risk.wind import (
-    GRAVITY_MPS2,
-    LeanSample,
-    lean_acceleration_mps2,
-    wind_from_lean,
-)
-from moar_companion.types import Attitude, Landed, LandedState, Wind
-from moar_companion.vehicle import RiskModel
+from moar_companion.risk import InputReport
+from moar_companion.risk.braking import GRAVITY_MPS2
+from moar_companion.risk.drag import deceleration_mps2
+from moar_companion.risk.wind import Spread, strongest
+from moar_companion.types import Attitude, Landed, LandedState, MotorOutputs, MotorSpeeds, Wind
+from moar_companion.vehicle import Range, RiskModel
 
-headings = st.floats(-math.pi, math.pi)
-
-
-def sample(
-    time_s: float,
-    lean_ne_mps2: tuple[float, float],
-    velocity_ne_mps: tuple[float, float] | None,
-) -> LeanSample:
-    return LeanSample(
-        attitude_s=time_s,
-        velocity_s=time_s,
-        tilt_rad=math.atan(math.hypot(*lean_ne_mps2) / GRAVITY_MPS2),
-        lean_ne_mps2=lean_ne_mps2,
-        velocity_ne_mps=velocity_ne_mps,
-    )
+NAMES = [
+    "wind reported",
+    "wind from tilt",
+    "gusts",
+    "tilt in hover",
+    "motor output",
+    "motor speed",
+    "tracking error",
+]
 
 
-@given(roll=st.floats(-0.5, 0.5), pitch=st.floats(-0.5, 0.5), yaw=headings)
-def test_lean_acceleration_is_the_rotated_thrust_that_carries_the_weight(roll, pitch, yaw):
-    rotate_x = np.array(
-        [
-            [1, 0, 0],
-            [0, math.cos(roll), -math.sin(roll)],
-            [0, math.sin(roll), math.cos(roll)],
-        ]
-    )
-    rotate_y = np.array(
-        [
-            [math.cos(pitch), 0, math.sin(pitch)],
-            [0, 1, 0],
-            [-math.sin(pitch), 0, math.cos(pitch)],
-        ]
-    )
-    rotate_z = np.array(
-        [[math.cos(yaw), -math.sin(yaw), 0], [math.sin(yaw), math.cos(yaw), 0], [0, 0, 1]]
-    )
-    thrust = rotate_z @ rotate_y @ rotate_x @ np.array([0.0, 0.0, -1.0])
-    thrust *= GRAVITY_MPS2 / -thrust[2]
-    assert lean_acceleration_mps2(roll, pitch, yaw) == pytest.approx(tuple(thrust[:2]), abs=1e-9)
+def lean_in(wind_mps: float, model: RiskModel | None = None) -> float:
+    """The lean of a hover in a wind, radians."""
+    drag = deceleration_mps2((wind_mps, 0.0), RiskModel() if model is None else model)[0]
+    return math.atan(drag / GRAVITY_MPS2)
 
 
-@pytest.mark.parametrize(
-    ("roll_deg", "pitch_deg", "yaw_deg", "north", "east"),
-    [
-        pytest.param(0, -10, 0, 1, 0, id="nose down towards north"),
-        pytest.param(0, -10, 90, 0, 1, id="nose down towards east"),
-        pytest.param(10, 0, 0, 0, 1, id="right side down, nose north: east"),
-        pytest.param(10, 0, 180, 0, -1, id="right side down, nose south: west"),
-        pytest.param(0, 10, 0, -1, 0, id="nose up: backwards"),
-    ],
-)
-def test_directions_of_lean(roll_deg, pitch_deg, yaw_deg, north, east):
-    lean = lean_acceleration_mps2(*map(math.radians, (roll_deg, pitch_deg, yaw_deg)))
-    expected = GRAVITY_MPS2 * math.tan(math.radians(10))
-    assert lean == pytest.approx((north * expected, east * expected), abs=1e-9)
-
-
-@given(roll=st.floats(-math.pi, math.pi), pitch=st.floats(-math.pi, math.pi), yaw=headings)
-def test_lean_stays_bounded_when_the_aircraft_tumbles(roll, pitch, yaw):
-    assert math.hypot(*lean_acceleration_mps2(roll, pitch, yaw)) <= 2.0 * GRAVITY_MPS2 + 1e-9
-
-
-@given(
-    wind=st.tuples(st.floats(-20, 20), st.floats(-20, 20)),
-    velocity=st.tuples(st.floats(-10, 10), st.floats(-10, 10)),
-    acceleration=st.tuples(st.floats(-2, 2), st.floats(-2, 2)),
-    drag_per_s=st.floats(0.1, 0.8),
-)
-def test_an_accelerating_aircraft_with_linear_drag_finds_the_wind(
-    wind, velocity, acceleration, drag_per_s
-):
-    samples = []
-    for step in range(26):
-        time_s = 0.1 * step
-        moving = tuple(v + a * time_s for v, a in zip(velocity, acceleration, strict=True))
-        lean = tuple(
-            a + drag_per_s * (v - w) for a, v, w in zip(acceleration, moving, wind, strict=True)
-        )
-        samples.append(sample(time_s, lean, moving))
-    assert wind_from_lean(tuple(samples), drag_per_s) == pytest.approx(wind, abs=1e-6)
-
-
-def test_hovering_against_a_north_wind():
-    # 6.5 deg nose down towards north at rest: the air moves south.
-    lean = lean_acceleration_mps2(0.0, math.radians(-6.5), 0.0)
-    samples = tuple(sample(0.1 * step, lean, (0.0, 0.0)) for step in range(26))
-    north, east = wind_from_lean(samples, 0.3)
-    assert north == pytest.approx(-3.72, abs=0.01)
-    assert east == pytest.approx(0.0, abs=1e-9)
-
-
-def test_without_a_velocity_there_is_no_wind_from_lean():
-    samples = (sample(0.0, (1.0, 0.0), None), sample(2.0, (1.0, 0.0), (0.0, 0.0)))
-    assert wind_from_lean(samples, 0.3) is None
+def test_the_inputs_are_always_all_there(flight):
+    assert [item.name for item in flight.estimate.report.wind.inputs] == NAMES
 
 
 def test_calm_air_settles_to_no_risk(flight):
     assert flight.estimate.indices.wind == pytest.approx(0.0, abs=1e-4)
 
 
-def test_a_wind_that_only_the_lean_shows_raises_the_risk(flight):
-    flight.hear("attitude", roll_rad=math.radians(-15.3))
-    flight.fly(5.0)
-    from_lean = flight.input("wind", "wind from lean")
-    assert from_lean.value == pytest.approx(8.94, abs=0.01)  # 9.81 tan(15.3 deg) / 0.3
-    assert flight.estimate.report.wind.worst == "wind from lean"
-    assert flight.estimate.indices.wind > 0.6
+def test_a_wind_that_only_the_lean_shows_raises_the_risk_within_three_seconds(flight):
+    flight.hear("attitude", roll_rad=lean_in(8.0))
+    flight.fly(3.0)
+    assert flight.input("wind", "wind from tilt").value == pytest.approx(8.0, abs=0.01)
+    assert flight.estimate.report.wind.worst == "wind from tilt"
+    assert flight.estimate.indices.wind > 0.9 * (8.0 - 3.0) / (12.0 - 3.0)
+
+
+def test_hovering_nose_down_towards_north_the_air_moves_south(flight):
+    flight.hear("attitude", pitch_rad=-lean_in(5.0))
+    flight.fly(3.0)
+    assert flight.estimate.wind.wind_ne_mps == pytest.approx((-5.0, 0.0), abs=0.01)
 
 
 def test_braking_in_still_air_is_not_wind(flight):
     start_s = flight.now_s
-    drag_per_s = flight.model.drag_per_s
 
     def speed(t):  # 4 m/s, from the fifth to the seventh second down to a hover
         return 4.0 - 2.0 * min(2.0, max(0.0, t - start_s - 5.0))
 
     def nose_up(t):
         braking = 2.0 if 0.0 < t - start_s - 5.0 <= 2.0 else 0.0
-        return math.atan((braking - drag_per_s * speed(t)) / GRAVITY_MPS2)
+        drag = deceleration_mps2((speed(t), 0.0), flight.model)[0]
+        return math.atan((braking - drag) / GRAVITY_MPS2)
 
     local, attitude = flight.sources["local_position"], flight.sources["attitude"]
     flight.sources["local_position"] = lambda t: replace(
         local(t), velocity_ned_mps=(speed(t), 0.0, 0.0)
     )
     flight.sources["attitude"] = lambda t: replace(attitude(t), pitch_rad=nose_up(t))
-    flight.fly(2.6)
+    flight.fly(4.0)
     for _ in range(100):
         flight.fly(0.1)
-        assert flight.input("wind", "wind from lean").value < 0.5
+        assert flight.input("wind", "wind from tilt").value < 0.7
+        assert flight.estimate.indices.wind < 1e-3
 
 
 def test_lean_on_the_ground_says_nothing(new_flight, healthy):
@@ -167,6 +96,122 @@ def test_after_landing_the_risk_does_not_fall(flight):
     assert flight.fly(60.0).indices.wind >= before
 
 
+def test_the_vertical_wind_does_not_count(flight):
+    flight.sources["wind"] = lambda t: Wind(received_s=t, velocity_ned_mps=(2.0, 0.0, 9.0))
+    flight.fly(1.0)
+    assert flight.input("wind", "wind reported").value == 2.0
+
+
+def test_a_calm_that_the_autopilot_is_not_sure_of_says_nothing(new_flight, healthy):
+    del healthy["attitude"]
+    flight = new_flight(**healthy)
+    flight.hear("wind", velocity_ned_mps=(0.1, 0.0, 0.0), deviation_mps=4.0)
+    assert flight.fly(30.0).indices.wind == RiskModel().unknown
+    flight.hear("wind", velocity_ned_mps=(0.1, 0.0, 0.0), deviation_mps=0.3)
+    assert flight.fly(30.0).indices.wind < 0.01
+
+
+def test_what_is_told_is_of_the_last_seconds_only(flight):
+    flight.hear("attitude", roll_rad=0.4)
+    flight.fly(10.0)
+    flight.hear("attitude", roll_rad=0.0)
+    flight.fly(2.0)
+    assert flight.input("wind", "tilt in hover").value == pytest.approx(0.0, abs=1e-9)
+    assert flight.input("wind", "wind from tilt").value == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_tilt_that_the_wind_asks_of_a_hover_is_the_lean_of_one(new_flight, healthy):
+    for drag_per_s in (0.1, 0.5):  # whatever the drag: a lean needs no model
+        flight = new_flight(model=RiskModel(drag_per_s=drag_per_s), **healthy)
+        flight.hear("attitude", roll_rad=0.35)
+        flight.fly(5.0)
+        assert flight.input("wind", "tilt in hover").value == pytest.approx(0.35, abs=1e-6)
+
+
+def test_a_velocity_that_cannot_be_is_no_wind_for_long(flight):
+    flight.hear("local_position", velocity_ned_mps=(1e200, -1e200, 0.0))
+    flight.fly(10.0)
+    assert flight.input("wind", "wind from tilt").value <= 100.0 + 1e-9
+    flight.hear("local_position")
+    flight.fly(90.0)
+    assert flight.input("wind", "gusts").value < 5.0
+    assert flight.input("wind", "wind from tilt").value == pytest.approx(0.0, abs=1e-6)
+
+
+# Sources
+
+
+def report(name: str, value: float | None, risk: float | None) -> InputReport:
+    return InputReport(name=name, value=value, unit="m/s", age_s=0.1, risk=risk)
+
+
+@pytest.mark.parametrize(
+    ("reported", "from_tilt", "source"),
+    [
+        ((4.0, 0.1), (6.0, 0.3), "wind from tilt"),
+        ((7.0, 0.4), (6.0, 0.3), "wind reported"),
+        ((7.0, None), (6.0, 0.3), "wind from tilt"),
+        ((7.0, None), (6.0, None), None),
+    ],
+)
+def test_the_wind_in_use_is_the_stronger_one_known_with_its_source(reported, from_tilt, source):
+    found = strongest(
+        (
+            report("wind reported", *reported),
+            report("wind from tilt", *from_tilt),
+            report("gusts", 9.0, 1.0),
+        )
+    )
+    assert (None if found is None else found.name) == source
+
+
+# Gusts
+
+
+def test_gusts_raise_the_risk_and_calm_down(flight):
+    flight.sources["attitude"] = lambda t: Attitude(
+        received_s=t,
+        roll_rad=lean_in(5.0 + 5.0 * math.sin(0.5 * t)),
+        pitch_rad=0.0,
+        yaw_rad=0.0,
+    )
+    flight.fly(60.0)
+    gusts = flight.input("wind", "gusts")
+    assert gusts.value == pytest.approx(5.0 / math.sqrt(2.0), abs=0.6)
+    assert gusts.risk > 0.3
+    flight.hear("attitude", roll_rad=lean_in(5.0))
+    flight.fly(60.0)
+    assert flight.input("wind", "gusts").value < 0.6
+
+
+@given(
+    winds=st.lists(
+        st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0)), min_size=2, max_size=100
+    )
+)
+def test_the_first_seconds_spread_is_the_plain_one(winds):
+    spread = Spread(time_s=0.0, mean_ne_mps=winds[0])
+    for number, wind in enumerate(winds[1:], start=1):
+        spread = spread.then(0.1 * number, wind)
+    array = np.array(winds[1:])
+    assert spread.mean_ne_mps == pytest.approx(tuple(array.mean(axis=0)), abs=1e-6)
+    expected = math.sqrt(array.var(axis=0).sum())
+    assert spread.deviation_mps == pytest.approx(expected, abs=1e-6)
+
+
+def test_the_spread_forgets_in_half_a_minute():
+    spread = Spread(time_s=0.0, mean_ne_mps=(0.0, 0.0))
+    for step in range(1, 601):
+        spread = spread.then(0.1 * step, (8.0 if step % 2 else 0.0, 0.0))
+    assert spread.deviation_mps == pytest.approx(4.0, abs=0.1)
+    for step in range(601, 901):
+        spread = spread.then(0.1 * step, (4.0, 0.0))
+    assert spread.deviation_mps**2 == pytest.approx(16.0 * math.exp(-2.0), rel=0.1)
+
+
+# Motors
+
+
 def test_saturated_motors_raise_the_risk(flight):
     flight.hear("motors", pulse_us=(1500, 1960, 1490, 1500))
     assert flight.fly(3.0).indices.wind > 0.95
@@ -180,15 +225,139 @@ def test_low_motor_outputs_alone_do_not_mean_calm(new_flight, healthy):
     assert blind.fly(30.0).indices.wind == RiskModel().unknown
 
 
-def test_the_vertical_wind_does_not_count(flight):
-    flight.sources["wind"] = lambda t: Wind(received_s=t, velocity_ned_mps=(2.0, 0.0, 9.0))
+@pytest.mark.parametrize(
+    ("model", "told", "share"),
+    [
+        pytest.param(RiskModel(), (None, None), 0.8, id="as usual"),
+        pytest.param(RiskModel(), (1100.0, 1900.0), 0.875, id="told by parameters"),
+        pytest.param(RiskModel(), (1100.0, None), 0.8, id="half told"),
+        pytest.param(RiskModel(), (1900.0, 1100.0), 0.8, id="told the wrong way round"),
+        pytest.param(
+            RiskModel(motor_pulse_us=Range(low=0.0, high=2000.0)),
+            (1100.0, 1900.0),
+            0.9,
+            id="configured",
+        ),
+    ],
+)
+def test_the_range_of_motor_outputs(new_flight, healthy, model, told, share):
+    flight = new_flight(model=model, **healthy)
+    flight.telemetry = replace(flight.telemetry, motor_min_us=told[0], motor_max_us=told[1])
+    flight.hear("motors", pulse_us=(1500, 1800))
     flight.fly(1.0)
-    assert flight.input("wind", "wind reported").value == 2.0
+    assert flight.input("wind", "motor output").value == pytest.approx(share)
 
 
-def test_the_average_lean_looks_back_over_the_window_only(flight):
-    flight.hear("attitude", roll_rad=0.4)
-    flight.fly(10.0)
-    flight.hear("attitude", roll_rad=0.0)
+@pytest.mark.parametrize(
+    ("configured", "share"), [(None, None), (Range(low=1.0, high=1999.0), 0.875)]
+)
+def test_outputs_of_dshot_say_something_where_their_range_is_configured(
+    new_flight, healthy, configured, share
+):
+    # Heavy, it flies by numbers that a pulse could have; only at the start they were less.
+    healthy["motors"] = lambda t: MotorOutputs(
+        received_s=t, pulse_us=(1750, 1400, 1400, 1300), least_us=110
+    )
+    flight = new_flight(model=RiskModel(motor_pulse_us=configured), **healthy)
+    flight.telemetry = replace(flight.telemetry, motor_min_us=1000.0, motor_max_us=2000.0)
+    flight.fly(1.0)
+    output = flight.input("wind", "motor output")
+    assert output.value == (None if share is None else pytest.approx(share, abs=0.001))
+
+
+def test_outputs_in_another_unit_than_the_range_say_nothing(flight):
+    flight.hear("motors", pulse_us=(4000, 8191))
+    assert flight.fly(10.0).indices.wind < 0.01
+    assert flight.input("wind", "motor output").risk is None
+
+
+def test_motor_speeds_count_where_their_range_is_configured(new_flight, healthy):
+    healthy["motor_speeds"] = lambda t: MotorSpeeds(received_s=t, rpm=(7000, 7100, 7900, 7000))
+    for rpm, known in ((None, False), (Range(low=0.0, high=8000.0), True)):
+        flight = new_flight(model=RiskModel(motor_rpm=rpm), **healthy)
+        flight.fly(10.0)
+        assert (flight.input("wind", "motor speed").risk is not None) is known
+        assert (flight.estimate.indices.wind > 0.9) is known
+
+
+# Tracking
+
+
+def test_an_aircraft_that_is_blown_off_its_setpoint_has_wind_to_thank(flight):
+    flight.tracking_error_m = 1.9
+    assert flight.fly(3.0).indices.wind > 0.85
+    assert flight.estimate.report.wind.worst == "tracking error"
+
+
+def test_where_others_fly_it_tracking_says_nothing_and_nothing_is_held(flight):
+    flight.tracking_error_m = 3.0
     flight.fly(3.0)
-    assert flight.input("wind", "tilt").value == pytest.approx(0.0, abs=1e-9)
+    flight.tracking_error_m = None
+    assert flight.fly(60.0).indices.wind < 0.01
+
+
+def test_an_unknown_tracking_error_is_held(flight):
+    flight.tracking_error_m = 3.0
+    before = flight.fly(3.0).indices.wind
+    flight.tracking_error_m = math.inf
+    assert flight.fly(60.0).indices.wind >= before
+
+
+def test_good_tracking_alone_does_not_mean_calm(new_flight, healthy):
+    for name in ("wind", "attitude", "motors"):
+        del healthy[name]
+    blind = new_flight(**healthy)
+    blind.tracking_error_m = 0.1
+    assert blind.fly(30.0).indices.wind == RiskModel().unknown
+
+
+# Properties
+
+
+@settings(max_examples=30)
+@given(
+    lean_rad=st.floats(0.0, 0.9),
+    more_rad=st.floats(0.0, 0.3),
+    drag=st.tuples(st.floats(0.05, 1.0), st.floats(0.0, 0.1)),
+)
+def test_more_lean_in_hover_is_never_less_wind_and_never_less_risk(
+    new_flight, lean_rad, more_rad, drag
+):
+    model = RiskModel(drag_per_s=drag[0], drag_per_m=drag[1])
+    values = []
+    for roll_rad in (lean_rad, lean_rad + more_rad):
+        flight = new_flight.healthy(model=model)
+        flight.hear("attitude", roll_rad=roll_rad)
+        flight.fly(4.0)
+        values.append(
+            (
+                flight.input("wind", "wind from tilt").value,
+                flight.input("wind", "tilt in hover").value,
+                flight.estimate.indices.wind,
+            )
+        )
+    assert all(low <= high + 1e-9 for low, high in zip(*values, strict=True))
+
+
+@settings(max_examples=20)
+@given(
+    noise=st.lists(st.tuples(st.floats(-1.0, 1.0), st.floats(-1.0, 1.0)), min_size=40, max_size=40),
+    size=st.sampled_from((1e-3, 1e-2)),
+)
+def test_a_small_noise_moves_the_wind_and_the_index_a_little(new_flight, noise, size):
+    flight = new_flight.healthy()
+    flight.hear("attitude", roll_rad=lean_in(7.0))
+    flight.fly(10.0)
+    wind, index = flight.input("wind", "wind from tilt").value, flight.estimate.indices.wind
+    local, attitude = flight.sources["local_position"], flight.sources["attitude"]
+    for angle, velocity in noise:
+        flight.sources["attitude"] = lambda t, angle=angle: replace(
+            attitude(t), roll_rad=lean_in(7.0) + size * angle
+        )
+        flight.sources["local_position"] = lambda t, velocity=velocity: replace(
+            local(t), velocity_ned_mps=(0.0, size * velocity, 0.0)
+        )
+        flight.fly(0.1)
+        # Of the lean g / drag = 40, of the velocity 2 / (window x drag) + 1 = 6.6.
+        assert abs(flight.input("wind", "wind from tilt").value - wind) < 60.0 * size
+        assert abs(flight.estimate.indices.wind - index) < 60.0 * size / 9.0 + 0.01

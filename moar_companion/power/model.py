@@ -1,0 +1,130 @@
+"""What flying takes: the powers of the phases, the energy of a path, of hovering, of a landing.
+
+Inputs: the vehicle file; paths with their times. Outputs: W, and Wh as the file has it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..types import AutopilotKind
+from ..vehicle import Power, Range, RiskModel, Vehicle
+
+FloatArray = npt.NDArray[np.floating[Any]]
+
+_LANDINGS = {AutopilotKind.PX4: (0.7, 5.0), AutopilotKind.ARDUPILOT: (0.5, 1.0)}
+"""Of the autopilots' own landings: the speed in m/s (MPC_LAND_SPEED, LAND_SPEED), and the hovering
+that is worth what the motors take on the ground until they stop, 8 s with PX4, 3 s with ArduPilot.
+"""
+_INDUCED_MPS = 6.0
+"""Of the air through the rotors, hovering with some 90 N per square metre of them: what a climb
+takes more follows from it by momentum theory. A descent saves nothing: the rotors sink into their
+own downwash."""
+S_PER_H = 3600.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PowerModel:
+    """A vehicle's powers, each with the speed at which it is taken; between them it is linear."""
+
+    hover_w: float
+    cruise_w: float
+    climb_w: float
+    descent_w: float
+    cruise_mps: float
+    climb_mps: float
+    descent_mps: float
+    capacity_wh: float
+    capacity_known: bool
+    """Whether Wh are real: else only ratios are, and a current says nothing."""
+    reserve_s: float
+    cells: int | None
+    cell_voltage_v: Range
+    cell_resistance_ohm: float
+
+    @classmethod
+    def of(cls, vehicle: Vehicle) -> PowerModel:
+        """The model of a vehicle file, with what it leaves out."""
+        speed = vehicle.speed
+        return cls.made(
+            vehicle.power, vehicle.risk, speed.horizontal_mps, speed.up_mps, speed.down_mps
+        )
+
+    @classmethod
+    def made(
+        cls, power: Power, risk: RiskModel, cruise_mps: float, climb_mps: float, descent_mps: float
+    ) -> PowerModel:
+        """The model of the file's sections and the speeds of its powers."""
+        hover_w, known_wh = power.hover_w, power.capacity_wh
+        faster = 0.5 * climb_mps / _INDUCED_MPS
+        return cls(
+            hover_w=hover_w,
+            cruise_w=hover_w if power.cruise_w is None else power.cruise_w,
+            climb_w=hover_w * (faster + math.hypot(1.0, faster))
+            if power.climb_w is None
+            else power.climb_w,
+            descent_w=hover_w if power.descent_w is None else power.descent_w,
+            cruise_mps=cruise_mps,
+            climb_mps=climb_mps,
+            descent_mps=descent_mps,
+            capacity_wh=hover_w * risk.endurance_s / S_PER_H if known_wh is None else known_wh,
+            capacity_known=known_wh is not None,
+            reserve_s=power.reserve_s,
+            cells=risk.cells,
+            cell_voltage_v=risk.cell_voltage_v,
+            cell_resistance_ohm=power.cell_resistance_ohm,
+        )
+
+    def power_w(self, level_mps: FloatArray | float, up_mps: FloatArray | float) -> FloatArray:
+        """The power at level and upward speeds, (n,) or one of each."""
+        level, up = level_mps / self.cruise_mps, up_mps / self.climb_mps
+        down = -up_mps / self.descent_mps
+        return np.asarray(
+            self.hover_w
+            + (self.cruise_w - self.hover_w) * np.minimum(level, 1.0)
+            + (self.climb_w - self.hover_w) * np.minimum(np.maximum(up, 0.0), 1.0)
+            + (self.descent_w - self.hover_w) * np.minimum(np.maximum(down, 0.0), 1.0)
+        )
+
+    def path_wh(self, position_m: FloatArray, duration_s: FloatArray) -> float:
+        """The energy of a path through points (n, d), up last, in times (n - 1,) between them."""
+        moves = duration_s > 0.0
+        velocity = np.diff(position_m, axis=0)[moves] / duration_s[moves, None]
+        level_mps = np.sqrt((velocity[:, :-1] ** 2).sum(axis=1))
+        return float(self.power_w(level_mps, velocity[:, -1]) @ duration_s[moves]) / S_PER_H
+
+    def hover_wh(self, seconds: float) -> float:
+        """The energy of hovering."""
+        return self.hover_w * seconds / S_PER_H
+
+    def landing_wh(self, height_m: float, kind: AutopilotKind) -> float:
+        """The energy of the autopilot's landing from a height, until the motors stop."""
+        return self.hover_wh(landing_s(height_m, kind))
+
+
+def landing_s(height_m: float, kind: AutopilotKind) -> float:
+    """How long the autopilot's landing from a height takes, what is taken on the ground as hover.
+
+    One that is not known lands as slowly as any.
+    """
+    slowest = min(_LANDINGS.values())[0], max(after_s for _, after_s in _LANDINGS.values())
+    speed_mps, after_s = _LANDINGS.get(kind, slowest)
+    return height_m / speed_mps + after_s
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Demands:
+    """What is still to be flown, in Wh as the vehicle file has it; None where that is not known.
+
+    flown: whether there is a mission to finish. finish_wh: it, and the better way out behind it.
+    """
+
+    flown: bool = False
+    finish_wh: float | None = None
+    exit_wh: float | None = None
+    evacuation_wh: float | None = None

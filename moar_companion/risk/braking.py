@@ -1,0 +1,207 @@
+"""What the air does to a multirotor: attitude and velocity in, deceleration by the air out. Pure.
+
+The thrust carries the weight and points where the aircraft leans, so the lean is known as an
+acceleration. What of it does not change the velocity is spent against the air:
+
+    b = lean - dv/dt,    lean = (g - dv_down/dt - k v_down) tan(tilt), where it leans to
+
+Both come from what every autopilot sends. Means over a short window, in which our own speeding up,
+braking and turning cancel: integral of the lean over time minus the difference of two velocities.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ..types import LandedState, Telemetry, Vector
+from .drag import Level
+
+GRAVITY_MPS2 = 9.80665
+
+WINDOW_S = 1.5
+"""Over which means are taken. In calm flights of the fake autopilots, 3 m/s fast, the wind told is
+at most 0.8, 0.5, 0.4 m/s with 1, 1.5, 2 s; a step of the wind is followed as late."""
+WINDOW_MIN_S = 1.0
+"""What the window must span before its mean counts."""
+SETTLING_S = 3.0
+"""After take-off, a gap or a jump nothing counts: PX4 calls an aircraft in the air 1.5 s before its
+legs leave the ground, on which it may lean as it likes."""
+ATTITUDE_MAX_AGE_S = 0.5
+"""ATTITUDE and LOCAL_POSITION_NED come at 10 Hz or more, even on a slow link: 5 periods."""
+_GAP_S = 1.0
+"""Between two samples: what the lean did in a longer one is not known."""
+_JUMP_MPS2 = 20.0
+"""No multirotor accelerates so: the estimator has reset its velocity."""
+_JUMP_S = 0.1
+"""Packets come in bursts: velocities are not compared over less."""
+_TILT_COSINE_MIN = 0.5
+"""60 deg: no multirotor holds its height beyond, and the tangent grows without bound."""
+_LIFT_MIN, _LIFT_MAX = 0.3, 2.0
+"""Of g: what the vertical acceleration may say of the thrust."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AirSample:
+    """Attitude and velocity at one instant in the air, and sums since the first of its window."""
+
+    attitude_s: float
+    velocity_s: float
+    lean_ne_mps2: Level
+    velocity_ned_mps: Vector
+    begun_s: float
+    """When the first sample without a gap before it was taken."""
+    lean_sum_ne_mps: Level = (0.0, 0.0)
+    """Integral of the lean."""
+    way_ned_m: Vector = (0.0, 0.0, 0.0)
+    """Integral of the velocity."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Braking:
+    """Means over a window: how it moved, and how the air braked it. time_s: the window's end."""
+
+    time_s: float
+    velocity_ne_mps: Level
+    deceleration_ne_mps2: Level
+
+
+def tells_of_wind(telemetry: Telemetry) -> bool:
+    """Whether lean and motor outputs say anything about wind.
+
+    During the landed state TAKEOFF the aircraft may still stand on its legs. Without any landed
+    state, armed has to do.
+    """
+    armed = telemetry.autopilot is not None and telemetry.autopilot.armed
+    landed = telemetry.landed
+    return armed and (landed is None or landed.state in {LandedState.IN_AIR, LandedState.LANDING})
+
+
+def extended(samples: tuple[AirSample, ...], telemetry: Telemetry) -> tuple[AirSample, ...]:
+    """The samples of the last `WINDOW_S` with the latest one, oldest first; none on the ground.
+
+    The window ends at the latest attitude, so that without a new one nothing changes. It begins
+    anew after a gap and after a jump of the velocity.
+    """
+    if not tells_of_wind(telemetry):
+        return ()
+    latest = _sample(telemetry)
+    if latest is None or (samples and latest.attitude_s <= samples[-1].attitude_s):
+        return samples
+    if not samples or not _continues(samples[-1], latest):
+        return (latest,)
+    begin_s = latest.attitude_s - WINDOW_S
+    kept = next(
+        (number for number, sample in enumerate(samples) if sample.attitude_s >= begin_s),
+        len(samples) - 1,
+    )
+    return (*samples[kept:], _summed(samples[-1], latest))
+
+
+def braking(samples: tuple[AirSample, ...], drag_per_s: float) -> Braking | None:
+    """What the air did in the samples' window; None where that is too short to say.
+
+    drag_per_s: of the vertical motion, which changes the thrust that a lean stands for.
+    """
+    if len(samples) < 2:
+        return None
+    first, last = samples[0], samples[-1]
+    span_s = last.attitude_s - first.attitude_s
+    velocity_span_s = last.velocity_s - first.velocity_s
+    settled = last.attitude_s - last.begun_s >= SETTLING_S
+    if not settled or span_s < WINDOW_MIN_S or velocity_span_s < 0.5 * span_s:
+        return None
+    north, east, down = (
+        (after - before) / velocity_span_s
+        for before, after in zip(first.velocity_ned_mps, last.velocity_ned_mps, strict=True)
+    )
+    v_north, v_east, v_down = (
+        (after - before) / span_s
+        for before, after in zip(first.way_ned_m, last.way_ned_m, strict=True)
+    )
+    lift = 1.0 - (down + drag_per_s * v_down) / GRAVITY_MPS2
+    scale = min(_LIFT_MAX, max(_LIFT_MIN, lift)) / span_s
+    lean_north = scale * (last.lean_sum_ne_mps[0] - first.lean_sum_ne_mps[0])
+    lean_east = scale * (last.lean_sum_ne_mps[1] - first.lean_sum_ne_mps[1])
+    return Braking(
+        time_s=last.attitude_s,
+        velocity_ne_mps=(v_north, v_east),
+        deceleration_ne_mps2=(lean_north - north, lean_east - east),
+    )
+
+
+def lean_acceleration_mps2(roll_rad: float, pitch_rad: float, yaw_rad: float) -> Level:
+    """Acceleration north and east by a thrust whose vertical part is g.
+
+    The thrust points along -z of the body, R(yaw) R(pitch) R(roll) (0, 0, -1): nose down
+    accelerates forwards, right side down to the right.
+    """
+    upright = max(_TILT_COSINE_MIN, math.cos(roll_rad) * math.cos(pitch_rad))
+    forward = -math.cos(roll_rad) * math.sin(pitch_rad)
+    right = math.sin(roll_rad)
+    cosine, sine = math.cos(yaw_rad), math.sin(yaw_rad)
+    scale = GRAVITY_MPS2 / upright
+    return scale * (forward * cosine - right * sine), scale * (forward * sine + right * cosine)
+
+
+def _sample(telemetry: Telemetry) -> AirSample | None:
+    """The latest attitude with the velocity of the same time, if there is one.
+
+    An estimator without an absolute position guesses its velocity, too.
+    """
+    attitude, local, estimator = (
+        telemetry.attitude,
+        telemetry.local_position,
+        telemetry.estimator,
+    )
+    if (
+        attitude is None
+        or local is None
+        or (estimator is not None and not estimator.horizontal_position_ok)
+        or abs(local.received_s - attitude.received_s) > ATTITUDE_MAX_AGE_S
+    ):
+        return None
+    angles = attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad
+    if not math.isfinite(sum(angles) + sum(local.velocity_ned_mps)):
+        return None
+    return AirSample(
+        attitude_s=attitude.received_s,
+        velocity_s=local.received_s,
+        lean_ne_mps2=lean_acceleration_mps2(*angles),
+        velocity_ned_mps=local.velocity_ned_mps,
+        begun_s=attitude.received_s,
+    )
+
+
+def _continues(before: AirSample, after: AirSample) -> bool:
+    elapsed_s = after.velocity_s - before.velocity_s
+    jump_mps = math.dist(before.velocity_ned_mps, after.velocity_ned_mps)
+    return (
+        after.attitude_s - before.attitude_s <= _GAP_S
+        and elapsed_s >= 0.0
+        and jump_mps <= _JUMP_MPS2 * max(_JUMP_S, elapsed_s)
+    )
+
+
+def _summed(before: AirSample, latest: AirSample) -> AirSample:
+    """The latest sample with its sums, by trapezoids."""
+    half_s = 0.5 * (latest.attitude_s - before.attitude_s)
+    (lean_n, lean_e), (old_lean_n, old_lean_e) = latest.lean_ne_mps2, before.lean_ne_mps2
+    (v_n, v_e, v_d), (old_n, old_e, old_d) = latest.velocity_ned_mps, before.velocity_ned_mps
+    (sum_n, sum_e), (way_n, way_e, way_d) = before.lean_sum_ne_mps, before.way_ned_m
+    return AirSample(
+        attitude_s=latest.attitude_s,
+        velocity_s=latest.velocity_s,
+        lean_ne_mps2=latest.lean_ne_mps2,
+        velocity_ned_mps=latest.velocity_ned_mps,
+        begun_s=before.begun_s,
+        lean_sum_ne_mps=(
+            sum_n + half_s * (old_lean_n + lean_n),
+            sum_e + half_s * (old_lean_e + lean_e),
+        ),
+        way_ned_m=(
+            way_n + half_s * (old_n + v_n),
+            way_e + half_s * (old_e + v_e),
+            way_d + half_s * (old_d + v_d),
+        ),
+    )

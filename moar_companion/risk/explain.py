@@ -1,0 +1,134 @@
+"""Why the risk indices have their values, and what they did to the weights: words, and JSON. Pure.
+
+    wind 0.71: wind from tilt 9.2 m/s, 0.1 s old -> 0.71
+    k_S 0.33 -> 0.45 (wind +0.13, battery -0.01), k_T 0.33 -> 0.18 (wind -0.14), k_E 0.33 -> 0.37
+
+An index follows its worst input, rising fast and falling slowly: where it is on its way, the words
+say so. What a risk did to a weight is what the weight would lose without it, the others being as
+they are (Eq. 9).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+from ..types import RiskIndices, Weights
+from .indices import IndexReport, RiskEstimate
+from .inputs import InputReport
+
+_SYMBOLS = {"safety": "k_S", "time": "k_T", "energy": "k_E"}
+_TOLD = 0.005
+"""Of an index or a weight: less is not told, for the words have two digits."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WeightsReason:
+    """Weights before and after Eq. 9. by_risk: by index and weight, what the index did to it."""
+
+    base: Weights
+    adjusted: Weights
+    by_risk: Mapping[str, Mapping[str, float]]
+
+    @classmethod
+    def of(cls, base: Weights, risk: RiskIndices) -> WeightsReason:
+        """What the indices do to weights."""
+        adjusted, values = base.adjusted(risk), risk.as_dict()
+        by_risk: dict[str, dict[str, float]] = {}
+        for name, value in values.items():
+            without = base.adjusted(RiskIndices(**(values | {name: 0.0}))) if value else adjusted
+            by_risk[name] = {
+                "safety": adjusted.safety - without.safety,
+                "time": adjusted.time - without.time,
+                "energy": adjusted.energy - without.energy,
+            }
+        return cls(base=base, adjusted=adjusted, by_risk=by_risk)
+
+    def words(self) -> str:
+        """For people: `k_S 0.33 -> 0.45 (wind +0.13), k_T ...`."""
+        return ", ".join(self._words_of(weight, symbol) for weight, symbol in _SYMBOLS.items())
+
+    def _words_of(self, weight: str, symbol: str) -> str:
+        base, adjusted = getattr(self.base, weight), getattr(self.adjusted, weight)
+        told = [
+            f"{name} {changes[weight]:+.2f}"
+            for name, changes in self.by_risk.items()
+            if abs(changes[weight]) >= _TOLD
+        ]
+        reason = f" ({', '.join(told)})" if told else ""
+        return f"{symbol} {base:.2f} -> {adjusted:.2f}{reason}"
+
+    def to_dict(self) -> dict[str, Any]:
+        """Fit for JSON."""
+        return {
+            "base": {weight: getattr(self.base, weight) for weight in _SYMBOLS},
+            "adjusted": {weight: getattr(self.adjusted, weight) for weight in _SYMBOLS},
+            "by_risk": {name: dict(changes) for name, changes in self.by_risk.items()},
+            "words": self.words(),
+        }
+
+
+def index_words(name: str, value: float, report: IndexReport) -> str:
+    """Why an index has its value: the input that decides it, or that none does."""
+    words = f"{name} {value:.2f}"
+    if value < report.target - _TOLD:
+        words += f", rising to {report.target:.2f}"
+    elif value > report.target + _TOLD:
+        words += f", falling to {report.target:.2f}"
+    if report.target < _TOLD:
+        return f"{words}: no input raises it"
+    if report.held:
+        words += ", held at the last word"
+    if report.cause is None:
+        nothing = "nothing is measured any more" if report.ever_known else "nothing was measured"
+        return f"{words}: {nothing}"
+    cause = next((item for item in report.inputs if item.name == report.cause), None)
+    return f"{words}: {report.cause}" if cause is None else f"{words}: {input_words(cause)}"
+
+
+def rise_words(name: str, report: IndexReport) -> str:
+    """Where an index goes and why, for an event: `wind to 0.71: wind from tilt 9.2 m/s`."""
+    cause = next((item for item in report.inputs if item.name == report.cause), None)
+    return f"{name} to {report.target:.2f}: {report.cause if cause is None else cause.phrase}"
+
+
+def input_words(item: InputReport) -> str:
+    """`wind from tilt 9.2 m/s, 0.1 s old -> 0.71`; without the risk where it is unknown now."""
+    words = item.phrase
+    if item.age_s is not None and item.age_s != item.value:  # of a silence the age is the value
+        words += f", {item.age_s:.1f} s old"
+    return words if item.risk is None else f"{words} -> {item.risk:.2f}"
+
+
+def index_dict(name: str, value: float, report: IndexReport) -> dict[str, Any]:
+    """An index and its inputs, fit for JSON."""
+    return {
+        "value": value,
+        "target": report.target,
+        "known": report.value is not None,
+        "worst": report.worst,
+        "cause": report.cause,
+        "held": report.held,
+        "words": index_words(name, value, report),
+        "inputs": [
+            {
+                "name": item.name,
+                "value": item.value,
+                "unit": item.unit,
+                "reading": item.reading,
+                "age_s": item.age_s,
+                "risk": item.risk,
+                "known": item.risk is not None,
+            }
+            for item in report.inputs
+        ],
+    }
+
+
+def risk_dict(estimate: RiskEstimate) -> dict[str, Any]:
+    """All indices and their inputs, fit for JSON."""
+    return {
+        name: index_dict(name, value, getattr(estimate.report, name))
+        for name, value in estimate.indices.as_dict().items()
+    }

@@ -1,0 +1,198 @@
+"""One satellite receiver or two: which one counts, and what is wrong with it.
+
+Inputs: what the receivers say and what is known of the autopilot's choice between them. Outputs:
+the risk inputs of the one by which it navigates, and a word on the other one.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any
+
+from ..types import Gnss, Telemetry
+from ..vehicle import RiskModel
+from .inputs import InputReport, certain, heard, heard_at
+
+_MAX_AGE_S = 3.0
+"""GPS_RAW_INT comes at 5 to 8 Hz, at 1 Hz while PX4's receiver is silent: 3 periods."""
+_FROZEN_S = 1.5
+"""A receiver measures at least once a second; ArduPilot repeats a dead one for 4 s."""
+_FIX_3D = 3
+"""GPS_FIX_TYPE_3D_FIX; better fixes have greater numbers."""
+_FIXES = {0: "no receiver", 1: "no fix", 2: "2D"}
+"""GPS_FIX_TYPE below 3."""
+_MEASURES = {
+    "satellites": ("satellites", ""),
+    "hdop": ("hdop", ""),
+    "vdop": ("vdop", ""),
+    "horizontal_accuracy_m": ("receiver accuracy", "m"),
+    "vertical_accuracy_m": ("receiver height accuracy", "m"),
+}
+"""What a receiver may tell, by the name of its field and of its threshold; input and unit."""
+_ACCURACIES = ("horizontal_accuracy_m", "vertical_accuracy_m")
+RECEIVER_ACCURACY = _MEASURES["horizontal_accuracy_m"][0]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ReceiverMemory:
+    """What is remembered of one receiver.
+
+    receiver_s, since_s: its clock, and when it was first received with that reading. known: its
+    latest word, completed by what it told before; without a fix no more accurate than before.
+    """
+
+    receiver_s: float | None = None
+    since_s: float = 0.0
+    known: Gnss | None = None
+
+    def read(self, gnss: Gnss | None) -> ReceiverMemory:
+        """The memory after the receiver's latest word."""
+        if gnss is None:
+            return self
+        moved = gnss.receiver_s != self.receiver_s
+        counts = {name: self._counting(gnss, name) for name in _MEASURES}
+        kept: dict[str, Any] = {
+            name: value for name, value in counts.items() if value != getattr(gnss, name)
+        }
+        return ReceiverMemory(
+            receiver_s=gnss.receiver_s,
+            since_s=gnss.received_s if moved else self.since_s,
+            known=replace(gnss, **kept) if kept else gnss,
+        )
+
+    def _counting(self, gnss: Gnss, name: str) -> float | None:
+        """What counts of a measure after the receiver's latest word."""
+        told = _told(gnss, name)
+        before: float | None = None if self.known is None else getattr(self.known, name)
+        if told is None or before is None:
+            return before if told is None else told
+        dark = name in _ACCURACIES and gnss.fix_type < _FIX_3D
+        return max(told, before) if dark else told
+
+    def stopped_s(self, gnss: Gnss) -> float | None:
+        """For how long the receiver repeats this reading; None: it tells no time."""
+        if gnss.receiver_s is None or gnss.receiver_s != self.receiver_s:
+            return None
+        return gnss.received_s - self.since_s
+
+
+Memories = tuple[ReceiverMemory, ReceiverMemory]
+"""Of the first and of the second receiver."""
+
+
+def trouble(telemetry: Telemetry, memories: Memories, now_s: float) -> str | None:
+    """Why the receiver by which the autopilot navigates is of no use now; None: it is, or unknown.
+
+    Where the autopilot takes the better of two, only both of them together are lost.
+    """
+    faults = [_fault(gnss, memory, now_s) for gnss, memory in _candidates(telemetry, memories)]
+    return faults[0] if faults and None not in faults else None
+
+
+def receiver_inputs(
+    telemetry: Telemetry, memories: Memories, now_s: float, model: RiskModel
+) -> tuple[InputReport, ...]:
+    """The inputs of the receiver that counts; and how many of two are lost."""
+    candidates = _candidates(telemetry, memories)
+    if len(candidates) > 1:
+        candidates.sort(key=lambda item: _badness(item[0], item[1], now_s, model))
+    gnss, memory = candidates[0] if candidates else (None, memories[0])
+    receivers = _receivers(telemetry, memories)
+    lost = sum(_fault(*item, now_s) is not None for item in receivers)
+    latest_s = max((gnss.received_s for gnss, _ in receivers), default=None)
+    return (
+        *_judged(gnss, memory, now_s, model),
+        # Silence is what is counted: it never grows stale.
+        heard_at(latest_s, now_s, math.inf).says(
+            "receivers lost",
+            lost if len(receivers) > 1 else None,
+            "",
+            lambda lost: 1.0 if lost == len(receivers) else model.receiver_lost * certain(lost),
+        ),
+    )
+
+
+def _receivers(telemetry: Telemetry, memories: Memories) -> list[tuple[Gnss, ReceiverMemory]]:
+    """The receivers there are, in the autopilot's numbers."""
+    told = zip((telemetry.gnss, telemetry.second_gnss), memories, strict=True)
+    return [(gnss, memory) for gnss, memory in told if gnss is not None]
+
+
+def _candidates(telemetry: Telemetry, memories: Memories) -> list[tuple[Gnss, ReceiverMemory]]:
+    """The receivers that the autopilot may navigate by, its first choice first."""
+    receivers = _receivers(telemetry, memories)
+    if telemetry.second_gnss_first:
+        receivers.reverse()
+    return receivers if telemetry.better_gnss_taken else receivers[:1]
+
+
+def _badness(gnss: Gnss, memory: ReceiverMemory, now_s: float, model: RiskModel) -> float:
+    """The worst risk of a receiver, 1 more for a useless one, and another 1 for a silent one.
+
+    What it told before and tells no more counts on.
+    """
+    known = {name: _known(gnss, memory, name) for name in _MEASURES}
+    risks = [
+        getattr(model, name).fraction(value) for name, value in known.items() if value is not None
+    ]
+    useless = _fault(gnss, memory, now_s) is not None
+    return max(risks, default=0.0) + useless + (now_s - gnss.received_s > _MAX_AGE_S)
+
+
+def _fault(gnss: Gnss, memory: ReceiverMemory, now_s: float) -> str | None:
+    """What makes a receiver useless, in words."""
+    age_s = now_s - gnss.received_s
+    if age_s > _MAX_AGE_S:
+        return f"the receiver is silent for {age_s:.1f} s"
+    if gnss.fix_type < _FIX_3D:
+        return "the receiver has no 3D fix"
+    stopped_s = memory.stopped_s(gnss)
+    if stopped_s is not None and stopped_s > _FROZEN_S:
+        return f"the receiver stopped {stopped_s:.1f} s ago"
+    return None
+
+
+def _judged(
+    gnss: Gnss | None, memory: ReceiverMemory, now_s: float, model: RiskModel
+) -> tuple[InputReport, ...]:
+    """The normalised inputs of one receiver."""
+    told = heard(gnss, now_s, _MAX_AGE_S)
+    return (
+        told.says(
+            "fix type",
+            None if gnss is None else gnss.fix_type,
+            "",
+            lambda fix_type: certain(fix_type < _FIX_3D),
+            remark="" if gnss is None else _FIXES.get(gnss.fix_type, "3D"),
+        ),
+        *(
+            told.says(
+                title,
+                None if gnss is None or _told(gnss, name) is None else _known(gnss, memory, name),
+                unit,
+                getattr(model, name).fraction,
+            )
+            for name, (title, unit) in _MEASURES.items()
+        ),
+        told.says(
+            "receiver clock stopped",
+            None if gnss is None else memory.stopped_s(gnss),
+            "s",
+            lambda stopped_s: certain(stopped_s > _FROZEN_S),
+        ),
+    )
+
+
+def _known(gnss: Gnss, memory: ReceiverMemory, name: str) -> float | None:
+    return _told(memory.known or gnss, name)
+
+
+def _told(gnss: Gnss, name: str) -> float | None:
+    value: float | None = getattr(gnss, name)
+    return value if value is None or value > 0.0 or name == "satellites" else None
+
+
+def positive(value: float | None) -> float | None:
+    """An accuracy or dilution; 0 is how receivers say that they do not know."""
+    return value if value is not None and value > 0.0 else None

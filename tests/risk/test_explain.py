@@ -1,0 +1,222 @@
+"""Why the indices have their values, in words and for JSON."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from moar_companion.risk import IndexReport, InputReport
+from moar_companion.risk.explain import (
+    WeightsReason,
+    index_words,
+    input_words,
+    risk_dict,
+)
+from moar_companion.risk.inputs import YES_OR_NO
+from moar_companion.types import RiskIndices, Weights
+from moar_companion.vehicle import RiskModel
+
+EQUAL = Weights.normalised(1, 1, 1)
+
+
+def words(flight, name):
+    return index_words(
+        name, getattr(flight.estimate.indices, name), getattr(flight.estimate.report, name)
+    )
+
+
+def test_what_raises_an_index_is_told_with_its_value_its_age_and_where_it_leads(flight):
+    flight.hear("wind", velocity_ned_mps=(9.0, 0.0, 0.0))
+    flight.fly(0.5)
+    assert words(flight, "wind").endswith(
+        "rising to 0.67: wind reported 9.0 m/s, 0.0 s old -> 0.67"
+    )
+    flight.fly(10.0)
+    assert words(flight, "wind") == "wind 0.67: wind reported 9.0 m/s, 0.0 s old -> 0.67"
+
+
+def test_what_has_passed_is_still_falling(flight):
+    flight.hear("gnss", fix_type=0)
+    flight.fly(10.0)
+    flight.hear("gnss")
+    flight.fly(1.0)
+    assert words(flight, "localization") == (
+        "localization 0.82, falling to 0.00: no input raises it"
+    )
+
+
+def test_the_last_word_of_a_silent_source_is_held(flight):
+    flight.hear("wind", velocity_ned_mps=(9.0, 0.0, 0.0))
+    flight.fly(10.0)
+    flight.silence("wind")
+    flight.fly(12.0)
+    report = flight.estimate.report.wind
+    assert (report.cause, report.held, report.worst != report.cause) == (
+        "wind reported",
+        True,
+        True,
+    )
+    assert words(flight, "wind") == (
+        "wind 0.67, held at the last word: wind reported 9.0 m/s, 12.0 s old"
+    )
+
+
+def test_an_index_that_knows_nothing_says_so(new_flight):
+    silent = new_flight()
+    silent.fly(1.0)
+    assert words(silent, "battery") == "battery 0.50: nothing was measured"
+
+
+def test_an_index_that_has_lost_all_its_inputs_says_so(flight):
+    flight.silence(*list(flight.sources))
+    flight.fly(100.0)
+    assert words(flight, "battery") == "battery 0.50: nothing is measured any more"
+
+
+@pytest.mark.parametrize(
+    ("item", "expected"),
+    [
+        (InputReport(name="tilt", value=0.35, unit="rad", age_s=0.04, risk=0.5), "20.1°"),
+        (InputReport(name="satellites", value=7, unit="", age_s=0.2, risk=0.6), "7"),
+        (
+            InputReport(name="loss", value=0.125, unit="of packets", age_s=0.2, risk=0.4),
+            "12%",
+        ),
+        (InputReport(name="lost", value=1.0, unit=YES_OR_NO, age_s=0.2, risk=1.0), "yes"),
+        (InputReport(name="cell", value=3.456, unit="V", age_s=0.2, risk=0.4), "3.46 V"),
+        (InputReport(name="gusts", value=2.34, unit="m/s", age_s=0.2, risk=0.4), "2.3 m/s"),
+        (InputReport(name="hdop", value=None, unit="", age_s=None, risk=None), "unknown"),
+    ],
+    ids=lambda item: getattr(item, "name", item),
+)
+def test_values_are_told_as_people_read_them(item, expected):
+    assert item.reading == expected
+
+
+@pytest.mark.parametrize(
+    ("index", "name", "source", "says", "expected"),
+    [
+        ("wind", "motor output", "motors", {"pulse_us": (1930, 1500)}, "93% of its range"),
+        ("communication", "remote control", "remote_control", {"rssi": 0.3}, "30% of full signal"),
+        ("localization", "fix type", "gnss", {"fix_type": 2}, "2 (2D)"),
+        (
+            *("localization", "position innovation", "estimator"),
+            *({"position_innovation": 0.75}, "75% of what is accepted"),
+        ),
+    ],
+)
+def test_fractions_and_codes_are_told_in_words(flight, index, name, source, says, expected):
+    flight.hear(source, **says)
+    flight.fly(0.1)
+    assert flight.input(index, name).phrase == f"{name} {expected}"
+
+
+@pytest.mark.parametrize(
+    ("state", "expected"), [(1, "1 (ok)"), (2, "2 (low)"), (3, "3 (critical)"), (5, "5 (failed)")]
+)
+def test_a_charge_state_is_told_by_its_name(flight, state, expected):
+    before = flight.sources["batteries"]
+    flight.sources["batteries"] = lambda t: {0: replace(before(t)[0], charge_state=state)}
+    flight.fly(0.1)
+    item = flight.input("battery", "battery 0 charge state")
+    assert item.phrase == f"battery 0 charge state {expected}"
+
+
+def test_what_is_so_or_not_is_told_as_that(flight):
+    flight.hear("estimator", horizontal_position_ok=False)
+    flight.fly(10.0)
+    assert words(flight, "localization") == (
+        "localization 1.00: estimator without position: yes, 0.0 s old -> 1.00"
+    )
+
+
+def test_wind_by_a_drag_that_nobody_measured_says_so(new_flight):
+    usual, measured = new_flight.healthy(), new_flight.healthy(model=RiskModel(drag_per_s=0.25))
+    for flight, remark in ((usual, " (default drag, not measured)"), (measured, "")):
+        flight.hear("attitude", pitch_rad=-0.2)
+        flight.fly(10.0)
+        tilt = flight.input("wind", "wind from tilt")
+        assert tilt.phrase == f"wind from tilt {tilt.value:.1f} m/s{remark}"
+
+
+def test_motors_alone_do_not_tell_of_calm_and_say_so(flight):
+    flight.silence("wind", "attitude")
+    flight.fly(10.0)
+    motors = flight.input("wind", "motor output")
+    assert motors.phrase == "motor output 51% of its range (alone it tells of no calm)"
+    assert motors.risk == RiskModel().unknown
+
+
+def test_of_a_silence_the_age_is_the_value():
+    silence = InputReport(name="ground station silence", value=4.0, unit="s", age_s=4.0, risk=0.2)
+    assert input_words(silence) == "ground station silence 4.0 s -> 0.20"
+
+
+def test_weights_are_told_before_and_after_with_what_did_it():
+    reason = WeightsReason.of(EQUAL, RiskIndices(wind=0.8))
+    # Eq. 9 by hand: 1.4, 0.6, 1.4 of 3.4.
+    assert reason.words() == (
+        "k_S 0.33 -> 0.41 (wind +0.08), k_T 0.33 -> 0.18 (wind -0.16), "
+        "k_E 0.33 -> 0.41 (wind +0.08)"
+    )
+
+
+def test_without_any_risk_nothing_has_changed():
+    assert WeightsReason.of(EQUAL, RiskIndices()).words() == (
+        "k_S 0.33 -> 0.33, k_T 0.33 -> 0.33, k_E 0.33 -> 0.33"
+    )
+
+
+index = st.floats(0.0, 1.0)
+
+
+@given(wind=index, communication=index, localization=index, battery=index)
+def test_what_a_risk_did_is_what_the_weights_would_lose_without_it(
+    wind, communication, localization, battery
+):
+    risk = RiskIndices(
+        wind=wind, communication=communication, localization=localization, battery=battery
+    )
+    reason = WeightsReason.of(EQUAL, risk)
+    assert reason.adjusted == EQUAL.adjusted(risk)
+    for changes in reason.by_risk.values():
+        assert sum(changes.values()) == pytest.approx(0.0, abs=1e-9)
+    calm = EQUAL.adjusted(
+        RiskIndices(communication=communication, localization=localization, battery=battery)
+    )
+    assert reason.by_risk["wind"]["time"] == pytest.approx(reason.adjusted.time - calm.time)
+    assert reason.by_risk["wind"]["time"] <= 1e-12
+
+
+def test_the_whole_is_fit_for_json_and_has_words_for_each_index(flight):
+    flight.silence("gnss")
+    flight.fly(10.0)
+    whole = json.loads(json.dumps(risk_dict(flight.estimate), allow_nan=False))
+    assert list(whole) == ["wind", "communication", "localization", "battery"]
+    for entry in whole.values():
+        for item in entry["inputs"]:
+            assert item["known"] == (item["risk"] is not None)
+    satellites = next(
+        item for item in whole["localization"]["inputs"] if item["name"] == "satellites"
+    )
+    assert (satellites["value"], satellites["known"]) == (14, False)
+    assert satellites["age_s"] == pytest.approx(10.0, abs=0.2)
+    assert all(entry["words"].startswith(f"{name} ") for name, entry in whole.items())
+
+
+def test_an_input_that_does_not_apply_any_more_is_forgotten(flight):
+    flight.tracking_error_m = 1.9
+    flight.fly(10.0)
+    assert flight.estimate.report.wind.cause == "tracking error"
+    flight.tracking_error_m = None
+    flight.fly(60.0)
+    assert flight.estimate.report.wind.cause != "tracking error"
+    assert flight.estimate.indices.wind < 0.1
+
+
+def test_a_report_of_nothing_moves_nowhere():
+    assert index_words("wind", 0.0, IndexReport()) == "wind 0.00: no input raises it"
