@@ -1,12 +1,14 @@
 """The gate: the last look at a setpoint before it leaves.
 
 Pure: the setpoint and the maps in, a reason to refuse it out. A setpoint lies in a free cell of
-the workspace, near the plane; or in the corridor of a leg that was checked when it was made.
+the workspace, near the plane; or in the corridor of a leg that was checked when it was made. From
+the one before it has moved no faster and changed its speed no harder than the vehicle may.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -14,39 +16,88 @@ import numpy.typing as npt
 from ..types import Vector
 
 Occupancy = npt.NDArray[np.bool_]
+Distances = npt.NDArray[np.floating[Any]]
 Corridor = tuple[Vector, ...]
 
 _TOLERANCE_M = 1e-9
+_TOLERANCE_MPS = 0.05
+"""What the rounding of corners adds to a speed."""
+_HARDER = 4.0
+"""A setpoint changes its speed up to so much harder than planned: it brakes twice as hard for an
+aircraft that falls behind, while it may turn and begin or end to move over from elsewhere."""
+_SMALL_CORNER = 0.15
+"""Arcs are made of straights: from one to the next the speed turns by this part of itself."""
 
 
 def refusal(
     position_m: Vector,
     velocity_mps: Vector,
+    yaw_rad: float,
     *,
     cell: tuple[int, ...] | None,
     occupied: Occupancy,
+    room_m: Distances,
+    widened_m: float,
     min_altitude_m: float | None,
     corridors_m: tuple[Corridor, ...],
     corridor_width_m: float,
     plane_tolerance_m: float,
 ) -> str | None:
-    """Why a setpoint must not be sent; None when it may.
+    """Why a setpoint must not be sent, by where it is; None when it may.
 
-    position_m, velocity_mps: (x, y, z) in the site's frame. cell: of the position, None outside
-    the workspace. corridors_m: the checked legs that may be flown now, by their points.
+    position_m, velocity_mps: (x, y, z) in the site's frame. yaw_rad: the heading. cell: of the
+    position, None outside the workspace. room_m: from the hull in each cell to the nearest
+    keep-out, which is widened by widened_m for a setpoint that moves: to stay where it is free,
+    nobody has to know better where that is. corridors_m: the checked legs that may be flown now,
+    by their points: through what is not free, or too near.
     """
-    if not all(math.isfinite(value) for value in (*position_m, *velocity_mps)):
+    if not all(math.isfinite(value) for value in (*position_m, *velocity_mps, yaw_rad)):
         return "the setpoint is not finite"
     if abs(position_m[1]) > plane_tolerance_m:
         return f"the setpoint is {abs(position_m[1]):.1f} m from the plane"
     low = min_altitude_m is not None and position_m[2] < min_altitude_m - _TOLERANCE_M
-    if cell is not None and not occupied[cell] and not low:
+    free = cell is not None and not occupied[cell] and not low
+    if free and (not any(velocity_mps) or room_m[cell] >= widened_m - _TOLERANCE_M):
         return None
     if any(distance_m(position_m, leg) <= corridor_width_m for leg in corridors_m):
         return None
+    if free:
+        return f"the setpoint is too close to an obstacle, widened by {widened_m:.1f} m"
     if cell is None:
         return "the setpoint is outside the workspace"
     return "the setpoint is too close to an obstacle or too low"
+
+
+def motion_refusal(
+    before: tuple[Vector, Vector] | None,
+    after: tuple[Vector, Vector],
+    elapsed_s: float,
+    *,
+    greatest_mps: float,
+    least_mps: float,
+    acceleration_mps2: float,
+) -> str | None:
+    """Why a setpoint must not be sent, by how it moves; None when it may.
+
+    before, after: position and velocity of the setpoint that was sent `elapsed_s` ago, None for
+    the first one, and of this one. greatest_mps: the vehicle's speed; least_mps: with which a
+    setpoint moves over to its path.
+    """
+    speed_mps = math.hypot(*after[1])
+    # It may begin to move over while it still brakes on its path.
+    most_mps = greatest_mps + least_mps
+    if speed_mps > most_mps + _TOLERANCE_MPS:
+        return f"the setpoint moves at {speed_mps:.1f} m/s, more than {most_mps:g} m/s"
+    if before is None:
+        return None
+    moved_m = math.dist(before[0], after[0])
+    if moved_m > (most_mps + _TOLERANCE_MPS) * elapsed_s + _TOLERANCE_M:
+        return f"the setpoint jumps by {moved_m:.2f} m"
+    changed_mps = math.dist(before[1], after[1])
+    small_mps = max(least_mps, _SMALL_CORNER * greatest_mps)
+    if changed_mps > _HARDER * acceleration_mps2 * elapsed_s + small_mps + _TOLERANCE_MPS:
+        return f"the setpoint changes its speed by {changed_mps:.1f} m/s at once"
+    return None
 
 
 def distance_m(point_m: Vector, corridor_m: Corridor) -> float:

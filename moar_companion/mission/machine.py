@@ -1,178 +1,63 @@
-"""The mission machine: the states of the contract and what moves between them.
+"""The mission machine: what moves between the states of the contract.
 
 A pure step machine: `command`, `planned`, `unplanned` and `tick` take the present status and what
-happened, and return the next status with the effects that the companion carries out.
+happened, and return the next status with the effects that the companion carries out. What may be
+flown is the supervisor's ruling, a part of the situation.
 
     idle -> planning -> ready -> flying -> at_target | landing_leg -> holding
     in control, and a pilot takes the mode:        -> overridden
     streaming, and failsafe, stale data or fault:  -> released
+    in control, and the supervisor says so:        -> holding, or an exit, or an evacuation
 """
 
 from __future__ import annotations
 
-import enum
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ..types import Mission
-
-
-class MissionState(str, enum.Enum):
-    """What the companion is doing, in the words of the contract."""
-
-    IDLE = "idle"
-    PLANNING = "planning"
-    READY = "ready"
-    FLYING = "flying"
-    AT_TARGET = "at_target"
-    LANDING_LEG = "landing_leg"
-    HOLDING = "holding"
-    OVERRIDDEN = "overridden"
-    RELEASED = "released"
-
-
-IN_CONTROL = frozenset(
-    {
-        MissionState.FLYING,
-        MissionState.AT_TARGET,
-        MissionState.LANDING_LEG,
-        MissionState.HOLDING,
-    }
+from .conditions import Action
+from .states import IN_CONTROL, STREAMING, MissionState
+from .supervisor import Ruling
+from .values import (
+    Answer,
+    Do,
+    Effect,
+    MissionStatus,
+    Order,
+    Overrule,
+    Say,
+    Seek,
+    Situation,
+    Step,
+    Task,
+    Verdict,
 )
-"""The autopilot follows our setpoints."""
-
-STREAMING = IN_CONTROL | {MissionState.READY}
-"""Setpoints are sent."""
 
 _INTERRUPTED = IN_CONTROL - {MissionState.HOLDING}
 """What a pilot interrupts here may be resumed; what an operator held is not."""
 
+_LET_GO = {MissionState.OVERRIDDEN, MissionState.RELEASED}
+
 _CROSSED_S = 0.5
-"""An order that comes so soon after we let go was given before its sender knew."""
+"""An order that comes so soon after something was given before its sender knew of that."""
+
+_HELD_S = 1.0
+"""What goes on by itself has been held for so long: as long as any condition that holds."""
+
+_AGAIN_S = 2.0
+"""A way out that was sought in vain is sought again after that: much may have changed."""
+
+_WAYS_OUT = {
+    Action.EXIT: (Mission.EXIT, Mission.EVACUATION),
+    Action.EVACUATION: (Mission.EVACUATION,),
+}
+"""What is sought of the supervisor's actions: the first of which there is a plan."""
+_OUTWARD = frozenset(_WAYS_OUT[Action.EXIT])
 
 
-class Order(str, enum.Enum):
-    """What an operator may order besides the three missions."""
-
-    HOLD = "hold"
-    CONTINUE = "continue"
-    RELEASE = "release"
-
-
-class Verdict(enum.Enum):
-    """How an order ends; the words of MAV_RESULT."""
-
-    ACCEPTED = "accepted"
-    TEMPORARILY_REJECTED = "temporarily rejected"
-    DENIED = "denied"
-    FAILED = "failed"
-    CANCELLED = "cancelled"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Task:
-    """A mission with what is left of it. stops: targets still to visit, the next one first."""
-
-    mission: Mission
-    stops: tuple[str, ...] = ()
-    landing: int | None = None
-    """The index of the landing point of an exit or evacuation; None for any."""
-    flown: bool = False
-    """An exit or evacuation that has ended above its landing point."""
-
-    @property
-    def goal(self) -> str | int | None:
-        """What the planner is asked for."""
-        return self.stops[0] if self.mission is Mission.INSPECTION else self.landing
-
-    @property
-    def done(self) -> bool:
-        """Whether nothing of it is left to fly."""
-        return self.flown or (self.mission is Mission.INSPECTION and not self.stops)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MissionStatus:
-    """Where the machine stands."""
-
-    state: MissionState = MissionState.IDLE
-    since_s: float = 0.0
-    task: Task | None = None
-    """What is flown or held; while overridden, what a pilot interrupted."""
-    sought: Task | None = None
-    """The task whose first plan is awaited."""
-    order_id: int | None = None
-    """The operator's order that `sought` answers; None for a next target."""
-    failsafe_known: bool = False
-    """The autopilot was already in failsafe when an operator ordered this."""
-    held: bool = False
-    """A hold was ordered while ready: when the mode is given, the place is held."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Situation:
-    """What the machine must know of the world at one instant."""
-
-    obstruction: str | None
-    """Why nothing may be streamed now (no position, link lost, ...); None when all is well."""
-    reluctance: str | None
-    """Why nothing may be begun now (too far from the plane, ...); what is flown goes on."""
-    airborne: bool
-    """Armed, and known to be in the air."""
-    grounded: bool
-    """Disarmed, or known to be on the ground."""
-    mode_ours: bool
-    """The autopilot is in the mode in which it follows our setpoints."""
-    mode_heard_s: float
-    """When its mode was last heard: once a second, so it may have changed since."""
-    autopilot_failsafe: bool
-    parting: bool = True
-    """Whether a last setpoint at rest does good when the stream ends for an obstruction."""
-    landing_requested: bool = False
-    """We asked for the landing, so that a mode that is not ours is no pilot's."""
-    on_leg: bool = False
-    """The reference has entered the landing leg."""
-    arrived: bool = False
-    """The reference has reached the end of its trajectory."""
-    dwell_s: float = 0.0
-    """How long to stay at the present target."""
-    astray: bool = False
-    """The aircraft is not where the setpoint is; it would be drawn there when the mode is given."""
-
-
-@dataclass(frozen=True, slots=True)
-class Seek:
-    """Effect: ask the planner for this task's plan."""
-
-    task: Task
-
-
-@dataclass(frozen=True, slots=True)
-class Answer:
-    """Effect: answer an operator's order."""
-
-    order_id: int
-    verdict: Verdict
-    reason: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class Say:
-    """Effect: tell people."""
-
-    text: str
-    serious: bool = False
-
-
-class Do(enum.Enum):
-    """Effects without data."""
-
-    BRAKE = "come to rest on the path and stay"
-    FAREWELL = "one last setpoint, at rest"
-    LAND = "ask for the landing, where the configuration allows"
-
-
-Effect = Seek | Answer | Say | Do
-Step = tuple[MissionStatus, tuple[Effect, ...]]
+def restarted(rest: Task | None) -> MissionStatus:
+    """Where a process begins. rest: what the one before it has left to fly, for a `continue`."""
+    return MissionStatus(task=rest, held=rest is not None)
 
 
 def command(
@@ -190,8 +75,8 @@ def command(
     done = Answer(order_id, Verdict.ACCEPTED)
     overtaken, status = _cancelled(status), replace(status, order_id=None)
     if order is Order.HOLD and status.state in IN_CONTROL:
-        held, effects = _enter(status, MissionState.HOLDING, now_s)
-        return held, (*overtaken, *effects, Do.BRAKE, done)
+        held, effects = _enter(replace(status, goes_on=False), MissionState.HOLDING, now_s)
+        return held, (*overtaken, *effects, Do.BRAKE, Overrule(_known(world, now_s)), done)
     if order is Order.HOLD and status.state is MissionState.READY:
         # The mode may have been given and not yet heard of: the stream must not end.
         ready = replace(status, held=True, sought=None)
@@ -200,38 +85,70 @@ def command(
         rest = MissionState.IDLE if order is Order.HOLD else MissionState.RELEASED
         silent, effects = _silenced(status, rest, f"{order.value} on command", now_s, farewell=True)
         return silent, (*overtaken, *effects, done)
+    if status.state is MissionState.OVERRIDDEN:
+        # Whatever the mode given back would have gone on with is not wanted any more.
+        dropped = replace(status, task=None)
+        if order is Order.RELEASE:
+            dropped, effects = _enter(dropped, MissionState.RELEASED, now_s)
+            return dropped, (*effects, done)
+        return dropped, (done,)
     if order is Order.RELEASE:
-        return status, (done,)
+        return replace(status, held=False), (done,)
     return _rejected(status, order_id, "nothing is flown")
 
 
-def planned(status: MissionStatus, now_s: float) -> Step:
-    """The plan of `sought` was found."""
+def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
+    """The plan of `sought` was found; it begins where the aircraft was when it was asked for."""
     if status.sought is None:
         return status, ()
     in_control = status.state in IN_CONTROL
+    if status.state is MissionState.PLANNING and (unfit := _unfit(status.sought, world)):
+        idle, effects = _enter(status, MissionState.IDLE, now_s)
+        order_id = status.order_id
+        return idle, effects if order_id is None else (
+            *effects,
+            *_rejected(idle, order_id, unfit)[1],
+        )
     found, effects = _enter(
-        replace(status, task=status.sought, held=False),
+        replace(status, task=status.sought, held=False, goes_on=False, no_way=frozenset()),
         MissionState.FLYING if in_control else MissionState.READY,
         now_s,
     )
-    answers = () if status.order_id is None else (Answer(status.order_id, Verdict.ACCEPTED),)
-    return found, (*effects, *answers)
+    if status.order_id is None:
+        return found, effects
+    return found, (*effects, Overrule(status.known), Answer(status.order_id, Verdict.ACCEPTED))
 
 
-def unplanned(status: MissionStatus, reason: str, now_s: float) -> Step:
-    """There is no plan of `sought`; what is flown goes on, what is not is idle."""
-    if status.sought is None:
+def unplanned(
+    status: MissionStatus,
+    reason: str,
+    now_s: float,
+    *,
+    waits: bool = False,
+    failed: bool = False,
+) -> Step:
+    """There is no plan of `sought`; what is flown goes on, what is not is idle.
+
+    waits: a condition says so, too, and when that clears, what no operator has ordered is sought
+    again. failed: the planner has not said so, it has failed; nothing is asked of it for a while.
+    """
+    sought = status.sought
+    if sought is None:
         return status, ()
     answers = () if status.order_id is None else (Answer(status.order_id, Verdict.DENIED, reason),)
     if status.state is MissionState.PLANNING:
         idle, effects = _enter(status, MissionState.IDLE, now_s)
         return idle, (*effects, *answers)
-    if status.state is MissionState.AT_TARGET and status.order_id is None:
-        held, effects = _enter(status, MissionState.HOLDING, now_s)
-        say = Say(f"No way to {status.sought.goal}: {reason}", serious=True)
-        return replace(held, task=status.sought), (*effects, say)
-    return replace(status, sought=None, order_id=None), answers
+    if status.order_id is not None:
+        return replace(status, sought=None, order_id=None), answers
+    if sought.mission is not Mission.INSPECTION and not waits:
+        say = Say(f"No way to {sought.mission.value}: {reason}", serious=True, news=False)
+        no_way = _OUTWARD if failed else status.no_way | {sought.mission}
+        return replace(status, sought=None, no_way=no_way, no_way_s=now_s), (say,)
+    held, effects = _enter(status, MissionState.HOLDING, now_s)
+    goal = sought.goal if sought.mission is Mission.INSPECTION else sought.mission.value
+    say = Say(f"No way to {goal}: {reason}", serious=True)
+    return replace(held, task=sought, goes_on=waits), (*effects, say)
 
 
 def withdrawn(status: MissionStatus, order_id: int, now_s: float) -> Step:
@@ -252,26 +169,95 @@ def tick(
     now_s: float,
 ) -> Step:
     """One look at the world; what ends our control comes first."""
-    state = status.state
+    state, ruling = status.state, world.ruling
+    if status.order_id is not None:
+        # Whoever has ordered knew them: what is sought does not fail for them.
+        status = replace(status, known=status.known & ruling.names)
+        ruling = ruling.apart_from(status.known)
+    if state is MissionState.IDLE and status.held and ruling.acts("ground"):
+        return MissionStatus(since_s=now_s), ()
     if state is MissionState.OVERRIDDEN:
         return _overridden(status, world, resume=resume, now_s=now_s)
     if state not in STREAMING and state is not MissionState.PLANNING:
         return status, ()
-    if world.obstruction is not None:
-        return _silenced(
-            status, MissionState.RELEASED, world.obstruction, now_s, farewell=world.parting
-        )
-    if world.autopilot_failsafe and not status.failsafe_known:
-        return _silenced(status, MissionState.RELEASED, "the autopilot is in failsafe", now_s)
-    if world.grounded:
-        return _silenced(status, MissionState.IDLE, "on the ground", now_s)
-    if status.failsafe_known and not world.autopilot_failsafe:
-        status = replace(status, failsafe_known=False)
-    if state in IN_CONTROL and not world.mode_ours:
-        if world.landing_requested:
-            return _silenced(status, MissionState.IDLE, "the autopilot has left our mode", now_s)
-        return _silenced(status, MissionState.OVERRIDDEN, "the pilot has control", now_s)
+    leading = ruling.leading
+    if leading is not None and ruling.action is Action.RELEASE:
+        farewell = ruling.farewell and world.mode_ours
+        return _silenced(status, leading.condition.rest, leading.reason, now_s, farewell=farewell)
+    given = state is MissionState.READY and world.mode_ours
+    if state in IN_CONTROL or given:
+        supervised = _supervised(status, ruling, now_s)
+        if supervised is not None:
+            return supervised
+    elif ruling.action >= Action.HOLD and not _heeds(status, ruling.action):
+        return _silenced(status, MissionState.IDLE, ruling.reason, now_s, farewell=True)
     return _onward(status, world, ready_timeout_s, now_s)
+
+
+def _heeds(status: MissionStatus, action: Action) -> bool:
+    """Whether what is flown or sought is the way out that the supervisor wants, or a graver one."""
+    task = status.sought or status.task
+    return task is not None and _suits(task, action)
+
+
+def _suits(task: Task, action: Action) -> bool:
+    """Whether a task is the way out that an action wants, or a graver one."""
+    return not task.flown and task.mission in _WAYS_OUT.get(action, ())
+
+
+def _supervised(status: MissionStatus, ruling: Ruling, now_s: float) -> Step | None:
+    """What the supervisor makes of a flight in control; None where it has nothing to say."""
+    if ruling.action is Action.HOLD:
+        return _braked(status, ruling, now_s, goes_on=True)
+    if ruling.action in _WAYS_OUT:
+        return _led_out(status, ruling, now_s)
+    task = status.task
+    if not status.goes_on or status.sought is not None or task is None:
+        return None
+    if now_s - status.since_s < _HELD_S:
+        return None
+    return replace(status, sought=task, goes_on=False), (Say("MOAR goes on"), Seek(task))
+
+
+def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, goes_on: bool) -> Step:
+    """Hold here; what an operator has held meanwhile, and what is done, does not go on."""
+    failed = _failed(status, ruling.reason)
+    if status.state is MissionState.HOLDING:
+        if status.sought is None:
+            return status, ()
+        going_on = goes_on and status.order_id is None
+        held = replace(status, sought=None, order_id=None, goes_on=going_on)
+        return held, (*failed, Do.BRAKE)
+    left = status.task is not None and not status.task.done
+    held, _ = _enter(replace(status, goes_on=goes_on and left), MissionState.HOLDING, now_s)
+    say = Say(f"MOAR holding: {ruling.reason}", serious=True, condition=ruling.name)
+    return held, (*failed, Do.BRAKE, say)
+
+
+def _led_out(status: MissionStatus, ruling: Ruling, now_s: float) -> Step | None:
+    """The way out that the supervisor wants, where it is not flown already.
+
+    Where there is none, another that is flown goes on; anything else holds.
+    """
+    task = status.task
+    if task is None or task.flown:
+        return None
+    if _heeds(status, ruling.action) and (
+        status.sought is not None or status.state is not MissionState.HOLDING
+    ):
+        return None
+    if now_s - status.no_way_s >= _AGAIN_S:
+        status = replace(status, no_way=frozenset())
+    ways = [way for way in _WAYS_OUT[ruling.action] if way not in status.no_way]
+    if not ways:
+        if task.mission is not Mission.INSPECTION and status.state is not MissionState.HOLDING:
+            return None
+        return _braked(status, ruling, now_s, goes_on=False)
+    wanted = task if task.mission in ways else Task(mission=ways[0])
+    sought = replace(status, sought=wanted, order_id=None, goes_on=False)
+    words = f"MOAR {wanted.mission.value}: {ruling.reason}"
+    say = Say(words, serious=True, news=False, condition=ruling.name)
+    return sought, (*_failed(status, ruling.reason), say, Seek(wanted))
 
 
 def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now_s: float) -> Step:
@@ -288,6 +274,8 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
             return _silenced(status, MissionState.IDLE, reason, now_s, farewell=True)
     elif state is MissionState.FLYING and world.on_leg:
         return _enter(status, MissionState.LANDING_LEG, now_s, keep_sought=True)
+    elif state is MissionState.LANDING_LEG and not world.on_leg:
+        return _enter(status, MissionState.FLYING, now_s, keep_sought=True)
     elif state is MissionState.FLYING and world.arrived and task is not None:
         if task.mission is Mission.INSPECTION:
             return _enter(status, MissionState.AT_TARGET, now_s, keep_sought=True)
@@ -313,12 +301,13 @@ def _landed_above(status: MissionStatus, now_s: float) -> Step:
 
 
 def _overridden(status: MissionStatus, world: Situation, *, resume: bool, now_s: float) -> Step:
-    """A pilot flies: silent, unless the mode is given back and `resume` says to go on."""
-    if world.autopilot_failsafe:
-        return _silenced(status, MissionState.RELEASED, "the autopilot is in failsafe", now_s)
-    if world.grounded:
-        return _silenced(status, MissionState.IDLE, "on the ground", now_s)
-    task = status.task
+    """A pilot flies: silent, unless the mode is given back and `resume` says to go on.
+
+    What would have ended our control ends what may be resumed.
+    """
+    leading, task = world.ruling.leading, status.task
+    if leading is not None and world.ruling.action is Action.RELEASE:
+        return _silenced(status, leading.condition.rest, leading.reason, now_s)
     if resume and world.mode_ours and task is not None and not task.done:
         return _sought(status, task, None, world, now_s)
     return status, ()
@@ -328,24 +317,32 @@ def _sought(
     status: MissionStatus, task: Task, order_id: int | None, world: Situation, now_s: float
 ) -> Step:
     """Ask for a task's plan, if it could be flown; in control the flight goes on meanwhile."""
-    obstruction = world.obstruction or world.reluctance
-    if obstruction is None and not world.airborne:
-        obstruction = "not in the air"
+    obstruction = world.ruling.against(task.mission)
     if obstruction is not None:
         return status, () if order_id is None else _rejected(status, order_id, obstruction)[1]
-    if status.state is MissionState.RELEASED and now_s - status.since_s < _CROSSED_S:
-        return status, () if order_id is None else _rejected(status, order_id, "just let go")[1]
+    crossed = status.state in _LET_GO and now_s - status.since_s < _CROSSED_S
+    if crossed and order_id is not None:
+        return _rejected(status, order_id, "just let go")
+    known = _known(world, now_s)
+    news = world.ruling.apart_from(known)
+    if order_id is not None and news.action >= Action.HOLD and not _suits(task, news.action):
+        return _rejected(status, order_id, f"just begun: {news.reason}")
     effects = _cancelled(status)
     if status.state not in STREAMING:
         status = replace(status, state=MissionState.PLANNING, since_s=now_s)
         effects = (*effects, Say(f"MOAR planning {task.mission.value}"))
-    sought = replace(
-        status,
-        sought=task,
-        order_id=order_id,
-        failsafe_known=world.autopilot_failsafe,
-    )
+    sought = replace(status, sought=task, order_id=order_id, known=known, goes_on=False)
     return sought, (*effects, Seek(task))
+
+
+def _known(world: Situation, now_s: float) -> frozenset[str]:
+    """The conditions of which who orders now can know."""
+    return world.ruling.names_since(now_s - _CROSSED_S)
+
+
+def _unfit(task: Task, world: Situation) -> str | None:
+    """Why what was planned cannot be begun from where the aircraft is now."""
+    return "the aircraft has left its place" if world.astray else world.ruling.against(task.mission)
 
 
 def _rejected(status: MissionStatus, order_id: int, reason: str) -> Step:
@@ -368,6 +365,11 @@ def _cancelled(status: MissionStatus) -> tuple[Effect, ...]:
     return () if status.order_id is None else (Answer(status.order_id, Verdict.CANCELLED),)
 
 
+def _failed(status: MissionStatus, reason: str) -> tuple[Effect, ...]:
+    """The answer to an order that the supervisor does not let be flown."""
+    return () if status.order_id is None else (Answer(status.order_id, Verdict.FAILED, reason),)
+
+
 def _silenced(
     status: MissionStatus,
     state: MissionState,
@@ -383,7 +385,6 @@ def _silenced(
     """
     interrupted = status.task if status.state in _INTERRUPTED else None
     last = (Do.FAREWELL,) if farewell and status.state in STREAMING else ()
-    failed = () if status.order_id is None else (Answer(status.order_id, Verdict.FAILED, reason),)
     silent = MissionStatus(state=state, since_s=now_s, task=interrupted)
     say = Say(f"MOAR {state.value}: {reason}", serious=state is not MissionState.IDLE)
-    return silent, (*last, *failed, say)
+    return silent, (*last, *_failed(status, reason), say)

@@ -1,4 +1,9 @@
-"""When a plan in flight is made anew: on time, when a risk has moved, never too often."""
+"""When a plan in flight is made anew, and when the path that is flown stays all the same.
+
+It is made anew on time, when a risk has left its dead band, when obstacles have become wider or
+less wide; not too often. What comes back has to be better by a margin: of two paths that cost
+nearly the same, noise on the risks would choose another one every few seconds.
+"""
 
 from __future__ import annotations
 
@@ -7,13 +12,30 @@ from ..types import RiskIndices
 
 
 def replan_reason(
-    policy: Replanning, *, planned_risk: RiskIndices, risk: RiskIndices, age_s: float
+    policy: Replanning,
+    *,
+    planned_risk: RiskIndices,
+    risk: RiskIndices,
+    planned_widening_m: float,
+    widening_m: float,
+    age_s: float,
 ) -> str | None:
-    """Why to plan again, `age_s` after the last plan; None when there is no reason."""
+    """Why to plan again, `age_s` after the last plan; None when there is no reason.
+
+    planned_widening_m, widening_m: by what obstacles were, and are, to be avoided beyond their
+    keep-outs; in steps, so that any change counts.
+    """
     if age_s < policy.min_interval_s:
         return None
+    if widening_m != planned_widening_m:
+        return f"obstacles wider by {planned_widening_m:.1f} -> {widening_m:.1f} m"
     before = planned_risk.as_dict()
     for name, value in risk.as_dict().items():
         if abs(value - before[name]) >= policy.risk_change:
             return f"{name} risk {before[name]:.2f} -> {value:.2f}"
     return "time" if age_s >= policy.period_s else None
+
+
+def stays(policy: Replanning, *, flown_cost: float, new_cost: float) -> bool:
+    """Whether a path stays that is still free. Costs: J of both from one place, by new weights."""
+    return flown_cost - new_cost <= policy.improvement * flown_cost

@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import socket
+
+_FED_PER_TIMEOUT = 2.0
+"""How often the watchdog is fed within the time after which it bites (sd_watchdog_enabled(3))."""
 
 
 def notify(state: str) -> None:
@@ -17,3 +21,20 @@ def notify(state: str) -> None:
     with contextlib.suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as sender:
         sender.setblocking(False)
         sender.sendto(state.encode(), address)
+
+
+class Watchdog:
+    """The service manager's watchdog; none where it does not ask this process to feed one."""
+
+    def __init__(self) -> None:
+        timeout_us = os.environ.get("WATCHDOG_USEC", "")
+        watched = os.environ.get("WATCHDOG_PID", "") in {"", str(os.getpid())}
+        asked = watched and timeout_us.isdecimal()
+        self._period_s = int(timeout_us) * 1e-6 / _FED_PER_TIMEOUT if asked else math.inf
+        self._fed_s = -math.inf
+
+    def feed(self, now_s: float) -> None:
+        """What is watched has worked; tells the service manager when that is due."""
+        if now_s - self._fed_s >= self._period_s and self._period_s < math.inf:
+            self._fed_s = now_s
+            notify("WATCHDOG=1")

@@ -6,14 +6,16 @@ from dataclasses import dataclass, replace
 
 from ..config import Authority
 from ..mavlink.commands import Command, CommandResult, MissionCommand, PauseContinue
-from ..mission.machine import Order, Task, Verdict
+from ..mavlink.session import Session, Severity
+from ..mission.values import Order, Task, Verdict
 from ..site import Site
 from ..types import Mission
+from .reports import Reports
 
 _IN_PROGRESS_AFTER_S = 0.2
 """An order that is still being planned after this is answered IN_PROGRESS (contract)."""
 
-RESULTS = {
+_RESULTS = {
     Verdict.ACCEPTED: CommandResult.ACCEPTED,
     Verdict.TEMPORARILY_REJECTED: CommandResult.TEMPORARILY_REJECTED,
     Verdict.DENIED: CommandResult.DENIED,
@@ -62,40 +64,57 @@ class _Open:
 
 
 class OrderBook:
-    """The commands that have no final answer yet, by the number given to each."""
+    """The commands that wait to be carried out or answered; the latter by the number of each."""
 
-    def __init__(self) -> None:
+    def __init__(self, session: Session, reports: Reports) -> None:
+        self._session = session
+        self._reports = reports
+        self._heard: list[MissionCommand | PauseContinue] = []
         self._open: dict[int, _Open] = {}
         self._last_id = 0
 
+    def hear(self, command: MissionCommand | PauseContinue) -> None:
+        """Keep a command until the next thought."""
+        self._heard.append(command)
+
+    def heard(self) -> list[MissionCommand | PauseContinue]:
+        """Commands since the last call."""
+        heard, self._heard = self._heard, []
+        return heard
+
     def enter(self, command: Command, now_s: float) -> int:
-        """Note a command; its number."""
+        """Note a command that will be answered; its number."""
         self._last_id += 1
         self._open[self._last_id] = _Open(command=command, received_s=now_s)
         return self._last_id
 
-    def close(self, order_id: int) -> Command:
-        """The command of an order that is answered now."""
-        return self._open.pop(order_id).command
-
     def withdraw(self, command: Command) -> int | None:
         """Forget a command that its sender took back; its number, if it was open."""
+        self._heard = [heard for heard in self._heard if heard != command]
         for order_id, order in self._open.items():
             if order.command == command:
                 del self._open[order_id]
                 return order_id
         return None
 
-    def in_progress(self, now_s: float) -> list[Command]:
-        """Commands that have waited so long that their sender must be told, once each."""
-        waiting = {
-            order_id: order
-            for order_id, order in self._open.items()
-            if not order.progress_told and now_s - order.received_s > _IN_PROGRESS_AFTER_S
-        }
-        for order_id, order in waiting.items():
-            self._open[order_id] = replace(order, progress_told=True)
-        return [order.command for order in waiting.values()]
+    def answer(self, order_id: int, verdict: Verdict, reason: str, now_s: float) -> None:
+        """The final answer to an order."""
+        self._session.answer(self._open.pop(order_id).command, _RESULTS[verdict])
+        self._reports.record("answer", now_s, verdict=verdict.value, reason=reason)
+        if reason:
+            self.tell_why(verdict, reason, now_s)
+
+    def tell_why(self, verdict: Verdict, reason: str, now_s: float) -> None:
+        """An acknowledgement has no words: the reason goes to people as a text."""
+        text = f"MOAR {verdict.value}: {reason}"
+        self._reports.say(Severity.WARNING, text, now_s, news=True)
+
+    def tell_progress(self, now_s: float) -> None:
+        """Tell those that have waited for long, once each."""
+        for order_id, order in self._open.items():
+            if not order.progress_told and now_s - order.received_s > _IN_PROGRESS_AFTER_S:
+                self._open[order_id] = replace(order, progress_told=True)
+                self._session.answer(order.command, CommandResult.IN_PROGRESS)
 
 
 def words(order: Task | Order | Refused) -> str:

@@ -8,11 +8,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ..mission.machine import Task
+from ..mission.values import Task
 from ..planner.plan import PlanRequest
 from ..types import RiskIndices, Weights
-from .flight import Junction
 from .jobs import PlanAnswer, PlanJob
+from .junction import Junction
 
 _ANSWER_TIMEOUT_S = 5.0
 """Plans take milliseconds: a planner that is silent for so long has failed."""
@@ -25,6 +25,8 @@ class Awaited:
     job: PlanJob
     junction: Junction
     first: bool
+    reason: str
+    """Why it was asked for."""
 
 
 class PlanDesk:
@@ -36,7 +38,10 @@ class PlanDesk:
         self._awaited: Awaited | None = None
         self.asked_s = -math.inf
         self.asked_risk = RiskIndices()
-        """When the last plan was asked for, and under which risks."""
+        self.asked_widening_m = 0.0
+        """When the last plan was asked for, under which risks, and how wide obstacles were."""
+        self.wanting_since_s: float | None = None
+        """When a new plan of what is flown was first asked for, of which none has come since."""
 
     @property
     def awaited(self) -> Awaited | None:
@@ -49,8 +54,10 @@ class PlanDesk:
         junction: Junction,
         weights: Weights,
         risk: RiskIndices,
+        widening_m: float,
         *,
         first: bool,
+        reason: str,
         now_s: float,
     ) -> None:
         """Ask for a task's plan; whatever was awaited is awaited no more."""
@@ -66,14 +73,20 @@ class PlanDesk:
                 weights=weights,
                 risk=risk,
             ),
+            widening_m=widening_m,
         )
-        self._awaited = Awaited(job=job, junction=junction, first=first)
+        self._awaited = Awaited(job=job, junction=junction, first=first, reason=reason)
+        if first:
+            self.wanting_since_s = None
+        elif self.wanting_since_s is None:
+            self.wanting_since_s = now_s
         self._jobs.append(job)
-        self.asked_s, self.asked_risk = now_s, risk
+        self.asked_s, self.asked_risk, self.asked_widening_m = now_s, risk, widening_m
 
     def forget(self) -> None:
         """Nothing is awaited any more."""
         self._awaited = None
+        self.wanting_since_s = None
 
     def taken(self, answer: PlanAnswer) -> Awaited | None:
         """What an answer belongs to; None when it is no longer awaited."""
@@ -81,6 +94,8 @@ class PlanDesk:
         if awaited is None or awaited.job.job_id != answer.job_id:
             return None
         self._awaited = None
+        if answer.plan is not None:
+            self.wanting_since_s = None
         return awaited
 
     def overdue(self, now_s: float) -> PlanAnswer | None:
@@ -88,7 +103,10 @@ class PlanDesk:
         if self._awaited is None or now_s - self.asked_s < _ANSWER_TIMEOUT_S:
             return None
         return PlanAnswer(
-            job_id=self._awaited.job.job_id, plan=None, reason="the planner does not answer"
+            job_id=self._awaited.job.job_id,
+            plan=None,
+            reason="the planner does not answer",
+            failed=True,
         )
 
     def jobs(self) -> list[PlanJob]:

@@ -25,9 +25,9 @@ class Reports:
         self._session = session
         self._decisions: list[Decision] = []
 
-    def say(self, severity: Severity, text: str, now_s: float) -> None:
+    def say(self, severity: Severity, text: str, now_s: float, *, news: bool = False) -> None:
         """A STATUSTEXT, recorded."""
-        self._session.send_text(severity, text, now_s)
+        self._session.send_text(severity, text, now_s, news=news)
         self.record("text", now_s, text=text)
 
     def send_values(self, risk: RiskIndices, weights: Weights, now_s: float) -> None:

@@ -1,30 +1,127 @@
-"""The stream: setpoints in the autopilot's frame, and the mode that makes them count."""
+"""The stream: setpoints in the autopilot's frame that the gate lets pass, and the last one."""
 
 from __future__ import annotations
 
-from dataclasses import replace
+import math
+from dataclasses import astuple, dataclass, replace
 
-from ..config import Authority
+from ..config import Supervision
 from ..frames import PlaneToLocal
 from ..mavlink.session import Session
-from ..mission.machine import IN_CONTROL, MissionState, MissionStatus
-from ..types import AutopilotStatus, Vector
-from .flight import Setpoint
+from ..mission.gate import motion_refusal
+from ..vehicle import Vehicle
+from .flight import Flight
+from .motion import Jump, Setpoint
 
-_ENGAGE_AFTER_S = 1.2
-"""PX4 gives OFFBOARD to a stream that has run for a second."""
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refusal:
+    """Why a setpoint was not sent.
+
+    narrow: only the position's uncertainty was against it. rest: what was sent in its place, the
+    last one at rest; None where that must not be sent either, and the stream has to end.
+    """
+
+    reason: str
+    narrow: bool
+    rest: Setpoint | None
 
 
 class Stream:
-    """Sends setpoints, and remembers the last one for the farewell."""
+    """Looks at every setpoint, sends it, and remembers the last one."""
 
-    def __init__(self, session: Session) -> None:
+    def __init__(self, session: Session, vehicle: Vehicle, limits: Supervision) -> None:
         self._session = session
+        self._vehicle = vehicle
+        self._limits = limits
+        self.widened_m = 0.0
+        """What the distance from obstacles has to grow by now."""
         self._last: Setpoint | None = None
+        self._last_s = -math.inf
+        self._owed: tuple[Setpoint, float] | None = None
+        """The farewell of a thought that has not been sent, and when that was."""
 
-    def send(self, setpoint: Setpoint, plane: PlaneToLocal, now_s: float) -> None:
-        """A setpoint of the site's frame, as SET_POSITION_TARGET_LOCAL_NED."""
-        self._last = setpoint
+    def send(
+        self, setpoint: Setpoint, flight: Flight, plane: PlaneToLocal, now_s: float
+    ) -> Refusal | None:
+        """Send a flight's setpoint of the site's frame, or say why it must not be sent.
+
+        Then the last one is sent at rest: as a hold where that may be; where only a jump has made
+        it refused, too, as the last word, for the aircraft is where it was when it was accepted,
+        and else would fly on.
+        """
+        widened_m, tolerance_m = self.widened_m, self._limits.plane_tolerance_m
+        reason = flight.refusal(setpoint, tolerance_m, 0.0) or self._motion_refusal(setpoint, now_s)
+        narrow = False
+        if not reason and widened_m and flight.refusal(setpoint, tolerance_m, widened_m):
+            narrow = True
+            known_m = self._limits.position_uncertainty_m + widened_m
+            reason = f"position uncertainty {known_m:.1f} m leaves no room here"
+        if reason is None:
+            self._pass(setpoint, plane, now_s)
+            return None
+        rest = self.rest(flight, plane, now_s)
+        if rest is None and self._rest is not None:
+            self._pass(self._rest, plane, now_s)
+        return Refusal(reason=reason, narrow=narrow, rest=rest)
+
+    def rest(self, flight: Flight, plane: PlaneToLocal, now_s: float) -> Setpoint | None:
+        """Send the place of what was sent last, at rest; None where that must not be sent."""
+        rest = self._rest
+        if rest is None:
+            return None
+        if flight.refusal(rest, self._limits.plane_tolerance_m, self.widened_m) is not None:
+            return None
+        self._pass(rest, plane, now_s)
+        return rest
+
+    def say_farewell(self, flight: Flight, plane: PlaneToLocal, now_s: float) -> None:
+        """Send the same as the last word; it is owed until the thought was sent."""
+        rest = self.rest(flight, plane, now_s)
+        self._owed = None if rest is None else (rest, now_s)
+
+    def note_sent(self) -> None:
+        """What the last thought wanted to send has left."""
+        self._owed = None
+
+    def repay(self, plane: PlaneToLocal, now_s: float) -> None:
+        """Send the farewell that is owed, while the aircraft is still near its place."""
+        if self._owed is None:
+            return
+        farewell, said_s = self._owed
+        if said_s < now_s <= said_s + self._limits.position_timeout_s:
+            self._pass(farewell, plane, now_s)
+
+    @property
+    def _rest(self) -> Setpoint | None:
+        return None if self._last is None else replace(self._last, velocity_mps=(0.0, 0.0, 0.0))
+
+    def shift(self, jump: Jump) -> None:
+        """The estimate has jumped: what was sent last jumps with it."""
+        if self._last is not None:
+            self._last = _shifted(self._last, jump)
+        if self._owed is not None:
+            self._owed = (_shifted(self._owed[0], jump), self._owed[1])
+
+    def end(self) -> None:
+        """Nothing is streamed any more."""
+        self._last = None
+
+    def _motion_refusal(self, setpoint: Setpoint, now_s: float) -> str | None:
+        """Why it must not follow the one that was sent last, or begin."""
+        last, speed = self._last, self._vehicle.speed
+        return motion_refusal(
+            None if last is None else (last.position_m, last.velocity_mps),
+            (setpoint.position_m, setpoint.velocity_mps),
+            now_s - self._last_s,
+            greatest_mps=max(astuple(speed)),
+            least_mps=speed.min_mps,
+            acceleration_mps2=self._vehicle.guidance.acceleration_mps2,
+        )
+
+    def _pass(self, setpoint: Setpoint, plane: PlaneToLocal, now_s: float) -> None:
+        """As SET_POSITION_TARGET_LOCAL_NED."""
+        self._last, self._last_s = setpoint, now_s
         self._session.send_setpoint(
             plane.position_to_ned(setpoint.position_m),
             plane.velocity_to_ned(setpoint.velocity_mps),
@@ -32,59 +129,9 @@ class Stream:
             now_s,
         )
 
-    def shift(self, jump_m: Vector) -> None:
-        """The aircraft's position has jumped: what was sent last jumps with it."""
-        if self._last is not None:
-            x_m, y_m, z_m = (
-                old + step for old, step in zip(self._last.position_m, jump_m, strict=True)
-            )
-            self._last = replace(self._last, position_m=(x_m, y_m, z_m))
 
-    def send_farewell(self, plane: PlaneToLocal | None, now_s: float) -> None:
-        """The last setpoint before silence: where the one before was, at rest."""
-        if self._last is not None and plane is not None:
-            self.send(replace(self._last, velocity_mps=(0.0, 0.0, 0.0)), plane, now_s)
-
-
-class Engaging:
-    """Under `engage`: when the companion itself may ask for its mode.
-
-    An order may take the mode that it was given in, and no other; not out of a failsafe; and not
-    from a pilot who has overridden us, until he has given the mode himself or has landed.
-    """
-
-    def __init__(self, authority: Authority) -> None:
-        self._allowed = authority is Authority.ENGAGE
-        self._in_mode: str | None = None
-        self._pilot_flies = False
-
-    def look(self, status: MissionStatus, *, grounded: bool) -> None:
-        """Notice a pilot who has taken over, and that he has given back."""
-        if status.state is MissionState.OVERRIDDEN:
-            self._pilot_flies = True
-        elif status.state in IN_CONTROL or grounded:
-            self._pilot_flies = False
-
-    def note_order(self, autopilot: AutopilotStatus | None) -> None:
-        """A mission was ordered and is being planned."""
-        may = self._allowed and not self._pilot_flies
-        fit = autopilot is not None and not autopilot.failsafe
-        self._in_mode = autopilot.mode if may and fit and autopilot is not None else None
-
-    def is_due(
-        self, autopilot: AutopilotStatus | None, status: MissionStatus, now_s: float
-    ) -> bool:
-        """Whether to ask now; at most once for an order."""
-        if (
-            self._in_mode is None
-            or autopilot is None
-            or status.state is not MissionState.READY
-            or status.held
-            or now_s - status.since_s < _ENGAGE_AFTER_S
-        ):
-            return False
-        # After a take-off PX4 goes over to HOLD by itself, and says so up to a second later.
-        same = autopilot.mode == self._in_mode
-        took_off = (self._in_mode, autopilot.mode) == ("TAKEOFF", "HOLD")
-        self._in_mode = None
-        return (same or took_off) and not autopilot.failsafe
+def _shifted(setpoint: Setpoint, jump: Jump) -> Setpoint:
+    """The same place and heading, as an estimate that has jumped has them."""
+    x_m, y_m, z_m = (old + step for old, step in zip(setpoint.position_m, jump.step_m, strict=True))
+    yaw_rad = math.remainder(setpoint.yaw_rad + jump.turn_rad, math.tau)
+    return replace(setpoint, position_m=(x_m, y_m, z_m), yaw_rad=yaw_rad)

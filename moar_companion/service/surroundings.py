@@ -3,22 +3,45 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import dataclass
 
-from ..config import Supervision
+import numpy as np
+
 from ..frames import PlaneToLocal
+from ..mission.values import Task
+from ..planner.geometry import obstacle_distance_m
 from ..planner.maps import Maps
 from ..site import Site
-from ..types import AutopilotKind, GeodeticPoint, LandedState, Telemetry, Vector
-from .flight import Pose
+from ..types import (
+    Attitude,
+    AutopilotKind,
+    GeodeticPoint,
+    LandedState,
+    Telemetry,
+    Vector,
+)
+from .motion import Jump, Pose
 
-_ATTITUDE_TIMEOUT_S = 1.0
-"""ATTITUDE comes at 100 Hz, at 10 Hz on a slow link."""
 _LANDED_TIMEOUT_S = 5.0
 """EXTENDED_SYS_STATE comes at 5 Hz; on a slow link at less than 1 Hz."""
 _JUMP_M = 0.5
 """A position that is farther than this from where the velocity leads has jumped: the estimator
 was reset, or its origin moved. In flight PX4's own estimate wanders by centimetres."""
+_RESET_JUMP_M = 0.1
+"""The same where the estimator says that it was reset. In PX4's recordings the position moves by
+up to 0.02 m when it is the heading alone."""
+_RESET_WITHIN_S = 0.3
+"""Between a step of the position and the word of the reset: ODOMETRY comes at 5 Hz or more."""
+_JUMPS_WITHIN_S = 10.0
+_TURN_RAD = 0.1
+"""A heading that is farther than this from where the rate of turn leads was reset. In recordings
+of both autopilots up to 0.05 rad of a turn are left; when its receiver was back, PX4's heading was
+reset by 0.43."""
+_TURN_WITHIN_S = 0.2
+"""ATTITUDE comes at 20 Hz or more, on a slow link at 10: of a longer time rates tell too little."""
+_MOST_JUMPS = 100
+"""Kept, of an estimator that does nothing but jump."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -28,6 +51,31 @@ class Ground:
     site: Site
     maps: Maps
 
+    def clearance_m(self, pose: Pose, radius_m: float) -> float | None:
+        """From a hull at a place to the nearest obstacle; None where there is none."""
+        x_m, _, z_m = pose.position_m
+        place = np.array([[x_m, z_m]])
+        distances = [float(obstacle_distance_m(item, place)[0]) for item in self.site.obstacles]
+        return min(distances) - radius_m if distances else None
+
+    def room_m(self, pose: Pose, radius_m: float) -> float | None:
+        """From a hull at a place to the nearest keep-out; None where there is no obstacle.
+
+        By the place itself: on the border of two cells theirs would alternate.
+        """
+        x_m, _, z_m = pose.position_m
+        place = np.array([[x_m, z_m]])
+        rooms = [
+            float(obstacle_distance_m(item, place)[0]) - item.keep_out_m
+            for item in self.site.obstacles
+        ]
+        return min(rooms) - radius_m if rooms else None
+
+    def dwell_s(self, task: Task | None) -> float:
+        """How long to stay at a task's present target."""
+        stops = () if task is None else task.stops
+        return self.site.target(stops[0]).dwell_s if stops else 0.0
+
 
 class Surroundings:
     """Reads telemetry for a companion on a site.
@@ -36,16 +84,22 @@ class Surroundings:
     Remembers the map between the two frames, and when the position last moved on.
     """
 
-    def __init__(self, site: Site | None, kind: AutopilotKind | None, limits: Supervision) -> None:
+    def __init__(self, site: Site | None, kind: AutopilotKind | None) -> None:
         self._site = site
         self._kind = kind
-        self._limits = limits
         self._plane: PlaneToLocal | None = None
         self._plane_of: tuple[GeodeticPoint, AutopilotKind] | None = None
         self._looked_at: Telemetry | None = None
         self._pose: Pose | None = None
+        self._attitude: Attitude | None = None
+        self._home_m: Vector | None = None
         self._position_boot_s = -math.inf
         self._position_moved_s = -math.inf
+        self._jumps: deque[tuple[float, float]] = deque(maxlen=_MOST_JUMPS)
+        self._reset_counter: int | None = None
+        self._reset_s = -math.inf
+        self._step: tuple[float, Vector] | None = None
+        """When the position moved on farther than the velocity leads, and by what."""
 
     @property
     def plane(self) -> PlaneToLocal | None:
@@ -57,11 +111,25 @@ class Surroundings:
         """The aircraft in the site's frame; None while that is unknown."""
         return self._pose
 
-    def look(self, telemetry: Telemetry) -> Vector | None:
-        """Take in new telemetry. Returns how far the position jumped, if it did."""
+    @property
+    def home_m(self) -> Vector | None:
+        """The autopilot's home in the site's frame; None while that is unknown."""
+        return self._home_m
+
+    def look(self, telemetry: Telemetry) -> Jump | None:
+        """Take in new telemetry. Returns how position and heading jumped, if they did."""
         if telemetry is self._looked_at:
             return None
         self._looked_at = telemetry
+        before, self._attitude = self._attitude, telemetry.attitude
+        turn_rad = _reset_turn_rad(before, self._attitude)
+        step_m = self._look_at_position(telemetry)
+        if step_m is None and not turn_rad:
+            return None
+        return Jump(step_m=step_m or (0.0, 0.0, 0.0), turn_rad=turn_rad)
+
+    def _look_at_position(self, telemetry: Telemetry) -> Vector | None:
+        """Take in where it is. Returns how far the position jumped, if it did."""
         before, boot_before_s = self._pose, self._position_boot_s
         position = telemetry.local_position
         if position is not None and position.boot_s != self._position_boot_s:
@@ -70,38 +138,47 @@ class Surroundings:
             self._position_moved_s = position.received_s
         self._plane = self._plane_to_local(telemetry)
         self._pose = self._pose_of(telemetry)
-        if before is None or self._pose is None:
+        home = telemetry.home
+        if home is not None and self._plane is not None:
+            self._home_m = self._plane.position_from_ned(home.position_ned_m)
+        self._look_for_reset(telemetry)
+        if before is None or self._pose is None or position is None:
             return None
-        elapsed_s = self._position_boot_s - boot_before_s
-        return _jump(before, self._pose, elapsed_s)
+        step_m = _unexplained(before, self._pose, self._position_boot_s - boot_before_s)
+        if math.hypot(*step_m) > _RESET_JUMP_M:
+            self._step = (position.received_s, step_m)
+        return self._jump()
 
-    def obstruction(
-        self, telemetry: Telemetry, *, control_allowed: bool, now_s: float
-    ) -> str | None:
-        """Why nothing may be streamed now; None when nothing stands against it."""
-        autopilot, attitude = telemetry.autopilot, telemetry.attitude
-        if autopilot is None:
-            return "no autopilot is heard"
-        if not control_allowed:
-            return "two autopilots are heard"
-        if now_s - autopilot.received_s > self._limits.heartbeat_timeout_s:
-            return f"no heartbeat of the autopilot for {now_s - autopilot.received_s:.1f} s"
-        if telemetry.local_position is None:
-            return "no local position is heard"
-        if now_s - self._position_moved_s > self._limits.position_timeout_s:
-            return f"the position is {now_s - self._position_moved_s:.1f} s old"
-        if attitude is None or now_s - attitude.received_s > _ATTITUDE_TIMEOUT_S:
-            return "the attitude is unknown"
-        if self._pose is None:
-            return "the origin of the local frame is unknown"
-        return None
+    @property
+    def position_moved_s(self) -> float:
+        """When the position, by the clock in it, last moved on."""
+        return self._position_moved_s
 
-    def reluctance(self) -> str | None:
-        """Why nothing may be begun now, though what is flown may go on."""
-        limit_m = self._limits.plane_tolerance_m
-        if self._pose is None or abs(self._pose.position_m[1]) <= limit_m:
+    def jumped_m(self, now_s: float) -> float:
+        """How far the position has jumped within the last seconds, there and back."""
+        return sum(
+            length_m for time_s, length_m in self._jumps if now_s - time_s <= _JUMPS_WITHIN_S
+        )
+
+    def _look_for_reset(self, telemetry: Telemetry) -> None:
+        odometry = telemetry.odometry
+        if odometry is None or odometry.reset_counter == self._reset_counter:
+            return
+        if self._reset_counter is not None:
+            self._reset_s = odometry.received_s
+        self._reset_counter = odometry.reset_counter
+
+    def _jump(self) -> Vector | None:
+        """The last step, if it is as long as only a jump is, or if there was a reset with it."""
+        if self._step is None:
             return None
-        return f"{abs(self._pose.position_m[1]):.1f} m from the plane, more than {limit_m:g} m"
+        step_s, step_m = self._step
+        length_m = math.hypot(*step_m)
+        if length_m <= _JUMP_M and abs(step_s - self._reset_s) > _RESET_WITHIN_S:
+            return None
+        self._step = None
+        self._jumps.append((step_s, length_m))
+        return step_m
 
     def _plane_to_local(self, telemetry: Telemetry) -> PlaneToLocal | None:
         """The map, made anew when the estimator's origin moves."""
@@ -125,26 +202,44 @@ class Surroundings:
         )
 
 
-def _jump(before: Pose, now: Pose, elapsed_s: float) -> Vector | None:
-    """What of a step in position the velocities do not explain; None when it is small."""
+def _unexplained(before: Pose, now: Pose, elapsed_s: float) -> Vector:
+    """What of a step in position the velocities do not explain."""
     step = [new - old for new, old in zip(now.position_m, before.position_m, strict=True)]
     moved = [
         0.5 * (new + old) * max(0.0, elapsed_s)
         for new, old in zip(now.velocity_mps, before.velocity_mps, strict=True)
     ]
     x_m, y_m, z_m = (whole - part for whole, part in zip(step, moved, strict=True))
-    return (x_m, y_m, z_m) if math.hypot(x_m, y_m, z_m) > _JUMP_M else None
+    return x_m, y_m, z_m
+
+
+def _reset_turn_rad(before: Attitude | None, now: Attitude | None) -> float:
+    """A step in heading that the rates of turn do not explain; 0 without one."""
+    if before is None or now is None or before.boot_s is None or now.boot_s is None:
+        return 0.0
+    if before.yaw_rate_radps is None or now.yaw_rate_radps is None:
+        return 0.0
+    elapsed_s = now.boot_s - before.boot_s
+    if not 0.0 < elapsed_s <= _TURN_WITHIN_S:
+        return 0.0
+    turned_rad = 0.5 * (before.yaw_rate_radps + now.yaw_rate_radps) * elapsed_s
+    turn_rad = math.remainder(now.yaw_rad - before.yaw_rad - turned_rad, math.tau)
+    return turn_rad if abs(turn_rad) > _TURN_RAD else 0.0
 
 
 def airborne(telemetry: Telemetry, now_s: float) -> bool:
-    """Armed, and known to be in the air; not while it takes off."""
+    """Armed, and known to be in the air; not while it takes off or lands.
+
+    Setpoints between the acknowledgement of a take-off and lift-off cancel ArduPilot's take-off;
+    a stream during a landing makes PX4 resume OFFBOARD.
+    """
     autopilot, landed = telemetry.autopilot, telemetry.landed
     return (
         autopilot is not None
         and autopilot.armed
         and landed is not None
         and now_s - landed.received_s <= _LANDED_TIMEOUT_S
-        and landed.state in {LandedState.IN_AIR, LandedState.LANDING}
+        and landed.state is LandedState.IN_AIR
     )
 
 

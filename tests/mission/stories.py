@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from moar_companion.mission import machine
-from moar_companion.mission.machine import (
-    STREAMING,
+from moar_companion.mission import machine, supervisor
+from moar_companion.mission.conditions import Causes
+from moar_companion.mission.states import IN_CONTROL, STREAMING, MissionState
+from moar_companion.mission.values import (
     Answer,
     Do,
-    MissionState,
     MissionStatus,
+    Order,
+    Overrule,
     Say,
     Seek,
     Situation,
@@ -18,15 +20,7 @@ from moar_companion.mission.machine import (
 )
 from moar_companion.types import Mission
 
-WELL = Situation(
-    obstruction=None,
-    reluctance=None,
-    airborne=True,
-    grounded=False,
-    mode_ours=False,
-    mode_heard_s=0.0,
-    autopilot_failsafe=False,
-)
+WELL = Situation(mode_ours=False, mode_heard_s=0.0)
 """Hovering in a mode of the pilot's, nothing against it."""
 
 INSPECTION = Task(mission=Mission.INSPECTION, stops=("first", "second"))
@@ -34,16 +28,23 @@ LAST = Task(mission=Mission.INSPECTION, stops=("second",))
 EXIT = Task(mission=Mission.EXIT)
 EVACUATION = Task(mission=Mission.EVACUATION, landing=1)
 
-ON_THE_GROUND = {"airborne": False, "grounded": True}
-NOBODY_KNOWS = {"airborne": False, "grounded": False}
+FAILSAFE = {"failsafe": "the autopilot is in failsafe"}
+NO_FAILSAFE = {"failsafe": None}
+ON_THE_GROUND = {"ground": "on the ground", "not_flying": "not in the air"}
+IN_THE_AIR = {"ground": None, "not_flying": None}
+NOBODY_KNOWS = {"ground": None, "not_flying": "not in the air"}
+STALE = {"position": "the position is 0.6 s old"}
 
 
 class Story:
-    """Feeds the machine and keeps what it answered."""
+    """Feeds the supervisor and the machine, and keeps what they answered."""
 
     def __init__(self, *, resume=False, ready_timeout_s=30.0):
         self.status = MissionStatus()
         self.world = WELL
+        self.causes = Causes()
+        self.watches = supervisor.HEALTHY
+        self.landing_requested = False
         self.now_s = 100.0
         self.resume = resume
         self.ready_timeout_s = ready_timeout_s
@@ -61,14 +62,33 @@ class Story:
         return self.status.state in STREAMING
 
     def see(self, **changes):
-        """The world changes, and the machine looks at it once."""
-        self.world = replace(self.world, **changes)
+        """The world, or what is against flying in it, changes; the machine looks at it once."""
+        self.change(**changes)
         return self.tick()
+
+    def change(self, **changes):
+        """The world changes, and nobody looks yet."""
+        of_causes = {name: value for name, value in changes.items() if hasattr(Causes, name)}
+        self.causes = replace(self.causes, **of_causes)
+        of_world = {name: value for name, value in changes.items() if name not in of_causes}
+        self.world = replace(self.world, **of_world)
+
+    def rule(self):
+        """The supervisor looks."""
+        left = self.status.state in IN_CONTROL and not self.world.mode_ours
+        causes = replace(
+            self.causes,
+            landing="the autopilot has left our mode" if left and self.landing_requested else None,
+            pilot="the pilot has control" if left and not self.landing_requested else None,
+        )
+        self.watches, ruling = supervisor.step(self.watches, causes, self.now_s)
+        self.world = replace(self.world, ruling=ruling)
 
     def tick(self, seconds=0.02):
         self.now_s += seconds
         if not self.deaf:
             self.world = replace(self.world, mode_heard_s=self.now_s)
+        self.rule()
         return self._took(
             machine.tick(
                 self.status,
@@ -82,13 +102,14 @@ class Story:
     def order(self, order):
         """An operator's order; its number is in `last_id`."""
         self.last_id += 1
+        self.rule()
         return self._took(machine.command(self.status, order, self.last_id, self.world, self.now_s))
 
     def plan_found(self):
-        return self._took(machine.planned(self.status, self.now_s))
+        return self._took(machine.planned(self.status, self.world, self.now_s))
 
-    def plan_failed(self, reason="no free way leads there"):
-        return self._took(machine.unplanned(self.status, reason, self.now_s))
+    def plan_failed(self, reason="no free way leads there", **why):
+        return self._took(machine.unplanned(self.status, reason, self.now_s, **why))
 
     def take_back(self, order_id=None):
         number = self.last_id if order_id is None else order_id
@@ -97,6 +118,9 @@ class Story:
     def _took(self, step):
         self.status, effects = step
         self.effects = list(effects)
+        for effect in self.effects:
+            if isinstance(effect, Overrule):
+                self.watches = supervisor.overridden(self.watches, known=effect.known)
         return self
 
     # What the last step led to
@@ -140,25 +164,25 @@ def story(state, task=INSPECTION, **options):
         return told
     if state is MissionState.RELEASED:
         # Long enough for an operator to have heard of it.
-        return told.see(obstruction="the position is 0.6 s old").see(obstruction=None).tick(1.0)
+        return told.see(**STALE).see(position=None).tick(1.0)
     told.see(mode_ours=True)
     if state is MissionState.FLYING:
         return told
     if state is MissionState.OVERRIDDEN:
-        return told.see(mode_ours=False)
+        return told.see(mode_ours=False).tick(1.0)
     if state is MissionState.AT_TARGET:
         assert task.mission is Mission.INSPECTION
         return told.see(arrived=True, dwell_s=5.0)
     if state is MissionState.HOLDING:
-        return told.order(machine.Order.HOLD)
+        return told.order(Order.HOLD)
     assert state is MissionState.LANDING_LEG
     assert task.mission is not Mission.INSPECTION
     return told.see(on_leg=True)
 
 
-def any_story(state, **options):
+def any_story(state, task=None, **options):
     """As `story`, with a mission that can come to the state."""
     leg = state is MissionState.LANDING_LEG
-    told = story(state, EXIT if leg else INSPECTION, **options)
+    told = story(state, task or (EXIT if leg else INSPECTION), **options)
     assert told.status.state is state
     return told

@@ -10,21 +10,31 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.mission.gate import distance_m, refusal
+from moar_companion.mission.gate import distance_m, motion_refusal, refusal
 
 FREE, OCCUPIED = (0, 0), (0, 1)
 OCCUPANCY = np.array([[False, True]])
+ROOM_M = np.array([[0.5, -0.1]])
 LEG = ((0.0, 0.0, 5.0), (10.0, 0.0, 5.0), (10.0, 0.0, 0.0))
 
 
 def reason(
-    position=(1.0, 0.0, 1.0), velocity=(0.0, 0.0, 0.0), cell=FREE, corridors=(), lowest_m=None
+    position=(1.0, 0.0, 1.0),
+    velocity=(0.0, 0.0, 0.0),
+    yaw_rad=0.0,
+    cell=FREE,
+    corridors=(),
+    lowest_m=None,
+    widened_m=0.0,
 ):
     return refusal(
         position,
         velocity,
+        yaw_rad,
         cell=cell,
         occupied=OCCUPANCY,
+        room_m=ROOM_M,
+        widened_m=widened_m,
         min_altitude_m=lowest_m,
         corridors_m=corridors,
         corridor_width_m=0.3,
@@ -45,6 +55,7 @@ def test_what_is_not_finite_is_refused_wherever_it_stands(bad, axis):
     assert reason(position=tuple(values), corridors=(LEG,)) == "the setpoint is not finite"
     assert reason(velocity=tuple(values), corridors=(LEG,)) == "the setpoint is not finite"
     assert reason(position=tuple(values), cell=None) == "the setpoint is not finite"
+    assert reason(yaw_rad=bad, corridors=(LEG,)) == "the setpoint is not finite"
 
 
 @pytest.mark.parametrize("y_m", [2.01, -2.01, 50.0])
@@ -65,6 +76,45 @@ def test_an_occupied_cell_is_refused():
 def test_below_the_least_altitude_is_refused_though_its_cell_is_free(z_m, allowed):
     low = reason(position=(1.0, 0.0, z_m), lowest_m=2.0)
     assert low == (None if allowed else "the setpoint is too close to an obstacle or too low")
+
+
+def test_a_position_that_is_known_worse_widens_what_is_kept_free_for_what_moves():
+    moving = (0.5, 0.0, 0.0)
+    assert reason(velocity=moving, widened_m=0.5) is None
+    assert "widened by 0.6 m" in reason(velocity=moving, widened_m=0.6)
+    assert reason(velocity=(0.0, 0.0, 0.0), widened_m=5.0) is None  # it may stay
+    # The legs that were checked lead away from obstacles.
+    assert reason(position=(5.0, 0.0, 5.0), cell=None, corridors=(LEG,), widened_m=5.0) is None
+
+
+LIMITS = {"greatest_mps": 2.0, "least_mps": 0.5, "acceleration_mps2": 1.0}
+REST = ((0.0, 0.0, 5.0), (0.0, 0.0, 0.0))
+
+
+def motion(position=(0.0, 0.0, 5.0), velocity=(0.0, 0.0, 0.0), before=REST, elapsed_s=0.02):
+    return motion_refusal(before, (position, velocity), elapsed_s, **LIMITS)
+
+
+@pytest.mark.parametrize(("speed_mps", "allowed"), [(2.5, True), (2.54, True), (2.6, False)])
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_no_setpoint_moves_faster_than_the_vehicle_may(axis, speed_mps, allowed):
+    velocity = [0.0, 0.0, 0.0]
+    velocity[axis] = speed_mps
+    refused = motion(velocity=tuple(velocity), before=None)
+    assert refused is None if allowed else refused.startswith("the setpoint moves at 2.6 m/s")
+
+
+@pytest.mark.parametrize(("step_m", "allowed"), [(0.05, True), (0.06, False), (3.0, False)])
+def test_no_setpoint_lies_farther_from_the_last_one_than_it_can_have_moved(step_m, allowed):
+    refused = motion(position=(0.0, 0.0, 5.0 + step_m))
+    assert refused is None if allowed else refused.startswith("the setpoint jumps by")
+    assert motion(position=(0.0, 0.0, 5.0 + step_m), before=None) is None
+
+
+@pytest.mark.parametrize(("change_mps", "allowed"), [(0.6, True), (0.65, False), (1.9, False)])
+def test_no_setpoint_changes_its_speed_at_once(change_mps, allowed):
+    refused = motion(velocity=(0.0, 0.0, change_mps))
+    assert refused is None if allowed else refused.startswith("the setpoint changes its speed")
 
 
 def test_a_landing_leg_leads_below_the_least_altitude():

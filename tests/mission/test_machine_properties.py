@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from moar_companion.mission.machine import (
-    IN_CONTROL,
-    STREAMING,
-    Answer,
-    MissionState,
-    Order,
-    Seek,
-)
+from moar_companion.mission.conditions import CONDITIONS, Action, Causes, Override
+from moar_companion.mission.states import IN_CONTROL, STREAMING, MissionState
+from moar_companion.mission.values import Answer, Order, Seek
+from moar_companion.types import Mission
 
-from .stories import EVACUATION, EXIT, INSPECTION, Story
+from .stories import EVACUATION, EXIT, FAILSAFE, IN_THE_AIR, INSPECTION, Story
 
+_MADE = {"pilot", "landing"}
+"""By the story, from the mode."""
 LET_GO = {MissionState.OVERRIDDEN, MissionState.RELEASED}
 
 
@@ -48,64 +44,67 @@ class Events(RuleBasedStateMachine):
                 self.open_orders.remove(effect.order_id)
         if not ticked:
             return
-        world = self.story.world
-        self.failsafe_known = self.failsafe_known and world.autopilot_failsafe
-        self.failsafe_new |= world.autopilot_failsafe and not self.failsafe_known
+        ruling, causes = self.story.world.ruling, self.story.causes
+        if status.order_id is not None:
+            ruling = ruling.apart_from(status.known)
+        self.failsafe_known = self.failsafe_known and causes.failsafe is not None
+        self.failsafe_new |= causes.failsafe is not None and not self.failsafe_known
         if status.state in STREAMING:
-            assert world.obstruction is None
-            assert not world.grounded
             assert not self.failsafe_new
             if status.state in IN_CONTROL:
-                assert world.mode_ours
+                assert self.story.world.mode_ours
+            for row in CONDITIONS:
+                if row.action is Action.RELEASE and row.override is Override.NOBODY:
+                    assert getattr(causes, row.name) is None
+        if status.state in IN_CONTROL and ruling.action is Action.HOLD:
+            assert status.state is MissionState.HOLDING
+        if status.state in IN_CONTROL and ruling.action in {Action.EXIT, Action.EVACUATION}:
+            task = status.sought or status.task
+            outward = task.flown or task.mission is not Mission.INSPECTION
+            assert outward or status.state is MissionState.HOLDING
 
     def _commanded(self):
         """An operator's order is being planned: what failsafe there is, he knows of."""
         if any(isinstance(effect, Seek) for effect in self.story.effects):
-            self.failsafe_known = self.story.world.autopilot_failsafe
+            self.failsafe_known = self.story.causes.failsafe is not None
             self.failsafe_new = False
             return True
         return False
 
     @rule(
-        obstruction=st.sampled_from([None, None, None, "stale"]),
-        reluctance=st.sampled_from([None, None, "far"]),
-        landed=st.sampled_from([*[(True, False)] * 4, (False, False), (False, True)]),
+        causes=st.dictionaries(
+            st.sampled_from([row.name for row in CONDITIONS if row.name not in _MADE]),
+            st.just("trouble"),
+            max_size=2,
+        ),
         deaf=st.sampled_from([False, False, True]),
-        parting=st.booleans(),
         landing_requested=st.sampled_from([False, False, True]),
         mode_ours=st.booleans(),
-        failsafe=st.sampled_from([False, False, True]),
         on_leg=st.booleans(),
         arrived=st.booleans(),
         seconds=st.sampled_from([0.02, 1.0, 31.0]),
     )
-    def the_world_changes(self, landed, failsafe, deaf, seconds, **changes):
+    def the_world_changes(self, causes, deaf, landing_requested, seconds, **changes):
         self.story.now_s += seconds
         self.story.deaf = deaf
-        airborne, grounded = landed
-        self.story.see(
-            airborne=airborne,
-            grounded=grounded,
-            autopilot_failsafe=failsafe,
-            dwell_s=1.0,
-            **changes,
-        )
+        self.story.landing_requested = landing_requested
+        self.story.causes = Causes(**causes)
+        self.story.see(dwell_s=1.0, **changes)
         self._after(ticked=True)
 
     @rule()
     def all_is_well_and_the_mode_is_ours(self):
-        self.story.see(
-            obstruction=None,
-            airborne=True,
-            grounded=False,
-            mode_ours=True,
-            autopilot_failsafe=False,
-        )
+        self.story.causes = Causes()
+        self.story.see(mode_ours=True)
         self._after(ticked=True)
 
     @rule()
     def a_failsafe_begins_and_nobody_looks_yet(self):
-        self.story.world = replace(self.story.world, autopilot_failsafe=True)
+        self.story.change(**FAILSAFE)
+
+    @rule()
+    def it_flies_and_nobody_looks_yet(self):
+        self.story.change(**IN_THE_AIR)
 
     @rule(task=st.sampled_from([INSPECTION, EXIT, EVACUATION]))
     def a_mission_is_ordered(self, task):
@@ -122,6 +121,7 @@ class Events(RuleBasedStateMachine):
         self.story.order(order)
         if self._commanded():
             assert before.held or before.state is MissionState.HOLDING
+            assert order is Order.CONTINUE
         self._after()
 
     @rule()
@@ -161,5 +161,5 @@ class Events(RuleBasedStateMachine):
 
 TestEvents = Events.TestCase
 TestEvents.settings = settings(
-    deadline=None, max_examples=300, stateful_step_count=40, derandomize=True, database=None
+    deadline=None, max_examples=150, stateful_step_count=40, derandomize=True, database=None
 )

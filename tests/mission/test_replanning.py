@@ -5,17 +5,19 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.config import Replanning
-from moar_companion.mission.replanning import replan_reason
+from moar_companion.mission.replanning import replan_reason, stays
 from moar_companion.types import RiskIndices
 
 POLICY = Replanning(period_s=2.0, risk_change=0.1, min_interval_s=0.3)
 
 
-def reason(age_s, *, before=None, now=None, policy=POLICY):
+def reason(age_s, *, before=None, now=None, policy=POLICY, widening_m=(0.0, 0.0)):
     return replan_reason(
         policy,
         planned_risk=RiskIndices(**(before or {})),
         risk=RiskIndices(**(now or {})),
+        planned_widening_m=widening_m[0],
+        widening_m=widening_m[1],
         age_s=age_s,
     )
 
@@ -44,6 +46,15 @@ def test_each_index_counts_upwards_and_downwards(index):
     assert reason(1.0, before={index: 0.5}, now={index: 0.2}) == f"{index} risk 0.50 -> 0.20"
 
 
+@pytest.mark.parametrize("widening_m", [(0.0, 0.1), (0.7, 0.2)])
+def test_obstacles_that_grow_or_shrink_are_a_reason(widening_m):
+    before_m, now_m = widening_m
+    words = f"obstacles wider by {before_m:.1f} -> {now_m:.1f} m"
+    assert reason(0.3, widening_m=widening_m) == words
+    assert reason(0.29, widening_m=widening_m) is None
+    assert reason(1.0, widening_m=(now_m, now_m)) is None
+
+
 def test_small_changes_of_all_are_no_reason():
     names = ("wind", "communication", "localization", "battery")
     assert reason(1.0, now=dict.fromkeys(names, 0.09)) is None
@@ -53,3 +64,24 @@ def test_never_more_often_than_the_interval_even_when_the_period_is_shorter():
     policy = Replanning(period_s=0.1, risk_change=0.1, min_interval_s=0.5)
     assert reason(0.4, policy=policy, now={"wind": 1.0}) is None
     assert reason(0.5, policy=policy) == "time"
+
+
+@pytest.mark.parametrize(
+    ("case", "flown", "new", "kept"),
+    [
+        ("the same path", 5.0, 5.0, True),
+        ("a path that saves a little", 5.0, 4.95, True),
+        ("a path that saves the margin", 5.0, 4.89, False),
+        ("a path that saves much", 5.0, 2.0, False),
+        ("a path that costs more, by another rounding", 5.0, 5.0 + 1e-9, True),
+        ("nothing to save", 0.0, 0.0, True),
+    ],
+)
+def test_a_path_stays_unless_another_saves_the_margin(case, flown, new, kept):
+    policy = Replanning(improvement=0.02)
+    assert stays(policy, flown_cost=flown, new_cost=new) is kept
+
+
+def test_without_a_margin_every_better_path_is_taken():
+    policy = Replanning(improvement=0.0)
+    assert not stays(policy, flown_cost=5.0, new_cost=5.0 - 1e-9)

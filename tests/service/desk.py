@@ -1,11 +1,13 @@
 """A companion on the desk: an autopilot of a few scripted messages, and an operator on its link.
 
-The aircraft is wherever its setpoint is while the mode is OFFBOARD, and stands still otherwise.
+The aircraft is wherever its setpoint is while the mode is OFFBOARD (or ArduPilot's GUIDED), and
+stands still otherwise.
 Everything speaks raw pymavlink.
 """
 
 from __future__ import annotations
 
+import functools
 import math
 from collections import deque
 
@@ -16,9 +18,12 @@ from moar_companion.mavlink.dialect import create
 from moar_companion.planner.planner import Planner
 from moar_companion.service.companion import Companion
 from moar_companion.service.jobs import PlanAnswer, answer_job
+from moar_companion.service.planners import Planners
 from moar_companion.service.surroundings import Ground
 from moar_companion.site import Site
 from moar_companion.vehicle import Vehicle
+
+from ..mavlink.peer import Peer
 
 LINK = "udp:127.0.0.1:14540"
 STEP_S = 0.02
@@ -27,72 +32,116 @@ PAUSE_CONTINUE = 193
 DO_SET_MODE = 176
 HOLD, EXIT, INSPECTION, EVACUATION, RELEASE = 0, 2, 1, 3, 4
 ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = range(7)
-POSCTL, OFFBOARD, AUTO_HOLD = 0x00030000, 0x00060000, 0x03040000
+POSCTL, OFFBOARD, AUTO_HOLD, AUTO_RTL = 0x00030000, 0x00060000, 0x03040000, 0x05040000
+GUIDED, LOITER, RTL, BRAKE = 4, 5, 6, 17
+"""ArduCopter's."""
 STANDBY, ACTIVE, CRITICAL = 3, 4, 5
+ARMED, DISARMED = 209, 81
+PARAMETERS = {
+    "COM_OBL_RC_ACT": 5.0,
+    "GUID_TIMEOUT": 0.5,
+    "MPC_ACC_HOR": 3.0,
+    "MPC_XY_P": 0.95,
+    "MPC_Z_P": 1.0,
+    "NAV_ACC_RAD": 2.0,
+    "PSC_JERK_XY": 5.0,
+    "PSC_JERK_Z": 5.0,
+    "RTL_CONE_ANG": 45.0,
+    "RTL_MIN_DIST": 10.0,
+    "RTL_RETURN_ALT": 30.0,
+    "RTL_TYPE": 0.0,
+    "WPNAV_ACCEL": 250.0,
+    "WPNAV_ACCEL_Z": 100.0,
+}
+"""Of the autopilot: as the manual asks for, else as by default."""
 
 
-class Peer:
-    """Somebody on a link."""
-
-    def __init__(self, system_id, component_id):
-        self.codec = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
-
-    def pack(self, message):
-        data = bytes(message.pack(self.codec))
-        self.codec.seq = (self.codec.seq + 1) % 256
-        return data
-
-    def heartbeat(self, mode, status, *, armed=True):
-        return self.pack(
-            mavlink.MAVLink_heartbeat_message(2, 12, 209 if armed else 81, mode, status, 3)
-        )
-
-    def command(self, command, *parameters, target=(1, 195), confirmation=0):
-        padded = (*parameters, *[0.0] * (7 - len(parameters)))
-        return self.pack(
-            mavlink.MAVLink_command_long_message(*target, command, confirmation, *padded)
-        )
+@functools.cache
+def usual_planner():
+    configs = shipped_configs()
+    return Planner(
+        Site.load(configs / "sites" / "315kv_double_circuit.yaml"),
+        Vehicle.load(configs / "vehicles" / "linedrone_flight.yaml"),
+    )
 
 
 class Desk:
     """The companion and all that it hears."""
 
-    def __init__(self, *, height_m=2.6, east_m=0.0, with_site=True, plan_delay_s=0.04, **config):
-        self.site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
-        self.vehicle = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
-        self.planner = Planner(self.site, self.vehicle)
+    def __init__(
+        self,
+        *,
+        autopilot=mavlink.MAV_AUTOPILOT_PX4,
+        height_m=2.6,
+        east_m=0.0,
+        planner=None,
+        with_site=True,
+        plan_delay_s=0.04,
+        before=None,
+        wind_mps=None,
+        **config,
+    ):
+        self.planner = planner or usual_planner()
+        self.planners = Planners(self.planner)
+        self.site, self.vehicle = self.planner.site, self.planner.vehicle
         config.setdefault("authority", Authority.STREAM)
         links = config.pop("links", (LinkConfig(url=LINK),))
         self.companion = Companion(
             CompanionConfig(vehicle=shipped_configs(), links=links, **config),
             self.vehicle,
             Ground(site=self.site, maps=self.planner.maps) if with_site else None,
+            before=before,
         )
         self.autopilot, self.operator = Peer(1, 1), Peer(255, 190)
         origin = self.site.frame.to_geodetic((self.site.start_m[0], 0.0, 0.0))
         self.origin = (origin.latitude_deg, origin.longitude_deg, origin.altitude_amsl_m)
         self.position_ned_m = (0.0, east_m, -height_m)
-        self.mode, self.system_status = AUTO_HOLD, ACTIVE
+        self.kind, self.vehicle_type = autopilot, mavlink.MAV_TYPE_QUADROTOR
+        px4 = autopilot == mavlink.MAV_AUTOPILOT_PX4
+        self.ours = OFFBOARD if px4 else GUIDED
+        self.mode, self.system_status = AUTO_HOLD if px4 else LOITER, ACTIVE
+        self.velocity_ned_mps = (0.0, 0.0, 0.0)
+        """As the autopilot tells it."""
+        self.yaw_rad, self.yaw_rate_radps = 0.3, 0.0
+        """Told likewise: the nose does not follow the setpoints."""
         self.armed, self.landed_state = True, 2
         self.estimate_off_ned_m = (0.0, 0.0, 0.0)
         """How far the estimator's frame lies from the one in which `position_ned_m` is."""
         self.behind_ned_m = (0.0, 0.0, 0.0)
         """Where the aircraft is from its setpoint."""
         self.boot_s = 100.0
+        self.reset_counter = None
+        """Of ODOMETRY; None where the autopilot sends none."""
         self.position_boot_s = None
         """The clock in LOCAL_POSITION_NED when it stands still."""
+        self.parameters = dict(PARAMETERS)
+        self.battery_percent, self.charge_state = 90, 1
+        self.fix_type, self.receiver_accuracy_m = 3, 0.9
+        self.accuracy_m, self.wind_mps = None, wind_mps
+        """Of the estimator and of the air; None where the autopilot does not tell."""
+        self.height_accuracy_m = 0.3
+        """Of the estimator, told with the other."""
+        self.late_s = 0.0
+        """How long what the autopilot says is under way."""
         self.mute = set()
         """Types of messages that the autopilot does not send."""
         self.now_s = 50.0
+        self.heard = []
+        """(time, link, bytes) of everything the companion heard."""
+        self.answered = []
+        """(job, answer) of the planner."""
         self.plan_delay_s = plan_delay_s
         """None: the planner never answers."""
-        self.jobs = []
+        self.jobs, self.contingency_jobs = [], []
+        self.contingencies = False
+        """Whether the planner answers the jobs of contingencies, too."""
         self.sent = []
         """(time, link, message) of everything the companion sent."""
         self.decisions = []
         self.raw = b""
         self._codec = mavlink.MAVLink(None)
         self._answers = deque()
+        self._in_the_air = deque()
         self._count = 0
 
     @property
@@ -104,16 +153,21 @@ class Desk:
     def step(self, seconds=STEP_S):
         self.now_s += seconds
         self.boot_s += seconds
-        for data in self._autopilot_says():
-            self.companion.receive(LINK, data, self.now_s)
+        self._in_the_air += [(self.now_s, data) for data in self._autopilot_says()]
+        while self._in_the_air and self._in_the_air[0][0] <= self.now_s - self.late_s:
+            self.hear(self._in_the_air.popleft()[1])
         while self._answers and self._answers[0][0] <= self.now_s:
-            self.companion.plan_answered(self._answers.popleft()[1], self.now_s)
+            self._give(*self._answers.popleft()[1:])
         self.companion.tick(self.now_s)
         for job in self.companion.plan_jobs():
             self.jobs.append(job)
             if self.plan_delay_s is not None:
-                answer = answer_job(self.planner, job)
-                self._answers.append((self.now_s + self.plan_delay_s, answer))
+                answer = answer_job(self.planners, job)
+                self._answers.append((self.now_s + self.plan_delay_s, job, answer))
+        for job in self.companion.contingency_jobs():
+            self.contingency_jobs.append(job)
+            if self.contingencies:
+                self.companion.contingency_answered(answer_job(self.planners, job))
         self.take_what_is_sent()
         self._count += 1
         return self
@@ -136,10 +190,18 @@ class Desk:
             self.raw += data
             for message in self._codec.parse_buffer(data) or []:
                 self.sent.append((self.now_s, link, message))
-                if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED" and self.mode == OFFBOARD:
+                if message.get_type() == "PARAM_REQUEST_READ":
+                    self.tell_parameter(message.param_id)
+                asked = message.get_type() == "TIMESYNC" and message.tc1 == 0
+                if asked and "TIMESYNC" not in self.mute:
+                    clock_ns = round(self.boot_s * 1e9)
+                    answer = mavlink.MAVLink_timesync_message(clock_ns, message.ts1)
+                    self._in_the_air.append((self.now_s, self.autopilot.pack(answer)))
+                setpoint = message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
+                if setpoint and self.mode == self.ours:
                     self.position_ned_m = tuple(
-                        setpoint - off + behind
-                        for setpoint, off, behind in zip(
+                        wanted - off + behind
+                        for wanted, off, behind in zip(
                             (message.x, message.y, message.z),
                             self.estimate_off_ned_m,
                             self.behind_ned_m,
@@ -151,37 +213,132 @@ class Desk:
         boot_ms = round(self.boot_s * 1000)
         said = []
         if self._count % 50 == 0:
-            said.append(
-                mavlink.MAVLink_heartbeat_message(
-                    2, 12, 209 if self.armed else 81, self.mode, self.system_status, 3
-                )
-            )
+            said.append(self._heartbeat())
             latitude, longitude, altitude = self.origin
             said.append(
                 mavlink.MAVLink_gps_global_origin_message(
                     round(latitude * 1e7), round(longitude * 1e7), round(altitude * 1e3)
                 )
             )
+            said += self._how_it_fares()
         if self._count % 10 == 0:
             said.append(mavlink.MAVLink_extended_sys_state_message(0, self.landed_state))
         if self._count % 2 == 0:
-            said.append(mavlink.MAVLink_attitude_message(boot_ms, 0, 0, 0.3, 0, 0, 0))
+            said.append(
+                mavlink.MAVLink_attitude_message(
+                    boot_ms, 0, 0, self.yaw_rad, 0, 0, self.yaw_rate_radps
+                )
+            )
             position_boot_s = self.boot_s if self.position_boot_s is None else self.position_boot_s
             estimate = map(sum, zip(self.position_ned_m, self.estimate_off_ned_m, strict=True))
             said.append(
                 mavlink.MAVLink_local_position_ned_message(
-                    round(position_boot_s * 1000), *estimate, 0, 0, 0
+                    round(position_boot_s * 1000), *estimate, *self.velocity_ned_mps
                 )
             )
+            if self.reset_counter is not None:
+                said.append(self._odometry())
         return [
             self.autopilot.pack(message) for message in said if message.get_type() not in self.mute
         ]
 
+    def _heartbeat(self):
+        return mavlink.MAVLink_heartbeat_message(
+            self.vehicle_type,
+            self.kind,
+            ARMED if self.armed else DISARMED,
+            self.mode,
+            self.system_status,
+            3,
+        )
+
+    def _odometry(self):
+        """As PX4 fills it, but for the pose, which nobody here reads."""
+        unknown = [math.nan] * 21
+        return mavlink.MAVLink_odometry_message(
+            round(self.boot_s * 1e6),
+            *(1, 1),
+            *(0.0, 0.0, 0.0),
+            [1.0, 0.0, 0.0, 0.0],
+            *(0.0,) * 6,
+            unknown,
+            unknown,
+            self.reset_counter,
+            8,
+        )
+
+    def _how_it_fares(self):
+        """Receiver, estimator, battery and ground station, by what the test has set."""
+        said = [
+            mavlink.MAVLink_gps_raw_int_message(
+                round(self.boot_s * 1e6),
+                self.fix_type,
+                0,
+                0,
+                0,
+                90,
+                150,
+                0,
+                0,
+                12,
+                0,
+                round(self.receiver_accuracy_m * 1000),
+                1500,
+            ),
+            mavlink.MAVLink_battery_status_message(
+                0,
+                0,
+                0,
+                0,
+                [16000, *[65535] * 9],
+                -1,
+                -1,
+                -1,
+                self.battery_percent,
+                charge_state=self.charge_state,
+            ),
+        ]
+        if self.accuracy_m is not None:
+            zeros = (0.1,) * 6
+            said.append(
+                mavlink.MAVLink_estimator_status_message(
+                    round(self.boot_s * 1e6),
+                    0x37F,
+                    *zeros,
+                    self.accuracy_m,
+                    self.height_accuracy_m,
+                )
+            )
+        if self.wind_mps is not None:
+            zeros = (0.0,) * 5
+            said.append(
+                mavlink.MAVLink_wind_cov_message(
+                    round(self.boot_s * 1e6), self.wind_mps, 0.0, 0.0, *zeros
+                )
+            )
+        return said
+
     # What is done
 
     def hear(self, data, link=LINK):
+        self.heard.append((self.now_s, link, data))
         self.companion.receive(link, data, self.now_s)
         return self
+
+    def set(self, **changes):
+        """What the autopilot tells from now on."""
+        for name, value in changes.items():
+            assert hasattr(self, name), name
+            setattr(self, name, value)
+        return self
+
+    def run_until_sought(self, mission, seconds=10.0):
+        """Until the planner is asked for a mission."""
+        for _ in range(round(seconds / STEP_S)):
+            if self.jobs[-1].request.mission.value == mission:
+                return self
+            self.step()
+        raise AssertionError(f"{mission} is not sought")
 
     def pause(self):
         return self.order(0.0, command=PAUSE_CONTINUE)
@@ -199,10 +356,44 @@ class Desk:
     def order(self, mission, index=-1.0, *, command=USER_1, peer=None, target=(1, 195)):
         return self.hear((peer or self.operator).command(command, mission, index, target=target))
 
+    def tell_parameter(self, name):
+        """The autopilot's answer, or its word that somebody has set it."""
+        if name in self.parameters:
+            real = mavlink.MAV_PARAM_TYPE_REAL32
+            told = mavlink.MAVLink_param_value_message(
+                name.encode(), self.parameters[name], real, 900, 0
+            )
+            self.hear(self.autopilot.pack(told))
+
+    def set_parameters(self, **values):
+        """Somebody sets them, and the autopilot says so."""
+        self.parameters.update(values)
+        for name in values:
+            self.tell_parameter(name)
+        return self
+
+    def tell_home(self, x_m):
+        """The autopilot's home is under this place of the plane from now on."""
+        home = self.site.frame.to_geodetic((x_m, 0.0, 0.0))
+        told = create(
+            "HOME_POSITION",
+            latitude=round(home.latitude_deg * 1e7),
+            longitude=round(home.longitude_deg * 1e7),
+            altitude=round(home.altitude_amsl_m * 1e3),
+            x=0.0,
+            y=x_m - self.site.start_m[0],
+            z=0.0,
+            q=[1.0, 0.0, 0.0, 0.0],
+            approach_x=0.0,
+            approach_y=0.0,
+            approach_z=0.0,
+        )
+        return self.hear(self.autopilot.pack(told))
+
     def say_heartbeat(self, mode, status=ACTIVE):
         """The autopilot's mode, told at once."""
         self.mode, self.system_status = mode, status
-        return self.hear(self.autopilot.heartbeat(mode, status, armed=self.armed))
+        return self.hear(self.autopilot.pack(self._heartbeat()))
 
     def drift(self, north_m, east_m, down_m, *, seconds=2.0):
         """The aircraft moves away without its setpoint, evenly."""
@@ -245,10 +436,14 @@ class Desk:
         """The planner's answer to a job that waits."""
         job = self.jobs[number]
         answer = (
-            PlanAnswer(job_id=job.job_id, **changes) if changes else answer_job(self.planner, job)
+            PlanAnswer(job_id=job.job_id, **changes) if changes else answer_job(self.planners, job)
         )
-        self.companion.plan_answered(answer, self.now_s)
+        self._give(job, answer)
         return self
+
+    def _give(self, job, answer):
+        self.answered.append((job, answer))
+        self.companion.plan_answered(answer, self.now_s)
 
     def come_to(self, state, mission=INSPECTION):
         """From hovering to a state, by the usual way."""
@@ -258,7 +453,7 @@ class Desk:
         self.order(mission).run_until("ready")
         if state == "ready":
             return self
-        self.run(1.1).say_heartbeat(OFFBOARD).run_until("flying", 0.1)
+        self.run(1.1).say_heartbeat(self.ours).run_until("flying", 0.1)
         return self if state == "flying" else self.run_until(state, 120.0)
 
     # What was sent

@@ -1,35 +1,16 @@
 """The service as a process: sockets, signals, files."""
 
 import contextlib
-import os
 import signal
 import socket
-import subprocess
-import sys
 
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import shipped_configs
+from tests.processes import companion
 
 SITE = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
-
-
-@contextlib.contextmanager
-def service(*arguments, environment=None):
-    running = subprocess.Popen(
-        [sys.executable, "-m", "moar_companion", *map(str, arguments)],
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        env={**os.environ, **(environment or {})},
-    )
-    try:
-        yield running
-    finally:
-        if running.poll() is None:
-            running.kill()
-        running.communicate()
 
 
 @contextlib.contextmanager
@@ -50,7 +31,7 @@ def messages(data):
 def test_it_heartbeats_as_a_path_planner_and_ends_quietly_on_a_signal(number):
     with (
         listener() as (item, port),
-        service("--connect", f"udpout:127.0.0.1:{port}", "--site", SITE) as running,
+        companion("--connect", f"udpout:127.0.0.1:{port}", "--site", SITE) as running,
     ):
         beats = []
         while len(beats) < 3:
@@ -71,7 +52,7 @@ def test_it_heartbeats_as_a_path_planner_and_ends_quietly_on_a_signal(number):
 def test_without_a_site_it_serves_telemetry_and_risk_only():
     with (
         listener() as (item, port),
-        service("--connect", f"udpout:127.0.0.1:{port}"),
+        companion("--connect", f"udpout:127.0.0.1:{port}"),
     ):
         seen = set()
         while "NAMED_VALUE_FLOAT" not in seen:
@@ -81,7 +62,7 @@ def test_without_a_site_it_serves_telemetry_and_risk_only():
 def test_a_port_in_use_is_one_line_and_status_1():
     with (
         listener() as (_, port),
-        service("--connect", f"udp:127.0.0.1:{port}", "--site", SITE) as running,
+        companion("--connect", f"udp:127.0.0.1:{port}", "--site", SITE) as running,
     ):
         _, errors = running.communicate(timeout=30)
         assert running.returncode == 1
@@ -100,7 +81,7 @@ def test_a_port_in_use_is_one_line_and_status_1():
     ],
 )
 def test_bad_input_is_one_line_that_names_it_and_status_2(arguments, named):
-    with service(*arguments) as running:
+    with companion(*arguments) as running:
         _, errors = running.communicate(timeout=30)
         assert running.returncode == 2
         assert len(errors.splitlines()) == 1
@@ -115,7 +96,7 @@ def test_it_records_from_the_first_heartbeat(tmp_path):
             f"links: [{{url: 'udpout:127.0.0.1:{port}', role: autopilot}}]\n"
             f"recorder: {{directory: {tmp_path / 'flights'}}}\n"
         )
-        with service("--config", configuration) as running:
+        with companion("--config", configuration) as running:
             item.recv(4096)
             running.send_signal(signal.SIGTERM)
             running.communicate(timeout=10)
@@ -129,7 +110,7 @@ def test_the_service_manager_is_told_when_planner_and_links_are_up(tmp_path):
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager, listener() as (_, port):
         manager.bind(address)
         manager.settimeout(30)
-        with service(
+        with companion(
             "--connect", f"udpout:127.0.0.1:{port}", environment={"NOTIFY_SOCKET": address}
         ) as running:
             assert manager.recv(64) == b"READY=1"

@@ -2,24 +2,34 @@
 
 from __future__ import annotations
 
+from unittest import mock
+
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import Authority
+from moar_companion.mission.states import MissionState
+from moar_companion.mission.values import MissionStatus
+from moar_companion.service.engaging import Engaging
 
 from .desk import (
+    ACTIVE,
     AUTO_HOLD,
+    BRAKE,
     CRITICAL,
     DENIED,
     DO_SET_MODE,
     EXIT,
     HOLD,
     INSPECTION,
+    LOITER,
     POSCTL,
+    RTL,
     TEMPORARILY_REJECTED,
     Desk,
 )
 
+PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 TAKEOFF, LANDING = 0x02040000, 0x06040000
 
 
@@ -64,6 +74,35 @@ def test_nor_by_a_second_order_while_he_still_flies(later_s):
     assert not desk.mode_requests(asked)
 
 
+@pytest.mark.parametrize(
+    ("autopilot", "pilots"), [(PX4, POSCTL), (ARDUPILOT, LOITER)], ids=["px4", "ardupilot"]
+)
+@pytest.mark.parametrize("steps", [0, 1, 10, 30])
+def test_an_order_that_crosses_the_pilots_taking_over_takes_no_mode_from_him(
+    autopilot, pilots, steps
+):
+    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("flying").run(1.0)
+    desk.run_to_heartbeat()
+    asked = desk.now_s
+    desk.say_heartbeat(pilots)
+    for _ in range(steps):
+        desk.step()
+    desk.order(INSPECTION).run(6.0)
+    assert desk.state == ("overridden" if steps < 25 else "ready")
+    assert not desk.mode_requests(asked)
+
+
+def test_a_mission_ordered_while_overridden_takes_no_mode():
+    desk = Desk(authority=Authority.ENGAGE).come_to("idle").run_to_heartbeat()
+    status, session = MissionStatus(state=MissionState.READY), mock.Mock()
+    autopilot = desk.companion.telemetry.autopilot
+    for before, asked in ((MissionState.OVERRIDDEN, 0), (MissionState.IDLE, 1)):
+        engaging = Engaging(Authority.ENGAGE, session, pilot_flies=False)
+        engaging.note_order(autopilot, before)
+        engaging.act(status, autopilot, grounded=False, now_s=autopilot.received_s)
+        assert session.request_own_mode.call_count == asked
+
+
 def test_no_mode_is_asked_for_in_a_failsafe():
     desk = Desk(authority=Authority.ENGAGE).run(1.2)
     desk.say_heartbeat(AUTO_HOLD, CRITICAL).run(1.0)
@@ -72,8 +111,38 @@ def test_no_mode_is_asked_for_in_a_failsafe():
     assert not desk.mode_requests()
 
 
+@pytest.mark.parametrize(
+    ("autopilot", "mode"), [(PX4, 0x05040000), (PX4, LANDING), (ARDUPILOT, RTL), (ARDUPILOT, BRAKE)]
+)
+@pytest.mark.parametrize("status", [CRITICAL, ACTIVE])
+def test_no_return_or_landing_is_ended_whatever_the_autopilot_says_of_its_reason(
+    autopilot, mode, status
+):
+    """ArduPilot's fence acts with status ACTIVE, and a failsafe that is over still lands."""
+    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).run(1.2)
+    desk.say_heartbeat(mode, CRITICAL).run(2.0)
+    desk.say_heartbeat(mode, status).run(1.0)
+    desk.order(EXIT).run(10.0)
+    assert desk.state == "ready"
+    assert not desk.mode_requests()
+
+
+def test_ardupilots_guided_is_asked_for_once():
+    desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE).come_to("ready").run(20.0)
+    requests = [
+        (m.target_system, m.target_component, m.param1, m.param2, m.param3)
+        for m in desk.mode_requests()
+    ]
+    assert requests == [(1, 1, 1, 4, 0)]
+
+
+def test_ardupilots_landing_is_asked_for_above_the_landing_point():
+    desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE).come_to("holding", EXIT).run(10.0)
+    assert [(m.param1, m.param2) for m in desk.mode_requests()] == [(1, 9)]
+
+
 def test_a_mode_that_is_refused_is_told():
-    desk = Desk(authority=Authority.ENGAGE).come_to("ready").run(1.5)
+    desk = Desk(authority=Authority.ENGAGE).come_to("ready").run(2.5)
     assert len(desk.mode_requests()) == 1
     refusal = mavlink.MAVLink_command_ack_message(DO_SET_MODE, DENIED, 0, 0, 1, 195)
     desk.hear(desk.autopilot.pack(refusal)).run(5.0)
@@ -84,7 +153,7 @@ def test_a_mode_that_is_refused_is_told():
 
 def test_a_mode_refused_over_and_over_is_told_once():
     """PX4 answers a mode it will not give more than once."""
-    desk = Desk(authority=Authority.ENGAGE).come_to("ready").run(1.5)
+    desk = Desk(authority=Authority.ENGAGE).come_to("ready").run(2.5)
     for _ in range(3):
         refusal = mavlink.MAVLink_command_ack_message(DO_SET_MODE, DENIED, 0, 0, 1, 195)
         desk.hear(desk.autopilot.pack(refusal)).run(0.1)
@@ -96,8 +165,7 @@ def test_the_landing_is_asked_for_once_and_is_then_no_pilots():
     assert [(m.param2, m.param3) for m in desk.mode_requests()] == [(4, 6)]
     desk.say_heartbeat(LANDING).run(1.0)
     assert desk.state == "idle"
-    assert desk.said("MOAR idle: the autopilot has left our mode")
-    assert not desk.said("the pilot has control")
+    assert desk.said("MOAR idle: the autopilot is in LAND")
 
 
 def test_without_engage_the_pilot_lands():
@@ -133,3 +201,39 @@ def test_the_hold_after_a_take_off_is_no_pilots_mode():
     desk.mode = TAKEOFF
     desk.come_to("ready").say_heartbeat(AUTO_HOLD).run(5.0)
     assert [m.param2 for m in desk.mode_requests()] == [6]
+
+
+@pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
+def test_a_mode_is_asked_for_only_when_it_has_just_been_told(autopilot):
+    """PX4 tells its mode once a second: the pilot may have chosen a return meanwhile."""
+    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("ready").run_to_heartbeat()
+    desk.run(0.9)  # the mode may be asked for from now on, but was told almost a second ago
+    while not desk.mode_requests():
+        asked = desk.now_s
+        desk.step()
+    assert asked - desk.companion.telemetry.autopilot.received_s <= 0.1
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "pilots"), [(PX4, POSCTL), (ARDUPILOT, LOITER)], ids=["px4", "ardupilot"]
+)
+def test_a_pilot_who_takes_over_instead_of_the_landing_keeps_the_aircraft(autopilot, pilots):
+    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("holding", EXIT).run(2.5)
+    requests = len(desk.mode_requests())
+    desk.say_heartbeat(pilots).run(1.0)
+    assert desk.state == "overridden"
+    desk.order(EXIT).run(10.0)
+    assert len(desk.mode_requests()) == requests
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "pilots"), [(PX4, POSCTL), (ARDUPILOT, LOITER)], ids=["px4", "ardupilot"]
+)
+def test_a_pilot_who_takes_over_from_a_failsafe_keeps_the_aircraft(autopilot, pilots):
+    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("flying").run(1.0)
+    desk.say_heartbeat(RTL if autopilot == ARDUPILOT else 0x05040000, CRITICAL).run(2.0)
+    desk.say_heartbeat(pilots).run(2.0)
+    asked = desk.now_s
+    desk.order(EXIT).run(10.0)
+    assert desk.state == "ready"
+    assert not desk.mode_requests(asked)

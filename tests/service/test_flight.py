@@ -4,27 +4,43 @@ from __future__ import annotations
 
 import copy
 import math
+from dataclasses import replace
 
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from moar_companion.config import shipped_configs
 from moar_companion.frames import PlaneToLocal
-from moar_companion.planner.plan import PlanRequest
+from moar_companion.planner.plan import PlanRequest, PlanStatus
 from moar_companion.planner.planner import Planner
-from moar_companion.service.flight import Adoption, Flight, Pose
+from moar_companion.planner.regions import obstacle_clearance_m
+from moar_companion.service.airspace import Airspace
+from moar_companion.service.flight import Flight
 from moar_companion.service.jobs import PlanJob, answer_job
+from moar_companion.service.junction import Adoption
+from moar_companion.service.loss import Loss, loss_parameters
+from moar_companion.service.motion import Jump, Pose
+from moar_companion.service.planners import Planners
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind, Mission, RiskIndices, Weights
 from moar_companion.vehicle import Vehicle
 
+from ..planner.problems import conductor, make_site
+
 STEP_S = 0.02
 WEIGHTS = Weights(safety=0.4, time=0.4, energy=0.2)
+SHORT, LONG = (
+    Loss.of(AutopilotKind.ARDUPILOT, {"GUID_TIMEOUT": timeout_s}) for timeout_s in (0.5, 3.0)
+)
+PX4 = Loss.told(AutopilotKind.PX4, dict.fromkeys(loss_parameters(AutopilotKind.PX4)))
 
 
 class Flown:
     """A flight whose aircraft is wherever its setpoint is."""
 
-    def __init__(self, vehicle):
+    def __init__(self, vehicle, loss=SHORT):
         self.site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
         self.vehicle = Vehicle.load(shipped_configs() / "vehicles" / f"{vehicle}.yaml")
         self.planner = Planner(self.site, self.vehicle)
@@ -34,7 +50,8 @@ class Flown:
         )
         origin = self.site.frame.to_geodetic((x_m, 0.0, 0.0))
         self.plane = PlaneToLocal.between(self.site.frame, origin, AutopilotKind.PX4)
-        self.flight = Flight(self.site, self.vehicle, self.planner.maps, self.pose)
+        airspace = Airspace(site=self.site, vehicle=self.vehicle, maps=self.planner.maps, loss=loss)
+        self.flight = Flight(airspace, self.pose)
 
     def order(self, mission):
         target = self.site.targets[0].name if mission is Mission.INSPECTION else None
@@ -48,7 +65,7 @@ class Flown:
             weights=WEIGHTS,
             risk=RiskIndices(),
         )
-        answer = answer_job(self.planner, PlanJob(job_id=1, request=request))
+        answer = answer_job(Planners(self.planner), PlanJob(job_id=1, request=request))
         assert answer.plan is not None, answer.reason
         adoption = self.flight.adopt(answer.plan, junction, answer.escape_end_m)
         assert adoption is not Adoption.TOO_LATE
@@ -67,7 +84,9 @@ class Flown:
     [
         (Mission.INSPECTION, Mission.EXIT),
         (Mission.INSPECTION, Mission.EVACUATION),
-        (Mission.INSPECTION, Mission.EXIT, Mission.INSPECTION),
+        pytest.param(
+            (Mission.INSPECTION, Mission.EXIT, Mission.INSPECTION), marks=pytest.mark.slow
+        ),
     ],
 )
 def test_at_every_tick_of_a_flight_that_turns_back_it_can_be_braked(vehicle, missions):
@@ -96,15 +115,128 @@ def test_at_every_tick_of_a_flight_that_turns_back_it_can_be_braked(vehicle, mis
             assert math.dist(flown.pose_of(braked).position_m, place) <= room_m
 
 
+@pytest.mark.parametrize("loss", [SHORT, LONG, PX4], ids=["short", "long", "PX4"])
+@pytest.mark.parametrize("vehicle", ["linedrone_flight", "x500"])
+def test_at_every_tick_the_way_on_without_us_is_free(vehicle, loss):
+    flown = Flown(vehicle, loss)
+    maps = flown.planner.maps
+    flown.order(Mission.INSPECTION)
+    fastest_mps = 0.0
+    while not flown.flight.arrived:
+        flown.advanced(flown.flight)
+        setpoint = flown.flight.setpoint(flown.pose, flown.plane, 0.0)
+        (x_m, _, z_m), velocity = setpoint.position_m, setpoint.velocity_mps
+        speed_mps = math.hypot(*velocity)
+        fastest_mps = max(fastest_mps, speed_mps)
+        way_m = float(loss.way_m(np.array(speed_mps)))
+        # A tick of braking is forgiven.
+        for part in np.linspace(0.0, max(0.0, way_m - 0.1), 20) / max(speed_mps, 1e-9):
+            cell = maps.grid.cell_of((x_m + part * velocity[0], z_m + part * velocity[2]))
+            assert cell is None or not maps.occupied[cell]
+    assert fastest_mps > 0.6
+
+
+@pytest.mark.parametrize("learns", [True, False])
+def test_when_the_way_without_us_grows_in_flight_it_slows_down(learns):
+    flown = Flown("x500", SHORT)
+    flown.order(Mission.INSPECTION)
+    for _ in range(100):
+        flown.advanced(flown.flight)
+    loss = Loss.of(AutopilotKind.ARDUPILOT, {"GUID_TIMEOUT": 5.0})
+    airspace = Airspace(site=flown.site, vehicle=flown.vehicle, maps=flown.planner.maps, loss=loss)
+    if learns:
+        flown.flight.learn_loss(loss)
+    too_fast_mps = 0.0
+    for tick in range(4000):
+        flown.advanced(flown.flight)
+        setpoint = flown.flight.setpoint(flown.pose, flown.plane, 0.0)
+        speed_mps = math.hypot(*setpoint.velocity_mps)
+        if tick > 150 and speed_mps:  # by then it has braked
+            place, way = np.array([setpoint.position_m]), np.array([setpoint.velocity_mps])
+            allowed_mps = float(airspace.speed_cap_mps(place, way / speed_mps)[0])
+            too_fast_mps = max(too_fast_mps, speed_mps - allowed_mps)
+    assert flown.flight.arrived
+    assert (too_fast_mps < 0.2) is learns, too_fast_mps
+
+
+def test_towards_an_obstacle_it_fades_back_to_its_path_the_more_slowly_the_nearer_it_is():
+    flown = Flown("x500", LONG)
+    flown.pose = Pose(position_m=(24.4, 0.0, 10.99), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
+    airspace = Airspace(site=flown.site, vehicle=flown.vehicle, maps=flown.planner.maps, loss=LONG)
+    flight = Flight(airspace, flown.pose)
+    flight.shift(Jump(step_m=(2.0, 0.0, 0.0)))  # the conductor is 1.7 m beside the path
+    fades_mps = []
+    for _ in range(3000):
+        flown.advanced(flight)
+        setpoint = flight.setpoint(flown.pose, flown.plane, 0.0)
+        fades_mps.append(round(math.hypot(*setpoint.velocity_mps), 9))
+    assert fades_mps[0] == pytest.approx(flown.vehicle.speed.min_mps)
+    assert 0.05 < fades_mps[fades_mps.index(0.0) - 1] < 0.25
+    assert fades_mps == sorted(fades_mps, reverse=True)
+    assert flown.pose_of(flight).position_m == pytest.approx(flown.pose.position_m)
+
+
+@settings(deadline=None, max_examples=40, derandomize=True, database=None)
+@given(
+    wires=st.lists(st.tuples(st.floats(1.0, 19.0), st.floats(1.0, 11.0)), max_size=6),
+    start=st.tuples(st.floats(0.0, 20.0), st.floats(2.0, 12.0)),
+    target=st.tuples(st.floats(0.0, 20.0), st.floats(2.0, 12.0)),
+    loss=st.sampled_from([SHORT, LONG, PX4]),
+)
+def test_whatever_stands_on_a_site_the_way_on_from_its_paths_is_free(wires, start, target, loss):
+    site = make_site(
+        *(conductor(*place, keep_out=0.6) for place in wires),
+        size=(20.0, 12.0),
+        resolution=0.5,
+        min_altitude=2.0,
+        targets={"target": target},
+    )
+    vehicle = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
+    planner = Planner(site, vehicle)
+    plan = planner.plan(mission="inspection", target="target", start=start, weights=WEIGHTS)
+    if plan.status is not PlanStatus.FOUND:
+        return
+    place = (start[0], 0.0, start[1])
+    pose = Pose(position_m=place, velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
+    airspace = Airspace(site=site, vehicle=vehicle, maps=planner.maps, loss=loss)
+    flight = Flight(airspace, pose)
+    places, rests = np.split(flight.rests_m(plan, flight.junction_at(pose), None), 2)
+    assert places[-1] == pytest.approx(rests[-1])
+    # Cells are free by their centres.
+    allowed_m = vehicle.radius_m + 0.6 - 0.5 * math.sqrt(0.5)
+    for part in np.linspace(0.0, 1.0, 12):
+        on_the_way = places + part * (rests - places)
+        assert (obstacle_clearance_m(site, on_the_way) > allowed_m - 1e-6).all()
+        assert (on_the_way[:, 1] > 2.0 - 0.25 - 1e-6).all()
+
+
 def test_a_jump_is_taken_along_and_faded_back_to_the_path():
     flown = Flown("linedrone_flight")
     flown.order(Mission.INSPECTION)
     for _ in range(200):
         flown.advanced(flown.flight)
     x_m, y_m, z_m = flown.pose_of(flown.flight).position_m
-    flown.flight.shift((0.3, -0.2, 1.0))
+    flown.flight.shift(Jump(step_m=(0.3, -0.2, 1.0)))
     shifted = (x_m + 0.3, y_m - 0.2, z_m + 1.0)
     assert flown.pose_of(flown.flight).position_m == pytest.approx(shifted)
     for _ in range(500):
         flown.advanced(flown.flight)
     assert flown.pose_of(flown.flight).position_m[1] == pytest.approx(0.0)
+
+
+def test_however_low_the_landing_leg_leads_a_death_in_the_workspace_ends_above_its_least_altitude():
+    site = make_site(size=(20.0, 20.0), resolution=0.5, min_altitude=6.0, exits=[(10.25, 0.0)])
+    vehicle = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
+    vehicle = replace(vehicle, guidance=replace(vehicle.guidance, landing_height_m=1.0))
+    planner = Planner(site, vehicle)
+    plan = planner.plan(mission="exit", start=(10.25, 15.25), weights=WEIGHTS)
+    pose = Pose(position_m=(10.25, 0.0, 15.25), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
+    airspace = Airspace(site=site, vehicle=vehicle, maps=planner.maps, loss=LONG)
+    flight = Flight(airspace, pose)
+    places, rests = np.split(flight.rests_m(plan, flight.junction_at(pose), None), 2)
+    assert (places[0, 1], places[-1, 1]) == pytest.approx((15.25, 1.0))
+    inside = places[:, 1] > 6.0
+    assert (rests[inside, 1] > 6.0 - 0.25).all()  # half a cell is always free
+    assert (rests[:, 1] > 1.0 - 0.25).all()
+    beyond = places[~inside, 1] - rests[~inside, 1]
+    assert beyond.max() > 1.0  # nor is it slowed down there by what it has left behind

@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from .desk import INSPECTION, Desk
+from .desk import INSPECTION, STEP_S, Desk
 
 
 def moved_m(setpoints):
@@ -25,6 +25,41 @@ def test_a_position_whose_clock_stands_still_is_stale(state):
     desk.run(0.3)
     assert desk.state == "released"
     assert desk.said("the position is 0.5")
+
+
+@pytest.mark.parametrize("growth", [0.3, 0.02])
+def test_a_position_on_a_link_that_falls_behind_is_stale(growth):
+    desk = Desk().come_to("flying").run(1.0).pause().run(1.0)
+    while desk.state == "holding" and desk.late_s < 1.0:
+        desk.set(late_s=desk.late_s + growth * STEP_S).step()
+        if desk.late_s < 0.4:
+            assert desk.state == "holding"
+    assert desk.state == "released"
+    assert desk.said("the position is 0.5")
+
+
+def test_so_it_is_on_one_that_falls_behind_when_its_answers_have_ceased():
+    desk = Desk().come_to("flying").run(1.0).pause().run(1.0).set(mute={"TIMESYNC"})
+    while desk.late_s < 1.0:
+        desk.set(late_s=desk.late_s + 0.3 * STEP_S).step()
+    desk.run_until("released", 2.0)
+    assert desk.said("the position is 3.")
+
+
+def test_answers_that_are_lost_for_a_while_are_no_late_link():
+    desk = (
+        Desk().come_to("flying").run(1.0).set(mute={"TIMESYNC"}).run(2.5).set(mute=set()).run(4.0)
+    )
+    assert desk.state == "flying"
+
+
+def test_a_clock_of_the_autopilot_that_runs_at_another_speed_is_no_late_link():
+    """As in a simulator that the machine cannot bear, or by an hour's drift."""
+    desk = Desk().come_to("flying").run(1.0)
+    for _ in range(500):
+        desk.boot_s -= 0.3 * STEP_S
+        desk.step()
+    assert desk.state == "flying"
 
 
 @pytest.mark.parametrize("state", ["ready", "flying"])
@@ -71,6 +106,53 @@ def test_a_jump_of_less_than_half_a_metre_is_flown_out():
     assert moved_m(desk.setpoints(began)) < 0.05
 
 
+@pytest.mark.parametrize("told", ["with it", "after it", "before it"])
+def test_a_smaller_jump_is_known_when_the_estimator_tells_of_its_reset(told):
+    desk = Desk().set(reset_counter=255).come_to("ready").run(2.0)
+    desk.run_to_position()
+    before = desk.setpoints()[-1]
+    if told == "before it":
+        desk.set(reset_counter=0).run(0.2)
+    desk.jump(0.0, 0.4, 0.0)
+    if told == "after it":
+        desk.run(0.2)
+    desk.set(reset_counter=0).run(1.0)
+    (decided,) = desk.decided("jump")
+    assert math.hypot(*decided["jump_m"]) == pytest.approx(0.4, abs=0.01)
+    after = desk.setpoints()[-1]
+    assert (after.x, after.y, after.z) == pytest.approx(
+        (before.x, before.y + 0.4, before.z), abs=0.01
+    )
+
+
+def test_a_smaller_jump_that_is_known_is_not_chased():
+    desk = Desk().set(reset_counter=12).come_to("flying").run(8.0)
+    desk.run_to_position()
+    place = desk.position_ned_m
+    desk.set(reset_counter=13).jump(0.0, 0.4, 0.0).run(0.06)
+    assert math.dist(desk.position_ned_m, place) < 0.1
+    assert len(desk.decided("jump")) == 1
+
+
+@pytest.mark.parametrize(
+    ("case", "off_m", "wait_s"),
+    [
+        ("the heading alone was reset", 0.02, 0.0),
+        ("a reset that was long before", 0.4, 0.5),
+    ],
+)
+def test_a_reset_of_the_estimator_is_no_jump_of_itself(case, off_m, wait_s):
+    desk = Desk().set(reset_counter=3).come_to("flying").run(8.0)
+    desk.set(reset_counter=4).run(wait_s).jump(0.0, off_m, 0.0).run(1.0)
+    assert not desk.decided("jump"), case
+
+
+def test_the_first_word_of_an_estimator_is_no_reset():
+    desk = Desk().come_to("flying").run(8.0)
+    desk.jump(0.0, 0.4, 0.0).set(reset_counter=7).run(1.0)
+    assert not desk.decided("jump")
+
+
 def test_a_jump_while_ready_takes_the_hold_along():
     desk = Desk().come_to("ready").run(2.0)
     before, began = desk.setpoints()[-1], desk.now_s
@@ -108,3 +190,91 @@ def test_an_aircraft_that_moves_fast_has_not_jumped():
     desk.drift(0.0, 1.2, 0.0, seconds=0.3)
     assert not desk.decided("jump")
     assert desk.state == "ready"
+
+
+@pytest.mark.parametrize("when", ["it makes it hold", "it holds already", "every target is done"])
+@pytest.mark.parametrize("jump_ned_m", [(0.0, 0.0, -4.0), (0.0, -3.5, 0.0)])
+def test_a_hold_stays_where_the_aircraft_is_whatever_its_position_jumps_by(when, jump_ned_m):
+    desk = Desk().come_to("flying").run(4.0)
+    if when == "it holds already":
+        desk.pause().run(2.0)
+    if when == "every target is done":
+        desk.order(INSPECTION, 0.0).run(0.3).run_until("holding", 60.0)
+    desk.run_to_position()
+    place, began = desk.position_ned_m, desk.now_s
+    desk.jump(*jump_ned_m).run(8.0)
+    assert desk.state == "holding"
+    assert math.dist(desk.position_ned_m, place) < 0.3  # what it takes to come to rest
+    assert moved_m(desk.setpoints(began + 0.06)) < 0.02
+    last = desk.setpoints()[-1]
+    assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
+
+
+def test_after_such_a_hold_it_goes_on_from_where_it_stands():
+    desk = Desk().come_to("flying").run(4.0)
+    desk.jump(0.0, 0.0, -4.0).run(4.0)
+    job = len(desk.jobs)
+    stood, began = desk.setpoints()[-1], desk.now_s
+    desk.go_on().run(0.5)
+    assert desk.state == "flying"
+    assert desk.jobs[job].request.start_m[1] == pytest.approx(-stood.z, abs=0.05)
+    assert moved_m(desk.setpoints(began)) < 0.05
+
+
+# The heading ------------------------------------------------------------------------------------
+
+
+def turns_rad(setpoints):
+    """From one setpoint's heading to the next one's."""
+    headings = [m.yaw for m in setpoints]
+    return [math.remainder(b - a, math.tau) for a, b in itertools.pairwise(headings)]
+
+
+@pytest.mark.parametrize("reset_rad", [0.43, -1.2, 3.0])
+def test_a_reset_of_the_heading_does_not_turn_the_nose(reset_rad):
+    """That is, the heading that is asked for is as far from the nose as before."""
+    desk = Desk().come_to("ready").run(1.0)
+    before, began = desk.setpoints()[-1].yaw, desk.now_s
+    desk.set(yaw_rad=desk.yaw_rad + reset_rad).run(1.0)
+    after = desk.setpoints(began + 0.06)
+    assert {round(math.remainder(m.yaw - before - reset_rad, math.tau), 5) for m in after} == {0.0}
+    (told,) = desk.decided("jump")
+    assert (told["jump_m"], told["turn_rad"]) == ([0.0, 0.0, 0.0], pytest.approx(reset_rad))
+    assert moved_m(desk.setpoints(began)) < 0.02
+
+
+def test_from_there_it_turns_to_where_it_should_look_no_faster_than_it_may():
+    desk = Desk().come_to("flying").run(4.0)
+    wanted, began = desk.setpoints()[-1].yaw, desk.now_s
+    desk.set(yaw_rad=desk.yaw_rad + 0.9).run(3.0)
+    fastest_rad = desk.vehicle.guidance.yaw_rate_radps * STEP_S
+    (reset, *others) = sorted(turns_rad(desk.setpoints(began - STEP_S)), key=abs, reverse=True)
+    assert reset == pytest.approx(0.9, abs=2 * fastest_rad)
+    assert abs(others[0]) <= fastest_rad + 1e-6
+    # The aircraft comes nearer to its target meanwhile, which changes the direction to it.
+    assert desk.setpoints()[-1].yaw == pytest.approx(wanted, abs=0.05)
+
+
+@pytest.mark.parametrize("rate_radps", [0.8, -3.0])
+def test_an_aircraft_that_turns_fast_was_not_reset(rate_radps):
+    desk = Desk().come_to("ready").run(1.0)
+    before = desk.setpoints()[-1].yaw
+    desk.set(yaw_rate_radps=rate_radps)
+    for _ in range(100):
+        desk.set(yaw_rad=math.remainder(desk.yaw_rad + rate_radps * STEP_S, math.tau)).step()
+    assert not desk.decided("jump")
+    assert desk.setpoints()[-1].yaw == before
+
+
+def test_a_heading_that_is_heard_again_after_a_gap_was_not_reset():
+    desk = Desk().come_to("ready").run(1.0)
+    desk.set(mute={"ATTITUDE"}).run(0.4)
+    desk.set(mute=set(), yaw_rad=1.1).run(1.0)
+    assert not desk.decided("jump")
+
+
+def test_a_rate_of_turn_that_is_not_told_makes_no_reset():
+    desk = Desk().come_to("ready").run(1.0)
+    desk.set(yaw_rate_radps=math.nan).run(0.1)
+    desk.set(yaw_rad=1.1).run(1.0)
+    assert not desk.decided("jump")

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from tests.flights.lockstep import COMPANION_LINK, EVACUATION, INSPECTION, Lockstep
+from tests.flights.lockstep import COMPANION_LINK, Lockstep
+from tests.flights.operator import EVACUATION, INSPECTION
 
 
 def replayed(flight, companion, *, pieces=None):
@@ -13,6 +14,8 @@ def replayed(flight, companion, *, pieces=None):
             size = pieces or len(what)
             for begin in range(0, len(what), size):
                 companion.receive(COMPANION_LINK, what[begin : begin + size], time_s)
+        elif kind == "contingency":
+            companion.contingency_answered(what)
         elif kind == "answer":
             companion.plan_answered(what, time_s)
         else:

@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import Supervision
 
+from ..mavlink.peer import Peer
 from .desk import (
     ACCEPTED,
     ACTIVE,
@@ -22,13 +23,23 @@ from .desk import (
     RELEASE,
     TEMPORARILY_REJECTED,
     Desk,
-    Peer,
 )
+
+
+@pytest.mark.parametrize("vehicle_type", [1, 20])
+def test_a_plane_is_told_no_mission(vehicle_type):
+    """It would not hold a setpoint that stands still."""
+    desk = Desk()
+    desk.vehicle_type = vehicle_type
+    desk.run(1.2).order(INSPECTION).run(1.0)
+    assert (desk.state, desk.answers()) == ("idle", [TEMPORARILY_REJECTED])
+    assert desk.said("the vehicle is no multirotor")
+    assert not desk.setpoints()
 
 
 def test_the_first_thing_ever_sent_is_a_heartbeat():
     desk = Desk()
-    desk.companion.receive("udp:127.0.0.1:14540", desk.autopilot.heartbeat(OFFBOARD, 4), 50.0)
+    desk.companion.receive("udp:127.0.0.1:14540", desk.autopilot.heartbeat(), 50.0)
     assert desk.companion.data_to_send() == []
     desk.run(3.0)
     kinds = [message.get_type() for _, _, message in desk.sent]
@@ -142,7 +153,7 @@ def test_an_autopilot_failsafe_is_obeyed_and_its_end_brings_nothing_back(state):
 
 def test_a_failsafe_heard_in_the_instant_of_the_plan_streams_nothing():
     desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
-    desk.hear(desk.autopilot.heartbeat(AUTO_HOLD, CRITICAL)).answer_plan()
+    desk.say_heartbeat(AUTO_HOLD, CRITICAL).answer_plan()
     desk.system_status = CRITICAL
     desk.run(2.0)
     assert desk.state == "released"
@@ -164,7 +175,7 @@ def test_an_autopilot_restart_releases():
 def test_two_autopilots_refuse_control_and_are_both_named():
     desk = Desk().run(1.2)
     other = Peer(2, 1)
-    desk.hear(other.heartbeat(AUTO_HOLD, 4)).step()
+    desk.hear(other.heartbeat()).step()
     desk.order(INSPECTION).run(0.2)
     assert desk.answers() == [TEMPORARILY_REJECTED]
     assert desk.said("two autopilots are heard")
@@ -176,11 +187,12 @@ def test_two_autopilots_refuse_control_and_are_both_named():
 
 def test_a_second_autopilot_in_flight_ends_the_stream():
     desk = Desk().come_to("flying").run(1.0)
-    desk.hear(Peer(2, 1).heartbeat(AUTO_HOLD, 4)).step()
     began = desk.now_s
-    desk.run(2.0)
+    desk.hear(Peer(2, 1).heartbeat()).run(2.0)
     assert desk.state == "released"
-    assert not desk.setpoints(began)
+    last = desk.setpoints(began)  # to the one that was flown, to stand
+    assert {(m.target_system, m.vx, m.vy, m.vz) for m in last} == {(1, 0.0, 0.0, 0.0)}
+    assert not desk.setpoints(began + 0.1)
 
 
 def test_a_ground_station_and_a_camera_are_no_autopilots():
@@ -261,7 +273,7 @@ def test_on_the_ground_the_stream_ends():
 
 
 @pytest.mark.parametrize("case", ["unknown", "silent"])
-def test_while_the_landed_state_is_unknown_the_flight_goes_on_and_nothing_is_begun(case):
+def test_while_the_landed_state_is_unknown_the_flight_goes_on_and_the_way_out_stays_open(case):
     desk = Desk().come_to("flying").run(2.0)
     if case == "unknown":
         desk.landed_state = 0
@@ -270,8 +282,15 @@ def test_while_the_landed_state_is_unknown_the_flight_goes_on_and_nothing_is_beg
     desk.run(6.0)
     assert desk.state == "flying"
     desk.order(EVACUATION).run(0.5)
-    assert desk.answers()[-1] == TEMPORARILY_REJECTED
+    assert desk.answers()[-1] == ACCEPTED
     assert desk.state == "flying"
+
+
+def test_blown_off_the_plane_the_way_out_stays_open():
+    desk = Desk().come_to("flying").run(2.0)
+    desk.fall_behind(2.5, 0.0, 0.0)
+    desk.order(EVACUATION).run(0.5)
+    assert (desk.state, desk.answers()[-1]) == ("flying", ACCEPTED)
 
 
 def test_a_pilot_who_lands_and_takes_off_again_is_not_resumed():
@@ -285,6 +304,28 @@ def test_a_pilot_who_lands_and_takes_off_again_is_not_resumed():
     desk.run(1.0).say_heartbeat(OFFBOARD).run(5.0)
     assert desk.state == "idle"
     assert not desk.setpoints(took)
+
+
+@pytest.mark.parametrize("mission", [INSPECTION, EVACUATION])
+def test_a_mode_that_is_left_and_given_back_between_two_thoughts_ends_our_control(mission):
+    desk = Desk().come_to("flying", mission).run(4.0)
+    left = desk.now_s
+    desk.say_heartbeat(POSCTL).say_heartbeat(OFFBOARD).run(2.0)
+    assert desk.state == "overridden"
+    assert desk.said("MOAR overridden: the autopilot was in POSCTL")
+    assert not desk.setpoints(left)
+
+
+def test_nothing_is_resumed_after_the_autopilots_restart_in_the_air():
+    desk = Desk(resume=True).come_to("flying").run(4.0)
+    desk.say_heartbeat(POSCTL).run(2.0)
+    desk.boot_s = 0.5
+    desk.run(1.0)
+    assert desk.state == "released"
+    restarted = desk.now_s
+    desk.say_heartbeat(OFFBOARD).run(5.0)
+    assert desk.state == "released"
+    assert not desk.setpoints(restarted)
 
 
 def test_what_was_held_is_not_resumed():
@@ -406,3 +447,15 @@ def test_a_late_shell_does_not_make_the_setpoint_jump():
     after = desk.setpoints()[-1]
     moved = math.dist((before.x, before.y, before.z), (after.x, after.y, after.z))
     assert moved <= 0.7 * 0.1 + 1e-6
+
+
+def test_a_heading_that_is_no_number_is_held_and_never_sent():
+    desk = Desk().come_to("flying").run(2.0)
+    desk.companion._conduct.course.flight._yaw_rad = math.nan
+    began = desk.now_s
+    desk.run(0.5)
+    assert desk.state == "holding"
+    assert desk.said("MOAR holding: the setpoint is not finite")
+    setpoints = desk.setpoints(began)
+    assert len(setpoints) == 25
+    assert all(math.isfinite(m.yaw) and not any((m.vx, m.vy, m.vz)) for m in setpoints)

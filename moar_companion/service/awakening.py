@@ -1,0 +1,41 @@
+"""What a process finds when it is started: a flight that was cut short, an aircraft in the air.
+
+Pure: what the process before it remembered and what the aircraft says in, texts for people out.
+"""
+
+from __future__ import annotations
+
+from ..types import Telemetry
+from .memory import Memory
+from .surroundings import airborne, grounded
+
+_PATIENCE_S = 3.0
+"""EXTENDED_SYS_STATE may come later than the heartbeat; on ArduPilot it has to be asked for."""
+
+
+class Awakening:
+    """Tells it once, as soon as there is an autopilot through which people hear it."""
+
+    def __init__(self, before: Memory | None) -> None:
+        self._before = before
+        self._heard_s: float | None = None
+        self._told = False
+
+    def texts(self, telemetry: Telemetry, now_s: float, *, may_continue: bool) -> list[str]:
+        """What is to be said now. may_continue: whether there is a rest that can be ordered."""
+        autopilot, before = telemetry.autopilot, self._before
+        if self._told or autopilot is None:
+            return []
+        if self._heard_s is None:
+            self._heard_s = now_s
+        flying = airborne(telemetry, now_s)
+        if not (flying or grounded(telemetry)) and now_s - self._heard_s < _PATIENCE_S:
+            return []
+        self._told = True
+        texts = []
+        if before is not None and (before.streamed or flying):
+            offer = "; continue flies the rest" if may_continue else ""
+            texts.append(f"MOAR restarted; before: {before.words(now_s)}{offer}")
+        if flying and autopilot.ours:
+            texts.append(f"MOAR waits for an order, though {autopilot.mode} is on")
+        return texts

@@ -1,0 +1,367 @@
+"""The causes of this instant: telemetry, flight and computer against the limits. Pure.
+
+Inputs: what was seen, the limits, the time; output: the supervisor's `Causes`, in words with the
+number. A measurement that is needed and missing is a cause. A value that was told once counts
+until the next one, however old: only a measurement makes a cause end.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from dataclasses import dataclass, field
+
+from ..config import Supervision
+from ..mission.conditions import Causes
+from ..power import BATTERY_MAX_AGE_S, is_powered
+from ..risk import IndexReport, RiskEstimate
+from ..risk.localization import (
+    ESTIMATOR_ACCURACY,
+    ESTIMATOR_HEIGHT_ACCURACY,
+    ODOMETRY_ACCURACY,
+    ODOMETRY_HEIGHT_ACCURACY,
+)
+from ..risk.receivers import RECEIVER_ACCURACY, trouble
+from ..risk.wind import strongest
+from ..types import Battery, Mission, Telemetry
+from .motion import Pose
+from .surroundings import airborne, grounded
+
+_ATTITUDE_TIMEOUT_S = 1.0
+"""ATTITUDE comes at 100 Hz, at 10 Hz on a slow link."""
+_HOVER_MPS = 1.0
+"""A hold is offered to an aircraft that is nearly at rest: one that the mode is given to in full
+flight would swing back to it. ArduPilot may be in GUIDED already, flying elsewhere."""
+_CRITICAL = 3
+_FAILED = 5
+"""MAV_BATTERY_CHARGE_STATE: critical, emergency, failed."""
+WAY_MAX_AGE_S = 15.0
+"""Ways out are planned anew about every 2 s; in 15 s as much is flown as in a battery's longest
+silence."""
+_SOON_S = 60.0
+"""How long before it has to leave people are told."""
+_MB = 1e6
+_ESTIMATOR = (ESTIMATOR_ACCURACY, ODOMETRY_ACCURACY)
+_HEIGHT = (ESTIMATOR_HEIGHT_ACCURACY, ODOMETRY_HEIGHT_ACCURACY)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Host:
+    """What the computer has left, in bytes; None where that is not known or not wanted."""
+
+    disk_free: float | None = None
+    memory_available: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class WayOut:
+    """The better way out. left_s: the flight time that would be left after it; None: unknown.
+
+    age_s: since it was asked for. flown_left_s: the same after the exit that is flown, where that
+    takes too much and this takes clearly less.
+    """
+
+    mission: Mission
+    left_s: float | None
+    reserve_s: float
+    age_s: float
+    flown_left_s: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Seen:
+    """What the causes are looked for in.
+
+    faults: causes that are known as such. control_allowed: one autopilot and no other is heard.
+    jumped_m: how far the position has jumped of late. error_m: from the setpoint to the aircraft.
+    strays: how far it is outside the workspace and its checked legs, in words. room_m: from the
+    hull to the nearest keep-out. plan_awaited_s: how long a plan in flight is awaited.
+    """
+
+    telemetry: Telemetry
+    risk: RiskEstimate
+    control_allowed: bool
+    pose: Pose | None
+    position_moved_s: float
+    jumped_m: float = 0.0
+    room_m: float | None = None
+    in_control: bool = False
+    landing: bool = False
+    error_m: float | None = None
+    strays: str | None = None
+    plan_awaited_s: float | None = None
+    way_out: WayOut | None = None
+    host: Host = field(default_factory=Host)
+    faults: Causes = field(default_factory=Causes)
+
+
+def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> Causes:
+    """Everything that stands against a flight now. off_path_m: the vehicle's."""
+    telemetry, faults = seen.telemetry, seen.faults
+    return Causes(
+        control=_control(seen),
+        heartbeat=_heartbeat(telemetry, limits, now_s),
+        position=_position(seen, limits, now_s),
+        attitude=_attitude(telemetry, now_s),
+        origin="the origin of the local frame is unknown" if seen.pose is None else None,
+        thinking=faults.thinking,
+        restart=faults.restart,
+        stream=faults.stream,
+        failsafe=_failsafe(telemetry),
+        ground="on the ground" if grounded(telemetry) else None,
+        landing=_mode(seen, landing=True),
+        pilot=_mode(seen, landing=False),
+        battery_critical=_battery_critical(seen),
+        battery_reserve=_battery_reserve(seen, limits.battery_reserve),
+        no_return_evacuation=_no_return(seen.way_out, Mission.EVACUATION),
+        no_return_exit=_no_return(seen.way_out, Mission.EXIT),
+        no_return_soon=_no_return_soon(seen.way_out),
+        memory=_free("memory", seen.host.memory_available, limits.memory_free_mb),
+        gate=faults.gate,
+        narrow=faults.narrow,
+        jump=_above("the position jumped", seen.jumped_m, limits.jump_limit_m, "m"),
+        uncertainty=_above(
+            "position uncertainty",
+            uncertainty_m(seen.risk),
+            limits.position_uncertainty_limit_m,
+            "m",
+        ),
+        gnss=trouble(seen.telemetry, seen.risk.localization.receivers, now_s),
+        localization=_above(
+            "localization risk", seen.risk.indices.localization, limits.localization_limit, ""
+        ),
+        wind=_wind(seen.risk, limits.wind_limit_mps),
+        ground_link=_ground_link(telemetry, limits, now_s),
+        geofence=seen.strays if seen.in_control else None,
+        off_path=_above("off the path", seen.error_m, off_path_m, "m") if seen.in_control else None,
+        planner=_plan(seen, limits.plan_stale_s),
+        planner_late=_plan(seen, 0.5 * limits.plan_stale_s),
+        obstacle=_obstacle(seen, limits),
+        plane=_plane(seen, limits),
+        moving=_moving(seen),
+        loss=faults.loss,
+        death=faults.death,
+        battery_silent=_battery_silent(seen, now_s),
+        disk=_free("disk", seen.host.disk_free, limits.disk_free_mb),
+        not_flying=None if seen.in_control or airborne(telemetry, now_s) else "not in the air",
+        unknown=_unknown(seen, now_s) if seen.in_control or airborne(telemetry, now_s) else None,
+    )
+
+
+def uncertainty_m(risk: RiskEstimate) -> float | None:
+    """How well the position is known: the estimator's worst word (PX4), else the receiver's.
+
+    Of each source what it told last. While the estimator tells nothing, the receiver counts, too.
+    The plane is vertical: both its axes, level and height, count, and the worse is taken for all
+    directions, across the plane, too. Of the height only the estimator's word (ArduPilot has none):
+    it is barometric, and the receiver's v_acc says nothing of that.
+    """
+    told = risk.last_known.get("localization", {})
+    estimator_tells = _known_now(risk.report.localization, _ESTIMATOR)
+    level = _ESTIMATOR if estimator_tells else (*_ESTIMATOR, RECEIVER_ACCURACY)
+    sources = (*level, *_HEIGHT)
+    return max((told[name].value or 0.0 for name in sources if name in told), default=None)
+
+
+def widening_m(risk: RiskEstimate, limits: Supervision) -> float:
+    """What the distance from obstacles has to grow by."""
+    return max(0.0, (uncertainty_m(risk) or 0.0) - limits.position_uncertainty_m)
+
+
+def _known_now(index: IndexReport, names: Collection[str]) -> bool:
+    return any(report.known and report.name in names for report in index.inputs)
+
+
+def _control(seen: Seen) -> str | None:
+    autopilot = seen.telemetry.autopilot
+    if autopilot is None:
+        return "no autopilot is heard"
+    if not seen.control_allowed:
+        return "two autopilots are heard"
+    return None if autopilot.multirotor else "the vehicle is no multirotor"
+
+
+def _heartbeat(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
+    autopilot = telemetry.autopilot
+    if autopilot is None:
+        return "no heartbeat is heard"
+    age_s = now_s - autopilot.received_s
+    if age_s <= limits.heartbeat_timeout_s:
+        return None
+    return f"no heartbeat of the autopilot for {age_s:.1f} s"
+
+
+def _position(seen: Seen, limits: Supervision, now_s: float) -> str | None:
+    if seen.telemetry.local_position is None:
+        return "no local position is heard"
+    late_s = None if seen.telemetry.link is None else seen.telemetry.link.round_trip_s
+    # It has been under way for no longer than a question and its answer.
+    age_s = now_s - seen.position_moved_s + (late_s or 0.0)
+    return f"the position is {age_s:.1f} s old" if age_s > limits.position_timeout_s else None
+
+
+def _attitude(telemetry: Telemetry, now_s: float) -> str | None:
+    attitude = telemetry.attitude
+    known = attitude is not None and now_s - attitude.received_s <= _ATTITUDE_TIMEOUT_S
+    return None if known else "the attitude is unknown"
+
+
+def _failsafe(telemetry: Telemetry) -> str | None:
+    autopilot = telemetry.autopilot
+    failsafe = autopilot is not None and autopilot.failsafe
+    return "the autopilot is in failsafe" if failsafe else None
+
+
+def _mode(seen: Seen, *, landing: bool) -> str | None:
+    autopilot = seen.telemetry.autopilot
+    if not seen.in_control or autopilot is None or seen.landing is not landing:
+        return None
+    # It may have been left and given back between two looks.
+    return seen.faults.pilot if autopilot.ours else f"the autopilot is in {autopilot.mode}"
+
+
+def _batteries(telemetry: Telemetry) -> list[tuple[int, Battery]]:
+    return [item for item in sorted(telemetry.batteries.items()) if is_powered(item[1])]
+
+
+def _battery_critical(seen: Seen) -> str | None:
+    for number, battery in sorted(seen.telemetry.batteries.items()):
+        state: float | None = battery.charge_state if is_powered(battery) else None
+        if state is None:
+            state = _told_before(seen, number, "charge state")
+        if state is not None and _CRITICAL <= state <= _FAILED:
+            return f"battery {number} is critical"
+    return None
+
+
+def _battery_reserve(seen: Seen, reserve: float) -> str | None:
+    for number, battery in sorted(seen.telemetry.batteries.items()):
+        remaining = battery.remaining if is_powered(battery) else None
+        if remaining is None:
+            remaining = _told_before(seen, number, "remaining")
+        if remaining is not None and remaining <= reserve:
+            return f"battery {number} at {remaining:.0%}, the reserve is {reserve:.0%}"
+    return None
+
+
+def _battery_silent(seen: Seen, now_s: float) -> str | None:
+    for number, battery in sorted(seen.telemetry.batteries.items()):
+        powered, age_s = is_powered(battery), now_s - battery.received_s
+        if powered and age_s > BATTERY_MAX_AGE_S and _tells(battery):
+            return f"battery {number} is silent for {age_s:.0f} s"
+        last = _told_before(seen, number, "remaining")
+        if last is not None and (battery.remaining is None or not powered):
+            return f"battery {number} was at {last:.0%} and tells it no more"
+    return None
+
+
+def _told_before(seen: Seen, number: int, what: str) -> float | None:
+    """What a battery said last of its charge, where it says nothing of that now."""
+    last = seen.risk.last_known.get("battery", {}).get(f"battery {number} {what}")
+    return None if last is None else last.value
+
+
+def _tells(battery: Battery) -> bool:
+    """Whether it says how full it is; a summary only repeats the state that was told before."""
+    told = battery.charge_state is not None and not battery.summary
+    return battery.remaining is not None or told
+
+
+def _wind(risk: RiskEstimate, limit_mps: float) -> str | None:
+    item = strongest(tuple(risk.last_known.get("wind", {}).values()))
+    if item is None:
+        return None
+    words = _above(item.name, item.value, limit_mps, item.unit)
+    return f"{words} ({item.remark})" if words and item.remark else words
+
+
+def _no_return(way: WayOut | None, mission: Mission) -> str | None:
+    if way is None or way.mission is not mission:
+        return None
+    if way.flown_left_s is not None:
+        return f"{_left(way.flown_left_s, Mission.EXIT)}, the {mission.value} takes less"
+    if way.left_s is None or way.left_s > way.reserve_s:
+        return None
+    return f"{_left(way.left_s, mission)}, the reserve is {way.reserve_s:.0f} s"
+
+
+def _no_return_soon(way: WayOut | None) -> str | None:
+    if way is None or way.left_s is None or not 0.0 < way.left_s - way.reserve_s <= _SOON_S:
+        return None
+    return f"{_left(way.left_s, way.mission)}, at {way.reserve_s:.0f} s it begins"
+
+
+def _left(left_s: float, mission: Mission) -> str:
+    return f"{max(0.0, left_s):.0f} s of flight left after the {mission.value}"
+
+
+def _ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
+    heard = telemetry.ground_station
+    if heard is None or now_s - heard.received_s <= limits.ground_link_lost_s:
+        return None
+    return f"no ground station is heard for {now_s - heard.received_s:.0f} s"
+
+
+def _plan(seen: Seen, limit_s: float) -> str | None:
+    awaited_s = seen.plan_awaited_s
+    if awaited_s is None or awaited_s <= limit_s:
+        return None
+    return f"a new plan is awaited for {awaited_s:.1f} s"
+
+
+def _obstacle(seen: Seen, limits: Supervision) -> str | None:
+    least_m = widening_m(seen.risk, limits)
+    if seen.room_m is None or seen.room_m >= least_m:
+        return None
+    words = f"{least_m - seen.room_m:.1f} m too close to an obstacle"
+    known_m = uncertainty_m(seen.risk)
+    return f"{words}, position uncertainty {known_m:.1f} m" if known_m and least_m else words
+
+
+def _plane(seen: Seen, limits: Supervision) -> str | None:
+    if seen.pose is None or seen.in_control:
+        return None  # what is flown goes on, and the way out stays open
+    if abs(seen.pose.position_m[1]) <= limits.plane_tolerance_m:
+        return None
+    off_m, limit_m = abs(seen.pose.position_m[1]), limits.plane_tolerance_m
+    return f"{off_m:.1f} m from the plane, more than {limit_m:g} m"
+
+
+def _moving(seen: Seen) -> str | None:
+    if seen.pose is None or seen.in_control:
+        return None
+    speed_mps = math.hypot(*seen.pose.velocity_mps)
+    if speed_mps <= _HOVER_MPS:
+        return None
+    return f"moving at {speed_mps:.1f} m/s, more than {_HOVER_MPS:g} m/s: hover first"
+
+
+def _unknown(seen: Seen, now_s: float) -> str | None:
+    tells = any(_tells(battery) for _, battery in _batteries(seen.telemetry))
+    missing = [
+        name
+        for name, known in (
+            ("wind", strongest(seen.risk.report.wind.inputs) is not None),
+            ("battery", tells and _battery_silent(seen, now_s) is None),
+            (
+                "position accuracy",
+                _known_now(seen.risk.report.localization, (*_ESTIMATOR, RECEIVER_ACCURACY)),
+            ),
+            ("ground station", seen.telemetry.ground_station is not None),
+            ("way out", seen.way_out is not None and seen.way_out.age_s <= WAY_MAX_AGE_S),
+        )
+        if not known
+    ]
+    return f"not told, not supervised: {', '.join(missing)}" if missing else None
+
+
+def _free(what: str, left: float | None, limit_mb: float) -> str | None:
+    if left is None or left >= limit_mb * _MB:
+        return None
+    return f"{what}: {left / _MB:.0f} MB left, less than {limit_mb:g} MB"
+
+
+def _above(what: str, value: float | None, limit: float, unit: str) -> str | None:
+    if value is None or value <= limit:
+        return None
+    return f"{what} {value:.1f} {unit}".rstrip() + f", more than {limit:g} {unit}".rstrip()

@@ -1,0 +1,395 @@
+"""The conduct of a mission: what the mission machine and the supervisor decide is carried out.
+
+Inputs: orders, answers of the planner, what is known of aircraft and computer, the time.
+Outputs: plan jobs, setpoints, answers to orders, words for people.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from ..config import CompanionConfig
+from ..mavlink.commands import Command, MissionCommand, PauseContinue
+from ..mavlink.session import Session, Severity
+from ..mission import machine
+from ..mission.conditions import Action
+from ..mission.states import IN_CONTROL, STREAMING, MissionState
+from ..mission.supervisor import Ruling
+from ..mission.values import (
+    Answer,
+    Do,
+    Effect,
+    Overrule,
+    Say,
+    Seek,
+    Situation,
+    Step,
+    Task,
+    Verdict,
+)
+from ..risk import RiskEstimate
+from ..types import LandedState
+from ..vehicle import Vehicle
+from .causes import Host, Seen, widening_m
+from .contingencies import Scene
+from .course import Course
+from .engaging import Engaging
+from .faults import Faults
+from .jobs import PlanAnswer
+from .junction import Adoption
+from .memory import Memory
+from .motion import Jump
+from .orders import OrderBook, Refused, understood, words
+from .overseer import Overseer
+from .planning import Awaited
+from .prospects import Prospects
+from .reports import Reports
+from .stream import Stream
+from .surroundings import Ground, Surroundings, grounded
+
+_ON_THE_WAY = (MissionState.FLYING, MissionState.LANDING_LEG)
+_SLOW_PACE = 0.5
+"""Of the planned speed, while something asks for caution."""
+
+
+class Conduct:
+    """Keeps where the mission stands, and everything that flies it.
+
+    ground: None without a site. before: what the process before this one remembered.
+    """
+
+    def __init__(
+        self,
+        config: CompanionConfig,
+        vehicle: Vehicle,
+        ground: Ground | None,
+        *,
+        session: Session,
+        surroundings: Surroundings,
+        orders: OrderBook,
+        reports: Reports,
+        before: Memory | None,
+    ) -> None:
+        self._config = config
+        self._vehicle = vehicle
+        self._ground = ground
+        self._session = session
+        self._surroundings = surroundings
+        self._orders = orders
+        self._reports = reports
+        self.course = Course(ground, vehicle, config, reports)
+        self.setpoints = Stream(session, vehicle, config.supervision)
+        pilot_may_fly = before is not None and before.state is not MissionState.IDLE
+        self.engaging = Engaging(config.authority, session, pilot_flies=pilot_may_fly)
+        off_path_m = vehicle.guidance.off_path_m
+        self._overseer = Overseer(config.supervision, off_path_m, reports)
+        site = None if ground is None else ground.site
+        self.status = machine.restarted(None if before is None else before.rest(site))
+        """Where the mission stands."""
+        self.prospects = Prospects(ground, vehicle)
+        """The risk indices of now, and the ways out."""
+        self.host = Host()
+        """What the computer has left."""
+        self.faults = Faults()
+        """What went wrong since the last thought."""
+
+    @property
+    def risk(self) -> RiskEstimate:
+        """The risk indices of now."""
+        return self.prospects.risk
+
+    @property
+    def ruling(self) -> Ruling:
+        """What may be flown, and what is against it."""
+        return self._overseer.ruling
+
+    @property
+    def tracking_error_m(self) -> float | None:
+        """From our setpoint to the aircraft, infinite where it is not known where that is.
+
+        None where others fly it.
+        """
+        flight, pose = self.course.flight, self._surroundings.pose
+        if flight is None or self.status.state not in IN_CONTROL:
+            return None
+        return math.inf if pose is None else flight.error_m(pose)
+
+    @property
+    def _follows(self) -> bool:
+        """Whether the autopilot is in the mode in which it follows our setpoints."""
+        autopilot = self._session.telemetry.autopilot
+        return autopilot is not None and autopilot.ours
+
+    @property
+    def _pace(self) -> float:
+        """The part of the planned speed that is flown."""
+        return _SLOW_PACE if self.ruling.action is Action.SLOW else 1.0
+
+    # At each thought
+
+    def judge(self, now_s: float) -> None:
+        """Judge the risks anew, by what is told and by what is still to be flown."""
+        telemetry, pose = self._session.telemetry, self._surroundings.pose
+        place_m = None if pose is None else pose.position_m
+        self.prospects.look_for_ways_out(telemetry, self._scene(), place_m, now_s)
+        self.prospects.judge(telemetry, self.tracking_error_m, now_s)
+
+    def supervise(self, now_s: float) -> None:
+        """One look at the world; what ends our control comes first."""
+        self.setpoints.widened_m = widening_m(self.risk, self._config.supervision)
+        if self.course.look(self.risk, now_s):
+            # What was sought in vain may be found now.
+            self.status = replace(self.status, no_way=frozenset())
+        self._carry_out(
+            machine.tick(
+                self.status,
+                self._situation(now_s),
+                ready_timeout_s=self._config.supervision.ready_timeout_s,
+                resume=self._config.resume,
+                now_s=now_s,
+            ),
+            now_s,
+        )
+        self.faults.forget()
+
+    def order(self, command: MissionCommand | PauseContinue, now_s: float) -> None:
+        """Carry out, or refuse, what was ordered."""
+        order_id = self._orders.enter(command, now_s)
+        site = None if self._ground is None else self._ground.site
+        order = understood(command, site, self._config.authority)
+        self._reports.record("order", now_s, order=words(order), sender=command.sender.system_id)
+        if isinstance(order, Refused):
+            answer = Answer(order_id, Verdict.DENIED, order.reason)
+            self._carry_out((self.status, (answer,)), now_s)
+        else:
+            world, before = self._situation(now_s), self.status.state
+            step = machine.command(self.status, order, order_id, world, now_s)
+            self._carry_out(step, now_s)
+            if self.status.order_id == order_id:
+                self.engaging.note_order(self._session.telemetry.autopilot, before)
+
+    def withdraw(self, command: Command, now_s: float) -> None:
+        """An operator took an order back, which has been acknowledged."""
+        order_id = self._orders.withdraw(command)
+        if order_id is not None:
+            self._carry_out(machine.withdrawn(self.status, order_id, now_s), now_s)
+
+    def fly(self, now_s: float, step_s: float) -> None:
+        """Go on along the course, and ask for better plans on the way. step_s: since last time."""
+        silence = self.course.overdue(now_s)
+        if silence is not None:
+            self.plan_answered(silence, now_s)
+        self._orders.tell_progress(now_s)
+        pose, task = self._surroundings.pose, self.status.task
+        if self.status.state in _ON_THE_WAY and task is not None and pose is not None:
+            self.course.replan(task, pose, self.risk.indices, now_s)
+        self._stream(now_s, step_s)
+        engaged = self.status.state in STREAMING or self.status.state is MissionState.PLANNING
+        telemetry = self._session.telemetry
+        self._overseer.tell(telemetry.ground_station, now_s, streaming=engaged)
+        self.engaging.act(
+            self.status, telemetry.autopilot, grounded=grounded(telemetry), now_s=now_s
+        )
+
+    # Between thoughts
+
+    def plan_answered(self, answer: PlanAnswer, now_s: float) -> None:
+        """Take the answer to a job; one that is no longer awaited is dropped."""
+        awaited = self.course.taken(answer)
+        if awaited is None:
+            return
+        ordered = self.status.order_id is not None
+        answer = self.course.survivable(awaited, answer, now_s, ordered=ordered)
+        if answer.plan is None:
+            self._go_without(awaited, answer, now_s)
+            return
+        adopted = self.course.adopt(awaited, answer, self.risk, now_s)
+        if not awaited.first:
+            return
+        if adopted is not Adoption.TOO_LATE:
+            self._carry_out(machine.planned(self.status, self._situation(now_s), now_s), now_s)
+        elif self.status.sought is not None and self.course.flight is not None:
+            # The planner is slower than the flight: it begins where that can be at rest.
+            self.course.brake()
+            self._seek(self.status.sought, now_s)
+
+    def _go_without(self, awaited: Awaited, answer: PlanAnswer, now_s: float) -> None:
+        """There is no plan: what was ordered is denied, what is sought anyway waits for room."""
+        reason = self.course.explained(answer)
+        ordered = awaited.first and self.status.order_id is not None
+        no_room = answer.too_wide and not ordered and self.ruling.action <= Action.HOLD
+        if no_room:
+            self.course.note_no_room(awaited, reason)
+        if awaited.first:
+            waits = no_room or (answer.deadly and not ordered)
+            step = machine.unplanned(self.status, reason, now_s, waits=waits, failed=answer.failed)
+            self._carry_out(step, now_s)
+        elif not no_room:
+            self._reports.say(Severity.NOTICE, f"Replan: {reason}", now_s)
+
+    def shift(self, jump: Jump, now_s: float) -> None:
+        """Take what is flown along with a position or heading that jumped."""
+        self.setpoints.shift(jump)
+        if self.course.flight is not None:
+            self.course.flight.shift(jump)
+            self._reports.record("jump", now_s, jump_m=list(jump.step_m), turn_rad=jump.turn_rad)
+
+    def shut_down(self, now_s: float) -> None:
+        """The process is about to end: what is streamed ends at rest, if it still may."""
+        world = self._situation(now_s)
+        if (
+            self.status.state in STREAMING
+            and world.ruling.action is not Action.RELEASE
+            and (world.mode_ours or self.status.state is MissionState.READY)
+        ):
+            self._say_farewell(now_s)
+
+    def way_answered(self, answer: PlanAnswer) -> None:
+        """Take the answer to a contingency's job."""
+        if self.prospects.ways is not None:
+            self.prospects.ways.answered(answer, self.course.airspace)
+
+    # What the machine is shown
+
+    def _scene(self) -> Scene | None:
+        """What contingencies are planned from; None where nothing can be planned."""
+        pose, airspace = self._surroundings.pose, self.course.airspace
+        landed = self._session.telemetry.landed
+        if pose is None or airspace is None:
+            return None
+        if landed is not None and landed.state is not LandedState.IN_AIR:
+            return None  # it takes off or lands
+        beside = abs(pose.position_m[1]) > self._config.supervision.plane_tolerance_m
+        if beside and self.status.state not in STREAMING:
+            return None  # others fly it elsewhere
+        return Scene(
+            pose=pose,
+            status=self.status,
+            flight=self.course.flight,
+            airspace=airspace,
+            risk=self.risk.indices,
+            widening_m=self.course.widening_m,
+            pace=self._pace,
+            meter=self.risk.meter,
+        )
+
+    def _situation(self, now_s: float) -> Situation:
+        autopilot, guidance = self._session.telemetry.autopilot, self._vehicle.guidance
+        flight, pose = self.course.flight, self._surroundings.pose
+        error_m = math.inf if flight is None or pose is None else flight.error_m(pose)
+        return Situation(
+            ruling=self._overseer.rule(self._seen(now_s), now_s),
+            mode_ours=self._follows,
+            mode_heard_s=-math.inf if autopilot is None else autopilot.received_s,
+            on_leg=flight is not None and flight.on_leg,
+            arrived=flight is not None and flight.arrived and error_m <= guidance.tracking_slow_m,
+            dwell_s=0.0 if self._ground is None else self._ground.dwell_s(self.status.task),
+            astray=flight is not None and error_m > guidance.tracking_hold_m,
+        )
+
+    def _seen(self, now_s: float) -> Seen:
+        """What the supervisor is shown."""
+        flight, pose, ground = self.course.flight, self._surroundings.pose, self._ground
+        telemetry, ways = self._session.telemetry, self.prospects.ways
+        return Seen(
+            telemetry=telemetry,
+            risk=self.risk,
+            control_allowed=self._session.control_allowed,
+            pose=pose,
+            position_moved_s=self._surroundings.position_moved_s,
+            jumped_m=self._surroundings.jumped_m(now_s),
+            room_m=None
+            if ground is None or pose is None
+            else ground.room_m(pose, self._vehicle.radius_m),
+            in_control=self.status.state in IN_CONTROL,
+            landing=self.engaging.is_landing(telemetry.autopilot),
+            error_m=flight.error_m(pose) if flight is not None and pose is not None else None,
+            strays=flight.strays(pose) if flight is not None and pose is not None else None,
+            plan_awaited_s=self.course.awaited_for_s(now_s),
+            way_out=None if ways is None else ways.way_out(self.risk.meter),
+            host=self.host,
+            faults=replace(
+                self.faults.causes,
+                loss=self.course.reluctance,
+                death=self.course.objection,
+                narrow=self.faults.causes.narrow or self.course.no_room,
+            ),
+        )
+
+    # What follows
+
+    def _carry_out(self, step: Step, now_s: float) -> None:
+        before = self.status.state
+        self.status, effects = step
+        if self.status.state is not before:
+            self._reports.record("state", now_s, state=self.status.state.value, before=before.value)
+        for effect in effects:
+            self._carry_out_one(effect, now_s)
+        if self.status.sought is None:
+            if self.status.state not in STREAMING:
+                self.course.end()
+            else:
+                self.course.forget_first()
+
+    def _carry_out_one(self, effect: Effect, now_s: float) -> None:
+        match effect:
+            case Seek(task):
+                if task == self.status.task and self.course.resume_leg():
+                    self._carry_out(
+                        machine.planned(self.status, self._situation(now_s), now_s), now_s
+                    )
+                else:
+                    self._seek(task, now_s)
+            case Answer(order_id, verdict, reason):
+                self._orders.answer(order_id, verdict, reason, now_s)
+            case Say(text, serious, news, condition):
+                severity = Severity.WARNING if serious else Severity.NOTICE
+                self._reports.say(severity, text, now_s, news=news)
+                if condition:
+                    self._overseer.note_told(condition)
+            case Do.BRAKE:
+                self.course.brake()
+            case Overrule(known):
+                self._overseer.override(known)
+            case Do.FAREWELL:
+                self._say_farewell(now_s)
+            case Do.LAND:
+                self.engaging.note_landing()
+
+    def _seek(self, task: Task, now_s: float) -> None:
+        """Ask the planner for a task's first plan."""
+        self.course.ask(task, self._surroundings.pose, self.risk.indices, now_s, first=True)
+
+    def _stream(self, now_s: float, step_s: float) -> None:
+        """Send the setpoint of this instant; why not is told to the supervisor at the next thought.
+
+        Where another was sent in its place, the flight stays there, and seeks on from there.
+        """
+        flight, pose = self.course.flight, self._surroundings.pose
+        plane = self._surroundings.plane
+        if self.status.state not in STREAMING or not flight or not pose or not plane:
+            if plane is not None and self._follows and self.ruling.farewell:
+                self.setpoints.repay(plane, now_s)
+            self.setpoints.end()
+            return
+        in_control = self.status.state in IN_CONTROL
+        if in_control:
+            holds = self.status.state is MissionState.HOLDING
+            flight.advance(pose, step_s, self._pace, holds=holds)
+        # The nose turns only once the aircraft follows: else it would be swung round then.
+        setpoint = flight.setpoint(pose, plane, step_s if in_control else 0)
+        refused = self.setpoints.send(setpoint, flight, plane, now_s)
+        if refused is None:
+            return
+        self.faults.note_refusal(refused)
+        if refused.rest is not None:
+            self.course.stand(refused.rest.position_m)
+            if self.status.sought is not None:
+                self._seek(self.status.sought, now_s)
+
+    def _say_farewell(self, now_s: float) -> None:
+        """The last setpoint before silence: where the one before was, at rest."""
+        flight, plane = self.course.flight, self._surroundings.plane
+        if flight is not None and plane is not None:
+            self.setpoints.say_farewell(flight, plane, now_s)

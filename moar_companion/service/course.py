@@ -1,0 +1,335 @@
+"""The course: the flight along its plans, and the plans that are asked for on its way.
+
+Inputs: what is to be flown, where the aircraft is, the risks, the time. Outputs: plan jobs, and the
+flight that moves along the plans that were adopted.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from ..config import CompanionConfig
+from ..mavlink.session import Severity
+from ..mission.replanning import replan_reason, stays
+from ..mission.values import Task
+from ..planner.comparison import path_difference
+from ..planner.plan import Plan
+from ..risk import RiskEstimate
+from ..risk.explain import WeightsReason, risk_dict
+from ..types import AutopilotKind, RiskIndices, Vector
+from ..vehicle import Vehicle
+from .airspace import Airspace
+from .causes import uncertainty_m, widening_m
+from .flight import Flight
+from .jobs import PlanAnswer, PlanJob
+from .junction import Adoption
+from .motion import Pose
+from .planning import Awaited, PlanDesk
+from .reports import Reports
+from .surroundings import Ground
+from .survival import Survival
+from .widening import Widening
+
+_TOLD_EVERY_S = 10.0
+"""People are told of a path that a risk has moved no more often; the record has all."""
+_RISK_MOVED = 0.05
+"""A risk that has changed less since the last path is not told as what has moved it."""
+_STANDS_FOR_S = 1.0
+"""Between two attempts to go on with an aircraft that was stopped and that nothing holds."""
+_OFF_PATH_FOR_S = 1.0
+"""An aircraft that is off its path for so long will not be back by itself."""
+
+
+class Course:
+    """An aircraft's way on a site. ground: None without a site, where nothing can be planned."""
+
+    def __init__(
+        self, ground: Ground | None, vehicle: Vehicle, config: CompanionConfig, reports: Reports
+    ) -> None:
+        self.flight: Flight | None = None
+        """What is flown or offered; None while nothing is."""
+        self._ground = ground
+        self._vehicle = vehicle
+        self._config = config
+        self._reports = reports
+        self._plans = PlanDesk()
+        self._near_path_s = -math.inf
+        self._resumed_s = -math.inf
+        """When it last went on along a landing leg on which it stood."""
+        self._told_s = -math.inf
+        self._flown_risk = RiskIndices()
+        """Under which the path that is flown was planned."""
+        self._survival = Survival(ground, vehicle, config.supervision.loss_action, reports)
+        self._uncertainty_m: float | None = None
+        self._needed_m = 0.0
+        """What obstacles are to be avoided by now, beyond their keep-outs."""
+        self._widening = Widening()
+        self._in_vain: tuple[float, str] | None = None
+        """How wide obstacles were when no plan led on, and why none did."""
+
+    @property
+    def awaited(self) -> Awaited | None:
+        """The plan whose answer is still to come."""
+        return self._plans.awaited
+
+    @property
+    def reluctance(self) -> str | None:
+        """Why nothing may be begun yet; None when what becomes of it without us is known."""
+        return None if self._survival.loss else "the autopilot's parameters are not read yet"
+
+    @property
+    def airspace(self) -> Airspace | None:
+        """Where the vehicle may fly; None while nothing may be begun."""
+        ground, loss = self._ground, self._survival.loss
+        if ground is None or loss is None:
+            return None
+        return Airspace(site=ground.site, vehicle=self._vehicle, maps=ground.maps, loss=loss)
+
+    @property
+    def widening_m(self) -> float:
+        """What obstacles are avoided by beyond their keep-outs in what may be flown.
+
+        Above the limit of the uncertainty nothing is begun: ways out are measured as at the limit.
+        """
+        limits = self._config.supervision
+        most_m = limits.position_uncertainty_limit_m - limits.position_uncertainty_m
+        return min(self._widening.width_m, most_m)
+
+    def learn_loss(
+        self,
+        kind: AutopilotKind,
+        parameters: Mapping[str, float | None],
+        home_m: Vector | None,
+        now_s: float,
+    ) -> None:
+        """Take in the autopilot's parameters and its home, (x, y, z) in the site's frame."""
+        self._survival.learn(kind, parameters, home_m, self.flight, now_s)
+
+    @property
+    def objection(self) -> str | None:
+        """Why what is flown or held should not be, by what the autopilot does without us."""
+        return self._survival.objection
+
+    @property
+    def no_room(self) -> str | None:
+        """Why nothing leads on; None once obstacles are less wide than when that was found.
+
+        Nor above the limit of the uncertainty: then that is why nothing is flown.
+        """
+        if self._in_vain is None or self._uncertainty_m is None:
+            return None
+        width_m, reason = self._in_vain
+        limit_m = self._config.supervision.position_uncertainty_limit_m
+        over = self._widening.width_m < width_m or self._uncertainty_m > limit_m
+        return None if over else reason
+
+    def look(self, risk: RiskEstimate, now_s: float) -> bool:
+        """Take in how well the position is known; whether obstacles are less wide than before."""
+        limits, before = self._config.supervision, self._widening
+        self._uncertainty_m = uncertainty_m(risk)
+        self._needed_m = widening_m(risk, limits)
+        self._widening = before.followed(self._needed_m, now_s)
+        less_wide = self._widening.width_m < before.width_m
+        if less_wide:
+            self._survival.reconsider(self.flight)
+        return less_wide
+
+    def plan_jobs(self) -> list[PlanJob]:
+        """Planning jobs since the last call. Only the newest one's answer is awaited."""
+        return self._plans.jobs()
+
+    def taken(self, answer: PlanAnswer) -> Awaited | None:
+        """What an answer belongs to; None when it is no longer awaited."""
+        return self._plans.taken(answer)
+
+    def overdue(self, now_s: float) -> PlanAnswer | None:
+        """The answer in place of one that has not come in time."""
+        return self._plans.overdue(now_s)
+
+    def ask(
+        self,
+        task: Task,
+        pose: Pose | None,
+        risk: RiskIndices,
+        now_s: float,
+        *,
+        first: bool,
+        recover: bool = False,
+        reason: str = "an order",
+    ) -> bool:
+        """Ask for a task's plan, from where it can be joined; whether it was asked.
+
+        recover: from where the aircraft is, off its path. reason: why, for the record.
+        """
+        airspace = self.airspace
+        if pose is None or airspace is None:
+            return False
+        if self.flight is None:
+            self.flight = Flight(airspace, pose)
+        junction = self.flight.junction_at(pose) if recover else self.flight.junction()
+        if first:
+            self._in_vain = None
+        elif junction.at_end and not self.flight.braked:
+            return False
+        weights = self._vehicle.weights[task.mission].adjusted(risk)
+        width_m = self._widening.width_m
+        self._plans.ask(
+            task, junction, weights, risk, width_m, first=first, reason=reason, now_s=now_s
+        )
+        if not first:
+            self._reports.record("replan", now_s, reason=reason)
+        return True
+
+    def survivable(
+        self, awaited: Awaited, answer: PlanAnswer, now_s: float, *, ordered: bool
+    ) -> PlanAnswer:
+        """The answer; without its plan, where nobody should die on it. ordered: by an operator."""
+        return self._survival.checked(awaited, answer, self.flight, now_s, ordered=ordered)
+
+    def adopt(
+        self, awaited: Awaited, answer: PlanAnswer, estimate: RiskEstimate, now_s: float
+    ) -> Adoption:
+        """Fly the plan if it is better than what is flown, and can still be joined; say why."""
+        flight, plan = self.flight, answer.plan
+        if flight is None or plan is None:
+            return Adoption.TOO_LATE
+        flown = None
+        if not awaited.first:
+            flown = flight.rest_of_plan(plan, awaited.junction, answer.reach)
+        if flown is not None and self._stays(flown, plan):
+            return Adoption.KEPT_PATH
+        adoption = flight.adopt(plan, awaited.junction, answer.escape_end_m, answer.reach)
+        if adoption is not Adoption.TOO_LATE:
+            self._survival.objection = None
+        if adoption is Adoption.NEW_PATH:
+            self._explain(awaited, plan, flown, estimate, now_s)
+        if awaited.first and adoption is not Adoption.TOO_LATE:
+            self._near_path_s = now_s
+        return adoption
+
+    def _stays(self, flown: Plan, plan: Plan) -> bool:
+        if flown.cost is None or plan.cost is None:
+            return False
+        return stays(self._config.replanning, flown_cost=flown.cost.total, new_cost=plan.cost.total)
+
+    def _explain(
+        self,
+        awaited: Awaited,
+        plan: Plan,
+        flown: Plan | None,
+        estimate: RiskEstimate,
+        now_s: float,
+    ) -> None:
+        """Put on record why a path is flown; tell people where a risk has moved it."""
+        base = self._vehicle.weights[plan.mission]
+        difference = None if flown is None else path_difference(flown, plan)
+        self._reports.record(
+            "plan",
+            now_s,
+            first=awaited.first,
+            plan=plan.to_dict(),
+            explanation={
+                "reason": awaited.reason,
+                "risk": risk_dict(estimate),
+                "weights": WeightsReason.of(base, plan.request.risk).to_dict(),
+                "path": None if difference is None else difference.to_dict(),
+            },
+        )
+        before, self._flown_risk = self._flown_risk.as_dict(), plan.request.risk
+        after = plan.request.risk.as_dict()
+        name = max(after, key=lambda name: abs(after[name] - before[name]))
+        if (
+            difference is not None
+            and abs(after[name] - before[name]) >= _RISK_MOVED
+            and now_s - self._told_s >= _TOLD_EVERY_S
+        ):
+            self._told_s = now_s
+            change = f"{name} risk {before[name]:.2f} -> {after[name]:.2f}"
+            self._reports.say(Severity.INFO, f"MOAR: {change}, {difference.gist()}", now_s)
+
+    def replan(self, task: Task, pose: Pose, risk: RiskIndices, now_s: float) -> None:
+        """Ask for a new plan when there is a reason, while a path is flown.
+
+        Along a landing leg there is none; one on which it was braked is gone on along, if it may.
+        """
+        flight, awaited = self.flight, self._plans.awaited
+        if flight is None or (awaited is not None and awaited.first):
+            return
+        if now_s - self._resumed_s >= _STANDS_FOR_S and self.resume_leg():
+            self._resumed_s = now_s
+        if awaited is not None:
+            return
+        error_m = flight.error_m(pose)
+        if flight.on_leg or error_m <= self._vehicle.guidance.off_path_m:
+            self._near_path_s = now_s
+        elif now_s - self._near_path_s >= _OFF_PATH_FOR_S:
+            self._near_path_s = now_s
+            off = f"{error_m:.1f} m off the path"
+            self.ask(task, pose, risk, now_s, first=False, recover=True, reason=off)
+            return
+        age_s = now_s - self._plans.asked_s
+        if flight.braked:
+            # It is to be flown all the same: a way out goes before what has braked it.
+            reason = "it stands on its way" if age_s >= _STANDS_FOR_S else None
+        else:
+            reason = replan_reason(
+                self._config.replanning,
+                planned_risk=self._plans.asked_risk,
+                risk=risk,
+                planned_widening_m=self._plans.asked_widening_m,
+                widening_m=self._widening.width_m,
+                age_s=age_s,
+            )
+        if reason is not None and (flight.braked or not flight.on_leg):
+            self.ask(task, pose, risk, now_s, first=False, reason=reason)
+
+    def brake(self) -> None:
+        """Come to rest on the path; whatever was awaited is awaited no more."""
+        self._plans.forget()
+        if self.flight is not None:
+            self.flight.brake()
+
+    def stand(self, position_m: Vector) -> None:
+        """Stay at a place at once; whatever was awaited is awaited no more."""
+        self._plans.forget()
+        if self.flight is not None:
+            self.flight.stand(position_m)
+
+    def awaited_for_s(self, now_s: float) -> float | None:
+        """How long a new plan of what is flown is awaited; None while none is."""
+        since_s = self._plans.wanting_since_s
+        return None if since_s is None else now_s - since_s
+
+    def resume_leg(self) -> bool:
+        """Go on along the landing leg on which the flight was braked, while it has room.
+
+        False when it was not, or has none.
+        """
+        if self.flight is None or not self.flight.resume_leg(self._needed_m):
+            return False
+        self._plans.forget()
+        self._in_vain = None
+        return True
+
+    def explained(self, answer: PlanAnswer) -> str:
+        """Why there is no plan, with the uncertainty where that is to blame."""
+        if not answer.too_wide or self._uncertainty_m is None:
+            return answer.reason
+        return f"{answer.reason}, position uncertainty {self._uncertainty_m:.1f} m"
+
+    def note_no_room(self, awaited: Awaited, reason: str) -> None:
+        """No plan leads on with obstacles as wide as they are."""
+        self._in_vain = (awaited.job.widening_m, reason)
+
+    def forget_first(self) -> None:
+        """A first plan that is awaited must not be flown when it comes."""
+        if self._plans.awaited is not None and self._plans.awaited.first:
+            self._plans.forget()
+
+    def end(self) -> None:
+        """Nothing is flown any more."""
+        self.flight = None
+        self._in_vain = None
+        self._survival.objection = None
+        self._plans.forget()

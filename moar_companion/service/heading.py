@@ -1,0 +1,63 @@
+"""Where the nose should point: along the path, at what is inspected, or always the same way."""
+
+from __future__ import annotations
+
+import math
+
+from ..frames import PlaneToLocal
+from ..planner.plan import Plan
+from ..site import Site, Target
+from ..types import Mission, Vector
+from ..vehicle import Guidance, YawMode
+from .motion import Pose
+
+_LEAST_PATH_MPS = 0.1
+"""Slower than this the path has no direction to look along."""
+_LOOK_FROM_M = 1.0
+"""Nearer than this the direction to what is looked at says nothing, and the heading is kept."""
+
+
+def wanted_yaw_rad(
+    site: Site,
+    guidance: Guidance,
+    plan: Plan | None,
+    pose: Pose,
+    plane: PlaneToLocal,
+    *,
+    velocity_mps: Vector,
+    arrived: bool,
+) -> float | None:
+    """The heading from north that a flight should have; None to keep the one it has.
+
+    velocity_mps: of the setpoint. arrived: at the plan's end.
+    """
+    if guidance.yaw_mode is YawMode.FIXED:
+        return guidance.fixed_yaw_rad
+    if plan is None:
+        return None
+    if guidance.yaw_mode is YawMode.PATH:
+        return _yaw_rad(velocity_mps, plane, _LEAST_PATH_MPS)
+    x_m, y_m, _ = pose.position_m
+    target = _target(site, plan)
+    if target is None:
+        end = plan.waypoints.position_m[-1]
+        return _yaw_rad((float(end[0]) - x_m, -y_m, 0.0), plane, _LOOK_FROM_M)
+    if arrived and target.yaw_deg is not None:
+        return math.radians(target.yaw_deg)
+    look_at = target.look_at_m or target.position_m
+    return _yaw_rad((look_at[0] - x_m, -y_m, 0.0), plane, _LOOK_FROM_M)
+
+
+def _target(site: Site, plan: Plan) -> Target | None:
+    """The target of an inspection's plan."""
+    if plan.mission is not Mission.INSPECTION:
+        return None
+    return site.target(str(plan.request.target))
+
+
+def _yaw_rad(direction: Vector, plane: PlaneToLocal, least: float) -> float | None:
+    """The heading of a direction in the site's frame; None where it is shorter than `least`."""
+    if math.hypot(direction[0], direction[1]) < least:
+        return None
+    north, east, _ = plane.velocity_to_ned(direction)
+    return math.atan2(east, north)

@@ -1,0 +1,45 @@
+"""Where a plan that is being made joins what is flown, and what became of it."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+from ..guidance.trajectory import PathPoints, Trajectory
+from ..types import Vector
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Junction:
+    """Where a plan that is being made will begin.
+
+    trajectory: what was flown when the plan was asked for. joined_m: the distance along it; None
+    for the aircraft's own place, off the trajectory. corner: the index of its point there; None
+    where there is none. at_end: the trajectory ends there, or leaves the workspace by its landing
+    leg: there is nothing left to plan better.
+    """
+
+    trajectory: Trajectory
+    joined_m: float | None = None
+    corner: int | None = None
+    position_m: Vector
+    velocity_mps: Vector
+    at_end: bool = False
+
+    def is_followed_by(self, path: PathPoints) -> bool:
+        """Whether the trajectory leads on by these points already."""
+        if self.corner is None:
+            return False
+        points_m = self.trajectory.points_m[self.corner :]
+        return np.array_equal(points_m, path.position_m)
+
+
+class Adoption(enum.Enum):
+    """What became of a plan."""
+
+    NEW_PATH = "its path is flown"
+    SAME_PATH = "its path was flown already"
+    KEPT_PATH = "the path that is flown is as good"
+    TOO_LATE = "where it begins cannot be joined any more"

@@ -1,0 +1,112 @@
+"""The file of the memory: whole at any moment, and written without making the thinking wait.
+
+    DIRECTORY/mission.json
+
+A new file is written beside it and renamed over it, so that a process that is killed, or a computer
+that loses its power, leaves the old one or the new one. What cannot be written is taken away: a
+file that tells of what is over is worse than none.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import threading
+from pathlib import Path
+from queue import Empty, SimpleQueue
+
+from .memory import Memory, decoded, encoded
+
+_NAME = "mission.json"
+_LONGEST_BYTES = 65536
+"""A file that is longer is none of ours."""
+_LAST_WRITE_S = 2.0
+"""How long the end of the service waits for a slow disk."""
+
+_logger = logging.getLogger(__name__)
+
+
+class MemoryFile:
+    """The file in a folder, and the thread that writes it.
+
+    Nothing here raises OSError but the constructor, when the folder cannot be written.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        directory.mkdir(parents=True, exist_ok=True)
+        self._path = directory / _NAME
+        self._beside = directory / f".{_NAME}.new"
+        self._beside.write_bytes(b"")
+        self._beside.unlink()
+        self._failing = False
+        self._waiting: SimpleQueue[bytes | None] = SimpleQueue()
+        self._thread = threading.Thread(target=self._write_loop, name="memory", daemon=True)
+        self._thread.start()
+
+    def load(self, clock_offset_s: float) -> Memory | None:
+        """What is remembered; None for nothing. What cannot be read is said, and put aside.
+
+        clock_offset_s: wall clock minus the machine's clock, now.
+        """
+        try:
+            with self._path.open("rb") as file:
+                return decoded(file.read(_LONGEST_BYTES), clock_offset_s)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            _logger.warning("%s: not read: %s", self._path, error.strerror)
+        except ValueError:
+            aside = self._path.with_suffix(".broken")
+            _logger.warning("%s: no memory of this version, put aside as %s", self._path, aside)
+            with contextlib.suppress(OSError):
+                self._path.replace(aside)
+        return None
+
+    def save(self, memory: Memory, clock_offset_s: float) -> None:
+        """Write it soon; of several that wait, only the newest."""
+        self._waiting.put(encoded(memory, clock_offset_s))
+
+    def close(self) -> None:
+        """Wait for what is to be written."""
+        self._waiting.put(None)
+        self._thread.join(_LAST_WRITE_S)
+
+    def _write_loop(self) -> None:
+        while (data := self._waiting.get()) is not None:
+            ending = False
+            with contextlib.suppress(Empty):
+                while not ending:
+                    newer = self._waiting.get_nowait()
+                    ending = newer is None
+                    data = newer or data
+            self._write(data)
+            if ending:
+                return
+
+    def _write(self, data: bytes) -> None:
+        try:
+            with self._beside.open("wb") as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            self._beside.replace(self._path)
+            _sync(self._path.parent)
+        except OSError as error:
+            level = logging.DEBUG if self._failing else logging.WARNING
+            self._failing = True
+            _logger.log(level, "%s: not written: %s", self._path, error.strerror)
+            for path in (self._beside, self._path):
+                with contextlib.suppress(OSError):
+                    path.unlink(missing_ok=True)
+        else:
+            self._failing = False
+
+
+def _sync(directory: Path) -> None:
+    """Make a renaming outlive a loss of power."""
+    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,51 @@
+"""The prospects of a flight: the risks as judged now, and the ways out, kept ready."""
+
+from __future__ import annotations
+
+from ..power import PowerModel
+from ..risk import RiskEstimate, update
+from ..types import Telemetry, Vector
+from ..vehicle import Vehicle
+from .contingencies import Contingencies, Scene
+from .surroundings import Ground, grounded
+
+
+class Prospects:
+    """What is told, and what is still to be flown, as risks. ground: None without a site."""
+
+    def __init__(self, ground: Ground | None, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._power = PowerModel.of(vehicle)
+        self.risk = RiskEstimate.unknown(vehicle.risk)
+        """The risk indices of now."""
+        self.ways = None if ground is None else Contingencies(ground.site, vehicle, self._power)
+        """The ways out; None without a site."""
+
+    def look_for_ways_out(
+        self, telemetry: Telemetry, scene: Scene | None, place_m: Vector | None, now_s: float
+    ) -> None:
+        """Keep them ready. scene: None where nothing can be planned; place_m: of the aircraft.
+
+        What is not known to be over goes on, seen or not.
+        """
+        if self.ways is None:
+            return
+        if grounded(telemetry):
+            self.ways.end()
+        elif scene is None:
+            self.ways.wait(place_m, now_s)
+        else:
+            self.ways.look(scene, now_s)
+
+    def judge(self, telemetry: Telemetry, tracking_error_m: float | None, now_s: float) -> None:
+        """Judge the risks anew. tracking_error_m: None where others fly it."""
+        self.risk = update(
+            self.risk,
+            telemetry,
+            now_s,
+            model=self._vehicle.risk,
+            cruise_mps=self._vehicle.speed.horizontal_mps,
+            tracking_error_m=tracking_error_m,
+            power=self._power,
+            demands=None if self.ways is None else self.ways.demands,
+        )

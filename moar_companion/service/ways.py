@@ -1,0 +1,60 @@
+"""Ways that may have to be flown: what they take, and which of two ways out is the better one."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from ..types import Mission
+from .causes import WAY_MAX_AGE_S
+
+_CLEARLY_LESS = 0.9
+"""Of the other way's energy: else the better way out stays what it was."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Way:
+    """What a way takes. energy_wh: as the vehicle file has it.
+
+    asked_s: when it was asked for; of several parts, the oldest.
+    """
+
+    duration_s: float
+    energy_wh: float
+    asked_s: float
+
+    def then(self, other: Way) -> Way:
+        """Both, one behind the other."""
+        return replace(
+            self,
+            duration_s=self.duration_s + other.duration_s,
+            energy_wh=self.energy_wh + other.energy_wh,
+            asked_s=min(self.asked_s, other.asked_s),
+        )
+
+    def paced(self, pace: float) -> Way:
+        """The same at a part of its speeds; what is flown slower takes the power of a hover."""
+        return replace(self, duration_s=self.duration_s / pace, energy_wh=self.energy_wh / pace)
+
+
+def better_of(ways: Mapping[Mission, Way | None], before: Mission | None) -> Mission | None:
+    """The way out that takes less; the one before, unless another takes clearly less.
+
+    One that was not found again for long, while another was, does not count.
+    """
+    known = {mission: way for mission, way in ways.items() if way is not None}
+    if not known:
+        return None
+    since_s = max(way.asked_s for way in known.values()) - WAY_MAX_AGE_S
+    energies_wh = {
+        mission: way.energy_wh for mission, way in known.items() if way.asked_s >= since_s
+    }
+    least = min(energies_wh, key=lambda mission: energies_wh[mission])
+    if before in energies_wh and energies_wh[least] > _CLEARLY_LESS * energies_wh[before]:
+        return before
+    return least
+
+
+def energy_wh_of(way: Way | None) -> float | None:
+    """What a way takes, if it is known."""
+    return None if way is None else way.energy_wh

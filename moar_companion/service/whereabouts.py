@@ -1,0 +1,91 @@
+"""Where a recorded aircraft was on a site, and how long its way out of there would have been."""
+
+from __future__ import annotations
+
+import math
+
+from ..config import Supervision
+from ..frames import PlaneToLocal
+from ..outlets.replay import ReplayPlace
+from ..planner.planner import Planner
+from ..types import Mission, RiskIndices, Telemetry
+from .motion import Pose
+from .surroundings import Ground, Surroundings
+
+_EVACUATION_PERIOD_S = 2.0
+"""Between two plans."""
+_POSITION_MAX_AGE_S = 2.0
+"""GLOBAL_POSITION_INT comes at 1 Hz or more, even on a slow link: 2 periods."""
+_NEAR_M = 10_000.0
+"""Farther from the site its plane is no frame any more."""
+
+
+class Whereabouts:
+    """Looks the aircraft up on a planner's site.
+
+    Raises InputError for a site whose landing points for an evacuation cannot be seen.
+    """
+
+    def __init__(self, planner: Planner) -> None:
+        self._planner = planner
+        self._ground = Ground(site=planner.site, maps=planner.maps)
+        self._limits = Supervision()
+        self._surroundings = Surroundings(planner.site, planner.vehicle.autopilot)
+        self._planned_s = -math.inf
+        self._evacuation_s: float | None = None
+        self._has_way_out = bool(planner.site.landing_m.get(Mission.EVACUATION))
+        if self._has_way_out:
+            planner.prepare(mission=Mission.EVACUATION)
+
+    def at(self, telemetry: Telemetry, risk: RiskIndices, now_s: float) -> ReplayPlace | None:
+        """The aircraft's place; None where its position is unknown, or far from the site.
+
+        Clearance and way out are those of the plane: None where the aircraft is not in it.
+        """
+        pose = self._pose(telemetry, now_s)
+        if pose is None or math.hypot(*pose.position_m) > _NEAR_M:
+            return None
+        in_plane = abs(pose.position_m[1]) <= self._limits.plane_tolerance_m
+        if now_s - self._planned_s >= _EVACUATION_PERIOD_S:
+            self._planned_s = now_s
+            armed = telemetry.autopilot is not None and telemetry.autopilot.armed
+            due = in_plane and armed and self._has_way_out
+            self._evacuation_s = self._evacuation(pose, risk) if due else None
+        clearance_m = self._ground.clearance_m(pose, self._planner.vehicle.radius_m)
+        return ReplayPlace(
+            position_m=pose.position_m,
+            clearance_m=clearance_m if in_plane else None,
+            evacuation_s=self._evacuation_s,
+        )
+
+    def _pose(self, telemetry: Telemetry, now_s: float) -> Pose | None:
+        """As the companion sees it; where the local frame's origin is unknown, by GNSS."""
+        self._surroundings.look(telemetry)
+        local, geodetic = telemetry.local_position, telemetry.global_position
+        pose = self._surroundings.pose
+        if local is not None and pose is not None:
+            return pose if now_s - local.received_s <= _POSITION_MAX_AGE_S else None
+        autopilot = telemetry.autopilot
+        if (
+            autopilot is None
+            or geodetic is None
+            or now_s - geodetic.received_s > _POSITION_MAX_AGE_S
+        ):
+            return None
+        planner = self._planner
+        here = PlaneToLocal.between(
+            planner.site.frame, geodetic.point, planner.vehicle.autopilot or autopilot.kind
+        )
+        still = (0.0, 0.0, 0.0)
+        return Pose(position_m=here.position_from_ned(still), velocity_mps=still, yaw_rad=0.0)
+
+    def _evacuation(self, pose: Pose, risk: RiskIndices) -> float | None:
+        """The flight time of the evacuation planned from here; None where there is none."""
+        plan = self._planner.plan(
+            mission=Mission.EVACUATION,
+            start=(pose.position_m[0], pose.position_m[2]),
+            velocity=(pose.velocity_mps[0], pose.velocity_mps[2]),
+            weights=self._planner.vehicle.weights[Mission.EVACUATION].adjusted(risk),
+            risk=risk,
+        )
+        return None if plan.metrics is None else plan.metrics.duration_s

@@ -1,0 +1,344 @@
+"""The mission machine: what becomes of an operator's orders."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.mission.states import IN_CONTROL, STREAMING, MissionState
+from moar_companion.mission.values import Do, Order
+
+from .stories import (
+    EVACUATION,
+    EXIT,
+    INSPECTION,
+    LAST,
+    NOBODY_KNOWS,
+    ON_THE_GROUND,
+    any_story,
+    story,
+)
+
+S = MissionState
+IN_FLIGHT = sorted(IN_CONTROL)
+
+# Orders -----------------------------------------------------------------------------------------
+
+ORDERS = {
+    "mission": EXIT,
+    "hold": Order.HOLD,
+    "continue": Order.CONTINUE,
+    "release": Order.RELEASE,
+}
+# state: (state after, answer at once; "" where the plan is awaited, farewell) of each order.
+NO = "temporarily rejected"
+OK = "accepted"
+ANSWERS = {
+    S.IDLE: {
+        "mission": ("planning", "", False),
+        "hold": ("idle", NO, False),
+        "continue": ("idle", NO, False),
+        "release": ("idle", OK, False),
+    },
+    S.PLANNING: {
+        "mission": ("planning", "", False),
+        "hold": ("idle", OK, False),
+        "continue": ("planning", NO, False),
+        "release": ("released", OK, False),
+    },
+    S.READY: {
+        "mission": ("ready", "", False),
+        "hold": ("ready", OK, False),
+        "continue": ("ready", NO, False),
+        "release": ("released", OK, True),
+    },
+    S.FLYING: {
+        "mission": ("flying", "", False),
+        "hold": ("holding", OK, False),
+        "continue": ("flying", NO, False),
+        "release": ("released", OK, True),
+    },
+    S.AT_TARGET: {
+        "mission": ("at_target", "", False),
+        "hold": ("holding", OK, False),
+        "continue": ("at_target", NO, False),
+        "release": ("released", OK, True),
+    },
+    S.LANDING_LEG: {
+        "mission": ("landing_leg", "", False),
+        "hold": ("holding", OK, False),
+        "continue": ("landing_leg", NO, False),
+        "release": ("released", OK, True),
+    },
+    S.HOLDING: {
+        "mission": ("holding", "", False),
+        "hold": ("holding", OK, False),
+        "continue": ("holding", "", False),
+        "release": ("released", OK, True),
+    },
+    S.OVERRIDDEN: {
+        "mission": ("planning", "", False),
+        "hold": ("overridden", OK, False),
+        "continue": ("overridden", NO, False),
+        "release": ("released", OK, False),
+    },
+    S.RELEASED: {
+        "mission": ("planning", "", False),
+        "hold": ("released", NO, False),
+        "continue": ("released", NO, False),
+        "release": ("released", OK, False),
+    },
+}
+
+
+@pytest.mark.parametrize("word", ORDERS)
+@pytest.mark.parametrize("state", list(S))
+def test_every_order_has_its_answer_in_every_state(state, word):
+    flight = any_story(state)
+    flight.order(ORDERS[word])
+    after, answer, farewell = ANSWERS[state][word]
+    assert flight.state == after
+    ours = [verdict for number, verdict in flight.answers if number == flight.last_id]
+    assert ours == ([answer] if answer else [])
+    assert flight.farewell is farewell
+    assert bool(flight.sought) is (not answer)
+    # Where the stream goes on or ends, the last setpoint is at rest or the path's.
+    if state in STREAMING and not flight.streaming:
+        assert flight.farewell
+
+
+@pytest.mark.parametrize(
+    ("change", "reason"),
+    [
+        (ON_THE_GROUND, "not in the air"),
+        (NOBODY_KNOWS, "not in the air"),
+        ({"position": "no local position is heard"}, "no local position is heard"),
+        ({"plane": "3.0 m from the plane, more than 2 m"}, "3.0 m from the plane"),
+    ],
+)
+def test_a_mission_is_not_begun_when_something_stands_against_it(change, reason):
+    flight = story(S.IDLE).see(**change)
+    flight.order(INSPECTION)
+    assert (flight.state, flight.sought) == ("idle", [])
+    assert flight.answers == [(1, "temporarily rejected")]
+    assert reason in flight.reasons[0]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [{"astray": True}, {"moving": "moving at 3.0 m/s, more than 1 m/s: hover first"}, NOBODY_KNOWS],
+)
+def test_a_plan_is_not_begun_from_where_the_aircraft_is_no_more(change):
+    flight = story(S.PLANNING).see(**change)
+    assert flight.state == "planning"
+    flight.plan_found()
+    assert flight.state == "idle"
+    assert flight.answers == [(1, "temporarily rejected")]
+    assert not flight.streaming
+
+
+@pytest.mark.parametrize("state", [S.PLANNING, *IN_FLIGHT])
+def test_a_second_order_while_a_plan_is_made_cancels_the_first(state):
+    flight = any_story(state)
+    if state is not S.PLANNING:
+        flight.order(EXIT)
+    first = flight.last_id
+    flight.order(EVACUATION)
+    assert flight.answers == [(first, "cancelled")]
+    assert flight.sought == [EVACUATION]
+    flight.plan_found()
+    assert flight.answers == [(first + 1, "accepted")]
+    assert flight.status.task == EVACUATION
+
+
+@pytest.mark.parametrize("order", [Order.HOLD, Order.RELEASE])
+def test_hold_and_release_end_the_wait_for_a_plan(order):
+    flight = story(S.FLYING)
+    flight.order(EXIT)
+    flight.order(order)
+    assert flight.answers == [(2, "cancelled"), (3, "accepted")]
+    assert flight.plan_found().effects == []
+
+
+@pytest.mark.parametrize("order", [Order.HOLD, Order.RELEASE])
+@pytest.mark.parametrize("state", [S.PLANNING, S.READY])
+def test_hold_and_release_cancel_the_order_before_the_flight_too(state, order):
+    flight = story(state)
+    if state is S.READY:
+        flight.order(EXIT)
+    overtaken = flight.last_id
+    flight.order(order)
+    assert flight.answers == [(overtaken, "cancelled"), (overtaken + 1, "accepted")]
+    assert flight.plan_found().effects == []
+
+
+# Ready ------------------------------------------------------------------------------------------
+
+
+def test_ready_expires_only_by_a_mode_heard_after_the_deadline():
+    flight = story(S.READY)
+    flight.deaf = True
+    flight.tick(29.5)
+    flight.tick(2.0)  # the mode may have been given since: its heartbeat is on the way
+    assert flight.state == "ready"
+    flight.deaf = False
+    flight.see(mode_ours=True)
+    assert flight.state == "flying"
+
+
+def test_a_hold_while_ready_streams_on_and_holds_when_the_mode_is_given():
+    flight = story(S.READY).order(Order.HOLD)
+    assert (flight.state, flight.answers) == ("ready", [(2, "accepted")])
+    assert Do.BRAKE in flight.effects
+    assert flight.said == ["MOAR ready to hold"]
+    flight.see(mode_ours=True)
+    assert (flight.state, flight.sought) == ("holding", [])
+    flight.tick(60.0)
+    assert flight.state == "holding"
+    flight.order(Order.CONTINUE)
+    assert flight.sought == [INSPECTION]
+    assert flight.plan_found().state == "flying"
+
+
+def test_a_hold_while_ready_is_continued_before_the_mode_is_given():
+    flight = story(S.READY).order(Order.HOLD).order(Order.CONTINUE)
+    assert (flight.state, flight.sought, flight.answers) == ("ready", [INSPECTION], [])
+    flight.plan_found()
+    assert (flight.state, flight.answers) == ("ready", [(3, "accepted")])
+    assert flight.see(mode_ours=True).state == "flying"
+
+
+def test_a_hold_while_ready_expires_as_ready_does():
+    flight = story(S.READY).order(Order.HOLD).tick(30.1)
+    assert (flight.state, flight.farewell) == ("idle", True)
+    flight.order(Order.CONTINUE)
+    assert flight.reasons == ["nothing is held"]
+
+
+def test_a_mission_ordered_while_ready_is_planned_while_the_stream_goes_on():
+    flight = story(S.READY).tick(20.0)
+    flight.order(EXIT)
+    assert (flight.state, flight.sought) == ("ready", [EXIT])
+    flight.plan_found()
+    assert (flight.state, flight.status.task, flight.answers) == ("ready", EXIT, [(2, "accepted")])
+    flight.tick(29.0)  # offered anew
+    assert flight.state == "ready"
+
+
+def test_a_mission_not_found_while_ready_leaves_it_as_it_was():
+    flight = story(S.READY).tick(20.0).order(EXIT)
+    flight.plan_failed()
+    assert (flight.state, flight.status.task, flight.answers) == (
+        "ready",
+        INSPECTION,
+        [(2, "denied")],
+    )
+    assert flight.tick(10.1).state == "idle"
+
+
+def test_a_mode_given_while_another_mission_is_planned_flies_and_then_turns_to_it():
+    flight = story(S.READY).order(EXIT).see(mode_ours=True)
+    assert (flight.state, flight.status.task) == ("flying", INSPECTION)
+    flight.plan_found()
+    assert (flight.state, flight.status.task, flight.answers) == ("flying", EXIT, [(2, "accepted")])
+
+
+# In flight ----------------------------------------------------------------------------------------
+
+
+def test_planning_is_said():
+    assert story(S.PLANNING).said == ["MOAR planning inspection"]
+
+
+def test_hold_brakes_and_continue_plans_what_is_left_from_there():
+    flight = story(S.FLYING)
+    flight.order(Order.HOLD)
+    assert flight.state == "holding"
+    assert Do.BRAKE in flight.effects
+    flight.tick(600.0)
+    assert flight.state == "holding"
+    flight.order(Order.CONTINUE)
+    assert (flight.state, flight.sought, flight.answers) == ("holding", [INSPECTION], [])
+    flight.plan_found()
+    assert (flight.state, flight.answers) == ("flying", [(3, "accepted")])
+
+
+def test_a_hold_at_a_target_ends_its_dwell():
+    flight = story(S.AT_TARGET)
+    flight.order(Order.HOLD)
+    flight.tick(60.0)
+    assert flight.state == "holding"
+    assert flight.status.task == INSPECTION
+
+
+@pytest.mark.parametrize("state", IN_FLIGHT)
+def test_in_flight_a_mission_without_a_plan_is_denied_and_what_is_flown_goes_on(state):
+    flight = any_story(state)
+    task = flight.status.task
+    flight.order(EVACUATION)
+    flight.plan_failed("no landing point can be seen")
+    assert flight.answers == [(flight.last_id, "denied")]
+    assert flight.reasons == ["no landing point can be seen"]
+    assert flight.status.state is state
+    assert flight.status.task == task
+    assert flight.status.sought is None
+
+
+def test_a_next_target_without_a_plan_is_held_for_and_tried_again_on_continue():
+    flight = story(S.AT_TARGET).tick(6.0)
+    assert flight.sought == [LAST]
+    flight.plan_failed()
+    assert (flight.state, flight.answers) == ("holding", [])
+    flight.order(Order.CONTINUE)
+    assert flight.sought == [LAST]
+    flight.plan_found()
+    assert flight.state == "flying"
+
+
+def test_an_order_denied_during_the_dwell_leaves_the_next_target_to_come():
+    flight = story(S.AT_TARGET)
+    flight.order(EVACUATION)
+    flight.plan_failed()
+    flight.tick(6.0)
+    assert (flight.state, flight.sought) == ("at_target", [LAST])
+
+
+@pytest.mark.parametrize("state", [S.FLYING, S.LANDING_LEG, S.HOLDING])
+def test_a_mission_switched_in_flight_is_flown_without_a_new_mode(state):
+    flight = any_story(state).order(EVACUATION)
+    assert flight.status.state is state
+    flight.plan_found()
+    assert (flight.state, flight.status.task) == ("flying", EVACUATION)
+
+
+def test_a_mission_ordered_on_the_way_is_still_awaited_on_arrival():
+    flight = story(S.FLYING)
+    flight.order(EXIT)
+    flight.see(arrived=True)
+    assert flight.state == "at_target"
+    flight.plan_found()
+    assert (flight.state, flight.status.task, flight.answers) == ("flying", EXIT, [(2, "accepted")])
+
+
+# Taken back -------------------------------------------------------------------------------------
+
+
+def test_an_order_taken_back_while_planned_is_idle():
+    flight = story(S.PLANNING).take_back()
+    assert flight.state == "idle"
+    assert flight.plan_found().state == "idle"
+
+
+def test_an_order_taken_back_in_flight_changes_nothing():
+    flight = story(S.FLYING)
+    flight.order(EXIT)
+    flight.take_back()
+    assert (flight.state, flight.status.task, flight.status.sought) == ("flying", INSPECTION, None)
+    assert flight.plan_found().status.task == INSPECTION
+
+
+def test_another_order_than_the_awaited_one_cannot_be_taken_back():
+    flight = story(S.FLYING)
+    flight.order(EXIT)
+    flight.order(EVACUATION)
+    flight.take_back(2)
+    assert flight.status.sought == EVACUATION

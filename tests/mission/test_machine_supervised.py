@@ -1,0 +1,293 @@
+"""The mission machine: what is let go, what the supervisor holds and leads out, what goes on."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.mission.states import MissionState
+from moar_companion.mission.values import Do, Order
+from moar_companion.types import Mission
+
+from .stories import (
+    EVACUATION,
+    EXIT,
+    FAILSAFE,
+    IN_THE_AIR,
+    INSPECTION,
+    LAST,
+    ON_THE_GROUND,
+    STALE,
+    any_story,
+    story,
+)
+
+S = MissionState
+
+# Let go -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("state", "change"), [("released", STALE), ("overridden", {"mode_ours": False})]
+)
+def test_an_order_that_crosses_the_letting_go_is_rejected_and_the_next_one_is_not(state, change):
+    flight = story(S.FLYING).see(**change).see(position=None)
+    flight.order(EXIT)
+    assert flight.answers == [(2, "temporarily rejected")]
+    assert flight.reasons == ["just let go"]
+    assert flight.state == state
+    flight.tick(0.5)
+    assert flight.order(EXIT).state == "planning"
+
+
+def test_a_pilot_who_lands_ends_the_overriding():
+    flight = story(S.OVERRIDDEN, resume=True).see(**ON_THE_GROUND)
+    assert flight.state == "idle"
+    flight.see(**IN_THE_AIR, mode_ours=True)  # the next flight, days later
+    assert (flight.state, flight.sought) == ("idle", [])
+
+
+@pytest.mark.parametrize("resume", [True, False])
+def test_a_failsafe_while_the_pilot_flies_releases(resume):
+    flight = story(S.OVERRIDDEN, resume=resume).see(**FAILSAFE)
+    assert flight.state == "released"
+    assert not flight.farewell
+
+
+def test_what_an_operator_held_is_not_resumed():
+    flight = story(S.HOLDING, resume=True).see(mode_ours=False).see(mode_ours=True)
+    assert (flight.state, flight.sought) == ("overridden", [])
+
+
+def test_what_is_done_is_not_resumed():
+    flight = story(S.AT_TARGET, LAST, resume=True).tick(6.0)
+    assert (flight.state, flight.status.task.done) == ("holding", True)
+    flight.see(mode_ours=False).see(mode_ours=True)
+    assert (flight.state, flight.sought) == ("overridden", [])
+
+
+@pytest.mark.parametrize("task", [EXIT, EVACUATION])
+def test_above_the_landing_point_nothing_is_left_to_fly(task):
+    flight = story(S.LANDING_LEG, task).see(arrived=True)
+    assert (flight.state, flight.status.task.done) == ("holding", True)
+    flight.order(Order.CONTINUE)
+    assert (flight.answers, flight.reasons) == (
+        [(2, "temporarily rejected")],
+        ["nothing is left to fly"],
+    )
+    flight.order(task)  # but it may be ordered anew
+    assert flight.plan_found().state == "flying"
+    assert not flight.status.task.done
+
+
+def test_the_landing_that_we_asked_for_is_no_pilots():
+    flight = story(S.LANDING_LEG, EXIT).see(arrived=True)
+    flight.landing_requested = True
+    flight.see(mode_ours=False)
+    assert flight.state == "idle"
+    assert not flight.farewell
+    assert flight.said == ["MOAR idle: the autopilot has left our mode"]
+
+
+# Supervised -------------------------------------------------------------------------------------
+
+WIND = {"wind": "wind 13.2 m/s, more than 12 m/s"}
+RESERVE = {"battery_reserve": "battery 0 at 19%, the reserve is 20%"}
+CRITICAL = {"battery_critical": "battery 0 is critical"}
+KNOWN_S = 0.6
+"""What has acted for so long is known to whoever orders."""
+
+
+@pytest.mark.parametrize("state", [S.FLYING, S.AT_TARGET, S.LANDING_LEG])
+def test_a_hold_of_the_supervisor_brakes_and_goes_on_by_itself(state):
+    flight = any_story(state)
+    task = flight.status.task
+    flight.see(**WIND)
+    assert flight.status.state is state  # a gust
+    flight.tick(3.1)
+    assert (flight.state, flight.said) == (
+        "holding",
+        ["MOAR holding: wind 13.2 m/s, more than 12 m/s"],
+    )
+    assert Do.BRAKE in flight.effects
+    flight.tick(60.0)
+    assert (flight.state, flight.effects) == ("holding", [])
+    flight.see(wind=None).tick(4.9)
+    assert (flight.state, flight.sought) == ("holding", [])
+    flight.tick(0.2)
+    assert (flight.state, flight.sought) == ("holding", [task])
+    flight.plan_found()
+    assert (flight.state, flight.status.task) == ("flying", task)
+
+
+def test_a_hold_of_the_supervisor_that_cannot_go_on_waits_for_an_operator():
+    flight = story(S.FLYING).see(**WIND).tick(3.1).see(wind=None).tick(5.1)
+    assert flight.sought == [INSPECTION]
+    flight.plan_failed()
+    assert flight.said[-1] == "No way to first: no free way leads there"
+    for _ in range(20):
+        flight.tick(1.0)
+        assert (flight.state, flight.sought) == ("holding", [])
+
+
+def test_wind_that_comes_back_while_it_would_go_on_holds_again_and_then_goes_on():
+    flight = story(S.FLYING).see(**WIND).tick(3.1).see(wind=None).tick(5.1)
+    flight.see(**WIND).tick(3.1)
+    assert (flight.state, flight.status.sought) == ("holding", None)
+    assert flight.plan_found().state == "holding"
+    flight.see(wind=None).tick(5.1)
+    assert flight.sought == [INSPECTION]
+
+
+def test_an_operators_hold_outlasts_the_supervisors():
+    flight = story(S.FLYING).see(**WIND).tick(3.1).order(Order.HOLD)
+    flight.see(wind=None).tick(60.0)
+    assert (flight.state, flight.sought) == ("holding", [])
+    assert flight.order(Order.CONTINUE).sought == [INSPECTION]
+
+
+def test_what_is_done_does_not_go_on():
+    flight = story(S.AT_TARGET, LAST).tick(6.0)
+    flight.see(**WIND).tick(3.1).see(wind=None).tick(60.0)
+    assert (flight.state, flight.sought) == ("holding", [])
+
+
+def test_an_order_in_the_making_fails_with_the_reason():
+    flight = story(S.FLYING).see(**WIND)
+    flight.order(EXIT).tick(3.1)
+    assert (flight.state, flight.answers) == ("holding", [(2, "failed")])
+    assert "wind 13.2 m/s" in flight.reasons[0]
+
+
+def test_a_mode_given_to_what_must_not_be_flown_is_a_hold():
+    flight = story(S.READY).see(**WIND).tick(2.9)
+    flight.see(mode_ours=True).tick(0.2)
+    assert flight.state == "holding"
+    flight.see(wind=None).tick(5.1)
+    assert flight.sought == [INSPECTION]
+
+
+@pytest.mark.parametrize("state", [S.PLANNING, S.READY])
+@pytest.mark.parametrize("cause", [WIND, RESERVE, CRITICAL])
+def test_what_is_not_flown_yet_is_given_up_with_the_reason(state, cause):
+    flight = any_story(state).see(**cause).tick(3.1)
+    assert flight.state == "idle"
+    assert flight.farewell is (state is S.READY)
+    assert flight.said == [f"MOAR idle: {next(iter(cause.values()))}"]
+
+
+@pytest.mark.parametrize("state", [S.PLANNING, S.READY])
+def test_the_way_out_that_the_supervisor_wants_is_offered_on(state):
+    assert any_story(state, task=EXIT).see(**RESERVE).tick(3.1).status.state is state
+
+
+@pytest.mark.parametrize("state", [S.FLYING, S.AT_TARGET, S.HOLDING])
+def test_the_battery_leads_out_and_then_more_urgently(state):
+    flight = any_story(state).see(**RESERVE).tick(3.1)
+    assert [task.mission for task in flight.sought] == [Mission.EXIT]
+    flight.tick(5.0)
+    assert flight.sought == []  # once
+    flight.plan_found().see(arrived=False)
+    assert (flight.state, flight.status.task.mission) == ("flying", Mission.EXIT)
+    flight.see(**CRITICAL).tick(1.1)
+    assert [task.mission for task in flight.sought] == [Mission.EVACUATION]
+    flight.plan_found().see(battery_reserve=None, battery_critical=None).tick(60.0)
+    assert (flight.state, flight.status.task.mission) == ("flying", Mission.EVACUATION)
+
+
+def test_without_any_way_out_it_holds_and_asks_again_every_two_seconds():
+    flight = story(S.FLYING).see(**RESERVE).tick(3.1)
+    for _ in range(5):
+        assert [task.mission for task in flight.sought] == [Mission.EXIT]
+        flight.plan_failed().tick()
+        assert [task.mission for task in flight.sought] == [Mission.EVACUATION]
+        flight.plan_failed().tick()
+        assert flight.state == "holding"
+        flight.tick(1.9)
+        assert flight.effects == []
+        flight.tick(0.1)
+    assert flight.plan_found().state == "flying"
+
+
+def test_while_the_planner_fails_no_other_way_out_is_sought_but_the_same_one_later():
+    flight = story(S.FLYING).see(**RESERVE).tick(3.1)
+    flight.plan_failed("the planner does not answer", failed=True)
+    assert flight.said == ["No way to exit: the planner does not answer"]
+    flight.tick(1.9)
+    assert (flight.state, flight.sought) == ("holding", [])
+    flight.tick(0.1)
+    assert [task.mission for task in flight.sought] == [Mission.EXIT]
+    assert flight.plan_found().state == "flying"
+
+
+@pytest.mark.parametrize("state", [S.FLYING, S.LANDING_LEG])
+@pytest.mark.parametrize("failed", [False, True])
+def test_an_exit_that_is_flown_goes_on_where_there_is_no_evacuation(state, failed):
+    flight = any_story(state, EXIT).see(**CRITICAL).tick(1.1)
+    for _ in range(3):
+        assert [task.mission for task in flight.sought] == [Mission.EVACUATION]
+        flight.plan_failed(failed=failed)
+        for _ in range(19):
+            flight.tick(0.1)
+            assert (flight.status.state, flight.status.task, flight.effects) == (state, EXIT, [])
+        flight.tick(0.2)
+
+
+def test_a_way_out_that_is_wanted_no_more_is_sought_no_more():
+    flight = story(S.FLYING).see(**RESERVE).tick(3.1).plan_failed().tick().plan_failed().tick()
+    flight.see(battery_reserve=None).tick(10.0).tick(60.0)
+    assert (flight.state, flight.sought) == ("holding", [])
+
+
+@pytest.mark.parametrize("order", [EXIT, Order.HOLD])
+def test_an_operator_who_knows_overrides_the_way_out(order):
+    flight = story(S.FLYING).see(**CRITICAL).tick(1.1).plan_found().tick(KNOWN_S)
+    flight.order(order)
+    if order is EXIT:
+        assert flight.plan_found().answers == [(2, "accepted")]
+    for _ in range(20):
+        flight.tick(1.0)
+        assert flight.sought == []
+    assert flight.state == ("flying" if order is EXIT else "holding")
+    flight.order(INSPECTION)
+    assert flight.reasons == ["battery 0 is critical"]
+
+
+@pytest.mark.parametrize("end", ["denied", "taken back"])
+def test_an_order_that_is_not_flown_overrides_nothing(end):
+    flight = story(S.FLYING).see(**CRITICAL).tick(1.1).tick(KNOWN_S).order(EXIT)
+    for _ in range(5):
+        assert flight.tick().sought == []  # the operator knows of the battery
+    flight = flight.plan_failed() if end == "denied" else flight.take_back()
+    assert [task.mission for task in flight.tick().sought] == [Mission.EVACUATION]
+
+
+def test_a_hold_that_crosses_the_way_out_does_not_override_it():
+    flight = story(S.FLYING).see(**CRITICAL).tick(1.1).plan_found().order(Order.HOLD)
+    assert (flight.state, flight.answers) == ("holding", [(2, "accepted")])
+    assert [task.mission for task in flight.tick().sought] == [Mission.EVACUATION]
+
+
+@pytest.mark.parametrize("order", [EXIT, INSPECTION, Order.CONTINUE])
+def test_an_order_to_fly_that_crosses_a_hold_is_told_so(order):
+    flight = story(S.FLYING).see(jump="the position jumped 4.5 m").order(order)
+    assert (flight.state, flight.answers) == ("holding", [(2, "temporarily rejected")])
+    assert flight.reasons == ["just begun: the position jumped 4.5 m"]
+    flight.tick(KNOWN_S).order(order)
+    assert flight.plan_found().answers == [(3, "accepted")]
+    assert flight.tick().state == "flying"
+
+
+def test_what_begins_while_an_order_is_planned_is_not_overridden_by_it():
+    flight = story(S.FLYING).see(**CRITICAL).tick(1.1).plan_found().tick(KNOWN_S)
+    flight.order(EXIT)
+    flight.see(battery_critical=None).tick(10.1)
+    assert flight.see(**CRITICAL).answers == []
+    flight.tick(1.1)  # anew
+    assert flight.answers == [(2, "failed")]
+    assert [task.mission for task in flight.sought] == [Mission.EVACUATION]
+
+
+def test_above_the_landing_point_there_is_no_way_out_to_seek():
+    flight = story(S.LANDING_LEG, EXIT).see(arrived=True)
+    flight.see(**CRITICAL).tick(2.0)
+    assert (flight.state, flight.sought) == ("holding", [])

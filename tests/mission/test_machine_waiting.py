@@ -1,0 +1,69 @@
+"""The mission machine: what has no way for a while is held, and sought again when there is one."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.mission import machine
+from moar_companion.mission.states import MissionState
+from moar_companion.mission.values import Order
+
+from .stories import EVACUATION, EXIT, INSPECTION, story
+
+S = MissionState
+NARROW = {"narrow": "the target is too close, position uncertainty 1.6 m"}
+
+
+def no_room(flight):
+    """The plan that is sought is not found, and the condition that says so is there."""
+    flight._took(machine.unplanned(flight.status, NARROW["narrow"], flight.now_s, waits=True))
+    flight.said_then = flight.said
+    return flight.see(**NARROW)
+
+
+def test_the_next_target_waits_until_there_is_room():
+    flight = no_room(story(S.AT_TARGET).tick(6.0))
+    rest = flight.status.task
+    assert (flight.state, rest.stops) == ("holding", INSPECTION.stops[1:])
+    assert flight.said_then[-1].startswith(f"No way to {rest.goal}: ")
+    flight.tick(60.0)
+    assert (flight.state, flight.sought) == ("holding", [])
+    flight.see(narrow=None).tick(0.9)
+    assert flight.sought == []
+    assert flight.tick(0.2).sought == [rest]
+    assert flight.plan_found().state == "flying"
+
+
+@pytest.mark.parametrize("way", [EXIT, EVACUATION])
+def test_a_way_out_that_was_held_waits_likewise(way):
+    flight = story(S.FLYING, way).see(**NARROW).see(narrow=None).tick(1.1)
+    no_room(flight)
+    assert flight.said_then[-1].startswith(f"No way to {way.mission.value}: ")
+    assert (flight.state, flight.status.no_way) == ("holding", frozenset())
+    flight.see(narrow=None).tick(1.1)
+    assert flight.sought == [way]
+
+
+def test_what_an_operator_holds_meanwhile_does_not_go_on():
+    flight = no_room(story(S.AT_TARGET).tick(6.0))
+    flight.order(Order.HOLD).see(narrow=None).tick(60.0)
+    assert (flight.state, flight.sought) == ("holding", [])
+
+
+def test_what_an_operator_has_ordered_is_denied():
+    flight = story(S.HOLDING)
+    flight.order(EXIT)
+    no_room(flight)
+    flight.see(narrow=None).tick(60.0)
+    assert (flight.state, flight.sought) == ("holding", [])
+
+
+def test_without_a_condition_that_says_so_it_is_sought_once_a_second():
+    flight = story(S.AT_TARGET).tick(6.0)
+    count = 0
+    for _ in range(500):
+        if flight.status.sought is not None:
+            count += 1
+            flight._took(machine.unplanned(flight.status, "no room", flight.now_s, waits=True))
+        flight.tick(0.02)
+    assert 9 <= count <= 11

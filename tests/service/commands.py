@@ -1,0 +1,34 @@
+"""A desk on two links, and what it has carried out and answered."""
+
+from __future__ import annotations
+
+from moar_companion.config import LinkConfig, LinkRole
+
+from .desk import (
+    LINK,
+    Desk,
+)
+
+OPERATOR_LINK = "udp:127.0.0.1:14550"
+LINKS = (LinkConfig(url=LINK), LinkConfig(url=OPERATOR_LINK, role=LinkRole.OPERATOR))
+
+
+def hovering(**options):
+    return Desk(links=LINKS, **options).run(1.2)
+
+
+def carried_out(desk):
+    return [order["order"] for order in desk.decided("order")]
+
+
+def answers(desk):
+    """(link, system and component that are answered, command, result) of every answer."""
+    return [
+        (link, (said.target_system, said.target_component), said.command, said.result)
+        for _, link, said in desk.sent
+        if said.get_type() == "COMMAND_ACK"
+    ]
+
+
+def results(desk):
+    return [result for *_, result in answers(desk)]

@@ -1,0 +1,187 @@
+"""What the causes are looked for in: a healthy flight, and what is changed of it."""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import replace
+
+from moar_companion.config import Supervision
+from moar_companion.risk import IndexReport, InputReport, RiskEstimate, RiskReport
+from moar_companion.risk.localization import LocalizationMemory
+from moar_companion.risk.receivers import ReceiverMemory
+from moar_companion.service.causes import Host, Seen, WayOut, causes
+from moar_companion.service.motion import Pose
+from moar_companion.types import (
+    Attitude,
+    Battery,
+    Estimator,
+    Gnss,
+    Heard,
+    Landed,
+    LandedState,
+    LocalPosition,
+    Mission,
+    Odometry,
+    RiskIndices,
+    Telemetry,
+)
+
+from .telemetry import px4_status
+
+NOW_S = 100.0
+OFF_PATH_M = 1.5
+AUTOPILOT = px4_status(NOW_S)
+BATTERY = Battery(
+    received_s=NOW_S, remaining=0.9, voltage_v=16.0, current_a=None, charge_state=1, summary=False
+)
+GNSS = Gnss(
+    received_s=NOW_S,
+    receiver_s=40.0,
+    fix_type=3,
+    satellites=12,
+    hdop=0.7,
+    vdop=1.1,
+    horizontal_accuracy_m=0.9,
+    vertical_accuracy_m=1.8,
+)
+ESTIMATOR = Estimator(
+    received_s=NOW_S, flags=0x37F, horizontal_position_ok=True, horizontal_accuracy_m=0.3
+)
+ODOMETRY = Odometry(received_s=NOW_S, reset_counter=3, horizontal_accuracy_m=0.3)
+TELEMETRY = Telemetry(
+    autopilot=AUTOPILOT,
+    attitude=Attitude(received_s=NOW_S, roll_rad=0.0, pitch_rad=0.0, yaw_rad=0.0),
+    local_position=LocalPosition(
+        received_s=NOW_S,
+        boot_s=50.0,
+        position_ned_m=(0.0, 0.0, -5.0),
+        velocity_ned_mps=(0.0, 0.0, 0.0),
+    ),
+    landed=Landed(received_s=NOW_S, state=LandedState.IN_AIR),
+    batteries={0: BATTERY},
+    gnss=GNSS,
+    estimator=ESTIMATOR,
+    odometry=ODOMETRY,
+    ground_station=Heard(received_s=NOW_S, system_id=255),
+)
+POSE = Pose(position_m=(5.0, 0.0, 5.0), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
+
+
+def told_of(name, value, unit, risk=0.1):
+    return InputReport(name=name, value=value, unit=unit, age_s=0.1, risk=risk)
+
+
+def wind(value_mps, risk=0.1, source="reported"):
+    return told_of(f"wind {source}", value_mps, "m/s", risk)
+
+
+def accuracy(source, value_m):
+    """0 is how sources say that they do not know."""
+    return told_of(f"{source} accuracy", value_m, "m", 0.1 if value_m else None)
+
+
+ACCURATE = (accuracy("estimator", 0.3), accuracy("odometry", 0.3), accuracy("receiver", 0.9))
+
+
+def risk(
+    *inputs,
+    accuracies=ACCURATE,
+    localization=0.1,
+    receiver_s=40.0,
+    since_s=NOW_S,
+    last=(),
+    charge=None,
+    state=None,
+):
+    """last: what was told before and is told no more. charge, state: of battery 0, before."""
+    known = [item for item in (*last, *inputs, *accuracies) if item.known]
+    winds = {item.name: item for item in known if item.name.startswith("wind")}
+    others = {item.name: item for item in known if item.name not in winds}
+    charges = [
+        told_of(f"battery 0 {what}", value, "")
+        for what, value in (("remaining", charge), ("charge state", state))
+        if value is not None
+    ]
+    receiver = ReceiverMemory(receiver_s=receiver_s, since_s=since_s)
+    return RiskEstimate(
+        indices=RiskIndices(localization=localization),
+        report=RiskReport(
+            wind=IndexReport(inputs=inputs), localization=IndexReport(inputs=accuracies)
+        ),
+        last_known={
+            "wind": winds,
+            "localization": others,
+            "battery": {item.name: item for item in charges},
+        },
+        localization=LocalizationMemory(receivers=(receiver, ReceiverMemory())),
+    )
+
+
+RISK = risk(wind(4.0))
+IN_FLIGHT = Seen(
+    telemetry=TELEMETRY,
+    risk=RISK,
+    control_allowed=True,
+    pose=POSE,
+    position_moved_s=NOW_S,
+    room_m=2.0,
+    in_control=True,
+    error_m=0.2,
+    way_out=WayOut(mission=Mission.EXIT, left_s=600.0, reserve_s=30.0, age_s=1.0),
+    host=Host(disk_free=1e9, memory_available=1e9),
+)
+"""Healthy: nothing stands against it."""
+HOVERING = replace(
+    IN_FLIGHT,
+    in_control=False,
+    error_m=None,
+    telemetry=replace(TELEMETRY, autopilot=replace(AUTOPILOT, mode="HOLD", ours=False)),
+)
+"""Healthy too, before control is given."""
+
+
+def told(seen=IN_FLIGHT, **changes):
+    """What is seen when the autopilot tells something else."""
+    return replace(seen, telemetry=replace(seen.telemetry, **changes))
+
+
+def flies(seen=IN_FLIGHT, **changes):
+    return told(seen, autopilot=replace(seen.telemetry.autopilot, **changes))
+
+
+def drains(**changes):
+    return told(batteries={0: replace(BATTERY, **changes)})
+
+
+def receives(**changes):
+    return told(gnss=replace(GNSS, **changes))
+
+
+def uncertain(estimator_m, odometry_m, gnss_m, last=(), heights_m=(None, None, None)):
+    accuracies = (
+        accuracy("estimator", estimator_m),
+        accuracy("odometry", odometry_m),
+        accuracy("receiver", gnss_m),
+        *(
+            accuracy(f"{source} height", height_m)
+            for source, height_m in zip(
+                ("estimator", "odometry", "receiver"), heights_m, strict=True
+            )
+        ),
+    )
+    return replace(IN_FLIGHT, risk=risk(wind(4.0), accuracies=accuracies, last=last))
+
+
+def leaves(mission, left_s, **changes):
+    way = WayOut(mission=mission, left_s=left_s, reserve_s=30.0, age_s=1.0)
+    return replace(IN_FLIGHT, way_out=replace(way, **changes))
+
+
+def moves(seen=HOVERING, **changes):
+    return replace(seen, pose=replace(POSE, **changes))
+
+
+def found(seen):
+    """What stands against it, by cause."""
+    told_causes = causes(seen, Supervision(), OFF_PATH_M, NOW_S)
+    return {name: words for name, words in dataclasses.asdict(told_causes).items() if words}

@@ -1,0 +1,24 @@
+"""What an autopilot's heartbeat makes of the telemetry."""
+
+from __future__ import annotations
+
+from moar_companion.types import AutopilotKind, AutopilotStatus
+
+OFFBOARD = 0x00060000
+
+
+def px4_status(received_s, **changes):
+    """An armed multirotor with PX4 that follows our setpoints, but for the changes."""
+    usual = {
+        "system_id": 1,
+        "component_id": 1,
+        "kind": AutopilotKind.PX4,
+        "armed": True,
+        "custom_mode": OFFBOARD,
+        "mode": "OFFBOARD",
+        "ours": True,
+        "homeward": False,
+        "multirotor": True,
+        "failsafe": False,
+    }
+    return AutopilotStatus(received_s=received_s, **usual | changes)

@@ -1,0 +1,196 @@
+"""The loop that thinks and sends, in this process: its clocks, and thoughts that take too long."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import signal
+import socket
+import struct
+import time
+from itertools import pairwise
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from moar_companion.config import CompanionConfig, LinkConfig, Recorder, shipped_configs
+from moar_companion.service import app
+from moar_companion.service.app import Service
+from moar_companion.service.causes import Host
+from moar_companion.service.companion import Companion
+from moar_companion.vehicle import Vehicle
+
+VEHICLE = shipped_configs() / "vehicles" / "x500.yaml"
+POSCTL, OFFBOARD = 0x00030000, 0x00060000
+
+
+def clock_s():
+    return time.clock_gettime(time.CLOCK_MONOTONIC)
+
+
+@pytest.fixture
+def heard():
+    """A socket that hears the service."""
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as item:
+        item.bind(("127.0.0.1", 0))
+        item.setblocking(False)
+        yield item
+
+
+def serve(heard, seconds, **config):
+    """Run the service for a time; the messages that it sent."""
+    link = LinkConfig(url=f"udpout:127.0.0.1:{heard.getsockname()[1]}")
+    whole = CompanionConfig(vehicle=VEHICLE, links=(link,), **config)
+    companion = Companion(whole, Vehicle.load(VEHICLE), None)
+
+    async def run():
+        asyncio.get_running_loop().call_later(seconds, os.kill, os.getpid(), signal.SIGTERM)
+        await Service(whole, companion, None, None).run()
+
+    asyncio.run(run())
+    codec, messages = mavlink.MAVLink(None), []
+    while True:
+        try:
+            messages += codec.parse_buffer(heard.recv(65536)) or []
+        except BlockingIOError:
+            return messages
+
+
+def test_steps_of_the_wall_clock_disturb_neither_the_thinking_nor_the_record(
+    heard, tmp_path, monkeypatch
+):
+    wall_s, began_s = time.time, clock_s()
+
+    def stepped():
+        """It is set ahead by an hour, and then back by two."""
+        step = int((clock_s() - began_s) / 0.6)
+        return wall_s() + (0.0, 3600.0, -3600.0)[min(step, 2)]
+
+    clock_began_s = wall_s()
+    monkeypatch.setattr(time, "time", stepped)
+    messages = serve(heard, 2.0, recorder=Recorder(directory=tmp_path))
+    thought_ms = {m.time_boot_ms for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"}
+    assert len(thought_ms) >= 4
+    assert all(400 < later - earlier < 900 for earlier, later in pairwise(sorted(thought_ms)))
+    (folder,) = tmp_path.iterdir()
+    stamps_s = [stamp * 1e-6 for stamp in stamps((folder / "flight.tlog").read_bytes())]
+    assert stamps_s == sorted(stamps_s)
+    assert clock_began_s - 1.0 < stamps_s[0] < stamps_s[-1] < clock_began_s + 60.0
+
+
+def stamps(data):
+    """The times in a tlog of MAVLink 2 packets without signatures, in microseconds."""
+    while data:
+        yield struct.unpack(">Q", data[:8])[0]
+        data = data[8 + data[9] + 12 :]
+
+
+def test_of_what_was_thought_too_long_ago_no_control_is_sent(heard, monkeypatch):
+    thoughts, followed = [], set()
+    tick, ask = Companion.tick, Companion.control_to_send
+
+    def slow_tick(self, now_s):
+        tick(self, now_s)
+        thoughts.append(now_s)
+        if len(thoughts) in {10, 20}:
+            time.sleep(0.15)
+
+    def noted(self):
+        followed.add(len(thoughts))
+        return ask(self)
+
+    monkeypatch.setattr(Companion, "tick", slow_tick)
+    monkeypatch.setattr(Companion, "control_to_send", noted)
+    messages = serve(heard, 1.5)
+    assert not followed & {10, 20}
+    assert len(followed) > len(thoughts) / 2
+    assert {"HEARTBEAT", "NAMED_VALUE_FLOAT"} <= {message.get_type() for message in messages}
+
+
+@pytest.mark.parametrize(("pause_s", "sent"), [(0.0, 2), (0.15, 0)])
+def test_control_that_is_paused_on_its_way_out_is_not_sent(pause_s, sent, heard, monkeypatch):
+    marked = bytes(
+        mavlink.MAVLink_heartbeat_message(18, 8, 0, 77, 3, 3).pack(mavlink.MAVLink(None))
+    )
+    once, log = iter([[marked, marked]]), []
+
+    def two(self):
+        (link,) = self._config.links
+        packets = [(link.url, data) for data in next(once, [])]
+        log.append("marked" if packets else "empty")
+        if packets:
+            time.sleep(pause_s)
+        return packets
+
+    monkeypatch.setattr(Companion, "control_to_send", two)
+    monkeypatch.setattr(Companion, "note_sent", lambda _: log.append("sent"))
+    modes = [item.custom_mode for item in serve(heard, 0.5) if item.get_type() == "HEARTBEAT"]
+    assert modes.count(77) == sent
+    assert (log[log.index("marked") + 1] == "sent") is bool(sent)
+    assert modes.count(0) == 1
+
+
+def test_after_a_stall_what_has_waited_is_heard_before_anything_is_sent(heard, monkeypatch):
+    autopilot = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    said = [autopilot.heartbeat_encode(2, 12, 209, mode, 4) for mode in (*[OFFBOARD] * 4, POSCTL)]
+    waiting = [bytes(message.pack(autopilot)) for message in said]
+    modes, tick, ask = [], Companion.tick, Companion.control_to_send
+
+    def stalled(self, now_s):
+        tick(self, now_s)
+        with contextlib.suppress(BlockingIOError):
+            _, service = heard.recvfrom(65536)
+            while waiting:
+                heard.sendto(waiting.pop(0), service)
+                time.sleep(0.05)
+
+    def noted(self):
+        if not waiting:
+            modes.append(self.telemetry.autopilot)
+        return ask(self)
+
+    monkeypatch.setattr(Companion, "tick", stalled)
+    monkeypatch.setattr(Companion, "control_to_send", noted)
+    serve(heard, 1.0)
+    assert modes[0] is not None
+    assert modes[0].custom_mode == POSCTL
+
+
+@pytest.mark.parametrize(("thought_s", "fed"), [(0.0, True), (0.15, False)])
+def test_the_watchdog_is_fed_by_thoughts_that_are_sent_in_time_alone(
+    thought_s, fed, heard, tmp_path, monkeypatch
+):
+    tick, address = Companion.tick, str(tmp_path / "notify")
+
+    def slow_tick(self, now_s):
+        tick(self, now_s)
+        time.sleep(thought_s)
+
+    monkeypatch.setattr(Companion, "tick", slow_tick)
+    monkeypatch.setenv("NOTIFY_SOCKET", address)
+    monkeypatch.setenv("WATCHDOG_USEC", "1000000")
+    monkeypatch.delenv("WATCHDOG_PID", raising=False)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
+        manager.bind(address)
+        manager.setblocking(False)
+        serve(heard, 1.0)
+        told = set()
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                told.add(manager.recv(64))
+    assert told == {b"READY=1", b"STOPPING=1", *([b"WATCHDOG=1"] if fed else [])}
+
+
+def test_the_companion_is_told_what_the_computer_has_left(heard, tmp_path, monkeypatch):
+    asked, told = set(), set()
+
+    def left(recordings):
+        asked.add(recordings)
+        return Host(disk_free=3e9, memory_available=2e8)
+
+    monkeypatch.setattr(app, "host", left)
+    monkeypatch.setattr(Companion, "note_host", lambda _, host: told.add(host))
+    serve(heard, 0.3, recorder=Recorder(directory=tmp_path))
+    assert asked == set(tmp_path.iterdir())
+    assert told == {Host(disk_free=3e9, memory_available=2e8)}

@@ -1,0 +1,243 @@
+"""The causes by themselves, of the autopilot, its batteries and the computer: at each limit and
+just beyond, and where a measurement is missing.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.mission.conditions import Causes
+from moar_companion.service.causes import Host
+from moar_companion.types import Landed, LandedState
+
+from .seen import (
+    BATTERY,
+    HOVERING,
+    IN_FLIGHT,
+    NOW_S,
+    TELEMETRY,
+    drains,
+    flies,
+    found,
+    risk,
+    told,
+    wind,
+)
+from .test_causes_of_place import STORIES as OF_PLACE
+
+STORIES = [
+    # what is seen, what stands against it
+    ("all is well in flight", IN_FLIGHT, {}),
+    ("all is well before control", HOVERING, {}),
+    (
+        "no autopilot",
+        told(autopilot=None),
+        {"control": "no autopilot is heard", "heartbeat": "no heartbeat is heard"},
+    ),
+    (
+        "two autopilots",
+        replace(IN_FLIGHT, control_allowed=False),
+        {"control": "two autopilots are heard"},
+    ),
+    ("a plane", flies(multirotor=False), {"control": "the vehicle is no multirotor"}),
+    ("a heartbeat 3 s old", flies(received_s=97.0), {}),
+    (
+        "an older one",
+        flies(received_s=96.94),
+        {"heartbeat": "no heartbeat of the autopilot for 3.1 s"},
+    ),
+    ("no position", told(local_position=None), {"position": "no local position is heard"}),
+    ("a position 0.5 s old", replace(IN_FLIGHT, position_moved_s=99.5), {}),
+    (
+        "an older one, though it was just received",
+        replace(IN_FLIGHT, position_moved_s=99.4),
+        {"position": "the position is 0.6 s old"},
+    ),
+    ("no attitude", told(attitude=None), {"attitude": "the attitude is unknown"}),
+    (
+        "an attitude 1 s old",
+        told(attitude=replace(TELEMETRY.attitude, received_s=99.0)),
+        {},
+    ),
+    (
+        "an older one",
+        told(attitude=replace(TELEMETRY.attitude, received_s=98.99)),
+        {"attitude": "the attitude is unknown"},
+    ),
+    (
+        "no origin",
+        replace(IN_FLIGHT, pose=None),
+        {"origin": "the origin of the local frame is unknown"},
+    ),
+    ("a failsafe", flies(failsafe=True), {"failsafe": "the autopilot is in failsafe"}),
+    (
+        "a failsafe before control",
+        flies(HOVERING, failsafe=True),
+        {"failsafe": "the autopilot is in failsafe"},
+    ),
+    ("disarmed", flies(armed=False), {"ground": "on the ground"}),
+    (
+        "disarmed before control",
+        flies(HOVERING, armed=False),
+        {"ground": "on the ground", "not_flying": "not in the air"},
+    ),
+    (
+        "landed",
+        told(landed=Landed(received_s=NOW_S, state=LandedState.ON_GROUND)),
+        {"ground": "on the ground"},
+    ),
+    ("a landed state that is unknown in flight", told(landed=None), {}),
+    (
+        "a landed state that is unknown before",
+        told(HOVERING, landed=None),
+        {"not_flying": "not in the air"},
+    ),
+    (
+        "a landed state 5 s old",
+        told(HOVERING, landed=replace(TELEMETRY.landed, received_s=95.0)),
+        {},
+    ),
+    (
+        "an older one",
+        told(HOVERING, landed=replace(TELEMETRY.landed, received_s=94.9)),
+        {"not_flying": "not in the air"},
+    ),
+    (
+        "taking off",
+        told(HOVERING, landed=Landed(received_s=NOW_S, state=LandedState.TAKEOFF)),
+        {"not_flying": "not in the air"},
+    ),
+    (
+        "a mode of the pilot's",
+        flies(mode="POSCTL", ours=False),
+        {"pilot": "the autopilot is in POSCTL"},
+    ),
+    (
+        "the landing that was asked for",
+        replace(flies(mode="LAND", ours=False), landing=True),
+        {"landing": "the autopilot is in LAND"},
+    ),
+    ("a battery that is low", drains(charge_state=2), {}),
+    (
+        "a battery that is critical",
+        drains(charge_state=3),
+        {"battery_critical": "battery 0 is critical"},
+    ),
+    (
+        "a battery that has failed",
+        drains(charge_state=5),
+        {"battery_critical": "battery 0 is critical"},
+    ),
+    ("a battery whose monitor is unhealthy", drains(charge_state=6), {}),
+    (
+        "the second battery",
+        told(batteries={0: BATTERY, 1: replace(BATTERY, charge_state=4)}),
+        {"battery_critical": "battery 1 is critical"},
+    ),
+    ("a battery above its reserve", drains(remaining=0.21), {}),
+    (
+        "a battery at its reserve",
+        drains(remaining=0.2),
+        {"battery_reserve": "battery 0 at 20%, the reserve is 20%"},
+    ),
+    (
+        "an autopilot on USB power",
+        drains(remaining=0.0, voltage_v=4.1, charge_state=3),
+        {"unknown": "not told, not supervised: battery"},
+    ),
+    (
+        "a battery of which nothing is told but its voltage",
+        drains(remaining=None, charge_state=None),
+        {"unknown": "not told, not supervised: battery"},
+    ),
+    ("a battery that tells no more than its state", drains(remaining=None), {}),
+    (
+        "one of which only a summary tells, its voltage and no state of now",
+        drains(remaining=None, charge_state=3, summary=True),
+        {
+            "battery_critical": "battery 0 is critical",
+            "unknown": "not told, not supervised: battery",
+        },
+    ),
+    ("no battery", told(batteries={}), {"unknown": "not told, not supervised: battery"}),
+    ("a battery 15 s silent", drains(received_s=85.0), {}),
+    (
+        "silent for longer",
+        drains(received_s=84.0),
+        {
+            "battery_silent": "battery 0 is silent for 16 s",
+            "unknown": "not told, not supervised: battery",
+        },
+    ),
+    (
+        "one of two silent",
+        told(batteries={0: BATTERY, 1: replace(BATTERY, received_s=80.0)}),
+        {
+            "battery_silent": "battery 1 is silent for 20 s",
+            "unknown": "not told, not supervised: battery",
+        },
+    ),
+    (
+        "a battery that tells its voltage where it told its charge",
+        replace(drains(remaining=None), risk=risk(wind(4.0), charge=0.22)),
+        {
+            "battery_silent": "battery 0 was at 22% and tells it no more",
+            "unknown": "not told, not supervised: battery",
+        },
+    ),
+    (
+        "one that tells no more that it was at its reserve, and critical",
+        replace(
+            drains(remaining=None, charge_state=None), risk=risk(wind(4.0), charge=0.2, state=3)
+        ),
+        {
+            "battery_critical": "battery 0 is critical",
+            "battery_reserve": "battery 0 at 20%, the reserve is 20%",
+            "battery_silent": "battery 0 was at 20% and tells it no more",
+            "unknown": "not told, not supervised: battery",
+        },
+    ),
+    (
+        "one that was at its reserve, and seems to be on USB power",
+        replace(drains(remaining=1.0, voltage_v=4.1), risk=risk(wind(4.0), charge=0.2)),
+        {
+            "battery_reserve": "battery 0 at 20%, the reserve is 20%",
+            "battery_silent": "battery 0 was at 20% and tells it no more",
+            "unknown": "not told, not supervised: battery",
+        },
+    ),
+    (
+        "one that was charged since",
+        replace(drains(), risk=risk(wind(4.0), charge=0.2, state=3)),
+        {},
+    ),
+    ("memory at its limit", replace(IN_FLIGHT, host=Host(memory_available=100e6)), {}),
+    (
+        "memory below it",
+        replace(IN_FLIGHT, host=Host(memory_available=99e6)),
+        {"memory": "memory: 99 MB left, less than 100 MB"},
+    ),
+    ("a disk at its limit", replace(IN_FLIGHT, host=Host(disk_free=200e6)), {}),
+    (
+        "a disk below it",
+        replace(IN_FLIGHT, host=Host(disk_free=199e6)),
+        {"disk": "disk: 199 MB left, less than 200 MB"},
+    ),
+    *[
+        (f"the fault {name}", replace(IN_FLIGHT, faults=Causes(**{name: "words"})), {name: "words"})
+        for name in ("thinking", "restart", "stream", "gate", "narrow", "loss", "death")
+    ],
+]
+
+
+@pytest.mark.parametrize(("case", "seen", "expected"), STORIES, ids=[row[0] for row in STORIES])
+def test_this_and_nothing_else_stands_against_a_flight(case, seen, expected):
+    assert found(seen) == expected, case
+
+
+def test_every_cause_has_its_story():
+    names = {name for _, _, expected in STORIES + OF_PLACE for name in expected}
+    assert names == {field.name for field in dataclasses.fields(Causes)}

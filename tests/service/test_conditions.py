@@ -1,0 +1,423 @@
+"""The conditions of the supervisor, from the autopilot's words to what is streamed."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from moar_companion.config import LinkLoss, Supervision
+from moar_companion.service.causes import Host
+
+from ..mavlink.peer import Peer
+from .desk import (
+    ACCEPTED,
+    DENIED,
+    EVACUATION,
+    EXIT,
+    INSPECTION,
+    LINK,
+    OFFBOARD,
+    TEMPORARILY_REJECTED,
+    Desk,
+)
+
+
+def resting(desk, since_s):
+    """Whether the setpoint has come to rest and stays."""
+    return all((m.vx, m.vy, m.vz) == (0.0, 0.0, 0.0) for m in desk.setpoints(since_s))
+
+
+def flown(desk):
+    return desk.companion.status.task.mission.value
+
+
+HOLDS = {
+    "wind": ({"wind_mps": 21.4}, {"wind_mps": 4.0}, "wind reported 21.4 m/s, more than 15 m/s"),
+    "no fix": ({"fix_type": 1}, {"fix_type": 3}, "the receiver has no 3D fix"),
+    "uncertainty": (
+        {"accuracy_m": 2.4},
+        {"accuracy_m": 0.3},
+        "position uncertainty 2.4 m, more than 2 m",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", HOLDS)
+def test_it_holds_and_goes_on_by_itself_when_it_is_over(case):
+    trouble, well, words = HOLDS[case]
+    desk = Desk(wind_mps=4.0).come_to("flying").run(4.0)
+    desk.set(**trouble).run_until("holding", 4.5)
+    assert desk.said(f"MOAR holding: {words}")
+    desk.run(3.0)
+    assert resting(desk, desk.now_s - 1.0)
+    began = desk.now_s
+    desk.set(**well).run(2.0)
+    assert desk.state == "holding"  # not at the first good word
+    desk.run_until("flying", 10.0)
+    assert len(desk.setpoints(began)) == pytest.approx((desk.now_s - began) * 50, abs=2)
+    assert desk.run_until("at_target", 120.0)
+
+
+@pytest.mark.parametrize("case", HOLDS)
+def test_what_an_operator_has_held_meanwhile_does_not_go_on(case):
+    trouble, well, _ = HOLDS[case]
+    desk = Desk(wind_mps=4.0).come_to("flying").run(4.0)
+    desk.set(**trouble).run_until("holding", 4.5)
+    desk.pause().run(1.0).set(**well).run(20.0)
+    assert desk.state == "holding"
+    desk.go_on().run(0.5)
+    assert desk.state == "flying"
+
+
+@pytest.mark.parametrize("case", HOLDS)
+def test_an_inspection_is_not_begun_and_the_reason_has_the_number(case):
+    trouble, _, words = HOLDS[case]
+    desk = Desk().set(**trouble).run(6.0).order(INSPECTION).run(0.5)
+    assert (desk.state, desk.answers()) == ("idle", [TEMPORARILY_REJECTED])
+    assert desk.said(words)
+    desk.order(EXIT).run(0.5)
+    # An exit may be ordered in a storm; without a position nothing can be flown.
+    possible = case != "uncertainty"
+    assert desk.answers()[-1] == (ACCEPTED if possible else TEMPORARILY_REJECTED)
+
+
+def test_a_way_out_that_is_ordered_is_flown_through_the_wind():
+    desk = Desk().come_to("flying").run(4.0)
+    desk.set(wind_mps=21.0).run_until("holding", 5.0).run(0.6)
+    desk.order(EVACUATION).run_until("flying", 1.0)
+    desk.run_until("landing_leg", 120.0)
+    assert flown(desk) == "evacuation"
+
+
+@pytest.mark.parametrize("state", ["ready", "planning"])
+def test_what_is_not_flown_yet_is_not_offered_any_more(state):
+    desk = Desk()
+    if state == "ready":
+        desk.come_to("ready")
+    else:
+        desk.run(1.2).plan_delay_s = None
+        desk.order(INSPECTION).run_until("planning")
+    desk.set(fix_type=0).run(2.0)
+    assert desk.state == "idle"
+    assert desk.said("MOAR idle: the receiver has no 3D fix")
+
+
+def test_the_battery_at_its_reserve_leads_it_out_by_itself():
+    desk = Desk().come_to("flying").run(4.0)
+    desk.set(battery_percent=20).run(4.5)
+    assert (desk.state, flown(desk)) == ("flying", "exit")
+    assert desk.said("MOAR exit: battery 0 at 20%, the reserve is 20%")
+    desk.set(charge_state=3).run(2.5)
+    assert flown(desk) == "evacuation"
+    assert desk.said("MOAR evacuation: battery 0 is critical")
+    desk.set(battery_percent=60, charge_state=1).run_until("landing_leg", 120.0)
+    assert flown(desk) == "evacuation"  # a way out that was begun is flown
+
+
+def test_a_way_out_that_the_operator_prefers_is_flown():
+    desk = Desk().come_to("flying").run(4.0)
+    desk.set(charge_state=3).run(3.0)
+    assert flown(desk) == "evacuation"
+    desk.order(EXIT).run(5.0)
+    assert flown(desk) == "exit"
+    desk.pause().run(5.0)
+    assert desk.state == "holding"
+    desk.order(INSPECTION).run(1.0)
+    assert desk.answers()[-1] == TEMPORARILY_REJECTED
+
+
+def test_ways_out_without_a_plan_end_in_a_hold_until_there_is_one_and_are_told_now_and_then():
+    desk = Desk().come_to("flying").run(4.0)
+    desk.plan_delay_s = None
+    desk.set(battery_percent=15)
+    for mission in ("exit", "evacuation"):
+        desk.run_until_sought(mission).answer_plan(plan=None, reason="no free way leads there")
+    desk.run(1.0)
+    assert desk.state == "holding"
+    assert desk.said("No way to exit: no free way leads there")
+    assert desk.said("No way to evacuation: no free way leads there")
+    began, count = desk.now_s, 0
+    while desk.now_s < began + 20.0:
+        desk.step()
+        if desk.companion.status.sought is not None:
+            desk.answer_plan(plan=None, reason="no free way leads there")
+            count += 1
+    assert desk.state == "holding"
+    assert count == pytest.approx(20, abs=2)
+    assert desk.texts().count("No way to exit: no free way leads there") <= 3
+    desk.set(plan_delay_s=0.04).run(2.5)
+    assert flown(desk) == "exit"
+
+
+def test_a_planner_that_is_silent_for_once_is_asked_for_the_way_out_again():
+    desk = Desk().come_to("flying").run(4.0)
+    desk.set(plan_delay_s=None, battery_percent=15).run_until_sought("exit").run(5.1)
+    assert desk.state == "holding"
+    assert desk.said("No way to exit: the planner does not answer")
+    desk.set(plan_delay_s=0.04).run(2.2)
+    assert flown(desk) == "exit"
+
+
+def test_an_order_that_is_denied_leaves_the_evacuation_on():
+    desk = Desk().come_to("flying").run(4.0)
+    desk.set(charge_state=3, plan_delay_s=None).run_until_sought("evacuation").run(0.6)
+    desk.order(EXIT).run(0.5).answer_plan(plan=None, reason="no free way leads there")
+    assert not desk.companion.status.sought
+    desk.set(plan_delay_s=0.04).run(0.5)
+    assert desk.answers()[-1] == DENIED
+    assert flown(desk) == "evacuation"
+
+
+@pytest.mark.parametrize("action", LinkLoss)
+def test_a_ground_station_that_falls_silent(action):
+    desk = Desk(supervision=Supervision(ground_link_action=action)).come_to("flying").run(2.0)
+    station = Peer(255, 190)
+    beat = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4, 3)
+    desk.hear(station.pack(beat)).run(9.8)
+    assert (desk.state, flown(desk)) == ("flying", "inspection")
+    desk.run(1.0)
+    expected = {
+        LinkLoss.CONTINUE: ("flying", "inspection"),
+        LinkLoss.HOLD: ("holding", "inspection"),
+        LinkLoss.EXIT: ("flying", "exit"),
+    }
+    assert (desk.state, flown(desk)) == expected[action]
+
+
+def test_jumps_that_add_up_are_held_until_a_new_order():
+    desk = Desk().come_to("flying").run(6.0)
+    desk.jump(0.0, 1.4, 0.0).run(2.0)
+    assert desk.state == "flying"
+    desk.jump(0.0, -0.8, 0.0).run(0.1)
+    assert desk.state == "holding"
+    assert desk.said("the position jumped 3.6 m, more than 3 m")
+    desk.run(30.0)
+    assert desk.state == "holding"
+    desk.go_on().run(1.0)
+    assert desk.state == "flying"
+
+
+def test_a_planner_that_fails_in_flight_slows_it_down_and_then_holds_it():
+    desk = Desk().come_to("flying").run(1.0)
+    desk.plan_delay_s = None
+    desk.run(8.0)
+    assert desk.said("MOAR slow: a new plan is awaited for 6.0 s")
+    slow = desk.setpoints(desk.now_s - 0.5)
+    assert max(math.hypot(m.vx, m.vy, m.vz) for m in slow) <= 0.36
+    desk.run_until("holding", 8.0)
+    desk.plan_delay_s = 0.04
+    desk.run(10.0)
+    assert desk.state == "holding"
+    desk.go_on().run(1.0)
+    assert desk.state == "flying"
+
+
+@pytest.mark.parametrize("pressed", ["memory", "disk"])
+def test_a_computer_that_runs_out_of_room(pressed):
+    host = Host(disk_free=1e6, memory_available=1e9)
+    if pressed == "memory":
+        host = Host(disk_free=1e9, memory_available=50e6)
+    desk = Desk().come_to("flying").run(2.0)
+    desk.companion.note_host(host)
+    desk.run(6.0)
+    # What is flown goes on without a record; what the system may end at any moment leaves.
+    assert flown(desk) == ("exit" if pressed == "memory" else "inspection")
+    desk.order(INSPECTION).run(0.5)
+    assert desk.answers()[-1] == TEMPORARILY_REJECTED
+    assert desk.said("disk: 1 MB left" if pressed == "disk" else "memory: 50 MB left")
+
+
+def test_a_position_that_is_known_worse_keeps_what_moves_away_from_obstacles():
+    desk = Desk().come_to("flying").run(4.0)
+    desk.set(accuracy_m=1.9)
+    desk.run_until("holding", 120.0)
+    assert desk.said("position uncertainty 1.9 m")
+    desk.run(2.0)
+    assert resting(desk, desk.now_s - 0.5)
+    x_m, _, z_m = desk.companion.pose.position_m
+    cell = desk.planner.maps.grid.cell_of((x_m, z_m))
+    assert desk.planner.maps.room_m[cell] >= 1.0 - 0.3
+
+
+def test_what_is_not_supervised_is_said_once():
+    desk = Desk()
+    desk.mute = {"BATTERY_STATUS", "GPS_RAW_INT"}
+    desk.come_to("flying").run(20.0)
+    told = [text for text in desk.texts() if "not supervised" in text]
+    missing = "battery, position accuracy, ground station, way out"
+    assert told == [f"MOAR note: not told, not supervised: {missing}"]
+
+
+def ground_station(desk, *systems, seconds):
+    """These are heard once a second."""
+    for _ in range(round(seconds)):
+        for system in systems:
+            desk.hear(Peer(system, 190).ground_heartbeat()).run(1.0 / len(systems))
+
+
+def test_a_ground_station_that_comes_later_is_told_what_it_has_missed():
+    desk = Desk(supervision=Supervision(ground_link_action=LinkLoss.CONTINUE))
+    desk.set(mute={"BATTERY_STATUS"}).come_to("flying").run(20.0)
+    note = "MOAR note: not told, not supervised: battery"
+
+    def told():
+        return sum(text.startswith(note) for text in desk.texts())
+
+    assert told() == 1
+    ground_station(desk, 255, seconds=3)
+    assert told() == 2
+    ground_station(desk, 255, 254, seconds=20)
+    assert told() == 3
+    desk.run(12.0)  # both are gone
+    assert desk.said("MOAR note: no ground station is heard for 1")
+    ground_station(desk, 255, seconds=20)
+    assert told() == 4
+
+
+def test_one_that_comes_later_is_told_why_the_mission_holds():
+    desk = Desk(wind_mps=4.0).come_to("flying").run(4.0)
+    desk.set(wind_mps=21.4).run_until("holding", 4.5).run(12.0)
+    holds = "wind reported 21.4 m/s, more than 15 m/s"
+    assert desk.texts().count(f"MOAR hold: {holds}") == 0
+    ground_station(desk, 255, seconds=3)
+    assert desk.texts().count(f"MOAR hold: {holds}") == 1
+    desk.set(wind_mps=4.0)
+    ground_station(desk, 255, seconds=3)
+    ground_station(desk, 254, 255, seconds=1)  # nothing is against it any more
+    assert desk.texts().count(f"MOAR hold: {holds}") == 1
+
+
+def test_an_exit_that_the_operator_prefers_is_not_told_as_if_it_were_not_his():
+    desk = Desk().come_to("flying").run(4.0)
+    desk.set(charge_state=3).run(3.0).order(EXIT).run(12.0)
+    ground_station(desk, 255, seconds=2)
+    assert desk.texts().count("MOAR evacuation: battery 0 is critical") == 1
+
+
+def test_a_battery_that_falls_silent_is_no_battery_for_another_inspection():
+    desk = Desk().set(battery_percent=22).come_to("flying").run(2.0)
+    desk.mute = {"BATTERY_STATUS"}
+    desk.run(14.0).order(INSPECTION).run(0.5)
+    assert desk.answers()[-1] == ACCEPTED
+    desk.run(20.0)
+    assert (desk.state, flown(desk)) == ("flying", "inspection")  # what is flown goes on
+    assert desk.said("MOAR note: battery 0 is silent for 15 s")
+    desk.order(INSPECTION).run(0.5)
+    assert desk.answers()[-1] == TEMPORARILY_REJECTED
+    assert desk.said("temporarily rejected: battery 0 is silent for 35 s")
+    desk.order(EXIT).run(0.5)
+    assert desk.answers()[-1] == ACCEPTED
+
+
+def test_a_battery_stays_critical_when_only_a_summary_is_told_that_knows_nothing_of_it():
+    desk = Desk().come_to("flying").run(4.0)
+    desk.set(charge_state=3).run(3.0).pause().run_until("holding", 1.0)
+    desk.mute = {"BATTERY_STATUS"}
+    summary = mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 15900, -1, 60, *[0] * 6)
+    for _ in range(100):
+        desk.hear(desk.autopilot.pack(summary)).run(0.2)
+    desk.order(INSPECTION).run(0.5)
+    assert desk.answers()[-1] == TEMPORARILY_REJECTED
+    assert desk.said("temporarily rejected: battery 0 is critical")
+    desk.set(mute=set(), charge_state=1).run(12.0).order(INSPECTION).run(0.5)
+    assert desk.answers()[-1] == ACCEPTED
+
+
+STRAYS = {
+    "too low": ((0.0, 0.0, 1.4), "too low at 1.5 m, the least is 2 m"),
+    "outside": ((0.0, 5.0, 0.0), "2.0 m outside the workspace"),
+}
+
+
+@pytest.mark.parametrize("case", STRAYS)
+def test_an_aircraft_that_leaves_the_workspace_is_told_how_far_it_has(case):
+    behind_ned_m, words = STRAYS[case]
+    desk = Desk().come_to("flying")
+    desk.fall_behind(*behind_ned_m, seconds=1.0).run_until("holding", 3.0)
+    assert desk.said(f"MOAR holding: {words}")
+
+
+def test_what_begins_and_ends_is_recorded_once():
+    desk = Desk().come_to("flying").run(2.0)
+    desk.set(wind_mps=21.0).run(6.0).set(wind_mps=1.0).run(8.0)
+    told = [item for item in desk.decided("condition") if item["name"] == "wind"]
+    assert [item["began"] for item in told] == [True, False]
+    assert told[0]["action"] == "hold"
+    assert desk.state == "flying"
+    assert desk.said("MOAR goes on")
+
+
+def test_a_hold_ends_like_any_flight_when_the_pilot_takes_over():
+    desk = Desk().come_to("flying").run(4.0)
+    desk.set(fix_type=0).run_until("holding")
+    desk.say_heartbeat(0x00030000).run(0.1)
+    took = desk.now_s
+    desk.set(fix_type=3).run(10.0).say_heartbeat(OFFBOARD).run(10.0)
+    assert desk.state == "overridden"
+    assert not desk.setpoints(took)
+
+
+def test_nothing_jumps_while_conditions_come_and_go():
+    desk = Desk().come_to("flying").run(2.0)
+    began = desk.now_s
+    for seconds in (4.0, 7.0, 4.0, 9.0):
+        desk.set(wind_mps=21.0 if desk.state == "flying" else 1.0).run(seconds)
+    places = [(m.x, m.y, m.z) for m in desk.setpoints(began)]
+    assert max(itertools.starmap(math.dist, itertools.pairwise(places))) <= 0.7 * 0.02 + 1e-3
+
+
+def test_nothing_is_said_of_conditions_before_anything_is_ordered():
+    desk = Desk()
+    desk.companion.receive(LINK, b"", desk.now_s)
+    desk.set(wind_mps=20.0, fix_type=0, battery_percent=3).run(20.0)
+    assert not [text for text in desk.texts() if "MOAR" in text]
+
+
+# What is told no more ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("bad", "silent", "well"),
+    [
+        ({"wind_mps": 25.0}, {"wind_mps": None}, {"wind_mps": 5.0}),
+        (
+            {"receiver_accuracy_m": 4.0},
+            {"fix_type": 0, "receiver_accuracy_m": 0.0},
+            {"fix_type": 3, "receiver_accuracy_m": 0.9},
+        ),
+        (
+            {"receiver_accuracy_m": 4.0},
+            {"fix_type": 1, "receiver_accuracy_m": 1.0},
+            {"fix_type": 3, "receiver_accuracy_m": 0.9},
+        ),
+        ({"accuracy_m": 2.4}, {"accuracy_m": math.nan}, {"accuracy_m": 0.3}),
+    ],
+)
+def test_what_holds_ends_by_a_measurement_and_not_by_silence(bad, silent, well):
+    desk = Desk(wind_mps=5.0).come_to("flying").run(1.0)
+    desk.set(**bad).run_until("holding", 6.0)
+    name = desk.companion.ruling.conditions[0].condition.name
+    desk.set(**silent).run(12.0)
+    assert desk.state == "holding"
+    assert name in {item.condition.name for item in desk.companion.ruling.conditions}
+    desk.set(**well).run_until("flying", 20.0)
+
+
+def test_obstacles_stay_as_wide_as_they_were_when_the_receiver_falls_silent():
+    desk = Desk().come_to("flying").run(1.0)
+    desk.set(receiver_accuracy_m=1.7).run(3.0)
+    desk.set(fix_type=0, receiver_accuracy_m=0.0).run(6.0).order(EXIT).run(1.0)
+    assert desk.jobs[-1].widening_m >= 0.8
+
+
+def test_it_is_told_of_what_still_holds_though_its_cause_is_over():
+    desk = Desk().set(reset_counter=0).come_to("flying").run(2.0)
+    desk.jump(0.0, -2.0, -4.0).set(reset_counter=1).run(11.0)
+    (jump,) = (item for item in desk.companion.ruling.conditions if item.condition.name == "jump")
+    assert not jump.lasts
+    assert not desk.said("MOAR hold: the position jumped")
+    ground_station(desk, 254, seconds=3)
+    assert desk.said("MOAR hold: the position jumped 4.5 m, more than 3 m")

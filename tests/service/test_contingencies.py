@@ -1,0 +1,370 @@
+"""Ways out that are always ready, what is still to be flown, and the point of no return."""
+
+from __future__ import annotations
+
+import functools
+import itertools
+import math
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.config import Supervision
+from moar_companion.planner.planner import Planner
+from moar_companion.power import landing_s
+from moar_companion.service.jobs import PlanAnswer
+from moar_companion.types import AutopilotKind, Mission
+
+from .desk import ACCEPTED, EXIT, INSPECTION, TEMPORARILY_REJECTED, Desk, usual_planner
+
+UNRESERVED = Supervision(battery_reserve=0.0)
+
+
+def desk_with_contingencies(**config):
+    desk = Desk(wind_mps=2.0, **config)
+    desk.contingencies = True
+    return desk
+
+
+def outlook(desk):
+    return desk.companion.outlook
+
+
+def test_in_the_air_both_ways_out_are_ready_before_anything_is_ordered():
+    desk = desk_with_contingencies().run(2.0)
+    ways, seen = outlook(desk), desk.companion
+    assert (ways.finish, seen.plan_jobs(), desk.jobs) == (None, [], [])
+    for mission, way in (("exit", ways.exit), ("evacuation", ways.evacuation)):
+        x_m, _, z_m = seen.pose.position_m
+        plan = desk.planner.plan(mission=mission, start=(x_m, z_m))
+        # Slower than the plan's own times, which know no acceleration, and with the landing.
+        assert plan.metrics.duration_s < way.duration_s < 1.5 * plan.metrics.duration_s + 15.0
+        hovering_wh = 400.0 * way.duration_s / 3600.0
+        assert way.energy_wh == pytest.approx(hovering_wh, rel=0.1)
+        assert way.left_s == pytest.approx(ways.flight_s - way.duration_s, rel=0.05)
+
+
+def test_on_the_ground_nothing_is_asked_and_nothing_is_left_to_fly():
+    desk = desk_with_contingencies()
+    desk.landed_state = 1
+    desk.run(3.0)
+    assert desk.contingency_jobs == []
+    assert outlook(desk).exit is None
+    assert outlook(desk).better is None
+
+
+def test_without_a_site_there_is_no_outlook():
+    assert Desk(with_site=False).run(1.0).companion.outlook is None
+
+
+def test_they_are_kept_fresh_from_where_the_aircraft_is():
+    desk = desk_with_contingencies().come_to("flying")
+    for _ in range(5):
+        desk.run(3.0)
+        x_m, _, z_m = desk.companion.pose.position_m
+        asked = [
+            job.request for job in desk.contingency_jobs if job.request.mission.value == "exit"
+        ]
+        fresh_m = min(math.dist(request.start_m, (x_m, z_m)) for request in asked[-4:])
+        assert fresh_m <= 0.7 * 2.5  # no older than a round, at 0.7 m/s
+
+
+def test_one_is_asked_at_a_time_and_again_when_no_answer_comes():
+    desk = Desk().run(4.0)
+    assert len(desk.contingency_jobs) == 1
+    desk.run(4.0)
+    assert len(desk.contingency_jobs) == 2
+    first, second = desk.contingency_jobs
+    late = PlanAnswer(job_id=first.job_id, plan=None)
+    desk.companion.contingency_answered(late)
+    desk.run(0.2)
+    assert len(desk.contingency_jobs) == 2  # still awaited
+    desk.companion.contingency_answered(PlanAnswer(job_id=second.job_id, plan=None))
+    desk.run(0.2)
+    assert len(desk.contingency_jobs) == 3
+    assert desk.jobs == []
+
+
+def test_the_mission_with_its_way_out_becomes_shorter_as_it_is_flown():
+    desk = desk_with_contingencies().come_to("flying").run(2.0)
+    left = []
+    while desk.state in {"flying", "at_target"}:
+        left.append((desk.now_s, outlook(desk).finish.duration_s))
+        desk.run(3.0)
+    # The end that is foretold at the beginning is the one that is foretold at the end.
+    ends = [at_s + rest_s for at_s, rest_s in left]
+    assert max(ends) - min(ends) < 0.1 * left[0][1] + 5.0
+    assert outlook(desk).finish is None
+    desk.order(EXIT).run_until("flying", 2.0)
+    desk.run(0.3)
+    assert outlook(desk).finish == outlook(desk).exit
+    assert outlook(desk).better is Mission.EXIT
+    desk.run_until("holding", 120.0)
+    # What is left is the landing.
+    landing = landing_s(desk.vehicle.guidance.landing_height_m, AutopilotKind.PX4)
+    assert outlook(desk).finish.duration_s == pytest.approx(landing, abs=0.3)
+
+
+def test_the_battery_at_the_point_of_no_return_leads_it_out_by_itself():
+    desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
+    desk.come_to("flying").run(4.0)
+    # 17 % of 1,200 s are 204 s: after the way out more than two minutes are left.
+    desk.set(battery_percent=17).run(6.0)
+    assert not desk.said("of flight left")
+    desk.set(battery_percent=12).run(6.0)
+    assert desk.companion.status.task.mission is Mission.INSPECTION
+    soon = " s of flight left after the exit, at 60 s it begins"
+    assert [text for text in desk.texts() if text.startswith("MOAR note: ") and soon in text]
+    desk.set(battery_percent=6).run(6.0)
+    assert desk.companion.status.task.mission is Mission.EXIT
+    assert desk.said(" s of flight left after the exit, the reserve is 60 s")
+    assert desk.companion.risk.indices.battery > 0.95
+    desk.set(battery_percent=60).run(20.0)
+    assert desk.companion.status.task.mission is Mission.EXIT  # a way out that was begun is flown
+
+
+def test_past_it_no_inspection_is_begun_and_a_way_out_is():
+    desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=6).run(6.0)
+    desk.order(INSPECTION).run(0.5)
+    assert desk.answers() == [TEMPORARILY_REJECTED]
+    desk.order(EXIT).run(0.5)
+    assert desk.answers()[-1] == ACCEPTED
+
+
+def test_a_battery_that_falls_silent_does_not_put_it_off():
+    desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=13)
+    desk.come_to("flying").run(4.0)
+    desk.mute |= {"BATTERY_STATUS", "SYS_STATUS"}
+    before_s = outlook(desk).flight_s
+    desk.run(20.0)
+    assert before_s - outlook(desk).flight_s == pytest.approx(20.0, rel=0.2)
+
+
+def test_the_status_shows_what_is_left():
+    from moar_companion.service.status import LatestDecisions
+
+    desk = desk_with_contingencies().come_to("flying").run(3.0)
+    status = LatestDecisions().status_of(
+        desk.companion, desk.now_s, clock_offset_s=0.0, recorder=None
+    )
+    assert set(status["energy"]) == {
+        "left_wh", "flight_s", "factor", "source", "finish", "exit", "evacuation", "better",
+    }  # fmt: skip
+    assert set(status["energy"]["exit"]) == {"duration_s", "energy_wh", "left_s", "age_s"}
+
+
+def test_a_way_out_that_is_not_there_leaves_the_other():
+    desk = desk_with_contingencies()
+    answer = desk.companion.contingency_answered
+
+    def without_exit(given):
+        job = next(job for job in desk.contingency_jobs if job.job_id == given.job_id)
+        gone = job.request.mission is Mission.EXIT
+        answer(PlanAnswer(job_id=given.job_id, plan=None) if gone else given)
+
+    desk.companion.contingency_answered = without_exit
+    desk.run(3.0)
+    assert outlook(desk).exit is None
+    assert outlook(desk).better is Mission.EVACUATION
+
+
+def test_what_is_asked_alternates_through_all_that_is_to_be_known():
+    desk = desk_with_contingencies().come_to("flying")
+    begun = len(desk.contingency_jobs)
+    desk.run(4.0)
+    asked = [
+        (job.request.mission.value, job.request.target) for job in desk.contingency_jobs[begun:]
+    ]
+    # Out from here, on to the second target, out from there.
+    kinds = {("exit", None), ("evacuation", None), ("inspection", "splice-inner")}
+    assert set(asked) == kinds
+    assert all(first != second for first, second in itertools.pairwise(asked))
+
+
+@pytest.mark.parametrize("speed_mps", [60.0, 3e38])
+def test_a_velocity_that_nothing_flies_at_is_planned_for_all_the_same(speed_mps):
+    desk = desk_with_contingencies()
+    desk.velocity_ned_mps = (0.0, speed_mps, 0.0)
+    desk.run(3.0)
+    assert outlook(desk).exit.duration_s > 0.0
+
+
+def test_beside_the_plane_where_others_fly_it_nothing_is_asked():
+    desk = desk_with_contingencies()
+    desk.position_ned_m = (30.0, 0.0, -2.6)
+    desk.run(3.0)
+    assert desk.contingency_jobs == []
+
+
+# What is not known any more ---------------------------------------------------------------------
+
+
+@functools.cache
+def far_exit_planner():
+    """The exit far away, the evacuation near."""
+    usual = usual_planner()
+    landing_m = {Mission.EXIT: ((400.0, 2.5),), Mission.EVACUATION: ((-10.0, 2.5),)}
+    return Planner(replace(usual.site, landing_m=landing_m), usual.vehicle)
+
+
+def left_after_exit(desk):
+    reports = desk.companion.risk.report.battery.inputs
+    return next(report for report in reports if report.name == "flight time left after exit")
+
+
+@pytest.mark.parametrize("landed", ["silent", "undefined"])
+def test_a_landed_state_that_is_told_no_more_changes_nothing(landed):
+    desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
+    desk.set(battery_percent=25).run(10.0)
+    before = desk.companion.risk.indices.battery
+    assert before > 0.9
+    if landed == "silent":
+        desk.mute |= {"EXTENDED_SYS_STATE"}
+    else:
+        desk.set(landed_state=0)
+    desk.run(20.0)
+    assert left_after_exit(desk).applies
+    assert left_after_exit(desk).known
+    assert desk.companion.risk.indices.battery >= before - 0.01
+    desk.set(landed_state=1).mute.clear()
+    assert not left_after_exit(desk.run(1.0)).applies
+
+
+def test_without_the_landed_state_the_point_of_no_return_leads_it_out():
+    desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
+    desk.come_to("flying").run(2.0)
+    desk.mute |= {"EXTENDED_SYS_STATE"}
+    desk.run(8.0).set(battery_percent=6).run(6.0)
+    assert desk.companion.status.task.mission is Mission.EXIT
+
+
+def test_beside_the_plane_the_way_out_begins_with_the_way_back():
+    desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
+    desk.set(battery_percent=25).run(10.0)
+    before, way_s = desk.companion.risk.indices.battery, outlook(desk).exit.duration_s
+    desk.drift(60.0, 0.0, 0.0, seconds=12.0).run(2.0)
+    speed_mps = desk.vehicle.speed.horizontal_mps
+    assert outlook(desk).exit.duration_s == pytest.approx(way_s + 60.0 / speed_mps, rel=0.1)
+    assert desk.companion.risk.indices.battery >= before - 0.01
+
+
+@pytest.mark.parametrize("planner", ["has no way", "is silent"])
+def test_a_way_out_that_is_planned_no_more_counts_on(planner):
+    desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
+    desk.come_to("flying").run(4.0)
+    begins_m, way_s = desk.companion.pose.position_m, outlook(desk).exit.duration_s
+    if planner == "is silent":
+        desk.contingencies = False
+    else:
+        answer = desk.companion.contingency_answered
+        desk.companion.contingency_answered = lambda given: answer(replace(given, plan=None))
+    desk.run(30.0)
+    away_m = math.dist(desk.companion.pose.position_m, begins_m)
+    assert away_m > 2.0
+    back_s = away_m / desk.vehicle.speed.horizontal_mps
+    assert outlook(desk).exit.duration_s == pytest.approx(way_s + back_s, abs=2.5)
+    assert outlook(desk).exit.age_s == pytest.approx(30.0, abs=3.0)
+    assert left_after_exit(desk).known
+    assert any("way out" in item.reason for item in desk.companion.ruling.conditions)
+    desk.set(battery_percent=6).run(6.0)
+    assert desk.said(" s of flight left after the exit, the reserve is 60 s")
+
+
+def test_an_exit_that_takes_too_much_gives_way_to_an_evacuation():
+    desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
+    desk.set(battery_percent=80).come_to("flying").run(4.0)
+    desk.order(EXIT).run(1.0)
+    assert outlook(desk).better is Mission.EXIT
+    desk.set(battery_percent=25).run(5.0)
+    assert outlook(desk).exit.left_s < 60.0 < outlook(desk).evacuation.left_s
+    assert desk.companion.status.task.mission is Mission.EVACUATION
+    assert desk.said("0 s of flight left after the exit, the evacuation takes less")
+    desk.run(20.0)
+    assert desk.companion.status.task.mission is Mission.EVACUATION
+
+
+def test_what_a_way_out_that_is_flown_takes_too_much_is_said():
+    desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=80)
+    desk.come_to("flying").run(2.0)
+    desk.order(EXIT).run_until("flying", 5.0).run(2.0)
+    desk.set(battery_percent=6).run(6.0)
+    assert desk.companion.status.task.mission is Mission.EXIT
+    assert desk.said("MOAR exit: ")
+    assert desk.said(" s of flight left after the exit, the reserve is 60 s")
+
+
+def test_what_is_flown_slowly_takes_longer():
+    desk = desk_with_contingencies().come_to("flying").run(2.0)
+    desk.plan_delay_s = None
+    desk.run(5.0)
+    before = outlook(desk).finish
+    desk.run(3.0)
+    assert desk.said("MOAR slow: ")
+    assert outlook(desk).finish.duration_s > 1.2 * before.duration_s
+    assert outlook(desk).finish.energy_wh > 1.2 * before.energy_wh
+
+
+# An exit that is flown --------------------------------------------------------------------------
+
+
+@functools.cache
+def far_evacuation_planner():
+    """The evacuation takes more than the exit, but less than twice as much."""
+    usual = usual_planner()
+    landing_m = {Mission.EXIT: ((60.0, 2.5),), Mission.EVACUATION: ((-20.0, 2.5),)}
+    return Planner(replace(usual.site, landing_m=landing_m), usual.vehicle)
+
+
+def exit_is_flown(planner=far_exit_planner):
+    """For two seconds; what is judged, and by whom."""
+    desk = desk_with_contingencies(supervision=UNRESERVED, planner=planner())
+    desk.come_to("flying").run(0.5)
+    desk.order(EXIT).run(2.0)
+    assert desk.companion.status.task.mission is Mission.EXIT
+    conduct = desk.companion._conduct
+    return desk, conduct.prospects.ways, conduct._scene()
+
+
+def seen_with(ways, scene, left_s, now_s, pace=1.0):
+    """What the supervisor is shown with so much flight time left at this pace."""
+    left_wh = left_s * 400.0 / 3600.0
+    scene = replace(scene, pace=pace, meter=replace(scene.meter, left_wh=left_wh))
+    ways.look(scene, now_s)
+    return ways.way_out(scene.meter)
+
+
+def test_an_exit_at_half_the_pace_gives_way_only_where_a_faster_one_would():
+    desk, ways, scene = exit_is_flown()
+    need_s = ways.outlook(scene.meter).flight_s - ways.outlook(scene.meter).exit.left_s
+    slow = seen_with(ways, scene, need_s + 90.0, desk.now_s, pace=0.5)
+    assert slow.left_s < 0.0
+    assert (slow.mission, slow.flown_left_s) == (Mission.EXIT, None)
+    slow = seen_with(ways, scene, need_s + 30.0, desk.now_s, pace=0.5)
+    assert slow.mission is Mission.EVACUATION
+    assert slow.flown_left_s < 0.0
+
+
+def test_an_exit_at_half_the_pace_is_compared_with_the_evacuation_at_the_same_pace():
+    desk, ways, scene = exit_is_flown(far_evacuation_planner)
+    known = ways.outlook(scene.meter)
+    assert known.exit.energy_wh < known.evacuation.energy_wh < 1.6 * known.exit.energy_wh
+    slow = seen_with(ways, scene, 30.0, desk.now_s, pace=0.5)
+    assert (slow.mission, slow.flown_left_s) == (Mission.EXIT, None)
+
+
+def test_an_exit_that_stands_where_it_was_braked_has_not_arrived():
+    desk, ways, scene = exit_is_flown()
+    before = outlook(desk).exit
+    scene.flight.stand(scene.flight.progress(scene.pose).setpoint.position_m)
+    ways.look(scene, desk.now_s)
+    after = ways.outlook(scene.meter)
+    assert after.exit.duration_s == pytest.approx(before.duration_s, rel=0.1)
+    assert after.finish == after.exit
+
+
+def test_where_others_fly_it_an_exit_that_was_flown_is_no_reason():
+    desk, ways, scene = exit_is_flown()
+    assert seen_with(ways, scene, 900.0, desk.now_s).mission is Mission.EXIT
+    ways.wait(scene.pose.position_m, desk.now_s)
+    way_out = ways.way_out(scene.meter)
+    assert (way_out.mission, way_out.flown_left_s) == (Mission.EVACUATION, None)

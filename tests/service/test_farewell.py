@@ -1,0 +1,189 @@
+"""Every orderly end of the stream: the last setpoint stands where the one before was.
+
+What is not, because the autopilot has left us, or because nothing may be sent, ends at once.
+"""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
+
+from moar_companion.config import Authority
+from moar_companion.mission.conditions import CONDITIONS, Action
+from moar_companion.mission.states import STREAMING, MissionState
+
+from ..mavlink.peer import Peer
+from .desk import (
+    CRITICAL,
+    EXIT,
+    INSPECTION,
+    POSCTL,
+    RELEASE,
+    Desk,
+)
+
+PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+LAND = 0x06040000
+LONG_S = 3.5
+"""Longer than any of these takes."""
+
+
+def second_autopilot(desk):
+    desk.hear(Peer(7, 1).heartbeat(autopilot=desk.kind))
+
+
+def released(desk):
+    desk.order(RELEASE)
+
+
+def shut_down(desk):
+    """Then nothing thinks any more."""
+    desk.companion.shut_down(desk.now_s)
+    desk.take_what_is_sent()
+    desk.step = lambda *_: desk
+
+
+def muted(message):
+    def mute(desk):
+        desk.set(mute={message})
+
+    return mute
+
+
+ORDERLY = {
+    "a release that is ordered": released,
+    "the service is told to end": shut_down,
+    # The supervisor's, by their names.
+    "control": second_autopilot,
+    "heartbeat": muted("HEARTBEAT"),
+    "position": muted("LOCAL_POSITION_NED"),
+    "attitude": muted("ATTITUDE"),
+}
+AT_ONCE = {
+    "thinking": lambda desk: desk.step(1.5),
+    "restart": lambda desk: desk.set(boot_s=1.0),
+    "failsafe": lambda desk: desk.say_heartbeat(desk.mode, CRITICAL),
+    "ground": lambda desk: desk.set(landed_state=1),
+    "pilot": lambda desk: desk.say_heartbeat(POSCTL),
+}
+ELSEWHERE = {
+    "origin": "once known, only a restart makes it unknown",
+    "stream": "the last setpoint stands already when the supervisor hears of it: see below",
+    "landing": "at rest already when the landing is asked for: see below",
+}
+
+
+def speed_mps(setpoint):
+    return math.hypot(setpoint.vx, setpoint.vy, setpoint.vz)
+
+
+def place(setpoint):
+    return setpoint.x, setpoint.y, setpoint.z
+
+
+def silent(desk):
+    """The setpoints until nothing is streamed any more, for good."""
+    desk.run(LONG_S)
+    count = len(desk.setpoints())
+    desk.run(0.5)
+    assert len(desk.setpoints()) == count
+    return desk.setpoints()
+
+
+def ends_at_rest(desk):
+    *_, before, last = silent(desk)
+    assert speed_mps(last) == 0.0
+    assert math.dist(place(last), place(before)) < 1e-6
+
+
+def test_every_way_in_which_the_supervisor_releases_is_here():
+    rows = {row.name: row.farewell for row in CONDITIONS if row.action is Action.RELEASE}
+    assert rows.keys() <= {*ORDERLY, *AT_ONCE, *ELSEWHERE}
+    assert {name for name in ORDERLY if name in rows and not rows[name]} == set()
+    assert {name for name in AT_ONCE if rows[name]} == set()
+
+
+@pytest.mark.parametrize("way", ORDERLY)
+@settings(max_examples=3)
+@given(
+    kind=st.sampled_from([PX4, ARDUPILOT]),
+    mission=st.sampled_from([INSPECTION, EXIT]),
+    after_s=st.floats(0.5, 4.0),
+)
+def test_whenever_a_flight_ends_in_order_its_last_setpoint_stands(way, kind, mission, after_s):
+    desk = Desk(autopilot=kind).come_to("flying", mission).run(after_s)
+    assert speed_mps(desk.setpoints()[-1]) > 0.0
+    ORDERLY[way](desk)
+    ends_at_rest(desk)
+
+
+@pytest.mark.parametrize("way", ORDERLY)
+@pytest.mark.parametrize("state", sorted(STREAMING - {MissionState.FLYING}))
+def test_in_every_other_state_too(state, way):
+    if state is MissionState.HOLDING:
+        desk = Desk().come_to("flying").run(3.0).pause().run(0.1)
+    else:
+        mission = EXIT if state is MissionState.LANDING_LEG else INSPECTION
+        desk = Desk().come_to(state.value, mission).run(0.5)
+    assert desk.state == state.value
+    ORDERLY[way](desk)
+    ends_at_rest(desk)
+
+
+@pytest.mark.parametrize("way", AT_ONCE)
+def test_what_is_not_orderly_ends_without_another_setpoint(way):
+    desk = Desk().come_to("flying").run(3.0).run_to_heartbeat()
+    assert speed_mps(desk.setpoints()[-1]) > 0.0
+    before = len(desk.setpoints())
+    AT_ONCE[way](desk)
+    told_late = way in {"restart", "ground"}  # by messages that come a few times a second
+    assert len(silent(desk)) <= before + (10 if told_late else 0)
+    assert desk.state in {"released", "overridden", "idle"}
+
+
+@pytest.mark.parametrize("jump_ned_m", [(0.0, 8.0, 0.0), (5.0, 0.0, 0.0), (0.0, 0.0, 8.0)])
+@pytest.mark.parametrize("mission", [INSPECTION, EXIT])
+def test_where_no_setpoint_may_be_any_more_the_last_one_stands_where_the_aircraft_is(
+    mission, jump_ned_m
+):
+    desk = Desk().come_to("flying", mission).run(2.0).run_to_position()
+    place, before = desk.position_ned_m, desk.setpoints()[-1]
+    assert speed_mps(before) > 0.0
+    desk.jump(*jump_ned_m)
+    last = silent(desk)[-1]
+    assert desk.state == "released"
+    assert speed_mps(last) == 0.0
+    carried = tuple(
+        a + b for a, b in zip(desk.estimate_off_ned_m, desk.position_ned_m, strict=True)
+    )
+    assert math.dist(carried, tuple(map(sum, zip(place, jump_ned_m, strict=True)))) < 0.1
+
+
+# What ends an offer ------------------------------------------------------------------------------
+
+
+OFFERS = {
+    "nobody gives the mode": lambda desk: desk.run(30.0),
+    "the aircraft has left its place": lambda desk: desk.drift(0.0, 8.0, 0.0),
+    "the supervisor would hold": lambda desk: desk.set(fix_type=1),
+}
+
+
+@pytest.mark.parametrize("way", OFFERS)
+def test_an_offer_that_ends_has_stood_all_the_time(way):
+    desk = Desk().come_to("ready").run(1.0)
+    OFFERS[way](desk)
+    assert {speed_mps(setpoint) for setpoint in silent(desk)} == {0.0}
+    assert desk.state == "idle"
+
+
+def test_a_landing_that_the_autopilot_takes_over_follows_a_setpoint_at_rest():
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(3.0)
+    assert [request.param3 for request in desk.mode_requests()][-1] == 6
+    desk.say_heartbeat(LAND)
+    assert speed_mps(silent(desk)[-1]) == 0.0
+    assert desk.state == "idle"

@@ -1,0 +1,84 @@
+"""What is made ready for plans, and in what order."""
+
+from __future__ import annotations
+
+import asyncio
+
+import pytest
+
+from moar_companion.config import CompanionConfig, shipped_configs
+from moar_companion.planner import planner as planner_module
+from moar_companion.planner.plan import PlanRequest
+from moar_companion.planner.planner import Planner
+from moar_companion.service.app import Service
+from moar_companion.service.companion import Companion
+from moar_companion.service.jobs import PlanJob, preparations, prepare_for
+from moar_companion.service.planners import Planners
+from moar_companion.site import Site
+from moar_companion.types import Mission, RiskIndices, Weights
+from moar_companion.vehicle import Vehicle
+
+
+@pytest.fixture
+def planner(monkeypatch):
+    """A planner with memory for the tables of three goals of four, 8 corners each."""
+    configs = shipped_configs()
+    planner = Planner(
+        Site.load(configs / "sites" / "315kv_double_circuit.yaml"),
+        Vehicle.load(configs / "vehicles" / "linedrone.yaml"),
+    )
+    one_corner = len(planner.graph.allowed) * 8 * 9
+    monkeypatch.setattr(planner_module, "_TABLES_BYTES", 3 * 8 * one_corner)
+    return planner
+
+
+def goals(planner):
+    return [(mission.value, target) for mission, target in planner._tables]
+
+
+def job(target, **changes):
+    request = PlanRequest(
+        mission=Mission.INSPECTION,
+        target=target,
+        start_m=(27.0, 2.6),
+        velocity_mps=(0.0, 0.0),
+        weights=Weights(0.4, 0.3, 0.3),
+        risk=RiskIndices(),
+    )
+    return PlanJob(job_id=1, request=request, **changes)
+
+
+def test_the_first_target_and_the_ways_out_are_ready_though_not_all_can_be(planner):
+    first, second = (target.name for target in planner.site.targets)
+    for prepare in preparations(planner):
+        prepare()
+    assert goals(planner) == [("inspection", first), ("exit", None), ("evacuation", None)]
+    # The second target is flown to, then the first again: its table is made once more.
+    planners = Planners(planner)
+    for target in (second, first):
+        prepare_for(planners, job(target))
+        prepare_for(planners, job(target))
+        assert goals(planner)[-1] == ("inspection", target)
+    assert len(planner._tables) == 3
+
+
+def test_nothing_is_made_ready_for_wider_obstacles_or_an_unknown_target(planner):
+    prepare_for(Planners(planner), job("splice-9"))
+    prepare_for(Planners(planner), job(planner.site.targets[0].name, widening_m=0.3))
+    assert not planner._tables
+
+
+def test_the_service_has_the_flown_goal_ready_whatever_made_room_before(planner):
+    config = CompanionConfig(vehicle=shipped_configs() / "vehicles" / "linedrone.yaml")
+    service = Service(config, Companion(config, planner.vehicle, None), planner, None)
+    for prepare in preparations(planner):
+        prepare()
+    target = planner.site.targets[1].name
+
+    async def order():
+        service._plan(asyncio.get_running_loop(), job(target))
+
+    asyncio.run(order())
+    service._preparing.shutdown(wait=True)
+    service._thread.shutdown(wait=True)
+    assert goals(planner)[-1] == ("inspection", target)

@@ -1,0 +1,110 @@
+"""What an operator is told, and what his order overrides: what he could know of, and no more."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.types import Mission
+
+from .desk import (
+    ACCEPTED,
+    EVACUATION,
+    INSPECTION,
+    PAUSE_CONTINUE,
+    STEP_S,
+    TEMPORARILY_REJECTED,
+    Desk,
+)
+
+
+def flown(desk):
+    return desk.companion.status.task.mission
+
+
+def act(desk, name, seconds=5.0):
+    """Until a condition acts."""
+    for _ in range(round(seconds / STEP_S)):
+        if any(item.condition.name == name for item in desk.companion.ruling.conditions):
+            return desk
+        desk.step()
+    raise AssertionError(f"{name} does not act")
+
+
+@pytest.fixture
+def desk():
+    return Desk().set(accuracy_m=0.3, reset_counter=0).come_to("flying").run(3.0)
+
+
+# Orders that cross with a condition -------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seconds", [STEP_S, 0.4])
+def test_a_hold_that_crosses_a_critical_battery_holds_until_it_is_led_out(desk, seconds):
+    act(desk.set(charge_state=3), "battery_critical").run(seconds).pause().step()
+    assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("holding", [ACCEPTED])
+    desk.run(2.0)
+    assert (desk.state, flown(desk)) == ("flying", Mission.EVACUATION)
+    desk.pause().run(10.0)  # now he knows
+    assert desk.state == "holding"
+
+
+def test_a_hold_overrides_what_it_is_ordered_for(desk):
+    act(desk.set(charge_state=3), "battery_critical").run(0.6).pause().run(10.0)
+    assert desk.state == "holding"
+
+
+@pytest.mark.parametrize("mission", [None, INSPECTION, EVACUATION])
+def test_a_flight_ordered_just_as_the_position_jumps_is_told_so_and_not_begun(desk, mission):
+    desk.pause().run(2.0).jump(0.0, -2.0, -4.0).set(reset_counter=1)
+    act(desk, "jump").step()
+    order = desk.order(mission) if mission else desk.go_on()
+    order.run(2.1)
+    answers = desk.answers() if mission else desk.answers(PAUSE_CONTINUE)
+    assert (desk.state, answers[-1]) == ("holding", TEMPORARILY_REJECTED)
+    assert desk.said("temporarily rejected: just begun: the position jumped 4.5 m")
+    desk.go_on().run(0.5)  # now he knows
+    assert (desk.state, desk.answers(PAUSE_CONTINUE)[-1]) == ("flying", ACCEPTED)
+
+
+def test_the_way_out_that_the_supervisor_has_just_begun_may_be_ordered_as_well(desk):
+    act(desk.set(charge_state=3), "battery_critical").order(EVACUATION).run(0.5)
+    assert (desk.answers()[-1], flown(desk)) == (ACCEPTED, Mission.EVACUATION)
+
+
+# What is told -----------------------------------------------------------------------------------
+
+
+TROUBLE = {
+    "a jump": ({}, "MOAR hold: the position jumped 4.5 m, more than 3 m"),
+    "no fix": ({"fix_type": 0}, "MOAR hold: the receiver has no 3D fix"),
+    "wind": ({"wind_mps": 21.4}, "MOAR hold: wind reported 21.4 m/s, more than 15 m/s"),
+}
+
+
+@pytest.mark.parametrize("trouble", TROUBLE)
+def test_what_begins_while_an_operator_holds_is_told_once(desk, trouble):
+    changes, words = TROUBLE[trouble]
+    desk.pause().run(2.0).set(**changes)
+    if trouble == "a jump":
+        desk.jump(0.0, -2.0, -4.0).set(reset_counter=1)
+    desk.run(15.0)
+    assert desk.state == "holding"
+    assert desk.texts().count(words) == 1
+
+
+def test_what_is_over_while_an_operator_holds_is_told_too(desk):
+    desk.pause().run(2.0).set(wind_mps=21.4).run(5.0).set(wind_mps=2.0).run(8.0)
+    assert desk.said("MOAR over: wind reported 21.4 m/s")
+
+
+def test_what_the_mission_does_about_it_tells_of_it(desk):
+    desk.set(wind_mps=21.4).run_until("holding").run(2.0).set(wind_mps=2.0).run_until("flying", 9.0)
+    assert [text for text in desk.texts() if "wind" in text] == [
+        "MOAR holding: wind reported 21.4 m/s, more than 15 m/s"
+    ]
+
+
+def test_what_a_way_out_goes_before_is_told(desk):
+    desk.set(battery_percent=15).run_until_sought("exit").run(1.0).set(wind_mps=21.4).run(5.0)
+    assert (desk.state, flown(desk)) == ("landing_leg", Mission.EXIT)
+    assert desk.said("MOAR hold: wind reported 21.4 m/s")

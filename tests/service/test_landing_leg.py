@@ -1,0 +1,132 @@
+"""Stopped on a landing leg, outside the workspace: it goes on as soon as it may.
+
+A pole stands beside the leg of the exit, which leaves the workspace at x = 30 m; keep-outs
+allow for 0.9 m of uncertainty.
+"""
+
+from __future__ import annotations
+
+import functools
+import math
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.planner.planner import Planner
+from moar_companion.site import Conductor
+from moar_companion.types import Mission
+
+from .desk import (
+    ACCEPTED,
+    CANCELLED,
+    DENIED,
+    EXIT,
+    INSPECTION,
+    PAUSE_CONTINUE,
+    STEP_S,
+    Desk,
+    usual_planner,
+)
+
+WELL_M, TOO_NARROW_M = 0.3, 1.85
+"""The position's uncertainty."""
+
+
+@functools.cache
+def planner():
+    usual = usual_planner()
+    pole = Conductor(name="pole", position_m=(35.0, 6.0), radius_m=0.0175, keep_out_m=0.9)
+    site = replace(usual.site, obstacles=(*usual.site.obstacles, pole))
+    return Planner(site, usual.vehicle)
+
+
+def moving(desk, seconds):
+    """How often of its setpoints it moves meanwhile."""
+    began = desk.now_s
+    desk.run(seconds)
+    setpoints = desk.setpoints(began)
+    return sum(any((m.vx, m.vy, m.vz)) for m in setpoints) / len(setpoints)
+
+
+def along_m(desk):
+    """How far from the start in the plane, which runs east, the aircraft is."""
+    return desk.position_ned_m[1]
+
+
+@pytest.fixture
+def desk():
+    desk = Desk(planner=planner(), height_m=5.0, east_m=2.0).set(accuracy_m=WELL_M)
+    return desk.come_to("landing_leg", EXIT).run(2.0)
+
+
+def room_m(desk):
+    """Of the landing leg that is flown."""
+    (*_, answer) = (answer for _, answer in desk.answered if answer.plan is not None)
+    return answer.plan.landing_leg.room_m
+
+
+@pytest.mark.parametrize("battery_percent", [90, 15])
+def test_too_narrow_for_a_moment_it_goes_on_along_the_leg(desk, battery_percent):
+    """Also where a way out goes before the hold: an empty battery must not wait for ever."""
+    assert WELL_M < room_m(desk) + 0.9 < TOO_NARROW_M
+    desk.set(battery_percent=battery_percent, plan_delay_s=None).run(4.5)
+    place_m = along_m(desk)
+    desk.set(accuracy_m=TOO_NARROW_M).run_to_heartbeat().run(0.1)
+    assert moving(desk, 0.5) == 0.0
+    assert desk.said("position uncertainty 1.9 m leaves no room here")
+    desk.set(accuracy_m=WELL_M).run_until("landing_leg", 4.0).run(2.5)
+    assert moving(desk, 1.0) == 1.0
+    assert along_m(desk) > place_m
+    desk.run_until("holding", 30.0)
+    assert desk.companion.status.task.done
+
+
+@pytest.mark.parametrize("battery_percent", [90, 15])
+def test_where_it_stays_too_narrow_it_leaves_by_a_way_with_more_room(desk, battery_percent):
+    desk.set(battery_percent=battery_percent).run(4.5).set(accuracy_m=TOO_NARROW_M)
+    desk.run_until("flying", 5.0)  # by an escape leg, away from the pole
+    assert desk.jobs[-1].widening_m >= 0.95
+    desk.run_until("landing_leg", 30.0)
+    assert room_m(desk) >= 0.95
+    desk.run_until("holding", 30.0)
+    assert desk.companion.status.task.done
+
+
+@pytest.mark.parametrize("end", ["taken back", "denied"])
+def test_an_order_that_has_stopped_it_and_comes_to_nothing_lets_it_go_on(desk, end):
+    desk.plan_delay_s = 1.0  # too late to be joined: it comes to rest for the next one
+    desk.order(INSPECTION).run(1.8)
+    assert moving(desk, 0.1) == 0.0
+    if end == "taken back":
+        desk.take_back()
+    else:
+        desk.plan_delay_s = None
+        desk._answers.clear()
+        desk.answer_plan(plan=None, reason="the planner failed", failed=True)
+    desk.run(1.0)
+    assert desk.answers()[-1] == (CANCELLED if end == "taken back" else DENIED)
+    assert moving(desk, 1.0) == 1.0
+    desk.run_until("holding", 60.0)
+    assert desk.companion.status.task.done
+    assert desk.companion.status.task.mission is Mission.EXIT
+
+
+def test_a_jump_beside_the_leg_is_faded_back_before_it_goes_on(desk):
+    desk.jump(0.0, 0.0, 0.25).run(0.2)
+    desk.pause().run(1.0)
+    place = desk.setpoints()[-1]
+    desk.go_on().run(STEP_S)
+    first = desk.setpoints()[-1]
+    assert math.dist((place.x, place.y, place.z), (first.x, first.y, first.z)) < 0.02
+    assert desk.answers(PAUSE_CONTINUE) == [ACCEPTED, ACCEPTED]
+    desk.run_until("holding", 60.0)
+    assert desk.companion.status.task.done
+
+
+@pytest.mark.parametrize("seconds", [0.3, 3.0])
+def test_a_hold_on_the_leg_is_continued_along_it(desk, seconds):
+    desk.pause().run(seconds)
+    asked = len(desk.jobs)
+    desk.go_on().run(0.5)
+    assert (desk.state, len(desk.jobs)) == ("landing_leg", asked)
+    assert moving(desk, 0.5) == 1.0

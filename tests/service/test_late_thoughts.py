@@ -1,0 +1,136 @@
+"""Thoughts that the shell comes too late with: what moves the aircraft is left out of them."""
+
+from __future__ import annotations
+
+import math
+from functools import partial
+
+import pytest
+
+from moar_companion.config import Authority
+
+from .desk import ACCEPTED, AUTO_HOLD, CRITICAL, HOLD, INSPECTION, POSCTL, RELEASE, STEP_S, Desk
+
+
+def come_late(desk):
+    """From now on every thought takes too long."""
+    desk.companion.data_to_send = partial(desk.companion.data_to_send, control=False)
+
+
+def test_no_setpoint_is_sent_but_people_are_answered():
+    desk = Desk().come_to("flying").run(1.0)
+    come_late(desk)
+    sent = len(desk.setpoints())
+    desk.order(HOLD).run(0.1)
+    assert len(desk.setpoints()) == sent
+    assert desk.answers()[-1] == ACCEPTED
+    assert desk.said("MOAR holding inspection")
+
+
+def test_one_late_thought_is_made_up_for_by_the_next():
+    desk = Desk().come_to("flying").run(1.0)
+    sent = len(desk.setpoints())
+    in_time = desk.companion.data_to_send
+    come_late(desk)
+    desk.step()
+    desk.companion.data_to_send = in_time
+    desk.run(0.2)
+    assert len(desk.setpoints()) == sent + 10
+    assert desk.state == "flying"
+
+
+def test_when_every_thought_is_late_control_is_let_go():
+    desk = Desk().come_to("flying").run(1.0)
+    come_late(desk)
+    desk.run_until("released", 1.0)
+    assert desk.said("MOAR released: thinking paused for 0.5 s")
+
+
+def test_a_shell_takes_control_before_the_rest():
+    desk = Desk().come_to("flying").run(1.0)
+    desk.companion.tick(desk.now_s + STEP_S)
+    ((_, setpoint),) = desk.companion.control_to_send()
+    assert setpoint[7:10] == (84).to_bytes(3, "little")  # SET_POSITION_TARGET_LOCAL_NED
+    assert desk.companion.control_to_send() == []
+    assert all(data[7:10] != setpoint[7:10] for _, data in desk.companion.data_to_send())
+
+
+def test_no_mode_is_asked_for():
+    desk = Desk(authority=Authority.ENGAGE)
+    desk.mode = AUTO_HOLD
+    desk.run(1.2).order(INSPECTION).run_until("ready").run(1.2 - 2 * STEP_S)
+    come_late(desk)
+    assert desk.run(0.3).mode_requests() == []
+
+
+def test_a_landing_that_is_asked_for_too_late_is_asked_for_again_once():
+    desk = Desk(authority=Authority.ENGAGE).come_to("flying").pause().run(1.0).run_to_heartbeat()
+    in_time = desk.companion.data_to_send
+    asked_s = desk.now_s
+    desk.companion._conduct.engaging.note_landing()
+    come_late(desk)
+    assert desk.run(0.1).mode_requests(asked_s) == []
+    desk.companion.data_to_send = in_time
+    (request,) = desk.run(3.0).mode_requests(asked_s)
+    assert (request.param2, request.param3) == (4, 6)  # PX4's AUTO.LAND
+
+
+# The last word ----------------------------------------------------------------------------------
+
+
+def released_late(thoughts):
+    """A flight that is released, in the first of so many thoughts that come too late."""
+    desk = Desk().come_to("flying").run(4.0).run_to_position()
+    before = desk.setpoints()[-1]
+    assert any((before.vx, before.vy, before.vz))
+    in_time = desk.companion.data_to_send
+    come_late(desk)
+    desk.order(RELEASE).run(thoughts * STEP_S)
+    desk.companion.data_to_send = in_time
+    assert (desk.state, desk.setpoints()[-1]) == ("released", before)
+    return desk
+
+
+@pytest.mark.parametrize("thoughts", [1, 5])
+def test_a_farewell_that_comes_too_late_is_said_by_the_next_thought(thoughts):
+    desk = released_late(thoughts)
+    count = len(desk.setpoints())
+    *_, before, last = desk.run(1.0).setpoints()
+    assert len(desk.setpoints()) == count + 1
+    assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
+    assert math.dist((last.x, last.y, last.z), (before.x, before.y, before.z)) < 1e-6
+
+
+def test_a_farewell_that_was_made_up_for_is_no_part_of_what_is_streamed_next():
+    desk = released_late(1).step()
+    assert desk.companion._conduct.setpoints._last is None
+
+
+def test_a_farewell_that_comes_in_time_is_said_once():
+    desk = Desk().come_to("flying").run(4.0)
+    count = len(desk.setpoints())
+    assert len(desk.order(RELEASE).run(1.0).setpoints()) == count + 1
+
+
+AFTER_ALL = {
+    "the pilot has taken the mode": lambda desk: desk.say_heartbeat(POSCTL),
+    "the autopilot is in failsafe": lambda desk: desk.say_heartbeat(desk.mode, CRITICAL),
+    "the aircraft is far away by now": lambda desk: desk.step(0.6),
+}
+
+
+@pytest.mark.parametrize("case", AFTER_ALL)
+def test_it_is_said_no_more_when(case):
+    desk = released_late(1)
+    count = len(desk.setpoints())
+    AFTER_ALL[case](desk)
+    assert len(desk.run(1.0).setpoints()) == count
+
+
+def test_after_a_jump_it_is_said_where_the_aircraft_is_now():
+    desk = released_late(2)
+    before = desk.setpoints()[-1]
+    desk.jump(0.0, 0.0, -2.0)
+    last = desk.run(0.2).setpoints()[-1]
+    assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
+    assert last.z - before.z == pytest.approx(-2.0, abs=0.05)

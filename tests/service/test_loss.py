@@ -1,0 +1,390 @@
+"""If we die now: what is told by parameters, how far it comes, and what is objected to."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from pymavlink.dialects.v20 import all as mavlink
+from shapely.geometry import LineString, Point
+
+from moar_companion.planner.reach import Reach
+from moar_companion.service.loss import Loss, LossAction, _first_hit, loss_parameters
+from moar_companion.types import AutopilotKind
+from sitl.autopilot import FakeAutopilot, Options
+
+from ..copies import copy_of
+from ..flights.operator import Manner, Operator
+from ..planner.problems import conductor, make_site
+
+PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
+UNTOLD = {kind: dict.fromkeys(loss_parameters(kind)) for kind in (PX4, ARDUPILOT)}
+
+
+def loss(kind, **parameters):
+    return Loss.told(kind, {**UNTOLD[kind], **parameters})
+
+
+# What is told -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "action"),
+    [
+        (0, LossAction.RETURN),
+        (1, LossAction.RETURN),
+        (2, LossAction.RETURN),
+        (3, LossAction.RETURN),
+        (4, LossAction.LAND),
+        (5, LossAction.HOLD),
+        (6, LossAction.FALL),
+        (7, LossAction.FALL),
+        (99, LossAction.RETURN),
+    ],
+)
+def test_com_obl_rc_act_says_what_px4_does(value, action):
+    assert loss(PX4, COM_OBL_RC_ACT=float(value)).action is action
+
+
+def test_ardupilot_holds_whatever_its_parameters():
+    assert loss(ARDUPILOT, GUID_TIMEOUT=0.5).action is LossAction.HOLD
+
+
+@pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
+def test_before_all_is_asked_nothing_is_known(kind):
+    for name in UNTOLD[kind]:
+        assert Loss.told(kind, {n: 1.0 for n in UNTOLD[kind] if n != name}) is None
+    assert Loss.told(AutopilotKind.UNKNOWN, {}) is None
+
+
+@pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
+def test_what_is_never_told_is_taken_as_by_default_and_named(kind):
+    untold = loss(kind)
+    assert untold.untold == loss_parameters(kind)
+    assert untold.action is (LossAction.RETURN if kind is PX4 else LossAction.HOLD)
+    assert untold.timeout_s == (None if kind is PX4 else 3.0)
+    assert loss(kind, **{loss_parameters(kind)[0]: 1.0}).untold == loss_parameters(kind)[1:]
+
+
+# How far it comes -------------------------------------------------------------------------------
+
+
+@given(st.floats(0.0, 15.0), st.floats(0.0, 5.0))
+def test_the_speed_that_a_way_allows_takes_that_way(free_m, timeout_s):
+    for told in (loss(PX4), loss(ARDUPILOT, GUID_TIMEOUT=timeout_s)):
+        speed = told.speed_mps(np.array([free_m]))
+        assert speed[0] >= 0.0
+        assert told.way_m(speed) == pytest.approx([free_m], abs=1e-9)
+
+
+@given(st.floats(0.1, 10.0), st.floats(0.0, 5.0), st.floats(0.01, 1.0))
+def test_a_longer_time_on_the_last_setpoint_never_allows_more(free_m, timeout_s, more_s):
+    free = np.array([free_m])
+    short = loss(ARDUPILOT, GUID_TIMEOUT=timeout_s).speed_mps(free)
+    assert loss(ARDUPILOT, GUID_TIMEOUT=timeout_s + more_s).speed_mps(free) < short
+    assert loss(ARDUPILOT, GUID_TIMEOUT=-1.0).speed_mps(free) >= short
+
+
+TIMEOUT = {Manner.PX4: "COM_OF_LOSS_T", Manner.ARDUPILOT: "GUID_TIMEOUT"}
+STRAIGHT = {
+    "level": (1.0, 0.0, 0.0),
+    "back": (-1.0, 0.0, 0.0),
+    "up": (0.0, 0.0, -1.0),
+    "down": (0.0, 0.0, 1.0),
+    "slant": (math.sqrt(0.5), 0.0, -math.sqrt(0.5)),
+}
+GREATEST_MPS = {"level": 5.0, "back": 5.0, "up": 2.0, "down": 1.0, "slant": 2.0}
+STEP_S = 0.02
+HEIGHT_M = 15.0
+PARAMETERS = {
+    Manner.PX4: {"COM_OBL_RC_ACT": 5, "MIS_TAKEOFF_ALT": HEIGHT_M},
+    Manner.ARDUPILOT: {"SIM_BOOT_S": 8.0},
+}
+
+
+class Alone:
+    """A fake autopilot that hovers high, and straight flights that end by the companion's death."""
+
+    def __init__(self, manner, wind_mps):
+        self.manner = manner
+        self.autopilot = FakeAutopilot(
+            Options(autopilot=manner.value, parameters=PARAMETERS[manner])
+        )
+        self.autopilot.conditions.gps_noise_factor = 0.0
+        self.operator = Operator(self.autopilot, manner)
+        self.codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=195)
+        self.now_s = 0.0
+        self.run(9.0)
+        self.operator.mode("hold" if _px4(manner) else "ours")
+        self.run(0.1)
+        if _px4(manner):
+            self.operator.take_off(HEIGHT_M)
+            self.run(0.1)
+        self.operator.arm()
+        if not _px4(manner):
+            self.run(2.5)
+            self.operator.take_off(HEIGHT_M)
+        self.run(14.0)
+        self.autopilot.conditions.wind_mps = wind_mps
+        self.run(8.0)
+        assert -self.autopilot.truth.position_ned_m[2] > HEIGHT_M - 1.0
+
+    def run(self, seconds):
+        for _ in range(round(seconds / STEP_S)):
+            self.now_s += STEP_S
+            self.operator.tick(self.now_s)
+            self.autopilot.step(self.now_s)
+            for link, data in self.autopilot.data_to_send():
+                if link == "gcs":
+                    self.operator.receive(data)
+
+    def send(self, message):
+        self.autopilot.receive("companion", bytes(message.pack(self.codec)))
+
+    def lead(self, direction, speed_mps, parameters):
+        """Fly straight; the last setpoint's place."""
+        for name, value in parameters.items():
+            self.autopilot.set_parameter(name, value)
+        self.send(self.codec.heartbeat_encode(18, 8, 0, 0, 4))
+        place, flown_mps = list(self.autopilot.truth.position_ned_m), 0.0
+        for step in range(round((7.0 + speed_mps) / STEP_S)):
+            if step == 75:
+                self.operator.mode("ours")
+            if step > 125:
+                flown_mps = min(speed_mps, flown_mps + STEP_S)
+            place = [
+                at + flown_mps * way * STEP_S for at, way in zip(place, direction, strict=True)
+            ]
+            velocity = [flown_mps * way for way in direction]
+            self.send(
+                self.codec.set_position_target_local_ned_encode(
+                    0, 1, 1, 1, 0x9C0, *place, *velocity, 0, 0, 0, 0, 0
+                )
+            )
+            self.run(STEP_S)
+        assert self.operator.in_mode("ours")
+        return place
+
+    def way_m(self, place, direction, timeout_s):
+        """How far it comes beyond its last setpoint, from how far it was off before."""
+        self.autopilot.set_parameter(TIMEOUT[self.manner], timeout_s)
+        before = self._beyond_m(place, direction)
+        farthest = -math.inf
+        for _ in range(round((timeout_s + 6.0) / STEP_S)):
+            self.run(STEP_S)
+            farthest = max(farthest, self._beyond_m(place, direction))
+        return farthest - before
+
+    def _beyond_m(self, place, direction):
+        here = self.autopilot.truth.position_ned_m
+        return sum(
+            (at - wanted) * way for at, wanted, way in zip(here, place, direction, strict=True)
+        )
+
+
+def _px4(manner):
+    return manner is Manner.PX4
+
+
+def comes_no_farther(manner, wind_mps, flights, **parameters):
+    hovering = Alone(manner, wind_mps)
+    kind = PX4 if _px4(manner) else ARDUPILOT
+    for name, speed_mps, *timeouts_s in flights:
+        led = copy_of(hovering)
+        place = led.lead(STRAIGHT[name], speed_mps, parameters)
+        for timeout_s in timeouts_s:
+            timeout = {} if _px4(manner) else {"GUID_TIMEOUT": timeout_s}
+            told = loss(kind, **parameters, **timeout)
+            way_m = copy_of(led).way_m(place, STRAIGHT[name], timeout_s)
+            bound_m = float(told.way_m(np.array(speed_mps)))
+            least_m = 0.0 if parameters else 0.3 * bound_m
+            assert least_m < way_m <= bound_m + NOISE_M, (name, speed_mps, timeout_s)
+
+
+NOISE_M = 0.1
+"""Of the receiver, while it stops."""
+
+
+@pytest.mark.parametrize("manner", Manner)
+def test_the_fake_autopilots_come_no_farther(manner):
+    comes_no_farther(manner, 0.0, [("slant", 1.0, 0.5)])
+
+
+SOFT = [
+    (Manner.PX4, {"MPC_ACC_HOR": 2.0}),
+    (Manner.PX4, {"MPC_ACC_HOR": 1.0}),
+    (Manner.ARDUPILOT, {"WPNAV_ACCEL": 100.0, "WPNAV_ACCEL_Z": 100.0}),
+    (Manner.ARDUPILOT, {"WPNAV_ACCEL": 250.0, "WPNAV_ACCEL_Z": 200.0}),
+    (Manner.ARDUPILOT, {"WPNAV_ACCEL": 500.0, "WPNAV_ACCEL_Z": 100.0}),
+    (Manner.ARDUPILOT, {"PSC_JERK_XY": 1.0, "PSC_JERK_Z": 1.0}),
+]
+
+
+@pytest.mark.parametrize(("manner", "parameters"), SOFT)
+def test_nor_where_they_brake_softly(manner, parameters):
+    flights = [("level", 3.0, 0.1 if _px4(manner) else 0.5)]
+    comes_no_farther(manner, 0.0, flights, **parameters)
+
+
+def test_nor_where_only_its_height_follows_slowly():
+    comes_no_farther(Manner.PX4, 0.0, [("up", 2.0, 3.0)], MPC_Z_P=0.5)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("manner", "parameters"), SOFT)
+def test_nor_where_they_brake_softly_in_wind(manner, parameters):
+    timeouts_s = (0.1, 0.5) if _px4(manner) else (0.5,)
+    flights = [
+        (name, speed_mps, *timeouts_s)
+        for name, speed_mps in (("level", 1.0), ("level", 5.0), ("up", 2.0))
+    ]
+    comes_no_farther(manner, 6.0, flights, **parameters)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("wind_mps", [0.0, 6.0])
+@pytest.mark.parametrize("manner", Manner)
+def test_the_fake_autopilots_come_no_farther_whichever_way(manner, wind_mps):
+    comes_no_farther(
+        manner,
+        wind_mps,
+        [
+            (name, speed_mps, 0.5, 1.0, 2.0, 3.0)
+            for name, greatest_mps in GREATEST_MPS.items()
+            for speed_mps in (0.7, 1.0, 2.0, 3.0, 5.0)
+            if speed_mps <= greatest_mps
+        ],
+    )
+
+
+# What is objected to ----------------------------------------------------------------------------
+
+
+REACH = Reach.over(make_site(conductor(5.5, 4.5, name="wire"), size=(20.0, 10.0)), radius_m=0.1)
+
+
+def objection(told, *places, home=(15.5, 0.0, 0.0)):
+    return told.objection(REACH, np.array(places), home)
+
+
+def test_holding_is_fine_anywhere():
+    assert objection(loss(PX4, COM_OBL_RC_ACT=5.0), (5.5, 5.5), (5.5, 3.5)) is None
+    assert objection(loss(ARDUPILOT, GUID_TIMEOUT=0.5), (5.5, 5.5)) is None
+
+
+def test_landing_is_fine_where_nothing_is_below():
+    lands = loss(PX4, COM_OBL_RC_ACT=4.0)
+    assert objection(lands, (5.5, 3.5), (8.5, 5.5)) is None
+    words = "if we died, PX4 would land through wire: set COM_OBL_RC_ACT 5"
+    assert objection(lands, (8.5, 5.5), (5.5, 7.5)) == words
+
+
+def test_a_return_climbs_flies_level_and_comes_down_at_home():
+    returns = loss(PX4)
+    words = "if we died, PX4 would return through wire: set COM_OBL_RC_ACT 5"
+    assert objection(returns, (8.5, 5.5), (5.5, 5.5)) is None
+    assert objection(returns, (5.5, 1.5)) == words  # climbs
+    assert objection(returns, (8.5, 8.5), home=(5.5, 0.0, 0.0)) == words  # comes down
+    low = loss(PX4, RTL_RETURN_ALT=4.5)
+    assert objection(low, (3.5, 1.5)) == words  # flies level
+    assert objection(low, (8.5, 1.5)) is None
+    steep = loss(PX4, RTL_MIN_DIST=15.0, RTL_CONE_ANG=69.4)  # 12 m from home it climbs to 4.5 m
+    assert objection(steep, (3.5, 1.5)) == words
+    assert objection(loss(PX4, RTL_MIN_DIST=11.0, RTL_CONE_ANG=69.4), (3.5, 1.5)) is None
+
+
+@pytest.mark.parametrize(
+    ("parameters", "distance_m", "height_m", "level_m"),
+    [
+        ({}, 100.0, 5.0, 30.0),
+        ({}, 10.1, 5.0, 30.0),  # the cone counts within RTL_MIN_DIST alone
+        ({}, 9.9, 5.0, 9.9),
+        ({}, 3.0, 1.0, 4.0),  # twice NAV_ACC_RAD
+        ({}, 1.5, 1.0, 3.0),
+        ({}, 9.9, 40.0, 40.0),
+        ({"RTL_CONE_ANG": 90.0}, 9.9, 1.0, 4.0),
+        ({"RTL_CONE_ANG": 25.0, "RTL_RETURN_ALT": 15.0}, 9.9, 1.0, 15.0),
+        ({"RTL_CONE_ANG": 0.0}, 1.5, 1.0, 30.0),  # no cone
+    ],
+)
+def test_the_height_of_a_return_is_px4s(parameters, distance_m, height_m, level_m):
+    home = loss(PX4, **parameters).home
+    assert home.height_m(height_m, distance_m) == pytest.approx(level_m)
+
+
+@pytest.mark.parametrize("value", [1.0, 2.0, 3.0])
+def test_a_return_that_leads_elsewhere_is_objected_to_anywhere(value):
+    words = (
+        "if we died, PX4 would return by a way that is not known here, RTL_TYPE is not 0: "
+        "set COM_OBL_RC_ACT 5"
+    )
+    assert objection(loss(PX4, RTL_TYPE=value), (9.5, 9.5)) == words
+    assert objection(loss(PX4, RTL_TYPE=value, COM_OBL_RC_ACT=5.0), (9.5, 9.5)) is None
+
+
+def test_next_to_home_a_return_does_not_climb():
+    assert objection(loss(PX4), (5.5, 1.5), home=(5.5, 1.0, 0.0)) is None
+
+
+def test_without_a_home_a_return_is_looked_at_as_far_as_it_climbs():
+    assert objection(loss(PX4), (3.5, 1.5), home=None) is None
+    assert "through wire" in objection(loss(PX4), (5.5, 1.5), home=None)
+
+
+def test_a_home_beyond_the_ocean_is_looked_at_on_the_site_alone():
+    """Cell by cell the way there would take minutes."""
+    assert objection(loss(PX4), (8.5, 5.5), home=(-6e6, 2e6, -3e5)) is None
+    low = loss(PX4, RTL_RETURN_ALT=4.5, RTL_MIN_DIST=0.0)
+    assert "through wire" in objection(low, (8.5, 1.5), home=(-6e6, 0.0, 0.0))
+    assert objection(low, (8.5, 1.5), home=(6e6, 0.0, 0.0)) is None
+
+
+@given(st.data())
+def test_what_is_hit_is_hit_wherever_the_grid_ends(data):
+    places = st.tuples(st.floats(-30.0, 50.0), st.floats(-30.0, 40.0))
+    start, end = data.draw(places), data.draw(places)
+    line = LineString([start, end])
+    wire = Point(5.5, 4.5)
+    hit = _first_hit(REACH, [(np.array([start]), np.array([end]))])
+    if line.distance(wire) > 0.1 + 1.6:
+        assert hit is None
+    elif line.distance(wire) < 0.1 and min(wire.distance(Point(at)) for at in (start, end)) > 2.0:
+        assert hit == "wire"
+
+
+def test_motors_that_stop_are_objected_to_anywhere():
+    assert "would stop its motors: set" in objection(loss(PX4, COM_OBL_RC_ACT=7.0), (9.5, 9.5))
+
+
+def test_so_is_a_time_on_the_last_setpoint_that_leaves_no_speed():
+    words = "if we died, it would fly on for 60 s: set GUID_TIMEOUT 0.5"
+    assert objection(loss(ARDUPILOT, GUID_TIMEOUT=60.0), (9.5, 9.5)) == words
+
+
+# What it cannot follow --------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("parameters", "lags"),
+    [
+        ({}, False),
+        ({"WPNAV_ACCEL": 100.0}, False),
+        ({"WPNAV_ACCEL": 99.0}, True),
+        ({"WPNAV_ACCEL_Z": 99.0}, True),
+    ],
+)
+def test_an_autopilot_that_accelerates_less_than_its_setpoints_cannot_follow(parameters, lags):
+    lag = loss(ARDUPILOT, **parameters).lag(1.0)
+    assert (lag is not None) is lags
+    if lag is not None:
+        assert lag == (
+            "ArduPilot follows with 0.99 m/s2 only, guidance.acceleration_mps2 is 1: "
+            "set WPNAV_ACCEL and WPNAV_ACCEL_Z 100"
+        )
+
+
+def test_px4_follows_setpoints_as_hard_as_it_can():
+    assert loss(PX4, MPC_ACC_HOR=0.5).lag(5.0) is None

@@ -1,0 +1,91 @@
+"""What outlives the process: its file's bytes, what of it can still be flown, its words."""
+
+from __future__ import annotations
+
+import json
+
+import pytest
+
+from moar_companion.config import shipped_configs
+from moar_companion.mission.machine import MissionState, Task
+from moar_companion.service.memory import Memory, decoded, encoded
+from moar_companion.site import Site
+from moar_companion.types import Mission
+
+SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+TARGETS = tuple(target.name for target in SITE.targets)
+INSPECTION = Task(mission=Mission.INSPECTION, stops=TARGETS)
+EXIT = Task(mission=Mission.EXIT, landing=0)
+
+
+def memory(state=MissionState.FLYING, task=INSPECTION, **changes):
+    values = {"state": state, "since_s": 100.0, "task": task, "site": SITE.name}
+    return Memory(**(values | changes))
+
+
+@pytest.mark.parametrize("state", MissionState)
+@pytest.mark.parametrize("task", [None, INSPECTION, EXIT])
+def test_it_is_read_as_it_was_written(state, task):
+    assert decoded(encoded(memory(state, task), 0.0), 0.0) == memory(state, task)
+
+
+def test_its_time_is_kept_by_the_wall_clock_whatever_clock_the_next_process_has():
+    written = encoded(memory(since_s=100.0), clock_offset_s=1_000.0)
+    assert decoded(written, clock_offset_s=1_050.0).since_s == 50.0
+
+
+WHOLE = encoded(memory(), 0.0)
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"",
+        b"\0" * 300,
+        WHOLE[: len(WHOLE) // 2],
+        WHOLE.replace(b'"version": 1', b'"version": 2'),
+        WHOLE.replace(b"flying", b"floating"),
+        WHOLE.replace(b"100.0", b"NaN"),
+        WHOLE.replace(b"100.0", b'"100"'),
+        json.dumps({"mission": "inspection"}).encode(),
+        b"[" * 100_000,
+    ],
+)
+def test_what_is_not_whole_or_not_ours_is_no_memory(data):
+    with pytest.raises(ValueError):  # noqa: PT011 - whatever is wrong with it
+        decoded(data, 0.0)
+
+
+@pytest.mark.parametrize(
+    ("case", "remembered", "rest"),
+    [
+        ("in flight", memory(), INSPECTION),
+        ("held by an operator", memory(MissionState.HOLDING), INSPECTION),
+        ("ready, the mode not yet given", memory(MissionState.READY), INSPECTION),
+        ("on the way out", memory(task=EXIT), EXIT),
+        ("every target done", memory(MissionState.HOLDING, Task(mission=Mission.INSPECTION)), None),
+        ("the pilot had taken over", memory(MissionState.OVERRIDDEN), None),
+        ("let go before", memory(MissionState.RELEASED), None),
+        ("nothing was flown", memory(MissionState.IDLE, None), None),
+        ("another site", memory(site="another"), None),
+        (
+            "a target that the site has no more",
+            memory(task=Task(mission=Mission.INSPECTION, stops=("gone",))),
+            None,
+        ),
+        (
+            "a landing point that it has no more",
+            memory(task=Task(mission=Mission.EXIT, landing=9)),
+            None,
+        ),
+    ],
+)
+def test_what_was_streamed_and_still_fits_the_site_can_be_continued(case, remembered, rest):
+    assert remembered.rest(SITE) == rest
+    assert remembered.rest(None) is None
+
+
+def test_it_is_told_in_words():
+    assert memory().words(112.4) == f"flying inspection, {TARGETS[0]} next, begun 12 s ago"
+    assert memory(task=EXIT).words(100.0) == "flying exit, begun 0 s ago"
+    assert memory().words(99.0) == f"flying inspection, {TARGETS[0]} next"

@@ -1,0 +1,133 @@
+"""The file of the memory: whole at any moment, never in the way."""
+
+from __future__ import annotations
+
+import errno
+import logging
+import os
+import threading
+import time
+
+import pytest
+
+from moar_companion.mission.machine import MissionState
+from moar_companion.service import memory_file
+from moar_companion.service.memory import Memory, decoded
+from moar_companion.service.memory_file import MemoryFile
+
+IDLE = Memory(state=MissionState.IDLE, since_s=1.0)
+FLYING = Memory(state=MissionState.FLYING, since_s=2.0)
+HOLDING = Memory(state=MissionState.HOLDING, since_s=3.0)
+
+
+@pytest.fixture
+def file(tmp_path):
+    item = MemoryFile(tmp_path / "state")
+    yield item
+    item.close()
+
+
+def written(tmp_path):
+    """What the next process would find."""
+    next_one = MemoryFile(tmp_path / "state")
+    next_one.close()
+    return next_one.load(0.0)
+
+
+def test_the_next_process_finds_what_was_saved_last(file, tmp_path):
+    assert file.load(0.0) is None
+    for memory in (IDLE, FLYING, HOLDING):
+        file.save(memory, 0.0)
+    file.close()
+    assert written(tmp_path) == HOLDING
+    assert [item.name for item in (tmp_path / "state").iterdir()] == ["mission.json"]
+
+
+def test_a_slow_disk_keeps_nobody_waiting_and_gets_only_the_newest(file, tmp_path, monkeypatch):
+    disk, syncs = threading.Event(), []
+
+    def fsync(descriptor):
+        disk.wait(10)
+        syncs.append(descriptor)
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    began_s = time.monotonic()
+    for _ in range(100):
+        file.save(FLYING, 0.0)
+    file.save(HOLDING, 0.0)
+    assert time.monotonic() - began_s < 1.0
+    disk.set()
+    file.close()
+    assert len(syncs) <= 4  # two for a file and its folder: the first one, and the newest
+    assert written(tmp_path) == HOLDING
+
+
+class Killed(BaseException):
+    """The process ends here."""
+
+
+@pytest.mark.parametrize(
+    ("moment", "where", "found"),
+    [
+        ("before the new file is on the disk", (os, "fsync"), IDLE),
+        ("before it is renamed", (memory_file.Path, "replace"), IDLE),
+        ("before the renaming is on the disk", (memory_file, "_sync"), FLYING),
+    ],
+)
+def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(
+    moment, where, found, file, tmp_path, monkeypatch
+):
+    file._write(memory_file.encoded(IDLE, 0.0))
+
+    def die(*_):
+        raise Killed
+
+    with monkeypatch.context() as patch:
+        patch.setattr(*where, die)
+        with pytest.raises(Killed):
+            file._write(memory_file.encoded(FLYING, 0.0))
+    assert written(tmp_path) == found
+
+
+def test_a_full_disk_is_said_once_and_what_is_out_of_date_is_taken_away(
+    file, tmp_path, monkeypatch, caplog
+):
+    file._write(memory_file.encoded(FLYING, 0.0))
+
+    def full(_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "fsync", full)
+        for _ in range(3):
+            file._write(memory_file.encoded(HOLDING, 0.0))
+    told = [record.getMessage() for record in caplog.records if record.levelno > logging.DEBUG]
+    assert told == [f"{tmp_path}/state/mission.json: not written: No space left on device"]
+    assert list((tmp_path / "state").iterdir()) == []
+    file._write(memory_file.encoded(HOLDING, 0.0))
+    assert written(tmp_path) == HOLDING
+
+
+@pytest.mark.parametrize("data", [b"", b"{", b"\xff\xfe", b"[]", b"x" * 1_000_000])
+def test_a_file_that_is_broken_is_said_in_one_line_and_put_aside(data, file, tmp_path, caplog):
+    path = tmp_path / "state" / "mission.json"
+    path.write_bytes(data)
+    assert file.load(0.0) is None
+    (record,) = caplog.records
+    assert record.getMessage().startswith(f"{path}: no memory of this version")
+    assert path.with_suffix(".broken").read_bytes() == data
+    assert not path.exists()
+
+
+def test_a_file_that_cannot_be_read_is_said_and_left(file, tmp_path, caplog):
+    (tmp_path / "state" / "mission.json").mkdir()
+    assert file.load(0.0) is None
+    (record,) = caplog.records
+    assert record.getMessage().endswith("mission.json: not read: Is a directory")
+
+
+def test_what_is_in_the_file_is_json_with_the_time_of_the_wall_clock(file, tmp_path):
+    file.save(FLYING, 1_000.0)
+    file.close()
+    data = (tmp_path / "state" / "mission.json").read_bytes()
+    assert decoded(data, 0.0).since_s == 1_002.0

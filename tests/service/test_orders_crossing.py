@@ -1,0 +1,246 @@
+"""Orders that cross with something else, or come before the mode, a plan or the end."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from moar_companion.config import Authority
+
+from ..mavlink.peer import Peer
+from .desk import (
+    ACCEPTED,
+    AUTO_HOLD,
+    CANCELLED,
+    CRITICAL,
+    DENIED,
+    EVACUATION,
+    EXIT,
+    HOLD,
+    IN_PROGRESS,
+    INSPECTION,
+    OFFBOARD,
+    PAUSE_CONTINUE,
+    RELEASE,
+    TEMPORARILY_REJECTED,
+    USER_1,
+    Desk,
+)
+
+# Orders that cross with something else ----------------------------------------------------------
+
+
+def test_an_order_taken_back_in_the_instant_of_its_plan_is_not_flown():
+    desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
+    desk.take_back().answer_plan().run(1.0)
+    assert (desk.state, desk.answers()) == ("idle", [CANCELLED])
+    assert not desk.setpoints()
+
+
+def test_in_flight_an_order_taken_back_in_the_instant_of_its_plan_is_not_flown():
+    desk = Desk().come_to("flying")
+    desk.plan_delay_s = None
+    desk.run(0.5).order(EVACUATION).step()
+    desk.take_back().answer_plan().run(0.5)
+    assert (desk.state, desk.answers()[-1]) == ("flying", CANCELLED)
+    assert desk.companion.status.task.mission.value == "inspection"
+
+
+@pytest.mark.parametrize(("order", "state"), [(HOLD, "holding"), (RELEASE, "released")])
+def test_a_hold_or_release_cancels_the_order_whose_plan_is_awaited(order, state):
+    desk = Desk().come_to("flying")
+    desk.plan_delay_s = None
+    desk.order(EVACUATION).step()
+    desk.order(order, peer=Peer(254, 190)).step()
+    answered = [(m.target_system, m.result) for m in desk.messages("COMMAND_ACK")[-2:]]
+    assert (desk.state, answered) == (state, [(255, CANCELLED), (254, ACCEPTED)])
+
+
+def test_a_pause_cancels_the_order_whose_plan_is_awaited():
+    desk = Desk().come_to("flying")
+    desk.plan_delay_s = None
+    desk.order(EVACUATION).step()
+    desk.pause().step()
+    assert (desk.state, desk.answers()[-1]) == ("holding", CANCELLED)
+    assert desk.answers(PAUSE_CONTINUE) == [ACCEPTED]
+
+
+def test_a_failsafe_heard_with_a_release_gets_no_farewell():
+    desk = Desk().come_to("flying").run(3.0)
+    began = desk.now_s
+    desk.say_heartbeat(AUTO_HOLD, CRITICAL).order(RELEASE).run(1.0)
+    assert desk.state == "released"
+    assert not desk.setpoints(began)
+
+
+@pytest.mark.parametrize("failsafe_first", [True, False])
+def test_an_order_that_crosses_with_a_failsafe_is_not_one_that_knew_of_it(failsafe_first):
+    desk = Desk().come_to("ready").run(1.0)
+    began = desk.now_s
+    if failsafe_first:
+        desk.say_heartbeat(AUTO_HOLD, CRITICAL).order(EXIT)
+    else:
+        desk.order(EXIT).say_heartbeat(AUTO_HOLD, CRITICAL)
+    desk.run(2.0)
+    assert (desk.state, desk.answers()[-1]) == ("released", TEMPORARILY_REJECTED)
+    assert desk.said("just let go")
+    assert not desk.setpoints(began)
+    desk.order(EXIT).run(0.5)  # now the operator knows
+    assert (desk.state, desk.answers()[-1]) == ("ready", ACCEPTED)
+
+
+def test_with_a_plans_answer_too_an_order_comes_after_what_ends_control():
+    desk = Desk().come_to("ready").run(1.0)
+    desk.plan_delay_s = None
+    desk.order(EVACUATION).step()
+    began = desk.now_s
+    desk.say_heartbeat(AUTO_HOLD, CRITICAL).order(EXIT).answer_plan().run(2.0)
+    assert desk.state == "released"
+    assert not desk.setpoints(began)
+
+
+def test_with_a_plans_answer_too_a_failsafe_heard_with_a_release_gets_no_farewell():
+    desk = Desk().come_to("flying").run(3.0)
+    desk.plan_delay_s = None
+    desk.order(EXIT).step()
+    began = desk.now_s
+    desk.say_heartbeat(AUTO_HOLD, CRITICAL).order(RELEASE).answer_plan().run(1.0)
+    assert desk.state == "released"
+    assert not desk.setpoints(began)
+
+
+# While ready ------------------------------------------------------------------------------------
+
+
+def test_a_mission_ordered_while_ready_interrupts_no_stream():
+    desk = Desk(plan_delay_s=0.5).come_to("ready").run(1.0)
+    began = desk.now_s
+    desk.order(EXIT).run(0.4)
+    assert desk.state == "ready"
+    desk.run(0.6)
+    assert (desk.state, desk.answers()[-1]) == ("ready", ACCEPTED)
+    assert desk.companion.status.task.mission.value == "exit"
+    assert len(desk.setpoints(began)) == 50
+    assert {(m.vx, m.vy, m.vz) for m in desk.setpoints(began)} == {(0.0, 0.0, 0.0)}
+
+
+def test_a_mission_that_cannot_be_planned_leaves_ready_as_it_was():
+    desk = Desk().come_to("ready")
+    desk.plan_delay_s = None
+    desk.order(EXIT).step().answer_plan(plan=None, reason="no way out").run(0.5)
+    assert (desk.state, desk.answers()[-1]) == ("ready", DENIED)
+    desk.plan_delay_s = 0.04
+    desk.run(1.0).say_heartbeat(OFFBOARD).run_until("flying", 0.1)
+    assert desk.companion.status.task.mission.value == "inspection"
+
+
+@pytest.mark.parametrize("held_by", ["pause", "order"])
+def test_a_hold_given_with_the_mode_holds_and_can_be_continued(held_by):
+    """The pilot gives OFFBOARD; a second later at the latest the companion hears of it."""
+    desk = Desk().come_to("ready").run(1.2).run_to_heartbeat()
+    desk.mode = OFFBOARD
+    began = desk.now_s
+    if held_by == "pause":
+        desk.pause()
+    else:
+        desk.order(HOLD)
+    desk.step()
+    assert desk.state == "ready"
+    assert desk.answers(PAUSE_CONTINUE if held_by == "pause" else USER_1)[-1] == ACCEPTED
+    desk.run(5.0)
+    assert desk.state == "holding"
+    assert len(desk.setpoints(began)) == 251
+    place = desk.setpoints(began)[0]
+    last = desk.setpoints()[-1]
+    assert math.dist((last.x, last.y, last.z), (place.x, place.y, place.z)) < 1e-6
+    desk.go_on().run(0.5)
+    assert desk.state == "flying"
+    assert desk.run_until("at_target", 60.0).state == "at_target"
+
+
+def test_a_hold_while_ready_can_be_continued_while_ready():
+    desk = Desk().come_to("ready").pause().run(0.5)
+    desk.go_on().run(0.5)
+    assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("ready", [ACCEPTED, ACCEPTED])
+    desk.run(1.0).say_heartbeat(OFFBOARD).run_until("flying", 0.1)
+
+
+# Planners that are slow or silent ---------------------------------------------------------------
+
+
+def test_a_planner_that_never_answers_is_not_waited_for():
+    desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).run(4.9)
+    assert desk.state == "planning"
+    desk.run(0.3)
+    assert (desk.state, desk.answers()) == ("idle", [IN_PROGRESS, DENIED])
+    assert desk.said("the planner does not answer")
+    desk.answer_plan().run(1.0)  # too late
+    assert desk.state == "idle"
+    assert not desk.setpoints()
+
+
+def test_a_replan_that_never_comes_is_dropped_and_the_next_one_asked_for():
+    desk = Desk().come_to("flying")
+    desk.plan_delay_s = None
+    began = desk.now_s
+    desk.run(6.0)
+    asked = len(desk.jobs)
+    desk.plan_delay_s = 0.04
+    desk.run(6.0)
+    assert len(desk.jobs) > asked
+    assert desk.state == "flying"
+    assert len(desk.setpoints(began)) == 600
+
+
+@pytest.mark.parametrize("delay_s", [0.4, 0.8, 1.5])
+def test_a_plan_that_comes_too_late_to_be_joined_is_made_again_from_rest(delay_s):
+    desk = Desk().come_to("flying").run(4.0)
+    desk.plan_delay_s = delay_s
+    desk.order(EVACUATION).run(4.0)
+    assert desk.answers()[-1] == ACCEPTED
+    assert desk.companion.status.task.mission.value == "evacuation"
+    assert "at_target" not in [change["state"] for change in desk.decided("state")]
+
+
+@pytest.mark.parametrize("mission", [EXIT, EVACUATION])
+def test_a_way_out_that_brakes_for_a_slow_planner_has_not_come_to_its_end(mission):
+    desk = Desk(authority=Authority.ENGAGE).come_to("at_target").order(mission).run(4.0)
+    assert desk.state == "flying"
+    began = desk.now_s
+    desk.plan_delay_s = 1.5
+    desk.order(INSPECTION).run(6.0)
+    assert not desk.mode_requests(began)  # for the landing
+    assert (desk.state, desk.answers()[-1]) == ("flying", ACCEPTED)
+
+
+# The end of the mission -------------------------------------------------------------------------
+
+
+def test_above_the_landing_point_nothing_is_left_to_continue():
+    desk = Desk().come_to("holding", EXIT).run(2.0).go_on().run(0.5)
+    assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("holding", [TEMPORARILY_REJECTED])
+    assert desk.said("nothing is left to fly")
+
+
+@pytest.mark.parametrize("early_s", [0.0, 0.1, 0.2, 0.3, 0.4, 0.6])
+def test_a_hold_that_ends_beyond_the_gate_can_be_continued(early_s):
+    way = Desk().come_to("flying", EXIT)
+    began = way.now_s
+    way.run_until("landing_leg", 60.0)
+    desk = Desk().come_to("flying", EXIT).run(way.now_s - began - early_s - 0.02)
+    assert desk.state == "flying"
+    desk.pause().run(3.0)
+    assert desk.state == "holding"
+    desk.go_on().run(1.0)
+    assert desk.answers(PAUSE_CONTINUE) == [ACCEPTED, ACCEPTED]
+    assert desk.run_until("holding", 60.0).companion.status.task.done
+
+
+@pytest.mark.parametrize("plan_delay_s", [0.0, 0.04])
+def test_an_order_that_is_given_while_it_brakes_is_joined_where_it_comes_to_rest(plan_delay_s):
+    desk = Desk(plan_delay_s=plan_delay_s).come_to("flying").run(4.0)
+    planned = len(desk.jobs)
+    desk.pause().run(0.1).order(EVACUATION).run(0.2)
+    assert (desk.state, desk.answers()[-1]) == ("flying", ACCEPTED)
+    assert len(desk.jobs) == planned + 1

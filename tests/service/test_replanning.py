@@ -1,0 +1,171 @@
+"""When the path changes in flight, and what is said of it."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from unittest import mock
+
+import pytest
+
+from moar_companion.planner.planner import Planner
+from moar_companion.risk import RiskEstimate
+from moar_companion.service.junction import Adoption
+from moar_companion.service.status import LatestDecisions
+from moar_companion.site import Conductor
+from moar_companion.types import Mission, RiskIndices
+from tests.service.desk import INSPECTION, OFFBOARD, USER_1, Desk
+from tests.service.test_flight import Flown
+
+INNER = 1
+
+
+class Risks:
+    """In the place of `update`: these indices, whatever is measured."""
+
+    def __init__(self):
+        self.indices = RiskIndices()
+
+    def __call__(self, estimate: RiskEstimate, *_, **__) -> RiskEstimate:
+        return replace(estimate, indices=self.indices)
+
+
+@pytest.fixture
+def risks():
+    judged = Risks()
+    with mock.patch("moar_companion.service.prospects.update", judged):
+        yield judged
+
+
+@pytest.fixture
+def desk(risks):
+    """A companion that flies to the inner splice without any risk."""
+    desk = Desk()
+    desk.run(1.0)
+    desk.hear(desk.operator.command(USER_1, INSPECTION, INNER))
+    desk.run_until("ready")
+    desk.set(mode=OFFBOARD)
+    desk.run_until("flying")
+    desk.run(1.0)
+    return desk
+
+
+def plans(desk):
+    return [decision.data for decision in desk.decisions if decision.kind == "plan"]
+
+
+def test_a_risk_that_hardly_matters_changes_nothing(desk, risks):
+    for step in range(20):
+        risks.indices = RiskIndices(wind=0.15 * (step % 2), communication=0.2 * (step % 3))
+        desk.run(0.4)
+    assert sum(decision.kind == "replan" for decision in desk.decisions) > 10
+    assert len(plans(desk)) == 1
+
+
+def test_a_risk_that_matters_moves_the_path_and_people_are_told(desk, risks):
+    risks.indices = RiskIndices(wind=0.9, communication=0.9, localization=0.9)
+    desk.run(1.0)
+    first, second = plans(desk)
+    assert (first["first"], first["explanation"]["reason"]) == (True, "an order")
+    assert first["explanation"]["path"] is None
+    explanation = second["explanation"]
+    assert explanation["reason"] == "wind risk 0.00 -> 0.90"
+    assert explanation["weights"]["by_risk"]["wind"]["time"] < 0.0
+    assert explanation["path"]["greatest_m"] > 0.3
+    assert second["plan"]["risk"]["wind"] == 0.9
+    json.dumps(explanation, allow_nan=False)
+    texts = [decision.data["text"] for decision in desk.decisions if decision.kind == "text"]
+    moved = f"path moved {explanation['path']['greatest_m']:.1f} m"
+    assert any(
+        text.startswith("MOAR: wind risk 0.00 -> 0.90, ") and moved in text for text in texts
+    )
+
+
+def test_the_status_tells_why_the_path_is_where_it_is(desk, risks):
+    risks.indices = RiskIndices(wind=0.9, communication=0.9, localization=0.9)
+    desk.run(1.0)
+    latest = LatestDecisions()
+    latest.note(desk.decisions, desk.companion.telemetry.link)
+    status = latest.status_of(desk.companion, desk.now_s, clock_offset_s=0.0, recorder=None)
+    assert status["plan"]["reason"] == "wind risk 0.00 -> 0.90"
+    assert status["plan"]["change"].startswith("path moved ")
+    assert status["weights"]["words"].startswith("k_S 0.")
+    assert status["risk"]["wind"]["words"].startswith("wind 0.90")
+
+
+# What is left of the plan that is flown
+
+
+@pytest.fixture
+def flown():
+    flown = Flown("linedrone_flight")
+    flown.order(Mission.INSPECTION)
+    for _ in range(150):
+        flown.advanced(flown.flight)
+    return flown
+
+
+def newer(flown, junction, planner=None, **changes):
+    (x_m, _, z_m), (vx_mps, _, vz_mps) = junction.position_m, junction.velocity_mps
+    request = {"mission": Mission.INSPECTION, "target": flown.site.targets[0].name} | changes
+    return (planner or flown.planner).plan(start=(x_m, z_m), velocity=(vx_mps, vz_mps), **request)
+
+
+def test_what_is_left_begins_where_the_new_plan_does_and_ends_where_it_does(flown):
+    junction = flown.flight.junction()
+    plan = newer(flown, junction)
+    rest = flown.flight.rest_of_plan(plan, junction, None)
+    assert rest.states[0, :2].tolist() == plan.states[0, :2].tolist()
+    assert rest.states[-1, :2].tolist() == plan.states[-1, :2].tolist()
+    assert rest.cost.total >= plan.cost.total - 1e-9
+    assert rest.waypoints.position_m[1:] == pytest.approx(
+        junction.trajectory.points_m[junction.corner + 1 :][:, ::2]
+    )
+
+
+def test_another_goal_is_no_reason_to_stay(flown):
+    junction = flown.flight.junction()
+    for changes in (
+        {"mission": Mission.EXIT, "target": None},
+        {"target": flown.site.targets[1].name},
+    ):
+        plan = newer(flown, junction, **changes)
+        assert flown.flight.rest_of_plan(plan, junction, None) is None
+
+
+def test_a_flight_that_was_braked_has_nothing_left_to_stay_on(flown):
+    flown.flight.brake()
+    junction = flown.flight.junction()
+    assert flown.flight.rest_of_plan(newer(flown, junction), junction, None) is None
+
+
+def test_braking_again_does_not_move_where_it_comes_to_rest(flown):
+    flown.flight.brake()
+    stop_m = flown.flight.junction().position_m
+    flown.advanced(flown.flight)
+    flown.flight.brake()
+    assert flown.flight.junction().position_m == stop_m
+
+
+def test_a_way_back_from_beside_the_path_is_not_compared(flown):
+    junction = flown.flight.junction_at(flown.pose)
+    assert flown.flight.rest_of_plan(newer(flown, junction), junction, None) is None
+
+
+def test_a_path_that_an_obstacle_has_come_into_never_stays(flown):
+    junction = flown.flight.junction()
+    ahead = junction.trajectory.points_m[junction.corner + 8, ::2]
+    new = Conductor(
+        name="new", position_m=(float(ahead[0]), float(ahead[1])), radius_m=0.03, keep_out_m=0.0
+    )
+    site = replace(flown.site, obstacles=(*flown.site.obstacles, new))
+    plan = newer(flown, junction, Planner(site, flown.vehicle))
+    assert flown.flight.rest_of_plan(plan, junction, None) is None
+    assert flown.flight.adopt(plan, junction, None) is Adoption.NEW_PATH
+
+
+def test_where_obstacles_have_become_wider_the_path_is_made_anew(flown):
+    junction = flown.flight.junction()
+    wider = Planner(flown.site, flown.vehicle, position_uncertainty_m=0.3)
+    plan = newer(flown, junction, wider)
+    assert flown.flight.rest_of_plan(plan, junction, wider.maps.reach) is None

@@ -1,0 +1,29 @@
+"""What people are told of the mission: its state in every heartbeat, its changes in words."""
+
+from __future__ import annotations
+
+from moar_companion.mission.states import MissionState
+
+from .desk import OFFBOARD, Desk
+
+
+def test_the_heartbeat_tells_the_mission_state_by_its_place_in_the_contract():
+    desk = Desk().come_to("idle").run(1.1)
+    told = [desk.messages("HEARTBEAT")[-1].custom_mode]
+    desk.come_to("ready").run(1.1)
+    told.append(desk.messages("HEARTBEAT")[-1].custom_mode)
+    desk.say_heartbeat(OFFBOARD).run(1.1)
+    told.append(desk.messages("HEARTBEAT")[-1].custom_mode)
+    assert told == [0, 2, 3]
+    assert [state.number for state in MissionState] == list(range(9))
+
+
+def test_a_state_that_is_entered_again_is_told_again():
+    """A ground station shows the last text: it must not go on showing `holding`."""
+    desk = Desk().come_to("flying").run(1.0)
+    desk.pause().run(1.0).go_on().run(1.0).pause().run(1.0).go_on().run(1.0)
+    assert desk.state == "flying"
+    states = [text for text in desk.texts() if text.startswith(("MOAR flying", "MOAR holding"))]
+    assert states == ["MOAR flying inspection", "MOAR holding inspection"] * 2 + [
+        "MOAR flying inspection"
+    ]

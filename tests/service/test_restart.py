@@ -1,0 +1,143 @@
+"""A process that is started beside an aircraft in flight: it says what it finds, and waits."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.config import Authority, shipped_configs
+from moar_companion.mission.machine import MissionState, Task
+from moar_companion.service.memory import Memory
+from moar_companion.site import Site
+from moar_companion.types import Mission
+
+from .desk import (
+    ACCEPTED,
+    AUTO_HOLD,
+    EXIT,
+    INSPECTION,
+    OFFBOARD,
+    PAUSE_CONTINUE,
+    RELEASE,
+    TEMPORARILY_REJECTED,
+    Desk,
+)
+
+SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+STARTED_S = 50.0
+REST = Task(mission=Mission.INSPECTION, stops=("splice-inner",))
+TOLD = "MOAR restarted; before: flying inspection, splice-inner next, begun 12 s ago"
+
+
+def desk_after(state=MissionState.FLYING, task=REST, mode=OFFBOARD, **config):
+    """Another process flew; it ended twelve seconds after its state began."""
+    before = Memory(state=state, since_s=STARTED_S - 12.0, task=task, site=SITE.name)
+    desk = Desk(before=before, **config)
+    assert desk.now_s == STARTED_S
+    desk.mode = mode
+    return desk
+
+
+@pytest.mark.parametrize("resume", [False, True])
+def test_after_a_crash_nothing_is_streamed_though_the_mode_is_still_on(resume):
+    desk = desk_after(resume=resume).run(10.0)
+    assert (desk.state, desk.setpoints(), desk.mode_requests()) == ("idle", [], [])
+    assert desk.texts() == [
+        f"{TOLD}; continue flies the rest",
+        "MOAR waits for an order, though OFFBOARD is on",
+    ]
+
+
+def test_continue_flies_the_rest_as_an_order():
+    desk = desk_after(mode=AUTO_HOLD).run(1.2).go_on().run_until("ready")
+    assert desk.answers(PAUSE_CONTINUE) == [ACCEPTED]
+    assert desk.companion.status.task == REST
+    desk.run(1.1).say_heartbeat(OFFBOARD).run_until("flying", 0.1).run_until("at_target", 120.0)
+
+
+@pytest.mark.parametrize(
+    ("case", "state", "task"),
+    [
+        ("overridden by the pilot", MissionState.OVERRIDDEN, REST),
+        ("released", MissionState.RELEASED, None),
+        ("every target done", MissionState.HOLDING, Task(mission=Mission.INSPECTION)),
+    ],
+)
+def test_what_was_not_being_flown_is_told_and_not_continued(case, state, task):
+    desk = desk_after(state, task, AUTO_HOLD).run(1.2).go_on().run(0.2)
+    assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]
+    assert desk.said(f"MOAR restarted; before: {state.value}")
+    assert not desk.said("continue flies the rest")
+
+
+def test_a_new_order_flies_and_the_rest_is_forgotten():
+    desk = desk_after(mode=AUTO_HOLD).run(1.2).order(EXIT).run_until("ready")
+    assert desk.companion.status.task.mission is Mission.EXIT
+    desk.order(RELEASE).run(0.6).go_on().run(0.2)
+    assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]
+
+
+def test_a_release_forgets_the_rest():
+    desk = desk_after(mode=AUTO_HOLD).run(1.2).order(RELEASE).run(0.6).go_on().run(0.2)
+    assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]
+
+
+def test_the_ground_ends_what_was_flown():
+    desk = desk_after(mode=AUTO_HOLD)
+    desk.armed, desk.landed_state = False, 1
+    desk.run(1.2)
+    assert desk.texts() == [TOLD]
+    desk.armed, desk.landed_state = True, 2
+    desk.run(1.2).go_on().run(0.2)
+    assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]
+    assert desk.companion.memory.state is MissionState.IDLE
+
+
+def test_without_a_crash_nothing_is_told():
+    desk = desk_after(MissionState.IDLE, None)
+    desk.armed, desk.landed_state = False, 1
+    assert desk.run(5.0).texts() == []
+    assert Desk().run(5.0).texts() == []
+
+
+def test_a_landed_state_that_never_comes_is_waited_for_in_vain():
+    desk = desk_after()
+    desk.mute.add("EXTENDED_SYS_STATE")
+    assert desk.run(2.5).texts() == []
+    assert desk.run(1.0).said("MOAR restarted; before: flying")
+
+
+@pytest.mark.parametrize("state", [MissionState.FLYING, MissionState.OVERRIDDEN])
+def test_under_engage_the_mode_is_not_asked_for_a_pilot_may_have_taken_over(state):
+    desk = desk_after(state, mode=AUTO_HOLD, authority=Authority.ENGAGE)
+    desk.run(1.2).order(INSPECTION).run_until("ready").run(3.0)
+    assert desk.mode_requests() == []
+    desk.say_heartbeat(OFFBOARD).run_until("flying", 0.1)
+    desk.order(RELEASE).run(0.6).say_heartbeat(OFFBOARD)
+    desk.run(1.0).order(INSPECTION).run_until("flying").order(RELEASE).run(0.6)
+    assert desk.mode_requests() == []
+
+
+def test_what_is_remembered_is_what_the_next_process_needs():
+    desk = Desk()
+    assert desk.companion.memory is None
+    desk.come_to("flying")
+    memory = desk.companion.memory
+    assert (memory.state, memory.site) == (MissionState.FLYING, desk.site.name)
+    assert memory.task.stops == ("splice-outer", "splice-inner")
+    assert memory.since_s == desk.companion.status.since_s
+
+
+def test_a_second_crash_before_any_order_remembers_the_first():
+    desk = desk_after().run(5.0)
+    assert desk.companion.memory.state is MissionState.FLYING
+    assert desk.companion.memory.task == REST
+
+
+@pytest.mark.parametrize("pause_s", [0.6, 3.0])
+def test_a_service_that_is_ended_after_a_pause_says_no_farewell(pause_s):
+    desk = Desk().come_to("flying").run(1.0)
+    sent = len(desk.setpoints())
+    desk.now_s += pause_s
+    desk.companion.shut_down(desk.now_s)
+    desk.take_what_is_sent()
+    assert len(desk.setpoints()) == sent

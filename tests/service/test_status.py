@@ -1,0 +1,175 @@
+"""What the status says of a companion on the desk."""
+
+import json
+import math
+
+import pytest
+
+from moar_companion.mavlink.session import Severity
+from moar_companion.service.reports import Decision
+from moar_companion.service.status import LatestDecisions
+from moar_companion.types import LinkStatistics
+
+from .desk import EXIT, POSCTL, Desk
+
+
+def status_of(desk, latest=None, recorder=None):
+    latest = latest or LatestDecisions()
+    latest.note(desk.decisions, desk.companion.telemetry.link)
+    status = latest.status_of(desk.companion, desk.now_s, clock_offset_s=1000.0, recorder=recorder)
+    return json.loads(json.dumps(status, allow_nan=False))
+
+
+def counted(received_s, packets, lost=0):
+    return LinkStatistics(received_s=received_s, packets_received=packets, packets_lost=lost)
+
+
+def test_before_anything_is_heard_everything_is_null_and_the_risks_are_not_known():
+    status = status_of(Desk())
+    assert status["autopilot"] is status["path"] is status["plan"] is status["link"] is None
+    assert status["mission"] == dict.fromkeys(
+        ("for_s", "mission", "goal", "text", "text_age_s"), None
+    ) | {"state": "idle"}
+    assert set(status["aircraft"].values()) == {None}
+    assert set(status["age_s"].values()) == {None}
+    assert status["recorder"] is None
+    assert [index["known"] for index in status["risk"].values()] == [False] * 4
+    assert status["time_s"] == 1050.0
+
+
+def test_in_flight_it_says_where_the_aircraft_is_and_what_is_flown():
+    desk = Desk().come_to("flying").run(0.5)
+    status = status_of(desk)
+    assert status["autopilot"]["kind"] == "px4"
+    assert (status["autopilot"]["ours"], status["autopilot"]["armed"]) == (True, True)
+    mission = status["mission"]
+    assert (mission["state"], mission["mission"]) == ("flying", "inspection")
+    assert mission["goal"] == desk.site.targets[0].name
+    assert mission["text"].startswith("MOAR flying inspection")
+    assert mission["for_s"] == pytest.approx(0.5, abs=0.1)
+    aircraft = status["aircraft"]
+    assert aircraft["position_ned_m"] == pytest.approx(desk.position_ned_m, abs=0.1)
+    assert aircraft["position_m"] == pytest.approx(desk.companion.pose.position_m)
+    assert aircraft["landed"] == "in_air"
+    assert status["weights"]["base"] != status["weights"]["adjusted"]
+    assert sum(status["weights"]["adjusted"].values()) == pytest.approx(1.0)
+
+
+def test_the_setpoint_of_the_status_is_the_one_that_was_sent():
+    desk = Desk().come_to("flying").run(2.0)
+    sent = desk.setpoints()[-1]
+    path = status_of(desk)["path"]
+    plane = desk.companion._surroundings.plane
+    ned_m = plane.position_to_ned(tuple(path["setpoint"]["position_m"]))
+    assert ned_m == pytest.approx((sent.x, sent.y, sent.z), abs=1e-4)
+    assert math.dist(ned_m, desk.position_ned_m) == pytest.approx(path["error_m"], abs=0.1)
+
+
+def test_what_is_left_of_the_path_shrinks_to_nothing_at_the_target_as_fast_as_it_says():
+    desk = Desk().come_to("flying").run(0.5)
+    left = status_of(desk)["path"]
+    began_s = desk.now_s
+    desk.run_until("at_target", 2.0 * left["left_s"])
+    assert desk.now_s - began_s == pytest.approx(left["left_s"], rel=0.2, abs=1.0)
+    assert left["left_m"] > status_of(desk)["path"]["left_m"]
+
+
+def test_clearance_is_from_the_hull_to_the_nearest_obstacle():
+    desk = Desk().come_to("ready")
+    x_m, _, z_m = desk.companion.pose.position_m
+    nearest_m = min(
+        math.dist((x_m, z_m), item.position_m) - item.radius_m
+        for item in desk.site.obstacles
+        if hasattr(item, "radius_m")
+    )
+    clearance_m = status_of(desk)["aircraft"]["clearance_m"]
+    assert 0.0 < clearance_m <= nearest_m - desk.vehicle.radius_m + 1e-6
+
+
+def test_without_a_site_there_is_no_place_and_no_clearance():
+    aircraft = status_of(Desk(with_site=False).run(2.0))["aircraft"]
+    assert aircraft["position_m"] is aircraft["clearance_m"] is None
+    assert aircraft["position_ned_m"] is not None
+
+
+def test_a_pilot_who_takes_over_ends_the_path():
+    desk = Desk().come_to("flying").say_heartbeat(POSCTL).run(0.2)
+    status = status_of(desk)
+    assert status["mission"]["state"] == "overridden"
+    assert status["path"] is None
+
+
+def test_the_last_plan_is_the_one_flown_with_what_it_was_made_for():
+    desk, latest = Desk().come_to("flying").run(3.0), LatestDecisions()
+    plan = status_of(desk, latest)["plan"]
+    assert (plan["status"], plan["mission"]) == ("found", "inspection")
+    assert plan["cost"]["total"] > 0.0
+    assert plan["replans"] == len(desk.decided("replan")) > 0
+    assert plan["paths"] == len(desk.decided("plan"))
+    desk.decisions.clear()
+    desk.order(EXIT).run(1.0)
+    plan = status_of(desk, latest)["plan"]
+    assert (plan["mission"], plan["reason"]) == ("exit", "an order")
+    assert plan["age_s"] <= 1.0
+
+
+def test_a_plan_made_anew_has_the_reason_it_was_asked_for():
+    latest = LatestDecisions()
+    plan = Desk().come_to("flying").decided("plan")[-1]
+    why = plan["explanation"] | {"reason": "wind risk 0.10 -> 0.32"}
+    latest.note(
+        [
+            Decision(time_s=1.0, kind="replan", data={"reason": "wind risk 0.10 -> 0.32"}),
+            Decision(time_s=1.2, kind="plan", data=plan | {"first": False, "explanation": why}),
+            Decision(time_s=2.0, kind="replan", data={"reason": "time"}),
+        ],
+        None,
+    )
+    status = latest.status_of(Desk().companion, 3.0, clock_offset_s=0.0, recorder=None)
+    assert status["plan"]["reason"] == "wind risk 0.10 -> 0.32"
+    assert status["plan"]["age_s"] == pytest.approx(1.8)
+    assert status["plan"]["replans"] == 2
+
+
+def test_an_index_names_its_inputs_and_the_one_that_decides():
+    risk = status_of(Desk().come_to("ready"))["risk"]["communication"]
+    assert risk["worst"] in {item["name"] for item in risk["inputs"]}
+    assert set(risk["inputs"][0]) == {
+        *("name", "value", "unit", "reading", "age_s", "risk", "known")
+    }
+    unheard = next(item for item in risk["inputs"] if item["name"] == "radio margin here")
+    assert unheard["value"] is unheard["age_s"] is unheard["risk"] is None
+
+
+def test_the_rate_of_packets_is_counted_over_a_second_and_anew_when_counts_go_back():
+    desk, latest = Desk().run(1.2), LatestDecisions()
+
+    def rate_hz(link):
+        latest.note([], link)
+        status = latest.status_of(desk.companion, desk.now_s, clock_offset_s=0.0, recorder=None)
+        return status["link"]["rate_hz"]
+
+    assert rate_hz(counted(10.0, 100)) is None
+    assert rate_hz(counted(10.5, 150)) is None
+    assert rate_hz(counted(11.0, 200)) == pytest.approx(100.0)
+    assert rate_hz(counted(11.5, 3)) is None
+
+
+def test_ages_grow_while_a_source_is_silent():
+    desk = Desk().run(1.5)
+    desk.mute = {"ATTITUDE"}
+    desk.run(2.0)
+    ages = status_of(desk)["age_s"]
+    assert ages["attitude"] == pytest.approx(2.0, abs=0.1)
+    assert ages["local_position"] < 0.1
+    assert ages["radio"] is None
+
+
+def test_the_text_is_the_last_one_that_people_were_told():
+    desk = Desk().run(1.2)
+    desk.companion._reports.say(Severity.NOTICE, "first", desk.now_s)
+    desk.companion._reports.say(Severity.WARNING, "second", desk.now_s)
+    desk.take_what_is_sent()
+    mission = status_of(desk.run(1.0))["mission"]
+    assert mission["text"] == "second"
+    assert mission["text_age_s"] == pytest.approx(1.0)

@@ -1,0 +1,65 @@
+"""The stream: what it is handed and must not send, it does not, and the flight is held instead."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.service.flight import Flight
+from moar_companion.types import Mission
+
+from .desk import INSPECTION, Desk
+
+
+def jumped(setpoint):
+    x_m, y_m, z_m = setpoint.position_m
+    return replace(setpoint, position_m=(x_m, y_m + 0.3, z_m))
+
+
+def turned_back(setpoint):
+    x_mps, y_mps, z_mps = setpoint.velocity_mps
+    return replace(setpoint, velocity_mps=(-x_mps, -y_mps, -z_mps))
+
+
+def hurried(setpoint):
+    x_mps, y_mps, z_mps = setpoint.velocity_mps
+    return replace(setpoint, velocity_mps=(2.0 * x_mps, 2.0 * y_mps, 2.0 * z_mps))
+
+
+@pytest.mark.parametrize(
+    ("wrong", "reason"),
+    [
+        (jumped, "the setpoint jumps by 0.30 m"),
+        (turned_back, "the setpoint changes its speed by 1.4 m/s at once"),
+        (hurried, "the setpoint moves at 1.4 m/s, more than 1.1 m/s"),
+    ],
+)
+def test_a_setpoint_that_moves_as_none_may_is_not_sent_but_the_last_one_at_rest(
+    wrong, reason, monkeypatch
+):
+    desk = Desk().come_to("flying").run(5.0)
+    before, of_now = desk.setpoints()[-1], Flight.setpoint
+    with monkeypatch.context() as once:
+        once.setattr(Flight, "setpoint", lambda *arguments: wrong(of_now(*arguments)))
+        desk.step()
+    last = desk.setpoints()[-1]
+    assert (last.x, last.y, last.z) == (before.x, before.y, before.z)
+    assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
+    desk.run(1.0)
+    assert desk.state == "holding"
+    assert desk.said(reason)
+    assert {(m.x, m.y, m.z) for m in desk.setpoints(desk.now_s - 0.5)} == {(last.x, last.y, last.z)}
+    desk.order(INSPECTION).run(1.0)
+    assert desk.state == "flying"
+
+
+def test_a_flight_that_is_stopped_seeks_its_way_out_from_where_it_stands(monkeypatch):
+    desk = Desk().come_to("flying").run(3.0).set(plan_delay_s=None, battery_percent=15)
+    desk.run_until_sought("exit")
+    of_now = Flight.setpoint
+    with monkeypatch.context() as once:
+        once.setattr(Flight, "setpoint", lambda *arguments: jumped(of_now(*arguments)))
+        desk.step()
+    assert desk.set(plan_delay_s=0.04).answer_plan().run(0.5).state == "flying"
+    assert desk.companion.status.task.mission is Mission.EXIT

@@ -1,0 +1,68 @@
+"""Where the aircraft is on its site."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.mavlink.codec import Codec
+from moar_companion.mavlink.dialect import mavlink
+from moar_companion.mavlink.translate import update
+from moar_companion.service.motion import Pose
+from moar_companion.service.surroundings import Ground, Surroundings
+from moar_companion.types import Telemetry
+from tests.mavlink.conftest import SHARED, packets
+
+from .desk import usual_planner
+
+ATTITUDE = int(mavlink.MAVLINK_MSG_ID_ATTITUDE)
+
+
+def room_m(x_m, z_m):
+    planner = usual_planner()
+    pose = Pose(position_m=(x_m, 0.0, z_m), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
+    return Ground(site=planner.site, maps=planner.maps).room_m(pose, planner.vehicle.radius_m)
+
+
+def test_the_room_at_the_middle_of_a_cell_is_the_maps():
+    maps = usual_planner().maps
+    for cell in ((60, 20), (80, 45), (30, 60)):
+        assert room_m(*maps.grid.centre_m(cell)) == pytest.approx(maps.room_m[cell], abs=1e-6)
+
+
+def test_the_room_does_not_step_where_two_cells_meet():
+    grid = usual_planner().maps.grid
+    x_m, z_m = grid.centre_m((60, 20))
+    border_m = x_m + 0.5 * grid.resolution_m
+    assert grid.cell_of((border_m - 0.01, z_m)) != grid.cell_of((border_m + 0.01, z_m))
+    assert abs(room_m(border_m - 0.01, z_m) - room_m(border_m + 0.01, z_m)) <= 0.02
+
+
+def recorded_resets_rad(path):
+    """Of the heading, in an autopilot's recording."""
+    codec = Codec(system_id=9, component_id=9, wanted={ATTITUDE})
+    surroundings, telemetry, resets_rad = Surroundings(None, None), Telemetry(), []
+    for now_s, packet in packets(path):
+        for message in codec.receive(packet):
+            if message.get_srcComponent() == 1:
+                telemetry = update(telemetry, message, now_s)
+                jump = surroundings.look(telemetry)
+                resets_rad += [] if jump is None else [jump.turn_rad]
+    return resets_rad
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize(
+    ("name", "resets_rad"),
+    [
+        ("px4/d1_gps_degradation", [0.427]),  # when its receiver was back
+        ("px4/e1_pilot_override", []),
+        ("px4/c1_wind_v118", []),
+        ("ardupilot/a2_square", []),  # turning
+        ("ardupilot/c3_wind_const", []),  # leaning by up to 30 degrees, and turning
+    ],
+)
+def test_a_recorded_heading_is_reset_when_it_was_and_never_by_a_turn(name, resets_rad):
+    path = SHARED / "traces" / f"{name}.companion.tlog"
+    if not path.exists():
+        pytest.skip(f"the recording {path} is not here")
+    assert recorded_resets_rad(path) == pytest.approx(resets_rad, abs=1e-3)

@@ -1,0 +1,183 @@
+"""Whether what is flown may be, by what the autopilot would do if we died: as the companion has it.
+
+Before the flight, and when a parameter or the home is changed on its way.
+"""
+
+from __future__ import annotations
+
+from unittest import mock
+
+import pytest
+
+from moar_companion.config import LossCheck, Supervision
+
+from .desk import (
+    ACCEPTED,
+    DENIED,
+    EXIT,
+    INSPECTION,
+    PAUSE_CONTINUE,
+    RELEASE,
+    TEMPORARILY_REJECTED,
+    Desk,
+)
+
+INNER = 1.0
+"""The second target."""
+
+# Before the flight ------------------------------------------------------------------------------
+
+
+def test_nothing_is_begun_before_the_parameters_are_told_or_given_up_on():
+    desk = Desk()
+    desk.parameters = {}
+    desk.run(1.2).order(INSPECTION).run(0.5)
+    assert desk.answers() == [TEMPORARILY_REJECTED]
+    assert desk.said("the autopilot's parameters are not read yet")
+    desk.run(10.0).order(INSPECTION, 0.0).run(0.5)
+    assert desk.answers() == [TEMPORARILY_REJECTED, ACCEPTED]
+    assert desk.said("MOAR: not told, taken as by default: COM_OBL_RC_ACT, ")
+
+
+def test_a_parameter_that_is_changed_counts_from_the_next_order_on():
+    desk = Desk().come_to("ready")
+    desk.order(RELEASE).run(0.6)
+    desk.parameters["COM_OBL_RC_ACT"] = 0.0
+    desk.tell_parameter("COM_OBL_RC_ACT")
+    desk.step().order(INSPECTION, 1.0).run(0.5)
+    assert desk.answers()[-1] == DENIED
+    assert desk.said("PX4 would return through right-middle: set COM_OBL_RC_ACT 5")
+
+
+def test_what_is_objected_to_in_flight_is_held_until_it_is_changed_back_or_ordered_otherwise():
+    desk = Desk().come_to("flying").run(2.0)
+    desk.parameters["COM_OBL_RC_ACT"] = 7.0
+    desk.tell_parameter("COM_OBL_RC_ACT")
+    desk.run(2.0)
+    assert desk.state == "holding"
+    assert desk.said("MOAR holding: if we died, PX4 would stop its motors: set COM_OBL_RC_ACT 5")
+    desk.go_on().run(0.5)
+    assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("holding", [DENIED])
+    desk.parameters["COM_OBL_RC_ACT"] = 5.0
+    desk.tell_parameter("COM_OBL_RC_ACT")
+    desk.run(2.0).go_on().run(0.5)
+    assert desk.state == "flying"
+
+
+@pytest.mark.parametrize(
+    ("mission", "policy"), [(INSPECTION, LossCheck.WARN), (EXIT, LossCheck.REFUSE)]
+)
+def test_what_need_not_be_refused_is_warned_about_in_flight(mission, policy):
+    desk = Desk(supervision=Supervision(loss_action=policy)).come_to("flying", mission).run(2.0)
+    desk.parameters["COM_OBL_RC_ACT"] = 7.0
+    desk.tell_parameter("COM_OBL_RC_ACT")
+    desk.run(2.0)
+    assert desk.state == "flying"
+    assert desk.said("MOAR: if we died, PX4 would stop its motors: set COM_OBL_RC_ACT 5")
+
+
+def test_a_way_out_is_never_refused_but_warned_about():
+    desk = Desk()
+    desk.parameters["COM_OBL_RC_ACT"] = 7.0
+    desk.run(1.2).order(INSPECTION).run(0.5)
+    assert desk.answers() == [DENIED]
+    desk.order(EXIT).run_until("ready")
+    assert desk.said("MOAR: if we died, PX4 would stop its motors: set COM_OBL_RC_ACT 5")
+
+
+@pytest.mark.parametrize("policy", LossCheck)
+def test_what_is_done_about_it_is_configured(policy):
+    desk = Desk(supervision=Supervision(loss_action=policy))
+    desk.parameters["COM_OBL_RC_ACT"] = 4.0
+    desk.run(1.2).order(INSPECTION, 1.0).run(0.5)
+    assert desk.answers() == [DENIED if policy is LossCheck.REFUSE else ACCEPTED]
+    assert desk.said("if we died, PX4 would land through right-lower: set COM_OBL_RC_ACT 5")
+
+
+# What changes on the way ------------------------------------------------------------------------
+
+
+def returning(**config):
+    """Flying to the outer splice; without us it would return home at 12 m, which is behind it."""
+    desk = Desk(**config).set(accuracy_m=0.3)
+    desk.parameters.update(COM_OBL_RC_ACT=0.0, RTL_RETURN_ALT=12.0)
+    desk.run(1.0).tell_home(27.0).run(0.5).order(INSPECTION, 0.0).run_until("ready")
+    return desk.run(1.1).say_heartbeat(desk.ours).run_until("flying", 0.1).run(2.0)
+
+
+def test_a_home_that_moves_behind_the_conductors_in_flight_is_held():
+    words = "MOAR holding: if we died, PX4 would return through right-middle: set COM_OBL_RC_ACT 5"
+    desk = returning()
+    desk.tell_home(26.5).run(2.0)  # by so little that the way is the same
+    assert desk.state == "flying"
+    desk.tell_home(0.0).run(1.0)
+    assert desk.state == "holding"
+    assert desk.said(words)
+    desk.tell_home(27.0).run_until("flying", 4.0).run_until("at_target", 60.0)
+
+
+def test_what_is_objected_to_for_how_wide_obstacles_are_is_over_when_they_are_less_wide():
+    desk = Desk().set(accuracy_m=0.3)
+    desk.parameters.update(COM_OBL_RC_ACT=0.0, RTL_RETURN_ALT=4.0)
+    desk.run(1.0).tell_home(24.5).run(0.5).order(INSPECTION, 0.0).run_until("ready")
+    desk.run(1.1).say_heartbeat(desk.ours).run_until("flying", 0.1).run(2.0)
+    desk.set(accuracy_m=1.3).run_until("holding", 3.0)
+    assert desk.said("MOAR holding: if we died, PX4 would return through right-middle")
+    desk.set(accuracy_m=0.3).run_until("flying", 8.0)
+
+
+def test_it_goes_on_by_itself_though_a_change_before_was_not_enough():
+    desk = Desk().come_to("flying").run(2.0)
+    desk.order(INSPECTION, INNER).run(1.0)
+    desk.set_parameters(COM_OBL_RC_ACT=7.0).run_until("holding", 1.0)
+    desk.set_parameters(COM_OBL_RC_ACT=4.0).run(3.0)  # where it stands that is free
+    assert desk.said("MOAR goes on")
+    assert desk.said("No way to splice-inner: if we died, PX4 would land through right-lower")
+    assert desk.state == "holding"
+    desk.set_parameters(COM_OBL_RC_ACT=5.0).run_until("flying", 4.0)
+
+
+def test_where_that_is_only_warned_about_it_flies_on():
+    desk = returning(supervision=Supervision(loss_action=LossCheck.WARN))
+    desk.tell_home(0.0).run(1.0)
+    assert desk.state == "flying"
+    assert desk.said("MOAR: if we died, PX4 would return through right-middle")
+
+
+def test_a_parameter_that_turns_bad_while_it_holds_is_told_at_once():
+    desk = Desk().come_to("flying").run(2.0).pause().run(2.0)
+    desk.parameters["COM_OBL_RC_ACT"] = 7.0
+    desk.tell_parameter("COM_OBL_RC_ACT")
+    desk.run(0.1)
+    assert desk.state == "holding"
+    assert desk.said("MOAR hold: if we died, PX4 would stop its motors: set COM_OBL_RC_ACT 5")
+    desk.run(1.0).go_on().run(0.5)
+    assert (desk.state, desk.answers(PAUSE_CONTINUE)[-1]) == ("holding", DENIED)
+
+
+def test_where_it_stands_the_place_alone_counts():
+    """A landing from there is free, though not from every place ahead."""
+    desk = Desk().come_to("flying").run(2.0)
+    desk.order(INSPECTION, INNER).run(1.0).pause().run(2.0)
+    desk.parameters["COM_OBL_RC_ACT"] = 4.0
+    desk.tell_parameter("COM_OBL_RC_ACT")
+    desk.run(1.0)
+    assert not desk.said("if we died")
+    desk.go_on().run(0.5)
+    assert (desk.state, desk.answers(PAUSE_CONTINUE)[-1]) == ("holding", DENIED)
+    assert desk.said("MOAR denied: if we died, PX4 would land through right-lower")
+
+
+def test_a_plan_that_is_refused_on_the_way_leaves_the_one_that_is_flown_unless_it_is_no_better():
+    desk = Desk().come_to("flying").run(2.0)
+    survival = desk.companion._conduct.course._survival
+    objections = ["it would land on a roof", None]
+    with mock.patch.object(survival, "_objection_to", side_effect=objections):
+        for _ in range(400):
+            if desk.step().said("Replan: "):
+                break
+    assert desk.said("Replan: it would land on a roof")
+    assert desk.run(0.5).state == "flying"
+    with mock.patch.object(survival, "_objection_to", return_value="it would land on a roof"):
+        desk.run_until("holding", 8.0)
+    assert desk.said("MOAR holding: it would land on a roof")

@@ -1,0 +1,208 @@
+"""The view socket, with real sockets: who reads it cannot disturb who serves it."""
+
+import asyncio
+import contextlib
+import functools
+import json
+import logging
+import socket
+import stat
+from pathlib import Path
+
+import pytest
+
+from moar_companion.service import view_socket
+from moar_companion.service.places import Place
+from moar_companion.service.view_socket import open_view_socket
+
+PATIENCE_S = 20.0
+
+
+@pytest.fixture
+def path(tmp_path, monkeypatch):
+    monkeypatch.setattr(view_socket, "PERIOD_S", 0.005)
+    # A socket's path may not be long, and pytest's are.
+    monkeypatch.chdir(tmp_path)
+    return Path("view.sock")
+
+
+@pytest.fixture
+def taken(path):
+    """A file that is no socket, in the way."""
+    file = Path("file")
+    file.write_text("kept")
+    return file
+
+
+def run(test):
+    @functools.wraps(test)
+    def wrapper(*arguments, **named):
+        asyncio.run(asyncio.wait_for(test(*arguments, **named), PATIENCE_S))
+
+    return wrapper
+
+
+class Status:
+    """Counts how often it was asked for."""
+
+    def __init__(self, size=0):
+        self.count = 0
+        self.padding = "x" * size
+
+    def __call__(self):
+        self.count += 1
+        return {"count": self.count, "padding": self.padding}
+
+
+@contextlib.asynccontextmanager
+async def reader(path):
+    stream, writer = await asyncio.open_unix_connection(path)
+    try:
+        yield stream, writer
+    finally:
+        writer.close()
+
+
+async def line(stream):
+    return json.loads(await stream.readline())
+
+
+def permissions(path):
+    return stat.S_IMODE(path.stat().st_mode) if path.exists() else None
+
+
+async def read_on(stream, lines):
+    """Some lines, whose last is returned: as a clock, it strikes once in a period."""
+    return [await line(stream) for _ in range(lines)][-1]
+
+
+@run
+async def test_every_reader_gets_whole_lines_of_json(path):
+    async with open_view_socket(path, Status()), reader(path) as (one, _), reader(path) as (two, _):
+        for stream in (one, two):
+            counts = [(await line(stream))["count"] for _ in range(3)]
+            assert counts == sorted(set(counts))
+
+
+@run
+async def test_the_status_is_made_only_while_somebody_reads_and_who_leaves_is_forgotten(path):
+    status, clock = Status(), Path("clock.sock")
+    async with (
+        open_view_socket(clock, Status()),
+        open_view_socket(path, status),
+        reader(clock) as (ticking, _),
+    ):
+        await read_on(ticking, 5)
+        assert status.count == 0
+        async with reader(path) as (stream, _):
+            await read_on(stream, 3)
+        await read_on(ticking, 5)
+        before = status.count
+        await read_on(ticking, 5)
+        assert status.count == before >= 3
+
+
+@run
+async def test_what_a_client_says_is_not_read_and_harms_nobody(path):
+    async with (
+        open_view_socket(path, Status()),
+        reader(path) as (talking, writer),
+        reader(path) as (quiet, _),
+    ):
+        writer.write(b'{"command": "land"}\n' * 100_000)
+        await line(talking)
+        first = await line(quiet)
+        assert (await line(quiet))["count"] > first["count"]
+        assert writer.transport.get_write_buffer_size() > 0
+
+
+@run
+async def test_a_reader_that_does_not_read_neither_delays_nor_fills_the_memory(path):
+    status = Status(size=100_000)
+    async with open_view_socket(path, status):
+        with socket.socket(socket.AF_UNIX) as stuck:
+            stuck.connect(str(path))
+            async with reader(path) as (stream, _):
+                stream._limit = 1 << 20
+                last = await read_on(stream, 200)
+                assert last["count"] >= 200
+            # Twenty megabytes were said; the kernel's buffer and one line wait.
+            stuck.setblocking(False)
+            waiting = 0
+            with contextlib.suppress(BlockingIOError):
+                while data := stuck.recv(1 << 20):
+                    waiting += len(data)
+            assert waiting < 2_000_000
+
+
+@run
+async def test_more_readers_than_there_is_room_for_are_turned_away(path, monkeypatch):
+    monkeypatch.setattr(view_socket, "_MOST_READERS", 1)
+    async with open_view_socket(path, Status()), reader(path) as (stream, _):
+        await line(stream)
+        async with reader(path) as (late, _):
+            assert await late.read() == b""
+        await line(stream)
+
+
+@run
+async def test_members_of_the_group_may_connect_and_others_may_not(path):
+    async with open_view_socket(path, Status()):
+        assert permissions(path) == 0o660
+    assert permissions(path) is None
+
+
+@run
+async def test_the_socket_file_of_a_dead_service_is_replaced(path):
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(path))
+    async with open_view_socket(path, Status()), reader(path) as (stream, _):
+        await line(stream)
+
+
+@run
+async def test_the_socket_of_a_living_service_is_left_to_it(path, caplog):
+    caplog.set_level(logging.WARNING)
+    async with open_view_socket(path, Status()):
+        async with open_view_socket(path, Status(size=10)):
+            pass
+        assert [record.message for record in caplog.records] == [
+            "no view: another program serves view.sock"
+        ]
+        async with reader(path) as (stream, _):
+            assert (await line(stream))["padding"] == ""
+
+
+@pytest.mark.parametrize(
+    ("name", "reason"),
+    [
+        ("no/such/folder/view.sock", "No such file or directory"),
+        ("file", "something else is there"),
+        (".", "something else is there"),
+        ("x" * 200, "AF_UNIX path too long"),
+    ],
+    ids=["no folder", "a file", "a folder", "too long"],
+)
+@run
+async def test_a_path_that_cannot_be_had_is_named_in_one_line(taken, name, reason):
+    place = Place(path=taken.parent / name, source="companion.yaml", key="view.socket")
+    with pytest.raises(OSError) as caught:  # noqa: PT011 - the next line looks at it
+        async with open_view_socket(place.path, Status()):
+            pass
+    assert str(place.not_free(caught.value)) == (
+        f"companion.yaml: view.socket: is {name!r}, must be a free name in a folder that can be "
+        f"written: {reason}"
+    )
+    assert taken.read_text() == "kept"
+
+
+@run
+async def test_a_fault_of_the_view_ends_the_view_alone(path, caplog):
+    def broken():
+        raise ZeroDivisionError("by nobody")
+
+    async with open_view_socket(path, broken), reader(path) as (stream, _):
+        assert await stream.read() == b""
+    assert [record.message for record in caplog.records] == [
+        "the view ended: ZeroDivisionError: by nobody"
+    ]

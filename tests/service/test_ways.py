@@ -1,0 +1,64 @@
+"""Ways: what they take, and which of two ways out is the better one."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.service.ways import Way, better_of
+from moar_companion.types import Mission
+
+NOW_S = 100.0
+
+
+def ways(exit_wh, evacuation_wh, *, exit_age_s=0.0, evacuation_age_s=0.0):
+    return {
+        mission: None
+        if energy is None
+        else Way(duration_s=1.0, energy_wh=energy, asked_s=NOW_S - age_s)
+        for mission, energy, age_s in (
+            (Mission.EXIT, exit_wh, exit_age_s),
+            (Mission.EVACUATION, evacuation_wh, evacuation_age_s),
+        )
+    }
+
+
+@pytest.mark.parametrize(
+    ("exit_wh", "evacuation_wh", "before", "better"),
+    [
+        (1.0, 2.0, None, Mission.EXIT),
+        (2.0, 1.0, None, Mission.EVACUATION),
+        (1.0, 0.95, Mission.EXIT, Mission.EXIT),
+        (0.95, 1.0, Mission.EVACUATION, Mission.EVACUATION),
+        (1.0, 0.8, Mission.EXIT, Mission.EVACUATION),
+        (None, 3.0, Mission.EXIT, Mission.EVACUATION),
+        (None, None, Mission.EXIT, None),
+    ],
+)
+def test_the_better_way_out_stays_unless_another_is_clearly_better(
+    exit_wh, evacuation_wh, before, better
+):
+    assert better_of(ways(exit_wh, evacuation_wh), before) is better
+
+
+@pytest.mark.parametrize(
+    ("ages", "better"),
+    [
+        ({"exit_age_s": 14.0}, Mission.EXIT),
+        ({"exit_age_s": 16.0}, Mission.EVACUATION),
+        ({"exit_age_s": 40.0, "evacuation_age_s": 30.0}, Mission.EXIT),
+    ],
+)
+def test_a_way_that_is_found_no_more_while_another_is_does_not_count(ages, better):
+    assert better_of(ways(1.0, 2.0, **ages), Mission.EXIT) is better
+
+
+def test_two_ways_are_as_old_as_the_older_one():
+    first = Way(duration_s=1.0, energy_wh=2.0, asked_s=10.0)
+    second = Way(duration_s=3.0, energy_wh=4.0, asked_s=5.0)
+    assert first.then(second) == Way(duration_s=4.0, energy_wh=6.0, asked_s=5.0)
+    assert second.then(first).asked_s == 5.0
+
+
+def test_at_half_the_pace_a_way_takes_twice_as_much():
+    way = Way(duration_s=3.0, energy_wh=4.0, asked_s=5.0)
+    assert way.paced(0.5) == Way(duration_s=6.0, energy_wh=8.0, asked_s=5.0)

@@ -1,0 +1,75 @@
+"""Where a recorded aircraft was: until its position is too old, or too far from the site."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.config import shipped_configs
+from moar_companion.planner.planner import Planner
+from moar_companion.service.whereabouts import Whereabouts
+from moar_companion.site import Site
+from moar_companion.types import (
+    Attitude,
+    GlobalPosition,
+    LocalOrigin,
+    LocalPosition,
+    RiskIndices,
+    Telemetry,
+)
+from moar_companion.vehicle import Vehicle
+
+from .telemetry import px4_status
+
+SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
+HEARD_S = 100.0
+PX4 = px4_status(HEARD_S)
+
+
+def by_gnss(position_m):
+    """Telemetry of an aircraft whose estimator's origin is not told."""
+    point = SITE.frame.to_geodetic(position_m)
+    return Telemetry(autopilot=PX4, global_position=GlobalPosition(received_s=HEARD_S, point=point))
+
+
+def by_its_estimator(position_m):
+    """Telemetry of an aircraft whose estimator began where it is."""
+    still = (0.0, 0.0, 0.0)
+    local = LocalPosition(
+        received_s=HEARD_S, boot_s=50.0, position_ned_m=still, velocity_ned_mps=still
+    )
+    origin = LocalOrigin(received_s=HEARD_S, point=SITE.frame.to_geodetic(position_m))
+    level = Attitude(received_s=HEARD_S, roll_rad=0.0, pitch_rad=0.0, yaw_rad=0.0)
+    return Telemetry(autopilot=PX4, attitude=level, local_position=local, local_origin=origin)
+
+
+@pytest.fixture(scope="module")
+def planner():
+    return Planner(SITE, VEHICLE)
+
+
+@pytest.fixture
+def place_at(planner):
+    """The place of telemetry at a time."""
+    whereabouts = Whereabouts(planner)
+    return lambda telemetry, now_s: whereabouts.at(telemetry, RiskIndices(), now_s)
+
+
+@pytest.mark.parametrize("told", [by_gnss, by_its_estimator])
+def test_a_position_is_known_for_two_seconds(place_at, told):
+    telemetry = told((26.0, 0.5, 5.0))
+    assert place_at(telemetry, HEARD_S + 1.9).position_m == pytest.approx((26.0, 0.5, 5.0), abs=0.1)
+    assert place_at(telemetry, HEARD_S + 2.1) is None
+
+
+@pytest.mark.parametrize("told", [by_gnss, by_its_estimator])
+@pytest.mark.parametrize("direction", [(1.0, 0.0, 0.0), (0.0, -1.0, 0.0)], ids=["along", "across"])
+def test_ten_kilometres_from_the_site_there_is_no_place(place_at, told, direction):
+    near, far = (tuple(reach_m * part for part in direction) for reach_m in (9_900.0, 10_100.0))
+    assert place_at(told(near), HEARD_S).position_m == pytest.approx(near, abs=30.0)
+    assert place_at(told(far), HEARD_S) is None
+
+
+def test_without_a_position_there_is_no_place(place_at):
+    assert place_at(Telemetry(), HEARD_S) is None
+    assert place_at(Telemetry(autopilot=PX4), HEARD_S) is None
