@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import importlib
-from typing import TYPE_CHECKING
 
+TYPE_CHECKING = False
+"""True for type checkers; loading `typing` would take milliseconds before Ctrl-C is caught."""
 if TYPE_CHECKING:
     from .planner.plan import Plan, PlanStatus
     from .planner.planner import Planner

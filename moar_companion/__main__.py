@@ -2,17 +2,28 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 
 
 def main() -> int:
-    """Load the command line and run it; the exit status."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    """Load the command line and run it; the exit status.
+
+    An interrupt ends it at once with status 1, unless a command has something to put in order.
+    """
+    signal.signal(signal.SIGINT, _end)
     from .cli import main as run  # noqa: PLC0415
 
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    return run()
+    status = run()
+    # What is done is done, whatever comes while Python puts itself away.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return status
+
+
+def _end(*_: object) -> None:
+    """Not by an exception, which those who load modules or compile may swallow or print."""
+    os._exit(1)
 
 
 if __name__ == "__main__":

@@ -52,6 +52,52 @@ COMMANDS = {
             f"{PROGRAM} plan site.yaml --mission evacuation --weights 3,1,1 --maps maps.npz",
         ),
     ),
+    "check": Command(
+        module="check",
+        summary="look at files and aircraft before the flight: go or no-go",
+        description="Look at configuration, vehicle and site, and with a link at the aircraft: its "
+        "parameters, GPS, battery, links. Flies nothing, sets no parameter. Tells all that is "
+        "wrong and how to mend it; the exit status is not 0 where the flight should not begin.",
+        examples=(
+            f"{PROGRAM} check --config /etc/moar-companion/companion.yaml",
+            f"{PROGRAM} check --site site.yaml --vehicle vehicle.yaml --connect udp::14540",
+        ),
+    ),
+    "replay": Command(
+        module="replay",
+        summary="risk indices and events over a recorded flight",
+        description="Play a recorded flight through the code that flies: its risk indices and "
+        "events as a summary, as JSON, as a picture. With a site, also where on it the aircraft "
+        "was.",
+        examples=(
+            f"{PROGRAM} replay flight.tlog",
+            f"{PROGRAM} replay flight.tlog.gz --vehicle vehicle.yaml --plot flight.png",
+            f"{PROGRAM} replay flight.tlog --site site.yaml --json -",
+        ),
+    ),
+    "command": Command(
+        module="command",
+        summary="order a mission of a companion in flight, or see how it fares",
+        description="The operator's side: order a mission of the companion (inspection, exit, "
+        "evacuation, hold, pause, continue, release) and see its answer; or see its status.",
+        examples=(
+            f"{PROGRAM} command inspection --connect udp::14550",
+            f"{PROGRAM} command inspection --target splice-1 --site site.yaml --connect udp::14550",
+            f"{PROGRAM} command exit --target 0 --connect tcp:10.0.0.2:5760",
+            f"{PROGRAM} command status --connect serial:/dev/ttyUSB0:57600",
+        ),
+    ),
+    "view": Command(
+        module="view",
+        summary="watch a running service in the terminal",
+        description="Watch a running service on this computer: state, risks, plan and link, until "
+        "q or Ctrl-C. It only looks on. Into a file or a pipe it writes a line each second.",
+        examples=(
+            f"{PROGRAM} view",
+            f"{PROGRAM} view --once",
+            f"{PROGRAM} view /tmp/view.sock --json",
+        ),
+    ),
 }
 """By the word that names it on the command line."""
 
@@ -164,6 +210,24 @@ def _joined(argv: Sequence[str]) -> list[str]:
     return joined
 
 
+class _Once(argparse.Action):
+    """Stores a value, as argparse does; of an option given twice one would be lost unseen."""
+
+    given = False
+
+    def __call__(
+        self,
+        _parser: argparse.ArgumentParser,
+        namespace: argparse.Namespace,
+        values: object,
+        _option: str | None = None,
+    ) -> None:
+        if self.given:
+            raise argparse.ArgumentError(self, "is given twice, must be given once")
+        self.given = True
+        setattr(namespace, self.dest, values)
+
+
 class _Parser(argparse.ArgumentParser):
     """argparse whose complaints are one line, as all others."""
 
@@ -176,10 +240,13 @@ class _Parser(argparse.ArgumentParser):
             formatter_class=argparse.RawDescriptionHelpFormatter,
             allow_abbrev=False,
         )
+        self.register("action", None, _Once)
 
     def error(self, message: str) -> NoReturn:
-        name = self.prog.removeprefix(PROGRAM).strip() or "arguments"
-        raise InputError(name, "", f"{message} (see {self.prog} --help)")
+        name, separator, problem = message.removeprefix("argument ").partition(": ")
+        if not (separator and message.startswith("argument ")):
+            name, problem = self.prog.removeprefix(PROGRAM).strip() or "arguments", message
+        raise InputError(name, "", f"{problem} (see {self.prog} --help)")
 
 
 def _service_parser() -> _Parser:

@@ -1,6 +1,5 @@
 """The command line as such: dispatch, errors as one line, exit status, the service's options."""
 
-import os
 import subprocess
 import sys
 import types
@@ -63,35 +62,6 @@ def test_an_error_as_a_user_sees_it():
     assert result.stderr == "moar-companion: no/such/site.yaml: no such file\n"
 
 
-def test_a_full_disk_behind_stdout_is_one_line():
-    with Path("/dev/full").open("w") as full:
-        result = subprocess.run(
-            [sys.executable, "-m", "moar_companion", *PLAN],
-            stdout=full,
-            stderr=subprocess.PIPE,
-            text=True,
-            timeout=120,
-            check=False,
-        )
-    assert result.returncode == 1
-    assert result.stderr == "moar-companion: No space left on device\n"
-
-
-def test_a_reader_that_went_away_is_no_error_message():
-    reading, writing = os.pipe()
-    os.close(reading)
-    result = subprocess.run(
-        [sys.executable, "-m", "moar_companion", *PLAN, "--json", "-"],
-        stdout=writing,
-        stderr=subprocess.PIPE,
-        text=True,
-        timeout=120,
-        check=False,
-    )
-    os.close(writing)
-    assert (result.returncode, result.stderr) == (1, "")
-
-
 @pytest.mark.parametrize("argv", [["--version"], ["--help"], ["plan", "--help"]])
 def test_help_and_version_go_to_stdout(argv, capsys):
     assert cli.main(argv) == 0
@@ -104,7 +74,8 @@ def test_help_names_every_command_and_shows_examples(capsys):
     cli.main(["--help"])
     out = capsys.readouterr().out
     assert "examples:" in out
-    assert all(f"  {name}  {item.summary}" in out for name, item in cli.COMMANDS.items())
+    words = " ".join(out.split())
+    assert all(f" {name} {item.summary}" in words for name, item in cli.COMMANDS.items())
 
 
 @pytest.mark.parametrize(
@@ -114,7 +85,9 @@ def test_help_names_every_command_and_shows_examples(capsys):
         (["--sight", "x"], ["--sight", "x", "--help"]),
         (["--config"], ["--config", "expected one argument"]),
         (["--vehicle", ""], ["--vehicle", "''", "name of a file"]),
-        (["--connect", " "], ["--connect", "must be a URL"]),
+        (["--site", "a", "--site=b"], ["--site", "given twice"]),
+        ([*PLAN, "--start", "1,1", "--start", "-2,2"], ["--start", "given twice"]),
+        (["--connect", " "], ["--connect", "' '", "is not a link"]),
         (
             ["--connect", "udp:h:1", "--connect=udp:h:1"],
             ["--connect", "'udp:h:1'", "given twice"],

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import io
 import os
+import signal
+import sys
 import tempfile
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import IO
 
 from .options import refused
+
+STDOUT = "-"
+"""The name of a file that means stdout."""
 
 
 def check_outputs(outputs: Mapping[str, str | None], inputs: Mapping[str, str]) -> None:
@@ -53,15 +58,63 @@ def replacing(path: str) -> Iterator[IO[bytes]]:
         dir=real.parent, prefix=".moar-companion-", suffix=".part", delete=False
     ) as stream:
         try:
-            yield stream
-            stream.flush()
-            os.fsync(stream.fileno())
-            os.fchmod(stream.fileno(), _mode(real))
-            Path(stream.name).replace(real)
+            with _removed_when_ended(stream.name):
+                yield stream
+                stream.flush()
+                os.fsync(stream.fileno())
+                os.fchmod(stream.fileno(), _mode(real))
+                Path(stream.name).replace(real)
         except BaseException:
             with suppress(OSError):
                 Path(stream.name).unlink()
             raise
+
+
+@contextmanager
+def _removed_when_ended(path: str) -> Iterator[None]:
+    """A file that an interrupt or SIGTERM does not leave behind."""
+
+    def end(*_: object) -> None:
+        with suppress(OSError):
+            Path(path).unlink()
+        os._exit(1)
+
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+def write_output(
+    option: str, path: str | None, content: Callable[[IO[bytes]], object]
+) -> str | None:
+    """Write one file, unless it is none or stdout; what kept it from being written.
+
+    No exception, so that the other files are written all the same.
+    """
+    if path is None or path == STDOUT:
+        return None
+    try:
+        with replacing(path) as stream:
+            content(stream)
+    except OSError as error:
+        return f"{option}: {path}: {error.strerror or error}"
+    return None
+
+
+def say(text: str) -> None:
+    """Text on stdout, now; an OSError names stdout, one that nobody reads any more aside."""
+    if sys.stdout is None:
+        raise OSError("stdout is closed")
+    try:
+        sys.stdout.write(text)
+        sys.stdout.flush()
+    except BrokenPipeError:
+        raise
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, "stdout") from error
 
 
 def _real(path: str) -> Path:

@@ -7,24 +7,27 @@ and picture are written all the same, stderr has the reason, and the exit status
 from __future__ import annotations
 
 import argparse
+import json
 import math
 import re
-import sys
-from collections.abc import Callable
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
-from typing import IO, TYPE_CHECKING
+from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..types import Mission, RiskIndices, Weights
 from .options import add_file, file_name, numbers, refused, risk_indices
-from .outputs import check_outputs, replacing
+from .outputs import STDOUT, check_outputs, say, write_output
+from .plan_summary import summary
 
 if TYPE_CHECKING:
+    from ..planner.front import Supported
     from ..planner.maps import Maps
     from ..planner.plan import Plan
+    from ..planner.planner import Planner
     from ..site import Site
 
-_STDOUT = "-"
 _PICTURE_FORMATS = ("png", "svg", "pdf")
 _MAX_VELOCITY_MPS = 1_000.0
 """Faster is no drone, and keeps all products finite."""
@@ -86,14 +89,38 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         help="weights of safety, time and energy, not negative, of any sum (default: the "
         "vehicle's for the mission)",
     )
+    parser.add_argument(
+        "--explain",
+        action="store_true",
+        help="tell what the risks did to the weights and, against the path without them, to it",
+    )
+    parser.add_argument(
+        "--alternatives",
+        action="store_true",
+        help="also plan for other levels of risk: listed, in the JSON, thin lines in the picture",
+    )
+    parser.add_argument(
+        "--refine",
+        action="store_true",
+        help="also bend and straighten the path, at any angle, where that costs less: in the "
+        "summary, the JSON and the picture; it is not what the service flies",
+    )
     add_file(parser, "--json", "write the plan as JSON; - is stdout")
     add_file(parser, "--maps", "write the maps as NPZ")
     add_file(parser, "--plot", "draw a picture (.png, .svg, .pdf)")
+    add_file(
+        parser,
+        "--pareto",
+        "write the best paths for all weights, and how far weights and risks can move before the "
+        "path changes, as JSON",
+    )
+    add_file(parser, "--pareto-plot", "draw the best paths for all weights (.png, .svg, .pdf)")
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, write, tell."""
     from ..config import shipped_configs  # noqa: PLC0415
+    from ..planner.alternatives import alternatives  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
     from ..vehicle import Vehicle  # noqa: PLC0415
@@ -103,7 +130,10 @@ def run(arguments: argparse.Namespace) -> int:
     vehicle = Vehicle.load(vehicle_file)
     mission: Mission = arguments.mission
     target = _target(site, arguments.site, mission, arguments.target)
-    picture_format = _picture_format(arguments.plot)
+    formats = {
+        option: _picture_format(option, path)
+        for option, path in (("--plot", arguments.plot), ("--pareto-plot", arguments.pareto_plot))
+    }
     _check_outputs(arguments, vehicle_file)
     risk = RiskIndices(**arguments.risk)
     weights: Weights = arguments.weights or vehicle.weights[mission]
@@ -117,58 +147,54 @@ def run(arguments: argparse.Namespace) -> int:
         risk=risk,
     )
 
+    explanation = _explained(planner, plan, weights) if arguments.explain else {}
+
+    others = alternatives(planner, plan.request, weights) if arguments.alternatives else ()
+    refined = planner.refine(plan) if arguments.refine and not plan.reason else None
+    document = _document(plan, explanation, others)
+    if arguments.refine:
+        document["refined"] = None if refined is None else refined.to_dict()
+
     def draw(stream: IO[bytes]) -> None:
         from ..outlets.plan_picture import draw_plan  # noqa: PLC0415
 
-        draw_plan(plan, site, vehicle, planner.maps, stream, picture_format)
+        draw_plan(
+            plan,
+            site,
+            vehicle,
+            planner.maps,
+            stream,
+            formats["--plot"],
+            alternatives=others,
+            refined=refined,
+        )
 
+    def draw_trade_off(stream: IO[bytes]) -> None:
+        from ..outlets.front_picture import draw_front  # noqa: PLC0415
+
+        draw_front(plan, front, site, vehicle, planner.maps, stream, formats["--pareto-plot"])
+
+    front: list[Supported] = []
+    trade_off: dict[str, Any] = {}
+    if arguments.pareto or arguments.pareto_plot:
+        front, trade_off = _trade_off(planner, plan, weights)
     failures = [
-        _write("--json", arguments.json, lambda stream: _write_json(plan, stream)),
-        _write("--maps", arguments.maps, lambda stream: write_maps(planner.maps, stream)),
-        _write("--plot", arguments.plot, draw),
+        write_output("--json", arguments.json, lambda stream: _write(document, stream)),
+        write_output("--maps", arguments.maps, lambda stream: write_maps(planner.maps, stream)),
+        write_output("--plot", arguments.plot, draw),
+        write_output("--pareto", arguments.pareto, lambda stream: _write(trade_off, stream)),
+        write_output("--pareto-plot", arguments.pareto_plot, draw_trade_off),
     ]
-    _say(plan.to_json() + "\n" if arguments.json == _STDOUT else summary(plan))
+    if arguments.json == STDOUT:
+        say(_text(document))
+    else:
+        say(summary(plan, refined, explanation, others))
     problems = [failure for failure in failures if failure]
     if problems:
         raise OSError("; ".join(problems))
     if plan.reason:
         raise InputError("no plan", plan.status.value, plan.reason)
     return 0
-
-
-def summary(plan: Plan) -> str:
-    """The plan in a few lines for a person."""
-    target = "" if plan.request.target is None else f" of {plan.request.target}"
-    if plan.mission is not Mission.INSPECTION and target:
-        target = f" to landing point {plan.request.target}"
-    lines = [f"{plan.site}: {plan.mission.value}{target}: {plan.status.value}"]
-    weights, compute = plan.weights, plan.compute
-    if plan.cost is not None and plan.metrics is not None:
-        cost, metrics = plan.cost, plan.metrics
-        lines.append(
-            f"  cost       J = {cost.total:.3f} (safety {cost.safety:.3f}, "
-            f"time {cost.time:.3f} s, energy {cost.energy:.3f})"
-        )
-        lines.append(
-            f"  path       {metrics.length_m:.1f} m in {metrics.duration_s:.1f} s, "
-            f"{len(plan.waypoints.time_s)} waypoints, "
-            f"velocity change {metrics.velocity_change_mps:.1f} m/s"
-        )
-        lines.append(
-            "  clearance  no obstacles"
-            if math.isinf(metrics.min_clearance_m)
-            else f"  clearance  {metrics.mean_clearance_m:.2f} m on average, "
-            f"{metrics.min_clearance_m:.2f} m at least"
-        )
-    lines.append(
-        f"  weights    safety {weights.safety:.3f}, time {weights.time:.3f}, "
-        f"energy {weights.energy:.3f}"
-    )
-    lines.append(
-        f"  computed   maps {compute.map_ms:.1f} ms, search {compute.search_ms:.1f} ms, "
-        f"{compute.expanded} states expanded"
-    )
-    return "\n".join(lines) + "\n"
 
 
 def write_maps(maps: Maps, stream: IO[bytes]) -> None:
@@ -223,47 +249,69 @@ def _target(site: Site, source: str, mission: Mission, given: str | None) -> str
     return int(given)
 
 
-def _picture_format(path: str | None) -> str:
+def _picture_format(option: str, path: str | None) -> str:
     """By the file's ending; PNG without one."""
     ending = Path(path or "").suffix.removeprefix(".").lower() or _PICTURE_FORMATS[0]
     if path and ending not in _PICTURE_FORMATS:
         known = ", ".join(f".{known}" for known in _PICTURE_FORMATS)
-        raise refused("--plot", path, f"must end in one of {known}")
+        raise refused(option, path, f"must end in one of {known}")
     return ending
 
 
 def _check_outputs(arguments: argparse.Namespace, vehicle_file: str) -> None:
-    for option in ("--maps", "--plot"):
-        if getattr(arguments, option[2:]) == _STDOUT:
-            raise refused(option, _STDOUT, "must be a file: only --json goes to stdout")
+    files = {
+        "--maps": arguments.maps,
+        "--plot": arguments.plot,
+        "--pareto": arguments.pareto,
+        "--pareto-plot": arguments.pareto_plot,
+    }
+    for option, path in files.items():
+        if path == STDOUT:
+            raise refused(option, STDOUT, "must be a file: only --json goes to stdout")
+    json_file = None if arguments.json == STDOUT else arguments.json
     check_outputs(
-        {
-            "--json": None if arguments.json == _STDOUT else arguments.json,
-            "--maps": arguments.maps,
-            "--plot": arguments.plot,
-        },
-        {"the site": arguments.site, "the vehicle": vehicle_file},
+        {"--json": json_file, **files}, {"the site": arguments.site, "the vehicle": vehicle_file}
     )
 
 
-def _write_json(plan: Plan, stream: IO[bytes]) -> None:
-    stream.write((plan.to_json() + "\n").encode())
+def _trade_off(
+    planner: Planner, plan: Plan, weights: Weights
+) -> tuple[list[Supported], dict[str, Any]]:
+    """The front of a plan's problem, and its document with the plan's sensitivity."""
+    from ..planner.front import front_document, pareto_front, sensitivity  # noqa: PLC0415
+
+    if plan.reason:
+        return [], front_document(plan, [], {})
+    planner.prepare(mission=plan.mission, target=plan.request.target)
+    front = pareto_front(planner, plan.request)
+    return front, front_document(plan, front, sensitivity(planner, plan, weights))
 
 
-def _write(option: str, path: str | None, content: Callable[[IO[bytes]], None]) -> str | None:
-    """Write one file; what kept it from being written. The others are written all the same."""
-    if path is None or path == _STDOUT:
-        return None
-    try:
-        with replacing(path) as stream:
-            content(stream)
-    except OSError as error:
-        return f"{option}: {path}: {error.strerror or error}"
-    return None
+def _text(document: dict[str, Any]) -> str:
+    return json.dumps(document, allow_nan=False) + "\n"
 
 
-def _say(text: str) -> None:
-    if sys.stdout is None:
-        raise OSError("stdout is closed")
-    sys.stdout.write(text)
-    sys.stdout.flush()
+def _write(document: dict[str, Any], stream: IO[bytes]) -> None:
+    stream.write(_text(document).encode())
+
+
+def _explained(planner: Planner, plan: Plan, base: Weights) -> dict[str, Any]:
+    """What the risks did to weights and path: against the plan of the same problem without them."""
+    from ..planner.comparison import path_difference  # noqa: PLC0415
+    from ..risk.explain import WeightsReason  # noqa: PLC0415
+
+    request = replace(plan.request, weights=base, risk=RiskIndices())
+    difference = path_difference(planner.solve(request), plan)
+    return {
+        "weights": WeightsReason.of(base, plan.request.risk).to_dict(),
+        "path": None if difference is None else difference.to_dict(),
+    }
+
+
+def _document(plan: Plan, explanation: dict[str, Any], others: Sequence[Plan]) -> dict[str, Any]:
+    document = plan.to_dict() | ({"explanation": explanation} if explanation else {})
+    if others:
+        told = ("risk", "weights", "status", "cost", "states", "waypoints", "metrics")
+        plans = [other.to_dict() for other in others]
+        document["alternatives"] = [{key: plan[key] for key in told} for plan in plans]
+    return document

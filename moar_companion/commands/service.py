@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import argparse
 import logging
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from ..config import CompanionConfig, LinkConfig, shipped_configs
+from ..config import CompanionConfig, LinkConfig, LinkRole, shipped_configs
 from ..errors import InputError
-from ..mavlink.urls import parse_url
-from .options import add_file, refused
+from ..mavlink.urls import LinkAddress, parse_url
+from .options import add_file
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -39,6 +40,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def configured(arguments: argparse.Namespace) -> CompanionConfig:
+    """The configuration: command line over file over default; its links are links."""
+    config = merged(arguments)
+    for problem in link_problems(config, arguments):
+        raise problem
+    return config
+
+
+def merged(arguments: argparse.Namespace) -> CompanionConfig:
     """The configuration: command line over file over default."""
     if arguments.config is None:
         shipped = shipped_configs() / "vehicles" / "linedrone_flight.yaml"
@@ -47,17 +56,29 @@ def configured(arguments: argparse.Namespace) -> CompanionConfig:
         config = CompanionConfig.load(arguments.config, vehicle=arguments.vehicle)
     if arguments.site is not None:
         config = replace(config, site=Path(arguments.site))
-    urls: list[str] = arguments.connect
-    for index, url in enumerate(urls):
-        if not url.strip() or url in urls[:index]:
-            problem = "is given twice, must be given once" if url.strip() else "must be a URL"
-            raise refused("--connect", url, problem)
-    if urls:
-        config = replace(config, links=tuple(LinkConfig(url=url) for url in urls))
-    if not config.links:
-        problem = "is empty, must have at least one link, or --connect be given"
+    if arguments.connect:
+        config = replace(config, links=tuple(LinkConfig(url=url) for url in arguments.connect))
+    if all(link.role is LinkRole.OPERATOR for link in config.links):
+        problem = "has none to an autopilot, must have one, or --connect be given"
         raise InputError(str(arguments.config), "links", problem)
-    for index, link in enumerate(config.links):
-        source, key = ("--connect", "") if urls else (str(arguments.config), f"links[{index}].url")
-        parse_url(link.url, source=source, key=key)
     return config
+
+
+def link_problems(config: CompanionConfig, arguments: argparse.Namespace) -> Iterator[InputError]:
+    """What is wrong with the URLs of the links, one after the other."""
+    seen: dict[LinkAddress, str] = {}
+    for index, link in enumerate(config.links):
+        source, key = (
+            ("--connect", "")
+            if arguments.connect
+            else (str(arguments.config), f"links[{index}].url")
+        )
+        try:
+            address = parse_url(link.url, source=source, key=key)
+        except InputError as error:
+            yield error
+        else:
+            if address in seen:
+                problem = f"{link.url!r} is given twice ({seen[address]!r}), must be given once"
+                yield InputError(source, key, problem)
+            seen[address] = link.url

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib import colormaps, patheffects
@@ -21,8 +22,14 @@ from .labels import label
 from .page import INK
 from .plane import inside, paint
 
+if TYPE_CHECKING:
+    from ..planner.refinement import Refinement
+
 _REGION = "#0a8f5b"
 _TARGET = "#ffd23f"
+_REFINED = "#e619e6"
+_ALTERNATIVES = ("#7b2cbf", "#0077b6", "#2a9d3a", "#d6006e", "#00a6a6", "#5c4033", "#808000")
+"""Apart from each other, from the safety map and from the colours of speed."""
 _SPEED = LinearSegmentedColormap.from_list(
     "speed", colormaps["YlGnBu_r"](np.linspace(0.04, 0.68, 64))
 )
@@ -82,6 +89,32 @@ def draw_path(axes: Any, plan: Plan, greatest_mps: float | None = None) -> Scala
     )
     axes.add_collection(lines, autolim=False)
     return lines
+
+
+def draw_refined(axes: Any, refined: Refinement) -> None:
+    """Draw the refined path of a plan, dots where its legs end, and its landing leg, dashed."""
+    name = f"refined path, J {refined.cost.total:.3f} (unrefined {refined.plan_cost.total:.3f})"
+    white = patheffects.withStroke(linewidth=3.2, foreground="white")
+    style = {"color": _REFINED, "linewidth": 1.9, "path_effects": [white]}
+    axes.plot(*refined.points_m.T, marker=".", markersize=7, label=name, zorder=6.4, **style)
+    if refined.landing_leg is not None:
+        leg = np.concatenate([refined.points_m[-1:], refined.landing_leg.points_m])
+        axes.plot(*leg.T, linestyle=(0, (4, 2)), label="_landing leg", zorder=6.4, **style)
+
+
+def draw_alternatives(axes: Any, others: Sequence[Plan]) -> list[Any]:
+    """Draw the paths of a problem under other risks as thin lines; returns the lines."""
+    return [
+        axes.plot(
+            *other.waypoints.position_m.T,
+            color=_ALTERNATIVES[index % len(_ALTERNATIVES)],
+            linewidth=1.7,
+            label="_alternative",
+            path_effects=[patheffects.withStroke(linewidth=2.9, foreground="white")],
+            zorder=5.8,
+        )[0]
+        for index, other in enumerate(others)
+    ]
 
 
 def draw_descent(axes: Any, above_m: FloatArray, landing_m: PlanePoint) -> None:

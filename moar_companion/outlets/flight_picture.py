@@ -178,7 +178,7 @@ def _draw_risks(axes: Any, story: FlightStory) -> None:
     """The four indices over time, with the mission's states named above."""
     for column, (name, colour) in enumerate(_RISKS.items()):
         axes.plot(story.time_s, story.risk[:, column], color=colour, lw=1.6, label=name)
-    end_s = float(story.time_s[-1]) if len(story.time_s) else 1.0
+    end_s = max(1.0, float(story.time_s[-1])) if len(story.time_s) else 1.0
     for (time_s, state), (next_s, _) in itertools.pairwise([*story.states, (end_s, "")]):
         axes.axvline(time_s, color="#888888", lw=0.6)
         if next_s - time_s > 0.075 * end_s:

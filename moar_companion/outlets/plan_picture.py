@@ -7,26 +7,32 @@ from __future__ import annotations
 
 import math
 import textwrap
+from collections.abc import Sequence
 from os import PathLike
-from typing import IO, Any
+from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import InputError
+from ..planner.alternatives import risk_words, same_path
 from ..planner.maps import Maps
 from ..planner.plan import Plan
 from ..planner.regions import GoalRegion, goal_region
 from ..site import PlanePoint, Site
 from ..types import Mission
 from ..vehicle import Vehicle
-from .course import draw_descent, draw_goal, draw_path, draw_start
+from .course import draw_alternatives, draw_descent, draw_goal, draw_path, draw_refined, draw_start
 from .labels import place_labels
 from .page import DPI, INK, Page, page_style
 from .plane import COLOUR_BAR_IN, draw_colour_bars, draw_plane, view_of
+
+if TYPE_CHECKING:
+    from ..planner.refinement import Refinement
 
 _ALERT = "#b00020"
 
 # The page, in inches.
 _LEFT, _PLANE_WIDTH, _RIGHT = 0.75, 8.6, 0.1
 _TITLE, _BELOW_PLANE, _LEGEND, _SUMMARY = 0.65, 0.5, 0.55, 1.5
+_ALTERNATIVE, _BELOW_NAMES = 0.19, 0.12
 _COLUMN_GAP = 0.38
 
 _Rows = list[tuple[str, str]]
@@ -39,14 +45,28 @@ def draw_plan(
     maps: Maps,
     file: str | PathLike[str] | IO[bytes],
     file_format: str = "png",
+    *,
+    alternatives: Sequence[Plan] = (),
+    refined: Refinement | None = None,
 ) -> None:
-    """Draw a plan, also one that was not found, into a file (png, svg or pdf)."""
+    """Draw a plan, also one that was not found, into a file (png, svg or pdf).
+
+    alternatives: of the same problem under other risks, drawn as thin lines. refined: what became
+    of its path.
+    """
     with page_style():
-        page = _draw_page(plan, site, vehicle, maps)
+        page = _draw_page(plan, site, vehicle, maps, alternatives, refined)
         page.figure.savefig(file, format=file_format, dpi=DPI)
 
 
-def _draw_page(plan: Plan, site: Site, vehicle: Vehicle, maps: Maps) -> Page:
+def _draw_page(
+    plan: Plan,
+    site: Site,
+    vehicle: Vehicle,
+    maps: Maps,
+    alternatives: Sequence[Plan],
+    refined: Refinement | None,
+) -> Page:
     mission, target = plan.mission, plan.request.target
     start_m, velocity_mps = _pair(plan.request.start_m), _pair(plan.request.velocity_mps)
     goals = list(site.landing_m.get(mission, ()))
@@ -58,7 +78,9 @@ def _draw_page(plan: Plan, site: Site, vehicle: Vehicle, maps: Maps) -> Page:
     height_in = _PLANE_WIDTH * (view[3] - view[2]) / (view[1] - view[0])
     bars = 1 if plan.cost is None else 2
     whole_width_in = _PLANE_WIDTH + bars * COLOUR_BAR_IN
-    below_in = _BELOW_PLANE + _LEGEND + _SUMMARY
+    others = _grouped(plan, [other for other in alternatives if len(other.states)])
+    others_in = _ALTERNATIVE * len(others) + (_BELOW_NAMES if others else 0.0)
+    below_in = _BELOW_PLANE + _LEGEND + others_in + _SUMMARY
     page = Page(_LEFT + whole_width_in + _RIGHT, _TITLE + height_in + below_in)
 
     plane = page.panel(_LEFT, below_in, _PLANE_WIDTH, height_in)
@@ -70,10 +92,16 @@ def _draw_page(plan: Plan, site: Site, vehicle: Vehicle, maps: Maps) -> Page:
     leg = plan.landing_leg
     if leg is not None:
         draw_descent(plane, leg.points_m[-1], site.landing_m[mission][leg.landing_index])
+    thin = draw_alternatives(plane, [other for other, _ in others[1:]])
+    if refined is not None:
+        draw_refined(plane, refined)
     draw_start(plane, start_m, velocity_mps)
     draw_colour_bars(plane, colours)
     place_labels(plane, plan.waypoints.position_m)
-    _draw_legend(page.panel(_LEFT, _SUMMARY, whole_width_in, _LEGEND - 0.1), plane)
+    legend_in = _SUMMARY + others_in
+    _draw_legend(page.panel(_LEFT, legend_in, whole_width_in, _LEGEND - 0.1), plane)
+    if others:
+        _draw_names(page.panel(_LEFT, _SUMMARY, whole_width_in, others_in), thin, others)
     _draw_summary(page.panel(_LEFT, 0.12, whole_width_in, _SUMMARY - 0.22), plan, whole_width_in)
     _draw_title(page, plan)
     return page
@@ -91,6 +119,36 @@ def _region(plan: Plan, site: Site, vehicle: Vehicle, maps: Maps) -> GoalRegion 
         return goal_region(site, vehicle, maps, plan.mission, plan.request.target)
     except InputError:
         return None
+
+
+def _grouped(plan: Plan, alternatives: Sequence[Plan]) -> list[tuple[Plan, list[str]]]:
+    """Plans of different paths with the risks of each, the plan itself first; empty without any."""
+    groups: list[tuple[Plan, list[str]]] = [(plan, [])] if alternatives else []
+    for other in alternatives:
+        words = risk_words(other.request.risk)
+        known = next((names for group, names in groups if same_path(group, other)), None)
+        if known is None:
+            groups.append((other, [words]))
+        else:
+            known.append(words)
+    return groups
+
+
+def _draw_names(axes: Any, lines: list[Any], others: list[tuple[Plan, list[str]]]) -> None:
+    """Which line is the path under which risks, in axes of its own."""
+    axes.set_axis_off()
+    bold = axes.plot([], [], color=INK, linewidth=4.0)
+    axes.legend(
+        [*bold, *lines],
+        ["with " + "; ".join(names) if names else "as planned" for _, names in others],
+        loc="center left",
+        bbox_to_anchor=(0.0, 0.5),
+        frameon=False,
+        fontsize=8.5,
+        borderaxespad=0.0,
+        borderpad=0.0,
+        handlelength=1.8,
+    )
 
 
 def _draw_legend(axes: Any, plane: Any) -> None:

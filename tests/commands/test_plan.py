@@ -9,6 +9,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import yaml
+from matplotlib.colors import to_rgb
+from matplotlib.image import imread
 
 from moar_companion import cli
 from moar_companion.config import shipped_configs
@@ -125,6 +127,102 @@ def test_the_weights_of_the_vehicle_are_those_of_the_mission(plan):
     assert plan(mission="evacuation")["weights"]["safety"] == pytest.approx(0.6)
 
 
+def test_the_alternatives_are_listed_and_drawn(plan, site, tmp_path, capsys):
+    options = ("--target", "splice-inner", "--risk", "wind=0.5")
+    alone = plan(*options)
+    answer = plan(*options, "--alternatives")
+    others = answer.pop("alternatives")
+    for each in (alone, answer):
+        each.pop("compute")
+    assert answer == alone  # the plan itself is the same
+    assert [other["risk"]["wind"] for other in others] == [0, 0.5, 1, 1, 0, 0, 1]
+    same = next(other for other in others if other["risk"] == alone["risk"])
+    assert same == {key: alone[key] for key in same}
+    sizes = []
+    for flags in ([], ["--alternatives"]):
+        picture = tmp_path / f"{len(flags)}.png"
+        words = ["plan", site, "--mission", "inspection", *options, *flags, "--plot", str(picture)]
+        assert cli.main(words) == 0
+        sizes.append(np.frombuffer(picture.read_bytes()[16:24], dtype=">u4").tolist())
+    assert sizes[0][0] == sizes[1][0]
+    assert sizes[1][1] > sizes[0][1]  # room for their names
+    out = capsys.readouterr().out
+    assert out.count(" m in ") == 2 + len(others)
+    assert "  others     no risk: " in out
+    assert "wind 1, communication 1, localization 1: " in out
+
+
+@pytest.mark.parametrize("mission", ["inspection", "exit", "evacuation"])
+def test_the_refined_path_is_told_and_drawn_beside_the_plan(mission, plan, site, tmp_path, capsys):
+    alone = plan(mission=mission)
+    answer = plan("--refine", mission=mission)
+    refined = answer.pop("refined")
+    for each in (alone, answer):
+        each.pop("compute")
+    assert answer == alone  # the plan itself is the same
+    assert refined["cost"]["total"] < refined["plan_cost"]["total"]
+    assert refined["plan_cost"]["total"] == pytest.approx(alone["cost"]["total"], rel=0.1)
+    assert refined["metrics"].keys() == alone["metrics"].keys()
+    assert refined["waypoints"][0].keys() == alone["waypoints"][0].keys()
+    for axis in ("x_m", "z_m"):
+        assert refined["points"][0][axis] == pytest.approx(alone["waypoints"][0][axis])
+        assert refined["waypoints"][-1][axis] == pytest.approx(alone["waypoints"][-1][axis])
+    picture = tmp_path / "refined.png"
+    words = ["plan", site, "--mission", mission, "--refine", "--plot", str(picture)]
+    assert cli.main(words) == 0
+    off = np.abs(imread(picture)[..., :3] - to_rgb("#e619e6")).max(axis=-1)
+    assert (off < 0.01).sum() > 500
+    out = capsys.readouterr().out
+    assert out.count("  refined    ") == 1
+    assert f"J = {refined['cost']['total']:.3f}, " in out
+
+
+def test_no_plan_is_not_refined(site, tmp_path, capsys):
+    words = ["plan", site, "--mission", "exit", "--start=-1,2", "--refine", "--json", "-"]
+    assert cli.main([*words, "--plot", str(tmp_path / "none.png")]) == 2
+    assert json.loads(capsys.readouterr().out)["refined"] is None
+
+
+def test_no_plan_has_no_alternatives_either(site, tmp_path, capsys):
+    words = ["plan", site, "--mission", "exit", "--start=-1,2", "--alternatives", "--json", "-"]
+    assert cli.main([*words, "--plot", str(tmp_path / "none.png")]) == 2
+    answer = json.loads(capsys.readouterr().out)
+    assert {other["status"] for other in answer["alternatives"]} == {"out_of_bounds"}
+
+
+def test_the_explanation_is_what_the_risks_did_to_weights_and_path(plan):
+    options = ("--target", "splice-inner", "--risk", "wind=1,communication=1,localization=1")
+    calm, risky = plan(*options[:2]), plan(*options, "--explain")
+    assert "explanation" not in calm
+    explanation = risky.pop("explanation")
+    assert set(risky) == set(calm)
+    assert explanation["weights"]["base"] == pytest.approx(calm["weights"])
+    assert explanation["weights"]["adjusted"] == pytest.approx(risky["weights"])
+    lost = sum(change["time"] for change in explanation["weights"]["by_risk"].values())
+    assert lost < 0.0
+    path = explanation["path"]
+    assert path["mean_clearance_m"] == pytest.approx(
+        [calm["metrics"]["mean_clearance_m"], risky["metrics"]["mean_clearance_m"]]
+    )
+    assert path["words"].startswith(f"path moved {path['greatest_m']:.1f} m outwards")
+
+
+def test_the_explanation_is_told_in_the_summary(site, capsys):
+    arguments = ["plan", site, "--mission", "inspection", "--risk", "wind=0.8"]
+    assert cli.main([*arguments, "--explain"]) == 0
+    explained = capsys.readouterr().out
+    assert "k_S 0.33 -> 0.41 (wind +0.08)" in explained
+    assert explained.splitlines()[-1].strip().startswith("path ")
+    assert cli.main(arguments) == 0
+    assert "->" not in capsys.readouterr().out
+
+
+def test_without_a_path_the_weights_are_explained_all_the_same(site, capsys):
+    arguments = ["plan", site, "--mission", "exit", "--start", "1000,3", "--risk", "wind=0.8"]
+    assert cli.main([*arguments, "--explain"]) == 2
+    assert "k_S 0.33 -> 0.41 (wind +0.08)" in capsys.readouterr().out
+
+
 def test_another_vehicle(plan):
     slow = shipped_configs() / "vehicles" / "linedrone_flight.yaml"
     assert plan()["v_max_mps"] == 10.0
@@ -142,7 +240,8 @@ def test_the_target_is_a_name_or_the_index_of_a_landing_point(plan):
 
 def test_all_files_are_written(site, tmp_path, capsys):
     outputs = {option: tmp_path / f"out.{option}" for option in ("json", "maps")}
-    outputs["plot"] = tmp_path / "out.png"
+    outputs |= {"plot": tmp_path / "out.png", "pareto-plot": tmp_path / "front.png"}
+    outputs["pareto"] = tmp_path / "front.json"
     words = [word for option, file in outputs.items() for word in (f"--{option}", str(file))]
     assert cli.main(["plan", site, "--mission", "exit", *words]) == 0
     assert "exit: found" in capsys.readouterr().out
@@ -154,19 +253,23 @@ def test_all_files_are_written(site, tmp_path, capsys):
         assert maps["occupied"].dtype == bool
         assert math.isinf(maps["horizontal_distance_m"].max())
         assert maps["x_m"][0] == pytest.approx(0.15)
-    assert outputs["plot"].read_bytes().startswith(b"\x89PNG\r\n")
+    for picture in ("plot", "pareto-plot"):
+        assert outputs[picture].read_bytes().startswith(b"\x89PNG\r\n")
+    front = json.loads(outputs["pareto"].read_text())
+    assert front["mission"] == "exit"
+    assert {"safety", "time", "energy", "weights", "metrics", "states"} == set(front["points"][0])
+    assert set(front["sensitivity"]) == {"weights", "risk"}
     assert sorted(file.name for file in tmp_path.iterdir()) == sorted(
         ["site.yaml", *(file.name for file in outputs.values())]
     )
 
 
 def test_no_plan_is_an_answer_in_all_files(site, tmp_path, capsys):
-    outputs = [tmp_path / name for name in ("plan.json", "maps.npz", "plan.png")]
-    words = [
-        w
-        for o, f in zip(("json", "maps", "plot"), outputs, strict=True)
-        for w in (f"--{o}", str(f))
+    outputs = [
+        tmp_path / name for name in ("plan.json", "maps.npz", "plan.png", "front.json", "front.png")
     ]
+    options = ("json", "maps", "plot", "pareto", "pareto-plot")
+    words = [w for o, f in zip(options, outputs, strict=True) for w in (f"--{o}", str(f))]
     assert cli.main(["plan", site, "--mission", "inspection", "--start", "9.2,3.7", *words]) == 2
     out, err = capsys.readouterr()
     assert "start_occupied" in out
@@ -219,6 +322,8 @@ REFUSED = [
     ("maps to stdout", ["--maps", "-"], ["--maps", "'-'", "--json"]),
     ("plot to stdout", ["--plot", "-"], ["--plot", "'-'", "--json"]),
     ("plot of unknown kind", ["--plot", "a.gif"], ["--plot", "'a.gif'", ".png"]),
+    ("trade-off to stdout", ["--pareto", "-"], ["--pareto", "'-'", "--json"]),
+    ("trade-off of unknown kind", ["--pareto-plot", "a.gif"], ["--pareto-plot", "'a.gif'", ".png"]),
     ("json without a directory", ["--json", "no/a.json"], ["--json", "no/a.json", "directory"]),
     ("json is a directory", ["--json", "/"], ["--json", "'/'", "directory"]),
     ("json empty", ["--json", ""], ["--json", "''"]),
@@ -237,7 +342,8 @@ def test_bad_input_is_one_line_status_2_and_nothing_written(
 ):
     monkeypatch.chdir(tmp_path)
     before = Path(site).read_bytes()
-    argv = ["plan", site, "--mission", "inspection", "--plot", "p.png", *options]
+    plot = [] if "--plot" in options else ["--plot", "p.png"]
+    argv = ["plan", site, "--mission", "inspection", *plot, *options]
     assert cli.main(argv) == 2
     out, err = capsys.readouterr()
     assert out == ""

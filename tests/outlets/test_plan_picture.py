@@ -47,16 +47,19 @@ def test_a_plan_is_a_picture_of_many_colours(mission):
 
 
 @pytest.mark.parametrize(
-    ("start", "status"),
-    [((9.2, 3.7), "start_occupied"), ((500.0, -3.0), "out_of_bounds")],
+    ("mission", "start", "status"),
+    [
+        (Mission.INSPECTION, (9.2, 3.7), "start_occupied"),
+        (Mission.EXIT, (500.0, -3.0), "out_of_bounds"),
+    ],
 )
-def test_no_plan_is_a_picture_too(start, status):
-    for mission in Mission:
-        plan, content = drawn(SITE, mission=mission, start=start)
-        assert plan.status.value == status
-        assert pixels(content).std() > 0.05
+def test_no_plan_is_a_picture_too(mission, start, status):
+    plan, content = drawn(SITE, mission=mission, start=start)
+    assert plan.status.value == status
+    assert pixels(content).std() > 0.05
 
 
+FAR = "a landing point far away"
 SITES = {
     "no obstacles": replace(
         SITE, obstacles=(), targets=(replace(SITE.targets[0], position_m=(5.0, 5.0)),)
@@ -67,7 +70,7 @@ SITES = {
         name="$x_{1$ 送電線 " + "long " * 15 + "name",
         obstacles=(replace(SITE.obstacles[0], name="$\\frac"), *SITE.obstacles[1:]),
     ),
-    "a landing point far away": replace(
+    FAR: replace(
         SITE, landing_m={Mission.EXIT: ((4_000.0, 30.0),), Mission.EVACUATION: ((-1e5, 5.0),)}
     ),
     "a tall workspace": replace(
@@ -90,10 +93,10 @@ SITES = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("site", SITES.values(), ids=SITES)
-@pytest.mark.parametrize("mission", [Mission.INSPECTION, Mission.EXIT])
-def test_any_site_can_be_drawn(site, mission):
-    _, content = drawn(site, mission=mission)
+@pytest.mark.parametrize("name", SITES)
+def test_any_site_can_be_drawn(name):
+    mission = Mission.EXIT if name == FAR else Mission.INSPECTION
+    _, content = drawn(SITES[name], mission=mission)
     height, width, _ = pixels(content).shape
     assert 0.4 < height / width < 1.3
 

@@ -1,0 +1,301 @@
+"""`moar-companion check`: reads everything, flies nothing; with a link, go / no-go of the aircraft.
+
+All that is found is told, a line each; exit status 2 for a file that cannot be used, 1 for no-go.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import errno
+import os
+from collections.abc import Callable, Iterable, Sequence
+from functools import partial
+from typing import TYPE_CHECKING, TypeVar
+
+from ..config import Authority, CompanionConfig
+from ..errors import InputError, LinkError
+from ..service.places import Place, recorder_folder, state_folder, view_socket
+from .options import add_file
+from .outputs import say
+from .service import link_problems, merged
+
+if TYPE_CHECKING:
+    from ..planner.planner import Planner
+    from ..preflight.findings import Finding
+    from ..preflight.machine import Preflight
+    from ..site import Site
+    from ..vehicle import Vehicle
+
+_PERIOD_S = 0.02
+_STYLES = ("green", "cyan", "yellow", "bold red")
+"""By level."""
+_STOP_THE_SERVICE = "stop the service: systemctl stop moar-companion, or what else uses it"
+_LINK_REMEDIES = {
+    errno.ENOENT: "is it plugged in? `ls /dev/tty*` shows what is",
+    errno.EACCES: "allow it: sudo usermod -aG dialout $USER, then log in again",
+    errno.EADDRINUSE: _STOP_THE_SERVICE,
+    errno.EAGAIN: _STOP_THE_SERVICE,
+    errno.EBUSY: _STOP_THE_SERVICE,
+}
+"""By what the system says when a link is opened."""
+_LEVEL_WIDTH = 7
+_LONGEST_SOCKET_PATH = 107
+"""Bytes, of Linux's sun_path."""
+Value = TypeVar("Value")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The service's options; a link is opened only where it is named here."""
+    add_file(parser, "--config", "the configuration (companion.yaml)")
+    add_file(parser, "--vehicle", "the vehicle (default: the LineDrone as flown)")
+    add_file(parser, "--site", "the site (default: none)")
+    parser.add_argument(
+        "--connect",
+        metavar="URL",
+        action="append",
+        default=[],
+        help="look at the aircraft, too, on this link; may be repeated; forms as of the service",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Look at the files, then at the aircraft; tell."""
+    from ..preflight.findings import Level, worst  # noqa: PLC0415
+
+    errors: list[InputError] = []
+    config, vehicle, site = _read(arguments, errors)
+    if errors or config is None or vehicle is None:
+        _tell("Files", _unusable(errors))
+        first, more = errors[0], len(errors) - 1
+        say(f"NO-GO: {_counted(len(errors), 'finding')}\n")
+        problem = first.problem + (f" (and {more} more)" if more else "")
+        raise InputError(first.source, first.key, problem)
+    found = _files(config, vehicle, site)
+    _tell("Files", found)
+    planner = None if site is None else _planner(site, vehicle)
+    if planner is not None:
+        found += _tell(f"Site {planner.site.name}", _looked_at(planner))
+    if arguments.connect:
+        from ..preflight.machine import Preflight  # noqa: PLC0415
+
+        say(f"Aircraft on {', '.join(arguments.connect)}\n")
+        preflight = Preflight(config, vehicle, planner)
+        try:
+            asyncio.run(_listen(preflight, arguments.connect))
+        except LinkError as error:
+            found += _tell("", [_unopened(error)])
+        else:
+            found += _tell("", preflight.findings())
+    say(_summary(found, aircraft=bool(arguments.connect)) + "\n")
+    return 1 if worst(found) is Level.NO_GO else 0
+
+
+def _read(
+    arguments: argparse.Namespace, errors: list[InputError]
+) -> tuple[CompanionConfig | None, Vehicle | None, Site | None]:
+    """Every file by itself, so that all that is wrong is known at once."""
+    from ..site import Site  # noqa: PLC0415
+    from ..vehicle import Vehicle  # noqa: PLC0415
+
+    config = _tried(partial(merged, arguments), errors)
+    vehicle_file, site_file = arguments.vehicle, arguments.site
+    if config is not None:
+        errors += link_problems(config, arguments)
+        vehicle_file, site_file = config.vehicle, config.site
+    vehicle = None if vehicle_file is None else _tried(partial(Vehicle.load, vehicle_file), errors)
+    site = None if site_file is None else _tried(partial(Site.load, site_file), errors)
+    return config, vehicle, site
+
+
+def _tried(load: Callable[[], Value], errors: list[InputError]) -> Value | None:
+    try:
+        return load()
+    except InputError as error:
+        errors += error.parts
+        return None
+
+
+def _unusable(errors: Iterable[InputError]) -> list[Finding]:
+    from ..preflight.findings import Finding, Level  # noqa: PLC0415
+
+    return [
+        Finding(
+            level=Level.NO_GO,
+            subject=": ".join(filter(None, (error.source, error.key))),
+            text=error.problem,
+        )
+        for error in errors
+    ]
+
+
+def _files(config: CompanionConfig, vehicle: Vehicle, site: Site | None) -> list[Finding]:
+    """What the files say of the service."""
+    from ..preflight.findings import Finding, Level  # noqa: PLC0415
+
+    never = config.authority is Authority.OBSERVE
+    found = [
+        Finding(level=Level.OK, subject="vehicle", text=f"{vehicle.name} ({config.vehicle})"),
+        Finding(
+            level=Level.NOTE if never else Level.OK,
+            subject="authority",
+            text=config.authority.value + (": nothing is ever streamed" if never else ""),
+        ),
+        Finding(
+            level=Level.OK,
+            subject="links",
+            text=", ".join(f"{link.url} ({link.role.value})" for link in config.links),
+        ),
+        _folder(
+            "recorder",
+            recorder_folder(config),
+            "none: the flight is not recorded (recorder.directory)",
+        ),
+        _folder(
+            "state",
+            state_folder(config),
+            "none: after a crash nothing is remembered (state.directory, or systemd's)",
+        ),
+        _view(view_socket(config)),
+    ]
+    if site is None:
+        text = "none: telemetry and risk only, no mission is flown"
+        found.append(Finding(level=Level.NOTE, subject="site", text=text))
+    return found
+
+
+def _folder(subject: str, folder: Place | None, without: str) -> Finding:
+    """Whether the service could write to a folder. without: what it means that there is none."""
+    from ..preflight.findings import Finding, Level  # noqa: PLC0415
+
+    if folder is None:
+        return Finding(level=Level.NOTE, subject=subject, text=without)
+    there = next(at for at in (folder.path, *folder.path.absolute().parents) if at.exists())
+    if there.is_dir() and os.access(there, os.W_OK | os.X_OK):
+        return Finding(level=Level.OK, subject=subject, text=str(folder.path))
+    return Finding(
+        level=Level.NO_GO,
+        subject=subject,
+        text=f"{folder.path} cannot be written: {there} "
+        + ("belongs to somebody else" if there.is_dir() else "is not a directory"),
+        remedy=f"correct {folder.name}, or the rights there: else the service does not start",
+    )
+
+
+def _view(place: Place | None) -> Finding:
+    """Whether the service could make the socket of its view."""
+    from ..preflight.findings import Finding, Level  # noqa: PLC0415
+
+    if place is None:
+        text = "none: nobody can look on (view.socket, or systemd's)"
+        return Finding(level=Level.NOTE, subject="view", text=text)
+    path, folder = place.path, place.path.absolute().parent
+    problem = None
+    if path.exists() and not path.is_socket():
+        problem = "something else is there"
+    elif len(os.fsencode(path)) > _LONGEST_SOCKET_PATH:
+        problem = f"a socket's path has no more than {_LONGEST_SOCKET_PATH} bytes"
+    elif not (folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)):
+        problem = f"{folder} is no folder that can be written"
+    if problem is None:
+        return Finding(level=Level.OK, subject="view", text=str(path))
+    return Finding(
+        level=Level.NO_GO,
+        subject="view",
+        text=f"{path} cannot be made: {problem}",
+        remedy=f"correct {place.name}, or the rights there: else the service does not start",
+    )
+
+
+def _planner(site: Site, vehicle: Vehicle) -> Planner:
+    from ..planner.planner import Planner  # noqa: PLC0415
+
+    return Planner(site, vehicle)
+
+
+def _looked_at(planner: Planner) -> list[Finding]:
+    from ..preflight.site import site_findings  # noqa: PLC0415
+
+    return site_findings(planner)
+
+
+async def _listen(preflight: Preflight, urls: Sequence[str]) -> None:
+    """Carry bytes between the machine and the links until it has heard enough."""
+    from ..mavlink.link import open_link  # noqa: PLC0415
+    from ..mavlink.urls import parse_url  # noqa: PLC0415
+
+    loop = asyncio.get_running_loop()
+    arrived: list[tuple[str, bytes, float]] = []
+
+    def receive(url: str, data: bytes) -> None:
+        arrived.append((url, data, loop.time()))
+
+    async with contextlib.AsyncExitStack() as stack:
+        links = {
+            url: await stack.enter_async_context(open_link(parse_url(url), partial(receive, url)))
+            for url in urls
+        }
+        while not preflight.done:
+            for url, data, time_s in arrived:
+                preflight.receive(url, data, time_s)
+            arrived.clear()
+            preflight.tick(loop.time())
+            for url, data in preflight.data_to_send():
+                links[url].send(data)
+            await asyncio.sleep(_PERIOD_S)
+
+
+def _unopened(error: LinkError) -> Finding:
+    """A link through which nothing can be heard."""
+    from ..preflight.findings import Finding, Level  # noqa: PLC0415
+
+    cause = error.__cause__
+    number = cause.errno if isinstance(cause, OSError) else None
+    return Finding(
+        level=Level.NO_GO,
+        subject="link",
+        text=str(error),
+        remedy=_LINK_REMEDIES.get(number or 0, "correct --connect"),
+    )
+
+
+def _tell(heading: str, findings: list[Finding]) -> list[Finding]:
+    """Findings on stdout: in columns and colours on a terminal, else a line each."""
+    from rich.console import Console  # noqa: PLC0415
+    from rich.table import Table  # noqa: PLC0415
+    from rich.text import Text  # noqa: PLC0415
+
+    console = Console()
+    if heading:
+        say(f"{heading}\n")
+    if console.is_terminal:
+        table = Table.grid(padding=(0, 2))
+        for finding in findings:
+            table.add_row(
+                Text(f"  {finding.level!s:{_LEVEL_WIDTH}}", style=_STYLES[finding.level]),
+                Text(finding.subject),
+                Text(finding.explanation),
+            )
+        console.print(table)
+    else:
+        lines = (f"  {item.level!s:{_LEVEL_WIDTH}}  {item}\n" for item in findings)
+        say("".join(lines))
+    return findings
+
+
+def _summary(findings: list[Finding], *, aircraft: bool) -> str:
+    from ..preflight.findings import Level  # noqa: PLC0415
+
+    levels = [finding.level for finding in findings]
+    stopping, warnings = levels.count(Level.NO_GO), levels.count(Level.WARNING)
+    if stopping:
+        return f"NO-GO: {_counted(stopping, 'finding')}, {_counted(warnings, 'warning')}"
+    words = [_counted(warnings, "warning")] if warnings else []
+    if not aircraft:
+        words.append("the aircraft was not looked at (--connect URL)")
+    return "GO" + (f": {', '.join(words)}" if words else "")
+
+
+def _counted(count: int, word: str) -> str:
+    return f"{count} {word}{'' if count == 1 else 's'}"

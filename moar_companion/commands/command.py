@@ -1,0 +1,254 @@
+"""`moar-companion command`: the operator's side, on MAVSDK: an order to the companion, its answer.
+
+An order is repeated until it is answered, with a rising confirmation, by which the companion knows
+the repeat. MAVSDK's own repeats have none, by which a late one is not told from a new order.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import re
+import sys
+import time
+from collections.abc import Mapping
+from types import SimpleNamespace
+from typing import Any
+
+from ..errors import LinkError
+from ..mavlink.commands import CommandResult
+from ..mavlink.modes import mode_name
+from ..mavlink.translate import autopilot_kind
+from ..mavlink.urls import parse_url
+from ..mission.states import MissionState
+from ..types import Mission
+from .ground_station import COMPANION, GroundStation
+from .options import add_file, number, refused
+
+_USER_1 = 31010
+_DO_PAUSE_CONTINUE = 193
+_ORDERS = {
+    "inspection": (_USER_1, 1),
+    "exit": (_USER_1, 2),
+    "evacuation": (_USER_1, 3),
+    "hold": (_USER_1, 0),
+    "pause": (_DO_PAUSE_CONTINUE, 0),
+    "continue": (_DO_PAUSE_CONTINUE, 1),
+    "release": (_USER_1, 4),
+}
+"""MAV_CMD and its param1, by the word on the command line (contract)."""
+_STATUS = "status"
+_WORDS = (*_ORDERS, _STATUS)
+_ANY = -1
+"""All targets in turn; any landing point."""
+
+_AUTOPILOT = 1
+"""Its component id."""
+_RISKS = {
+    "wind": "RISK_WIND",
+    "communication": "RISK_COMM",
+    "localization": "RISK_LOC",
+    "battery": "RISK_BATT",
+}
+_WEIGHTS = {"safety": "K_SAFETY", "time": "K_TIME", "energy": "K_ENERGY"}
+_RESULTS = {result.value: result.name for result in CommandResult}
+_ACTIVE = 4
+_ARMED = 128
+
+_REPEAT_S = 0.5
+_REASON_S = 1.0
+"""The text that says why follows its acknowledgement at once."""
+_LISTEN_S = 2.5
+"""Two heartbeats, and all risks and weights several times."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """What is ordered, of whom."""
+    parser.add_argument(
+        "order",
+        metavar="MISSION",
+        type=_word,
+        help=f"one of {', '.join(_ORDERS)}; or {_STATUS}, which orders nothing and shows what the "
+        "companion says of itself",
+    )
+    parser.add_argument(
+        "--target",
+        metavar="NAME|INDEX",
+        help="inspection: the target (default: all in turn); exit and evacuation: index of the "
+        "landing point (default: any); indices begin at 0, a name needs --site",
+    )
+    parser.add_argument(
+        "--connect",
+        metavar="URL",
+        required=True,
+        help="a link on which the companion is heard, through the autopilot or its own: "
+        "udp:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD",
+    )
+    add_file(parser, "--site", "the companion's site, which knows the targets' names")
+    parser.add_argument(
+        "--timeout",
+        metavar="S",
+        type=_timeout,
+        default=5.0,
+        help="how long the companion may be silent, in s (default: 5)",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Send the order and say what comes back; 0 when it is accepted."""
+    address = parse_url(arguments.connect)
+    order: str = arguments.order
+    index = _index(order, arguments.target, arguments.site)
+    with contextlib.closing(GroundStation(address)) as operator:
+        operator.find_companion(arguments.timeout)
+        if order == _STATUS:
+            _say(_status(operator))
+            return 0
+        return _give(operator, order, index, arguments.timeout)
+
+
+def _word(text: str) -> str:
+    if text not in _WORDS:
+        raise refused("MISSION", text, f"must be one of {', '.join(_WORDS)}")
+    return text
+
+
+def _timeout(text: str) -> float:
+    value = number(text)
+    if value is None or value <= 0.0:
+        raise refused("--timeout", text, "must be a number of seconds above 0")
+    return value
+
+
+def _index(order: str, given: str | None, site_file: str | None) -> int:
+    """param2 of the order. A target's name comes before an index that looks like it."""
+    if given is None:
+        return _ANY
+    if order not in {mission.value for mission in Mission}:
+        raise refused("--target", given, f"but {order} has no target")
+    names: list[str] | None = None
+    if site_file is not None:
+        from ..site import Site  # noqa: PLC0415
+
+        site, mission = Site.load(site_file), Mission(order)
+        names = [target.name for target in site.targets]
+        if mission is not Mission.INSPECTION:
+            names = [str(index) for index in range(len(site.landing_m.get(mission, ())))]
+        if given in names:
+            return names.index(given)
+    what = "target" if order == Mission.INSPECTION.value else "landing point"
+    if names == []:
+        raise refused("--target", given, f"but the site has no {what}")
+    if re.fullmatch(r"\d{1,5}", given, re.ASCII) and (names is None or int(given) < len(names)):
+        return int(given)
+    by_name = " or, with --site, its name" if what == "target" else ""
+    known = f"one of {', '.join(names)}" if names else f"the index of a {what}{by_name}"
+    raise refused("--target", given, f"must be {known}")
+
+
+# The order and its answer
+
+
+def _give(operator: GroundStation, order: str, index: int, timeout_s: float) -> int:
+    """Give the order, say its answer and, unless it is accepted, the reason; the exit status."""
+    result = _answer(operator, order, index, timeout_s)
+    name = _RESULTS.get(result, f"REFUSED, result {result}")
+    _say(f"{order}: {name}")
+    if result == CommandResult.ACCEPTED:
+        return 0
+    reason = f"MOAR {name.lower().replace('_', ' ')}: "
+    for said in operator.listen(_REASON_S):
+        if said.text is not None:
+            _say(said.text)
+            if said.text.startswith(reason):
+                break
+    else:
+        _say("(no reason was heard)")
+    return 1
+
+
+def _answer(operator: GroundStation, order: str, index: int, timeout_s: float) -> int:
+    """The final MAV_RESULT; meanwhile the order is repeated, and what the companion says is shown.
+
+    Raises LinkError when it has given no answer, not even IN_PROGRESS, for the time-out.
+    """
+    command, param1 = _ORDERS[order]
+    confirmation, in_progress = 0, False
+    until_s = time.monotonic() + timeout_s
+    while time.monotonic() < until_s:
+        operator.send_command(command, param1, index, confirmation=confirmation)
+        confirmation = min(confirmation + 1, 255)
+        for said in operator.listen(_REPEAT_S):
+            if said.text is not None:
+                _say(said.text)
+            if not operator.is_answer(said, command):
+                continue
+            result: int = said.fields["result"]
+            if result != CommandResult.IN_PROGRESS:
+                return result
+            until_s = time.monotonic() + timeout_s
+            if not in_progress:
+                _say(f"{order}: {_RESULTS[result]}")
+            in_progress = True
+    raise LinkError(f"{order}: the companion has not answered for {timeout_s:g} s")
+
+
+# What the companion says of itself
+
+
+def _status(operator: GroundStation) -> str:
+    """What is heard in a few seconds, for a person."""
+    beats: dict[int, Mapping[str, Any]] = {}
+    values: dict[str, float | None] = {}
+    texts: dict[str, None] = {}
+    for said in operator.listen(_LISTEN_S):
+        if said.name == "HEARTBEAT":
+            beats[said.component] = said.fields
+        elif said.component == COMPANION and said.name == "NAMED_VALUE_FLOAT":
+            values[said.fields["name"]] = said.fields["value"]
+        elif said.text is not None:
+            texts[said.text] = None
+    companion, autopilot = beats.get(COMPANION), beats.get(_AUTOPILOT)
+    known = f"system {operator.system_id}, component {COMPANION}"
+    lines = (
+        ("companion", known if companion is None else f"{known}: {_companion(companion)}"),
+        ("autopilot", "not heard" if autopilot is None else _autopilot(autopilot)),
+        ("risks", _values(_RISKS, values)),
+        ("weights", _values(_WEIGHTS, values)),
+        *(("said", text) for text in texts or ["nothing while this listened"]),
+    )
+    return "\n".join(f"{what:10} {words}" for what, words in lines)
+
+
+def _companion(heartbeat: Mapping[str, Any]) -> str:
+    states = tuple(MissionState)
+    number = heartbeat["custom_mode"]
+    state = states[number].value if number < len(states) else f"state {number}"
+    streams = heartbeat["system_status"] == _ACTIVE
+    return f"{state}, streams {'setpoints' if streams else 'nothing'}"
+
+
+def _autopilot(heartbeat: Mapping[str, Any]) -> str:
+    kind = autopilot_kind(SimpleNamespace(**heartbeat))
+    if kind is None:
+        return "no aircraft"
+    armed = "armed" if heartbeat["base_mode"] & _ARMED else "disarmed"
+    return f"{kind.value}, {armed}, {mode_name(kind, heartbeat['custom_mode'], heartbeat['type'])}"
+
+
+def _values(names: Mapping[str, str], values: Mapping[str, float | None]) -> str:
+    return ", ".join(
+        f"{word} {_value(values[name]) if name in values else 'not heard'}"
+        for word, name in names.items()
+    )
+
+
+def _value(value: float | None) -> str:
+    """A number of the companion's; MAVSDK tells one that is not finite as null."""
+    return f"{value:.2f}" if value is not None and math.isfinite(value) else "unknown"
+
+
+def _say(line: str) -> None:
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()

@@ -1,0 +1,168 @@
+"""A ground station on one link by MAVSDK: what a companion says, and commands to it.
+
+In MAVLink's eyes it has MAVSDK's own ids (245, component 190) and heartbeats as a ground station.
+While it runs it therefore counts for PX4's ground station failsafe and the companion's
+communication risk; where no other ground station is heard, its end is the loss of one. As 245 it
+takes no answers from a QGroundControl (255) beside it, and ArduPilot's failsafe, which minds 255
+alone, does not mind it.
+"""
+
+from __future__ import annotations
+
+import json
+import queue
+import socket
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+from ..errors import LinkError
+from ..mavlink.texts import HeardTexts
+from ..mavlink.urls import LinkAddress, LinkKind
+
+COMPANION = 195
+"""Its component id."""
+_HEARD = ("HEARTBEAT", "COMMAND_ACK", "STATUSTEXT", "NAMED_VALUE_FLOAT")
+_LOG_ERROR = 3
+"""mavsdk.LogLevel.ERROR."""
+_POLL_S = 0.05
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Said:
+    """A message of the companion's system."""
+
+    name: str
+    component: int
+    fields: Mapping[str, Any]
+    text: str | None = None
+    """A whole text of the companion's, which this message completes."""
+
+
+class GroundStation:
+    """A ground station by MAVSDK, on one link. Raises LinkError when it cannot be opened."""
+
+    def __init__(self, address: LinkAddress) -> None:
+        import mavsdk  # noqa: PLC0415
+        from mavsdk.plugins import mavlink_direct  # noqa: PLC0415
+
+        url = mavsdk_url(address)
+        self.system_id = 0
+        """The aircraft's, once the companion is found."""
+        self._address = address
+        self._heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._texts = HeardTexts()
+        self._complaint = ""
+        self._plugin: Any = mavlink_direct
+        self._direct: Any = None
+        mavsdk.log_subscribe(self._log)
+        configuration = mavsdk.Configuration.create_with_component_type(
+            mavsdk.ComponentType.GROUND_STATION
+        )
+        self._ids = (configuration.system_id, configuration.component_id)
+        self._mavsdk = mavsdk.Mavsdk(configuration)
+        result = self._mavsdk.add_any_connection(url)
+        if result != mavsdk.ConnectionResult.SUCCESS:
+            self.close()
+            raise self._failed(result.name)
+
+    def close(self) -> None:
+        """End MAVSDK's threads."""
+        self._mavsdk.destroy()
+
+    def _failed(self, what: str) -> LinkError:
+        """MAVSDK's words for what has failed on the link."""
+        return LinkError(f"{self._address}: {self._complaint or what.lower().replace('_', ' ')}")
+
+    def find_companion(self, timeout_s: float) -> None:
+        """Wait for the first companion; LinkError, saying who is heard, when none comes."""
+        until_s = time.monotonic() + timeout_s
+        while True:
+            heard = {item: item.component_ids() for item in self._mavsdk.get_systems()}
+            for system, components in heard.items():
+                if COMPANION in components:
+                    self.system_id = system.get_system_id()
+                    self._direct = self._plugin.MavlinkDirect(system)
+                    for name in _HEARD:
+                        self._direct.subscribe_message(name, lambda said, _: self._heard.put(said))
+                    return
+            if time.monotonic() >= until_s:
+                raise LinkError(self._nobody(heard, timeout_s))
+            time.sleep(_POLL_S)
+
+    def _nobody(self, heard: Mapping[Any, list[int]], timeout_s: float) -> str:
+        others = "; ".join(
+            f"system {system.get_system_id()} with components {', '.join(map(str, components))}"
+            for system, components in heard.items()
+        )
+        return (
+            f"no companion (component {COMPANION}) heard on {self._address} for {timeout_s:g} s: "
+            f"{others or self._complaint or 'nothing is heard'}"
+        )
+
+    def send_command(self, command: int, *parameters: float, confirmation: int) -> None:
+        """A COMMAND_LONG to the companion; LinkError when it cannot be sent."""
+        padded = (*parameters, *[0.0] * (7 - len(parameters)))
+        fields = {
+            "target_system": self.system_id,
+            "target_component": COMPANION,
+            "command": command,
+            "confirmation": confirmation,
+            **{f"param{place}": value for place, value in enumerate(padded, start=1)},
+        }
+        message = self._plugin.MavlinkMessage(
+            message_name="COMMAND_LONG",
+            target_system_id=self.system_id,
+            target_component_id=COMPANION,
+            fields_json=json.dumps(fields),
+        )
+        try:
+            self._direct.send_message(message)
+        except self._plugin.MavlinkDirectError as error:
+            raise self._failed(error.result.name) from error
+
+    def listen(self, seconds: float) -> Iterator[Said]:
+        """What the companion's system says within a time."""
+        until_s = time.monotonic() + seconds
+        while (left_s := until_s - time.monotonic()) > 0.0:
+            try:
+                message = self._heard.get(timeout=left_s)
+            except queue.Empty:
+                return
+            fields = json.loads(message.fields_json)
+            name, component = message.message_name, message.component_id
+            if component == COMPANION and name == "STATUSTEXT":
+                for text in self._texts.hear(SimpleNamespace(**fields)):
+                    yield Said(name=name, component=component, fields=fields, text=text.text)
+            else:
+                yield Said(name=name, component=component, fields=fields)
+
+    def is_answer(self, said: Said, command: int) -> bool:
+        """Whether this is the companion's acknowledgement of our command."""
+        fields = said.fields
+        return (
+            said.name == "COMMAND_ACK"
+            and said.component == COMPANION
+            and fields["command"] == command
+            and (fields["target_system"], fields["target_component"]) == self._ids
+        )
+
+    def _log(self, level: int, message: str, _file: str | None, _line: int) -> bool:
+        """MAVSDK's log, which it would print: its last complaint says why a link fails."""
+        if level >= _LOG_ERROR:
+            self._complaint = message
+        return True
+
+
+def mavsdk_url(address: LinkAddress) -> str:
+    """The address in MAVSDK's words; LinkError for a host that has no IPv4 address."""
+    if address.kind is LinkKind.SERIAL:
+        return f"serial://{address.device}:{address.baud}"
+    try:
+        host = socket.gethostbyname(address.host)
+    except OSError as error:
+        raise LinkError(f"{address}: {error.strerror}") from error
+    scheme = "tcpout" if address.kind is LinkKind.TCP else address.kind.value
+    return f"{scheme}://{host}:{address.port}"

@@ -1,0 +1,305 @@
+"""`moar-companion replay`: risk indices and events over a recorded flight.
+
+The recording is read whole, played by the code that flies, and told as a summary, JSON and a
+picture. A recording that ends in the middle of a packet is played to its end. A ULog is read by
+pyulog, which comes with the extra `ulog`.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import gzip
+import io
+import math
+import os
+import zlib
+from pathlib import Path
+from typing import IO, TYPE_CHECKING
+
+from ..errors import InputError
+from .options import add_file, file_name, refused
+from .outputs import STDOUT, check_outputs, say, write_output
+
+if TYPE_CHECKING:
+    from ..outlets.replay import Replay
+    from ..risk.drag_fit import DragFlight
+    from ..service.playback import Playback
+    from ..service.ulog_topics import Sample
+    from ..service.whereabouts import Whereabouts
+    from ..vehicle import Vehicle
+
+_GZIP = b"\x1f\x8b"
+_ULOG = b"ULog\x01\x12\x35"
+_ULOG_HEAD_BYTES = 16
+_ULOG_DEFINITIONS, _ULOG_DATA = b"BFIMPQ", b"ALCD"
+"""Kinds of messages of a ULog's two parts."""
+_MAX_BYTES = 512 << 20
+"""Of a recording, unpacked: a day of telemetry has as much."""
+_PIECE_BYTES = 1 << 20
+_MAX_EVENTS = 60
+"""In the summary; the JSON has all."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The recording; what it is judged by; the outputs."""
+    parser.add_argument(
+        "recording",
+        metavar="RECORDING",
+        type=file_name("RECORDING"),
+        help="the recording (.tlog, .tlog.gz; .ulg of PX4)",
+    )
+    add_file(parser, "--vehicle", "the vehicle file (default: the LineDrone)")
+    add_file(parser, "--site", "the site file: where on it the aircraft was, and its way out")
+    add_file(parser, "--json", "write everything as JSON; - is stdout")
+    add_file(parser, "--plot", "draw a picture (.png)")
+    parser.add_argument(
+        "--fit-drag",
+        action="store_true",
+        help="measure the vehicle's drag instead: prints lines for the vehicle file. Flown in calm "
+        "air: hover for 20 s, then straight legs there and back, at two speeds or more",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Play, write, tell: the summary, the JSON, or the drag."""
+    from ..config import shipped_configs  # noqa: PLC0415
+    from ..vehicle import Vehicle  # noqa: PLC0415
+
+    vehicle_file = arguments.vehicle or str(shipped_configs() / "vehicles" / "linedrone.yaml")
+    _check_outputs(arguments, vehicle_file)
+    vehicle = Vehicle.load(vehicle_file)
+    whereabouts = None if arguments.site is None else _whereabouts(arguments.site, vehicle)
+    drag = _drag_flight() if arguments.fit_drag else None
+    replay = played(arguments.recording, vehicle, whereabouts, drag)
+
+    def draw(stream: IO[bytes]) -> None:
+        from ..outlets.replay_picture import draw_replay  # noqa: PLC0415
+
+        draw_replay(replay, stream)
+
+    failures = [
+        write_output("--json", arguments.json, lambda stream: stream.write(_json(replay).encode())),
+        write_output("--plot", arguments.plot, draw),
+    ]
+    if drag is not None:
+        say(_drag_lines(arguments.recording, drag))
+    else:
+        say(_json(replay) if arguments.json == STDOUT else summary(replay))
+    problems = [failure for failure in failures if failure]
+    if problems:
+        raise OSError("; ".join(problems))
+    return 0
+
+
+def summary(replay: Replay) -> str:
+    """The replay in a few lines for a person."""
+    vehicle = f" {replay.vehicle_type}" if replay.vehicle_type else ""
+    head = f"{replay.recording}: {replay.autopilot}{vehicle}, {replay.duration_s:.1f} s"
+    lines = [f"{head}, judged as {replay.vehicle}"]
+    for name, measures in replay.measures.items():
+        values = [sample.risk[name] for sample in replay.samples]
+        known = [value for value in values if value is not None]
+        line = "unknown"
+        if known:
+            line = f"{min(known):.2f} to {max(known):.2f}"
+        never = [item for item, measure in measures.items() if measure.greatest_risk is None]
+        if known and never:
+            line += f"; never known: {', '.join(never)}"
+        lines.append(f"  {name:14} {line}")
+    lines += _place_lines(replay)
+    shown = replay.events[:_MAX_EVENTS]
+    lines += [f"  {event.time_s:8.1f} s  {event.kind:9}  {event.text}" for event in shown]
+    if len(shown) < len(replay.events):
+        lines.append(f"  and {len(replay.events) - len(shown)} more events (--json has all)")
+    return "\n".join(lines) + "\n"
+
+
+def _place_lines(replay: Replay) -> list[str]:
+    """Where on the site the aircraft came nearest to an obstacle."""
+    places = [(sample.time_s, sample.place) for sample in replay.samples if sample.place]
+    known = [
+        (place.clearance_m, time_s) for time_s, place in places if place.clearance_m is not None
+    ]
+    ways = [place.evacuation_s for _, place in places if place.evacuation_s is not None]
+    lines = []
+    if known:
+        least_m, time_s = min(known)
+        lines.append(f"  clearance      {least_m:.2f} m at least, at {time_s:.1f} s")
+    if ways:
+        lines.append(f"  evacuation     {max(ways):.1f} s at most")
+    return lines
+
+
+def _whereabouts(site_file: str, vehicle: Vehicle) -> Whereabouts:
+    from ..planner.planner import Planner  # noqa: PLC0415
+    from ..service.whereabouts import Whereabouts  # noqa: PLC0415
+    from ..site import Site  # noqa: PLC0415
+
+    return Whereabouts(Planner(Site.load(site_file), vehicle))
+
+
+def _drag_flight() -> DragFlight:
+    from ..risk.drag_fit import DragFlight  # noqa: PLC0415
+
+    return DragFlight()
+
+
+def _drag_lines(path: str, flight: DragFlight) -> str:
+    """What to paste into the vehicle file; raises InputError where the flight tells no drag."""
+    fit = flight.fit()
+    if isinstance(fit, str):
+        raise InputError(path, "", fit)
+    return (
+        f"risk:  # drag from {fit.seconds:.0f} s, speeds within {fit.span_mps:.1f} m/s, wind "
+        f"{math.hypot(*fit.wind_ne_mps):.1f} m/s, residual {fit.residual_mps2:.2f} m/s2\n"
+        f"  drag_per_s: {fit.drag_per_s:.3f}\n"
+        f"  drag_per_m: {fit.drag_per_m:.4f}\n"
+    )
+
+
+def played(
+    path: str,
+    vehicle: Vehicle,
+    whereabouts: Whereabouts | None = None,
+    drag: DragFlight | None = None,
+) -> Replay:
+    """A recording, replayed; raises InputError for a file that is none."""
+    from ..mavlink.tlog import Tlog  # noqa: PLC0415
+    from ..mavlink.witness import Witness  # noqa: PLC0415
+    from ..service.playback import Playback  # noqa: PLC0415
+
+    data, whole = _content(path)
+    name = os.fsencode(Path(path).name).decode(errors="replace")
+    if data.startswith(_ULOG):
+        return _ulog_played(path, data, vehicle, whereabouts, drag).finish(name)
+    tlog = Tlog(data)
+    if not tlog.recognised:
+        raise InputError(path, "", "is no recording, must be a .tlog, .tlog.gz or .ulg")
+    playback = Playback(vehicle, Witness(), whereabouts, drag=drag)
+    for record in tlog:
+        playback.feed(record.time_s, record.packet)
+    if tlog.cut_short:
+        playback.note("ends in the middle of a packet")
+    elif not whole:
+        playback.note("ends in the middle of the gzip file")
+    if tlog.bad_packets or tlog.skipped_bytes:
+        playback.note(
+            f"left out: broken packets {tlog.bad_packets}, stray bytes {tlog.skipped_bytes}"
+        )
+    return playback.finish(name)
+
+
+def _ulog_played(
+    path: str,
+    data: bytes,
+    vehicle: Vehicle,
+    whereabouts: Whereabouts | None,
+    drag: DragFlight | None,
+) -> Playback[Sample]:
+    from ..service.playback import Playback  # noqa: PLC0415
+    from ..service.ulog import UlogWitness, samples  # noqa: PLC0415
+    from ..service.ulog_topics import TOPICS, Topic  # noqa: PLC0415
+
+    try:
+        from pyulog import ULog  # noqa: PLC0415
+    except ImportError:
+        extra = "pip install 'moar-companion[ulog]'"
+        raise InputError(path, "", f"is a ULog, which needs pyulog: {extra}") from None
+    if not _defines_its_topics(data):
+        raise InputError(path, "", "is no sound ULog: its definitions are broken")
+    try:
+        with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what it finds broken
+            log = ULog(io.BytesIO(data), list(TOPICS))
+    except Exception as error:  # whatever pyulog makes of a broken file
+        raise InputError(path, "", f"is no sound ULog: {error}") from error
+    playback = Playback(vehicle, UlogWitness(), whereabouts, drag=drag)
+    topics = [
+        Topic(
+            name=item.name,
+            instance=item.multi_id,
+            columns={field: column.tolist() for field, column in item.data.items()},
+        )
+        for item in log.data_list
+    ]
+    texts = [
+        (int(item.timestamp), item.log_level - ord("0"), item.message)
+        for item in log.logged_messages
+    ]
+    for time_s, sample in samples(topics, texts, int(log.start_timestamp)):
+        playback.feed(time_s, sample)
+    if log.file_corruption:
+        playback.note("parts of the log are broken, and left out")
+    return playback
+
+
+def _defines_its_topics(data: bytes) -> bool:
+    """Whether the definitions of a ULog lead to its data: pyulog never ends where they do not."""
+    position = _ULOG_HEAD_BYTES
+    while position + 3 <= len(data):
+        size, kind = int.from_bytes(data[position : position + 2], "little"), data[position + 2]
+        if kind in _ULOG_DATA:
+            return True
+        if kind not in _ULOG_DEFINITIONS or not size:
+            return False
+        position += 3 + size
+    return False
+
+
+def _content(path: str) -> tuple[bytes, bool]:
+    """The bytes of a recording, unpacked if they are packed, and whether these are all.
+
+    Whether it is packed is seen by its first bytes, whatever its name says.
+    """
+    try:
+        if Path(path).is_dir():
+            raise InputError(path, "", "is a directory, must be a file")
+        if Path(path).is_char_device():
+            raise InputError(path, "", "is a device, must be a file")
+        with Path(path).open("rb") as file:
+            packed = file.peek(len(_GZIP)).startswith(_GZIP)
+            data, whole = _read(gzip.GzipFile(fileobj=file) if packed else file)
+    except FileNotFoundError:
+        raise InputError(path, "", "no such file") from None
+    except (gzip.BadGzipFile, zlib.error) as error:
+        raise InputError(path, "", f"is no sound gzip file: {error}") from error
+    except (OSError, ValueError) as error:
+        problem = getattr(error, "strerror", None) or error
+        raise InputError(path, "", f"cannot be read: {problem}") from error
+    if not data:
+        raise InputError(path, "", "is empty, must be a recording")
+    if len(data) > _MAX_BYTES:
+        limit = f"{_MAX_BYTES >> 20} MiB"
+        raise InputError(path, "", f"is too long, must have at most {limit}, unpacked")
+    return data, whole
+
+
+def _read(stream: io.BufferedIOBase) -> tuple[bytes, bool]:
+    """What is in a stream, as far as it is allowed; False where a packed one is cut short."""
+    content = io.BytesIO()
+    try:
+        while content.tell() <= _MAX_BYTES and (piece := stream.read1(_PIECE_BYTES)):
+            content.write(piece)
+    except EOFError:
+        return content.getvalue(), False
+    return content.getvalue(), True
+
+
+def _check_outputs(arguments: argparse.Namespace, vehicle_file: str) -> None:
+    plot: str | None = arguments.plot
+    if plot == STDOUT:
+        raise refused("--plot", STDOUT, "must be a file: only --json goes to stdout")
+    if arguments.fit_drag and arguments.json == STDOUT:
+        raise refused("--json", STDOUT, "must be a file: stdout is for --fit-drag")
+    if plot is not None and Path(plot).suffix.lower() not in {"", ".png"}:
+        raise refused("--plot", plot, "must end in .png")
+    inputs = {"the recording": arguments.recording, "the vehicle": vehicle_file}
+    if arguments.site is not None:
+        inputs["the site"] = arguments.site
+    check_outputs(
+        {"--json": None if arguments.json == STDOUT else arguments.json, "--plot": plot}, inputs
+    )
+
+
+def _json(replay: Replay) -> str:
+    return replay.to_json() + "\n"

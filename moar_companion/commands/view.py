@@ -1,0 +1,193 @@
+"""The `view` command: the live view of a running service, read from its Unix socket."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import errno
+import json
+import os
+import select
+import signal
+import socket
+import sys
+import termios
+import time
+import tty
+from collections.abc import Iterator
+from typing import Any, NoReturn
+
+from rich.console import Console
+from rich.live import Live
+
+from ..errors import LinkError
+from ..outlets.live_view import LiveView, line_of, silence_of
+from .options import file_name
+
+_DEFAULT_SOCKET = "/run/moar-companion/view.sock"
+_LONGEST_LINE = 1_000_000
+_TICK_S = 1.0
+_FIRST_WORD_S = 5.0
+"""The service speaks four times a second."""
+_LINE_PERIOD_S = 1.0
+"""Between lines of plain text."""
+_REASONS = {
+    errno.ENOENT: "no such socket: is the service running, and has it a view.socket?",
+    errno.ECONNREFUSED: "nobody serves it: is the service running?",
+    errno.EACCES: "may not be read by this user: members of the service's group may",
+}
+
+Status = dict[str, Any]
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """The socket, and what to make of what it says."""
+    parser.add_argument(
+        "socket",
+        nargs="?",
+        metavar="SOCKET",
+        type=file_name("SOCKET"),
+        default=_DEFAULT_SOCKET,
+        help=f"the service's view.socket (default: {_DEFAULT_SOCKET})",
+    )
+    form = parser.add_mutually_exclusive_group()
+    form.add_argument("--once", action="store_true", help="print one page and end")
+    form.add_argument("--json", action="store_true", help="print every status as a line of JSON")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Show what the service says until q or Ctrl-C, which is status 0."""
+    console = Console()
+    # Whatever ends it, the terminal is given back as it was.
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, signal.default_int_handler)
+    with (
+        contextlib.suppress(KeyboardInterrupt),
+        contextlib.closing(Statuses(arguments.socket)) as (statuses),
+    ):
+        if arguments.once:
+            console.print(LiveView(statuses.first()))
+        elif arguments.json:
+            _write_json(statuses)
+        elif console.is_terminal and not console.is_dumb_terminal:
+            _watch(statuses, console)
+        else:
+            _write_lines(statuses)
+    return 0
+
+
+class Statuses:
+    """What a service says on its view socket.
+
+    Raises LinkError when nobody serves there, when the service ends, and when it is none.
+    """
+
+    def __init__(self, path: str) -> None:
+        self._path = path
+        self._rest = b""
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+        try:
+            self._socket.connect(path)
+        except OSError as error:
+            self._socket.close()
+            reason = _REASONS.get(error.errno or 0) or error.strerror or str(error)
+            raise LinkError(f"{path}: {reason}") from error
+
+    def fileno(self) -> int:
+        """For `select`."""
+        return self._socket.fileno()
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
+
+    def waiting(self, timeout_s: float = 0.0) -> bool:
+        """Whether there is something to read now, or within a time."""
+        return bool(select.select([self], [], [], timeout_s)[0])
+
+    def first(self) -> Status:
+        """The first status, which has to come soon."""
+        deadline_s = time.monotonic() + _FIRST_WORD_S
+        while (left_s := deadline_s - time.monotonic()) > 0.0:
+            if self.waiting(left_s):
+                for status in self.read():
+                    return status
+        raise LinkError(f"{self._path}: the service says nothing")
+
+    def read(self) -> list[Status]:
+        """What has arrived since, oldest first; waits for some of it, perhaps part of a status."""
+        try:
+            data = self._socket.recv(65_536)
+        except ConnectionError:
+            data = b""
+        if not data:
+            raise LinkError(f"{self._path}: the service has ended")
+        *lines, self._rest = (self._rest + data).split(b"\n")
+        if len(self._rest) > _LONGEST_LINE:
+            raise LinkError(f"{self._path}: is served by another program")
+        return [self._status(line) for line in lines]
+
+    def _status(self, line: bytes) -> Status:
+        try:
+            status = json.loads(line)
+        except ValueError:
+            status = None
+        if not isinstance(status, dict) or "mission" not in status:
+            raise LinkError(f"{self._path}: is served by another program")
+        return status
+
+
+def _write_json(statuses: Statuses) -> NoReturn:
+    """A line for every status."""
+    while True:
+        for status in statuses.read():
+            _say(json.dumps(status))
+
+
+def _write_lines(statuses: Statuses) -> NoReturn:
+    """Each `_LINE_PERIOD_S` the gist of the last status, or that there is none any more."""
+    status, heard_s = statuses.first(), time.monotonic()
+    while True:
+        _say(silence_of(time.monotonic() - heard_s) or line_of(status))
+        due_s = time.monotonic() + _LINE_PERIOD_S
+        while (left_s := due_s - time.monotonic()) > 0.0:
+            if statuses.waiting(left_s) and (heard := statuses.read()):
+                status, heard_s = heard[-1], time.monotonic()
+
+
+def _say(line: str) -> None:
+    sys.stdout.write(f"{line}\n")
+    sys.stdout.flush()
+
+
+def _watch(statuses: Statuses, console: Console) -> None:
+    """The page, until q is typed."""
+    status, heard_s = statuses.first(), time.monotonic()
+    with _keys() as keys, Live(console=console, screen=True, auto_refresh=False) as live:
+        while True:
+            silent_s = time.monotonic() - heard_s
+            live.update(LiveView(status, notes=["q: end"], silent_s=silent_s), refresh=True)
+            ready, _, _ = select.select([statuses.fileno(), *keys], [], [], _TICK_S)
+            if statuses.fileno() in ready and (heard := statuses.read()):
+                status, heard_s = heard[-1], time.monotonic()
+            for key in keys & set(ready):
+                typed = os.read(key, 1024)
+                if b"q" in typed:
+                    return
+                if not typed:
+                    keys.remove(key)
+
+
+@contextlib.contextmanager
+def _keys() -> Iterator[set[int]]:
+    """The keyboard, if there is one, as a file that tells every key at once and shows none."""
+    if not sys.stdin or not sys.stdin.isatty():
+        yield set()
+        return
+    keyboard = sys.stdin.fileno()
+    before = termios.tcgetattr(keyboard)
+    tty.setcbreak(keyboard)
+    try:
+        yield {keyboard}
+    finally:
+        termios.tcsetattr(keyboard, termios.TCSADRAIN, before)

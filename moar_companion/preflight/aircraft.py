@@ -1,0 +1,390 @@
+"""Whether the aircraft is fit to fly: what was heard of it in, findings out. Pure."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, replace
+
+from ..config import Supervision
+from ..mavlink.identity import Autopilot
+from ..risk import IndexReport, RiskEstimate
+from ..service.motion import Pose
+from ..service.surroundings import grounded
+from ..site import Site
+from ..types import AutopilotKind, AutopilotStatus, LandedState, Telemetry
+from ..vehicle import RiskModel, Vehicle
+from .battery import battery_findings
+from .findings import Finding, Level
+
+_NAMES = {AutopilotKind.PX4: "PX4", AutopilotKind.ARDUPILOT: "ArduPilot"}
+_MEASURED = {AutopilotKind.PX4: ((1, 17), (1, 18)), AutopilotKind.ARDUPILOT: ((4, 6),)}
+"""Versions whose behaviour this program was measured against."""
+_OLDEST = {AutopilotKind.PX4: (1, 14), AutopilotKind.ARDUPILOT: (4, 3)}
+"""Versions before these have other failsafes and other parameters for them."""
+_FAR_M = 500.0
+"""Nobody takes off so far from the structure."""
+_HEIGHT_TOLERANCE_M = 3.0
+"""What a receiver's altitude is usually good for."""
+_SLOPE_M = 5.0
+"""The ground is not farther than this above or below all that the site says of heights."""
+_ENOUGH = 0.5
+"""Of the wanted rate."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Arrivals:
+    """How often something came: its number, from when to when, and the longest pause.
+
+    What comes in one piece with another counts once.
+    """
+
+    count: int = 0
+    first_s: float = 0.0
+    last_s: float = 0.0
+    longest_gap_s: float = 0.0
+
+    def another(self, now_s: float) -> Arrivals:
+        """With one that came now."""
+        if self.count == 0:
+            return Arrivals(count=1, first_s=now_s, last_s=now_s)
+        return replace(self.until(now_s), count=self.count + 1, last_s=now_s)
+
+    def until(self, now_s: float) -> Arrivals:
+        """With the pause that lasts until now."""
+        if self.count == 0:
+            return self
+        return replace(self, longest_gap_s=max(self.longest_gap_s, now_s - self.last_s))
+
+    @property
+    def rate_hz(self) -> float | None:
+        """The mean rate; None before it came twice."""
+        elapsed_s = self.last_s - self.first_s
+        return (self.count - 1) / elapsed_s if elapsed_s > 0.0 else None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sight:
+    """What was heard of an aircraft while it was looked at.
+
+    pose, obstruction, reluctance: as the service has them (`surroundings`); only with a site.
+    positions, attitudes: how often LOCAL_POSITION_NED and ATTITUDE came.
+    """
+
+    autopilot: Autopilot
+    status: AutopilotStatus
+    others: tuple[Autopilot, ...]
+    telemetry: Telemetry
+    risk: RiskEstimate
+    positions: Arrivals
+    attitudes: Arrivals
+    pose: Pose | None
+    obstruction: str | None
+    reluctance: str | None
+
+
+def aircraft_findings(
+    sight: Sight, vehicle: Vehicle, site: Site | None, limits: Supervision
+) -> list[Finding]:
+    """Everything that can be said of the aircraft but its parameters."""
+    batteries = battery_findings(sight.telemetry, vehicle.risk)
+    return [
+        *_identity(sight, vehicle),
+        _firmware(sight),
+        *_state(sight),
+        *_rates(sight, limits),
+        *(() if site is None else _place(sight, site)),
+        *batteries,
+        *_risks(sight.risk, vehicle, batteries),
+        _drag(vehicle.risk),
+        *_people(sight.telemetry),
+    ]
+
+
+def _identity(sight: Sight, vehicle: Vehicle) -> Iterator[Finding]:
+    autopilot = sight.autopilot
+    if autopilot.kind not in _NAMES:
+        yield Finding(
+            level=Level.NO_GO,
+            subject="autopilot",
+            text=f"{autopilot} is neither PX4 nor ArduPilot",
+            remedy="no other is known here",
+        )
+    elif vehicle.autopilot not in (None, autopilot.kind):
+        yield Finding(
+            level=Level.NO_GO,
+            subject="autopilot",
+            text=f"{autopilot}, and the vehicle file says {vehicle.autopilot.value}",
+            remedy="correct `autopilot` there: each has its own map projection",
+        )
+    else:
+        yield Finding(level=Level.OK, subject="autopilot", text=str(autopilot))
+    for other in sight.others:
+        yield Finding(
+            level=Level.NO_GO,
+            subject="autopilot",
+            text=f"a second one is heard, {other}",
+            remedy="nothing is controlled while there are two: switch one off, or part the links",
+        )
+
+
+def _firmware(sight: Sight) -> Finding:
+    firmware, kind = sight.telemetry.firmware, sight.autopilot.kind
+    if firmware is None:
+        return Finding(
+            level=Level.WARNING,
+            subject="firmware",
+            text="unknown, the autopilot does not tell its version",
+            remedy="look it up in the ground station",
+        )
+    measured = _MEASURED.get(kind, ())
+    release = firmware.version[:2]
+    known = " and ".join(f"{major}.{minor}" for major, minor in measured)
+    if release in measured:
+        return Finding(level=Level.OK, subject="firmware", text=str(firmware))
+    text = f"{firmware}, where this program was measured against {known or 'none of this kind'}"
+    if release < _OLDEST.get(kind, (0, 0)):
+        return Finding(
+            level=Level.WARNING,
+            subject="firmware",
+            text=text,
+            remedy="its failsafes may be others: update it",
+        )
+    return Finding(level=Level.NOTE, subject="firmware", text=text)
+
+
+def _state(sight: Sight) -> Iterator[Finding]:
+    status, readiness = sight.status, sight.telemetry.readiness
+    landed = sight.telemetry.landed
+    words = ", ".join(
+        (
+            status.mode,
+            "armed" if status.armed else "disarmed",
+            "landed state unknown" if landed is None else _LANDED_WORDS[landed.state],
+        )
+    )
+    if status.failsafe:
+        yield Finding(
+            level=Level.NO_GO,
+            subject="state",
+            text=f"{words}, in failsafe",
+            remedy="its ground station says which; mend that first",
+        )
+    else:
+        yield Finding(level=Level.NOTE, subject="state", text=words)
+    if readiness is None:
+        yield Finding(
+            level=Level.WARNING, subject="ready to arm", text="unknown, there is no SYS_STATUS"
+        )
+        return
+    unhealthy = f", unhealthy: {', '.join(readiness.unhealthy)}" if readiness.unhealthy else ""
+    if status.armed:
+        yield Finding(
+            level=Level.WARNING if not readiness.ready else Level.NOTE if unhealthy else Level.OK,
+            subject="ready to arm",
+            text="armed" + ("" if readiness.ready else ", would not arm now") + unhealthy,
+            remedy="" if readiness.ready else "the ground station says why",
+        )
+    elif readiness.ready:
+        yield Finding(level=Level.OK, subject="ready to arm", text="yes")
+    else:
+        yield Finding(
+            level=Level.NO_GO,
+            subject="ready to arm",
+            text="no" + unhealthy,
+            remedy="the ground station says why; after a start it takes a minute",
+        )
+
+
+_LANDED_WORDS = {
+    LandedState.ON_GROUND: "on the ground",
+    LandedState.IN_AIR: "in the air",
+    LandedState.TAKEOFF: "taking off",
+    LandedState.LANDING: "landing",
+}
+
+
+def _rates(sight: Sight, limits: Supervision) -> Iterator[Finding]:
+    for name, arrivals, wanted_hz, longest_s in (
+        ("LOCAL_POSITION_NED", sight.positions, 30.0, limits.position_timeout_s),
+        ("ATTITUDE", sight.attitudes, 20.0, 1.0),
+    ):
+        rate_hz = arrivals.rate_hz
+        if rate_hz is None:
+            yield Finding(
+                level=Level.NO_GO,
+                subject=name,
+                text="does not come",
+                remedy="the estimator needs a GPS fix first; else look at the link's rates",
+            )
+            continue
+        text = f"{rate_hz:.0f} Hz, longest pause {arrivals.longest_gap_s:.2f} s"
+        if arrivals.longest_gap_s > longest_s:
+            level, remedy = Level.NO_GO, f"a pause of {longest_s:g} s ends the flight"
+        elif rate_hz < _ENOUGH * wanted_hz:
+            level, remedy = Level.WARNING, f"{wanted_hz:g} Hz are wanted"
+        else:
+            level, remedy = Level.OK, ""
+        if remedy:
+            remedy += ": give the companion a faster link, or fewer messages"
+        yield Finding(level=level, subject=name, text=text, remedy=remedy)
+
+
+def _place(sight: Sight, site: Site) -> Iterator[Finding]:
+    pose = sight.pose
+    if sight.obstruction is not None or pose is None:
+        yield Finding(
+            level=Level.NO_GO,
+            subject="position",
+            text=sight.obstruction or "unknown",
+            remedy="nothing is flown before this is known",
+        )
+    if pose is None:
+        return
+    (x_m, y_m, z_m), space = pose.position_m, site.workspace
+    beside_m = max(space.lower_m[0] - x_m, x_m - space.upper_m[0], 0.0)
+    far_m = math.hypot(beside_m, y_m)
+    text = f"x {x_m:.1f}, z {z_m:.1f}, {abs(y_m):.1f} m from the plane"
+    if far_m > _FAR_M:
+        yield Finding(
+            level=Level.NO_GO,
+            subject="position",
+            text=f"{_distance(far_m)} from the site {site.name}",
+            remedy="is it the right site file? Else correct frame.origin",
+        )
+        return
+    if sight.reluctance is None:
+        yield Finding(level=Level.OK, subject="position", text=text)
+    else:
+        yield Finding(
+            level=Level.WARNING,
+            subject="position",
+            text=sight.reluctance,
+            remedy="hover in the plane before a mission is ordered; or correct the site's frame",
+        )
+    if grounded(sight.telemetry):
+        yield _height(z_m, site)
+
+
+def _height(z_m: float, site: Site) -> Finding:
+    """Of an aircraft on the ground, where the site's z should be that of the ground."""
+    altitude_m = site.frame.origin.altitude_amsl_m
+    text = f"it stands at z = {z_m:+.1f} m by its own altitude and the site's ({altitude_m:g} m)"
+    if abs(z_m) <= _HEIGHT_TOLERANCE_M:
+        return Finding(level=Level.OK, subject="height", text=text)
+    lowest_m, highest_m = _ground_m(site)
+    remedy = (
+        f"all would be flown {abs(z_m):.1f} m too {'low' if z_m > 0.0 else 'high'}: correct "
+        "frame.origin.altitude_amsl_m, or wait for a better fix and restart the autopilot"
+    )
+    if lowest_m <= z_m <= highest_m:
+        return Finding(
+            level=Level.WARNING,
+            subject="height",
+            text=text,
+            remedy=f"unless the ground is there, {remedy}",
+        )
+    return Finding(
+        level=Level.NO_GO,
+        subject="height",
+        text=f"{text}, where no ground is: the site's is within {lowest_m:+.1f} to "
+        f"{highest_m:+.1f} m",
+        remedy=remedy,
+    )
+
+
+def _ground_m(site: Site) -> tuple[float, float]:
+    """The lowest and the highest z at which an aircraft may stand on a site's ground."""
+    space = site.workspace
+    landings_m = [z_m for points in site.landing_m.values() for _, z_m in points]
+    # The vehicle starts in the air, and the ground is no higher; where z = 0 is, it should be.
+    lowest_m = min(0.0, space.lower_m[1], *landings_m)
+    highest_m = max(0.0, site.start_m[1], *landings_m)
+    return lowest_m - _SLOPE_M, min(highest_m + _SLOPE_M, max(highest_m, space.upper_m[1]))
+
+
+def _distance(distance_m: float) -> str:
+    return f"{distance_m * 1e-3:,.0f} km" if distance_m >= 10_000.0 else f"{distance_m:,.0f} m"
+
+
+_RISK_REMEDIES = {
+    "wind": "wait for calmer air",
+    "communication": "bring the ground station nearer, or see below why it is not heard",
+    "localization": "wait for a better fix, away from what hides the sky",
+    "battery": "charge it",
+}
+
+
+def _risks(
+    estimate: RiskEstimate, vehicle: Vehicle, batteries: Iterable[Finding]
+) -> Iterator[Finding]:
+    """The inputs of the risk indices, as the service will read them."""
+    remedies = dict(_RISK_REMEDIES)
+    for battery in batteries:
+        if battery.remedy:  # it is misread: charging it mends nothing
+            remedies["battery"] = battery.remedy
+    for name, remedy in remedies.items():
+        report: IndexReport = getattr(estimate.report, name)
+        subject = f"{name} risk"
+        if report.value is None:
+            # The lean, of which wind is mostly told, says something in the air only.
+            yield Finding(
+                level=Level.NOTE if name == "wind" else Level.WARNING,
+                subject=subject,
+                text=f"nothing that tells of it is heard, and it counts as {vehicle.risk.unknown}",
+            )
+            continue
+        told = ", ".join(
+            item.phrase
+            for item in report.inputs
+            if item.risk is not None and (item.risk or item.value)
+        )
+        level = Level.of_risk(report.value)
+        yield Finding(
+            level=level,
+            subject=subject,
+            text=f"{report.value:.2f} ({told})",
+            remedy=remedy if level >= Level.WARNING else "",
+        )
+
+
+def _drag(risk: RiskModel) -> Finding:
+    """By which the lean tells the wind."""
+    text = f"{risk.drag_per_s:g} /s and {risk.drag_per_m:g} /m"
+    if not risk.drag_is_usual:
+        return Finding(level=Level.OK, subject="drag", text=text)
+    return Finding(
+        level=Level.WARNING,
+        subject="drag",
+        text=f"{text}, the default, not measured: the wind told by the lean may be 0.9 to 2 times "
+        "the true one",
+        remedy="fly straight legs in calm air, recording; `moar-companion replay FLIGHT.tlog "
+        "--fit-drag` has the two lines for the vehicle file",
+    )
+
+
+def _people(telemetry: Telemetry) -> Iterator[Finding]:
+    """Who can take over."""
+    ground, remote = telemetry.ground_station, telemetry.remote_control
+    if ground is None:
+        yield Finding(
+            level=Level.WARNING,
+            subject="ground station",
+            text="not heard",
+            remedy="connect it, and let the autopilot forward its messages to this link: orders "
+            "come that way",
+        )
+    else:
+        yield Finding(
+            level=Level.OK, subject="ground station", text=f"heard, system {ground.system_id}"
+        )
+    if remote is None:
+        yield Finding(
+            level=Level.WARNING,
+            subject="remote control",
+            text="not heard",
+            remedy="switch it on: without it only the ground station can take over",
+        )
+    else:
+        signal = "unknown signal" if remote.rssi is None else f"signal {remote.rssi:.0%}"
+        yield Finding(level=Level.OK, subject="remote control", text=f"heard, {signal}")

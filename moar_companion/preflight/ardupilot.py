@@ -1,0 +1,248 @@
+"""ArduCopter's parameters that decide what happens when something fails.
+
+Sources: ArduCopter 4.6, "Failsafes" and the parameters' descriptions; what it does when the
+companion dies, as measured.
+"""
+
+from __future__ import annotations
+
+from ..types import AutopilotKind
+from .findings import Level
+from .rules import (
+    CLIMBING,
+    FALLING,
+    Case,
+    Judge,
+    Rule,
+    Verdict,
+    bits,
+    cell_voltage,
+    choice,
+    excepted,
+    excepts_us,
+    follows_setpoints,
+    speed_limits,
+    switch,
+    time_on_last_setpoint,
+    told,
+    where_zero,
+)
+
+
+def _variance(value: float, _: Case) -> Verdict:
+    if value <= 0.0:
+        return Level.NO_GO, f"{value:g} (off)"
+    return (Level.OK if value <= 1.0 else Level.WARNING), f"{value:g}"
+
+
+_BACK = "smart return: back the way it came, or land"
+_PERHAPS_BACK = f"smart return, or {CLIMBING}"
+_LINK_LOSS = {
+    1: (Level.WARNING, CLIMBING),
+    5: (Level.OK, "land"),
+    6: (Level.WARNING, f"landing sequence, or {CLIMBING}"),
+    7: (Level.OK, "brake, or land"),
+}
+_BATTERY = {
+    1: (Level.OK, "land"),
+    2: (Level.NOTE, CLIMBING),
+    3: (Level.NOTE, _PERHAPS_BACK),
+    4: (Level.OK, _BACK),
+    5: (Level.NO_GO, FALLING),
+    6: (Level.NOTE, f"landing sequence, or {CLIMBING}"),
+    7: (Level.OK, "brake, or land"),
+}
+
+
+def _where_it_happens(judge: Judge, stage: str) -> Judge:
+    """Without a threshold the action of a stage of the battery never happens."""
+    return where_zero(
+        judge,
+        (f"BATT_{stage}_VOLT", f"BATT_{stage}_MAH"),
+        lambda level: max(level, Level.WARNING),
+        "but never",
+    )
+
+
+RULES = (
+    Rule(
+        parameter="GUID_TIMEOUT",
+        judge=time_on_last_setpoint(AutopilotKind.ARDUPILOT),
+        meaning="how long ArduPilot flies on along the last setpoint of a dead companion",
+        remedy="set 0.5",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="GUID_OPTIONS",
+        judge=bits(
+            0b110000,
+            clear=(Level.OK, "both are held"),
+            is_set=(Level.NO_GO, "not, by bit 4 or 5"),
+        ),
+        meaning="whether position and velocity are held in GUIDED",
+        remedy="clear bits 4 and 5",
+        unknown=Level.NO_GO,
+    ),
+    excepts_us("FS_OPTIONS", "remote control", "GUIDED"),
+    Rule(
+        parameter="FS_THR_ENABLE",
+        judge=excepted(
+            choice(
+                {
+                    **_LINK_LOSS,
+                    0: (Level.WARNING, "nothing"),
+                    2: (Level.WARNING, CLIMBING),
+                    3: (Level.OK, "land"),
+                    4: (Level.WARNING, _PERHAPS_BACK),
+                    5: (Level.OK, _BACK),
+                }
+            ),
+            ("FS_OPTIONS", 2),
+            "not in GUIDED",
+        ),
+        meaning="what ArduPilot does when the remote control is lost",
+        remedy="set 3 (land) or 7 (brake, or land)",
+    ),
+    Rule(
+        parameter="FS_GCS_ENABLE",
+        judge=choice(
+            {
+                **_LINK_LOSS,
+                0: (Level.OK, "nothing"),
+                2: (Level.WARNING, CLIMBING),
+                3: (Level.WARNING, _PERHAPS_BACK),
+                4: (Level.OK, _BACK),
+            }
+        ),
+        meaning="what ArduPilot does when the ground station is lost",
+        remedy="set 5 (land), 7 (brake, or land) or 0 (nothing)",
+    ),
+    Rule(
+        parameter="FS_EKF_ACTION",
+        judge=choice(
+            {
+                0: (Level.NO_GO, "a report only"),
+                1: (Level.OK, "land"),
+                2: (Level.WARNING, "altitude hold, which drifts with the wind"),
+                3: (Level.OK, "land"),
+            }
+        ),
+        meaning="what ArduPilot does when it does not know its position any more",
+        remedy="set 1 (land)",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="FS_EKF_THRESH",
+        judge=_variance,
+        meaning="how far the estimator may be off before that",
+        remedy="set 0.8",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="FS_DR_ENABLE",
+        judge=choice(
+            {
+                0: (Level.WARNING, "nothing, and it flies on for FS_DR_TIMEOUT"),
+                1: (Level.OK, "land"),
+                2: (Level.WARNING, CLIMBING),
+                3: (Level.WARNING, _PERHAPS_BACK),
+                4: (Level.OK, _BACK),
+                6: _LINK_LOSS[6],
+            }
+        ),
+        meaning="what ArduPilot does when the wind alone tells it where it is, with GPS lost",
+        remedy="set 1 (land)",
+    ),
+    Rule(
+        parameter="FENCE_ENABLE",
+        judge=bits(1, clear=(Level.OK, "off"), is_set=(Level.OK, "on")),
+        meaning="whether there is a fence",
+    ),
+    Rule(
+        parameter="FENCE_ACTION",
+        judge=where_zero(
+            choice(
+                {
+                    0: (Level.OK, "a report only"),
+                    1: (Level.WARNING, CLIMBING),
+                    2: (Level.OK, "land"),
+                    3: (Level.WARNING, _PERHAPS_BACK),
+                    4: (Level.OK, "brake, or land"),
+                    5: (Level.OK, _BACK),
+                }
+            ),
+            ("FENCE_ENABLE",),
+            lambda level: min(level, Level.NOTE),
+            "once the fence is on",
+        ),
+        meaning="what ArduPilot does at its fence",
+        remedy="set 4 (brake, or land)",
+    ),
+    Rule(
+        parameter="BATT_MONITOR",
+        judge=switch(off=Level.NO_GO),
+        meaning="what measures the battery; 0 is nothing",
+        remedy="set up the battery monitor",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="BATT_FS_LOW_ACT",
+        judge=_where_it_happens(choice({**_BATTERY, 0: (Level.NOTE, "nothing")}), "LOW"),
+        meaning="what ArduPilot does on a low battery",
+        remedy="set 1 (land) or 0 (nothing), and BATT_LOW_VOLT or BATT_LOW_MAH",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="BATT_FS_CRT_ACT",
+        judge=_where_it_happens(
+            choice({**_BATTERY, 0: (Level.WARNING, "nothing, and it flies on until it falls")}),
+            "CRT",
+        ),
+        meaning="what ArduPilot does on a critical battery",
+        remedy="set 1 (land), and BATT_CRT_VOLT or BATT_CRT_MAH",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="BATT_LOW_VOLT",
+        judge=cell_voltage(3.3),
+        meaning="the voltage of a low battery",
+        remedy="set 3.5 V a cell",
+    ),
+    Rule(
+        parameter="BATT_CRT_VOLT",
+        judge=cell_voltage(3.1),
+        meaning="the voltage of a critical battery",
+        remedy="set 3.3 V a cell",
+    ),
+    *(
+        Rule(
+            parameter=name,
+            judge=told("mAh"),
+            meaning=f"the charge of a {stage} battery; 0 is none",
+        )
+        for name, stage in (("BATT_LOW_MAH", "low"), ("BATT_CRT_MAH", "critical"))
+    ),
+    Rule(
+        parameter="RTL_ALT",
+        judge=told("m", scale=0.01),
+        meaning="the height above home to which every return climbs first",
+        unknown=Level.NOTE,
+    ),
+    *speed_limits(
+        "ArduPilot",
+        ("WPNAV_SPEED", "WPNAV_SPEED_UP", "WPNAV_SPEED_DN"),
+        scale=0.01,
+        unknown=Level.NOTE,
+    ),
+    *follows_setpoints(),
+    *(
+        Rule(
+            parameter=name,
+            judge=switch(off=Level.NOTE),
+            meaning="drag, by which ArduPilot estimates the wind; else the companion does",
+            unknown=Level.NOTE,
+        )
+        for name in ("EK3_DRAG_BCOEF_X", "EK3_DRAG_BCOEF_Y", "EK3_DRAG_MCOEF")
+    ),
+)
+"""In the order in which they are told."""

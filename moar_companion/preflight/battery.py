@@ -1,0 +1,90 @@
+"""Whether the batteries are what the vehicle file says: what was heard in, findings out. Pure."""
+
+from __future__ import annotations
+
+from ..types import Battery, Telemetry
+from ..vehicle import RiskModel
+from .findings import Finding, Level
+
+_USB_V = 5.5
+"""Below, it is no flight battery that feeds the autopilot."""
+_CELL_V = (3.0, 4.4)
+"""A lithium cell that is not ruined has a voltage between these."""
+_HIGH_CHARGE = 0.8
+_HIGH_CELL_V = 4.0
+"""A lithium-polymer cell has it at rest at about that charge."""
+
+
+def battery_findings(telemetry: Telemetry, model: RiskModel) -> list[Finding]:
+    """One for each battery; one with a remedy is misread, whatever its charge."""
+    if not telemetry.batteries:
+        return [
+            Finding(
+                level=Level.WARNING,
+                subject="battery",
+                text="not told by the autopilot",
+                remedy="set up its battery monitor: nobody knows when the battery is empty",
+            )
+        ]
+    return [
+        _battery(f"battery {number}", battery, model)
+        for number, battery in sorted(telemetry.batteries.items())
+    ]
+
+
+def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
+    remaining, voltage_v, cells = battery.remaining, battery.voltage_v, model.cells
+    told = battery.cells
+    charge = "charge unknown" if remaining is None else f"{remaining:.0%}"
+    if voltage_v is None:
+        return Finding(level=Level.NOTE, subject=subject, text=f"{charge}, voltage unknown")
+    text = f"{charge}, {voltage_v:.1f} V"
+    if voltage_v < _USB_V:
+        return Finding(
+            level=Level.WARNING,
+            subject=subject,
+            text=f"{text}: the autopilot is fed by USB, and its charge means nothing",
+            remedy="connect the flight battery",
+        )
+    if cells is None:
+        why = "" if told is None else f", which is {told}"
+        return Finding(
+            level=Level.NOTE,
+            subject=subject,
+            text=f"{text}; the voltage is not judged without risk.cells in the vehicle file{why}",
+        )
+    if told is not None and told != cells:
+        return Finding(
+            level=Level.NO_GO,
+            subject=subject,
+            text=f"{text}: it tells the voltages of {told} cells, and the vehicle file says "
+            f"{cells}",
+            remedy="correct risk.cells there: with the wrong number an empty battery looks full, "
+            "or a full one empty",
+        )
+    cell_v = voltage_v / cells
+    text = f"{text}, {cell_v:.2f} V a cell"
+    if not _CELL_V[0] <= cell_v <= _CELL_V[1]:
+        return Finding(
+            level=Level.NO_GO,
+            subject=subject,
+            text=f"{text} with {cells} cells, which cannot be",
+            remedy="correct risk.cells in the vehicle file, or the autopilot's voltage divider",
+        )
+    if remaining is not None and _contradictory(remaining, cell_v, model):
+        return Finding(
+            level=Level.WARNING,
+            subject=subject,
+            text=f"{text} with {cells} cells, which is not the voltage of that charge",
+            remedy="risk.cells or the charge is wrong: correct the vehicle file, or the "
+            "autopilot's battery monitor",
+        )
+    return Finding(level=Level.OK, subject=subject, text=text)
+
+
+def _contradictory(remaining: float, cell_v: float, model: RiskModel) -> bool:
+    """Whether the charge says full and the voltage of a cell does not, or the reverse."""
+    if remaining > _HIGH_CHARGE:
+        return model.cell_voltage_v.fraction(cell_v) > 0.0
+    charge_risk = model.battery_remaining.fraction(remaining)
+    return cell_v > _HIGH_CELL_V and Level.of_risk(charge_risk) >= Level.WARNING

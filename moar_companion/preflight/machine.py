@@ -1,0 +1,206 @@
+"""Looking at the aircraft before the flight: one machine without I/O. Bytes and time in, bytes out.
+
+It listens as the service does, under the same ids and with a heartbeat, and asks for streams,
+parameters and the version. It never sends a setpoint, a mode or a parameter.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..config import CompanionConfig, LinkRole
+from ..mavlink.identity import Autopilot, AutopilotConflict
+from ..mavlink.session import Session, SystemStatus
+from ..planner.planner import Planner
+from ..risk import RiskEstimate, update
+from ..service.causes import Seen, causes
+from ..service.loss import Loss, loss_parameters
+from ..service.surroundings import Surroundings
+from ..types import AutopilotKind
+from ..vehicle import Vehicle
+from . import ardupilot, px4
+from .aircraft import Arrivals, Sight, aircraft_findings
+from .dead_companion import loss_findings, objection_level
+from .findings import Finding, Level
+from .rules import Case, parameter_findings
+
+WAIT_S = 10.0
+"""Ten heartbeats: an autopilot that is not heard in this time is not there."""
+_LOOK_S = 6.0
+"""Six heartbeats, three words on the battery, enough packets for a loss of some percent."""
+_LONGEST_LOOK_S = 20.0
+"""Whatever is not told by then is unknown."""
+_RISK_PERIOD_S = 0.1
+_VERSION_PERIOD_S = 1.0
+
+_RULES = {
+    AutopilotKind.PX4: px4.RULES,
+    AutopilotKind.ARDUPILOT: ardupilot.RULES,
+}
+
+
+def _parameters(kind: AutopilotKind) -> tuple[str, ...]:
+    """What is asked of an autopilot, each once."""
+    rules = (rule.parameter for rule in _RULES.get(kind, ()))
+    return tuple(dict.fromkeys((*rules, *loss_parameters(kind))))
+
+
+class Preflight:
+    """The machine. planner: of the site; None looks at the aircraft alone."""
+
+    def __init__(self, config: CompanionConfig, vehicle: Vehicle, planner: Planner | None) -> None:
+        self._limits = config.supervision
+        self._vehicle = vehicle
+        self._planner = planner
+        self._site = site = None if planner is None else planner.site
+        self._session = Session(
+            links={link.url: link.role for link in config.links},
+            system_id=config.system_id,
+            component_id=config.component_id,
+        )
+        self._asked_links = [link.url for link in config.links if link.role is LinkRole.AUTOPILOT]
+        self._surroundings = Surroundings(site, vehicle.autopilot)
+        self._risk = RiskEstimate.unknown(vehicle.risk)
+        self._others: list[Autopilot] = []
+        self._positions = self._attitudes = Arrivals()
+        self._bytes_heard = 0
+        self._began_s: float | None = None
+        self._found_s: float | None = None
+        self._risk_due_s = self._version_due_s = -math.inf
+        self._now_s = 0.0
+        self._done = False
+
+    @property
+    def done(self) -> bool:
+        """Whether enough was heard, or nothing for too long."""
+        return self._done
+
+    def receive(self, link: str, data: bytes, now_s: float) -> None:
+        """Takes bytes from a link, split anywhere."""
+        before = self._session.telemetry
+        self._bytes_heard += len(data)
+        self._session.receive(link, data, now_s)
+        after = self._session.telemetry
+        if after.local_position not in (None, before.local_position):
+            self._positions = self._positions.another(now_s)
+        if after.attitude not in (None, before.attitude):
+            self._attitudes = self._attitudes.another(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Thinks; made to be called at 10 Hz or more."""
+        self._now_s = now_s
+        if self._began_s is None:
+            self._began_s = now_s
+        session = self._session
+        session.tick(now_s, SystemStatus.STANDBY)
+        self._others += [
+            event.other
+            for event in session.events_received()
+            if isinstance(event, AutopilotConflict)
+        ]
+        if session.autopilot is None:
+            self._done = now_s - self._began_s >= WAIT_S
+            return
+        if self._found_s is None:
+            self._found_s = now_s
+            session.want_parameters(_parameters(session.autopilot.kind))
+        self._surroundings.look(session.telemetry)
+        if now_s >= self._risk_due_s:
+            self._risk_due_s = now_s + _RISK_PERIOD_S
+            self._risk = update(
+                self._risk,
+                session.telemetry,
+                now_s,
+                model=self._vehicle.risk,
+                cruise_mps=self._vehicle.speed.horizontal_mps,
+            )
+        if session.telemetry.firmware is None and now_s >= self._version_due_s:
+            self._version_due_s = now_s + _VERSION_PERIOD_S
+            session.request_version()
+        looked_s = now_s - self._found_s
+        self._done = looked_s >= (_LOOK_S if self._all_told() else _LONGEST_LOOK_S)
+
+    def data_to_send(self) -> list[tuple[str, bytes]]:
+        """Packets since the last call, in order, each with its link's name."""
+        return self._session.data_to_send()
+
+    def findings(self) -> list[Finding]:
+        """What was found, once `done`."""
+        session = self._session
+        autopilot, status = session.autopilot, session.telemetry.autopilot
+        if autopilot is None or status is None:
+            return [self._silence()]
+        found = causes(
+            Seen(
+                telemetry=session.telemetry,
+                risk=self._risk,
+                control_allowed=True,
+                pose=self._surroundings.pose,
+                position_moved_s=self._surroundings.position_moved_s,
+            ),
+            self._limits,
+            self._vehicle.guidance.off_path_m,
+            self._now_s,
+        )
+        sight = Sight(
+            autopilot=autopilot,
+            status=status,
+            others=tuple(self._others),
+            telemetry=session.telemetry,
+            risk=self._risk,
+            positions=self._positions.until(self._now_s),
+            attitudes=self._attitudes.until(self._now_s),
+            pose=self._surroundings.pose,
+            obstruction=found.control
+            or found.heartbeat
+            or found.position
+            or found.attitude
+            or found.origin,
+            reluctance=found.plane or found.moving,
+        )
+        case = Case(
+            vehicle=self._vehicle,
+            parameters=session.parameters,
+            ground_station_heard=session.telemetry.ground_station is not None,
+            objection=objection_level(self._limits.loss_action),
+        )
+        return [
+            *aircraft_findings(sight, self._vehicle, self._site, self._limits),
+            *parameter_findings(_RULES.get(autopilot.kind, ()), case),
+            *self._if_we_die(autopilot.kind),
+        ]
+
+    def _if_we_die(self, kind: AutopilotKind) -> list[Finding]:
+        loss = Loss.of(kind, self._session.parameters)
+        if self._planner is None or loss is None:
+            return []
+        home_m = self._surroundings.home_m
+        return loss_findings(self._planner, loss, home_m, self._limits.loss_action)
+
+    def _all_told(self) -> bool:
+        """Whether nothing that was asked for may still come."""
+        session = self._session
+        assert session.autopilot is not None
+        return session.telemetry.firmware is not None and all(
+            name in session.parameters for name in _parameters(session.autopilot.kind)
+        )
+
+    def _silence(self) -> Finding:
+        """Nobody there, with what tells one cause from another."""
+        links = ", ".join(self._asked_links)
+        if self._bytes_heard == 0:
+            remedy = (
+                "is it running, and is this the port that it sends to (on a serial line: the "
+                "right device, TX and RX crossed, MAVLink set up on that port)?"
+            )
+        else:
+            remedy = (
+                f"{self._bytes_heard} bytes came, but no autopilot's heartbeat: is the baud rate "
+                "right, is it MAVLink, is it an autopilot that sends?"
+            )
+        return Finding(
+            level=Level.NO_GO,
+            subject="autopilot",
+            text=f"none heard on {links} for {WAIT_S:g} s",
+            remedy=remedy,
+        )

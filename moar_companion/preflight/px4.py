@@ -1,0 +1,167 @@
+"""PX4's parameters that decide what happens when something fails.
+
+Sources: PX4 v1.17, "Safety configuration (failsafes)" and the parameters' descriptions; what it
+does when the companion dies, as measured.
+"""
+
+from __future__ import annotations
+
+from ..service.loss import LossAction, px4_action
+from ..types import AutopilotKind
+from .findings import Level
+from .rules import (
+    CLIMBING,
+    CLIMBS,
+    FALLING,
+    Case,
+    Rule,
+    Verdict,
+    bits,
+    choice,
+    excepted,
+    excepts_us,
+    speed_limits,
+    switch,
+    time_on_last_setpoint,
+    told,
+)
+
+
+def _forwarding(value: float, case: Case) -> Verdict:
+    if not value and case.ground_station_heard:
+        return Level.OK, "0, and a ground station is heard all the same"
+    return (Level.OK if value else Level.WARNING), f"{value:g}"
+
+
+def _critical_battery(value: float, case: Case) -> Verdict:
+    full = case.vehicle.risk.battery_remaining.high
+    words = f"{value:.0%}, where the companion's battery risk is full at {full:.0%}"
+    return (Level.OK if value < full else Level.WARNING), words
+
+
+_THEREFORE = {LossAction.RETURN: f", {CLIMBS}", LossAction.FALL: ": it falls"}
+
+
+def _dead_companion(value: float, case: Case) -> Verdict:
+    action, word = px4_action(value)
+    level = {LossAction.RETURN: Level.WARNING, LossAction.FALL: case.objection}
+    return level.get(action, Level.OK), f"{value:g} ({word}{_THEREFORE.get(action, '')})"
+
+
+_LINK_LOSS = {
+    1: (Level.OK, "hold"),
+    2: (Level.WARNING, CLIMBING),
+    3: (Level.OK, "land"),
+    5: (Level.NO_GO, FALLING),
+    6: (Level.NO_GO, FALLING),
+}
+
+RULES = (
+    Rule(
+        parameter="COM_OF_LOSS_T",
+        judge=time_on_last_setpoint(AutopilotKind.PX4),
+        meaning="how long PX4 stays with the last setpoint of a dead companion",
+        remedy="set 0.5",
+    ),
+    Rule(
+        parameter="COM_OBL_RC_ACT",
+        judge=_dead_companion,
+        meaning="what PX4 does when the companion is dead",
+        remedy="set 5 (hold) or 4 (land)",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="COM_RC_OVERRIDE",
+        judge=bits(
+            0b10,
+            clear=(Level.WARNING, "not in OFFBOARD, where it takes the mode switch"),
+            is_set=(Level.OK, "in OFFBOARD, too"),
+        ),
+        meaning="whether the sticks take over",
+        remedy="set 3",
+    ),
+    excepts_us("COM_RCL_EXCEPT", "remote control", "OFFBOARD"),
+    Rule(
+        parameter="NAV_RCL_ACT",
+        judge=excepted(choice(_LINK_LOSS), ("COM_RCL_EXCEPT", 2), "not in OFFBOARD"),
+        meaning="what PX4 does when the remote control is lost",
+        remedy="set 1 (hold) or 3 (land)",
+        unknown=Level.NO_GO,
+    ),
+    excepts_us("COM_DLL_EXCEPT", "ground station", "OFFBOARD"),
+    Rule(
+        parameter="NAV_DLL_ACT",
+        judge=excepted(
+            choice({**_LINK_LOSS, 0: (Level.OK, "nothing")}),
+            ("COM_DLL_EXCEPT", 2),
+            "not in OFFBOARD",
+        ),
+        meaning="what PX4 does when the ground station is lost",
+        remedy="set 1 (hold), 3 (land) or 0 (nothing)",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="GF_ACTION",
+        judge=choice(
+            {
+                0: (Level.OK, "nothing"),
+                1: (Level.OK, "a warning"),
+                2: (Level.OK, "hold"),
+                3: (Level.WARNING, CLIMBING),
+                4: (Level.NO_GO, FALLING),
+                5: (Level.OK, "land"),
+            }
+        ),
+        meaning="what PX4 does at its fence",
+        remedy="set 2 (hold)",
+        unknown=Level.NO_GO,
+    ),
+    Rule(
+        parameter="COM_LOW_BAT_ACT",
+        judge=choice(
+            {
+                0: (Level.WARNING, "a warning, and it flies on until it falls"),
+                2: (Level.OK, "land"),
+                3: (Level.NOTE, f"{CLIMBING}; land when nearly empty"),
+            }
+        ),
+        meaning="what PX4 does at BAT_CRIT_THR: order the exit before",
+        remedy="set 2 (land)",
+    ),
+    Rule(
+        parameter="BAT_LOW_THR",
+        judge=lambda value, case: (
+            Level.WARNING if value <= (case.parameters.get("BAT_CRIT_THR") or 0.0) else Level.OK,
+            f"{value:.0%}",
+        ),
+        meaning="the charge at which PX4 warns",
+        remedy="set it above BAT_CRIT_THR",
+    ),
+    Rule(
+        parameter="BAT_CRIT_THR",
+        judge=_critical_battery,
+        meaning="the charge at which PX4 takes the aircraft",
+        remedy="set it lower, or risk.battery_remaining of the vehicle file higher",
+    ),
+    Rule(
+        parameter="RTL_RETURN_ALT",
+        judge=told("m"),
+        meaning="the height above home to which every return climbs first",
+        unknown=Level.NOTE,
+    ),
+    *speed_limits("PX4", ("MPC_XY_VEL_MAX", "MPC_Z_VEL_MAX_UP", "MPC_Z_VEL_MAX_DN")),
+    Rule(
+        parameter="MAV_1_FORWARD",
+        judge=_forwarding,
+        meaning="whether TELEM2 passes on what ground station and companion tell each other",
+        remedy="set 1",
+        unknown=Level.NOTE,
+    ),
+    Rule(
+        parameter="EKF2_DRAG_CTRL",
+        judge=switch(off=Level.NOTE),
+        meaning="whether PX4 estimates the wind; else the companion does, from the lean",
+        unknown=Level.NOTE,
+    ),
+)
+"""In the order in which they are told."""

@@ -1,0 +1,214 @@
+"""What can be said of site and vehicle before anything flies: values in, findings out. Pure.
+
+Beyond what makes a file unreadable: places where nothing can be flown, ways that do not exist,
+cells too coarse for what they keep clear of, missions that cannot be ordered.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+
+from ..planner.plan import PlanStatus
+from ..planner.planner import Planner
+from ..site import Conductor, Obstacle, PlanePoint
+from ..types import AutopilotKind, Mission
+from ..vehicle import Vehicle
+from .findings import Finding, Level
+from .ways import Way, place_problem, too_near, unseen, ways_of
+
+_LARGE_BYTES = 500_000_000
+"""More than this is felt on a companion computer of 4 GB."""
+_LOST_SHARE = 0.5
+"""Of what is to be kept clear, how much may be lost on the way between two cells."""
+_PX4_STRAY_S2 = 0.58
+"""Metres that PX4 strays for each m/s^2 of the setpoint (`vehicle.Guidance`)."""
+_ENDURANCE_SHARE = 0.8
+"""The rest is for take-off and landing, the wind and waiting."""
+
+
+def site_findings(planner: Planner) -> list[Finding]:
+    """Everything about a site and a vehicle, as the planner sees them."""
+    return [
+        _size(planner),
+        _speed(planner),
+        *_obstacles(planner),
+        _start(planner),
+        *_landings(planner),
+        *_targets(planner),
+    ]
+
+
+def _size(planner: Planner) -> Finding:
+    grid = planner.maps.grid
+    columns, rows = grid.shape
+    arrays = [*vars(planner.maps).values(), *(getattr(planner.graph, n) for n in _GRAPH_ARRAYS)]
+    size = sum(array.nbytes for array in arrays if isinstance(array, np.ndarray))
+    text = (
+        f"{columns} x {rows} cells of {grid.resolution_m:g} m, maps of {size * 1e-6:.0f} MB, "
+        f"{planner.maps.occupied.mean():.0%} of it occupied"
+    )
+    if size > _LARGE_BYTES:
+        remedy = "a coarser resolution_m or a smaller workspace plans faster, in less memory"
+        return Finding(level=Level.WARNING, subject="workspace", text=text, remedy=remedy)
+    return Finding(level=Level.OK, subject="workspace", text=text)
+
+
+def _speed(planner: Planner) -> Finding:
+    """The vehicle's greatest speed, against the room that it has."""
+    vehicle, grid = planner.vehicle, planner.maps.grid
+    speed_mps, acceleration_mps2 = vehicle.speed.max_mps, vehicle.guidance.acceleration_mps2
+    stopping_m = 0.5 * speed_mps**2 / acceleration_mps2
+    text = f"up to {speed_mps:g} m/s, stops within {stopping_m:.1f} m at {acceleration_mps2:g} m/s2"
+    if 2.0 * stopping_m > max(grid.shape) * grid.resolution_m:
+        return Finding(
+            level=Level.NOTE, subject="speed", text=f"{text}, and never comes up to it on this site"
+        )
+    return Finding(level=Level.OK, subject="speed", text=text)
+
+
+_GRAPH_ARRAYS = ("allowed", "safety", "speed")
+
+
+def _obstacles(planner: Planner) -> Iterator[Finding]:
+    """What is kept clear of each obstacle, against the cells and against the autopilot."""
+    vehicle, resolution_m = planner.vehicle, planner.maps.grid.resolution_m
+    stray_m = vehicle.guidance.acceleration_mps2 * _PX4_STRAY_S2
+    astray = []
+    for obstacle in planner.site.obstacles:
+        required_m = vehicle.radius_m + obstacle.keep_out_m
+        least_m = _least_between_cells_m(obstacle, required_m, resolution_m)
+        if least_m < _LOST_SHARE * required_m:
+            yield Finding(
+                level=Level.NO_GO,
+                subject=f"obstacle {obstacle.name}",
+                text=f"{required_m:g} m are to be kept clear of it, and between two cells of "
+                f"{resolution_m:g} m it may be {least_m:.2f} m",
+                remedy="make workspace.resolution_m finer, or its keep_out_m greater",
+            )
+        if obstacle.keep_out_m < stray_m:
+            astray.append(f"{obstacle.name} ({obstacle.keep_out_m:g})")
+    if astray and vehicle.autopilot is not AutopilotKind.ARDUPILOT:
+        yield Finding(
+            level=Level.WARNING,
+            subject="obstacles",
+            text=f"keep_out_m of {', '.join(astray)} is less than the {stray_m:.2f} m by which PX4 "
+            f"strays at {vehicle.guidance.acceleration_mps2:g} m/s2",
+            remedy="make it greater, or guidance.acceleration_mps2 of the vehicle less",
+        )
+
+
+def _least_between_cells_m(obstacle: Obstacle, required_m: float, resolution_m: float) -> float:
+    """The least clearance on a diagonal between free cells, whose centres have the required one."""
+    radius_m = obstacle.radius_m if isinstance(obstacle, Conductor) else 0.0
+    half_diagonal_squared = 0.5 * resolution_m**2
+    across = (radius_m + required_m) ** 2 - half_diagonal_squared
+    return max(0.0, math.sqrt(max(0.0, across)) - radius_m)
+
+
+def _start(planner: Planner) -> Finding:
+    point = planner.site.start_m
+    problem = place_problem(planner, point)
+    if problem is None:
+        return Finding(level=Level.OK, subject="start", text=_shown(point))
+    return Finding(
+        level=Level.WARNING,
+        subject="start",
+        text=f"{_shown(point)} is {problem}",
+        remedy="move it: `plan` begins there; in flight the vehicle's own position counts",
+    )
+
+
+def _landings(planner: Planner) -> Iterator[Finding]:
+    for mission in (Mission.EXIT, Mission.EVACUATION):
+        points = planner.site.landing_m.get(mission, ())
+        subject = f"landing {mission.value}"
+        if not points:
+            yield Finding(
+                level=Level.WARNING,
+                subject=subject,
+                text="no landing points",
+                remedy=f"add landing.{mission.value}: else none can be ordered",
+            )
+        for index, point in enumerate(points):
+            problem = too_near(planner, point) or unseen(planner, mission, index)
+            if problem is None:
+                yield Finding(level=Level.OK, subject=f"{subject} {index}", text=_shown(point))
+            else:
+                yield Finding(
+                    level=Level.NO_GO,
+                    subject=f"{subject} {index}",
+                    text=f"{_shown(point)} {problem}",
+                    remedy="move it, or take it out",
+                )
+
+
+def _targets(planner: Planner) -> Iterator[Finding]:
+    """Each target: whether it can be, and from it every mission can be flown."""
+    site = planner.site
+    if not site.targets:
+        yield Finding(
+            level=Level.WARNING,
+            subject="targets",
+            text="none",
+            remedy="add targets: else no inspection can be ordered",
+        )
+    ways = ways_of(planner)
+    visits_s = way_out_s = 0.0
+    for target in site.targets:
+        subject, point = f"target {target.name}", target.position_m
+        problem = place_problem(planner, point)
+        if problem is not None:
+            yield Finding(
+                level=Level.NO_GO,
+                subject=subject,
+                text=f"{_shown(point)} is {problem}",
+                remedy="move it, or what is in its way",
+            )
+            continue
+        times_s = {way: way.flown_s(planner) for way in ways[target.name]}
+        yield _ways(subject, times_s)
+        visits_s += target.dwell_s + sum(
+            time_s for way, time_s in times_s.items() if way.mission is Mission.INSPECTION
+        )
+        way_out_s = max(
+            (time_s for way, time_s in times_s.items() if way.mission is not Mission.INSPECTION),
+            default=0.0,
+        )
+    if site.targets:
+        yield _endurance(visits_s + way_out_s, planner.vehicle)
+
+
+def _ways(subject: str, times_s: dict[Way, float]) -> Finding:
+    """What leads to and from a target. times_s: how long each way takes."""
+    lost = [way.name for way in times_s if way.plan.status is not PlanStatus.FOUND]
+    if lost:
+        return Finding(
+            level=Level.NO_GO,
+            subject=subject,
+            text=f"no free way: {', '.join(lost)}",
+            remedy="is it walled in? A lesser keep_out_m or a finer resolution_m may open a way",
+        )
+    times = ", ".join(f"{way.name} {time_s:.0f} s" for way, time_s in times_s.items())
+    metrics = [way.plan.metrics for way in times_s if way.plan.metrics is not None]
+    least_m = min((item.min_clearance_m for item in metrics), default=math.inf)
+    clear = "" if math.isinf(least_m) else f", {least_m:.1f} m from obstacles at least"
+    return Finding(level=Level.OK, subject=subject, text=f"{times or 'no ways'}{clear}")
+
+
+def _endurance(flown_s: float, vehicle: Vehicle) -> Finding:
+    endurance_s = vehicle.risk.endurance_s
+    text = (
+        f"all targets in turn and the way out take {flown_s:.0f} s, and a full battery lasts "
+        f"{endurance_s:g} s"
+    )
+    if flown_s > _ENDURANCE_SHARE * endurance_s:
+        remedy = "inspect them in more than one flight, or correct risk.endurance_s"
+        return Finding(level=Level.WARNING, subject="flight time", text=text, remedy=remedy)
+    return Finding(level=Level.OK, subject="flight time", text=text)
+
+
+def _shown(point_m: PlanePoint) -> str:
+    return f"({point_m[0]:g}, {point_m[1]:g})"

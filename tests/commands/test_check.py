@@ -1,0 +1,237 @@
+"""`moar-companion check` as a user runs it: files, links, exit status."""
+
+import contextlib
+import os
+import socket
+
+import pytest
+import serial
+
+from moar_companion import cli
+from moar_companion.config import shipped_configs
+from tests.processes import simulator
+
+CONFIGS = shipped_configs()
+SITE = CONFIGS / "sites" / "315kv_double_circuit.yaml"
+X500 = CONFIGS / "vehicles" / "x500.yaml"
+
+
+def check(*arguments):
+    return cli.main(["check", *map(str, arguments)])
+
+
+def edited(tmp_path, source, *changes):
+    """A copy of a file with some of its text replaced."""
+    text = source.read_text()
+    for before, after in changes:
+        assert before in text
+        text = text.replace(before, after)
+    path = tmp_path / source.name
+    path.write_text(text)
+    return path
+
+
+def test_the_shipped_configuration_is_a_go(capsys):
+    assert check("--config", CONFIGS / "companion.yaml") == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "Site 315 kV double circuit\n" in out
+    assert out.endswith("GO: the aircraft was not looked at (--connect URL)\n")
+    findings = [line for line in out.splitlines() if line.startswith("  ")]
+    assert {line.split()[0] for line in findings} == {"ok", "note"}
+
+
+def test_without_anything_it_tells_that_nothing_is_flown(capsys):
+    assert check() == 0
+    assert "none: telemetry and risk only" in capsys.readouterr().out
+
+
+def test_everything_that_is_wrong_with_all_files_is_told_at_once(capsys, tmp_path):
+    site = edited(
+        tmp_path,
+        SITE,
+        ("resolution_m: 0.3", "resolution_m: -1"),
+        ("azimuth_deg: 90", "azimuth_deg: 500"),
+    )
+    vehicle = edited(tmp_path, X500, ("radius_m: 0.38", "radius_m: big"))
+    config = tmp_path / "companion.yaml"
+    config.write_text(
+        f"vehicle: {vehicle}\nsite: {site}\n"
+        "links: [{url: 'smoke:signals'}, {url: 'udp:127.0.0.1:99999'}]\n"
+    )
+    assert check("--config", config) == 2
+    out, err = capsys.readouterr()
+    told = [line for line in out.splitlines() if line.startswith("  no-go")]
+    assert len(told) == 5
+    for words in (
+        f"{config}: links[0].url: 'smoke:signals'",
+        f"{config}: links[1].url: 'udp:127.0.0.1:99999'",
+        f"{vehicle}: geometry.radius_m: is 'big'",
+        f"{site}: frame.azimuth_deg: is 500",
+        f"{site}: workspace.resolution_m: is -1",
+    ):
+        assert [line for line in told if words in line], words
+    assert "NO-GO: 5 findings\n" in out
+    assert err.count("\n") == 1
+    assert "(and 4 more)" in err
+
+
+def test_files_of_the_command_line_are_read_even_when_the_configuration_cannot_be(capsys, tmp_path):
+    arguments = ("--config", tmp_path / "none.yaml", "--site", tmp_path / "nowhere.yaml")
+    assert check(*arguments) == 2
+    out = capsys.readouterr().out
+    assert "none.yaml: no such file" in out
+    assert "nowhere.yaml: no such file" in out
+
+
+def test_a_site_that_cannot_be_flown_is_a_no_go_with_status_1(capsys, tmp_path):
+    site = edited(
+        tmp_path, SITE, ("side: right", "side: left"), ("standoff_m: 2.0", "standoff_m: 1.0")
+    )
+    assert check("--site", site) == 1
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "  no-go    target splice-outer: " in out
+    assert "NO-GO: 2 findings" in out
+
+
+@pytest.mark.parametrize("subject", ["recorder", "state"])
+@pytest.mark.parametrize(
+    ("directory", "status", "line"),
+    [
+        ("flights/new", 0, "  ok       {}: "),
+        ("/dev/null/flights", 1, "  no-go    {}: /dev/null/flights cannot be written: "),
+        ("/dev/null/flights", 1, "correct {}.directory, or the rights there"),
+    ],
+)
+def test_whether_the_service_could_write(capsys, tmp_path, subject, directory, status, line):
+    config = tmp_path / "companion.yaml"
+    config.write_text(f"vehicle: {X500}\n{subject}: {{directory: {directory}}}\n")
+    assert check("--config", config) == status
+    assert line.format(subject) in capsys.readouterr().out
+
+
+def test_a_folder_of_systemd_that_cannot_be_written_is_a_no_go(capsys, monkeypatch):
+    monkeypatch.setenv("STATE_DIRECTORY", "/dev/null/state")
+    assert check() == 1
+    out = capsys.readouterr().out
+    assert "  no-go    state: /dev/null/state cannot be written: " in out
+    assert "correct STATE_DIRECTORY, or the rights there" in out
+
+
+@pytest.mark.parametrize(
+    ("name", "status", "line"),
+    [
+        ("view.sock", 0, "  ok       view: view.sock\n"),
+        ("none/view.sock", 1, "cannot be made: {}/none is no folder that can be written; "),
+        ("vehicle.yaml", 1, "cannot be made: something else is there; correct view.socket"),
+        (f"{'x' * 200}", 1, "cannot be made: a socket's path has no more than 107 bytes"),
+    ],
+    ids=["free", "no folder", "a file", "too long"],
+)
+def test_whether_the_service_could_make_the_socket_of_its_view(
+    capsys, tmp_path, monkeypatch, name, status, line
+):
+    # A socket's path may not be long, and pytest's are.
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "vehicle.yaml").write_text(X500.read_text())
+    (tmp_path / "companion.yaml").write_text(f"vehicle: vehicle.yaml\nview: {{socket: {name}}}\n")
+    assert check("--config", "companion.yaml") == status
+    assert line.format(tmp_path) in capsys.readouterr().out
+    assert not (tmp_path / "view.sock").exists()
+
+
+def test_a_socket_that_another_service_has_left_or_serves_is_no_finding(
+    capsys, tmp_path, monkeypatch
+):
+    monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
+    with socket.socket(socket.AF_UNIX) as dead:
+        dead.bind(str(tmp_path / "view.sock"))
+    assert check() == 0
+    assert "  ok       view: " in capsys.readouterr().out
+
+
+def test_a_folder_of_somebody_else_is_a_no_go(capsys, tmp_path, monkeypatch):
+    config = tmp_path / "companion.yaml"
+    config.write_text(f"vehicle: {X500}\nrecorder: {{directory: flights}}\n")
+    monkeypatch.setattr("os.access", lambda *_: False)
+    assert check("--config", config) == 1
+    assert f"{tmp_path} belongs to somebody else" in capsys.readouterr().out
+
+
+def test_an_authority_that_never_streams_is_told(capsys, tmp_path):
+    config = tmp_path / "companion.yaml"
+    config.write_text(f"vehicle: {X500}\nauthority: observe\n")
+    assert check("--config", config) == 0
+    assert "  note     authority: observe: nothing is ever streamed" in capsys.readouterr().out
+
+
+def test_a_terminal_gets_columns(monkeypatch, capsys):
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    monkeypatch.setenv("COLUMNS", "60")
+    assert check("--site", SITE) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert max(map(len, lines)) < 100
+    assert any("\x1b[" in line for line in lines)
+
+
+@pytest.mark.slow
+def test_an_aircraft_by_real_sockets_with_what_to_mend_and_status_1(capsys, unused_udp_port):
+    home = "45.3781,-71.92915,210,90"
+    at_the_port = f"companion=udpout:127.0.0.1:{unused_udp_port}"
+    with simulator("--link", at_the_port, "--home", home):
+        link = f"udp:127.0.0.1:{unused_udp_port}"
+        status = check("--site", SITE, "--vehicle", X500, "--connect", link)
+    out, err = capsys.readouterr()
+    assert (status, err) == (1, "")
+    assert f"Aircraft on {link}\n" in out
+    assert "  ok       firmware: 1.17.0\n" in out
+    assert "  warning  COM_OBL_RC_ACT: 0 (position mode" in out
+    assert "set 5 (hold) or 4 (land)" in out
+    assert "if we died, PX4 would return through" in out
+    assert "\nNO-GO: " in out
+
+
+def test_a_port_in_use_is_a_no_go_that_says_what_to_stop(capsys, unused_udp_port):
+    link = f"udp:127.0.0.1:{unused_udp_port}"
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", unused_udp_port))
+        assert check("--connect", link) == 1
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "in use by another program; stop the service: systemctl stop moar-companion" in out
+    assert out.endswith("\nNO-GO: 1 finding, 0 warnings\n")
+
+
+@pytest.mark.parametrize(
+    ("link", "words"),
+    [
+        ("serial:/dev/ttyNIX:921600", "no such file or directory; is it plugged in?"),
+        ("serial:/dev/null:57600", "is no serial port; correct --connect"),
+        ("udp:192.0.2.1:14540", "is no address of this computer; correct --connect"),
+    ],
+)
+def test_a_link_that_cannot_be_opened_is_a_no_go(capsys, link, words):
+    assert check("--connect", link) == 1
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "  no-go    link: " in out
+    assert words in out
+    assert out.endswith("\nNO-GO: 1 finding, 0 warnings\n")
+
+
+@contextlib.contextmanager
+def serial_port():
+    """The device of a pseudo terminal."""
+    ours, theirs = os.openpty()
+    try:
+        yield os.ttyname(theirs)
+    finally:
+        os.close(ours)
+        os.close(theirs)
+
+
+def test_a_serial_port_in_use_is_a_no_go_that_says_what_to_stop(capsys):
+    with serial_port() as device, serial.Serial(device, exclusive=True):
+        assert check("--connect", f"serial:{device}:57600") == 1
+    assert "; stop the service: systemctl stop moar-companion" in capsys.readouterr().out

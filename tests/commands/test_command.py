@@ -1,0 +1,365 @@
+"""The operator's command, as a process, against a companion of raw pymavlink."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import signal
+import socket
+import threading
+from types import SimpleNamespace
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from moar_companion import cli
+from moar_companion.commands.ground_station import mavsdk_url
+from moar_companion.config import shipped_configs
+from moar_companion.mavlink.urls import parse_url
+from tests.processes import companion
+
+SITE = str(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+USER_1, PAUSE_CONTINUE = 31010, 193
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = range(7)
+OPERATOR = (245, 190)
+COMPANION, AUTOPILOT = 195, 1
+
+
+FLYING = 3
+"""The number of the mission state."""
+
+
+class Aircraft:
+    """A system on a UDP port: its components heartbeat, and what it hears is answered by rule.
+
+    answer: from a command to the companion to what is sent back, as (component, message) in order.
+    MAVSDK asks the autopilot for its version, to which nothing is answered.
+    """
+
+    def __init__(self, answer=lambda _: [], *, components=(COMPANION,), says=()):
+        self.commands = []
+        self._answer, self._components, self._says = answer, components, says
+        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        self._socket.bind(("127.0.0.1", 0))
+        self._socket.settimeout(0.05)
+        self._codecs = {
+            component: mavlink.MAVLink(None, srcSystem=1, srcComponent=component)
+            for component in (COMPANION, AUTOPILOT)
+        }
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self.url = f"udpout:127.0.0.1:{self._socket.getsockname()[1]}"
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._ended.set()
+        self._thread.join()
+        self._socket.close()
+
+    def _run(self):
+        parser, peer = mavlink.MAVLink(None), None
+        while not self._ended.is_set():
+            with contextlib.suppress(TimeoutError):
+                data, peer = self._socket.recvfrom(4096)
+                for message in parser.parse_buffer(data) or []:
+                    if getattr(message, "target_component", None) == COMPANION:
+                        self.commands.append(message)
+                        self._send(peer, self._answer(message))
+            if peer is not None:
+                self._send(peer, [(each, heartbeat(each)) for each in self._components])
+                self._send(peer, self._says)
+
+    def _send(self, peer, said):
+        for component, message in said:
+            codec = self._codecs[component]
+            self._socket.sendto(message.pack(codec), peer)
+            codec.seq = (codec.seq + 1) % 256
+
+
+def heartbeat(component):
+    if component == AUTOPILOT:
+        return mavlink.MAVLink_heartbeat_message(2, 12, 209, 0x00060000, 4, 3)
+    return mavlink.MAVLink_heartbeat_message(18, 8, 0, FLYING, 4, 3)
+
+
+def acknowledgement(result, *, command=USER_1, to=OPERATOR, component=COMPANION):
+    return component, mavlink.MAVLink_command_ack_message(command, result, 0, 0, *to)
+
+
+def text(words, *, component=COMPANION, chunk=(0, 0)):
+    return component, mavlink.MAVLink_statustext_message(4, words.encode(), *chunk)
+
+
+def always(*said):
+    return lambda _: list(said)
+
+
+def started(*arguments):
+    return companion("command", *arguments)
+
+
+def ordered(*arguments):
+    with started(*arguments) as process:
+        out, err = process.communicate(timeout=60)
+    return SimpleNamespace(status=process.returncode, out=out, err=err)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "command", "parameters"),
+    [
+        (["inspection"], USER_1, (1, -1)),
+        (["inspection", "--target", "4"], USER_1, (1, 4)),
+        (["inspection", "--target", "splice-inner", "--site", SITE], USER_1, (1, 1)),
+        (["inspection", "--target=1", "--site", SITE], USER_1, (1, 1)),
+        (["exit", "--target", "0", "--site", SITE], USER_1, (2, 0)),
+        (["evacuation"], USER_1, (3, -1)),
+        (["hold"], USER_1, (0, -1)),
+        (["release"], USER_1, (4, -1)),
+        (["pause"], PAUSE_CONTINUE, (0, -1)),
+        (["continue"], PAUSE_CONTINUE, (1, -1)),
+    ],
+)
+def test_an_order_is_one_command_to_the_companion(arguments, command, parameters):
+    with Aircraft(always(acknowledgement(ACCEPTED, command=command))) as aircraft:
+        done = ordered(*arguments, "--connect", aircraft.url)
+    assert (done.status, done.out, done.err) == (0, f"{arguments[0]}: ACCEPTED\n", "")
+    (sent,) = aircraft.commands
+    assert (sent.get_srcSystem(), sent.get_srcComponent()) == OPERATOR
+    assert (sent.target_system, sent.target_component) == (1, COMPANION)
+    assert (sent.command, sent.param1, sent.param2, sent.confirmation) == (command, *parameters, 0)
+
+
+def test_a_denial_is_told_with_its_reason_put_together_from_chunks():
+    reason = "MOAR denied: the goal cannot be reached: no free way leads there"
+    answer = always(
+        acknowledgement(DENIED),
+        text(reason[:50], chunk=(7, 0)),
+        text(reason[50:], chunk=(7, 1)),
+    )
+    with Aircraft(answer) as aircraft:
+        done = ordered("inspection", "--connect", aircraft.url)
+    assert (done.status, done.err) == (1, "")
+    assert done.out == f"inspection: DENIED\n{reason}\n"
+
+
+@pytest.mark.parametrize(
+    ("result", "word"),
+    [
+        (TEMPORARILY_REJECTED, "temporarily rejected"),
+        (DENIED, "denied"),
+        (FAILED, "failed"),
+        (CANCELLED, "cancelled"),
+    ],
+)
+def test_all_that_is_not_accepted_is_status_1_and_waits_for_its_reason(result, word):
+    why = text(f"MOAR {word}: so it is")
+    with Aircraft(always(text("MOAR idle"), acknowledgement(result), why)) as aircraft:
+        done = ordered("hold", "--connect", aircraft.url)
+    name = word.upper().replace(" ", "_")
+    assert (done.status, done.err) == (1, "")
+    assert done.out == f"MOAR idle\nhold: {name}\nMOAR {word}: so it is\n"
+
+
+@pytest.mark.parametrize(
+    ("result", "told"),
+    [(UNSUPPORTED, "UNSUPPORTED"), (77, "REFUSED, result 77")],
+)
+def test_a_refusal_without_a_reason_says_so_though_nobody_knows_its_number(result, told):
+    with Aircraft(always(acknowledgement(result))) as aircraft:
+        done = ordered("hold", "--connect", aircraft.url)
+    assert (done.status, done.err) == (1, "")
+    assert done.out == f"hold: {told}\n(no reason was heard)\n"
+
+
+def test_while_it_is_planned_progress_is_told_once_and_renews_the_patience():
+    def answer(command):
+        if command.confirmation == 0:
+            return [text("MOAR planning inspection"), acknowledgement(IN_PROGRESS)]
+        if command.confirmation < 5:
+            return [acknowledgement(IN_PROGRESS)]
+        return [text("MOAR ready inspection"), acknowledgement(ACCEPTED)]
+
+    with Aircraft(answer) as aircraft:
+        done = ordered("inspection", "--connect", aircraft.url, "--timeout", "2")
+    assert (done.status, done.err) == (0, "")
+    assert done.out.splitlines() == [
+        "MOAR planning inspection",
+        "inspection: IN_PROGRESS",
+        "MOAR ready inspection",
+        "inspection: ACCEPTED",
+    ]
+
+
+def test_a_lost_order_is_repeated_as_such():
+    def answer(command):
+        return [acknowledgement(ACCEPTED)] if command.confirmation == 2 else []
+
+    with Aircraft(answer) as aircraft:
+        done = ordered("hold", "--connect", aircraft.url)
+    assert (done.status, done.out) == (0, "hold: ACCEPTED\n")
+    assert [sent.confirmation for sent in aircraft.commands] == [0, 1, 2]
+
+
+def test_what_others_are_answered_and_what_others_say_is_not_ours():
+    def answer(command):
+        if command.confirmation:
+            return [acknowledgement(ACCEPTED)]
+        return [
+            acknowledgement(DENIED, to=(255, 190)),
+            acknowledgement(DENIED, component=AUTOPILOT),
+            acknowledgement(DENIED, command=PAUSE_CONTINUE),
+            text("Armed", component=AUTOPILOT),
+        ]
+
+    with Aircraft(answer, components=(AUTOPILOT, COMPANION)) as aircraft:
+        done = ordered("hold", "--connect", aircraft.url)
+    assert (done.status, done.out, done.err) == (0, "hold: ACCEPTED\n", "")
+
+
+def test_no_answer_is_one_line():
+    with Aircraft() as aircraft:
+        done = ordered("hold", "--connect", aircraft.url, "--timeout", "2")
+    assert (done.status, done.out) == (1, "")
+    assert done.err == "moar-companion: hold: the companion has not answered for 2 s\n"
+
+
+def test_without_a_companion_it_says_who_is_heard():
+    with Aircraft(components=(AUTOPILOT,)) as aircraft:
+        done = ordered("hold", "--connect", aircraft.url, "--timeout", "2")
+    assert (done.status, done.out, aircraft.commands) == (1, "", [])
+    assert done.err == (
+        f"moar-companion: no companion (component 195) heard on {aircraft.url} for 2 s: "
+        "system 1 with components 1\n"
+    )
+
+
+def test_where_nothing_is_heard_it_says_so():
+    with Aircraft(components=()) as aircraft:
+        done = ordered("status", "--connect", aircraft.url, "--timeout", "0.5")
+    assert (done.status, done.out) == (1, "")
+    assert done.err.endswith("for 0.5 s: nothing is heard\n")
+
+
+def test_status_shows_what_the_companion_says_of_itself():
+    says = [
+        (COMPANION, mavlink.MAVLink_named_value_float_message(0, name.encode(), value))
+        for name, value in [
+            ("RISK_WIND", 0.25),
+            ("RISK_COMM", 0.0),
+            ("RISK_LOC", math.nan),
+            ("K_SAFETY", 0.5),
+            ("K_TIME", 0.125),
+            ("K_ENERGY", 0.375),
+        ]
+    ]
+    said = [text("MOAR note: battery 0 is silent"), text("MOAR hold: the receiver has no 3D fix")]
+    with Aircraft(components=(AUTOPILOT, COMPANION), says=[*says, *said]) as aircraft:
+        done = ordered("status", "--connect", aircraft.url)
+    assert (done.status, done.err, aircraft.commands) == (0, "", [])
+    assert done.out.splitlines() == [
+        "companion  system 1, component 195: flying, streams setpoints",
+        "autopilot  px4, armed, OFFBOARD",
+        "risks      wind 0.25, communication 0.00, localization unknown, battery not heard",
+        "weights    safety 0.50, time 0.12, energy 0.38",
+        "said       MOAR note: battery 0 is silent",
+        "said       MOAR hold: the receiver has no 3D fix",
+    ]
+
+
+def test_control_characters_of_a_text_do_not_reach_the_terminal():
+    answer = always(text("MOAR \x1b[2Jready\n"), acknowledgement(ACCEPTED))
+    with Aircraft(answer) as aircraft:
+        done = ordered("inspection", "--connect", aircraft.url)
+    assert done.out == "MOAR [2Jready\ninspection: ACCEPTED\n"
+
+
+def test_an_interrupt_ends_it_without_a_word():
+    answer = always(acknowledgement(IN_PROGRESS))
+    with Aircraft(answer) as aircraft, started("exit", "--connect", aircraft.url) as process:
+        assert process.stdout.readline() == "exit: IN_PROGRESS\n"
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=10)
+    assert (process.returncode, out, err) == (1, "", "")
+
+
+def test_a_port_in_use_is_one_line_and_status_1():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        done = ordered("hold", "--connect", f"udp:127.0.0.1:{port}")
+    assert (done.status, done.out) == (1, "")
+    assert done.err == (
+        f"moar-companion: udpin:127.0.0.1:{port}: Bind error: Address already in use\n"
+    )
+
+
+def test_a_missing_device_is_one_line_and_status_1():
+    done = ordered("hold", "--connect", "serial:/dev/no-such-device:57600")
+    assert (done.status, done.out) == (1, "")
+    assert done.err == (
+        "moar-companion: serial:/dev/no-such-device:57600: "
+        "Call open failed: No such file or directory\n"
+    )
+
+
+def test_a_tcp_peer_that_is_not_there_is_named():
+    with socket.socket() as unheard:
+        unheard.bind(("127.0.0.1", 0))
+        url = f"tcp:127.0.0.1:{unheard.getsockname()[1]}"
+        done = ordered("hold", "--connect", url, "--timeout", "0.5")
+    assert (done.status, done.out) == (1, "")
+    assert url in done.err
+    assert "Connection refused" in done.err
+
+
+@pytest.mark.parametrize(
+    ("url", "mavsdks"),
+    [
+        ("udp:127.0.0.1:14550", "udpin://127.0.0.1:14550"),
+        ("udp::14550", "udpin://0.0.0.0:14550"),
+        ("udpin://localhost:14550", "udpin://127.0.0.1:14550"),
+        ("udpout:10.0.0.2:14540", "udpout://10.0.0.2:14540"),
+        ("tcp:127.0.0.1:5760", "tcpout://127.0.0.1:5760"),
+        ("serial:/dev/ttyTHS1:921600", "serial:///dev/ttyTHS1:921600"),
+        ("serial:///dev/ttyTHS1:921600", "serial:///dev/ttyTHS1:921600"),
+    ],
+)
+def test_a_url_in_mavsdks_words(url, mavsdks):
+    assert mavsdk_url(parse_url(url)) == mavsdks
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["fly"], ["MISSION", "'fly'", "inspection", "status"]),
+        (["inspection", "--target", "splice-inner"], ["--target", "'splice-inner'", "--site"]),
+        (
+            ["inspection", "--target", "x", "--site", SITE],
+            ["--target", "'x'", "splice-outer, splice-inner"],
+        ),
+        (["inspection", "--target", "2", "--site", SITE], ["'2'", "splice-outer, splice-inner"]),
+        (["exit", "--target", "splice-inner"], ["'splice-inner'", "index of a landing point"]),
+        (["exit", "--target", "9", "--site", SITE], ["'9'", "one of 0"]),
+        (["exit", "--target", "-1"], ["'-1'", "index of a landing point"]),
+        (["hold", "--target", "0"], ["'0'", "hold has no target"]),
+        (["inspection", "--target", "x", "--site", "no.yaml"], ["no.yaml", "no such file"]),
+        (["hold", "--timeout", "0"], ["--timeout", "'0'", "above 0"]),
+        (["hold", "--timeout", "nan"], ["--timeout", "'nan'"]),
+        (["hold", "--connect", "pigeon:home"], ["'pigeon:home'", "udp:HOST:PORT"]),
+        ([], ["MISSION"]),
+    ],
+)
+def test_bad_input_is_one_line_that_names_it_and_status_2(arguments, words, capsys):
+    connect = [] if "--connect" in arguments else ["--connect", "udp::14550"]
+    assert cli.main(["command", *arguments, *connect]) == 2
+    out, err = capsys.readouterr()
+    assert (out, err.count("\n")) == ("", 1)
+    assert [word for word in words if word not in err] == []
+
+
+def test_without_a_link_it_asks_for_one(capsys):
+    assert cli.main(["command", "hold"]) == 2
+    assert "--connect" in capsys.readouterr().err

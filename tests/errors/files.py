@@ -1,0 +1,178 @@
+"""A site, a vehicle and a configuration with every key there is, and what is known of the keys."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import math
+from collections.abc import Iterator
+from typing import Any
+
+from moar_companion.config import CompanionConfig, Replanning, Supervision
+from moar_companion.site import Site
+from moar_companion.vehicle import Guidance, Power, Range, RiskModel, Vehicle
+from moar_companion.yaml_schema import file_key
+
+
+def section(record: Any) -> dict[str, Any]:
+    """A section of a file with every key, from the defaults of its dataclass."""
+    content = {}
+    for member in dataclasses.fields(record):
+        value = getattr(record, member.name)
+        key = file_key(member.name)
+        if isinstance(value, Range):
+            value = [value.low, value.high]
+        elif isinstance(value, enum.Enum):
+            value = value.value
+        elif value is None:
+            value = 6
+        if key != member.name:
+            value = [math.degrees(x) for x in value] if isinstance(value, list) else value
+            value = math.degrees(value) if isinstance(value, float) else value
+        content[key] = value
+    return content
+
+
+WEIGHTS = {"safety": 0.4, "time": 0.3, "energy": 0.3}
+SITE: dict[str, Any] = {
+    "name": "Span 12",
+    "frame": {
+        "origin": {"latitude_deg": 45.4, "longitude_deg": -71.9, "altitude_amsl_m": 210.0},
+        "azimuth_deg": 90.0,
+    },
+    "workspace": {
+        "x_m": [0.0, 30.0],
+        "z_m": [0.0, 20.0],
+        "resolution_m": 0.3,
+        "min_altitude_m": 2.0,
+    },
+    "obstacles": [
+        {"conductor": {"name": "left", "x_m": 9, "z_m": 8, "radius_m": 0.03, "keep_out_m": 0.5}},
+        {
+            "polygon": {
+                "name": "leg",
+                "vertices_m": [[14.0, 0.0], [16.0, 0.0], [15.5, 19.0], [14.5, 19.0]],
+                "keep_out_m": 0.2,
+            }
+        },
+    ],
+    "start": {"x_m": 27.0, "z_m": 2.5},
+    "targets": {
+        "splice-1": {"x_m": 9.0, "z_m": 14.0, "dwell_s": 3.0, "yaw_deg": 180.0},
+        "splice-2": {"conductor": "left", "standoff_m": 2.0, "side": "left"},
+    },
+    "landing": {
+        "exit": [{"x_m": 40.0, "z_m": 0.0}],
+        "evacuation": [{"x_m": -8.0, "z_m": 0.0}, {"x_m": 40.0, "z_m": 0.0}],
+    },
+}
+VEHICLE: dict[str, Any] = {
+    "name": "LineDrone",
+    "autopilot": "px4",
+    "geometry": {"radius_m": 0.6},
+    "safety": {
+        "d_min_m": 1.2,
+        "d_max_m": 3.0,
+        "weights": {"collision": 0.3, "insertion": 0.2, "damage": 0.5},
+    },
+    "speed": {
+        "min_mps": 0.5,
+        "horizontal_mps": 10.0,
+        "up_mps": 1.5,
+        "down_mps": 1.5,
+        "diagonal_up_mps": 2.5,
+        "diagonal_down_mps": 2.5,
+        "max_mps": 10.0,
+    },
+    "weights": {"inspection": WEIGHTS, "exit": dict(WEIGHTS), "evacuation": dict(WEIGHTS)},
+    "guidance": section(Guidance()),
+    "power": section(Power()),
+    "risk": section(
+        RiskModel(
+            motor_pulse_us=Range(low=1000.0, high=2000.0), motor_rpm=Range(low=0.0, high=8000.0)
+        )
+    ),
+}
+COMPANION: dict[str, Any] = {
+    "vehicle": "vehicles/linedrone.yaml",
+    "site": "sites/span.yaml",
+    "links": [{"url": "udp:127.0.0.1:14540", "role": "autopilot"}],
+    "system_id": 1,
+    "component_id": 195,
+    "authority": "stream",
+    "setpoint_rate_hz": 50.0,
+    "resume": False,
+    "replanning": section(Replanning()),
+    "supervision": section(Supervision()),
+    "recorder": {"directory": "flights"},
+    "state": {"directory": "state"},
+    "view": {"socket": "view.sock"},
+}
+FILES: dict[str, tuple[Any, dict[str, Any]]] = {
+    "site.yaml": (Site.load, SITE),
+    "vehicle.yaml": (Vehicle.load, VEHICLE),
+    "companion.yaml": (CompanionConfig.load, COMPANION),
+}
+REQUIRED = {
+    "site.yaml": {
+        "name", "frame", "frame.origin", "frame.origin.latitude_deg", "frame.origin.longitude_deg",
+        "frame.origin.altitude_amsl_m", "frame.azimuth_deg", "workspace", "workspace.x_m",
+        "workspace.z_m", "workspace.resolution_m", "obstacles", "obstacles[0].conductor.name",
+        "obstacles[0].conductor.x_m", "obstacles[0].conductor.z_m",
+        "obstacles[0].conductor.radius_m", "obstacles[1].polygon.name",
+        "obstacles[1].polygon.vertices_m", "start", "start.x_m", "start.z_m",
+        "targets.splice-1.x_m", "targets.splice-1.z_m", "targets.splice-2.conductor",
+        "targets.splice-2.standoff_m", "targets.splice-2.side", "landing.exit[0].x_m",
+        "landing.exit[0].z_m", "landing.evacuation[0].x_m", "landing.evacuation[0].z_m",
+        "landing.evacuation[1].x_m", "landing.evacuation[1].z_m",
+    },
+    "vehicle.yaml": {
+        "name", "geometry", "geometry.radius_m", "safety", "safety.d_min_m", "safety.d_max_m",
+        "safety.weights", "safety.weights.collision", "safety.weights.insertion",
+        "safety.weights.damage", "speed", "speed.min_mps", "speed.horizontal_mps", "speed.up_mps",
+        "speed.down_mps", "speed.diagonal_up_mps", "speed.diagonal_down_mps", "weights",
+        *(f"weights.{mission}" for mission in ("inspection", "exit", "evacuation")),
+        *(
+            f"weights.{mission}.{name}"
+            for mission in ("inspection", "exit", "evacuation")
+            for name in WEIGHTS
+        ),
+    },
+    "companion.yaml": {"vehicle", "links[0].url"},
+}  # fmt: skip
+EMPTY_IS_NONE = {
+    "site.yaml": {"workspace.min_altitude_m", "targets.splice-1.yaw_deg"},
+    "vehicle.yaml": {
+        "autopilot", "speed.max_mps", "power.cruise_w", "power.climb_w", "power.descent_w",
+        "power.capacity_wh", "risk.cells",
+    },
+    "companion.yaml": {"site", "recorder.directory", "state.directory", "view.socket"},
+}  # fmt: skip
+"""Keys whose default is nothing; `key:` without a value says the same."""
+
+ONE_OF_TWO = {
+    "site.yaml": {
+        "obstacles[0].conductor", "obstacles[1].polygon", "targets.splice-1.x_m",
+        "targets.splice-1.z_m", "targets.splice-2.conductor", "targets.splice-2.standoff_m",
+        "targets.splice-2.side",
+    },
+    "vehicle.yaml": set(),
+    "companion.yaml": {"vehicle"},
+}  # fmt: skip
+"""Keys that something else may stand for: without a value they are as good as missing."""
+
+
+def walk(
+    value: Any, key: tuple[str | int, ...] = ()
+) -> Iterator[tuple[tuple[str | int, ...], Any]]:
+    """Every key of a file with its value, the file itself first."""
+    yield key, value
+    if isinstance(value, dict | list):
+        for part, item in value.items() if isinstance(value, dict) else enumerate(value):
+            yield from walk(item, (*key, part))
+
+
+def parent(content: Any, key: tuple[str | int, ...]) -> Any:
+    for part in key[:-1]:
+        content = content[part]
+    return content

@@ -1,0 +1,159 @@
+"""The aircraft judged by what was heard of it: what the fake autopilot does not do by itself."""
+
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.config import Supervision, shipped_configs
+from moar_companion.mavlink.identity import Autopilot
+from moar_companion.preflight.aircraft import Arrivals, Sight, aircraft_findings
+from moar_companion.preflight.findings import Level
+from moar_companion.risk import RiskEstimate
+from moar_companion.types import (
+    AutopilotKind,
+    AutopilotStatus,
+    Firmware,
+    Readiness,
+    RemoteControl,
+    Telemetry,
+)
+from moar_companion.vehicle import Vehicle
+
+LINEDRONE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
+OK, NOTE, WARNING, NO_GO = Level
+STEADY = Arrivals(count=151, first_s=0.0, last_s=5.0, longest_gap_s=0.04)
+
+
+def findings(
+    *,
+    kind=AutopilotKind.PX4,
+    vehicle=LINEDRONE,
+    armed=False,
+    failsafe=False,
+    positions=STEADY,
+    **telemetry,
+):
+    """What is found of an aircraft of which this was heard, by subject."""
+    status = AutopilotStatus(
+        received_s=5.0,
+        system_id=1,
+        component_id=1,
+        kind=kind,
+        armed=armed,
+        custom_mode=0,
+        mode="HOLD",
+        ours=False,
+        homeward=False,
+        multirotor=True,
+        failsafe=failsafe,
+    )
+    sight = Sight(
+        autopilot=Autopilot(system_id=1, component_id=1, kind=kind, link="serial"),
+        status=status,
+        others=(),
+        telemetry=Telemetry(autopilot=status, **telemetry),
+        risk=RiskEstimate.unknown(vehicle.risk),
+        positions=positions,
+        attitudes=STEADY,
+        pose=None,
+        obstruction=None,
+        reluctance=None,
+    )
+    return {item.subject: item for item in aircraft_findings(sight, vehicle, None, Supervision())}
+
+
+def test_an_aircraft_of_which_nothing_is_heard_but_a_heartbeat_is_never_well():
+    found = findings(positions=Arrivals())
+    unknown = {"firmware", "ready to arm", "battery", "ground station", "remote control"}
+    assert {name for name, item in found.items() if item.level is WARNING} == unknown | {
+        "drag",
+        "communication risk",
+        "localization risk",
+        "battery risk",
+    }
+    assert found["LOCAL_POSITION_NED"].level is NO_GO
+
+
+def test_an_autopilot_that_is_not_known_here():
+    assert findings(kind=AutopilotKind.UNKNOWN)["autopilot"].level is NO_GO
+
+
+def test_a_failsafe_is_a_no_go():
+    finding = findings(failsafe=True, armed=True)["state"]
+    assert finding.level is NO_GO
+    assert finding.text == "HOLD, armed, landed state unknown, in failsafe"
+
+
+@pytest.mark.parametrize(
+    ("kind", "version", "release", "level"),
+    [
+        (AutopilotKind.PX4, (1, 17, 0), "", OK),
+        (AutopilotKind.PX4, (1, 18, 0), "beta", OK),
+        (AutopilotKind.PX4, (1, 15, 4), "", NOTE),
+        (AutopilotKind.PX4, (1, 13, 3), "", WARNING),
+        (AutopilotKind.ARDUPILOT, (4, 6, 3), "", OK),
+        (AutopilotKind.ARDUPILOT, (4, 7, 0), "dev", NOTE),
+        (AutopilotKind.ARDUPILOT, (4, 2, 3), "", WARNING),
+    ],
+)
+def test_firmware_is_compared_with_what_was_measured(kind, version, release, level):
+    firmware = Firmware(received_s=5.0, version=version, release=release)
+    finding = findings(kind=kind, firmware=firmware)["firmware"]
+    assert finding.level is level
+    assert finding.text.startswith(str(firmware))
+
+
+def test_an_autopilot_that_would_not_arm_says_what_is_unhealthy_while_it_is_disarmed():
+    readiness = Readiness(received_s=5.0, ready=False, unhealthy=("gps", "ahrs"))
+    finding = findings(readiness=readiness)["ready to arm"]
+    assert (finding.level, finding.text) == (NO_GO, "no, unhealthy: gps, ahrs")
+
+
+@pytest.mark.parametrize(
+    ("ready", "unhealthy", "level", "text"),
+    [
+        (True, (), OK, "armed"),
+        (True, ("rc receiver",), NOTE, "armed, unhealthy: rc receiver"),
+        (False, (), WARNING, "armed, would not arm now"),
+        (False, ("gps", "ahrs"), WARNING, "armed, would not arm now, unhealthy: gps, ahrs"),
+    ],
+)
+def test_what_is_armed_is_not_said_to_be_ready_and_says_what_is_unhealthy(
+    ready, unhealthy, level, text
+):
+    readiness = Readiness(received_s=5.0, ready=ready, unhealthy=unhealthy)
+    finding = findings(readiness=readiness, armed=True)["ready to arm"]
+    assert (finding.level, finding.text) == (level, text)
+    assert bool(finding.remedy) is (level is WARNING)
+
+
+def test_a_slow_stream_is_a_warning_and_a_long_pause_a_no_go():
+    slow = Arrivals(count=51, first_s=0.0, last_s=5.0, longest_gap_s=0.12)
+    assert findings(positions=slow)["LOCAL_POSITION_NED"].level is WARNING
+    paused = Arrivals(count=151, first_s=0.0, last_s=5.0, longest_gap_s=0.6)
+    finding = findings(positions=paused)["LOCAL_POSITION_NED"]
+    assert finding.level is NO_GO
+    assert "a pause of 0.5 s ends the flight" in finding.remedy
+
+
+def test_arrivals_are_counted():
+    arrivals = Arrivals()
+    assert arrivals.rate_hz is None
+    for now_s in (1.0, 1.1, 1.4, 1.5):
+        arrivals = arrivals.another(now_s)
+    assert arrivals.rate_hz == pytest.approx(6.0)
+    assert arrivals.longest_gap_s == pytest.approx(0.3)
+
+
+def test_a_remote_control_whose_signal_is_unknown_is_there():
+    remote = RemoteControl(received_s=5.0, rssi=None)
+    assert findings(remote_control=remote)["remote control"].text == "heard, unknown signal"
+
+
+def test_a_drag_that_nobody_measured_is_told_with_how_to_measure_it():
+    usual = findings()["drag"]
+    assert usual.level is WARNING
+    assert "--fit-drag" in usual.remedy
+    risk = replace(LINEDRONE.risk, drag_per_s=0.22, drag_per_m=0.0)
+    measured = findings(vehicle=replace(LINEDRONE, risk=risk))["drag"]
+    assert (measured.level, measured.text) == (OK, "0.22 /s and 0 /m")

@@ -1,0 +1,68 @@
+"""Batteries before a flight: what their figures say of each other and of the vehicle file."""
+
+import pytest
+
+from moar_companion.preflight.battery import battery_findings
+from moar_companion.preflight.findings import Level
+from moar_companion.types import Battery, Telemetry
+from moar_companion.vehicle import RiskModel
+
+OK, NOTE, WARNING, NO_GO = Level
+
+
+def found(*, cells=4, told_cells=None, **figures):
+    """What is found of one battery. cells: the vehicle file's."""
+    battery = Battery(
+        received_s=5.0, current_a=None, charge_state=None, cells=told_cells, **figures
+    )
+    (finding,) = battery_findings(Telemetry(batteries={0: battery}), RiskModel(cells=cells))
+    return finding
+
+
+@pytest.mark.parametrize(
+    ("remaining", "voltage_v", "level", "words"),
+    [
+        (0.9, 16.0, OK, "90%, 16.0 V, 4.00 V a cell"),
+        (None, 16.0, OK, "charge unknown"),
+        (0.9, None, NOTE, "voltage unknown"),
+        (1.0, 4.1, WARNING, "fed by USB"),
+        (0.9, 11.0, NO_GO, "2.75 V a cell with 4 cells, which cannot be"),
+        (0.9, 21.6, NO_GO, "5.40 V a cell with 4 cells, which cannot be"),
+        (1.0, 12.6, WARNING, "3.15 V a cell with 4 cells, which is not the voltage of that charge"),
+        (0.4, 16.8, WARNING, "4.20 V a cell with 4 cells, which is not the voltage of that charge"),
+        (0.6, 16.4, OK, "60%, 16.4 V, 4.10 V a cell"),
+        (0.4, 12.6, OK, "40%, 12.6 V, 3.15 V a cell"),
+    ],
+)
+def test_a_battery(remaining, voltage_v, level, words):
+    finding = found(remaining=remaining, voltage_v=voltage_v)
+    assert finding.subject == "battery 0"
+    assert (finding.level, words in finding.text) == (level, True), finding.text
+    assert bool(finding.remedy) is (level >= WARNING)
+
+
+@pytest.mark.parametrize(("told", "level"), [(4, OK), (5, NO_GO), (3, NO_GO), (None, OK)])
+def test_the_number_of_cells_is_compared_with_what_the_battery_tells(told, level):
+    finding = found(remaining=0.7, voltage_v=15.6, cells=4, told_cells=told)
+    assert finding.level is level
+    assert (f"voltages of {told} cells, and the vehicle file says 4" in finding.text) is (
+        level is NO_GO
+    )
+    assert ("correct risk.cells" in finding.remedy) is (level is NO_GO)
+
+
+def test_a_battery_that_tells_its_cells_says_what_the_vehicle_file_lacks():
+    finding = found(remaining=0.7, voltage_v=15.6, cells=None, told_cells=4)
+    assert finding.level is NOTE
+    assert finding.text.endswith("without risk.cells in the vehicle file, which is 4")
+
+
+def test_a_voltage_is_not_judged_without_the_number_of_cells():
+    finding = found(remaining=0.9, voltage_v=21.6, cells=None)
+    assert finding.level is NOTE
+    assert "not judged without risk.cells" in finding.text
+
+
+def test_no_battery_at_all():
+    (finding,) = battery_findings(Telemetry(), RiskModel(cells=4))
+    assert finding.level is WARNING

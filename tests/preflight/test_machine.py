@@ -1,0 +1,358 @@
+"""The aircraft looked at before a flight: in lockstep with the fake autopilot, and by example."""
+
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.config import CompanionConfig, LinkConfig, LinkRole, shipped_configs
+from moar_companion.mavlink.dialect import mavlink
+from moar_companion.planner.planner import Planner
+from moar_companion.preflight.findings import Level
+from moar_companion.preflight.machine import WAIT_S, Preflight
+from moar_companion.site import Site
+from moar_companion.types import AutopilotKind, Mission
+from moar_companion.vehicle import Vehicle
+from sitl.autopilot import FakeAutopilot, Options
+
+CONFIGS = shipped_configs()
+SITE = Site.load(CONFIGS / "sites" / "315kv_double_circuit.yaml")
+VEHICLE = Vehicle.load(CONFIGS / "vehicles" / "x500.yaml")
+PLANNER = Planner(SITE, VEHICLE)
+LINK = "udp:127.0.0.1:14540"
+STEP_S = 0.02
+OK, NOTE, WARNING, NO_GO = Level
+PX4_AS_ASKED = {
+    "COM_OF_LOSS_T": 0.5,
+    "COM_OBL_RC_ACT": 5,
+    "COM_RC_OVERRIDE": 3,
+    "NAV_RCL_ACT": 1,
+}
+
+
+def planner_of(site, vehicle):
+    same = (site, vehicle) == (SITE, VEHICLE)
+    return PLANNER if same else Planner(site, vehicle)
+
+
+class Look:
+    """A look at a fake autopilot on the site, which has run for a while."""
+
+    def __init__(
+        self,
+        *,
+        site=SITE,
+        vehicle=VEHICLE,
+        at_m=(27.0, 0.0, 0.0),
+        age_s=10.0,
+        ground_station=False,
+        **options,
+    ):
+        home = SITE.frame.to_geodetic(at_m)
+        place = {
+            "latitude_deg": home.latitude_deg,
+            "longitude_deg": home.longitude_deg,
+            "altitude_amsl_m": home.altitude_amsl_m,
+        }
+        self.autopilot = FakeAutopilot(Options(**{**place, **options}))
+        config = CompanionConfig(vehicle=CONFIGS, links=(LinkConfig(url=LINK),))
+        planner = None if site is None else planner_of(site, vehicle)
+        self.preflight = Preflight(config, vehicle, planner)
+        self.sent = []
+        self.now_s = 0.0
+        self.connected = True
+        self.lost = set()
+        """Names of parameters whose values never arrive."""
+        self._ground = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._ground_station = ground_station
+        self.autopilot.step(age_s)
+        self.autopilot.data_to_send()
+        self._age_s = age_s
+
+    def step(self):
+        self.now_s += STEP_S
+        if self._ground_station and round(self.now_s / STEP_S) % 50 == 1:
+            beat = mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3)
+            self.autopilot.receive("gcs", beat.pack(self._ground))
+        self.autopilot.step(self._age_s + self.now_s)
+        for link, data in self.autopilot.data_to_send():
+            if link == "companion" and self.connected and not self._is_lost(data):
+                self.preflight.receive(LINK, data, self.now_s)
+        self.preflight.tick(self.now_s)
+        for _, data in self.preflight.data_to_send():
+            self.sent.append(data)
+            self.autopilot.receive("companion", data)
+
+    def _is_lost(self, data):
+        return any(name.encode() in data for name in self.lost)
+
+    def findings(self):
+        """Everything that was found, by subject."""
+        while not self.preflight.done:
+            self.step()
+        return {item.subject: item for item in self.preflight.findings()}
+
+
+def messages(data):
+    return mavlink.MAVLink(None).parse_buffer(b"".join(data)) or []
+
+
+def test_an_aircraft_set_as_asked_is_a_go():
+    look = Look(ground_station=True, parameters=PX4_AS_ASKED)
+    found = look.findings()
+    assert {name for name, item in found.items() if item.level is NO_GO} == set()
+    assert found["firmware"].text == "1.17.0"
+    assert found["state"].text == "HOLD, disarmed, on the ground"
+    assert found["ground station"].level is OK
+    assert found["position"].text.startswith("x 27.")
+    assert found["battery 0"].level is OK
+    for name in ("LOCAL_POSITION_NED", "ATTITUDE", "ready to arm", "height", *PX4_AS_ASKED):
+        assert found[name].level is OK, str(found[name])
+
+
+def test_px4_as_it_comes_is_a_no_go_for_what_it_does_after_a_dead_companion():
+    found = Look().findings()
+    assert [name for name, item in found.items() if item.level is NO_GO] == ["dead companion"]
+    assert found["COM_OBL_RC_ACT"].level is WARNING
+    assert found["COM_OF_LOSS_T"].level is WARNING
+    assert found["ground station"].level is WARNING
+    assert found["remote control"].level is WARNING
+
+
+def test_ardupilot_set_as_asked_is_a_go():
+    vehicle = replace(VEHICLE, autopilot=None, risk=replace(VEHICLE.risk, cells=3))
+    look = Look(
+        autopilot="ardupilot",
+        age_s=60.0,
+        vehicle=vehicle,
+        ground_station=True,
+        parameters={"GUID_TIMEOUT": 0.5, "FS_THR_ENABLE": 3},
+    )
+    found = look.findings()
+    assert {name for name, item in found.items() if item.level is NO_GO} == set()
+    assert found["firmware"].text == "4.6.3"
+    for name in ("LOCAL_POSITION_NED", "ATTITUDE", "position", "GUID_TIMEOUT", "FS_THR_ENABLE"):
+        assert found[name].level is OK, str(found[name])
+
+
+def test_ardupilot_as_it_comes_flies_on_for_long_and_hits_nothing():
+    vehicle = replace(VEHICLE, autopilot=None, risk=replace(VEHICLE.risk, cells=3))
+    found = Look(autopilot="ardupilot", age_s=60.0, vehicle=vehicle).findings()
+    assert [name for name, item in found.items() if item.level is NO_GO] == []
+    assert found["GUID_TIMEOUT"].level is WARNING
+    assert found["dead companion"].level is OK
+    assert found["FS_THR_ENABLE"].level is WARNING
+
+
+def test_ardupilot_before_its_gps_has_no_position():
+    look = Look(autopilot="ardupilot", age_s=5.0, vehicle=replace(VEHICLE, autopilot=None))
+    found = look.findings()
+    assert found["LOCAL_POSITION_NED"].level is NO_GO
+    assert found["LOCAL_POSITION_NED"].text == "does not come"
+    assert found["position"].text == "no local position is heard"
+
+
+def test_it_sends_heartbeats_and_questions_and_nothing_that_moves_the_aircraft():
+    look = Look()
+    look.findings()
+    sent = messages(look.sent)
+    assert {item.get_srcComponent() for item in sent} == {195}
+    assert {item.get_type() for item in sent} <= {
+        "HEARTBEAT",
+        "TIMESYNC",
+        "PING",
+        "COMMAND_LONG",
+        "PARAM_REQUEST_READ",
+    }
+    asking = {mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL}
+    assert {item.command for item in sent if item.get_type() == "COMMAND_LONG"} <= asking
+    beats = [item for item in sent if item.get_type() == "HEARTBEAT"]
+    assert len(beats) == pytest.approx(look.now_s, abs=2)
+
+
+def test_nobody_there():
+    look = Look()
+    look.connected = False
+    (finding,) = look.findings().values()
+    assert look.now_s == pytest.approx(WAIT_S, abs=0.1)
+    assert finding.level is NO_GO
+    assert f"none heard on {LINK} for 10 s" in finding.text
+    assert "TX and RX crossed" in finding.remedy
+
+
+def test_somebody_there_who_is_no_autopilot():
+    look = Look()
+    look.connected = False
+    look.preflight.receive(LINK, bytes(500), 0.0)
+    (finding,) = look.findings().values()
+    assert "500 bytes came" in finding.remedy
+
+
+def test_two_autopilots_are_both_named():
+    look = Look()
+    other = mavlink.MAVLink(None, srcSystem=7, srcComponent=1)
+    beat = mavlink.MAVLink_heartbeat_message(2, 3, 81, 0, 3, 3)
+    for _ in range(50):
+        look.step()
+    look.preflight.receive(LINK, beat.pack(other), look.now_s)
+    while not look.preflight.done:
+        look.step()
+    told = [item for item in look.preflight.findings() if item.subject == "autopilot"]
+    assert [item.level for item in told] == [OK, NO_GO]
+    assert "px4 with system id 1" in told[0].text
+    assert "ardupilot with system id 7" in told[1].text
+
+
+def test_another_autopilot_than_the_vehicle_file_says():
+    vehicle = replace(VEHICLE, autopilot=AutopilotKind.ARDUPILOT)
+    finding = Look(vehicle=vehicle).findings()["autopilot"]
+    assert (finding.level, "the vehicle file says ardupilot" in finding.text) == (NO_GO, True)
+
+
+def test_a_site_in_another_country():
+    found = Look(latitude_deg=47.397742, longitude_deg=8.545594).findings()
+    assert found["position"].level is NO_GO
+    assert "km from the site 315 kV double circuit" in found["position"].text
+    assert found["position"].text.startswith("5,8")
+    assert "height" not in found
+
+
+@pytest.mark.parametrize("beside_m", [12.0, 400.0])
+def test_a_stand_beside_the_plane(beside_m):
+    finding = Look(at_m=(27.0, beside_m, 0.0)).findings()["position"]
+    assert finding.level is WARNING
+    assert "m from the plane, more than 2 m" in finding.text
+
+
+def test_a_stand_kilometres_from_the_plane_is_another_site():
+    finding = Look(at_m=(27.0, 3000.0, 0.0)).findings()["position"]
+    assert finding.level is NO_GO
+    assert "is it the right site file?" in finding.remedy
+
+
+@pytest.mark.parametrize(
+    ("height_m", "level", "words"),
+    [
+        (6.0, WARNING, "m too low"),
+        (9.0, NO_GO, "m too low"),
+        (20.0, NO_GO, "m too low"),
+        (-4.0, WARNING, "m too high"),
+        (-7.0, NO_GO, "m too high"),
+    ],
+)
+def test_an_altitude_that_is_not_the_sites(height_m, level, words):
+    finding = Look(at_m=(27.0, 0.0, height_m)).findings()["height"]
+    assert finding.level is level
+    assert f"z = {'+' if height_m > 0 else '-'}" in finding.text
+    assert words in finding.remedy
+    assert ("within -5.0 to +7.5 m" in finding.text) is (level is NO_GO)
+
+
+def test_ground_is_where_the_site_has_a_landing_point():
+    hill = replace(SITE, landing_m={Mission.EXIT: ((40.0, 18.0),), Mission.EVACUATION: ()})
+    at_m = (27.0, 0.0, 16.0)
+    assert Look(site=hill, at_m=at_m).findings()["height"].level is WARNING
+    # Above the workspace nobody stands, however near the landing points.
+    finding = Look(site=hill, at_m=(27.0, 0.0, 22.0)).findings()["height"]
+    assert finding.level is NO_GO
+    assert "to +20.0 m" in finding.text
+
+
+def test_without_a_site_there_is_no_place_to_judge():
+    found = Look(site=None).findings()
+    assert {"position", "dead companion"}.isdisjoint(found)
+    assert found["LOCAL_POSITION_NED"].level is OK
+
+
+def test_an_autopilot_that_has_just_started_is_not_ready():
+    look = Look(age_s=0.5)
+    look.autopilot.conditions.satellites = 3
+    found = look.findings()
+    assert found["ready to arm"].level is NO_GO
+    assert found["localization risk"].level is NO_GO
+    assert found["position"].level >= WARNING
+
+
+def test_few_satellites_are_a_warning():
+    look = Look()
+    look.autopilot.conditions.satellites = 7
+    finding = look.findings()["localization risk"]
+    assert finding.level is WARNING
+    assert "satellites 7" in finding.text
+
+
+def test_a_battery_that_is_nearly_empty():
+    look = Look()
+    look.autopilot.conditions.battery_percent = 10.0
+    assert look.findings()["battery risk"].level is NO_GO
+
+
+@pytest.mark.parametrize("cells", [3, 6])
+def test_cells_that_cannot_be(cells):
+    vehicle = replace(VEHICLE, risk=replace(VEHICLE.risk, cells=cells))
+    finding = Look(vehicle=vehicle).findings()["battery 0"]
+    assert finding.level is NO_GO
+    assert f"with {cells} cells, which cannot be" in finding.text
+
+
+def test_a_full_battery_of_fewer_cells_than_the_vehicle_file_has_is_not_to_be_charged():
+    look = Look(autopilot="ardupilot", age_s=60.0, vehicle=replace(VEHICLE, autopilot=None))
+    found = look.findings()
+    assert found["battery 0"].level is WARNING
+    assert found["battery risk"].level is NO_GO
+    for name in ("battery 0", "battery risk"):
+        assert found[name].remedy.startswith("risk.cells or the charge is wrong: ")
+
+
+def test_a_link_that_loses_packets():
+    look = Look()
+    look.autopilot.conditions.link_loss_percent = 25.0
+    found = look.findings()
+    assert found["communication risk"].level is WARNING
+    assert "% of packets" in found["communication risk"].text
+    # Each is asked for again until it is told.
+    assert "unknown" not in found["COM_OBL_RC_ACT"].text
+    assert "not told" not in found["dead companion"].text
+
+
+@pytest.mark.parametrize(
+    ("name", "level"),
+    [("COM_OBL_RC_ACT", NO_GO), ("GF_ACTION", NO_GO), ("COM_RC_OVERRIDE", WARNING)],
+)
+def test_a_parameter_that_decides_and_is_lost_on_the_link_is_a_no_go(name, level):
+    look = Look(parameters=PX4_AS_ASKED)
+    look.lost = {name}
+    finding = look.findings()[name]
+    assert (finding.level, finding.text.startswith("unknown")) == (level, True)
+
+
+def test_a_link_that_pauses_for_longer_than_a_position_may_be_old():
+    look = Look()
+    for _ in range(100):
+        look.step()
+    look.connected = False
+    for _ in range(40):
+        look.step()
+    look.connected = True
+    finding = look.findings()["LOCAL_POSITION_NED"]
+    assert finding.level is NO_GO
+    assert "longest pause 0.8" in finding.text
+
+
+def test_an_autopilot_that_falls_silent_while_it_is_looked_at():
+    look = Look(site=None)
+    for _ in range(150):
+        look.step()
+    look.connected = False
+    found = look.findings()
+    assert found["LOCAL_POSITION_NED"].level is NO_GO
+    assert found["ATTITUDE"].level is NO_GO
+
+
+def test_an_operators_link_is_not_where_the_autopilot_is_missed():
+    links = (LinkConfig(url=LINK), LinkConfig(url="udp::14550", role=LinkRole.OPERATOR))
+    preflight = Preflight(CompanionConfig(vehicle=CONFIGS, links=links), VEHICLE, PLANNER)
+    preflight.tick(0.0)
+    preflight.tick(WAIT_S)
+    assert preflight.done
+    (finding,) = preflight.findings()
+    assert "14550" not in finding.text

@@ -1,0 +1,271 @@
+"""Parameters judged before a flight: by examples, one story each."""
+
+import pytest
+
+from moar_companion.config import shipped_configs
+from moar_companion.preflight import ardupilot, px4
+from moar_companion.preflight.findings import Finding, Level, worst
+from moar_companion.preflight.rules import Case, parameter_findings
+from moar_companion.vehicle import Vehicle
+
+VEHICLES = shipped_configs() / "vehicles"
+X500 = Vehicle.load(VEHICLES / "x500.yaml")
+"""5 m/s, four cells."""
+OK, NOTE, WARNING, NO_GO = Level
+
+PX4_AS_ASKED = {
+    "COM_OF_LOSS_T": 0.5,
+    "COM_OBL_RC_ACT": 5.0,
+    "COM_RC_OVERRIDE": 3.0,
+    "COM_RCL_EXCEPT": 0.0,
+    "NAV_RCL_ACT": 1.0,
+    "COM_DLL_EXCEPT": 0.0,
+    "NAV_DLL_ACT": 0.0,
+    "GF_ACTION": 2.0,
+    "COM_LOW_BAT_ACT": 2.0,
+    "BAT_LOW_THR": 0.15,
+    "BAT_CRIT_THR": 0.07,
+    "RTL_RETURN_ALT": 30.0,
+    "MPC_XY_VEL_MAX": 12.0,
+    "MPC_Z_VEL_MAX_UP": 3.0,
+    "MPC_Z_VEL_MAX_DN": 1.5,
+    "MAV_1_FORWARD": 1.0,
+    "EKF2_DRAG_CTRL": 1.0,
+}
+ARDUPILOT_AS_ASKED = {
+    "GUID_TIMEOUT": 0.5,
+    "GUID_OPTIONS": 0.0,
+    "FS_OPTIONS": 16.0,
+    "FS_THR_ENABLE": 3.0,
+    "FS_GCS_ENABLE": 0.0,
+    "FS_EKF_ACTION": 1.0,
+    "FS_EKF_THRESH": 0.8,
+    "FS_DR_ENABLE": 1.0,
+    "FENCE_ENABLE": 1.0,
+    "FENCE_ACTION": 4.0,
+    "BATT_MONITOR": 4.0,
+    "BATT_FS_LOW_ACT": 1.0,
+    "BATT_FS_CRT_ACT": 1.0,
+    "BATT_LOW_VOLT": 14.0,
+    "BATT_CRT_VOLT": 13.2,
+    "BATT_LOW_MAH": 0.0,
+    "BATT_CRT_MAH": 0.0,
+    "RTL_ALT": 1500.0,
+    "WPNAV_SPEED": 1000.0,
+    "WPNAV_SPEED_UP": 300.0,
+    "WPNAV_SPEED_DN": 150.0,
+    "WPNAV_ACCEL": 250.0,
+    "WPNAV_ACCEL_Z": 100.0,
+    "EK3_DRAG_BCOEF_X": 16.0,
+    "EK3_DRAG_BCOEF_Y": 16.0,
+    "EK3_DRAG_MCOEF": 0.2,
+}
+
+
+def findings(rules, parameters, *, ground_station_heard=False, vehicle=X500):
+    case = Case(vehicle=vehicle, parameters=parameters, ground_station_heard=ground_station_heard)
+    return {item.subject: item for item in parameter_findings(rules, case)}
+
+
+def of_px4(name, value, **more):
+    return findings(px4.RULES, {**PX4_AS_ASKED, name: value, **more})[name]
+
+
+def of_ardupilot(name, value, **more):
+    return findings(ardupilot.RULES, {**ARDUPILOT_AS_ASKED, name: value, **more})[name]
+
+
+@pytest.mark.parametrize(
+    ("rules", "parameters"),
+    [(px4.RULES, PX4_AS_ASKED), (ardupilot.RULES, ARDUPILOT_AS_ASKED)],
+    ids=["PX4", "ArduPilot"],
+)
+def test_set_as_asked_nothing_is_worse_than_a_note_and_nothing_has_a_remedy(rules, parameters):
+    found = findings(rules, parameters)
+    assert list(found) == list(parameters)
+    assert worst(found.values()) is NOTE
+    assert {item.remedy for item in found.values()} == {""}
+
+
+@pytest.mark.parametrize("rules", [px4.RULES, ardupilot.RULES])
+def test_a_parameter_that_was_not_told_is_unknown_and_never_well(rules):
+    missing = findings(rules, dict.fromkeys(PX4_AS_ASKED | ARDUPILOT_AS_ASKED))
+    assert missing == findings(rules, {})
+    assert min(item.level for item in missing.values()) is NOTE
+    assert max(item.level for item in missing.values()) is NO_GO
+    assert all("unknown" in item.text for item in missing.values())
+
+
+@pytest.mark.parametrize(
+    ("rules", "asked"), [(px4.RULES, PX4_AS_ASKED), (ardupilot.RULES, ARDUPILOT_AS_ASKED)]
+)
+def test_what_may_be_a_no_go_is_one_while_it_was_not_told(rules, asked):
+    unknown = findings(rules, {})
+    values = [*map(float, range(-1, 65)), 0.25, 0.8, 1e4]
+    for name in asked:
+        may_be = {findings(rules, {**asked, name: value})[name].level for value in values}
+        assert (unknown[name].level is NO_GO) is (NO_GO in may_be), name
+
+
+@pytest.mark.parametrize(
+    ("title", "name", "value", "level", "words"),
+    [
+        ("half a second on the last setpoint", "COM_OF_LOSS_T", 0.5, OK, "8.8 m at 5 m/s"),
+        ("PX4's default second", "COM_OF_LOSS_T", 1.0, WARNING, "8.8 m at 5 m/s"),
+        ("two seconds are long", "COM_OF_LOSS_T", 2.0, WARNING, "companion; set 0.5"),
+        (
+            "a dead companion, PX4's default",
+            "COM_OBL_RC_ACT",
+            0.0,
+            WARNING,
+            "without sticks: return",
+        ),
+        ("a dead companion, return", "COM_OBL_RC_ACT", 3.0, WARNING, "climbs first"),
+        ("a dead companion, land", "COM_OBL_RC_ACT", 4.0, OK, "4 (land)"),
+        ("a dead companion, hold", "COM_OBL_RC_ACT", 5.0, OK, "5 (hold)"),
+        ("a dead companion, terminate", "COM_OBL_RC_ACT", 6.0, NO_GO, "it falls"),
+        ("a dead companion, disarm", "COM_OBL_RC_ACT", 7.0, NO_GO, "it falls"),
+        ("a value of a later PX4", "COM_OBL_RC_ACT", 9.0, WARNING, "9 (not known here, taken for"),
+        ("sticks do nothing in OFFBOARD", "COM_RC_OVERRIDE", 1.0, WARNING, "set 3"),
+        ("sticks take over in OFFBOARD", "COM_RC_OVERRIDE", 2.0, OK, "in OFFBOARD, too"),
+        ("a lost transmitter, hold", "NAV_RCL_ACT", 1.0, OK, "hold"),
+        ("a lost transmitter, return", "NAV_RCL_ACT", 2.0, WARNING, "climbs first"),
+        ("a lost transmitter, below PX4's range", "NAV_RCL_ACT", 0.0, WARNING, "not known here"),
+        ("a lost ground station, nothing", "NAV_DLL_ACT", 0.0, OK, "nothing"),
+        ("a lost transmitter, disarm", "NAV_RCL_ACT", 6.0, NO_GO, "it falls"),
+        ("a lost transmitter does not count", "COM_RCL_EXCEPT", 4.0, NOTE, "it does not"),
+        ("a lost ground station, return", "NAV_DLL_ACT", 2.0, WARNING, "climbs first"),
+        ("the fence, return", "GF_ACTION", 3.0, WARNING, "climbs first"),
+        ("the fence, terminate", "GF_ACTION", 4.0, NO_GO, "it falls"),
+        ("an empty battery, nothing", "COM_LOW_BAT_ACT", 0.0, WARNING, "until it falls"),
+        ("an empty battery, PX4's default", "COM_LOW_BAT_ACT", 3.0, NOTE, "order the exit before"),
+        ("critical before low", "BAT_LOW_THR", 0.05, WARNING, "5%"),
+        ("PX4 acts before the companion", "BAT_CRIT_THR", 0.25, WARNING, "25%"),
+        ("slower than the vehicle file", "MPC_Z_VEL_MAX_UP", 1.0, WARNING, "asks for 3"),
+        ("a mute TELEM2", "MAV_1_FORWARD", 0.0, WARNING, "set 1"),
+        ("no drag fusion", "EKF2_DRAG_CTRL", 0.0, NOTE, "from the lean"),
+    ],
+)
+def test_px4(title, name, value, level, words):
+    finding = of_px4(name, value)
+    assert (finding.level, words in str(finding)) == (level, True), str(finding)
+
+
+def test_what_px4_does_on_a_lost_transmitter_is_no_matter_where_it_does_not_count():
+    finding = of_px4("NAV_RCL_ACT", 2.0, COM_RCL_EXCEPT=4.0)
+    assert (finding.level, "by COM_RCL_EXCEPT" in finding.text) == (OK, True)
+    assert of_px4("NAV_RCL_ACT", 2.0, COM_RCL_EXCEPT=None).level is WARNING
+
+
+def test_where_an_objection_is_but_a_warning_it_is_one_here():
+    for rules, asked, name, value in (
+        (px4.RULES, PX4_AS_ASKED, "COM_OBL_RC_ACT", 7.0),
+        (ardupilot.RULES, ARDUPILOT_AS_ASKED, "GUID_TIMEOUT", 60.0),
+    ):
+        parameters = {**asked, name: value}
+        case = Case(
+            vehicle=X500, parameters=parameters, ground_station_heard=False, objection=WARNING
+        )
+        found = {item.subject: item for item in parameter_findings(rules, case)}
+        assert found[name].level is WARNING
+
+
+def test_a_mute_telem2_is_no_matter_where_a_ground_station_is_heard():
+    parameters = {**PX4_AS_ASKED, "MAV_1_FORWARD": 0.0}
+    found = findings(px4.RULES, parameters, ground_station_heard=True)
+    assert found["MAV_1_FORWARD"].level is OK
+
+
+@pytest.mark.parametrize(
+    ("title", "name", "value", "level", "words"),
+    [
+        ("ArduPilot's default of 3 s", "GUID_TIMEOUT", 3.0, WARNING, "29.5 m at 5 m/s"),
+        ("a minute", "GUID_TIMEOUT", 60.0, NO_GO, "set 0.5"),
+        ("half a second", "GUID_TIMEOUT", 0.5, OK, "17.0 m"),
+        ("brakes too softly", "WPNAV_ACCEL", 50.0, WARNING, "0.5 m/s2, the vehicle file asks for"),
+        ("climbs too softly", "WPNAV_ACCEL_Z", 50.0, WARNING, "guidance.acceleration_mps2"),
+        ("position is not held", "GUID_OPTIONS", 16.0, NO_GO, "clear bits 4 and 5"),
+        ("velocity is not held", "GUID_OPTIONS", 32.0, NO_GO, "clear bits 4 and 5"),
+        ("the pilot's yaw ignored", "GUID_OPTIONS", 4.0, OK, "both are held"),
+        ("a lost transmitter, default", "FS_THR_ENABLE", 1.0, WARNING, "climbs first"),
+        ("a lost transmitter, nothing", "FS_THR_ENABLE", 0.0, WARNING, "nothing"),
+        ("a lost transmitter, land", "FS_THR_ENABLE", 3.0, OK, "land"),
+        ("a lost transmitter, smart return", "FS_THR_ENABLE", 5.0, OK, "the way it came, or land"),
+        ("a lost transmitter, perhaps smart", "FS_THR_ENABLE", 4.0, WARNING, "climbs first"),
+        ("a lost transmitter, brake", "FS_THR_ENABLE", 7.0, OK, "brake"),
+        ("a lost transmitter does not count", "FS_OPTIONS", 20.0, NOTE, "it does not"),
+        ("a lost ground station, return", "FS_GCS_ENABLE", 1.0, WARNING, "climbs first"),
+        ("a lost ground station, land", "FS_GCS_ENABLE", 5.0, OK, "land"),
+        ("a lost ground station, smart return", "FS_GCS_ENABLE", 4.0, OK, "the way it came"),
+        ("a lost ground station, perhaps smart", "FS_GCS_ENABLE", 3.0, WARNING, "climbs first"),
+        ("a lost estimator, report", "FS_EKF_ACTION", 0.0, NO_GO, "a report only"),
+        ("a lost estimator, altitude hold", "FS_EKF_ACTION", 2.0, WARNING, "drifts"),
+        ("a lost estimator is not noticed", "FS_EKF_THRESH", 0.0, NO_GO, "off"),
+        ("a lost estimator is noticed late", "FS_EKF_THRESH", 1.5, WARNING, "set 0.8"),
+        ("dead reckoning, ArduPilot's default", "FS_DR_ENABLE", 2.0, WARNING, "climbs first"),
+        ("dead reckoning, perhaps smart return", "FS_DR_ENABLE", 3.0, WARNING, "climbs first"),
+        ("dead reckoning, smart return", "FS_DR_ENABLE", 4.0, OK, "or land"),
+        ("dead reckoning, nothing", "FS_DR_ENABLE", 0.0, WARNING, "flies on"),
+        ("the fence, ArduPilot's default", "FENCE_ACTION", 1.0, WARNING, "climbs first"),
+        ("the fence, perhaps smart return", "FENCE_ACTION", 3.0, WARNING, "climbs first"),
+        ("the fence, land", "FENCE_ACTION", 2.0, OK, "2 (land)"),
+        ("no fence", "FENCE_ENABLE", 0.0, OK, "0 (off)"),
+        ("no battery monitor", "BATT_MONITOR", 0.0, NO_GO, "set up the battery monitor"),
+        ("a low battery, nothing", "BATT_FS_LOW_ACT", 0.0, NOTE, "nothing"),
+        ("a low battery, terminate", "BATT_FS_LOW_ACT", 5.0, NO_GO, "it falls"),
+        ("a critical battery, default", "BATT_FS_CRT_ACT", 0.0, WARNING, "until it falls"),
+        ("a critical battery, return", "BATT_FS_CRT_ACT", 2.0, NOTE, "climbs first"),
+        ("a critical battery, perhaps smart", "BATT_FS_CRT_ACT", 3.0, NOTE, "climbs first"),
+        ("a critical battery, smart return", "BATT_FS_CRT_ACT", 4.0, OK, "or land"),
+        ("three cells' threshold for four", "BATT_LOW_VOLT", 10.5, WARNING, "2.62 V a cell"),
+        ("no critical threshold", "BATT_CRT_VOLT", 0.0, NOTE, "0 (none)"),
+        ("slower than the vehicle file", "WPNAV_SPEED", 300.0, WARNING, "3 m/s"),
+        ("height of the return in metres", "RTL_ALT", 1500.0, NOTE, "15 m"),
+        ("no drag coefficient", "EK3_DRAG_MCOEF", 0.0, NOTE, "the companion does"),
+    ],
+)
+def test_ardupilot(title, name, value, level, words):
+    finding = of_ardupilot(name, value)
+    assert (finding.level, words in str(finding)) == (level, True), str(finding)
+
+
+def test_what_ardupilot_does_on_a_lost_transmitter_is_no_matter_where_it_does_not_count():
+    assert of_ardupilot("FS_THR_ENABLE", 1.0, FS_OPTIONS=4.0).level is OK
+
+
+@pytest.mark.parametrize("stage", ["LOW", "CRT"])
+def test_the_action_of_a_battery_that_no_threshold_tells_of_never_happens(stage):
+    action, volts, charge = f"BATT_FS_{stage}_ACT", f"BATT_{stage}_VOLT", f"BATT_{stage}_MAH"
+    finding = of_ardupilot(action, 1.0, **{volts: 0.0})
+    assert finding.level is WARNING
+    assert f"1 (land), but never: {volts} and {charge} are 0" in finding.text
+    assert f"{volts} or {charge}" in finding.remedy
+    assert of_ardupilot(action, 5.0, **{volts: 0.0}).level is NO_GO
+    for told in ({charge: 500.0}, {volts: 14.0, charge: 0.0}, {charge: None}):
+        assert of_ardupilot(action, 1.0, **{volts: 0.0, **told}).level is OK
+
+
+def test_what_ardupilot_does_at_a_fence_that_is_off_is_good_to_know():
+    finding = of_ardupilot("FENCE_ACTION", 1.0, FENCE_ENABLE=0.0)
+    assert (finding.level, finding.remedy) == (NOTE, "")
+    assert "once the fence is on: FENCE_ENABLE is 0" in finding.text
+    assert of_ardupilot("FENCE_ACTION", 1.0, FENCE_ENABLE=None).level is WARNING
+    assert of_ardupilot("FENCE_ACTION", 2.0, FENCE_ENABLE=0.0).level is OK
+
+
+def test_a_threshold_of_the_whole_pack_says_little_without_the_number_of_cells():
+    linedrone = Vehicle.load(VEHICLES / "linedrone_flight.yaml")
+    found = findings(ardupilot.RULES, ARDUPILOT_AS_ASKED, vehicle=linedrone)
+    assert found["BATT_LOW_VOLT"].level is NOTE
+
+
+@pytest.mark.parametrize(
+    ("risk", "level"), [(0.0, OK), (0.1, NOTE), (0.5, WARNING), (0.99, WARNING), (1.0, NO_GO)]
+)
+def test_the_level_of_a_risk(risk, level):
+    assert Level.of_risk(risk) is level
+
+
+def test_a_finding_says_what_it_is_and_how_to_mend_it():
+    finding = Finding(level=NO_GO, subject="it", text="is wrong", remedy="mend it")
+    assert (str(finding.level), str(finding)) == ("no-go", "it: is wrong; mend it")

@@ -1,0 +1,207 @@
+"""Site and vehicle judged before a flight: every kind of finding by a site that has it."""
+
+import re
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.config import shipped_configs
+from moar_companion.planner.planner import Planner
+from moar_companion.preflight.findings import Level, worst
+from moar_companion.preflight.site import site_findings
+from moar_companion.site import Conductor, Polygon, Site, Target
+from moar_companion.types import AutopilotKind, Mission
+from moar_companion.vehicle import Vehicle
+from tests.flights.lockstep import Lockstep
+from tests.flights.operator import EXIT, INSPECTION
+
+CONFIGS = shipped_configs()
+SITE = Site.load(CONFIGS / "sites" / "315kv_double_circuit.yaml")
+VEHICLE = Vehicle.load(CONFIGS / "vehicles" / "linedrone_flight.yaml")
+OK, NOTE, WARNING, NO_GO = Level
+
+
+def found(site=SITE, vehicle=VEHICLE):
+    return {item.subject: item for item in site_findings(Planner(site, vehicle))}
+
+
+def target(x_m, z_m):
+    return Target(name="it", position_m=(x_m, z_m), dwell_s=5.0)
+
+
+def wall(name, x_m):
+    """A wall across the whole workspace."""
+    corners = ((x_m, -1.0), (x_m + 1.0, -1.0), (x_m + 1.0, 21.0), (x_m, 21.0))
+    return Polygon(name=name, vertices_m=corners, keep_out_m=0.6)
+
+
+@pytest.mark.parametrize("vehicle", ["linedrone", "linedrone_flight", "x500"])
+@pytest.mark.parametrize(
+    "site", ["120kv_single_circuit", "315kv_double_circuit", "horizontal_three_conductors"]
+)
+def test_nothing_keeps_the_shipped_sites_and_vehicles_from_being_flown(site, vehicle):
+    planner = Planner(
+        Site.load(CONFIGS / "sites" / f"{site}.yaml"),
+        Vehicle.load(CONFIGS / "vehicles" / f"{vehicle}.yaml"),
+    )
+    assert worst(site_findings(planner)) < NO_GO
+
+
+def test_the_site_of_the_shipped_configuration_has_nothing_to_mend():
+    assert worst(found().values()) is OK
+
+
+def test_a_target_says_how_long_its_ways_take_and_how_near_they_come():
+    assert found()["target splice-inner"].text == (
+        "exit 47 s, evacuation 33 s, from splice-outer 28 s, 1.7 m from obstacles at least"
+    )
+
+
+def seconds(text):
+    """The times that a finding tells."""
+    return [float(number) for number in re.findall(r"(\d+) s\b", text)]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("site", ["315kv_double_circuit", "120kv_single_circuit"])
+def test_the_times_are_those_of_a_flight(site):
+    flight = Lockstep(site=site, vehicle="x500")
+    everything = found(flight.site, flight.vehicle)
+    flight.take_off()
+    flight.operator.mission(INSPECTION)
+    flight.give_mode()
+    begun_s = flight.now_s
+    flight.run_until_state("holding", 120.0)
+    inspected_s = flight.now_s - begun_s
+    flight.operator.mission(EXIT)
+    flight.run_until_state("landing_leg", 60.0)
+    flight.run_until_state("holding", 60.0)
+    flown_s = flight.now_s - begun_s
+    *_, outer_s = seconds(everything["target splice-outer"].text)
+    exit_s, _, inner_s = seconds(everything["target splice-inner"].text)
+    dwell_s = sum(item.dwell_s for item in flight.site.targets)
+    assert outer_s + inner_s + dwell_s == pytest.approx(inspected_s, rel=0.2)
+    assert exit_s == pytest.approx(flown_s - inspected_s, rel=0.2)
+    told_s, _ = seconds(everything["flight time"].text)
+    assert told_s == pytest.approx(flown_s, rel=0.2)
+
+
+@pytest.mark.parametrize(("endurance_s", "level"), [(70.0, OK), (60.0, WARNING)])
+def test_the_way_out_and_the_dwell_are_part_of_the_flight(endurance_s, level):
+    vehicle = Vehicle.load(CONFIGS / "vehicles" / "x500.yaml")
+    vehicle = replace(vehicle, risk=replace(vehicle.risk, endurance_s=endurance_s))
+    finding = found(vehicle=vehicle)["flight time"]
+    assert finding.level is level
+    assert seconds(finding.text)[0] == pytest.approx(53.0, abs=2.0)
+
+
+@pytest.mark.parametrize(
+    ("place", "words"),
+    [
+        ((40.0, 5.0), "(40, 5) is outside the workspace (x 0 to 30, z 0 to 19.8)"),
+        ((15.0, 1.0), "(15, 1) is below workspace.min_altitude_m (2)"),
+        ((9.17, 3.7), "0.00 m from left-lower, must be at least 1.5 m"),
+        ((10.2, 3.7), "m from left-lower, must be at least 1.5 m (vehicle radius and keep_out_m)"),
+    ],
+    ids=["outside", "too low", "inside an obstacle", "within a keep-out"],
+)
+def test_a_place_where_nothing_can_be_flown(place, words):
+    finding = found(replace(SITE, targets=(target(*place),)))["target it"]
+    assert (finding.level, words in finding.text) == (NO_GO, True), finding.text
+    finding = found(replace(SITE, start_m=place))["start"]
+    assert (finding.level, words in finding.text) == (WARNING, True), finding.text
+
+
+def test_a_wall_before_a_target():
+    site = replace(SITE, obstacles=(wall("wall", 14.0),), targets=(target(5.0, 10.0),))
+    finding = found(site)["target it"]
+    assert finding.level is NO_GO
+    assert finding.text == "no free way: exit, from the start"
+
+
+def test_a_wall_between_two_targets():
+    far = Target(name="far", position_m=(5.0, 10.0), dwell_s=5.0)
+    site = replace(SITE, obstacles=(wall("wall", 14.0),), targets=(target(25.0, 10.0), far))
+    assert "from it" in found(site)["target far"].text
+
+
+def test_a_start_where_nothing_begins_says_nothing_of_the_targets():
+    finding = found(replace(SITE, start_m=(99.0, 5.0)))["target splice-outer"]
+    assert finding.level is OK
+    assert "from" not in finding.text.split(", 2.")[0]
+
+
+def test_a_site_without_targets_or_landing_points_says_which_missions_it_lacks():
+    everything = found(replace(SITE, targets=(), landing_m={}))
+    for subject in ("targets", "landing exit", "landing evacuation"):
+        assert everything[subject].level is WARNING
+    assert "flight time" not in everything
+
+
+def test_a_landing_point_next_to_a_conductor():
+    site = replace(SITE, landing_m={Mission.EXIT: ((9.17, 4.5),)})
+    finding = found(site)["landing exit 0"]
+    assert finding.level is NO_GO
+    assert "0.78 m from left-lower" in finding.text
+
+
+def test_a_landing_point_that_nothing_sees_is_told_and_the_others_serve():
+    corners = ((33.0, -1.0), (34.0, -1.0), (34.0, 30.0), (33.0, 30.0))
+    between = Polygon(name="house", vertices_m=corners)
+    site = replace(
+        SITE,
+        obstacles=(*SITE.obstacles, between),
+        landing_m={Mission.EXIT: ((40.0, 0.0), (-10.0, 2.5))},
+    )
+    everything = found(site)
+    assert everything["landing exit 0"].level is NO_GO
+    assert "no free border cell sees" in everything["landing exit 0"].text
+    assert everything["landing exit 1"].level is OK
+    assert "exit" in everything["target splice-inner"].text
+
+
+def test_cells_between_which_an_obstacle_is_lost():
+    bare = tuple(
+        replace(item, keep_out_m=0.0) for item in SITE.obstacles if isinstance(item, Conductor)
+    )
+    coarse = replace(SITE.workspace, resolution_m=1.0)
+    finding = found(replace(SITE, obstacles=bare, workspace=coarse))["obstacle left-lower"]
+    assert finding.level is NO_GO
+    assert "0.6 m are to be kept clear" in finding.text
+    assert "may be 0.00 m" in finding.text
+    assert "obstacle left-lower" not in found(replace(SITE, obstacles=bare))
+
+
+def test_a_keep_out_that_px4_strays_through():
+    bare = tuple(replace(item, keep_out_m=0.1) for item in SITE.obstacles)
+    finding = found(replace(SITE, obstacles=bare))["obstacles"]
+    assert finding.level is WARNING
+    assert "left-lower (0.1)" in finding.text
+    assert "0.58 m" in finding.text
+    ardupilot = replace(VEHICLE, autopilot=AutopilotKind.ARDUPILOT)
+    assert "obstacles" not in found(replace(SITE, obstacles=bare), ardupilot)
+
+
+def test_a_flight_that_is_longer_than_its_battery():
+    long = replace(SITE, targets=(replace(SITE.targets[0], dwell_s=2000.0),))
+    finding = found(long)["flight time"]
+    assert finding.level is WARNING
+    assert "a full battery lasts 1200 s" in finding.text
+
+
+def test_a_speed_that_is_never_reached():
+    fast = Vehicle.load(CONFIGS / "vehicles" / "linedrone.yaml")
+    assert found(vehicle=fast)["speed"].level is NOTE
+
+
+def test_maps_that_are_felt_in_memory(monkeypatch):
+    monkeypatch.setattr("moar_companion.preflight.site._LARGE_BYTES", 1_000_000)
+    finding = found()["workspace"]
+    assert finding.level is WARNING
+    assert "100 x 66 cells of 0.3 m" in finding.text
+
+
+def test_no_obstacles_at_all():
+    everything = found(replace(SITE, obstacles=()))
+    assert worst(everything.values()) is OK
+    assert "obstacles" not in everything["target splice-outer"].text
