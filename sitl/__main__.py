@@ -1,16 +1,18 @@
 """`python -m sitl`."""
 
+import os
 import signal
 import sys
 
 
 def main() -> int:
-    """Load the shell and run it; an interrupt while it loads ends it without a word."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
+    """Load the shell and run it; an interrupt while it loads ends it with status 1."""
+    signal.signal(signal.SIGINT, lambda *_: os._exit(1))
     from sitl.shell import main as run  # noqa: PLC0415
 
-    signal.signal(signal.SIGINT, signal.default_int_handler)
-    return run()
+    status = run()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return status
 
 
 if __name__ == "__main__":

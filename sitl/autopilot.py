@@ -9,11 +9,14 @@
     vehicle.truth            # frozen: where it really is, wind, battery, mode
     vehicle.conditions       # change the world in flight: vehicle.conditions.wind_mps = 8.0
     vehicle.move_sticks(roll=0.5)             # a pilot's remote control; no_sticks() turns it off
+    vehicle.flip_switch(5)                    # its flight mode switch, positions 1 to 6 (ArduPilot)
     vehicle.parameter("COM_OF_LOSS_T"), vehicle.set_parameter("COM_OF_LOSS_T", 0.5)
+    vehicle.jump(0.0, 1.2)   # the position estimate is reset, 1.2 m to the east
     vehicle.reboot()         # as if power-cycled: time_boot_ms goes back, disarmed
 
-Links are named in `Options.links`; PX4's manner sends its onboard set of messages to links of
-profile `onboard` and its normal set to those of profile `normal` (a ground station).
+`Options.autopilot` chooses PX4 or ArduPilot. Links are named in `Options.links`; PX4 sends its
+onboard set of messages to links of profile `onboard` and its normal set to those of profile
+`normal` (a ground station); ArduPilot sends what was asked for on each.
 Everything is deterministic: the same options, bytes and times give the same bytes.
 """
 
@@ -21,11 +24,12 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+from sitl import simulation
 from sitl.battery import BatteryOptions
 from sitl.conditions import Conditions
 from sitl.links import Link, LinkOptions, Router
 from sitl.manner import Manner
-from sitl.px4 import Px4Manner
+from sitl.manners import KINDS
 from sitl.quadrotor import Airframe
 from sitl.scenario import Scenario, ScenarioPlayer
 from sitl.world import TICK_US, World, WorldOptions
@@ -38,14 +42,19 @@ DEFAULT_LINKS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """What a simulation starts with. Home is where the aircraft stands; ground is flat there."""
+    """What a simulation starts with. Home is where the aircraft stands; ground is flat there.
 
+    autopilot: a name in `sitl.manners.KINDS`. airframe, battery: None means those of the
+    autopilot's own simulation.
+    """
+
+    autopilot: str = "px4"
     latitude_deg: float = 47.397742
     longitude_deg: float = 8.545594
     altitude_amsl_m: float = 489.4
     yaw_deg: float = 0.0
-    airframe: Airframe = field(default_factory=Airframe)
-    battery: BatteryOptions = field(default_factory=BatteryOptions)
+    airframe: Airframe | None = None
+    battery: BatteryOptions | None = None
     scenario: Scenario = field(default_factory=Scenario)
     seed: int = 1
     links: tuple[LinkOptions, ...] = DEFAULT_LINKS
@@ -79,33 +88,37 @@ class Truth:
 
 
 class FakeAutopilot:
-    """A PX4 vehicle: physics, battery, sensors, manner and links in one step machine."""
+    """A vehicle: physics, battery, sensors, manner and links in one step machine."""
 
     def __init__(self, options: Options | None = None) -> None:
         """Power on at time 0, disarmed on the ground at home."""
         options = options or Options()
         self.options = options
+        kind = KINDS[options.autopilot]
         self._world = World(
             WorldOptions(
                 latitude_deg=options.latitude_deg,
                 longitude_deg=options.longitude_deg,
                 altitude_amsl_m=options.altitude_amsl_m,
                 yaw_deg=options.yaw_deg,
-                airframe=options.airframe,
-                battery=options.battery,
+                airframe=options.airframe or kind.airframe,
+                battery=options.battery or kind.battery,
+                estimate_noise=kind.estimate_noise,
                 seed=options.seed,
             )
         )
         self._player = ScenarioPlayer(options.scenario)
         self._links = {link.name: Link(link) for link in options.links}
-        self._router = Router(list(self._links.values()), self._forwards)
-        self._px4 = Px4Manner(self._world, self._router, parameters=options.parameters)
+        parameters = kind.parameters(options.parameters)
+        for name in options.parameters:
+            simulation.apply(name, parameters, self._world.conditions)
+        self._manner = kind.start(self._world, Router(list(self._links.values())), parameters)
         self._inbox: list[tuple[str, bytes]] = []
 
     @property
     def manner(self) -> Manner:
         """The autopilot's behaviour."""
-        return self._px4
+        return self._manner
 
     @property
     def conditions(self) -> Conditions:
@@ -133,9 +146,9 @@ class FakeAutopilot:
             altitude_amsl_m=place.altitude_amsl_m,
             battery_fraction=world.battery.fraction,
             thrust=quad.thrust,
-            armed=self._px4.armed,
-            mode=self._px4.mode_name,
-            landed_state=self._px4.landed_state,
+            armed=self._manner.armed,
+            mode=self._manner.mode_name,
+            landed_state=self._manner.landed_state,
             on_ground=quad.on_ground,
         )
 
@@ -152,7 +165,7 @@ class FakeAutopilot:
     def step(self, now_s: float) -> None:
         """Advance to `now_s` in ticks of 10 ms; earlier times do nothing."""
         end_us = math.floor(now_s * 1e6 + 0.5)
-        world, manner = self._world, self._px4
+        world, manner = self._world, self._manner
         while world.now_us + TICK_US <= end_us:
             if self._inbox:
                 self._take_inbox()
@@ -177,35 +190,39 @@ class FakeAutopilot:
         self, *, roll: float = 0.0, pitch: float = 0.0, throttle: float = 0.0, yaw: float = 0.0
     ) -> None:
         """Switch on a remote control and hold its sticks there, each -1 to 1, 0 in the middle."""
-        self._px4.sticks.hold(roll=roll, pitch=pitch, throttle=throttle, yaw=yaw)
+        self._manner.sticks.hold(roll=roll, pitch=pitch, throttle=throttle, yaw=yaw)
+
+    def flip_switch(self, position: int) -> None:
+        """Turn the remote control's flight mode switch to a position, 1 to 6."""
+        self._manner.sticks.flip(position)
 
     def no_sticks(self) -> None:
         """Switch the remote control off."""
-        self._px4.sticks.release()
+        self._manner.sticks.release()
 
     def parameter(self, name: str) -> float:
         """Return a parameter's value; `KeyError` when there is none."""
-        return self._px4.parameters.value(name)
+        return self._manner.parameters.value(name)
 
     def set_parameter(self, name: str, value: float) -> None:
         """Set a parameter as PARAM_SET does; `KeyError`, `ValueError` when it is refused."""
-        self._px4.set_parameter(name, value)
+        self._manner.set_parameter(name, value)
+
+    def jump(self, north_m: float, east_m: float) -> None:
+        """Reset the position estimate to elsewhere; PX4's ODOMETRY counts it."""
+        self._world.estimator.jump(north_m, east_m)
 
     def reboot(self) -> None:
         """Restart the autopilot's software; the aircraft stays where it is, motors off."""
-        self._px4.reboot()
-
-    def _forwards(self, link: Link) -> bool:
-        return self._px4.forwards(link)
+        self._manner.reboot()
 
     def _take_inbox(self) -> None:
         inbox, self._inbox = self._inbox, []
-        if not self._px4.running:
+        if not self._manner.running:
             return
         for name, data in inbox:
             link = self._links[name]
             if link.loss_fraction and self._world.random.random() < link.loss_fraction:
                 continue
             for message in link.parse(data):
-                self._router.forward(link, message)
-                self._px4.receive(name, message)
+                self._manner.receive(name, message)

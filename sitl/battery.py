@@ -27,20 +27,34 @@ class BatteryOptions:
 class Battery:
     """Energy and voltage of one pack."""
 
-    __slots__ = ("current_a", "fraction", "options")
+    __slots__ = ("_load_a", "current_a", "forced_voltage_v", "fraction", "options", "replacements")
 
     def __init__(self, options: BatteryOptions) -> None:
         """Start with the initial charge."""
         self.options = options
         self.fraction = options.initial_fraction
+        self.replacements = 0
+        """How often the charge was replaced."""
+        self.forced_voltage_v: float | None = None
+        """What the connector has, whatever the charge; None when it follows from the charge."""
         self.current_a = 0.0
+        self._load_a = 0.0
 
     def step(self, dt: float, power_w: float, drain_factor: float, *, armed: bool) -> None:
-        """Take `power_w` for `dt` seconds; the factor speeds up the loss of charge only."""
-        self.current_a = power_w / max(self.open_circuit_v, 1.0) if armed else 0.0
+        """Take `power_w` for `dt` seconds; the factor speeds up the loss of charge.
+
+        A sensor of the current sees that; the voltage does not sag by it.
+        """
+        self._load_a = power_w / max(self.open_circuit_v, 1.0) if armed else 0.0
+        self.current_a = self._load_a * drain_factor
         if armed:
             used_wh = power_w * dt / 3600.0 * drain_factor
             self.fraction = max(0.0, self.fraction - used_wh / self.options.capacity_wh)
+
+    def replace(self, fraction: float) -> None:
+        """Have another charge from now on."""
+        self.fraction = fraction
+        self.replacements += 1
 
     def refill(self) -> None:
         """Restore the initial charge, as PX4's simulated battery does after disarming."""
@@ -55,4 +69,6 @@ class Battery:
     @property
     def voltage_v(self) -> float:
         """Voltage at the connector, under load."""
-        return self.open_circuit_v - self.current_a * self.options.resistance_ohm
+        if self.forced_voltage_v is not None:
+            return self.forced_voltage_v
+        return self.open_circuit_v - self._load_a * self.options.resistance_ohm

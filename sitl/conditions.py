@@ -11,7 +11,8 @@ from typing import Final
 GPS_NORMAL: Final = 0
 GPS_NO_FIX: Final = 1
 GPS_SILENT: Final = 2
-GPS_MODES: Final = ("normal", "no_fix", "silent")
+GPS_JAMMED: Final = 3
+GPS_MODES: Final = ("normal", "no_fix", "silent", "jammed")
 MIN_SATELLITES_FOR_FIX: Final = 4
 """Below this the receiver has no fix (measured on PX4 v1.17.0: 4 satellites hold, 3 do not)."""
 _GUST_TIME_S: Final = 3.0
@@ -23,8 +24,10 @@ class Conditions:
     """The state of the world outside the aircraft.
 
     wind_from_deg is where the wind comes from (compass); gust_mps the standard deviation of the
-    gusts along the wind. gps_mode: GPS_NORMAL, GPS_NO_FIX, GPS_SILENT. radio_rssi is None on an
-    IP link, which has no radio. battery_percent, once set, replaces the charge at the next step.
+    gusts along the wind. gps_mode: GPS_NORMAL, GPS_NO_FIX, GPS_SILENT, GPS_JAMMED. radio_rssi is
+    None on an IP link, which has no radio. battery_percent, once set, replaces the charge at the
+    next step; battery_voltage_v replaces the voltage alone, until it is None again.
+    link_rate_bytes_per_s is what PX4 believes its onboard links to carry; None: everything.
     """
 
     wind_mps: float = 0.0
@@ -37,11 +40,13 @@ class Conditions:
     gps_mode: int = GPS_NORMAL
     gps_noise_factor: float = 1.0
     battery_percent: float | None = None
+    battery_voltage_v: float | None = None
     drain_factor: float = 1.0
     radio_rssi: float | None = None
     radio_remote_rssi: float | None = None
     radio_noise: float = 45.0
     link_loss_percent: float = 0.0
+    link_rate_bytes_per_s: float | None = None
 
     def has_fix(self) -> bool:
         """Whether the GPS receiver can compute a position."""

@@ -13,6 +13,8 @@ WGS84_F = 1.0 / 298.257223563
 WGS84_E2 = WGS84_F * (2.0 - WGS84_F)
 SPHERE_RADIUS_M = 6371000.0
 """Radius that PX4's map projection uses (CONSTANTS_RADIUS_OF_EARTH)."""
+FLAT_RADIUS_M = 6378100.0
+"""Radius by which ArduPilot scales degrees (LOCATION_SCALING_FACTOR)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -92,3 +94,30 @@ class SphereProjection:
         lat = math.asin(cos_c * self._sin + x * sin_c * self._cos / c)
         lon = self._lon + math.atan2(y * sin_c, c * self._cos * cos_c - x * self._sin * sin_c)
         return math.degrees(lat), math.degrees(lon)
+
+
+class FlatProjection:
+    """ArduPilot's local frame: degrees times one radius, longitude by the middle latitude's cosine.
+
+    As its Location::get_distance_NE does it.
+    """
+
+    def __init__(self, latitude_deg: float, longitude_deg: float) -> None:
+        """Set the origin."""
+        self.latitude_deg = latitude_deg
+        self.longitude_deg = longitude_deg
+
+    def project(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+        """Return metres north and east of the origin."""
+        middle_rad = math.radians((latitude_deg + self.latitude_deg) / 2.0)
+        return (
+            math.radians(latitude_deg - self.latitude_deg) * FLAT_RADIUS_M,
+            math.radians(longitude_deg - self.longitude_deg) * FLAT_RADIUS_M * math.cos(middle_rad),
+        )
+
+    def reproject(self, north_m: float, east_m: float) -> tuple[float, float]:
+        """Return latitude and longitude (degrees) of a place in the frame."""
+        latitude_deg = self.latitude_deg + math.degrees(north_m / FLAT_RADIUS_M)
+        middle_rad = math.radians((latitude_deg + self.latitude_deg) / 2.0)
+        east_rad = east_m / (FLAT_RADIUS_M * math.cos(middle_rad))
+        return latitude_deg, self.longitude_deg + math.degrees(east_rad)

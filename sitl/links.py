@@ -1,8 +1,7 @@
 """Links between the autopilot and the world, and the forwarding between them.
 
-Bytes in, decoded messages out; payloads in, framed bytes out. Forwarding follows PX4 v1.17 as
-measured: only between links that both forward, only to a link on which something was heard, and
-addressed messages only to a link on which the addressee was heard.
+Bytes in, decoded messages out; payloads in, framed bytes out. Which link gets what is the rule of
+the autopilot's manner.
 """
 
 import random
@@ -24,7 +23,7 @@ _MAX_QUEUE_BYTES: Final = 4_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkOptions:
-    """One link: its name, and PX4's profile for it (`onboard` or `normal`)."""
+    """One link: its name, and what it is for (`onboard`, or `normal`: a ground station)."""
 
     name: str
     profile: str = "onboard"
@@ -104,27 +103,14 @@ class Link:
 class Router:
     """All links of one autopilot."""
 
-    def __init__(self, links: list[Link], forwards: Callable[[Link], bool]) -> None:
-        """Take the links, and the rule that says whether a link forwards."""
+    def __init__(self, links: list[Link]) -> None:
+        """Take the links."""
         self.links = {link.name: link for link in links}
-        self.forwards = forwards
 
-    def forward(self, source: Link, message: Any) -> None:
-        """Pass a message on to the other links that should have it."""
-        if len(self.links) == 1 or not self.forwards(source):
-            return
+    def forward(self, source: Link, message: Any, wanted: Callable[[Link], bool]) -> bool:
+        """Pass a message on to the other links that want it; True when there was any."""
+        targets = [link for link in self.links.values() if link is not source and wanted(link)]
         raw = bytes(message.get_msgbuf())
-        system = getattr(message, "target_system", 0)
-        component = getattr(message, "target_component", 0)
-        if (system, component) == (SYSTEM, AUTOPILOT_COMPONENT):
-            return
-        for link in self.links.values():
-            if link is source or not link.heard or not self.forwards(link):
-                continue
-            if system and (
-                (system, component) not in link.heard
-                if component
-                else system not in link.heard_systems
-            ):
-                continue
+        for link in targets:
             link.put(raw)
+        return bool(targets)

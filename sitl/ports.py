@@ -41,6 +41,10 @@ class Url:
         kind = "udpin" if found["kind"] == "udp" else found["kind"]
         listens = kind in ("udpin", "tcpin")
         host = found["host"].strip("[]") or ("0.0.0.0" if listens else "127.0.0.1")  # noqa: S104
+        try:
+            host.encode("idna")
+        except UnicodeError:
+            raise ValueError(f"{text!r}: {host!r} is no name of a host") from None
         return Url(kind=kind, host=host, port=int(found["port"]))
 
     def __str__(self) -> str:

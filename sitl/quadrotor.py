@@ -3,11 +3,11 @@
 Inputs: an attitude and thrust demand, the wind. Outputs: the true state. Plain floats, because
 this runs a hundred times per simulated second.
 
-    motion      a = g + T R(roll, pitch, yaw) (0, 0, -1) - k_d (v - wind)
+    motion      a = g + T R(roll, pitch, yaw) (0, 0, -1) - (k_d + k_q |v - wind|) (v - wind)
     attitude    angular rate follows P (demand - attitude) with a lag, rates limited
 
 Measured on PX4 v1.17.0's built-in quadrotor with a linear drag of 0.3 per second: tilt 7 deg in
-5 m/s of wind, 24 deg in 15 m/s, 37 deg in 25 m/s. That is k_d = 0.3.
+5 m/s of wind, 24 deg in 15 m/s, 37 deg in 25 m/s. That is k_d = 0.3, k_q = 0. ArduPilot's has both.
 """
 
 import math
@@ -24,6 +24,7 @@ class Airframe:
 
     mass_kg: float = 2.0
     drag_per_s: float = 0.30
+    drag_per_m: float = 0.0
     hover_thrust: float = 0.5
     hover_power_w: float = 320.0
     idle_power_w: float = 12.0
@@ -105,10 +106,13 @@ class Quadrotor:
         sin_p, cos_p = math.sin(self.pitch), math.cos(self.pitch)
         sin_y, cos_y = math.sin(self.yaw), math.cos(self.yaw)
         lift = self.thrust / frame.hover_thrust * GRAVITY_MPS2
+        air_n, air_e, air_d = self.vn - wind_n, self.ve - wind_e, self.vd - wind_d
         drag = frame.drag_per_s
-        acc_n = -lift * (cos_r * sin_p * cos_y + sin_r * sin_y) - drag * (self.vn - wind_n)
-        acc_e = -lift * (cos_r * sin_p * sin_y - sin_r * cos_y) - drag * (self.ve - wind_e)
-        acc_d = GRAVITY_MPS2 - lift * cos_r * cos_p - drag * (self.vd - wind_d)
+        if frame.drag_per_m:
+            drag += frame.drag_per_m * math.hypot(air_n, air_e, air_d)
+        acc_n = -lift * (cos_r * sin_p * cos_y + sin_r * sin_y) - drag * air_n
+        acc_e = -lift * (cos_r * sin_p * sin_y - sin_r * cos_y) - drag * air_e
+        acc_d = GRAVITY_MPS2 - lift * cos_r * cos_p - drag * air_d
         if self.d >= -_CONTACT_M and acc_d > -0.05 and self.vd >= -0.05:
             self._rest()
             return

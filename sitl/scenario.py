@@ -8,6 +8,7 @@
 Inputs: the file. Outputs: a `Scenario`, and a player that writes `Conditions` as time passes.
 """
 
+import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +24,13 @@ _NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 _Percent = Annotated[float, Field(ge=0.0, le=100.0, allow_inf_nan=False)]
 _Rssi = Annotated[float, Field(ge=0.0, le=254.0, allow_inf_nan=False)]
 _STEPPED: Final = frozenset({"gps_mode", "satellites"})
+_MAX_BYTES: Final = 100_000
+"""Some thousand changes; more would take seconds to read."""
+_MESSAGES: Final = {
+    "model_type": "must be keys and values",
+    "list_type": "must be a list",
+    "missing": "is missing",
+}
 _TIMES: Final = frozenset({"at_s", "after_takeoff_s", "over_s"})
 
 
@@ -45,14 +53,16 @@ class _Change(BaseModel):
     satellites: Annotated[int, Field(ge=0, le=60)] | None = None
     hdop: Annotated[float, Field(ge=0.3, le=99.0)] | None = None
     vdop: Annotated[float, Field(ge=0.3, le=99.0)] | None = None
-    gps_mode: Literal["normal", "no_fix", "silent"] | None = None
+    gps_mode: Literal["normal", "no_fix", "silent", "jammed"] | None = None
     gps_noise_factor: _NonNegative | None = None
     battery_percent: _Percent | None = None
+    battery_voltage_v: _NonNegative | None = None
     drain_factor: _NonNegative | None = None
     radio_rssi: _Rssi | None = None
     radio_remote_rssi: _Rssi | None = None
     radio_noise: _Rssi | None = None
     link_loss_percent: _Percent | None = None
+    link_rate_bytes_per_s: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
 
     @model_validator(mode="after")
     def _one_time(self) -> "_Change":
@@ -99,11 +109,15 @@ class Scenario:
     def load(path: Path) -> "Scenario":
         """Read a scenario file; a `ScenarioError` names file, key, value and what is allowed."""
         try:
-            text = path.read_text(encoding="utf-8")
+            with path.open("rb") as file:
+                text = file.read(_MAX_BYTES + 1)
+            if len(text) > _MAX_BYTES:
+                raise ScenarioError(f"{path}: larger than {_MAX_BYTES} bytes")
+            data = yaml.safe_load(text.decode())
         except (OSError, UnicodeDecodeError) as error:
             raise ScenarioError(f"{path}: cannot be read: {_reason(error)}") from None
-        try:
-            data = yaml.safe_load(text)
+        except RecursionError:
+            raise ScenarioError(f"{path}: nested too deeply") from None
         except yaml.YAMLError as error:
             raise ScenarioError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
         return Scenario.parse(data, str(path))
@@ -142,11 +156,12 @@ def _first(error: ValidationError) -> str:
     if detail["type"] == "extra_forbidden":
         model = _Change if key.startswith("changes[") else _File
         return f"{key}: unknown key; allowed: {', '.join(model.model_fields)}"
-    message = detail["msg"].removeprefix("Value error, ")
+    said = detail["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
+    message = _MESSAGES.get(detail["type"], said)
     value = detail["input"]
     if isinstance(value, dict | list) or value is None:
         return f"{key or 'file'}: {message}"
-    return f"{key}: {value!r}: {message}"
+    return f"{key or 'file'}: {reprlib.repr(value)}: {message}"
 
 
 class _Ramp:

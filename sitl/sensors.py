@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
 
-from sitl.conditions import GPS_SILENT, Conditions
+from sitl.conditions import GPS_JAMMED, GPS_SILENT, Conditions
 from sitl.geodesy import TrueFrame
 from sitl.quadrotor import Quadrotor
 
@@ -27,6 +27,9 @@ _HEIGHT_ERROR_M, _HEIGHT_ERROR_TIME_S = 0.12, 10.0
 _VELOCITY_ERROR_MPS, _VELOCITY_ERROR_TIME_S = 0.05, 1.0
 _DRIFT_MPS_PER_SQRT_S: Final = 0.35
 """Random walk of the velocity error without GPS: some 40 m in 20 s, as measured."""
+_JAMMED_AFTER_S: Final = 6.0
+_JAMMED_FACTOR: Final = 20.0
+"""A jammed receiver drags the estimate away by hundreds of metres (ArduCopter 4.6.3)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -64,7 +67,11 @@ class Estimator:
         "_frame",
         "_next_estimate_s",
         "_next_gps_s",
+        "_noise",
+        "_off_e",
+        "_off_n",
         "_random",
+        "_stepped_s",
         "_verr_d",
         "_verr_e",
         "_verr_n",
@@ -80,17 +87,19 @@ class Estimator:
         "vn",
     )
 
-    def __init__(self, frame: TrueFrame, generator: random.Random) -> None:
-        """Start at home with a small error."""
+    def __init__(self, frame: TrueFrame, generator: random.Random, noise: float = 1.0) -> None:
+        """Start at home with a small error; `noise` scales the errors of the estimate."""
         self._frame = frame
+        self._noise = noise
         self._random = generator
         gauss = generator.gauss
         self._err_n, self._err_e = gauss(0.0, 0.05), gauss(0.0, 0.05)
         self._err_d = gauss(0.0, 0.05)
         self._verr_n = self._verr_e = self._verr_d = 0.0
         self._drift_n = self._drift_e = 0.0
+        self._off_n = self._off_e = 0.0
         self._next_gps_s = 0.2
-        self._next_estimate_s = 0.0
+        self._next_estimate_s = self._stepped_s = 0.0
         self._fix_since_s: float | None = 0.0
         self.fix: GpsFix | None = None
         self.fix_number = 0
@@ -116,17 +125,24 @@ class Estimator:
         if now_s >= self._next_estimate_s:
             self._wander(now_s, conditions)
             self._next_estimate_s = now_s + _ESTIMATE_PERIOD_S
+            self._stepped_s = now_s
         frame = self._frame
         self.latitude_deg = frame.home.latitude_deg + (
-            (true.n + self._err_n) * frame.deg_per_m_north
+            (true.n + self._err_n + self._off_n) * frame.deg_per_m_north
         )
         self.longitude_deg = frame.home.longitude_deg + (
-            (true.e + self._err_e) * frame.deg_per_m_east
+            (true.e + self._err_e + self._off_e) * frame.deg_per_m_east
         )
         self.altitude_m = frame.home.altitude_amsl_m - true.d - self._err_d
         self.vn = true.vn + self._verr_n + self._drift_n
         self.ve = true.ve + self._verr_e + self._drift_e
         self.vd = true.vd + self._verr_d
+
+    def jump(self, north_m: float, east_m: float) -> None:
+        """Be reset: the estimate is elsewhere at once, and stays so far off."""
+        self._off_n += north_m
+        self._off_e += east_m
+        self._count_reset()
 
     def _take_fix(self, now_s: float, true: Quadrotor, conditions: Conditions) -> None:
         gauss = self._random.gauss
@@ -180,27 +196,34 @@ class Estimator:
                 self._reset()
         else:
             self._fix_since_s = None
-        self._verr_n = _markov(self._verr_n, gauss, dt, _VELOCITY_ERROR_MPS, _VELOCITY_ERROR_TIME_S)
-        self._verr_e = _markov(self._verr_e, gauss, dt, _VELOCITY_ERROR_MPS, _VELOCITY_ERROR_TIME_S)
-        self._verr_d = _markov(self._verr_d, gauss, dt, _VELOCITY_ERROR_MPS, _VELOCITY_ERROR_TIME_S)
-        self._err_d = _markov(self._err_d, gauss, dt, _HEIGHT_ERROR_M, _HEIGHT_ERROR_TIME_S)
+        speed = _VELOCITY_ERROR_MPS * self._noise
+        self._verr_n = _markov(self._verr_n, gauss, dt, speed, _VELOCITY_ERROR_TIME_S)
+        self._verr_e = _markov(self._verr_e, gauss, dt, speed, _VELOCITY_ERROR_TIME_S)
+        self._verr_d = _markov(self._verr_d, gauss, dt, speed, _VELOCITY_ERROR_TIME_S)
+        height = _HEIGHT_ERROR_M * self._noise
+        self._err_d = _markov(self._err_d, gauss, dt, height, _HEIGHT_ERROR_TIME_S)
         if self._fix_since_s is None or self.lost_s > 0.0:
-            self.lost_s += dt
-            walk = _DRIFT_MPS_PER_SQRT_S * math.sqrt(dt)
+            self.lost_s += now_s - self._stepped_s
+            walk = _DRIFT_MPS_PER_SQRT_S * self._noise * math.sqrt(dt)
+            if conditions.gps_mode == GPS_JAMMED and self.lost_s > _JAMMED_AFTER_S:
+                walk *= _JAMMED_FACTOR
             self._drift_n += gauss(0.0, walk)
             self._drift_e += gauss(0.0, walk)
             self._err_n += (self._drift_n + self._verr_n) * dt
             self._err_e += (self._drift_e + self._verr_e) * dt
             return
-        scale = _ERROR_M * conditions.gps_noise_factor * conditions.hdop / 0.7
+        scale = _ERROR_M * self._noise * conditions.gps_noise_factor * conditions.hdop / 0.7
         self._err_n = _markov(self._err_n, gauss, dt, scale, _ERROR_TIME_S)
         self._err_e = _markov(self._err_e, gauss, dt, scale, _ERROR_TIME_S)
 
     def _reset(self) -> None:
         self.lost_s = 0.0
         self._drift_n = self._drift_e = 0.0
-        self._err_n = self._random.gauss(0.0, _ERROR_M)
-        self._err_e = self._random.gauss(0.0, _ERROR_M)
+        self._err_n = self._random.gauss(0.0, _ERROR_M * self._noise)
+        self._err_e = self._random.gauss(0.0, _ERROR_M * self._noise)
+        self._count_reset()
+
+    def _count_reset(self) -> None:
         self.resets = (self.resets + 1) % 256
 
 

@@ -20,8 +20,9 @@ from typing import Final, NoReturn
 from sitl.autopilot import FakeAutopilot, Options
 from sitl.geodesy import Geodetic
 from sitl.links import LinkOptions
+from sitl.manners import KINDS
+from sitl.parameters import Parameters
 from sitl.ports import Port, Url, open_port
-from sitl.px4.parameters import Parameters
 from sitl.scenario import Scenario, ScenarioError
 from sitl.truth_log import PERIOD_S, TruthLog
 
@@ -60,9 +61,9 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
     """Read the command line; exits with status 2 and one line when it cannot be used."""
     parser = _Parser(
         prog="python -m sitl",
-        description="A fake autopilot that talks MAVLink like a real PX4.",
+        description="A fake autopilot that talks MAVLink like a real PX4 or ArduPilot.",
     )
-    parser.add_argument("--autopilot", choices=("px4",), default="px4")
+    parser.add_argument("--autopilot", choices=tuple(KINDS), default="px4")
     parser.add_argument("--home", metavar="LAT,LON,ALT[,YAW]", help="degrees, metres AMSL, degrees")
     parser.add_argument(
         "--link",
@@ -82,6 +83,7 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
         _check_speed(args.speed)
         home, yaw_deg = _home(args.home)
         options = Options(
+            autopilot=args.autopilot,
             latitude_deg=home.latitude_deg,
             longitude_deg=home.longitude_deg,
             altitude_amsl_m=home.altitude_amsl_m,
@@ -95,7 +97,7 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
                 )
                 for name in urls
             ),
-            parameters=_parameters(args.param or []),
+            parameters=_parameters(args.param or [], KINDS[args.autopilot].parameters({})),
         )
     except (_Bad, ScenarioError) as error:
         parser.error(str(error))
@@ -155,8 +157,7 @@ def _links(texts: Sequence[str]) -> dict[str, Url]:
     return urls
 
 
-def _parameters(texts: Sequence[str]) -> dict[str, float]:
-    known = Parameters()
+def _parameters(texts: Sequence[str], known: Parameters) -> dict[str, float]:
     return dict(_parameter(text, known) for text in texts)
 
 
@@ -178,6 +179,10 @@ def _parameter(text: str, known: Parameters) -> tuple[str, float]:
 async def run(settings: Settings) -> int:
     """Simulate in real time, times `speed`, until told to stop."""
     vehicle = FakeAutopilot(settings.options)
+    stop = asyncio.Event()
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        loop.add_signal_handler(number, stop.set)
     log = None
     ports: dict[str, Port] = {}
     try:
@@ -186,15 +191,12 @@ async def run(settings: Settings) -> int:
         for name, url in settings.urls.items():
             ports[name] = await _open(name, url, vehicle)
         print(
-            f"sitl: PX4 at {settings.options.latitude_deg:.6f},"
-            f"{settings.options.longitude_deg:.6f},{settings.options.altitude_amsl_m:g};",
+            f"sitl: {KINDS[settings.options.autopilot].title} at"
+            f" {settings.options.latitude_deg:.6f},{settings.options.longitude_deg:.6f},"
+            f"{settings.options.altitude_amsl_m:g};",
             ", ".join(f"{name}={url}" for name, url in settings.urls.items()),
             flush=True,
         )
-        stop = asyncio.Event()
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGINT, signal.SIGTERM):
-            loop.add_signal_handler(number, stop.set)
         await _pace(vehicle, ports, log, settings.speed, stop)
     except OSError as error:
         print(f"sitl: {error}", file=sys.stderr)
@@ -221,11 +223,14 @@ async def _pace(
     speed: float,
     stop: asyncio.Event,
 ) -> None:
-    """Step by absolute deadlines, so that errors of sleeping do not add up."""
+    """Step by absolute deadlines, so that errors of sleeping do not add up.
+
+    At a speed that the machine cannot bear it looks up from its work all the same.
+    """
     start = deadline = time.monotonic()
     while not stop.is_set():
         goal_s = (deadline - start) * speed
-        while vehicle.time_s + 1e-6 < goal_s:
+        while vehicle.time_s + 1e-6 < goal_s and time.monotonic() < deadline + _MAX_LAG_S:
             before_s = vehicle.time_s
             vehicle.step(min(goal_s, before_s + PERIOD_S))
             if log is not None:

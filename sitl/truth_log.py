@@ -1,5 +1,6 @@
 """The truth log: a CSV file of what was really so, to judge a flight by afterwards."""
 
+import contextlib
 from pathlib import Path
 from typing import Final
 
@@ -17,18 +18,22 @@ class TruthLog:
     """Writes a row every 50 ms of simulated time; each row is flushed at once."""
 
     def __init__(self, path: Path, options: Options) -> None:
-        """Create the file; OSError when that is impossible."""
-        self._file = path.open("w", encoding="utf-8", buffering=1)
+        """Create the file; OSError, with one line for the user, when that is impossible."""
+        self._path = path
         self._next_s = 0.0
-        self._file.write(
+        try:
+            self._file = path.open("w", encoding="utf-8", buffering=1)
+        except OSError as error:
+            raise self._named(error) from None
+        self._write(
             f"# home latitude_deg={options.latitude_deg!r} longitude_deg={options.longitude_deg!r}"
             f" altitude_amsl_m={options.altitude_amsl_m!r} yaw_deg={options.yaw_deg!r};"
             " positions are metres north, east, down of home (WGS84)\n"
         )
-        self._file.write(_COLUMNS + "\n")
+        self._write(_COLUMNS + "\n")
 
     def step(self, truth: Truth) -> None:
-        """Write a row if its time has come."""
+        """Write a row if its time has come; OSError as above when it cannot be written."""
         if truth.time_s + 1e-9 < self._next_s:
             return
         self._next_s += PERIOD_S
@@ -38,7 +43,7 @@ class TruthLog:
             *truth.position_ned_m, *truth.velocity_ned_mps, *truth.attitude_rad,
             *truth.wind_ned_mps,
         )  # fmt: skip
-        self._file.write(
+        self._write(
             f"{truth.time_s:.3f},"
             + ",".join(f"{number:.5f}" for number in numbers)
             + f",{truth.latitude_deg:.9f},{truth.longitude_deg:.9f},{truth.altitude_amsl_m:.4f}"
@@ -47,5 +52,16 @@ class TruthLog:
         )
 
     def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        """Close the file; what could not be written has been told."""
+        with contextlib.suppress(OSError):
+            self._file.close()
+
+    def _write(self, text: str) -> None:
+        try:
+            self._file.write(text)
+        except OSError as error:
+            self.close()
+            raise self._named(error) from None
+
+    def _named(self, error: OSError) -> OSError:
+        return OSError(f"--truth {self._path}: {error.strerror or error}")

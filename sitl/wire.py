@@ -5,7 +5,7 @@ on each link. Here the payload is packed once from pymavlink's field tables and 
 """
 
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -149,17 +149,23 @@ def status_texts(severity: int, text: str, message_id: int) -> list[bytes]:
     ]
 
 
+def packets(data: bytes) -> Iterator[bytes]:
+    """Cut whole packets that follow each other apart."""
+    at = 0
+    while at < len(data):
+        header, signature = (12, 13 if data[at + 2] & 1 else 0) if data[at] == MAGIC_V2 else (8, 0)
+        end = at + header + data[at + 1] + signature
+        yield data[at:end]
+        at = end
+
+
 def datagrams(data: bytes, limit: int = 1200) -> list[bytes]:
     """Cut whole packets into groups of at most `limit` bytes, as an autopilot sends over UDP."""
     if len(data) <= limit:
         return [data]
-    groups, start, at = [], 0, 0
-    while at < len(data):
-        header, signature = (12, 13 if data[at + 2] & 1 else 0) if data[at] == MAGIC_V2 else (8, 0)
-        end = at + header + data[at + 1] + signature
-        if end - start > limit and at > start:
-            groups.append(data[start:at])
-            start = at
-        at = end
-    groups.append(data[start:])
+    groups = [b""]
+    for packet in packets(data):
+        if groups[-1] and len(groups[-1]) + len(packet) > limit:
+            groups.append(b"")
+        groups[-1] += packet
     return groups

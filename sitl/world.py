@@ -32,6 +32,7 @@ class WorldOptions:
     yaw_deg: float = 0.0
     airframe: Airframe = field(default_factory=Airframe)
     battery: BatteryOptions = field(default_factory=BatteryOptions)
+    estimate_noise: float = 1.0
     seed: int = 1
 
 
@@ -53,7 +54,9 @@ class World:
         self.wind = Wind(random.Random(options.seed + 1))
         self.quad = Quadrotor(options.airframe, math.radians(options.yaw_deg))
         self.battery = Battery(options.battery)
-        self.estimator = Estimator(self.frame, random.Random(options.seed + 2))
+        self.estimator = Estimator(
+            self.frame, random.Random(options.seed + 2), options.estimate_noise
+        )
         self.now_us = 0
         self.took_off_s: float | None = None
         self._ticks = 0
@@ -75,8 +78,9 @@ class World:
         self.estimator.step(now_s, self.quad, conditions)
         self._ticks += 1
         if conditions.battery_percent is not None:
-            self.battery.fraction = max(0.0, min(1.0, conditions.battery_percent / 100.0))
+            self.battery.replace(max(0.0, min(1.0, conditions.battery_percent / 100.0)))
             conditions.battery_percent = None
+        self.battery.forced_voltage_v = conditions.battery_voltage_v
         if self._ticks % _BATTERY_TICKS == 0:
             self.battery.step(
                 TICK_S * _BATTERY_TICKS, self.quad.power_w(), conditions.drain_factor, armed=armed

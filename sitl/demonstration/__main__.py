@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 
 
 def main() -> int:
-    """Load the script and run it; every way to end it early ends its processes, too."""
-    signal.signal(signal.SIGINT, signal.SIG_DFL)
-    from .script import main as fly  # noqa: PLC0415
+    """Load the demonstration and fly it; every way to end it early ends its processes, too."""
+    signal.signal(signal.SIGINT, lambda *_: os._exit(1))
+    from .fly import main as fly  # noqa: PLC0415
 
-    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
-        signal.signal(number, signal.default_int_handler)
-    return fly()
+    try:
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.signal(number, signal.default_int_handler)
+        status = fly()
+    except KeyboardInterrupt:
+        status = 1
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    return status
 
 
 if __name__ == "__main__":

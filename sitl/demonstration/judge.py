@@ -42,28 +42,29 @@ class Verdict:
 
 
 def read_truth(path: Path, site: Site) -> list[FlightTruth]:
-    """The truth log in the site's frame."""
+    """The truth log in the site's frame; a last row that a full disk cut short is left out."""
     origin = site.frame.origin
     azimuth = math.radians(site.frame.azimuth_deg)
     meridian_m, prime_vertical_m = radii_of_curvature_m(origin.latitude_deg)
     parallel_m = prime_vertical_m * math.cos(math.radians(origin.latitude_deg))
     rows = []
-    with path.open(encoding="utf-8", newline="") as file:
-        for row in csv.DictReader(line for line in file if not line.startswith("#")):
-            north_m = math.radians(float(row["latitude_deg"]) - origin.latitude_deg) * meridian_m
-            east_m = math.radians(float(row["longitude_deg"]) - origin.longitude_deg) * parallel_m
-            rows.append(
-                FlightTruth(
-                    time_s=float(row["time_s"]),
-                    position_m=(
-                        north_m * math.cos(azimuth) + east_m * math.sin(azimuth),
-                        north_m * math.sin(azimuth) - east_m * math.cos(azimuth),
-                        float(row["altitude_amsl_m"]) - origin.altitude_amsl_m,
-                    ),
-                    on_ground=row["on_ground"] == "1",
-                    armed=row["armed"] == "1",
-                )
+    whole_lines, _, _ = path.read_text(encoding="utf-8").rpartition("\n")
+    lines = (line for line in whole_lines.splitlines() if not line.startswith("#"))
+    for row in csv.DictReader(lines):
+        north_m = math.radians(float(row["latitude_deg"]) - origin.latitude_deg) * meridian_m
+        east_m = math.radians(float(row["longitude_deg"]) - origin.longitude_deg) * parallel_m
+        rows.append(
+            FlightTruth(
+                time_s=float(row["time_s"]),
+                position_m=(
+                    north_m * math.cos(azimuth) + east_m * math.sin(azimuth),
+                    north_m * math.sin(azimuth) - east_m * math.cos(azimuth),
+                    float(row["altitude_amsl_m"]) - origin.altitude_amsl_m,
+                ),
+                on_ground=row["on_ground"] == "1",
+                armed=row["armed"] == "1",
             )
+        )
     return rows
 
 

@@ -10,12 +10,15 @@ from typing import Any, Final
 
 from pymavlink.dialects.v20 import all as mavlink
 
+from .manners import Manner
+
 _HEARTBEAT_S: Final = 1.0
 _ANSWER_TIMEOUT_S: Final = 5.0
+"""Of real time: a plan takes as long as it takes, however fast the simulator is."""
 _POLL_S: Final = 0.05
 _COMPANION: Final = mavlink.MAV_COMP_ID_PATHPLANNER
-_OFFBOARD: Final = (6, 0)
-_LAND: Final = (4, 6)
+_INTERVAL_US: Final = 250_000
+_UNKNOWN_MV: Final = 65_535
 _RESULTS: Final = {
     number: entry.name.removeprefix("MAV_RESULT_")
     for number, entry in mavlink.enums["MAV_RESULT"].items()
@@ -30,24 +33,39 @@ class OperatorError(Exception):
 
 
 class Operator:
-    """A ground station (255/190) on a UDP port. Reads while it waits; never sleeps otherwise."""
+    """A ground station (255/190) on a UDP port. Reads while it waits; never sleeps otherwise.
 
-    def __init__(self, port: int) -> None:
+    Its seconds are those of the simulator, `speed` of them in a real one. `meanwhile` is called
+    while it waits.
+    """
+
+    def __init__(
+        self, port: int, manner: Manner, *, speed: float, meanwhile: Callable[[], None]
+    ) -> None:
         """Listen; OSError when the port is taken."""
+        self._manner = manner
+        self._speed = speed
+        self._meanwhile = meanwhile
+        self._boot_s: float | None = None
+        self._ahead_s: float | None = None
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", port))
-        self._socket.settimeout(_POLL_S)
+        self._socket.settimeout(_POLL_S / max(1.0, speed))
         self._peer: tuple[str, int] | None = None
         self._codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         self._codec.robust_parsing = True
         self._heartbeat_due_s = 0.0
         self._answers: dict[int, int] = {}
+        self.autopilot_heard = False
         self.companion_heard = False
         self.armed = False
         self.custom_mode = 0
-        self.ready_to_arm = False
+        self._healthy = False
+        # Where the autopilot does not say so, its own checks know.
+        self._position_known = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT not in manner.requested
         self.landed_state = 0
         self.battery_percent: int | None = None
+        self.battery_v: float | None = None
         self.altitude_m = 0.0
         self.texts: list[str] = []
         self.landing = False
@@ -55,15 +73,37 @@ class Operator:
 
     def wait_for(self, what: str, condition: Callable[[], bool], timeout_s: float) -> None:
         """Read until a condition holds; OperatorError, naming it, when it does not in time."""
-        deadline_s = time.monotonic() + timeout_s
+        if not self.wait_until(condition, timeout_s):
+            raise OperatorError(f"{what}: not within {timeout_s:g} s")
+
+    def wait_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
+        """Read until a condition holds, or for so long; whether it held."""
+        deadline_s = self._now_s() + timeout_s
         while not condition():
-            if time.monotonic() > deadline_s:
-                raise OperatorError(f"{what}: not within {timeout_s:g} s")
+            if self._now_s() > deadline_s:
+                return False
             self.read()
+            self._meanwhile()
+        return True
+
+    @property
+    def ready_to_arm(self) -> bool:
+        """Whether the autopilot would arm, and knows where it is."""
+        return self._healthy and self._position_known
+
+    @property
+    def lag_s(self) -> float:
+        """How far the autopilot's clock has fallen behind since it was heard; real seconds."""
+        if self._boot_s is None or self._ahead_s is None:
+            return 0.0
+        return (self._now_s() - self._boot_s - self._ahead_s) / self._speed
+
+    def _now_s(self) -> float:
+        return time.monotonic() * self._speed
 
     def read(self) -> None:
         """Take what has arrived, waiting a moment for it; keep our heartbeat going."""
-        now_s = time.monotonic()
+        now_s = self._now_s()
         if self._peer is not None and now_s >= self._heartbeat_due_s:
             self._heartbeat_due_s = now_s + _HEARTBEAT_S
             self._send(mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4, 3))
@@ -86,30 +126,42 @@ class Operator:
                 self._answers.get(number, mavlink.MAV_RESULT_IN_PROGRESS)
                 != mavlink.MAV_RESULT_IN_PROGRESS
             ),
-            _ANSWER_TIMEOUT_S,
+            _ANSWER_TIMEOUT_S * max(1.0, self._speed),
         )
         result = self._answers[number]
         if result != mavlink.MAV_RESULT_ACCEPTED:
             said = f" ({self.texts[-1]})" if self.texts else ""
             raise OperatorError(f"{name}: {_RESULTS.get(result, str(result))}{said}")
 
+    def request_messages(self) -> None:
+        """Ask the autopilot for what it does not send by itself."""
+        for number in self._manner.requested:
+            name = f"the request for message {number}"
+            self.command(name, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, _INTERVAL_US)
+
     def take_off(self, height_m: float) -> None:
         """Arm and climb to a height above where the aircraft stands."""
+        if self._manner.takes_off_in_given_mode:
+            self.give_mode()
+            self.command("arm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
+            self.command("take-off", mavlink.MAV_CMD_NAV_TAKEOFF, 0, 0, 0, 0, 0, 0, height_m)
+            return
         self.wait_for("a home position", lambda: self.home_altitude_m is not None, 10.0)
         altitude_m = (self.home_altitude_m or 0.0) + height_m
         nan = math.nan
         self.command("take-off", mavlink.MAV_CMD_NAV_TAKEOFF, nan, 0, 0, nan, nan, nan, altitude_m)
         self.command("arm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
 
-    def give_offboard(self) -> None:
-        """Give the autopilot's OFFBOARD mode, and see that it took it."""
-        self.command("OFFBOARD", mavlink.MAV_CMD_DO_SET_MODE, 1, *_OFFBOARD)
-        self.wait_for("OFFBOARD mode", lambda: self.custom_mode >> 16 & 0xFF == _OFFBOARD[0], 3.0)
+    def give_mode(self) -> None:
+        """Give the mode in which the autopilot follows the companion, and see that it took it."""
+        name, given = self._manner.given_mode, self._manner.given_custom_mode
+        self.command(name, mavlink.MAV_CMD_DO_SET_MODE, 1, *self._manner.given)
+        self.wait_for(f"{name} mode", lambda: self.custom_mode == given, 3.0)
 
     def land(self) -> None:
         """Give the autopilot's LAND mode; the companion then lets go."""
         self.landing = True
-        self.command("LAND", mavlink.MAV_CMD_DO_SET_MODE, 1, *_LAND)
+        self.command("LAND", mavlink.MAV_CMD_DO_SET_MODE, 1, *self._manner.land)
 
     def order(self, name: str, mission: int) -> None:
         """Order a mission of the companion; IN_PROGRESS is waited out."""
@@ -136,18 +188,26 @@ class Operator:
             case "HEARTBEAT" if companion:
                 self.companion_heard = True
             case "HEARTBEAT" if message.get_srcComponent() == 1:
+                self.autopilot_heard = True
                 self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
                 self.custom_mode = message.custom_mode
             case "STATUSTEXT" if companion:
                 self.texts.append(message.text)
             case "SYS_STATUS":
                 prearm = mavlink.MAV_SYS_STATUS_PREARM_CHECK
-                self.ready_to_arm = bool(message.onboard_control_sensors_health & prearm)
+                self._healthy = bool(message.onboard_control_sensors_health & prearm)
                 if message.battery_remaining >= 0:
                     self.battery_percent = message.battery_remaining
+                if message.voltage_battery not in {0, _UNKNOWN_MV}:
+                    self.battery_v = message.voltage_battery / 1000.0
+            case "EKF_STATUS_REPORT":
+                self._position_known = bool(message.flags & mavlink.EKF_POS_HORIZ_ABS)
             case "EXTENDED_SYS_STATE":
                 self.landed_state = message.landed_state
             case "GLOBAL_POSITION_INT":
+                self._boot_s = message.time_boot_ms / 1000.0
+                if self._ahead_s is None:
+                    self._ahead_s = self._now_s() - self._boot_s
                 self.altitude_m = message.relative_alt / 1000.0
                 self.home_altitude_m = (message.alt - message.relative_alt) / 1000.0
             case "COMMAND_ACK":

@@ -9,15 +9,15 @@ when its cause is gone (measured on PX4 v1.17.0).
 from dataclasses import dataclass
 from typing import Final
 
+from sitl.parameters import Parameters
 from sitl.px4 import voice as say
 from sitl.px4.failsafe import Action, Charge, Flags, due
 from sitl.px4.flight import FlightTasks
 from sitl.px4.modes import AUTO_MODES, Mode
 from sitl.px4.navigation import Navigation
 from sitl.px4.offboard import OffboardStream
-from sitl.px4.parameters import Parameters
-from sitl.px4.sticks import Sticks
 from sitl.px4.takeoff import TakeoffRamp
+from sitl.sticks import Sticks
 from sitl.world import World
 
 ON_GROUND, IN_AIR, TAKING_OFF, LANDING = 1, 2, 3, 4
@@ -94,10 +94,10 @@ class Commander:
 
     @property
     def can_arm(self) -> bool:
-        """Whether arming in the intended mode would be accepted (SYS_STATUS pre-arm bit)."""
+        """Whether arming in the present mode would be accepted (SYS_STATUS pre-arm bit)."""
         return (
             self._parts.navigation.since_boot_s >= _READY_S
-            and self.can_run(self.intended)
+            and self.can_run(self.mode)
             and self.charge < Charge.CRITICAL
         )
 

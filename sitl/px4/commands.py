@@ -6,126 +6,76 @@ on PX4 v1.17.0).
 """
 
 import math
-from collections.abc import Callable
-from dataclasses import dataclass
-from typing import Any, Final, Protocol
+from typing import Protocol
 
+from sitl.commands import (
+    ACCEPTED,
+    CUSTOM_MODE_BIT,
+    DENIED,
+    FORCE,
+    TEMPORARILY_REJECTED,
+    UNSUPPORTED,
+    Command,
+    CommandTable,
+    Host,
+    number,
+)
 from sitl.px4 import voice as say
 from sitl.px4.commander import Commander
 from sitl.px4.flight import FlightTasks
 from sitl.px4.modes import Mode, requested
 from sitl.px4.navigation import Navigation
-from sitl.px4.parameters import Parameters
-
-ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
-_CUSTOM_MODE_BIT: Final = 1
-_FORCE: Final = 21196
-_FRAME_GLOBAL_INT: Final = 5
-_DEG_1E7: Final = 1e7
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
-    """One command, COMMAND_LONG and COMMAND_INT alike; x and y in degrees where they are."""
+class Px4Host(Host, Protocol):
+    """What PX4's commands need besides."""
 
-    link: str
-    system: int
-    component: int
-    number: int
-    p1: float
-    p2: float
-    p3: float
-    p4: float
-    x: float
-    y: float
-    z: float
+    def acknowledge_later(self, command: Command, result: int) -> None:
+        """Send a COMMAND_ACK to the sender in the next tick."""
 
 
-class Host(Protocol):
-    """What commands need of the vehicle around them."""
-
-    def acknowledge(self, command: Command, result: int, *, later: bool = False) -> None:
-        """Send a COMMAND_ACK to the sender, now or in the next tick."""
-
-    def set_interval(self, link: str, msgid: int, interval_us: int) -> bool:
-        """Set a message interval; False where PX4 fails."""
-
-    def send_interval(self, link: str, msgid: int) -> None:
-        """Send MESSAGE_INTERVAL."""
-
-    def send_message(self, link: str, msgid: int) -> bool:
-        """Send a message once; False when there is no such data."""
-
-    def reboot(self) -> None:
-        """Restart."""
-
-
-def read_command(link: str, message: Any, source: tuple[int, int]) -> Command:
-    """Bring both kinds of command into one form."""
-    integer = message.get_type() == "COMMAND_INT"
-    scale = _DEG_1E7 if integer else 1.0
-    x, y, z = (
-        (message.x, message.y, message.z)
-        if integer
-        else (message.param5, message.param6, message.param7)
-    )
-    return Command(
-        link=link, system=source[0], component=source[1], number=message.command,
-        p1=message.param1, p2=message.param2, p3=message.param3, p4=message.param4,
-        x=x / scale, y=y / scale, z=z,
-    )  # fmt: skip
-
-
-class Commands:
+class Commands(CommandTable):
     """The table of commands."""
 
     def __init__(
         self,
-        host: Host,
+        host: Px4Host,
         commander: Commander,
         tasks: FlightTasks,
         navigation: Navigation,
-        parameters: Parameters,
         voice: say.Voice,
     ) -> None:
         """Connect the handlers."""
-        self._host = host
+        super().__init__(
+            host,
+            {
+                20: self._return, 21: self._land, 22: self._take_off, 176: self._set_mode,
+                179: self._set_home, 192: self._reposition, 246: self._restart, 400: self._arm,
+                410: self._get_home, 519: self._request_protocol, 520: self._request_capabilities,
+            },
+        )  # fmt: skip
+        self._px4 = host
         self._commander = commander
         self._tasks = tasks
         self._nav = navigation
-        self._parameters = parameters
         self._voice = voice
-        self._handlers: dict[int, Callable[[Command], int | None]] = {
-            20: self._return, 21: self._land, 22: self._take_off, 176: self._set_mode,
-            179: self._set_home, 192: self._reposition, 246: self._restart, 400: self._arm,
-            410: self._get_home, 510: self._get_interval, 511: self._set_interval,
-            512: self._request_message, 519: self._request_protocol,
-            520: self._request_capabilities,
-        }  # fmt: skip
-
-    def run(self, command: Command) -> None:
-        """Carry a command out and answer it."""
-        handler = self._handlers.get(command.number)
-        result = UNSUPPORTED if handler is None else handler(command)
-        if result is not None:
-            self._host.acknowledge(command, result)
 
     def _set_mode(self, command: Command) -> int | None:
-        if not int(_number(command.p1)) & _CUSTOM_MODE_BIT:
+        if not int(number(command.p1)) & CUSTOM_MODE_BIT:
             return DENIED
-        mode = requested(int(_number(command.p2)), int(_number(command.p3)))
+        mode = requested(int(number(command.p2)), int(number(command.p3)))
         if mode is None:
             return DENIED
         self._host.acknowledge(command, ACCEPTED)
         done = self._commander.request_mode(mode)
-        self._host.acknowledge(command, ACCEPTED if done else TEMPORARILY_REJECTED, later=True)
+        self._px4.acknowledge_later(command, ACCEPTED if done else TEMPORARILY_REJECTED)
         return None
 
     def _arm(self, command: Command) -> int:
-        arm = round(_number(command.p1))
+        arm = round(number(command.p1))
         if arm not in (0, 1):
             return UNSUPPORTED
-        force = round(_number(command.p2)) == _FORCE
+        force = round(number(command.p2)) == FORCE
         if arm:
             done = self._commander.arm("external command")
         else:
@@ -151,7 +101,7 @@ class Commands:
         return result
 
     def _reposition(self, command: Command) -> int:
-        if round(_number(command.p2)) & 1 and self._commander.mode is not Mode.HOLD:
+        if round(number(command.p2)) & 1 and self._commander.mode is not Mode.HOLD:
             if not self._commander.request_mode(Mode.HOLD):
                 return TEMPORARILY_REJECTED
         elif self._commander.mode is not Mode.HOLD:
@@ -163,7 +113,7 @@ class Commands:
         return ACCEPTED
 
     def _set_home(self, command: Command) -> int:
-        if round(_number(command.p1)) != 1 or not self._nav.position_valid:
+        if round(number(command.p1)) != 1 or not self._nav.position_valid:
             return DENIED
         self._nav.set_home()
         return ACCEPTED
@@ -171,37 +121,23 @@ class Commands:
     def _restart(self, command: Command) -> int | None:
         if self._commander.armed:
             return DENIED
-        if round(_number(command.p1)) != 1:
+        if round(number(command.p1)) != 1:
             return UNSUPPORTED
         self._host.acknowledge(command, ACCEPTED)
-        self._host.reboot()
+        self._host.restart()
         return None
 
     def _get_home(self, command: Command) -> int:
-        return self._send(command, 242)
+        return self._host.send_message(command.link, 242)
 
     def _get_interval(self, command: Command) -> int | None:
+        """Acknowledged first; the other autopilot answers the other way round."""
         self._host.acknowledge(command, ACCEPTED)
-        self._host.send_interval(command.link, int(_number(command.p1)))
+        self._host.send_interval(command.link, int(number(command.p1)))
         return None
 
-    def _set_interval(self, command: Command) -> int:
-        msgid, interval_us = int(_number(command.p1)), int(_number(command.p2))
-        done = self._host.set_interval(command.link, msgid, interval_us)
-        return ACCEPTED if done else FAILED
-
-    def _request_message(self, command: Command) -> int:
-        return self._send(command, int(_number(command.p1)))
-
     def _request_protocol(self, command: Command) -> int:
-        return self._send(command, 300)
+        return self._host.send_message(command.link, 300)
 
     def _request_capabilities(self, command: Command) -> int:
-        return self._send(command, 148)
-
-    def _send(self, command: Command, msgid: int) -> int:
-        return ACCEPTED if self._host.send_message(command.link, msgid) else DENIED
-
-
-def _number(value: float) -> float:
-    return value if math.isfinite(value) else 0.0
+        return self._host.send_message(command.link, 148)

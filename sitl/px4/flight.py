@@ -6,13 +6,13 @@ Inputs: mode, local position, sticks, setpoint. Outputs: the target of the posit
 import math
 from typing import Final
 
-from sitl.px4.control import PositionControl, Target
+from sitl.control import PositionControl, Target
+from sitl.parameters import Parameters
 from sitl.px4.modes import AUTO_MODES, Mode
 from sitl.px4.navigation import Navigation
-from sitl.px4.offboard import OffboardStream
-from sitl.px4.parameters import Parameters
-from sitl.px4.sticks import Sticks
+from sitl.px4.offboard import OffboardStream, Setpoint
 from sitl.quadrotor import Quadrotor
+from sitl.sticks import Sticks
 
 _BRAKE_TIME_S: Final = 0.5
 _STICK_DEAD_ZONE: Final = 0.1
@@ -79,7 +79,7 @@ class FlightTasks:
         target = self._control.target
         if self.mode is Mode.OFFBOARD:
             if stream.setpoint is not None:
-                target.take(stream.setpoint)
+                _take(stream.setpoint, target)
             return
         target.clear()
         target.yaw = self._yaw
@@ -145,17 +145,20 @@ class FlightTasks:
             target.x, target.y = self._hold_x, self._hold_y
 
     def _plan_return(self, nav: Navigation) -> None:
+        """As RTL_TYPE 0 has it: the cone over home counts within RTL_MIN_DIST alone."""
         value = self._parameters.value
         distance = nav.distance_to_home_m()
-        height = nav.home_z - nav.z
-        if distance <= value("NAV_ACC_RAD"):
-            goal = height
-        elif distance <= value("RTL_MIN_DIST"):
-            goal = max(height, value("RTL_DESCEND_ALT"))
-        else:
-            cone = distance / math.tan(math.radians(max(1.0, value("RTL_CONE_ANG"))))
-            goal = max(height, min(value("RTL_RETURN_ALT"), cone))
-        self.return_altitude_m = goal
+        height, climb = nav.home_z - nav.z, value("RTL_RETURN_ALT")
+        cone_deg, arrived = value("RTL_CONE_ANG"), value("NAV_ACC_RAD")
+        if cone_deg > 0.0:
+            if distance <= arrived:
+                climb = 2.0 * distance
+            else:
+                if distance <= value("RTL_MIN_DIST"):
+                    cone = distance / math.tan(math.radians(min(89.0, max(1.0, cone_deg))))
+                    climb = min(climb, cone)
+                climb = max(climb, 2.0 * arrived)
+        self.return_altitude_m = max(height, climb)
         self._phase = "climb"
 
     def _return(self, dt: float, nav: Navigation, target: Target) -> None:
@@ -237,6 +240,14 @@ class FlightTasks:
             target.x, target.y = self._hold_x, self._hold_y
         else:
             target.vx, target.vy = self._vx, self._vy
+
+
+def _take(setpoint: Setpoint, target: Target) -> None:
+    target.clear()
+    target.x, target.y, target.z = setpoint.position_ned_m
+    target.vx, target.vy, target.vz = setpoint.velocity_ned_mps
+    target.ax, target.ay, target.az = setpoint.acceleration_ned_mps2
+    target.yaw, target.yaw_rate = setpoint.yaw_rad, setpoint.yaw_rate_radps
 
 
 def _slew(value: float, goal: float, step: float) -> float:

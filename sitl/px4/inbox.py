@@ -4,13 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from sitl.commands import empty_mission, read_command, source, timesync_answer
 from sitl.links import AUTOPILOT_COMPONENT, SYSTEM
+from sitl.parameter_server import ParameterServer
 from sitl.px4 import voice as say
-from sitl.px4.commands import Commands, read_command
+from sitl.px4.commands import Commands
 from sitl.px4.offboard import OffboardStream, Refused, read_local_ned
-from sitl.px4.parameter_server import ParameterServer
-from sitl.px4.sticks import Sticks
-from sitl.wire import layout, packet_header
+from sitl.sticks import Sticks
+from sitl.wire import layout
 from sitl.world import World
 
 Send = Callable[[str, str, bytes], None]
@@ -61,7 +62,7 @@ class Inbox:
             0,
             AUTOPILOT_COMPONENT,
         ):
-            self._r.commands.run(read_command(link, message, _source(message)))
+            self._r.commands.run(read_command(link, message))
 
     def _position_setpoint(self, _: str, message: Any) -> None:
         if not _for_autopilot(message):
@@ -85,24 +86,16 @@ class Inbox:
     def _mission_list(self, link: str, message: Any) -> None:
         if not _for_autopilot(message):
             return
-        system, component = _source(message)
-        kind = layout("MISSION_COUNT")
-        values = dict.fromkeys(kind.fields, 0) | {
-            "target_system": system,
-            "target_component": component,
-            "mission_type": message.mission_type,
-        }
-        self._r.send(link, "MISSION_COUNT", kind.payload(**values))
+        self._r.send(link, "MISSION_COUNT", empty_mission(message))
 
     def _timesync(self, link: str, message: Any) -> None:
         if message.tc1 == 0:
-            now_ns = (self._r.world.now_us - self._r.boot_us) * 1000
-            payload = layout("TIMESYNC").payload(tc1=now_ns, ts1=message.ts1)
-            self._r.send(link, "TIMESYNC", payload)
+            since_boot_us = self._r.world.now_us - self._r.boot_us
+            self._r.send(link, "TIMESYNC", timesync_answer(message, since_boot_us))
 
     def _ping(self, link: str, message: Any) -> None:
         if message.target_system == 0 and message.target_component == 0:
-            system, component = _source(message)
+            system, component = source(message)
             payload = layout("PING").payload(
                 time_usec=message.time_usec,
                 seq=message.seq,
@@ -110,11 +103,6 @@ class Inbox:
                 target_component=component,
             )
             self._r.send(link, "PING", payload)
-
-
-def _source(message: Any) -> tuple[int, int]:
-    _, system, component = packet_header(message.get_msgbuf())
-    return system, component
 
 
 def _for_autopilot(message: Any) -> bool:

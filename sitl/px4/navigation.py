@@ -12,8 +12,8 @@ _GOOD_FLAGS: Final = 0x037F
 _COASTING_FLAGS: Final = 0x0365
 _NO_AIDING_FLAGS: Final = 0x0065
 _COAST_S: Final = 5.0
-"""Measured on PX4 v1.17.0: position is given up 5 s after GPS is lost, all aiding after 8 s."""
-_NO_AIDING_S: Final = 8.2
+"""Measured on PX4 v1.17.0: position is given up 5 s after GPS is lost, all aiding after 7 s."""
+_NO_AIDING_S: Final = 7.1
 _VALID_AFTER_BOOT_S: Final = 4.0
 _VALID_AFTER_RESET_S: Final = 0.9
 

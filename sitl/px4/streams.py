@@ -2,12 +2,13 @@
 
 Intervals in microseconds, as measured on PX4 v1.17.0: the onboard profile for companions, the
 normal profile for ground stations. SET_MESSAGE_INTERVAL is accepted for every name in `KNOWN`,
-even where there is no data to send, and fails for the others.
+even where there is no data to send, and fails for the others. A slow link stretches all intervals
+but the heartbeat's, those that were asked for too.
 """
 
 from typing import Final
 
-from sitl.wire import layout
+from sitl.wire import Layout, layout
 from sitl.world import TICK_US
 
 _HZ: Final = 1_000_000
@@ -17,7 +18,8 @@ ONBOARD: Final[dict[str, int]] = {
     "LINK_NODE_STATUS": _HZ, "SCALED_PRESSURE": _HZ, "ATTITUDE": 10_000,
     "ATTITUDE_QUATERNION": 20_000, "LOCAL_POSITION_NED": 33_333, "GLOBAL_POSITION_INT": 20_000,
     "SERVO_OUTPUT_RAW": 100_000, "MISSION_CURRENT": _HZ, "VFR_HUD": 100_000,
-    "ATTITUDE_TARGET": 100_000, "POSITION_TARGET_LOCAL_NED": 100_000, "HIGHRES_IMU": 20_000,
+    "ATTITUDE_TARGET": 100_000, "POSITION_TARGET_GLOBAL_INT": 100_000,
+    "POSITION_TARGET_LOCAL_NED": 100_000, "HIGHRES_IMU": 20_000,
     "TIMESYNC": 100_000, "DISTANCE_SENSOR": 100_000, "ALTITUDE": 100_000,
     "BATTERY_STATUS": 2_000_000, "ESTIMATOR_STATUS": _HZ, "VIBRATION": 2_000_000,
     "HOME_POSITION": 2_000_000, "EXTENDED_SYS_STATE": 200_000, "ODOMETRY": 33_333,
@@ -31,7 +33,8 @@ NORMAL: Final[dict[str, int]] = {
     "GPS_RAW_INT": 200_000, "SCALED_PRESSURE": _HZ, "ATTITUDE": 20_000,
     "ATTITUDE_QUATERNION": 20_000, "LOCAL_POSITION_NED": 20_000, "GLOBAL_POSITION_INT": 20_000,
     "SERVO_OUTPUT_RAW": 22_000, "MISSION_CURRENT": _HZ, "VFR_HUD": 250_000,
-    "ATTITUDE_TARGET": 22_000, "POSITION_TARGET_LOCAL_NED": 22_000,
+    "ATTITUDE_TARGET": 22_000, "POSITION_TARGET_GLOBAL_INT": _HZ,
+    "POSITION_TARGET_LOCAL_NED": 22_000,
     "DISTANCE_SENSOR": 2_000_000, "ALTITUDE": _HZ, "BATTERY_STATUS": 2_000_000,
     "ESTIMATOR_STATUS": 2_000_000, "VIBRATION": 10 * _HZ, "HOME_POSITION": 2_000_000,
     "EXTENDED_SYS_STATE": _HZ, "TIME_ESTIMATE_TO_TARGET": 2_000_000,
@@ -45,6 +48,9 @@ UNLIMITED: Final = {"onboard": ("GPS_RAW_INT",), "normal": ()}
 """Sent with every new datum unless an interval is set; their interval reads -1."""
 _FIXED: Final = frozenset({"HEARTBEAT", "PING", "CURRENT_EVENT_SEQUENCE"})
 KNOWN: Final = frozenset({*ONBOARD, *NORMAL, *ON_REQUEST}) - _FIXED
+_FRAME_BYTES: Final = 12
+_LEAST_SHARE: Final = 0.05
+"""Of the rates, however slow the link."""
 _ESC_STATUS_ID: Final = 291
 _RAW_RPM_ID: Final = 339
 IDS: Final = {layout(name).msgid: name for name in (KNOWN | _FIXED) - {"ESC_STATUS", "RAW_RPM"}} | {
@@ -72,6 +78,7 @@ class Schedule:
         self._default = PROFILES[profile]
         self._unlimited = UNLIMITED[profile]
         self.intervals = dict(self._default)
+        self._sizes: dict[str, int] = {}
         self._due = {
             name: boot_us + max(FIRST_PACKETS_US, START_US.get(name, 0)) for name in self._default
         }
@@ -103,10 +110,32 @@ class Schedule:
         """Whether a message goes out with every new datum."""
         return name in self._unlimited and name not in self.intervals
 
-    def due(self, now_us: int) -> list[str]:
-        """Return the names whose time has come, and plan their next time."""
+    def sent(self, kind: Layout) -> None:
+        """Note a message that there is data for."""
+        self._sizes[kind.name] = kind.packer.size + _FRAME_BYTES
+
+    def due(self, now_us: int, rate_bytes_per_s: float | None = None) -> list[str]:
+        """Return the names whose time has come, and plan their next time.
+
+        `rate_bytes_per_s` is what the link carries; None: everything.
+        """
         names = [name for name, at in self._due.items() if at <= now_us]
+        share = 1.0 if rate_bytes_per_s is None or not names else self._share(rate_bytes_per_s)
         for name in names:
-            following = self._due[name] + max(self.intervals[name], TICK_US)
+            interval_us = self.intervals[name]
+            if name != "HEARTBEAT":
+                interval_us = round(interval_us / share)
+            following = self._due[name] + max(interval_us, TICK_US)
             self._due[name] = following if following > now_us else now_us + TICK_US
         return names
+
+    def _share(self, rate_bytes_per_s: float) -> float:
+        """Return by how much PX4 lowers the rates, so that the link carries them."""
+        wanted = {
+            name: size * 1e6 / self.intervals[name]
+            for name, size in self._sizes.items()
+            if self.intervals.get(name, OFF) > 0
+        }
+        beats = wanted.pop("HEARTBEAT", 0.0)
+        share = (rate_bytes_per_s - beats) / max(1.0, sum(wanted.values()))
+        return min(1.0, max(_LEAST_SHARE, share))

@@ -8,7 +8,7 @@ after 8.4 s.
 
 from typing import Final
 
-from sitl.px4.parameters import Parameters
+from sitl.parameters import Parameters
 from sitl.quadrotor import GRAVITY_MPS2
 
 _DETECTED_AFTER_S: Final = 0.6

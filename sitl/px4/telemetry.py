@@ -1,6 +1,7 @@
 """PX4's telemetry: one builder per message, from the vehicle's state to a payload."""
 
-from sitl.px4.builders import Builder, Sources
+from sitl.builders import Builder
+from sitl.px4.builders import Sources
 from sitl.px4.telemetry_motion import MotionMessages
 from sitl.px4.telemetry_status import StatusMessages
 from sitl.wire import Layout, layout

@@ -6,36 +6,47 @@ Field values, sentinels included, follow recordings of PX4 v1.17.0.
 import math
 from typing import Final
 
-from sitl.px4.builders import Builder, Builders, Sources
+from sitl.builders import Builder
+from sitl.instruments import body_acceleration, heading_cdeg, pressure_hpa, quaternion
+from sitl.px4.builders import Builders, Sources
+from sitl.px4.modes import AUTO_MODES
 from sitl.px4.offboard import NAN
 from sitl.quadrotor import GRAVITY_MPS2
 from sitl.world import World
 
 _PWM_OFF: Final = 900
 _PWM_MIN: Final = 1000
-_WIND_TIME_S: Final = 7.0
+_WIND_TIME_S: Final = 17.0
+_WIND_FIRST_S: Final = 0.8
+"""As recorded: two thirds of the wind 2 s after the start, but half of it 11 s after it stopped."""
+_IMU: Final = 0x03F
+_MAGNETOMETER: Final = 0x1C0
+"""Bits of HIGHRES_IMU.fields_updated: the field is new in every fourth message, as recorded."""
+_AT_REST: Final = 0x0080
+"""Bit of ESTIMATOR_STATUS.flags: position and velocity are taken for constant."""
 _ODOMETRY_NAN: Final = (NAN,) * 21
 
 
 class WindEstimate:
-    """EKF2's wind from drag: slow to settle, in PX4's sense (where the wind goes to)."""
+    """EKF2's wind from drag: quick at first, then slow; where the wind goes to, as in PX4."""
 
-    __slots__ = ("e", "n", "started")
+    __slots__ = ("_age_s", "e", "n", "started")
 
     def __init__(self) -> None:
         """Estimate nothing."""
-        self.n = self.e = 0.0
+        self.n = self.e = self._age_s = 0.0
         self.started = False
 
     def step(self, dt: float, world: World, *, fused: bool) -> None:
         """Move towards the true wind; forget it when drag fusion is off."""
         if not fused:
-            self.n = self.e = 0.0
+            self.n = self.e = self._age_s = 0.0
             self.started = False
             return
         self.started = True
         wind_n, wind_e, _ = world.wind.ned_mps
-        share = dt / _WIND_TIME_S
+        self._age_s += dt
+        share = dt / min(_WIND_TIME_S, _WIND_FIRST_S + self._age_s)
         self.n += (wind_n - self.n) * share
         self.e += (wind_e - self.e) * share
 
@@ -64,6 +75,7 @@ class MotionMessages(Builders):
             "HIGHRES_IMU": self._imu,
             "LOCAL_POSITION_NED": self._local,
             "ODOMETRY": self._odometry,
+            "POSITION_TARGET_GLOBAL_INT": self._waypoint,
             "POSITION_TARGET_LOCAL_NED": self._position_target,
             "SCALED_IMU": self._scaled_imu,
             "SCALED_PRESSURE": self._pressure,
@@ -138,7 +150,7 @@ class MotionMessages(Builders):
             lon=round(e.longitude_deg * 1e7), alt=round(e.altitude_m * 1000),
             relative_alt=round((e.altitude_m - nav.home_altitude_m) * 1000),
             vx=round(e.vn * 100), vy=round(e.ve * 100), vz=round(e.vd * 100),
-            hdg=int(math.degrees(self._s.world.quad.yaw) % 360.0 * 100) % 36000,
+            hdg=heading_cdeg(self._s.world.quad.yaw),
         )  # fmt: skip
 
     def _gps(self) -> bytes | None:
@@ -158,7 +170,7 @@ class MotionMessages(Builders):
             lon=round(fix.longitude_deg * 1e7), alt=round(fix.altitude_m * 1000),
             eph=round((fix.hdop or 0.0) * 100), epv=round((fix.vdop or 0.0) * 100),
             vel=min(65534, round(math.hypot(vn, ve) * 100)),
-            cog=int(math.degrees(math.atan2(ve, vn)) % 360.0 * 100) % 36000,
+            cog=heading_cdeg(math.atan2(ve, vn)),
             satellites_visible=fix.satellites or 0, alt_ellipsoid=round(fix.altitude_m * 1000),
             h_acc=round(fix.h_acc_m * 1000), v_acc=round(fix.v_acc_m * 1000),
             vel_acc=round(fix.s_acc_mps * 1000), hdg_acc=0, yaw=0,
@@ -168,8 +180,9 @@ class MotionMessages(Builders):
         nav = self._s.navigation
         e = nav.estimator
         gone = not nav.gps_fused
+        flags = nav.flags if self._s.commander.armed else nav.flags | _AT_REST
         return self._pack(
-            "ESTIMATOR_STATUS", time_usec=self._us, flags=nav.flags,
+            "ESTIMATOR_STATUS", time_usec=self._us, flags=flags,
             vel_ratio=NAN if gone else 0.1, pos_horiz_ratio=NAN if gone else 0.05,
             pos_vert_ratio=0.03, mag_ratio=0.065, hagl_ratio=0.005, tas_ratio=NAN,
             pos_horiz_accuracy=e.horizontal_accuracy_m, pos_vert_accuracy=e.vertical_accuracy_m,
@@ -203,20 +216,21 @@ class MotionMessages(Builders):
 
     def _imu(self) -> bytes:
         quad, noise = self._s.world.quad, self._noise
-        x, y, z = _body_acceleration(self._s.world)
+        x, y, z = body_acceleration(self._s.world.quad)
         height = self._s.world.options.altitude_amsl_m + quad.height_m
         return self._pack(
             "HIGHRES_IMU", time_usec=self._us, xacc=x + noise(0.0, 0.07),
             yacc=y + noise(0.0, 0.07), zacc=z + noise(0.0, 0.07),
             xgyro=quad.roll_rate, ygyro=quad.pitch_rate, zgyro=quad.yaw_rate,
             xmag=0.21 * math.cos(quad.yaw), ymag=-0.21 * math.sin(quad.yaw), zmag=0.43,
-            abs_pressure=_pressure_hpa(height), diff_pressure=0.0, pressure_alt=height,
-            temperature=15.0, fields_updated=63, id=0,
+            abs_pressure=pressure_hpa(height), diff_pressure=0.0, pressure_alt=height,
+            temperature=15.0, fields_updated=_IMU if self._ms // 20 % 4 else _IMU | _MAGNETOMETER,
+            id=0,
         )  # fmt: skip
 
     def _scaled_imu(self) -> bytes:
         quad = self._s.world.quad
-        x, y, z = (round(a / GRAVITY_MPS2 * 1000) for a in _body_acceleration(self._s.world))
+        x, y, z = (round(a / GRAVITY_MPS2 * 1000) for a in body_acceleration(self._s.world.quad))
         return self._pack(
             "SCALED_IMU", time_boot_ms=self._ms, xacc=x, yacc=y, zacc=z,
             xgyro=round(quad.roll_rate * 1000), ygyro=round(quad.pitch_rate * 1000),
@@ -226,7 +240,7 @@ class MotionMessages(Builders):
     def _pressure(self) -> bytes:
         height = self._s.world.options.altitude_amsl_m + self._s.world.quad.height_m
         return self._pack(
-            "SCALED_PRESSURE", time_boot_ms=self._ms, press_abs=_pressure_hpa(height),
+            "SCALED_PRESSURE", time_boot_ms=self._ms, press_abs=pressure_hpa(height),
             press_diff=0.0, temperature=1177, temperature_press_diff=0,
         )  # fmt: skip
 
@@ -265,6 +279,21 @@ class MotionMessages(Builders):
             afz=c.wish_az, yaw=c.yaw_wish, yaw_rate=0.0,
         )  # fmt: skip
 
+    def _waypoint(self) -> bytes | None:
+        c, nav, commander = self._s.control, self._s.navigation, self._s.commander
+        target = c.target
+        flying = commander.armed and not commander.landed
+        if not flying or commander.mode not in AUTO_MODES or not math.isfinite(target.x):
+            return None
+        latitude, longitude = nav.origin.reproject(target.x, target.y)
+        return self._pack(
+            "POSITION_TARGET_GLOBAL_INT", time_boot_ms=self._ms, coordinate_frame=5, type_mask=0,
+            lat_int=round(latitude * 1e7), lon_int=round(longitude * 1e7),
+            alt=nav.origin_altitude_m - target.z if math.isfinite(target.z) else 0.0,
+            vx=c.wish_vx, vy=c.wish_vy, vz=c.wish_vz, afx=c.wish_ax, afy=c.wish_ay,
+            afz=c.wish_az, yaw=c.yaw_wish, yaw_rate=0.0,
+        )  # fmt: skip
+
     def _origin(self) -> bytes:
         nav = self._s.navigation
         return self._pack(
@@ -289,38 +318,3 @@ class MotionMessages(Builders):
             vibration_y=0.095 if flying else 0.0, vibration_z=1.4 if flying else 0.2,
             clipping_0=0, clipping_1=0, clipping_2=0,
         )  # fmt: skip
-
-
-def quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, float, float, float]:
-    """Return w, x, y, z of roll, pitch, yaw."""
-    sin_r, cos_r = math.sin(roll / 2), math.cos(roll / 2)
-    sin_p, cos_p = math.sin(pitch / 2), math.cos(pitch / 2)
-    sin_y, cos_y = math.sin(yaw / 2), math.cos(yaw / 2)
-    return (
-        cos_r * cos_p * cos_y + sin_r * sin_p * sin_y,
-        sin_r * cos_p * cos_y - cos_r * sin_p * sin_y,
-        cos_r * sin_p * cos_y + sin_r * cos_p * sin_y,
-        cos_r * cos_p * sin_y - sin_r * sin_p * cos_y,
-    )
-
-
-def _body_acceleration(world: World) -> tuple[float, float, float]:
-    """Return the specific force in the body's axes (m/s²): drag along x and y, thrust along z."""
-    quad = world.quad
-    n, e, d = quad.acc_n, quad.acc_e, quad.acc_d - GRAVITY_MPS2
-    sin_r, cos_r = math.sin(quad.roll), math.cos(quad.roll)
-    sin_p, cos_p = math.sin(quad.pitch), math.cos(quad.pitch)
-    sin_y, cos_y = math.sin(quad.yaw), math.cos(quad.yaw)
-    forward, right = n * cos_y + e * sin_y, -n * sin_y + e * cos_y
-    down = forward * sin_p + d * cos_p
-    return (
-        forward * cos_p - d * sin_p,
-        right * cos_r + down * sin_r,
-        -right * sin_r + down * cos_r,
-    )
-
-
-def _pressure_hpa(altitude_m: float) -> float:
-    """Return the standard atmosphere's pressure."""
-    result: float = 1013.25 * (1.0 - altitude_m / 44330.77) ** 5.2559
-    return result

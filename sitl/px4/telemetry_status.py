@@ -6,11 +6,13 @@ Field values, sentinels included, follow recordings of PX4 v1.17.0.
 import math
 from typing import Final
 
-from sitl.px4.builders import Builder, Builders, Sources
+from sitl.builders import Builder
+from sitl.instruments import quaternion
+from sitl.px4.builders import Builders, Sources
 from sitl.px4.modes import Mode
-from sitl.px4.telemetry_motion import quaternion
 from sitl.world import EPOCH_US
 
+_STICKS_BIT: Final = 1 << 16
 _BATTERY_BIT: Final = 1 << 25
 _PREARM_BIT: Final = 1 << 28
 _CURRENT_UNKNOWN_CA: Final = -100
@@ -68,6 +70,9 @@ class StatusMessages(Builders):
             health = 0x0320C83F if nav.position_valid else 0x0320883F
             if commander.can_arm:
                 health |= _PREARM_BIT
+            if commander.sticks_present:
+                present |= _STICKS_BIT
+                health |= _STICKS_BIT
         if commander.charge > 1:
             health &= ~_BATTERY_BIT
         battery = s.world.battery
@@ -165,7 +170,10 @@ class StatusMessages(Builders):
     def _event_sequence(self) -> bytes:
         return self._pack("CURRENT_EVENT_SEQUENCE", sequence=self._s.voice.sequence, flags=0)
 
-    def _gnss_integrity(self) -> bytes:
+    def _gnss_integrity(self) -> bytes | None:
+        fix = self._s.navigation.estimator.fix
+        if fix is None or not fix.alive:
+            return None
         return self._pack(
             "GNSS_INTEGRITY", id=4, system_errors=0, authentication_state=0, jamming_state=0,
             spoofing_state=0, raim_state=0, raim_hfom=65535, raim_vfom=65535,
@@ -189,8 +197,11 @@ class StatusMessages(Builders):
             barometer_accuracy=0, speed_accuracy=3, timestamp=65535.0, timestamp_accuracy=0,
         )  # fmt: skip
 
-    def _remote_id_system(self) -> bytes:
+    def _remote_id_system(self) -> bytes | None:
         nav = self._s.navigation
+        fix = nav.estimator.fix
+        if fix is None or not fix.fix_type:
+            return None
         return self._pack(
             "OPEN_DRONE_ID_SYSTEM", target_system=0, target_component=0, id_or_mac=(0,) * 20,
             operator_location_type=0, classification_type=0,

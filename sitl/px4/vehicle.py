@@ -5,28 +5,32 @@ the links. Behaviour as measured on PX4 v1.17.0.
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from typing import Any, Final
 
-from sitl.conditions import Conditions
+from sitl import simulation
+from sitl.commands import ACCEPTED, DENIED, FAILED, Command, acknowledgement
+from sitl.control import PositionControl
 from sitl.links import Link, Router
+from sitl.parameter_server import ParameterServer
+from sitl.parameters import Parameters
 from sitl.px4 import voice as say
 from sitl.px4.builders import Sources
 from sitl.px4.commander import Commander, Parts
-from sitl.px4.commands import Command, Commands
-from sitl.px4.control import PositionControl
+from sitl.px4.commands import Commands
 from sitl.px4.flight import FlightTasks
+from sitl.px4.forwarding import forward
+from sitl.px4.gains import gains
 from sitl.px4.inbox import Inbox, Receivers
 from sitl.px4.modes import AUTO_MODES, Mode
 from sitl.px4.navigation import Navigation
 from sitl.px4.offboard import OffboardStream
-from sitl.px4.parameter_server import ParameterServer
-from sitl.px4.parameters import Parameters
 from sitl.px4.services import AVAILABLE_MODES, autopilot_version, protocol_version
-from sitl.px4.sticks import Sticks
 from sitl.px4.streams import FIRST_PACKETS_US, IDS, Schedule
 from sitl.px4.takeoff import TakeoffRamp
 from sitl.px4.telemetry import Telemetry
+from sitl.radio import Radio
+from sitl.sticks import Sticks
 from sitl.wire import layout
 from sitl.world import TICK_S, World
 
@@ -35,34 +39,17 @@ _AUTOPILOT_VERSION_ID: Final = 148
 _PROTOCOL_VERSION_ID: Final = 300
 _COMPONENT_METADATA_ID: Final = 397
 _AVAILABLE_MODES_ID: Final = 435
-_RADIO_PERIOD_US: Final = 1_000_000
 _DRIFT_RADPS: Final = 0.02
-_SIMULATION_FIELDS: Final = {
-    "SIM_BATT_DRAIN": "drain_factor",
-    "SIM_BATT_PCT": "battery_percent",
-    "SIM_GPS_HDOP": "hdop",
-    "SIM_GPS_MODE": "gps_mode",
-    "SIM_GPS_NOISE": "gps_noise_factor",
-    "SIM_GPS_SATS": "satellites",
-    "SIM_LINK_LOSS": "link_loss_percent",
-    "SIM_LINK_NOISE": "radio_noise",
-    "SIM_LINK_RSSI": "radio_rssi",
-    "SIM_WIND_DIR": "wind_from_deg",
-    "SIM_WIND_GUST": "gust_mps",
-    "SIM_WIND_SPD": "wind_mps",
-}
 
 
 class Px4Manner:
     """PX4's behaviour over a world and its links."""
 
-    def __init__(self, world: World, router: Router, *, parameters: Mapping[str, float]) -> None:
-        """Boot now. `parameters` replace defaults, SIM_ parameters included."""
+    def __init__(self, world: World, router: Router, parameters: Parameters) -> None:
+        """Boot now."""
         self._world = world
         self._router = router
-        self.parameters = Parameters(parameters)
-        for name in parameters:
-            self._apply_simulation(name)
+        self.parameters = parameters
         self.sticks = Sticks()
         generator = world.random
         self._drift_radps = math.copysign(_DRIFT_RADPS, generator.uniform(-1.0, 1.0))
@@ -75,7 +62,7 @@ class Px4Manner:
         self.navigation = Navigation(world, self._boot_us)
         self.voice = say.Voice(world, router, self._boot_us)
         self.stream = OffboardStream()
-        self.control_loop = PositionControl(self.parameters, world.quad, self._drift_radps)
+        self.control_loop = PositionControl(gains(self.parameters), world.quad, self._drift_radps)
         self.tasks = FlightTasks(self.parameters, self.control_loop, world.quad, self._bias)
         self.ramp = TakeoffRamp(self.parameters)
         self.commander = Commander(
@@ -102,9 +89,7 @@ class Px4Manner:
                 boot_us=self._boot_us,
             )
         )
-        self.commands = Commands(
-            self, self.commander, self.tasks, self.navigation, self.parameters, self.voice
-        )
+        self.commands = Commands(self, self.commander, self.tasks, self.navigation, self.voice)
         self._server = ParameterServer(self.parameters, self.set_parameter)
         self._inbox = Inbox(
             Receivers(
@@ -123,7 +108,7 @@ class Px4Manner:
         ]
         self._later: list[Callable[[], None]] = []
         self._fixes_sent = world.estimator.fix_number
-        self._next_radio_us = self._boot_us + _RADIO_PERIOD_US
+        self._radio = Radio(world, router)
         self._spoken = False
         self._counters: dict[str, tuple[int, int, int]] = {}
 
@@ -154,66 +139,52 @@ class Px4Manner:
         self._world.quad.demand.spinning = False
         self._boot()
 
-    def forwards(self, link: Link) -> bool:
-        """Whether a link forwards: MAV_0_FORWARD for ground stations, MAV_1_FORWARD onboard."""
-        name = "MAV_0_FORWARD" if link.profile == "normal" else "MAV_1_FORWARD"
-        return self.parameters.value(name) == 1
-
     def set_parameter(self, name: str, value: float) -> None:
         """Set a parameter and let it act; `KeyError`, `ValueError` when it is refused."""
         self.parameters.set(name, value)
-        self.control_loop.refresh(self.parameters)
-        self._apply_simulation(name)
-
-    def _apply_simulation(self, name: str) -> None:
-        field = _SIMULATION_FIELDS.get(name)
-        if field is None:
-            return
-        conditions: Conditions = self._world.conditions
-        value: float | None = self.parameters.value(name)
-        if name == "SIM_LINK_RSSI" and value is not None and value < 0.0:
-            value = None
-        setattr(conditions, field, value)
+        self.control_loop.gains = gains(self.parameters)
+        simulation.apply(name, self.parameters, self._world.conditions)
 
     # Messages in
 
     def receive(self, link: str, message: Any) -> None:
-        """Take one message; what is not for the autopilot is ignored."""
+        """Forward a message, and take it if it is for the autopilot."""
+        forward(self._router, self._router.links[link], message, self._forwards)
         self._inbox.take(link, message)
+
+    def _forwards(self, link: Link) -> bool:
+        """Tell by MAV_0_FORWARD for ground stations, MAV_1_FORWARD onboard."""
+        name = "MAV_0_FORWARD" if link.profile == "normal" else "MAV_1_FORWARD"
+        return self.parameters.value(name) == 1
 
     # Answers
 
-    def acknowledge(self, command: Command, result: int, *, later: bool = False) -> None:
-        """Send a COMMAND_ACK to the sender, now or in the next tick."""
-        payload = layout("COMMAND_ACK").payload(
-            command=command.number,
-            result=result,
-            progress=0,
-            result_param2=0,
-            target_system=command.system,
-            target_component=command.component,
-        )
-        if later:
-            self._later.append(lambda: self._send(command.link, "COMMAND_ACK", payload))
-        else:
-            self._send(command.link, "COMMAND_ACK", payload)
+    def acknowledge(self, command: Command, result: int) -> None:
+        """Send a COMMAND_ACK to the sender."""
+        self._send(command.link, "COMMAND_ACK", acknowledgement(command, result))
 
-    def set_interval(self, link: str, msgid: int, interval_us: int) -> bool:
-        """Set a message interval on a link; False where PX4 fails."""
-        return self._schedule(link).set(msgid, interval_us, self._world.now_us)
+    def acknowledge_later(self, command: Command, result: int) -> None:
+        """Send a COMMAND_ACK to the sender in the next tick."""
+        self._later.append(lambda: self.acknowledge(command, result))
 
-    def send_interval(self, link: str, msgid: int) -> None:
-        """Send MESSAGE_INTERVAL."""
+    def set_interval(self, link: str, msgid: int, interval_us: int) -> int:
+        """Set a message interval on a link; returns the result."""
+        done = self._schedule(link).set(msgid, interval_us, self._world.now_us)
+        return ACCEPTED if done else FAILED
+
+    def send_interval(self, link: str, msgid: int) -> int:
+        """Send MESSAGE_INTERVAL; returns the result."""
         interval_us = self._schedule(link).interval_us(msgid)
         payload = layout("MESSAGE_INTERVAL").payload(message_id=msgid, interval_us=interval_us)
         self._send(link, "MESSAGE_INTERVAL", payload)
+        return ACCEPTED
 
-    def send_message(self, link: str, msgid: int) -> bool:
-        """Send a message once; False when there is no such data."""
+    def send_message(self, link: str, msgid: int) -> int:
+        """Send a message once; returns the result, DENIED when there is no such data."""
         if msgid == _AVAILABLE_MODES_ID:
             for payload in AVAILABLE_MODES:
                 self._send(link, "AVAILABLE_MODES", payload)
-            return True
+            return ACCEPTED
         name = IDS.get(msgid, "GPS_GLOBAL_ORIGIN" if msgid == _GPS_GLOBAL_ORIGIN_ID else "")
         special = {
             _AUTOPILOT_VERSION_ID: ("AUTOPILOT_VERSION", autopilot_version),
@@ -221,15 +192,19 @@ class Px4Manner:
         }.get(msgid)
         if special is not None:
             self._send(link, special[0], special[1]())
-            return True
+            return ACCEPTED
         builder = self.telemetry.builders.get(name)
         made = builder() if builder is not None else None
         if name == "LINK_NODE_STATUS":
             made = self._link_status(self._router.links[link])
         if made is None:
-            return False
+            return DENIED
         self._send(link, name, made)
-        return True
+        return ACCEPTED
+
+    def restart(self) -> None:
+        """Restart as commanded."""
+        self.reboot()
 
     def _schedule(self, name: str) -> Schedule:
         return next(schedule for link, schedule in self._schedules if link.name == name)
@@ -300,7 +275,8 @@ class Px4Manner:
         self._fixes_sent = world.estimator.fix_number
         made: dict[str, bytes | None] = {}
         for link, schedule in self._schedules:
-            names = schedule.due(now_us)
+            rate = world.conditions.link_rate_bytes_per_s if link.profile == "onboard" else None
+            names = schedule.due(now_us, rate)
             if new_fix and schedule.unlimited("GPS_RAW_INT"):
                 names.append("GPS_RAW_INT")
             for name in names:
@@ -317,11 +293,10 @@ class Px4Manner:
                     payload = made[name] = builder() if builder is not None else None
                 if payload is not None:
                     link.send(layouts[name], payload)
+                    schedule.sent(layouts[name])
             for payload in self._server.due(link.name):
                 link.send(layout("PARAM_VALUE"), payload)
-        if now_us >= self._next_radio_us:
-            self._next_radio_us += _RADIO_PERIOD_US
-            self._radio()
+        self._radio.step()
 
     def _first_words(self) -> None:
         self._spoken = True
@@ -331,23 +306,6 @@ class Px4Manner:
             origin = self.telemetry.builders["GPS_GLOBAL_ORIGIN"]()
             if origin is not None:
                 link.send(layout("GPS_GLOBAL_ORIGIN"), origin)
-
-    def _radio(self) -> None:
-        conditions = self._world.conditions
-        if conditions.radio_rssi is None:
-            return
-        remote = conditions.radio_remote_rssi
-        payload = layout("RADIO_STATUS").payload(
-            rssi=round(conditions.radio_rssi),
-            remrssi=round(conditions.radio_rssi if remote is None else remote),
-            txbuf=95,
-            noise=round(conditions.radio_noise),
-            remnoise=round(conditions.radio_noise),
-            rxerrors=0,
-            fixed=0,
-        )
-        for link in self._router.links.values():
-            link.send_as_radio(layout("RADIO_STATUS"), payload)
 
     def _link_status(self, link: Link) -> bytes:
         sent_bytes, received_bytes, at_us = self._counters.get(link.name, (0, 0, self._boot_us))

@@ -1,9 +1,15 @@
-"""The demonstration as a user flies it: real processes, real UDP, real time."""
+"""The demonstration as a user flies it: real processes, real UDP, real time or faster."""
 
+import collections
 import json
+import os
+import pty
+import select
+import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import psutil
@@ -13,6 +19,8 @@ from pymavlink import mavutil
 
 from moar_companion import Mission, Planner, RiskIndices, Site, Vehicle
 from moar_companion.config import shipped_configs
+from sitl.demonstration import fly as demonstration
+from sitl.demonstration.judge import read_truth
 
 ROOT = Path(__file__).parents[2]
 
@@ -28,20 +36,41 @@ def fly(*arguments, timeout_s=300):
     )
 
 
-@pytest.mark.slow
-def test_the_demonstration_flies_two_splices_and_the_exit_lands_and_draws_its_picture(tmp_path):
-    flown = fly("--out", str(tmp_path))
+def refused(capsys, *arguments):
+    """What is said of arguments with which nothing is flown."""
+    try:
+        status = demonstration.main(["--headless", *arguments])
+    except SystemExit as ended:  # argparse's
+        status = ended.code
+    assert status == 2
+    return capsys.readouterr().err
+
+
+def flown_well(folder, *arguments):
+    """What was decided on a flight without fault, on the simulator's clock whatever its speed."""
+    flown = fly("--out", str(folder), *arguments)
     assert flown.returncode == 0, flown.stdout + flown.stderr
     assert flown.stdout.endswith("mission flown and landed\n")
     assert flown.stderr == ""
+    decisions = [json.loads(line) for line in (folder / "decisions.jsonl").read_text().splitlines()]
+    states = [
+        (item["time_s"], item["data"]["state"]) for item in decisions if item["kind"] == "state"
+    ]
+    assert [state for _, state in states].count("at_target") == 2
+    # It stays 5 s at a target.
+    at_target_s = next(time_s for time_s, state in states if state == "at_target")
+    after_s = next(time_s for time_s, _ in states if time_s > at_target_s)
+    assert after_s - at_target_s == pytest.approx(5.0, abs=0.5)
+    return decisions
+
+
+@pytest.mark.slow
+def test_the_demonstration_flies_two_splices_and_the_exit_lands_and_draws_its_picture(tmp_path):
+    decisions = flown_well(tmp_path, "--speed", "2")
     with Image.open(tmp_path / "flight.png") as picture:
         assert min(picture.size) > 800
         assert len(picture.convert("RGB").getcolors(1 << 24)) > 1000
-    decisions = [
-        json.loads(line) for line in (tmp_path / "decisions.jsonl").read_text().splitlines()
-    ]
     states = [item["data"]["state"] for item in decisions if item["kind"] == "state"]
-    assert states.count("at_target") == 2
     assert states.index("landing_leg") > states.index("at_target")
     wind = [item["data"]["risk"]["wind"] for item in decisions if item["kind"] == "status"]
     assert max(wind) > 0.5
@@ -65,6 +94,49 @@ def test_the_demonstration_flies_two_splices_and_the_exit_lands_and_draws_its_pi
     } <= seen
 
 
+@pytest.mark.slow
+def test_ardupilot_is_flown_four_times_as_fast(tmp_path):
+    flown_well(tmp_path, "--autopilot", "ardupilot", "--speed", "4")
+
+
+@pytest.mark.slow
+def test_a_machine_that_is_too_slow_is_told_so(tmp_path):
+    flown = fly("--speed", "500", "--out", str(tmp_path))
+    assert flown.returncode == 1
+    assert "is --speed 500 too much for this machine?" in flown.stdout
+    assert "Traceback" not in flown.stderr
+
+
+@pytest.mark.slow
+def test_on_a_terminal_the_service_is_watched_and_what_was_said_stays(tmp_path):
+    ours, theirs = pty.openpty()
+    with subprocess.Popen(
+        [sys.executable, "-m", "sitl.demonstration", "--out", str(tmp_path)],
+        cwd=ROOT,
+        env={**os.environ, "TERM": "xterm", "COLUMNS": "100", "LINES": "30"},
+        stdout=theirs,
+        stderr=theirs,
+    ) as running:
+        shown = b""
+        deadline_s = time.monotonic() + 60.0
+        while b"px4, system 1" not in shown and time.monotonic() < deadline_s:
+            if select.select([ours], [], [], 0.1)[0]:
+                shown += os.read(ours, 65_536)
+        assert b"px4, system 1" in shown
+        running.send_signal(signal.SIGINT)
+        while running.poll() is None:
+            if select.select([ours], [], [], 0.1)[0]:
+                shown += os.read(ours, 65_536)
+    while select.select([ours], [], [], 0)[0]:
+        shown += os.read(ours, 65_536)
+    os.close(ours)
+    os.close(theirs)
+    _, _, after_the_view = shown.rpartition(b"\x1b[?1049l")
+    assert running.returncode == 1
+    assert b"waiting for autopilot and companion" in after_the_view
+    assert b"stopped by the user" in after_the_view
+
+
 @pytest.mark.parametrize(
     ("arguments", "named"),
     [
@@ -74,14 +146,26 @@ def test_the_demonstration_flies_two_splices_and_the_exit_lands_and_draws_its_pi
         (("--out", "/dev/null/x"), "/dev/null/x"),
         (("--out", "/sys"), "/sys"),
         (("--speed-of-light",), "--speed-of-light"),
+        (("--speed", "0"), "--speed"),
+        (("--speed=-2",), "--speed"),
+        (("--speed", "inf"), "--speed"),
+        (("--speed", "nan"), "--speed"),
+        (("--speed", "fast"), "--speed"),
+        (("--autopilot", "betaflight"), "betaflight"),
     ],
 )
-def test_bad_input_is_one_line_and_status_2(arguments, named, tmp_path):
+def test_bad_input_is_one_line_and_status_2(arguments, named, tmp_path, capsys):
     out = () if "--out" in arguments else ("--out", str(tmp_path))
-    flown = fly(*arguments, *out, timeout_s=60)
-    assert flown.returncode == 2
-    assert flown.stderr.count("\n") == 1
-    assert named in flown.stderr
+    said = refused(capsys, *arguments, *out)
+    assert said.count("\n") == 1
+    assert named in said
+
+
+def test_a_user_sees_that_line_and_status(tmp_path):
+    flown = fly("--site", "missing.yaml", "--out", str(tmp_path), timeout_s=60)
+    assert (flown.returncode, flown.stdout) == (2, "")
+    assert flown.stderr.startswith("sitl/fly: ")
+    assert flown.stderr.endswith("missing.yaml: no such file\n")
 
 
 def test_the_wind_of_the_demonstration_moves_its_path_away_from_the_conductors():
@@ -100,11 +184,41 @@ def test_the_wind_of_the_demonstration_moves_its_path_away_from_the_conductors()
     assert clearance_m[1] > clearance_m[0] + 0.2
 
 
-def test_a_folder_that_holds_a_flight_is_not_flown_into_again(tmp_path):
+def test_a_folder_that_holds_a_flight_is_not_flown_into_again(tmp_path, capsys):
     (tmp_path / "truth.csv").write_text("kept")
-    flown = fly("--out", str(tmp_path), timeout_s=60)
-    assert (flown.returncode, flown.stderr.count("\n")) == (2, 1)
+    assert refused(capsys, "--out", str(tmp_path)).count("\n") == 1
     assert (tmp_path / "truth.csv").read_text() == "kept"
+
+
+@pytest.mark.parametrize("missing", ["targets", "landing"])
+def test_a_site_that_the_script_cannot_be_flown_on_is_refused(tmp_path, missing, capsys):
+    lines = (shipped_configs() / "sites" / "315kv_double_circuit.yaml").read_text().splitlines()
+    kept, skipping = [], False
+    for line in lines:
+        if not line.startswith((" ", "#", "-")) and line:
+            skipping = line.startswith(f"{missing}:")
+        kept += [] if skipping else [line]
+    site = tmp_path / "site.yaml"
+    site.write_text("\n".join(kept))
+    said = refused(capsys, "--site", str(site), "--out", str(tmp_path / "out"))
+    assert said == f"sitl/fly: {site}: must have targets and landing.exit to be flown\n"
+
+
+def test_a_full_disk_is_refused_before_the_flight(tmp_path, monkeypatch, capsys):
+    usage = collections.namedtuple("usage", "total used free")  # noqa: PYI024 - shutil's own
+    monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10**9, 10**9 - 10**6, 10**6))
+    said = f"sitl/fly: --out: {tmp_path} has 1 MB free, must be at least 50\n"
+    assert refused(capsys, "--out", str(tmp_path)) == said
+
+
+def test_a_row_of_the_truth_that_a_full_disk_cut_short_is_left_out(tmp_path):
+    site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+    header = "time_s,latitude_deg,longitude_deg,altitude_amsl_m,on_ground,armed\n"
+    row = "1.0,45.3781,-71.9295,215.0,0,1\n"
+    for cut in range(len(row)):
+        (tmp_path / "truth.csv").write_text(f"# a comment\n{header}{row}{row[:cut]}")
+        (read,) = read_truth(tmp_path / "truth.csv", site)
+        assert read.armed
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])

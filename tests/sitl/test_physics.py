@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from sitl.battery import Battery, BatteryOptions
 from sitl.conditions import Conditions, Wind
-from sitl.geodesy import Geodetic, SphereProjection, TrueFrame
+from sitl.geodesy import FlatProjection, Geodetic, SphereProjection, TrueFrame
 from sitl.quadrotor import GRAVITY_MPS2, Airframe, Quadrotor
 
 DT = 0.01
@@ -162,9 +162,10 @@ def test_true_frame_there_and_back(north_m, east_m, down_m):
     assert back == pytest.approx((north_m, east_m, down_m), abs=1e-6)
 
 
+@pytest.mark.parametrize("kind", [SphereProjection, FlatProjection])
 @given(st.floats(-3000, 3000), st.floats(-3000, 3000))
-def test_px4s_projection_there_and_back(north_m, east_m):
-    projection = SphereProjection(ZURICH.latitude_deg, ZURICH.longitude_deg)
+def test_an_autopilots_projection_there_and_back(kind, north_m, east_m):
+    projection = kind(ZURICH.latitude_deg, ZURICH.longitude_deg)
     back = projection.project(*projection.reproject(north_m, east_m))
     assert back == pytest.approx((north_m, east_m), abs=1e-3)
 
@@ -176,3 +177,20 @@ def test_px4s_map_and_the_ellipsoid_differ_by_metres_per_kilometre():
     north_m, east_m = projection.project(place.latitude_deg, place.longitude_deg)
     assert 0.1 < abs(north_m - 1000.0) < 3.0
     assert 1.0 < abs(east_m - 1000.0) < 5.0
+
+
+def test_ardupilots_map_scales_degrees_by_one_radius_and_the_middle_latitude():
+    flat = FlatProjection(60.0, 10.0)
+    north_m, east_m = flat.project(60.001, 10.001)
+    assert north_m == pytest.approx(111.3189, abs=0.001)
+    assert east_m == pytest.approx(111.3189 * math.cos(math.radians(60.0005)), abs=0.001)
+    assert flat.project(60.0, 10.0) == (0.0, 0.0)
+
+
+def test_quadratic_drag_leans_as_ardupilots_simulation_does():
+    quad = _flying(pitch_rad=-math.radians(30.0))
+    quad.airframe = Airframe(drag_per_s=0.265, drag_per_m=0.030)
+    quad.demand.thrust = 0.5 / math.cos(math.radians(30.0))
+    for _ in range(4000):
+        quad.step(DT, 0.0, 0.0, 0.0)
+    assert quad.vn == pytest.approx(10.0, abs=0.2)

@@ -4,6 +4,8 @@ import math
 
 import pytest
 
+from .conftest import fly_square
+
 NAN = math.nan
 
 
@@ -82,20 +84,11 @@ def test_velocity_is_feed_forward_without_a_speed_limit(airborne):
     assert fastest_mps > 8.0
 
 
-def test_a_moving_reference_is_followed_within_a_metre(airborne):
-    start_s = airborne.now_s
-
-    def along(flight):
-        x = 0.7 * (flight.now_s - start_s)
-        flight.companion.setpoint(x, 0.0, -10.0, v=(0.7, 0.0, 0.0))
-
-    airborne.stream = along
-    worst_m = 0.0
-    for _ in range(100):
-        airborne.run(0.2)
-        local = airborne.companion.last("LOCAL_POSITION_NED")
-        worst_m = max(worst_m, abs(local.x - 0.7 * (airborne.now_s - start_s)), abs(local.y))
-    assert worst_m < 1.0
+def test_a_moving_point_is_followed_within_half_a_metre(airborne):
+    """PX4 itself: 0.46 m on average, 0.98 m at most, the noise of its receiver included."""
+    errors = fly_square(airborne, 20)
+    assert sum(errors) / len(errors) == pytest.approx(0.15, abs=0.02)
+    assert max(errors) == pytest.approx(0.59, abs=0.06)
 
 
 def test_yaw_is_followed_and_without_yaw_the_heading_drifts(airborne):
@@ -105,7 +98,7 @@ def test_yaw_is_followed_and_without_yaw_the_heading_drifts(airborne):
     airborne.hold_at(mask=0xDC0)
     airborne.run(4.0)
     drift_deg = abs(math.degrees(airborne.truth.attitude_rad[2] - 1.0))
-    assert 1.0 < drift_deg < 10.0
+    assert drift_deg == pytest.approx(4.2, abs=0.2)
 
 
 @pytest.mark.parametrize("timeout_s", [0.5, 1.0, 2.0])
@@ -185,6 +178,29 @@ def test_hold_from_the_ground_station_wins_at_once_and_stays(airborne):
     assert airborne.truth.mode == "AUTO.LOITER"
     assert airborne.mode(airborne.companion, (6, 0)) == [0, 0]
     assert airborne.truth.mode == "OFFBOARD"
+
+
+def test_coming_back_to_offboard_chases_the_setpoint_that_ran_ahead(airborne):
+    start_s = airborne.now_s
+    airborne.stream = lambda f: f.companion.setpoint(0.7 * (f.now_s - start_s), v=(0.7, 0.0, 0.0))
+    airborne.run(3.0)
+    airborne.mode(airborne.gcs, (4, 3))
+    airborne.run(20.0)
+    airborne.mode(airborne.companion, (6, 0))
+    speeds = airborne.watch(6.0, lambda f: f.truth.velocity_ned_mps[0])
+    assert max(speeds) > 3.0
+
+
+@pytest.mark.parametrize(("mode", "title"), [((2, 0), "ALTCTL"), ((1, 0), "MANUAL")])
+def test_in_altitude_and_manual_mode_the_stick_leans_the_vehicle(airborne, mode, title):
+    airborne.vehicle.move_sticks()
+    airborne.run(0.2)
+    assert airborne.mode(airborne.gcs, mode)[-1] == 0
+    airborne.vehicle.move_sticks(pitch=0.6)
+    airborne.run(1.5)
+    assert airborne.truth.mode == title
+    assert airborne.truth.attitude_rad[1] < -0.1
+    assert airborne.truth.velocity_ned_mps[0] > 0.5
 
 
 def test_position_mode_without_sticks_is_acked_and_then_refused(airborne):

@@ -1,50 +1,49 @@
 """Comparison with recordings of PX4 v1.17.0: message sets, rates, lengths, sentinels."""
 
 import math
-import struct
 from collections import defaultdict
-from pathlib import Path
+from functools import cache
 
 import pytest
-from pymavlink.dialects.v20 import all as mavlink
 
-RECORDINGS = Path(__file__).parents[3] / "shared" / "traces" / "px4"
-pytestmark = [
-    pytest.mark.recordings,
-    pytest.mark.skipif(not RECORDINGS.is_dir(), reason="no recordings beside the checkout"),
-]
+from sitl.conditions import GPS_NORMAL, GPS_SILENT
+
+from .replay import (
+    NAMES,
+    RECORDINGS,
+    Situation,
+    check_constants,
+    check_counts,
+    check_course,
+    check_sensors,
+    in_one_process,
+    name,
+    own,
+    packets,
+    parameter,
+    recorded,
+    replay,
+    world,
+)
+
+pytestmark = recorded
 PACED_BY_EVENTS = {"EVENT", "PARAM_VALUE", "GPS_GLOBAL_ORIGIN", "COMMAND_ACK", "STATUSTEXT"}
-NAMES = {8: "LINK_NODE_STATUS", 380: "TIME_ESTIMATE_TO_TARGET", 410: "EVENT",
-         411: "CURRENT_EVENT_SEQUENCE"}  # fmt: skip
 RECORDED_CLOCK = 0.981
 """Simulated seconds per recorded second in these recordings."""
 
 
-def _read(name):
+def _read(recording):
     """Yield (seconds, message, packet) of the autopilot's own packets."""
-    data = (RECORDINGS / name).read_bytes()
-    mav = mavlink.MAVLink(None)
-    at, start_s = 0, None
-    while at + 8 < len(data):
-        time_s = struct.unpack(">Q", data[at : at + 8])[0] / 1e6
-        at += 8
-        size = data[at + 1] + 12 + (13 if data[at + 2] & 1 else 0)
-        raw = data[at : at + size]
-        at += size
-        start_s = time_s if start_s is None else start_s
-        if raw[5:7] == b"\x01\x01":
-            yield time_s - start_s, mav.decode(bytearray(raw)), raw
-
-
-def _name(message):
-    kind = message.get_type()
-    return NAMES[int(kind[8:])] if kind.startswith("UNKNOWN_") else kind
+    path = RECORDINGS / "px4" / recording
+    start_s = next(packets(path))[0]
+    for t, message, raw in own(path):
+        yield t - start_s, message, raw
 
 
 def _rates(rows):
     times = defaultdict(list)
     for t, message, _ in rows:
-        times[_name(message)].append(t)
+        times[name(message)].append(t)
     return {
         kind: (len(seen) - 1) / (seen[-1] - seen[0])
         for kind, seen in times.items()
@@ -77,14 +76,14 @@ def test_the_set_of_messages_and_their_rates_are_px4s(make_flight, recording, en
         hz = real[kind] / RECORDED_CLOCK
         slack = 0.04 if hz < 1.0 else 0.0
         assert fake[kind] == pytest.approx(hz, rel=0.12, abs=slack), kind
-    assert not set(fake) - {_name(message) for _, message, _ in rows} - PACED_BY_EVENTS
+    assert not set(fake) - {name(message) for _, message, _ in rows} - PACED_BY_EVENTS
 
 
 def _airborne_values(rows, since, until):
     last = {}
     for t, message, _ in rows:
         if since <= t <= until:
-            last[_name(message)] = message
+            last[name(message)] = message
     return last
 
 
@@ -176,15 +175,15 @@ def test_the_climb_to_ten_metres_follows_px4s(make_flight):
         assert fake[at_s] == pytest.approx(real[at_s], abs=0.8), at_s
 
 
-def test_wind_cov_settles_as_slowly_as_px4s(airborne):
+def test_wind_cov_has_px4s_accuracies_and_no_vertical_wind(airborne):
     fields = next(
         m for _, m, _ in _read("c1_wind_v118.companion.tlog") if m.get_type() == "WIND_COV"
     ).to_dict()
     airborne.vehicle.set_parameter("EKF2_DRAG_CTRL", 1)
     airborne.run(1.0)
     ours = airborne.companion.last("WIND_COV").to_dict()
-    for name in ("wind_z", "var_vert", "horiz_accuracy", "vert_accuracy"):
-        assert ours[name] == fields[name], name
+    for field in ("wind_z", "var_vert", "horiz_accuracy", "vert_accuracy"):
+        assert ours[field] == fields[field], field
 
 
 def _events(packets):
@@ -214,3 +213,104 @@ def test_events_have_px4s_numbers_levels_and_arguments(make_flight):
     assert {26266355, 21054825, 21826980, 19404811, 28121863, 30481910, 26528394} <= shared
     for number in shared:
         assert fake[number] == real[number], number
+
+
+COMPANION_ONLY = {"links": ("companion",)}
+SITUATIONS = {
+    "start, modes and take-off": Situation(recordings=("a1_boot_offboard_takeoff",)),
+    "a battery that drains": Situation(
+        recordings=("b1_battery_drain",),
+        actions=(
+            (76.2, world(battery_percent=14.9)),
+            (82.0, world(battery_percent=6.9)),
+            (84.5, world(battery_percent=4.9)),
+        ),
+        **COMPANION_ONLY,
+    ),
+    "fewer satellites": Situation(
+        recordings=("d1_gps_degradation",),
+        actions=(
+            (16.08, world(satellites=8)),
+            (20.04, world(satellites=6)),
+            (23.99, world(satellites=4)),
+            (27.97, world(satellites=3)),
+        ),
+        until_s=47.0,
+        **COMPANION_ONLY,
+    ),
+    "a silent receiver": Situation(
+        recordings=("d3_gps_silent_v117",),
+        actions=(
+            (19.16, parameter("EKF2_DRAG_CTRL", 1)),
+            (27.1, world(gps_mode=GPS_SILENT)),
+            (42.0, world(gps_mode=GPS_NORMAL)),
+        ),
+        # A silent receiver speaks once a second; ready to arm and sure again later than usual.
+        slack_s={"receiver": 1.0, "health": 2.4},
+        **COMPANION_ONLY,
+    ),
+    "the pilot overrides": Situation(
+        recordings=("e1_pilot_override",),
+        actions=((51.87, parameter("COM_RC_OVERRIDE", 3)),),
+    ),
+    "a radio at the ground station": Situation(recordings=("f1_radio_rc",), until_s=39.7),
+    "messages between the links": Situation(recordings=("g1_routing",), until_s=33.0),
+    "no ground station": Situation(
+        recordings=("k1_nogcs_autopilot_restart",), until_s=15.6, **COMPANION_ONLY
+    ),
+}
+PASSED_ON = {"COMMAND_LONG", "DEBUG_FLOAT_ARRAY", "DEBUG_VECT", "NAMED_VALUE_FLOAT"}
+"""What the recorded autopilot said of its own in the shell, or passed on under its ids."""
+OTHER_MODEL = {
+    "POSITION_TARGET_GLOBAL_INT": {"lat_int", "lon_int", "alt"},
+    "SCALED_PRESSURE": {"temperature"},
+}
+MAGNETOMETER_AND_LOGGING = 0x1200800
+"""Bits of SYS_STATUS that the recorded simulator dropped for seconds."""
+COURSES = {
+    "mode": ("HEARTBEAT", lambda m: (m.base_mode, m.custom_mode, m.system_status), 0.8),
+    "landed_state": ("EXTENDED_SYS_STATE", lambda m: m.landed_state, 0.8),
+    "receiver": (
+        "GPS_RAW_INT",
+        lambda m: (m.fix_type, m.satellites_visible, m.eph, m.h_acc),
+        0.3,
+    ),
+    "battery": ("BATTERY_STATUS", lambda m: m.charge_state, 2.1),
+}
+"""What is followed: a message, its value, and how far apart in time the two may be.
+
+Heartbeats come once a second, BATTERY_STATUS every other.
+"""
+SENSORS_SLACK_S = 0.6
+
+
+@cache
+def compare(title):
+    return replay(RECORDINGS / "px4", SITUATIONS[title])
+
+
+@pytest.fixture(params=in_one_process(SITUATIONS, pytest.mark.slow))
+def both(request):
+    return compare(request.param)
+
+
+def test_the_messages_in_a_situation_are_px4s(both):
+    for link in both.real:
+        check_counts(both, link, but=PACED_BY_EVENTS | PASSED_ON, rel=0.12)
+
+
+def test_fields_that_never_change_in_a_situation_are_px4s(both):
+    for link in both.real:
+        check_constants(both, link, but=PACED_BY_EVENTS, of_another_model=OTHER_MODEL)
+
+
+@pytest.mark.parametrize("course", COURSES)
+def test_modes_and_states_go_through_what_px4s_do(both, course):
+    kind, value, slack_s = COURSES[course]
+    check_course(both, kind, value, shortest_s=1.05, slack_s=both.slack_s(course, slack_s))
+
+
+@pytest.mark.parametrize("field", ["present", "enabled", "health"])
+def test_the_sensors_bits_go_through_what_px4s_do(both, field):
+    slack_s = both.slack_s(field, SENSORS_SLACK_S)
+    check_sensors(both, field, but=MAGNETOMETER_AND_LOGGING, slack_s=slack_s)

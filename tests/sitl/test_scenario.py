@@ -80,8 +80,12 @@ def test_a_failing_battery_ramps_down():
         ({"name": "x", "changes": [{"wind_mps": 1}]}, "exactly one of at_s, after_takeoff_s"),
         ({"name": "x", "changes": [{"at_s": 1}]}, "at least one condition"),
         ({"name": "x", "changes": [{"at_s": 1, "gps_mode": "off"}]}, "'normal', 'no_fix'"),
-        ([], "file: "),
-        (None, "file: "),
+        ({"changes": []}, "name: is missing"),
+        ({"name": "x", "changes": 5}, "changes: 5: must be a list"),
+        ({"name": "x", "changes": ["y"]}, "changes[0]: 'y': must be keys and values"),
+        ("calm", "file: 'calm': must be keys and values"),
+        ([], "file: must be keys and values"),
+        (None, "file: must be keys and values"),
     ],
 )
 def test_a_bad_file_is_explained_in_one_line(data, says):
@@ -99,3 +103,15 @@ def test_a_missing_file_and_broken_yaml_are_explained_in_one_line(tmp_path):
     with pytest.raises(ScenarioError, match="not YAML") as caught:
         Scenario.load(tmp_path / "bad.yaml")
     assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [("[" * 50_000, "nested too deeply"), ("#" * 100_001, "larger than 100000 bytes")],
+)
+def test_what_would_take_all_memory_or_time_is_refused_in_one_line(tmp_path, text, says):
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    with pytest.raises(ScenarioError) as caught:
+        Scenario.load(path)
+    assert str(caught.value) == f"{path}: {says}"

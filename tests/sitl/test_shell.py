@@ -2,6 +2,7 @@
 
 import contextlib
 import csv
+import resource
 import signal
 import socket
 import subprocess
@@ -23,12 +24,12 @@ def _sitl(*arguments):
 
 
 @contextlib.contextmanager
-def _running(*arguments):
+def _running(*arguments, title="PX4"):
     process = subprocess.Popen(
         _sitl(*arguments), cwd=ROOT, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     try:
-        assert process.stdout.readline().startswith("sitl: PX4 at")
+        assert process.stdout.readline().startswith(f"sitl: {title} at")
         yield process
     finally:
         if process.poll() is None:
@@ -54,6 +55,7 @@ def _hear(receive, wanted, limit=20_000):
         (["--home", "95,2,3"], "latitude within 89"),
         (["--link", "companion"], "must be NAME=URL"),
         (["--link", "a=udp:nowhere"], "must be udpin:HOST:PORT"),
+        (["--link", "a=udpout:a..b:1"], "--link a: 'udpout:a..b:1': 'a..b' is no name of a host"),
         (["--link", "a=udpin:0.0.0.0:70000"], "must be udpin:HOST:PORT"),
         (["--link", "a=udpin::14550", "--link", "a=udpin::14551"], "already a link named a"),
         (["--speed", "0"], "--speed 0: must be more than 0"),
@@ -62,6 +64,10 @@ def _hear(receive, wanted, limit=20_000):
         (["--param", "NO_SUCH=1"], "no parameter is named 'NO_SUCH'"),
         (["--param", "COM_OF_LOSS_T=100"], "not between 0 and 60"),
         (["--param", "COM_OF_LOSS_T"], "must be NAME=NUMBER"),
+        (
+            ["--autopilot", "ardupilot", "--param", "COM_OF_LOSS_T=1"],
+            "no parameter is named 'COM_OF_LOSS_T'",
+        ),
         (["--scenario", "/no/such.yaml"], "/no/such.yaml: cannot be read"),
     ],
 )
@@ -152,6 +158,20 @@ def test_a_ground_station_connects_over_tcp_and_the_truth_survives_a_kill(tmp_pa
     assert log.read_text().endswith("\n")
 
 
+def test_ardupilot_is_the_other_autopilot_with_parameters_of_its_own():
+    options = read_arguments(["--autopilot", "ardupilot", "--param", "GUID_TIMEOUT=0.5"]).options
+    assert options.autopilot == "ardupilot"
+    assert options.parameters == {"GUID_TIMEOUT": 0.5}
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
+        end.bind(("127.0.0.1", 0))
+        end.settimeout(20.0)
+        link = f"companion=udpout:127.0.0.1:{end.getsockname()[1]}"
+        arguments = ("--autopilot", "ardupilot", "--link", link, "--speed", "10")
+        with _running(*arguments, title="ArduPilot"):
+            heartbeat = _hear(lambda: end.recv(65535), "HEARTBEAT")
+            assert (heartbeat.autopilot, heartbeat.custom_mode) == (3, 0)
+
+
 def test_a_port_in_use_is_one_line_and_status_1():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
@@ -163,3 +183,54 @@ def test_a_port_in_use_is_one_line_and_status_1():
     assert done.returncode == 1
     assert f"gcs=udpin:127.0.0.1:{port}: Address already in use" in done.stderr
     assert done.stderr.count("\n") == 1
+
+
+@pytest.mark.parametrize(
+    ("place", "says"),
+    [("nowhere/truth.csv", "No such file or directory"), ("truth.csv", "File too large")],
+)
+def test_a_truth_log_that_cannot_be_written_is_one_line_and_status_1(tmp_path, place, says):
+    path = tmp_path / place
+    done = subprocess.run(
+        [sys.executable, "-m", "sitl", "--truth", str(path), "--speed", "50",
+         "--link", "companion=udpout:127.0.0.1:9"],
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_FSIZE, (4096, 4096)),
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert done.stderr == f"sitl: --truth {path}: {says}\n"
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_at_a_speed_beyond_all_bounds_it_can_be_stopped(number):
+    with _running("--speed", "1e300", "--link", "companion=udpout:127.0.0.1:9") as process:
+        process.send_signal(number)
+        assert process.wait(20) == 0
+
+
+@pytest.mark.parametrize(
+    ("module", "loads"),
+    [
+        ("sitl.__main__", "sitl.scenario"),
+        ("sitl.demonstration.__main__", "sitl.demonstration.judge"),
+    ],
+)
+def test_an_interrupt_while_it_loads_is_status_1_without_a_word(module, loads):
+    program = f"""
+import os, signal, sys
+class Interrupt:
+    def find_spec(self, name, *_):
+        if name == {loads!r}:
+            os.kill(os.getpid(), signal.SIGINT)
+sys.meta_path.insert(0, Interrupt())
+from {module} import main
+main()
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", program],
+        cwd=ROOT, capture_output=True, text=True, check=False, timeout=60,
+    )  # fmt: skip
+    assert (done.returncode, done.stdout, done.stderr) == (1, "", "")

@@ -4,6 +4,10 @@ import math
 from typing import Any, Final
 
 FULL: Final = 1000.0
+CENTRE_US: Final = 1500
+_SWITCH_US: Final = (1165, 1295, 1425, 1555, 1685, 1800)
+"""Channel 5 at each of ArduPilot's six positions."""
+_SWITCH_BOUNDS_US: Final = (1230, 1360, 1490, 1620, 1749)
 
 
 class Sticks:
@@ -12,6 +16,8 @@ class Sticks:
     def __init__(self) -> None:
         """Nobody is there."""
         self.roll = self.pitch = self.throttle = self.yaw = 0.0
+        self.switch_us = CENTRE_US
+        """The flight mode switch, channel 5."""
         self.remote_control = False
         self.last_us: int | None = None
         self.ever = False
@@ -20,6 +26,15 @@ class Sticks:
         """Switch the remote control on and hold the sticks there."""
         self.roll, self.pitch, self.throttle, self.yaw = roll, pitch, throttle, yaw
         self.remote_control = True
+
+    def flip(self, position: int) -> None:
+        """Turn the flight mode switch to a position, 1 to 6."""
+        self.switch_us = _SWITCH_US[position - 1]
+
+    @property
+    def switch_position(self) -> int:
+        """The position of the flight mode switch, 1 to 6."""
+        return 1 + sum(self.switch_us > bound for bound in _SWITCH_BOUNDS_US)
 
     def release(self) -> None:
         """Switch the remote control off."""
@@ -48,6 +63,10 @@ class Sticks:
         return max(abs(self.roll), abs(self.pitch))
 
     def channels(self) -> list[int]:
-        """Return RC channels 1 to 8 in microseconds: roll, pitch, throttle, yaw, four spare."""
+        """Return RC channels 1 to 8 in microseconds: roll, pitch, throttle, yaw, mode, spare."""
         moved = [self.roll, -self.pitch, self.throttle, self.yaw]
-        return [1500 + math.floor(500 * value + 0.5) for value in moved] + [1500] * 4
+        return [
+            *(CENTRE_US + math.floor(500 * value + 0.5) for value in moved),
+            self.switch_us,
+            *[CENTRE_US] * 3,
+        ]

@@ -1,22 +1,61 @@
-"""PX4's multicopter position control: setpoints in, attitude and thrust out.
+"""Multicopter position control: setpoints in, attitude and thrust out.
 
     velocity wish = P_xy (position setpoint - position) + velocity setpoint     (feed-forward)
     acceleration  = P_v (velocity wish - velocity) + I - D acceleration + feed-forward
 
-The velocity wish is limited only by MPC_XY_VEL_MAX and MPC_Z_VEL_MAX_*: a far position with a
-small feed-forward is flown fast, as measured on PX4 v1.17.0.
+The velocity wish is limited only by the gains' speeds: a far position with a small feed-forward is
+flown fast. PX4 hands it raw setpoints (measured on v1.17.0), ArduPilot shaped ones.
 """
 
 import math
-from typing import Final
+from dataclasses import dataclass
+from typing import Final, Protocol
 
-from sitl.px4.navigation import Navigation
-from sitl.px4.offboard import NAN, Setpoint
-from sitl.px4.parameters import Parameters
 from sitl.quadrotor import GRAVITY_MPS2, Quadrotor
+from sitl.sensors import Estimator
 
+NAN: Final = math.nan
 _INTEGRAL_LIMIT_MPS2: Final = 8.0
 _isfinite = math.isfinite
+
+
+class Place(Protocol):
+    """Where the vehicle believes to be, in its local frame, and how fast it moves."""
+
+    @property
+    def x(self) -> float:
+        """Metres north."""
+
+    @property
+    def y(self) -> float:
+        """Metres east."""
+
+    @property
+    def z(self) -> float:
+        """Metres down."""
+
+    @property
+    def estimator(self) -> Estimator:
+        """The estimate, of which the velocity is used here."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Gains:
+    """Gains (1/s, 1/s^2, none) and limits of the control."""
+
+    position_xy: float
+    position_z: float
+    velocity_xy: float
+    velocity_z: float
+    integral_xy: float
+    integral_z: float
+    derivative_xy: float
+    speed_mps: float
+    up_mps: float
+    down_mps: float
+    tilt_rad: float
+    thrust_min: float
+    thrust_max: float
 
 
 class Target:
@@ -53,20 +92,13 @@ class Target:
         self.roll = self.pitch = self.thrust = NAN
         self.up_limit = math.inf
 
-    def take(self, setpoint: Setpoint) -> None:
-        """Copy an offboard setpoint."""
-        self.clear()
-        self.x, self.y, self.z = setpoint.position_ned_m
-        self.vx, self.vy, self.vz = setpoint.velocity_ned_mps
-        self.ax, self.ay, self.az = setpoint.acceleration_ned_mps2
-        self.yaw, self.yaw_rate = setpoint.yaw_rad, setpoint.yaw_rate_radps
-
 
 class PositionControl:
     """The cascade; keeps what it wished for, for POSITION_TARGET_LOCAL_NED and ATTITUDE_TARGET."""
 
-    def __init__(self, parameters: Parameters, quad: Quadrotor, drift_radps: float) -> None:
+    def __init__(self, gains: Gains, quad: Quadrotor, drift_radps: float) -> None:
         """`drift_radps` is how the heading drifts when nobody asks for one."""
+        self.gains = gains
         self._quad = quad
         self._drift_radps = drift_radps
         self.target = Target()
@@ -74,20 +106,6 @@ class PositionControl:
         self.wish_ax = self.wish_ay = self.wish_az = 0.0
         self.yaw_wish = quad.yaw
         self._ix = self._iy = self._iz = 0.0
-        self.refresh(parameters)
-
-    def refresh(self, parameters: Parameters) -> None:
-        """Take the parameters' values; after each change."""
-        value = parameters.value
-        self._p_xy, self._p_z = value("MPC_XY_P"), value("MPC_Z_P")
-        self._pv_xy, self._pv_z = value("MPC_XY_VEL_P_ACC"), value("MPC_Z_VEL_P_ACC")
-        self._iv_xy, self._iv_z = value("MPC_XY_VEL_I_ACC"), value("MPC_Z_VEL_I_ACC")
-        self._dv_xy = value("MPC_XY_VEL_D_ACC")
-        self._v_max = value("MPC_XY_VEL_MAX")
-        self._up_max, self._down_max = value("MPC_Z_VEL_MAX_UP"), value("MPC_Z_VEL_MAX_DN")
-        self._tilt_max = math.radians(value("MPC_TILTMAX_AIR"))
-        self._hover = self._quad.airframe.hover_thrust
-        self._thrust_min, self._thrust_max = value("MPC_THR_MIN"), value("MPC_THR_MAX")
 
     def reset(self) -> None:
         """Forget the integrals, on the ground."""
@@ -106,9 +124,9 @@ class PositionControl:
         self.wish_ax = self.wish_ay = 0.0
         self.wish_az = 100.0
 
-    def run(self, dt: float, nav: Navigation) -> None:
+    def run(self, dt: float, place: Place) -> None:
         """Write the airframe's demand for the target."""
-        target, quad, estimator = self.target, self._quad, nav.estimator
+        target, quad, estimator, gains = self.target, self._quad, place.estimator, self.gains
         demand = quad.demand
         demand.spinning = True
         self._heading(dt, target)
@@ -117,13 +135,13 @@ class PositionControl:
             self._ix = self._iy = 0.0
             ax = ay = 0.0
         else:
-            ax, ay = self._horizontal(dt, target, nav)
+            ax, ay = self._horizontal(dt, target, place)
             yaw = quad.yaw
             cos_y, sin_y = math.cos(yaw), math.sin(yaw)
             forward = ax * cos_y + ay * sin_y
             right = -ax * sin_y + ay * cos_y
             tilt_acc = math.hypot(forward, right)
-            limit = GRAVITY_MPS2 * math.tan(self._tilt_max)
+            limit = GRAVITY_MPS2 * math.tan(gains.tilt_rad)
             if tilt_acc > limit:
                 forward *= limit / tilt_acc
                 right *= limit / tilt_acc
@@ -135,43 +153,43 @@ class PositionControl:
             return
         wish = target.vz if _isfinite(target.vz) else NAN
         if _isfinite(target.z):
-            wish = self._p_z * (target.z - nav.z) + (wish if _isfinite(wish) else 0.0)
+            wish = gains.position_z * (target.z - place.z) + (wish if _isfinite(wish) else 0.0)
         az = target.az if _isfinite(target.az) else 0.0
         if _isfinite(wish):
-            wish = max(-min(self._up_max, target.up_limit), min(self._down_max, wish))
+            wish = max(-min(gains.up_mps, target.up_limit), min(gains.down_mps, wish))
             error = wish - estimator.vd
-            self._iz += self._iv_z * error * dt
+            self._iz += gains.integral_z * error * dt
             self._iz = max(-GRAVITY_MPS2, min(GRAVITY_MPS2, self._iz))
-            az += self._pv_z * error + self._iz
+            az += gains.velocity_z * error + self._iz
         self.wish_vz, self.wish_az = wish, az
         upright = math.cos(demand.roll_rad) * math.cos(demand.pitch_rad)
-        thrust = (GRAVITY_MPS2 - az) / GRAVITY_MPS2 * self._hover / max(upright, 0.5)
-        demand.thrust = max(self._thrust_min, min(self._thrust_max, thrust))
+        thrust = (GRAVITY_MPS2 - az) / GRAVITY_MPS2 * quad.airframe.hover_thrust / max(upright, 0.5)
+        demand.thrust = max(gains.thrust_min, min(gains.thrust_max, thrust))
 
-    def _horizontal(self, dt: float, target: Target, nav: Navigation) -> tuple[float, float]:
-        quad, estimator = self._quad, nav.estimator
+    def _horizontal(self, dt: float, target: Target, place: Place) -> tuple[float, float]:
+        quad, estimator, gains = self._quad, place.estimator, self.gains
         vx, vy = target.vx, target.vy
         if _isfinite(target.x) and _isfinite(target.y):
-            px = self._p_xy * (target.x - nav.x)
-            py = self._p_xy * (target.y - nav.y)
+            px = gains.position_xy * (target.x - place.x)
+            py = gains.position_xy * (target.y - place.y)
             vx = px + (vx if _isfinite(vx) else 0.0)
             vy = py + (vy if _isfinite(vy) else 0.0)
         speed = math.hypot(vx, vy)
-        if speed > self._v_max:
-            vx *= self._v_max / speed
-            vy *= self._v_max / speed
+        if speed > gains.speed_mps:
+            vx *= gains.speed_mps / speed
+            vy *= gains.speed_mps / speed
         ax = target.ax if _isfinite(target.ax) else 0.0
         ay = target.ay if _isfinite(target.ay) else 0.0
         if _isfinite(vx):
             error = vx - estimator.vn
-            self._ix += self._iv_xy * error * dt
+            self._ix += gains.integral_xy * error * dt
             self._ix = max(-_INTEGRAL_LIMIT_MPS2, min(_INTEGRAL_LIMIT_MPS2, self._ix))
-            ax += self._pv_xy * error + self._ix - self._dv_xy * quad.acc_n
+            ax += gains.velocity_xy * error + self._ix - gains.derivative_xy * quad.acc_n
         if _isfinite(vy):
             error = vy - estimator.ve
-            self._iy += self._iv_xy * error * dt
+            self._iy += gains.integral_xy * error * dt
             self._iy = max(-_INTEGRAL_LIMIT_MPS2, min(_INTEGRAL_LIMIT_MPS2, self._iy))
-            ay += self._pv_xy * error + self._iy - self._dv_xy * quad.acc_e
+            ay += gains.velocity_xy * error + self._iy - gains.derivative_xy * quad.acc_e
         self.wish_vx, self.wish_vy = vx, vy
         return ax, ay
 

@@ -1,0 +1,70 @@
+"""The two processes of a flight, which know of each other only by MAVLink."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+_STOP_TIMEOUT_S = 10.0
+
+
+class Process:
+    """A Python module as a process of its own, with what it says in a file."""
+
+    def __init__(self, name: str, log: Path, module: str, *arguments: str) -> None:
+        self._name = name
+        self._log = log
+        with log.open("wb") as output:
+            self._process = subprocess.Popen(
+                [sys.executable, "-m", module, *arguments],
+                stdout=output,
+                stderr=subprocess.STDOUT,
+                stdin=subprocess.DEVNULL,
+                cwd=Path(__file__).parents[2],
+                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+                start_new_session=True,
+            )
+
+    def ended(self) -> str | None:
+        """In one line that it has ended, and what it said last; None while it runs."""
+        if self._process.poll() is None:
+            return None
+        said = self._log.read_text(encoding="utf-8", errors="replace").splitlines()
+        return f"the {self._name} ended: {said[-1] if said else f'{self._log.name} is empty'}"
+
+    def stop(self) -> None:
+        """End it by SIGTERM, if it must be by SIGKILL."""
+        self._process.send_signal(signal.SIGTERM)
+        try:
+            self._process.wait(_STOP_TIMEOUT_S)
+        except subprocess.TimeoutExpired:
+            self._process.kill()
+            self._process.wait()
+
+
+@contextlib.contextmanager
+def running(name: str, log: Path, module: str, *arguments: str) -> Iterator[Process]:
+    """A process for the time being."""
+    process = Process(name, log, module, *arguments)
+    try:
+        yield process
+    finally:
+        process.stop()
+
+
+def free_ports(count: int) -> list[int]:
+    """UDP ports on this machine that nobody listens on."""
+    sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
+    try:
+        for item in sockets:
+            item.bind(("127.0.0.1", 0))
+        return [int(item.getsockname()[1]) for item in sockets]
+    finally:
+        for item in sockets:
+            item.close()

@@ -1,0 +1,31 @@
+"""PX4's forwarding between links, as measured on PX4 v1.17.0.
+
+Only between links that both forward, only to a link on which something was heard, and addressed
+messages only to a link on which the addressee was heard.
+"""
+
+from collections.abc import Callable
+from typing import Any
+
+from sitl.links import AUTOPILOT_COMPONENT, SYSTEM, Link, Router
+
+
+def forward(router: Router, source: Link, message: Any, forwards: Callable[[Link], bool]) -> None:
+    """Pass a message on to the other links that should have it."""
+    if not forwards(source):
+        return
+    system = getattr(message, "target_system", 0)
+    component = getattr(message, "target_component", 0)
+    if (system, component) == (SYSTEM, AUTOPILOT_COMPONENT):
+        return
+
+    def wanted(link: Link) -> bool:
+        if not link.heard or not forwards(link):
+            return False
+        if not system:
+            return True
+        if component:
+            return (system, component) in link.heard
+        return system in link.heard_systems
+
+    router.forward(source, message, wanted)

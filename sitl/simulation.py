@@ -1,0 +1,47 @@
+"""The SIM_ parameters, by which a ground station changes the world in flight."""
+
+from typing import Final
+
+from sitl.conditions import Conditions
+from sitl.parameters import INT32, Parameter, Parameters
+
+TABLE: Final = (
+    Parameter(name="SIM_BATT_DRAIN", default=1.0, minimum=0.0, maximum=1000.0),
+    Parameter(name="SIM_BATT_PCT", default=100.0, minimum=0.0, maximum=100.0),
+    Parameter(name="SIM_GPS_HDOP", default=0.7, minimum=0.3, maximum=99.0),
+    Parameter(name="SIM_GPS_MODE", default=0, type=INT32, minimum=0, maximum=3),
+    Parameter(name="SIM_GPS_NOISE", default=1.0, minimum=0.0, maximum=100.0),
+    Parameter(name="SIM_GPS_SATS", default=10, type=INT32, minimum=0, maximum=60),
+    Parameter(name="SIM_LINK_LOSS", default=0.0, minimum=0.0, maximum=100.0),
+    Parameter(name="SIM_LINK_NOISE", default=45.0, minimum=0.0, maximum=254.0),
+    Parameter(name="SIM_LINK_RSSI", default=-1.0, minimum=-1.0, maximum=254.0),
+    Parameter(name="SIM_WIND_DIR", default=0.0, minimum=-360.0, maximum=360.0),
+    Parameter(name="SIM_WIND_GUST", default=0.0, minimum=0.0, maximum=20.0),
+    Parameter(name="SIM_WIND_SPD", default=0.0, minimum=0.0, maximum=60.0),
+)
+"""SIM_WIND_DIR is where the wind comes from, degrees; SIM_LINK_RSSI -1 means no radio."""
+_FIELDS: Final = {
+    "SIM_BATT_DRAIN": "drain_factor",
+    "SIM_BATT_PCT": "battery_percent",
+    "SIM_GPS_HDOP": "hdop",
+    "SIM_GPS_MODE": "gps_mode",
+    "SIM_GPS_NOISE": "gps_noise_factor",
+    "SIM_GPS_SATS": "satellites",
+    "SIM_LINK_LOSS": "link_loss_percent",
+    "SIM_LINK_NOISE": "radio_noise",
+    "SIM_LINK_RSSI": "radio_rssi",
+    "SIM_WIND_DIR": "wind_from_deg",
+    "SIM_WIND_GUST": "gust_mps",
+    "SIM_WIND_SPD": "wind_mps",
+}
+
+
+def apply(name: str, parameters: Parameters, conditions: Conditions) -> None:
+    """Let a parameter that was set act on the world, if it is one of these."""
+    field = _FIELDS.get(name)
+    if field is None:
+        return
+    value: float | None = parameters.value(name)
+    if name == "SIM_LINK_RSSI" and value is not None and value < 0.0:
+        value = None
+    setattr(conditions, field, value)

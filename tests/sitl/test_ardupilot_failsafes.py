@@ -1,0 +1,450 @@
+"""Failsafes of battery, GPS, ground station and remote control; wind: ArduCopter 4.6.3."""
+
+import math
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from sitl.ardupilot.failsafe import on_battery, on_estimator, on_ground_station, on_radio
+from sitl.ardupilot.fence import Fence
+from sitl.ardupilot.modes import Mode
+from sitl.ardupilot.parameters import parameters
+from sitl.conditions import GPS_JAMMED, GPS_NO_FIX, GPS_NORMAL, GPS_SILENT
+
+GUIDED, RTL, LAND, LOITER = 4, 6, 9, 5
+ACCEPTED, FAILED = 0, 4
+LOW_V, CRITICAL_V = 10.5, 10.1
+BATTERY = {
+    "BATT_LOW_TIMER": 5,
+    "BATT_FS_LOW_ACT": 2,
+    "BATT_FS_CRT_ACT": 1,
+    "BATT_CRT_VOLT": CRITICAL_V,
+}
+DRAG = {"EK3_DRAG_BCOEF_X": 18.0, "EK3_DRAG_BCOEF_Y": 18.0, "EK3_DRAG_MCOEF": 0.2}
+
+
+def _hovering(make_ardupilot, **parameters):
+    flight = make_ardupilot(parameters=parameters)
+    flight.take_off()
+    return flight
+
+
+def _drop_to(flight, volts):
+    flight.vehicle.conditions.battery_voltage_v = volts
+
+
+def _until_mode(flight, mode, seconds):
+    start_s = flight.now_s
+    assert flight.run(seconds, until=lambda f: f.truth.mode == mode)
+    return flight.now_s - start_s
+
+
+@pytest.mark.parametrize(
+    ("title", "chosen", "mode"),
+    [
+        ("radio: return", on_radio(1, 0, Mode.GUIDED), Mode.RTL),
+        ("radio: land", on_radio(3, 0, Mode.GUIDED), Mode.LAND),
+        ("radio, but GUIDED goes on", on_radio(1, 4, Mode.GUIDED), None),
+        ("radio, but LAND goes on", on_radio(1, 8, Mode.LAND), None),
+        ("ground station: return", on_ground_station(1, 16, Mode.GUIDED), Mode.RTL),
+        ("ground station, but a pilot flies", on_ground_station(1, 16, Mode.LOITER), None),
+        ("battery: nothing", on_battery(0, 0, Mode.GUIDED), None),
+        ("battery: land", on_battery(1, 0, Mode.GUIDED), Mode.LAND),
+        ("estimator: land", on_estimator(1, Mode.GUIDED), Mode.LAND),
+        ("estimator: hold the height", on_estimator(2, Mode.GUIDED), Mode.ALT_HOLD),
+        ("estimator: a mode without position goes on", on_estimator(1, Mode.STABILIZE), None),
+        ("estimator: land from any mode", on_estimator(3, Mode.STABILIZE), Mode.LAND),
+    ],
+)
+def test_what_a_failsafe_does(title, chosen, mode):
+    assert chosen is mode, title
+
+
+# Battery
+
+
+def test_a_low_battery_returns_5_2_seconds_after_the_threshold(make_ardupilot):
+    flight = _hovering(make_ardupilot, **BATTERY)
+    _drop_to(flight, 10.4)
+    assert _until_mode(flight, "RTL", 8.0) == pytest.approx(5.2, abs=0.2)
+    flight.run(0.2)
+    texts = flight.companion.texts()
+    assert any(text.startswith("Battery 1 is low 10.40V") for text in texts)
+    assert "Battery Failsafe" in texts
+    assert flight.heartbeat().system_status == 5
+    assert flight.vehicle.manner.battery_charge_state == 2
+
+
+def test_a_critical_battery_lands_and_guided_can_be_had_again_all_the_same(make_ardupilot):
+    flight = _hovering(make_ardupilot, **BATTERY)
+    _drop_to(flight, 10.4)
+    _until_mode(flight, "RTL", 8.0)
+    assert flight.mode(flight.companion, GUIDED) == [ACCEPTED]
+    _drop_to(flight, 10.0)
+    assert _until_mode(flight, "LAND", 8.0) == pytest.approx(5.2, abs=0.2)
+    assert flight.mode(flight.companion, GUIDED) == [ACCEPTED]
+    flight.run(5.0)
+    assert flight.truth.mode == "GUIDED"
+    assert flight.heartbeat().system_status == 5
+
+
+def test_a_failsafes_landing_waits_four_seconds_before_it_sinks(make_ardupilot):
+    flight = _hovering(make_ardupilot, **BATTERY | {"BATT_LOW_TIMER": 1})
+    _drop_to(flight, 10.0)
+    _until_mode(flight, "LAND", 4.0)
+    height_m = -flight.truth.position_ned_m[2]
+    flight.run(3.8)
+    assert -flight.truth.position_ned_m[2] == pytest.approx(height_m, abs=0.3)
+    flight.run(4.0)
+    assert -flight.truth.position_ned_m[2] < height_m - 1.0
+
+
+def test_a_dip_shorter_than_the_timer_is_forgiven_but_a_failsafe_stays_until_it_is_reset(
+    make_ardupilot,
+):
+    flight = _hovering(make_ardupilot, **BATTERY)
+    _drop_to(flight, 10.4)
+    flight.run(4.0)
+    _drop_to(flight, 12.0)
+    flight.run(8.0)
+    assert flight.vehicle.manner.battery_charge_state == 1
+    _drop_to(flight, 10.4)
+    flight.run(6.0)
+    _drop_to(flight, 12.5)
+    flight.mode(flight.gcs, LAND)
+    assert flight.run(60.0, until=lambda f: not f.truth.armed)
+    assert flight.vehicle.manner.battery_charge_state == 2
+    flight.mode(flight.gcs, GUIDED)
+    assert flight.ask(flight.gcs, 400, 1) == [FAILED]
+    assert "Arm: Battery failsafe" in flight.gcs.texts()
+    _drop_to(flight, 10.4)
+    flight.run(0.1)
+    refused_s = flight.now_s
+    assert flight.ask(flight.gcs, 400, 1) == [FAILED]
+    assert flight.gcs.texts(since=refused_s + 1e-9) == [
+        "Arm: Battery 1 low voltage failsafe",
+        "Arm: Battery failsafe",
+    ]
+    _drop_to(flight, 12.5)
+    assert flight.ask(flight.gcs, 42651, 1, 100) == [ACCEPTED]
+    assert flight.ask(flight.gcs, 400, 1) == [ACCEPTED]
+
+
+def test_by_default_a_low_battery_is_said_and_nothing_is_done(hovering):
+    _drop_to(hovering, 10.4)
+    hovering.run(12.0)
+    assert hovering.truth.mode == "GUIDED"
+    assert any(text.startswith("Battery 1 is low") for text in hovering.companion.texts())
+    assert hovering.vehicle.manner.battery_charge_state == 2
+
+
+def test_what_remains_is_counted_whatever_the_voltage_says(hovering):
+    _drop_to(hovering, 10.0)
+    hovering.run(2.0)
+    used_mah = hovering.vehicle.manner.battery_consumed_mah
+    assert 0 < used_mah < 400
+    assert _remaining(hovering) == pytest.approx(100 - used_mah / 33.0, abs=1)
+    assert hovering.companion.last("BATTERY_STATUS").voltages[0] < 10_100
+    assert hovering.vehicle.manner.battery_charge_state == 1
+
+
+def _remaining(flight):
+    flight.companion.command(512, 147)
+    flight.run(0.1)
+    return flight.companion.last("BATTERY_STATUS").battery_remaining
+
+
+def test_a_charge_that_is_replaced_is_known_to_the_monitor(hovering):
+    hovering.vehicle.conditions.battery_percent = 40.0
+    hovering.run(0.2)
+    assert _remaining(hovering) == pytest.approx(39, abs=1)
+
+
+def test_a_battery_that_drains_faster_gives_that_current(hovering):
+    before = _remaining(hovering)
+    usual_ca = hovering.companion.last("BATTERY_STATUS").current_battery
+    hovering.vehicle.conditions.drain_factor = 8.0
+    hovering.run(10.0)
+    after = _remaining(hovering)
+    assert hovering.companion.last("BATTERY_STATUS").current_battery == pytest.approx(
+        8 * usual_ca, rel=0.1
+    )
+    assert before - after == pytest.approx(8 * 10.0 * usual_ca / 100 / 3.6 / 33.0, abs=3)
+
+
+def test_without_a_monitor_nothing_is_judged_nor_sent(make_ardupilot):
+    flight = _hovering(make_ardupilot, BATT_MONITOR=0, **BATTERY)
+    assert flight.ask(flight.companion, 511, 147, 500_000) == [ACCEPTED]
+    _drop_to(flight, 10.0)
+    flight.run(8.0)
+    assert not flight.companion.of("BATTERY_STATUS")
+    assert flight.truth.mode == "GUIDED"
+    assert flight.vehicle.manner.battery_charge_state == 1
+
+
+# GPS
+
+
+@pytest.mark.parametrize("gps_mode", [GPS_NO_FIX, GPS_SILENT])
+def test_without_gps_nothing_happens_for_eight_seconds_then_it_lands(hovering, gps_mode):
+    manner = hovering.vehicle.manner
+    hovering.vehicle.conditions.gps_mode = gps_mode
+    start_s = hovering.now_s
+    hovering.run(7.0)
+    assert (manner.ekf_flags, hovering.truth.mode) == (0x33F, "GUIDED")
+    _until_mode(hovering, "LAND", 3.0)
+    assert hovering.now_s - start_s == pytest.approx(8.0, abs=0.3)
+    assert manner.ekf_flags == 0x25
+    assert manner.position_known
+    hovering.run(0.2)
+    assert "EKF variance" in hovering.companion.texts()
+    assert "EKF Failsafe: changed to LAND Mode" in hovering.companion.texts()
+    assert hovering.heartbeat().system_status == 5
+
+
+def test_fifteen_seconds_without_gps_the_position_is_given_up_and_stands_still(hovering):
+    manner = hovering.vehicle.manner
+    hovering.vehicle.conditions.gps_mode = GPS_NO_FIX
+    start_s = hovering.now_s
+    assert hovering.run(20.0, until=lambda _: not manner.position_known)
+    assert hovering.now_s - start_s == pytest.approx(15.1, abs=0.4)
+    assert manner.ekf_flags == 0xA7
+    last = manner.position_ned_m[:2]
+    hovering.run(3.0)
+    assert manner.position_ned_m[:2] == last
+    assert hovering.run(40.0, until=lambda f: not f.truth.armed)
+
+
+def test_when_gps_is_back_the_failsafe_clears_and_guided_works_again(hovering):
+    hovering.vehicle.conditions.gps_mode = GPS_NO_FIX
+    _until_mode(hovering, "LAND", 10.0)
+    assert hovering.mode(hovering.companion, GUIDED) == [FAILED]
+    assert "Mode change to GUIDED failed: requires position" in hovering.companion.texts()
+    hovering.vehicle.conditions.gps_mode = GPS_NORMAL
+    hovering.run(4.0)
+    assert "EKF Failsafe Cleared" in hovering.companion.texts()
+    assert hovering.truth.mode == "LAND"
+    assert hovering.mode(hovering.companion, GUIDED) == [ACCEPTED]
+
+
+def test_four_satellites_and_a_bad_dilution_are_nothing_to_the_autopilot(hovering):
+    hovering.vehicle.conditions.satellites = 4
+    hovering.vehicle.conditions.hdop = 20.0
+    hovering.run(10.0)
+    assert hovering.truth.mode == "GUIDED"
+    assert hovering.vehicle.manner.ekf_flags == 0x33F
+
+
+def test_jamming_lands_after_six_seconds_and_the_position_runs_away(hovering):
+    hovering.vehicle.conditions.gps_mode = GPS_JAMMED
+    assert _until_mode(hovering, "LAND", 8.0) == pytest.approx(6.0, abs=0.3)
+    hovering.run(18.0)
+    manner = hovering.vehicle.manner
+    assert manner.ekf_flags == 0x8027
+    assert manner.position_known
+    away_m = math.dist(manner.position_ned_m[:2], hovering.truth.position_ned_m[:2])
+    assert away_m > 50.0
+
+
+# Ground station and remote control
+
+
+def test_by_default_a_silent_ground_station_is_nothing(hovering):
+    hovering.ground_station_alive = False
+    hovering.run(12.0)
+    assert hovering.truth.mode == "GUIDED"
+
+
+def test_the_ground_stations_failsafe_is_not_fooled_by_the_companions_heartbeats(make_ardupilot):
+    flight = _hovering(make_ardupilot, FS_GCS_ENABLE=5)
+    flight.ground_station_alive = False
+    assert _until_mode(flight, "LAND", 8.0) == pytest.approx(5.0, abs=1.1)
+    assert flight.companion_alive
+    assert "GCS Failsafe" in flight.companion.texts()
+    assert flight.heartbeat().system_status == 5
+    assert flight.mode(flight.companion, GUIDED) == [ACCEPTED]
+    flight.run(6.0)
+    assert flight.truth.mode == "GUIDED"
+    flight.ground_station_alive = True
+    flight.run(2.0)
+    assert "GCS Failsafe Cleared" in flight.companion.texts()
+    assert flight.heartbeat().system_status == 4
+
+
+def test_a_companion_that_says_it_is_a_ground_station_defeats_the_failsafe_only_by_its_id(
+    make_ardupilot,
+):
+    flight = _hovering(make_ardupilot, FS_GCS_ENABLE=5)
+    flight.ground_station_alive = False
+    flight.companion_alive = False
+    flight.stream = lambda f: f.companion.heartbeat(mavlink.MAV_TYPE_GCS)
+    _until_mode(flight, "LAND", 8.0)
+
+
+def test_a_lost_remote_control_returns_after_a_second_and_clears_by_itself(hovering):
+    hovering.vehicle.no_sticks()
+    assert _until_mode(hovering, "RTL", 3.0) == pytest.approx(1.0, abs=0.1)
+    hovering.run(0.2)
+    assert "Radio Failsafe" in hovering.companion.texts()
+    assert hovering.heartbeat().system_status == 5
+    assert hovering.mode(hovering.companion, GUIDED) == [ACCEPTED]
+    hovering.vehicle.move_sticks()
+    hovering.run(0.2)
+    assert "Radio Failsafe Cleared" in hovering.companion.texts()
+    assert hovering.truth.mode == "GUIDED"
+
+
+def test_sim_rc_fail_does_it_from_the_ground_station(hovering):
+    hovering.gcs.send(mavlink.MAVLink_param_set_message(1, 1, b"SIM_RC_FAIL", 1.0, 9))
+    _until_mode(hovering, "RTL", 3.0)
+    hovering.gcs.send(mavlink.MAVLink_param_set_message(1, 1, b"SIM_RC_FAIL", 0.0, 9))
+    hovering.run(0.5)
+    assert hovering.heartbeat().system_status == 4
+
+
+def test_a_lost_remote_control_forbids_arming(ardupilot):
+    ardupilot.ready()
+    ardupilot.vehicle.no_sticks()
+    ardupilot.run(2.0)
+    assert ardupilot.ask(ardupilot.gcs, 400, 1) == [FAILED]
+    assert "Arm: Radio failsafe on" in ardupilot.gcs.texts()
+
+
+# Wind
+
+
+@pytest.mark.parametrize(("wind_mps", "tilt_deg"), [(0.0, 0.3), (4.9, 11.6), (6.0, 15.3)])
+def test_it_leans_against_the_wind_as_the_real_one_does(hovering, wind_mps, tilt_deg):
+    hovering.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0)
+    hovering.vehicle.conditions.wind_mps = wind_mps
+    hovering.run(15.0)
+    tilts = hovering.watch(5.0, lambda f: f.tilt_deg)
+    assert sum(tilts) / len(tilts) == pytest.approx(tilt_deg, abs=0.6)
+    assert math.dist(hovering.local_m, (0.0, 0.0, -10.0)) < 0.3
+
+
+def test_in_4_9_metres_a_second_across_it_strays_seven_centimetres(hovering):
+    hovering.vehicle.conditions.wind_mps = 4.9
+    hovering.vehicle.conditions.wind_from_deg = 270.0
+    hovering.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0)
+    hovering.run(15.0)
+    hovering.along(0.7)
+    start_s = hovering.now_s
+    errors = hovering.watch(
+        15.0, lambda f: math.dist(f.local_m, (0.7 * (f.now_s - start_s), 0.0, -10.0))
+    )
+    assert sum(errors) / len(errors) == pytest.approx(0.07, abs=0.01)
+    assert max(errors) == pytest.approx(0.41, abs=0.04)
+
+
+def test_at_12_metres_a_second_it_is_blown_away_leaning_as_far_as_it_may(hovering):
+    hovering.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0)
+    hovering.vehicle.conditions.wind_mps = 12.0
+    start_s = hovering.now_s
+    hovering.run(15.0)
+    assert hovering.tilt_deg == pytest.approx(30.0, abs=0.5)
+    speed_mps = math.hypot(*hovering.truth.velocity_ned_mps[:2])
+    assert speed_mps == pytest.approx(2.0, abs=0.3)
+    assert hovering.truth.mode == "GUIDED"
+    assert not hovering.companion.texts(since=start_s + 1e-9)
+
+
+def test_without_drag_fusion_the_wind_is_unknown_however_it_blows(hovering):
+    hovering.vehicle.conditions.wind_mps = 6.0
+    hovering.run(20.0)
+    assert hovering.vehicle.manner.wind_from is None
+
+
+def test_with_drag_fusion_the_wind_is_known_after_twenty_seconds(make_ardupilot):
+    flight = _hovering(make_ardupilot, **DRAG)
+    flight.vehicle.conditions.wind_mps = 6.0
+    flight.vehicle.conditions.wind_from_deg = 270.0
+    flight.run(1.0)
+    assert flight.vehicle.manner.wind_from[0] < 3.0
+    flight.run(19.0)
+    speed_mps, from_deg = flight.vehicle.manner.wind_from
+    assert speed_mps == pytest.approx(6.0, abs=0.4)
+    assert from_deg == pytest.approx(-90.0, abs=5.0)
+
+
+def test_with_the_tilt_at_its_limit_the_wind_estimate_comes_late(make_ardupilot):
+    flight = _hovering(make_ardupilot, **DRAG)
+    flight.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0)
+    flight.vehicle.conditions.wind_mps = 12.0
+    flight.run(15.0)
+    assert flight.vehicle.manner.wind_from[0] < 7.0
+    flight.run(20.0)
+    assert flight.vehicle.manner.wind_from[0] == pytest.approx(12.0, abs=1.0)
+
+
+def test_in_dead_calm_a_wind_that_is_estimated_is_not_said_to_be_unknown(make_ardupilot):
+    flight = _hovering(make_ardupilot, **DRAG)
+    flight.run(15.0)
+    speed_mps, from_deg = flight.vehicle.manner.wind_from
+    assert speed_mps == pytest.approx(0.13, abs=0.05)
+    assert from_deg == pytest.approx(130.0, abs=15.0)
+
+
+# Fence
+
+FENCE = {"FENCE_ENABLE": 1}
+NOTICE = 5
+
+
+@pytest.mark.parametrize(
+    ("action", "mode"), [(1, "RTL"), (2, "LAND"), (3, "SMART_RTL"), (4, "BRAKE")]
+)
+def test_a_breach_acts_is_told_and_leaves_the_status_alone(make_ardupilot, action, mode):
+    flight = _hovering(make_ardupilot, **FENCE, FENCE_ACTION=action)
+    flight.vehicle.set_parameter("FENCE_ALT_MAX", 8.0)
+    assert _until_mode(flight, mode, 1.0) < 0.4
+    assert flight.heartbeat().system_status == 4
+    told = [(m.severity, m.text) for m in flight.gcs.of("STATUSTEXT")]
+    assert told.count((NOTICE, "Max Alt fence breached")) == 1
+    assert flight.mode(flight.companion, GUIDED) == [ACCEPTED]
+    flight.run(2.0)
+    assert flight.truth.mode == "GUIDED"
+    flight.vehicle.set_parameter("FENCE_ALT_MAX", 100.0)
+    flight.run(0.5)
+    assert flight.gcs.texts()[-1] == "Fence breach cleared"
+
+
+def test_a_breach_may_be_told_only_and_shows_in_the_sensors_health(make_ardupilot):
+    flight = _hovering(make_ardupilot, **FENCE, FENCE_ACTION=0)
+    flight.vehicle.set_parameter("FENCE_ALT_MAX", 8.0)
+    flight.run(1.0)
+    assert flight.truth.mode == "GUIDED"
+    assert "Max Alt fence breached" in flight.gcs.texts()
+    flight.companion.command(512, 1)
+    flight.run(0.2)
+    status = flight.companion.last("SYS_STATUS")
+    assert status.onboard_control_sensors_enabled & 0x100000
+    assert not status.onboard_control_sensors_health & 0x100000
+
+
+def test_a_disabled_fence_and_an_unchosen_one_are_nothing(make_ardupilot):
+    flight = _hovering(make_ardupilot, FENCE_ENABLE=0, FENCE_ALT_MAX=8.0)
+    assert flight.truth.mode == "GUIDED"
+    flight.vehicle.set_parameter("FENCE_TYPE", 2)
+    flight.vehicle.set_parameter("FENCE_ENABLE", 1)
+    flight.run(1.0)
+    assert flight.truth.mode == "GUIDED"
+
+
+def test_the_circle_is_told_again_twenty_metres_farther_out_and_lands_a_hundred_beyond():
+    fence = Fence(parameters(FENCE | {"FENCE_RADIUS": 30.0}))
+    news = {m: fence.step(1.0, 5.0, float(m)) for m in (29, 30, 40, 49, 50, 60, 131)}
+    modes = {at_m: told.mode for at_m, told in news.items() if told is not None}
+    assert modes == {30: Mode.RTL, 50: Mode.RTL, 131: Mode.LAND}
+    assert news[30].text == "Circle fence breached"
+    assert fence.step(1.0, 200.0, 180.0).text == "Max Alt and Circle fences breached"
+
+
+def test_targets_outside_the_fence_are_not_taken(make_ardupilot):
+    flight = _hovering(make_ardupilot, **FENCE, FENCE_RADIUS=30.0)
+    flight.hold_at(x=40.0)
+    flight.run(6.0)
+    assert flight.truth.position_ned_m[0] < 1.0
+    flight.hold_at(x=5.0)
+    flight.run(8.0)
+    assert flight.truth.position_ned_m[0] == pytest.approx(5.0, abs=0.5)

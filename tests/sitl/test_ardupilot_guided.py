@@ -1,0 +1,304 @@
+"""GUIDED: setpoints, masks, frames, silence and override, as measured on ArduCopter 4.6.3."""
+
+import math
+
+import pytest
+
+from .conftest import fly_square
+
+NAN = math.nan
+GUIDED, LOITER, ALT_HOLD = 4, 5, 2
+POSITION_VELOCITY, POSITION_ONLY, VELOCITY_ONLY = 0xDC0, 0xDF8, 0xDC7
+
+
+def test_a_moving_point_is_followed_within_seven_centimetres_on_average(hovering):
+    errors = fly_square(hovering, 20, mask=POSITION_VELOCITY)
+    assert sum(errors) / len(errors) == pytest.approx(0.07, abs=0.01)
+    assert max(errors) == pytest.approx(0.51, abs=0.05)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("rate_hz", "mean_m", "largest_m"), [(5, 0.08, 0.63), (2, 0.09, 0.86), (1, 0.11, 1.13)]
+)
+def test_with_fewer_setpoints_a_second_it_strays_farther_in_the_corners(
+    hovering, rate_hz, mean_m, largest_m
+):
+    errors = fly_square(hovering, rate_hz, mask=POSITION_VELOCITY)
+    assert sum(errors) / len(errors) == pytest.approx(mean_m, abs=0.01)
+    assert max(errors) == pytest.approx(largest_m, abs=0.05)
+
+
+@pytest.mark.parametrize("mask", [0xDC0, 0xC00, 0x9C0, 0x5C0, 0x000, 0xFC0])
+def test_these_masks_are_position_and_velocity(hovering, mask):
+    hovering.stream = lambda f: f.companion.setpoint(2.0, 0.0, -10.0, v=(0.5, 0, 0), mask=mask)
+    hovering.run(12.0)
+    target = hovering.vehicle.manner.guided_target
+    assert target.position_ned_m is not None
+    assert target.velocity_ned_mps == (0.5, 0.0, 0.0)
+    assert hovering.local_m[0] == pytest.approx(2.5, abs=0.2)
+
+
+def test_a_constant_position_with_a_velocity_settles_one_second_beyond_it(hovering):
+    hovering.stream = lambda f: f.companion.setpoint(5.0, 0.0, -10.0, v=(0.8, 0.0, 0.0))
+    hovering.run(20.0)
+    assert hovering.local_m[0] - 5.0 == pytest.approx(0.8, abs=0.2)
+
+
+def test_velocity_only_and_position_only(hovering):
+    hovering.stream = lambda f: f.companion.setpoint(
+        99.0, 99.0, -99.0, v=(0.7, 0, 0), mask=VELOCITY_ONLY
+    )
+    hovering.run(5.0)
+    assert hovering.truth.velocity_ned_mps[0] == pytest.approx(0.7, abs=0.15)
+    assert hovering.vehicle.manner.guided_target.position_ned_m is None
+    hovering.stream = lambda f: f.companion.setpoint(
+        2.0, 0.0, -10.0, v=(9, 9, 9), mask=POSITION_ONLY
+    )
+    hovering.run(12.0)
+    assert math.dist(hovering.local_m, (2.0, 0.0, -10.0)) < 0.25
+
+
+@pytest.mark.parametrize(
+    ("title", "options"),
+    [
+        ("position and acceleration", {"mask": 0xC38}),
+        ("nothing", {"mask": 0xDFF}),
+        ("one axis of velocity", {"mask": 0xDE3}),
+        ("frame 0", {"frame": 0}),
+        ("frame 12", {"frame": 12}),
+        ("frame 20", {"frame": 20}),
+        ("NaN velocity", {"v": (NAN, 0.0, 0.0)}),
+    ],
+)
+def test_what_it_cannot_fly_stops_the_vehicle(hovering, title, options):
+    hovering.along(0.7)
+    hovering.run(5.0)
+    hovering.stream = lambda f: f.companion.setpoint(50.0, **options)
+    hovering.run(4.0)
+    assert hovering.vehicle.manner.guided_target.velocity_ned_mps == (0.0, 0.0, 0.0), title
+    assert math.hypot(*hovering.truth.velocity_ned_mps) < 0.2
+    assert hovering.truth.mode == "GUIDED"
+
+
+def test_a_force_bit_with_acceleration_is_ignored(hovering):
+    hovering.along(0.7)
+    hovering.run(5.0)
+    before = hovering.vehicle.manner.guided_target
+    hovering.stream = None
+    hovering.companion.setpoint(50.0, mask=0xE00)
+    hovering.run(0.1)
+    assert hovering.vehicle.manner.guided_target.velocity_ned_mps == before.velocity_ned_mps
+
+
+@pytest.mark.parametrize(("frame", "turned"), [(7, False), (8, True), (9, True)])
+def test_relative_frames_are_applied_anew_with_every_packet(hovering, frame, turned):
+    hovering.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0, yaw=math.pi / 2)
+    hovering.run(4.0)
+    hovering.stream = lambda f: f.companion.setpoint(1.0, 0.0, 0.0, mask=0xDC0, frame=frame)
+    x_m, y_m, _ = hovering.local_m
+    hovering.run(8.0)
+    ahead_m, aside_m = hovering.local_m[0] - x_m, hovering.local_m[1] - y_m
+    if turned:
+        ahead_m, aside_m = aside_m, ahead_m
+    assert ahead_m > 4.0
+    assert abs(aside_m) < 1.0
+
+
+def test_body_velocities_are_turned_by_the_heading(hovering):
+    hovering.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0, yaw=math.pi / 2)
+    hovering.run(4.0)
+    hovering.stream = lambda f: f.companion.setpoint(v=(0.7, 0, 0), mask=VELOCITY_ONLY, frame=8)
+    hovering.run(4.0)
+    assert hovering.vehicle.manner.guided_target.velocity_ned_mps[1] == pytest.approx(0.7, abs=0.05)
+
+
+def test_nan_in_a_position_kills_the_autopilot_for_good(hovering):
+    hovering.companion.setpoint(NAN, 0.0, -10.0)
+    start_s = hovering.now_s
+    hovering.run(6.0)
+    heartbeats = hovering.companion.of("HEARTBEAT", since=start_s + 0.1)
+    assert not [m for m in heartbeats if m.get_srcSystem() == 1]
+    assert (hovering.truth.mode, hovering.truth.armed) == ("DEAD", False)
+    assert hovering.truth.on_ground
+    assert hovering.mode(hovering.gcs, LOITER) == []
+    hovering.vehicle.reboot()
+    hovering.run(3.0)
+    assert hovering.truth.mode == "STABILIZE"
+
+
+def test_nan_where_it_is_ignored_does_no_harm(hovering):
+    hovering.stream = lambda f: f.companion.setpoint(
+        2.0, 0.0, -10.0, yaw=NAN, yaw_rate=NAN, mask=POSITION_VELOCITY
+    )
+    hovering.run(10.0)
+    assert hovering.local_m[0] == pytest.approx(2.0, abs=0.2)
+
+
+@pytest.mark.parametrize(
+    ("system", "component", "obeyed"),
+    [(0, 0, True), (1, 0, True), (1, 195, True), (1, 77, True), (2, 1, False)],
+)
+def test_who_is_addressed(hovering, system, component, obeyed):
+    hovering.stream = lambda f: f.companion.setpoint(
+        3.0, 0.0, -10.0, system=system, component=component
+    )
+    hovering.run(10.0)
+    assert (hovering.local_m[0] > 2.0) is obeyed
+
+
+def test_setpoints_are_never_acknowledged_nor_commented(hovering):
+    start_s = hovering.now_s
+    hovering.along(0.5)
+    hovering.run(3.0)
+    hovering.companion.setpoint(1.0, mask=0xDFF)
+    hovering.run(1.0)
+    assert not hovering.companion.of("COMMAND_ACK", since=start_s + 1e-9)
+    assert not hovering.companion.texts(since=start_s + 1e-9)
+
+
+@pytest.mark.parametrize(("timeout_s", "further_m"), [(3.0, 2.06), (0.5, 0.31)])
+def test_when_the_stream_ends_the_target_goes_on_for_guid_timeout(
+    make_ardupilot, timeout_s, further_m
+):
+    flight = make_ardupilot(parameters={"GUID_TIMEOUT": timeout_s})
+    flight.take_off()
+    flight.along(0.7)
+    flight.run(10.0)
+    flight.stream = None
+    x_m = flight.local_m[0]
+    start_s = flight.now_s
+    flight.run(12.0)
+    assert flight.local_m[0] - x_m == pytest.approx(further_m, abs=0.05)
+    assert flight.truth.mode == "GUIDED"
+    assert not flight.companion.texts(since=start_s + 1e-9)
+
+
+def test_velocity_without_position_stops_after_the_timeout_too(hovering):
+    hovering.stream = lambda f: f.companion.setpoint(v=(0.7, 0, 0), mask=VELOCITY_ONLY)
+    hovering.run(5.0)
+    hovering.stream = None
+    hovering.run(2.5)
+    assert hovering.truth.velocity_ned_mps[0] > 0.5
+    hovering.run(4.0)
+    assert abs(hovering.truth.velocity_ned_mps[0]) < 0.15
+
+
+def test_position_only_never_times_out(hovering):
+    hovering.companion.setpoint(40.0, 0.0, -10.0, mask=POSITION_ONLY)
+    hovering.run(25.0)
+    assert hovering.local_m[0] == pytest.approx(40.0, abs=0.5)
+
+
+def test_a_last_setpoint_without_velocity_holds_where_it_is(hovering):
+    hovering.along(0.7)
+    hovering.run(6.0)
+    hovering.stream = None
+    x_m = hovering.local_m[0]
+    hovering.companion.setpoint(x_m, 0.0, -10.0)
+    hovering.run(8.0)
+    assert hovering.local_m[0] == pytest.approx(x_m, abs=0.2)
+
+
+def test_setpoints_before_lift_off_cancel_the_take_off_without_a_word(ardupilot):
+    ardupilot.launch()
+    start_s = ardupilot.now_s
+    ardupilot.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0)
+    assert ardupilot.run(15.0, until=lambda f: not f.truth.armed)
+    assert ardupilot.truth.on_ground
+    assert ardupilot.truth.position_ned_m[2] == 0.0
+    assert ardupilot.companion.texts(since=start_s + 0.1) == ["Disarming motors"]
+
+
+def test_setpoints_lift_nothing_from_the_ground(ardupilot):
+    ardupilot.ready()
+    ardupilot.mode(ardupilot.companion, GUIDED)
+    ardupilot.ask(ardupilot.companion, 400, 1)
+    ardupilot.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0)
+    ardupilot.run(9.0)
+    assert ardupilot.truth.on_ground
+    assert ardupilot.truth.armed
+
+
+def test_a_setpoint_below_the_ground_lands_without_disarming_at_once(hovering):
+    hovering.stream = lambda f: f.companion.setpoint(0.0, 0.0, 5.0)
+    assert hovering.run(20.0, until=lambda f: f.truth.on_ground)
+    hovering.run(4.0)
+    assert hovering.truth.landed_state == 1
+    assert hovering.truth.armed
+    assert hovering.heartbeat().system_status == 3
+
+
+def test_a_jump_of_thirty_metres_is_flown_fast_and_leaning(hovering):
+    hovering.stream = lambda f: f.companion.setpoint(30.0, 0.0, -10.0)
+    seen = hovering.watch(12.0, lambda f: (math.hypot(*f.truth.velocity_ned_mps[:2]), f.tilt_deg))
+    assert max(speed for speed, _ in seen) == pytest.approx(6.8, abs=0.1)
+    assert max(tilt for _, tilt in seen) == pytest.approx(28.0, abs=1.0)
+
+
+def test_without_a_yaw_the_nose_turns_into_the_direction_of_travel(hovering):
+    start_s = hovering.now_s
+    hovering.stream = lambda f: f.companion.setpoint(
+        0.0, 0.7 * (f.now_s - start_s), -10.0, v=(0.0, 0.7, 0.0), mask=POSITION_VELOCITY
+    )
+    hovering.run(8.0)
+    assert hovering.truth.attitude_rad[2] == pytest.approx(math.pi / 2, abs=0.2)
+
+
+def test_a_given_yaw_is_kept_while_flying_elsewhere(hovering):
+    start_s = hovering.now_s
+    hovering.stream = lambda f: f.companion.setpoint(
+        0.0, 0.7 * (f.now_s - start_s), -10.0, v=(0.0, 0.7, 0.0), yaw=-1.0
+    )
+    hovering.run(8.0)
+    assert hovering.truth.attitude_rad[2] == pytest.approx(-1.0, abs=0.1)
+
+
+def test_a_pilots_mode_ends_guided_at_once_and_setpoints_are_dropped_silently(hovering):
+    hovering.along(0.5)
+    hovering.run(4.0)
+    start_s = hovering.now_s
+    hovering.mode(hovering.gcs, LOITER)
+    assert hovering.truth.mode == "LOITER"
+    assert hovering.vehicle.manner.guided_target is None
+    x_m = hovering.truth.position_ned_m[0]
+    hovering.run(5.0)
+    assert hovering.truth.position_ned_m[0] == pytest.approx(x_m, abs=0.8)
+    assert not hovering.companion.texts(since=start_s + 1e-9)
+
+
+def test_the_remote_controls_switch_takes_over_within_a_quarter_of_a_second(hovering):
+    hovering.along(0.5)
+    hovering.run(2.0)
+    hovering.vehicle.flip_switch(5)
+    start_s = hovering.now_s
+    assert hovering.run(1.0, until=lambda f: f.truth.mode == "LOITER")
+    assert hovering.now_s - start_s == pytest.approx(0.2, abs=0.05)
+    assert hovering.mode(hovering.companion, GUIDED) == [0], "the switch does not hold it"
+    hovering.run(2.0)
+    assert hovering.truth.mode == "GUIDED"
+
+
+@pytest.mark.parametrize("mode", [LOITER, ALT_HOLD])
+def test_the_companion_can_take_guided_back_from_the_pilot_at_any_time(hovering, mode):
+    hovering.mode(hovering.gcs, mode)
+    hovering.run(1.0)
+    assert hovering.mode(hovering.companion, GUIDED) == [0]
+    assert hovering.truth.mode == "GUIDED"
+
+
+def test_coming_back_to_guided_with_a_stream_far_ahead_is_a_lunge(hovering):
+    hovering.along(0.5)
+    hovering.run(6.0)
+    hovering.mode(hovering.gcs, LOITER)
+    hovering.run(6.0)
+    hovering.mode(hovering.gcs, GUIDED)
+    speeds = hovering.watch(4.0, lambda f: f.truth.velocity_ned_mps[0])
+    assert max(speeds) == pytest.approx(2.4, abs=0.1)
+
+
+def test_a_silent_companion_changes_nothing(hovering):
+    hovering.companion_alive = False
+    hovering.run(15.0)
+    assert hovering.truth.mode == "GUIDED"
+    assert hovering.heartbeat().system_status == 4
