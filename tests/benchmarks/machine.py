@@ -1,26 +1,42 @@
 """What the machine without I/O costs: `.venv/bin/python -m tests.benchmarks.machine`.
 
-Updates of the risk indices, telemetry through `Session.receive`, and a whole inspection in
-lockstep with the fake autopilot, whose share is in the figure. The telemetry is a recording of PX4
-where there is one beside the checkout, and otherwise what the companion heard in that inspection.
+Updates of the risk indices without and with their explanation, telemetry through `Session.receive`
+and through the whole companion, which thinks 50 times a second of its time: all by the processor's
+time. And a whole inspection in lockstep with the fake autopilot, whose share is in the figure. The
+telemetry is a recording of PX4 where there is one beside the checkout, and otherwise what the
+companion heard in that inspection.
 """
 
 from __future__ import annotations
 
+import math
 import os
 import statistics
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 
-from moar_companion.config import LinkRole
+from moar_companion.config import CompanionConfig, LinkRole, shipped_configs
 from moar_companion.mavlink.session import Session
+from moar_companion.planner.planner import Planner
+from moar_companion.power import PowerModel
 from moar_companion.risk import update
-from tests.flights.lockstep import INSPECTION, Lockstep
+from moar_companion.risk.explain import WeightsReason, risk_dict
+from moar_companion.service.companion import Companion
+from moar_companion.service.surroundings import Ground
+from moar_companion.site import Site
+from moar_companion.types import Mission
+from moar_companion.vehicle import Vehicle
+from tests.flights.lockstep import Lockstep
+from tests.flights.operator import INSPECTION
 from tests.mavlink.conftest import SHARED, packets
 from tests.risk.conftest import Flight
 
 RECORDING = SHARED / "traces" / "px4" / "b1_battery_drain.companion.tlog"
+VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
+LINK = CompanionConfig(vehicle=shipped_configs()).links[0].url
+PERIOD_S = 0.02
 UPDATES, REPEATS, FLIGHTS = 200, 20, 3
 
 Stream = list[tuple[float, bytes]]
@@ -36,36 +52,78 @@ def fly() -> tuple[float, Stream]:
     return speed, [(time_s, data) for kind, time_s, data in flight.inputs if kind == "bytes"]
 
 
-def risk_update_us() -> Callable[[], float]:
-    """Mean time of an update in a healthy flight that has settled."""
+def risk_update_us(*, explained: bool) -> Callable[[], float]:
+    """Mean time of an update in a healthy flight, all sources heard; with JSON and words of it."""
     flight = Flight.healthy()
     flight.fly(60.0)
+    heard = []
+    for number in range(1, UPDATES + 1):
+        now_s = flight.now_s + 0.1 * number
+        told = {name: source(now_s) for name, source in flight.sources.items()}
+        heard.append((now_s, replace(flight.telemetry, **told)))
+    power = PowerModel.of(VEHICLE)
 
     def measure() -> float:
-        began = time.perf_counter()
-        for _ in range(UPDATES):
-            update(
-                flight.estimate, flight.telemetry, flight.now_s, model=flight.model, cruise_mps=5.0
+        judged = flight.estimate
+        began = time.process_time()
+        for now_s, telemetry in heard:
+            judged = update(
+                judged,
+                telemetry,
+                now_s,
+                model=flight.model,
+                cruise_mps=5.0,
+                power=power,
+                tracking_error_m=0.3,
             )
-        return 1e6 * (time.perf_counter() - began) / UPDATES
+            if explained:
+                risk_dict(judged)
+                WeightsReason.of(VEHICLE.weights[Mission.INSPECTION], judged.indices).to_dict()
+        return 1e6 * (time.process_time() - began) / UPDATES
 
     return measure
 
 
-def messages_per_second(stream: Stream) -> Callable[[], float]:
-    """How many messages a session takes in a second, each as it came."""
+def messages_in(stream: Stream) -> int:
+    """How many messages a session finds in it."""
     count = 0
-    counting = Session(links={"serial": LinkRole.AUTOPILOT})
+    session = Session(links={"serial": LinkRole.AUTOPILOT})
     for time_s, data in stream:
-        counting.receive("serial", data, time_s)
-        count += len(counting.packets_heard())
+        session.receive("serial", data, time_s)
+        count += len(session.packets_heard())
+    return count
+
+
+def messages_per_second(stream: Stream, count: int) -> Callable[[], float]:
+    """How many messages a session takes in a second, each as it came."""
 
     def measure() -> float:
         session = Session(links={"serial": LinkRole.AUTOPILOT})
-        began = time.perf_counter()
+        began = time.process_time()
         for time_s, data in stream:
             session.receive("serial", data, time_s)
-        return count / (time.perf_counter() - began)
+        return count / (time.process_time() - began)
+
+    return measure
+
+
+def messages_through_the_companion(stream: Stream, count: int) -> Callable[[], float]:
+    """How many messages the whole companion takes in a second, thinking as often as in flight."""
+    site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+    ground = Ground(site=site, maps=Planner(site, VEHICLE).maps)
+
+    def measure() -> float:
+        companion = Companion(CompanionConfig(vehicle=shipped_configs()), VEHICLE, ground)
+        thought_s = -math.inf
+        began = time.process_time()
+        for time_s, data in stream:
+            companion.receive(LINK, data, time_s)
+            if time_s - thought_s >= PERIOD_S:
+                thought_s = time_s
+                companion.tick(time_s)
+                companion.data_to_send()
+                companion.decisions()
+        return count / (time.process_time() - began)
 
     return measure
 
@@ -80,10 +138,21 @@ def main() -> None:
     recorded = RECORDING.exists()
     stream = list(packets(RECORDING)) if recorded else flights[0][1]
     source = "recorded" if recorded else "generated"
-    risk, messages = risk_update_us(), messages_per_second(stream)
+    count = messages_in(stream)
     rows = [
-        _row("update of the risk indices", "µs", [risk() for _ in range(REPEATS)]),
-        _row(f"messages through a session, {source}", "1/s", [messages() for _ in range(REPEATS)]),
+        _row(what, unit, [measure() for _ in range(REPEATS)])
+        for what, unit, measure in (
+            ("update of the risk indices", "µs", risk_update_us(explained=False)),
+            ("the same with their explanation", "µs", risk_update_us(explained=True)),
+            (f"messages through a session, {source}", "1/s", messages_per_second(stream, count)),
+            (
+                f"messages through the companion, {source}",
+                "1/s",
+                messages_through_the_companion(stream, count),
+            ),
+        )
+    ]
+    rows += [
         _row("inspection in lockstep", "s/s", [speed for speed, _ in flights]),
     ]
     sys.stdout.write(f"load average {os.getloadavg()[0]:.2f}, {os.cpu_count()} cores\n\n")

@@ -145,6 +145,7 @@ def fly(seconds: float) -> list[str]:
             *("--home", f"{home.latitude_deg},{home.longitude_deg},{home.altitude_amsl_m}"),
             *("--link", f"companion=udpout:127.0.0.1:{relay.port}"),
             *("--link", f"gcs=udpout:127.0.0.1:{operator_port}"),
+            *("--param", "COM_OBL_RC_ACT=5"),
         ),
         process(
             "moar_companion",
