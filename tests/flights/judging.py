@@ -6,14 +6,21 @@ autopilot's local frame is the simulator's.
 
 from __future__ import annotations
 
+import functools
 import itertools
 import math
 
+import numpy as np
+import shapely
 from shapely.geometry import Point, Polygon
 
 from moar_companion.site import Conductor
-from sitl.geodesy import Geodetic, SphereProjection, TrueFrame
+from sitl.geodesy import FlatProjection, Geodetic, SphereProjection, TrueFrame
 
+from .operator import Manner
+
+PROJECTIONS = {Manner.PX4: SphereProjection, Manner.ARDUPILOT: FlatProjection}
+"""Of each autopilot's local frame."""
 OUTWARD_STATES = {"landing_leg"}
 """In these the setpoint may be outside the workspace."""
 
@@ -21,14 +28,7 @@ OUTWARD_STATES = {"landing_leg"}
 def in_plane(site, latitude_deg, longitude_deg, altitude_amsl_m):
     """(x, y, z) in the site's frame of a place in the world."""
     origin = site.frame.origin
-    frame = TrueFrame(
-        Geodetic(
-            latitude_deg=origin.latitude_deg,
-            longitude_deg=origin.longitude_deg,
-            altitude_amsl_m=0.0,
-        )
-    )
-    north, east, _ = frame.ned(
+    north, east, _ = _frame_at(origin.latitude_deg, origin.longitude_deg).ned(
         Geodetic(
             latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude_amsl_m
         )
@@ -38,6 +38,13 @@ def in_plane(site, latitude_deg, longitude_deg, altitude_amsl_m):
         north * math.cos(azimuth) + east * math.sin(azimuth),
         north * math.sin(azimuth) - east * math.cos(azimuth),
         altitude_amsl_m - origin.altitude_amsl_m,
+    )
+
+
+@functools.cache
+def _frame_at(latitude_deg, longitude_deg):
+    return TrueFrame(
+        Geodetic(latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=0.0)
     )
 
 
@@ -52,13 +59,19 @@ def true_places(flight):
 
 def setpoint_places(flight, setpoints=None):
     """(x, y, z) of the setpoints sent."""
-    places = []
-    for item in flight.setpoints if setpoints is None else setpoints:
-        latitude_deg, longitude_deg, altitude_m = item.origin
-        projection = SphereProjection(latitude_deg, longitude_deg)
-        place = projection.reproject(item.message.x, item.message.y)
-        places.append(in_plane(flight.site, *place, altitude_m - item.message.z))
-    return places
+    manner = flight.operator.manner
+    return [
+        local_place(flight.site, manner, item.origin, item.message)
+        for item in (flight.setpoints if setpoints is None else setpoints)
+    ]
+
+
+def local_place(site, manner, origin, message):
+    """(x, y, z) of what a message has as x, y, z of the local frame at an origin."""
+    latitude_deg, longitude_deg, altitude_m = origin
+    projection = PROJECTIONS[manner](latitude_deg, longitude_deg)
+    place = projection.reproject(message.x, message.y)
+    return in_plane(site, *place, altitude_m - message.z)
 
 
 def shape(obstacle):
@@ -69,13 +82,14 @@ def shape(obstacle):
 
 def clearances_m(site, places, *, keep_out=False):
     """Distance of each place from the nearest obstacle, less that one's keep-out if asked."""
-    shapes = [
-        (shape(obstacle), obstacle.keep_out_m if keep_out else 0.0) for obstacle in site.obstacles
-    ]
-    return [
-        min(outline.distance(Point(x, z)) - keep_out_m for outline, keep_out_m in shapes)
-        for x, _, z in places
-    ]
+    points = shapely.points(np.reshape([(x, z) for x, _, z in places], (-1, 2)))
+    return np.min(
+        [
+            shapely.distance(shape(obstacle), points) - (obstacle.keep_out_m if keep_out else 0.0)
+            for obstacle in site.obstacles
+        ],
+        axis=0,
+    )
 
 
 def least_true_clearance_m(flight):
@@ -160,15 +174,15 @@ def assert_setpoints_keep_to_free_space(flight, *, escape=False):
         if left or (escape and z < (space.min_altitude_m or 0.0) + space.resolution_m):
             continue
         # On a border two cells will do: of conversions to and fro a millimetre is forgiven.
-        near = _cells_within(place, space, 2e-3)
+        near = cells_within(place, space, 2e-3)
         for cell in near - free.keys():
-            free[cell] = _free(site, cell, radius_m)
+            free[cell] = is_free(site, cell, radius_m)
         assert any(free[cell] for cell in near), (item.time_s, place)
         assert space.lower_m[0] - 2e-3 <= x <= space.upper_m[0] + 2e-3
         assert z <= space.upper_m[1] + 2e-3
 
 
-def _cells_within(place, space, tolerance_m):
+def cells_within(place, space, tolerance_m):
     """The centres of the cells that hold a place or touch it within a tolerance."""
     x, _, z = place
     found = set()
@@ -187,9 +201,16 @@ def _cells_within(place, space, tolerance_m):
     return found
 
 
-def _free(site, centre, radius_m):
-    low = site.workspace.min_altitude_m
+def is_free(site, centre, radius_m, widened_m=0.0):
+    """Whether the cell at a centre may be entered; widened_m: what every keep-out grows by."""
+    space = site.workspace
+    low = space.min_altitude_m
     if low is not None and centre[1] < low - 1e-6:
         return False
+    if any(
+        not lower < value < upper
+        for value, lower, upper in zip(centre, space.lower_m, space.upper_m, strict=True)
+    ):
+        return False
     place = (centre[0], 0.0, centre[1])
-    return clearances_m(site, [place], keep_out=True)[0] >= radius_m - 1e-6
+    return clearances_m(site, [place], keep_out=True)[0] >= radius_m + widened_m - 1e-6

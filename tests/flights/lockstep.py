@@ -6,8 +6,9 @@ delay, as a planner thread would. An operator (a ground station, 255/190) speaks
 
 from __future__ import annotations
 
+import copy
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, replace
 from typing import Any
 
 from pymavlink.dialects.v20 import all as mavlink
@@ -16,95 +17,37 @@ from moar_companion.config import Authority, CompanionConfig, LinkConfig, shippe
 from moar_companion.planner.planner import Planner
 from moar_companion.service.companion import Companion
 from moar_companion.service.jobs import PlanAnswer, answer_job
+from moar_companion.service.planners import Planners
 from moar_companion.service.reports import Decision
 from moar_companion.service.surroundings import Ground
 from moar_companion.site import Site
 from moar_companion.vehicle import Vehicle
 from sitl.autopilot import FakeAutopilot, Options, Truth
+from sitl.manners import KINDS
+
+from ..copies import flown_once
+from .operator import Manner, Operator
 
 COMPANION_LINK = "udp:127.0.0.1:14540"
+PARAMETERS = {
+    Manner.PX4: {"COM_OBL_RC_ACT": 5, "COM_OF_LOSS_T": 0.5},
+    Manner.ARDUPILOT: {"GUID_TIMEOUT": 0.5},
+}
+"""What the manual asks for, as far as it matters to a flight without a pilot."""
 STEP_S = 0.02
 PLAN_DELAY_S = 0.04
-MAV_CMD_USER_1 = 31010
-MAV_CMD_DO_PAUSE_CONTINUE = 193
 
 
-@dataclass
-class Operator:
-    """A ground station on the autopilot's other link: what it sends and what it has heard."""
-
-    autopilot: FakeAutopilot
-    heard: list[mavlink.MAVLink_message] = field(default_factory=list)
-
-    def __post_init__(self) -> None:
-        self._codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
-        self._codec.robust_parsing = True
-        self._heartbeat_due_s = 0.0
-
-    def tick(self, now_s: float) -> None:
-        if now_s >= self._heartbeat_due_s:
-            self._heartbeat_due_s = now_s + 1.0
-            self.send(self._codec.heartbeat_encode(6, 8, 0, 0, 4))
-
-    def receive(self, data: bytes) -> None:
-        self.heard += self._codec.parse_buffer(data) or []
-
-    def send(self, message: mavlink.MAVLink_message) -> None:
-        data = message.pack(self._codec)
-        self._codec.seq = (self._codec.seq + 1) % 256
-        self.autopilot.receive("gcs", data)
-
-    def command(self, command: int, *parameters: float, component: int = 1) -> None:
-        padded = (*parameters, *[0.0] * (7 - len(parameters)))
-        self.send(self._codec.command_long_encode(1, component, command, 0, *padded))
-
-    def arm(self) -> None:
-        self.command(400, 1)
-
-    def take_off(self, height_m: float) -> None:
-        altitude = self.autopilot.options.altitude_amsl_m + height_m
-        self.command(22, 0, 0, 0, math.nan, math.nan, math.nan, altitude)
-
-    def mode(self, main: int, sub: int = 0) -> None:
-        self.command(176, 1, main, sub)
-
-    def mission(self, mission: int, index: float = -1) -> None:
-        self.command(MAV_CMD_USER_1, mission, index, component=195)
-
-    def pause(self) -> None:
-        self.command(MAV_CMD_DO_PAUSE_CONTINUE, 0, component=195)
-
-    def go_on(self) -> None:
-        self.command(MAV_CMD_DO_PAUSE_CONTINUE, 1, component=195)
-
-    def answers(self, command: int = MAV_CMD_USER_1) -> list[int]:
-        return [
-            message.result
-            for message in self.heard
-            if message.get_type() == "COMMAND_ACK" and message.command == command
-        ]
-
-    def texts(self) -> list[str]:
-        """Whole texts: chunks of 50 characters are put together."""
-        texts: list[str] = []
-        for message in self.heard:
-            if message.get_type() == "STATUSTEXT":
-                if message.id and message.chunk_seq:
-                    texts[-1] += message.text
-                else:
-                    texts.append(message.text)
-        return texts
-
-    def said(self, words: str) -> bool:
-        return any(words in text for text in self.texts())
-
-
-ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = range(7)
-OFFBOARD = (6, 0)
-HOLD = (4, 3)
-LAND = (4, 6)
-POSCTL = (3, 0)
-INSPECTION, EXIT, EVACUATION, RELEASE, MISSION_HOLD = 1, 2, 3, 4, 0
+def as_simulated(vehicle: Vehicle, manner: Manner) -> Vehicle:
+    """The vehicle with the drag and the pack of the simulated aircraft, as if it were measured."""
+    kind = KINDS[manner.value]
+    risk = replace(
+        vehicle.risk,
+        drag_per_s=kind.airframe.drag_per_s,
+        drag_per_m=kind.airframe.drag_per_m,
+        cells=None if vehicle.risk.cells is None else kind.battery.cells,
+    )
+    return replace(vehicle, risk=risk)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,25 +67,35 @@ class Lockstep:
     def __init__(
         self,
         *,
-        site: str = "315kv_double_circuit",
-        vehicle: str = "linedrone_flight",
+        site: str | Site = "315kv_double_circuit",
+        vehicle: str | Vehicle = "linedrone_flight",
+        manner: Manner = Manner.PX4,
         authority: Authority = Authority.STREAM,
         options: dict | None = None,
         start_m: tuple[float, float] | None = None,
         **config,
     ) -> None:
         """start_m: where it stands in the site's frame (x, y); under the site's start."""
-        self.site = Site.load(shipped_configs() / "sites" / f"{site}.yaml")
-        self.vehicle = Vehicle.load(shipped_configs() / "vehicles" / f"{vehicle}.yaml")
+        if isinstance(site, str):
+            site = Site.load(shipped_configs() / "sites" / f"{site}.yaml")
+        self.site = site
+        if isinstance(vehicle, str):
+            vehicle = Vehicle.load(shipped_configs() / "vehicles" / f"{vehicle}.yaml")
+        self.vehicle = as_simulated(vehicle, manner)
         self.planner = Planner(self.site, self.vehicle)
+        self.planners = Planners(self.planner)
         x_m, y_m = (self.site.start_m[0], 0.0) if start_m is None else start_m
+        options = dict(options or {})
+        parameters = {**PARAMETERS[manner], **options.pop("parameters", {})}
         home = self.site.frame.to_geodetic((x_m, y_m, 0.0))
         self.autopilot = FakeAutopilot(
             Options(
+                autopilot=manner.value,
                 latitude_deg=home.latitude_deg,
                 longitude_deg=home.longitude_deg,
                 altitude_amsl_m=home.altitude_amsl_m,
-                **(options or {}),
+                parameters=parameters,
+                **options,
             )
         )
         self.config = CompanionConfig(
@@ -152,13 +105,13 @@ class Lockstep:
             **config,
         )
         self.companion = self.new_companion()
-        self.operator = Operator(self.autopilot)
+        self.operator = Operator(self.autopilot, manner)
         self.now_s = 0.0
         self.decisions: list[Decision] = []
         self.truths: list[Truth] = []
         self.to_autopilot: list[tuple[float, bytes]] = []
         self.inputs: list[tuple[str, float, Any]] = []
-        """Everything that entered the companion: ("bytes" | "answer" | "tick", time, what)."""
+        """Everything that entered the companion: (what it was, time, what was in it)."""
         self.setpoints: list[Setpoint] = []
         self.states: list[tuple[float, str]] = []
         """The companion's state after each step."""
@@ -169,6 +122,16 @@ class Lockstep:
         self.plan_delay_s = PLAN_DELAY_S
         self._setpoint_codec = mavlink.MAVLink(None)
         self._answers: list[tuple[float, PlanAnswer]] = []
+
+    def __deepcopy__(self, memo):
+        """To be moved on by itself; what never changes, and what is past, is the same."""
+        ground = (self.site, self.vehicle, self.planner.maps, self.planner, self.planners)
+        memo |= {id(item): item for item in (self.config, *ground, *self.operator.heard)}
+        twin = memo[id(self)] = copy.copy(self)
+        for name, value in vars(self).items():
+            past = isinstance(value, list)
+            setattr(twin, name, list(value) if past else copy.deepcopy(value, memo))
+        return twin
 
     def new_companion(self) -> Companion:
         """A companion that knows nothing yet, of this site and vehicle."""
@@ -205,8 +168,13 @@ class Lockstep:
         self.companion.tick(now_s)
         for job in self.companion.plan_jobs():
             if self.planning:
-                answer = answer_job(self.planner, job)
+                answer = answer_job(self.planners, job)
                 self._answers.append((now_s + self.plan_delay_s, answer))
+        for job in self.companion.contingency_jobs():
+            if self.planning:
+                answer = answer_job(self.planners, job)
+                self.inputs.append(("contingency", now_s, answer))
+                self.companion.contingency_answered(answer)
         for _, data in self.companion.data_to_send():
             self.to_autopilot.append((now_s, data))
             self._note_setpoint(data)
@@ -265,36 +233,57 @@ class Lockstep:
         conditions.wind_mps = 0.0
 
     def begin(self, mission: int, index: float = -1) -> None:
-        """Take off, order a mission, and give OFFBOARD for it."""
-        self.take_off()
+        """Order a mission and give our mode for it; on the ground, take off before."""
+        if self.truth.on_ground:
+            self.take_off()
         self.operator.mission(mission, index)
-        self.give_offboard()
+        self.give_mode()
 
     def land(self) -> None:
         """The operator gives LAND; until it stands there, disarmed."""
-        self.operator.mode(*LAND)
+        self.operator.mode("land")
         self.run_until(lambda: self.truth.on_ground and not self.truth.armed, 60.0)
         self.run(1.0)
 
     def take_off(self, height_m: float = 3.0) -> None:
         """Boot, arm, take off and hover, as an operator would."""
-        self.run(8.0)
-        self.operator.take_off(height_m)
-        self.run(0.1)
-        self.operator.arm()
+        if self.operator.manner is Manner.PX4:
+            self.run(8.0)
+            self.operator.take_off(height_m)
+            self.run(0.1)
+            self.operator.arm()
+            hovering_in = "hold"
+        else:
+            self.run_until(lambda: self.operator.said("EKF3 IMU0 is using GPS"), 60.0)
+            self.operator.mode("ours")
+            self.run(0.1)
+            self.operator.arm()
+            self.run(2.5)
+            self.operator.take_off(height_m)
+            self.autopilot.move_sticks()
+            hovering_in = "ours"
         self.run_until(
             lambda: (
-                self.autopilot.truth.landed_state == 2
-                and self.autopilot.truth.mode == "AUTO.LOITER"
-                and abs(self.autopilot.truth.velocity_ned_mps[2]) < 0.1
+                self.truth.landed_state == 2
+                and self.operator.in_mode(hovering_in)
+                and abs(self.truth.velocity_ned_mps[2]) < 0.1
             ),
             30.0,
         )
         self.run(0.5)  # until the companion has heard it, too
 
-    def give_offboard(self) -> None:
-        """The operator gives OFFBOARD once a setpoint is streamed."""
-        self.run_until_state("ready", 5.0)
-        self.run(1.5)
-        self.operator.mode(*OFFBOARD)
+    def give_mode(self) -> None:
+        """The operator gives our mode: PX4 takes it once a setpoint is streamed."""
+        if not self.operator.in_mode("ours"):
+            self.run_until_state("ready", 5.0)
+            self.run(1.5)
+            self.operator.mode("ours")
         self.run_until_state("flying", 3.0)
+
+
+@flown_once
+def hovering(**options) -> Lockstep:
+    """In the air and hovering, as after `take_off`."""
+    flight = Lockstep(**options)
+    flight.take_off()
+    return flight

@@ -9,6 +9,7 @@ import pytest
 
 from moar_companion.config import Authority
 
+from ..copies import flown_once
 from .judging import (
     assert_nothing_was_touched,
     assert_setpoints_keep_to_free_space,
@@ -17,7 +18,9 @@ from .judging import (
     setpoint_places,
     true_places,
 )
-from .lockstep import DENIED, EVACUATION, EXIT, INSPECTION, Lockstep
+from .lockstep import Lockstep, hovering
+from .marks import ARDUPILOT_FIRST
+from .operator import DENIED, EVACUATION, EXIT, INSPECTION, Manner
 
 SITES = ["315kv_double_circuit", "120kv_single_circuit", "horizontal_three_conductors"]
 
@@ -73,12 +76,11 @@ def left_above_a_landing_point(flight, mission):
 
 def fly_all(site, vehicle, wind_mps, mission, **options):
     """Both splices, then a way out, then the operator's LAND."""
-    flight = Lockstep(site=site, vehicle=vehicle, **options)
-    flight.take_off()
+    flight = hovering(site=site, vehicle=vehicle, **options)
     flight.autopilot.conditions.wind_mps = wind_mps
     flight.autopilot.conditions.wind_from_deg = 300.0
     flight.operator.mission(INSPECTION)
-    flight.give_offboard()
+    flight.give_mode()
     flight.run_until_state("holding", 200.0)
     flight.run(2.0)
     assert flight.operator.said("every target is done")
@@ -90,24 +92,26 @@ def fly_all(site, vehicle, wind_mps, mission, **options):
     return flight
 
 
+def pairs():
+    """Any two of site, vehicle, wind, mission and manner in all their combinations."""
+    vehicles = ("x500", "linedrone_flight", "linedrone")
+    for number, (site, vehicle) in enumerate(itertools.product(SITES, vehicles)):
+        winds_mps = (0.0, 8.0) if number % 2 else (8.0, 0.0)
+        missions = ("exit", "evacuation") if number // 2 % 2 else ("evacuation", "exit")
+        yield from zip((site,) * 2, (vehicle,) * 2, winds_mps, missions, Manner, strict=True)
+
+
 QUICK = {
-    ("315kv_double_circuit", "linedrone_flight", 8.0, "evacuation"),
-    ("120kv_single_circuit", "x500", 8.0, "exit"),
-    ("horizontal_three_conductors", "x500", 0.0, "evacuation"),
+    ("315kv_double_circuit", "x500", 8.0, "evacuation", Manner.PX4),
 }
 
 
 @pytest.mark.parametrize(
-    ("site", "vehicle", "wind_mps", "mission"),
-    [
-        pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow)
-        for case in itertools.product(
-            SITES, ("x500", "linedrone_flight", "linedrone"), (0.0, 8.0), ("exit", "evacuation")
-        )
-    ],
+    ("site", "vehicle", "wind_mps", "mission", "manner"),
+    [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in pairs()],
 )
-def test_both_splices_the_way_out_and_the_landing(site, vehicle, wind_mps, mission):
-    flight = fly_all(site, vehicle, wind_mps, mission)
+def test_both_splices_the_way_out_and_the_landing(site, vehicle, wind_mps, mission, manner):
+    flight = fly_all(site, vehicle, wind_mps, mission, manner=manner)
     inspected(flight)
     flight.land()
     assert flight.state == "idle"  # the operator's LAND took the mode, the ground ended the rest
@@ -116,29 +120,30 @@ def test_both_splices_the_way_out_and_the_landing(site, vehicle, wind_mps, missi
 
 @pytest.mark.parametrize(("index", "x_m"), [(0, -10.0), (1, 40.0)])
 def test_an_evacuation_to_a_landing_point_of_the_operators_choice(index, x_m):
-    flight = Lockstep(vehicle="x500")
+    flight = hovering(vehicle="x500")
     flight.begin(EVACUATION, index)
     flight.run_until_state("holding", 120.0)
     assert setpoint_places(flight, flight.setpoints[-1:])[0][0] == pytest.approx(x_m, abs=0.05)
     judged(flight)
 
 
-def test_under_engage_one_command_flies_the_exit_and_lands():
-    flight = Lockstep(vehicle="x500", authority=Authority.ENGAGE)
-    flight.take_off()
+@pytest.mark.parametrize("manner", Manner)
+def test_under_engage_one_command_flies_the_exit_and_lands(manner):
+    flight = hovering(manner=manner, vehicle="x500", authority=Authority.ENGAGE)
     flight.operator.mission(EXIT)
-    flight.run_until_state("flying", 6.0)  # nobody else gave OFFBOARD
+    flight.run_until_state("flying", 6.0)  # nobody else gave the mode
     flight.run_until(lambda: flight.truth.on_ground and not flight.truth.armed, 120.0)
     x_m, y_m, _ = true_places(flight)[-1]
     assert math.hypot(x_m - 40.0, y_m) < 3.0
     flight.run(10.0)
     assert flight.state in {"idle", "overridden"}
-    assert flight.truth.mode != "OFFBOARD"
+    assert not flight.operator.in_mode("ours")
     judged(flight)
 
 
-def test_in_flight_from_inspection_to_evacuation():
-    flight = Lockstep(vehicle="x500")
+@pytest.mark.parametrize("manner", Manner)
+def test_in_flight_from_inspection_to_evacuation(manner):
+    flight = hovering(manner=manner, vehicle="x500")
     flight.begin(INSPECTION)
     flight.run(3.0)
     assert flight.state == "flying"
@@ -150,8 +155,9 @@ def test_in_flight_from_inspection_to_evacuation():
     judged(flight)
 
 
-def test_missions_switched_again_and_again_leave_no_jump():
-    flight = Lockstep(vehicle="x500")
+@pytest.mark.parametrize("manner", Manner)
+def test_missions_switched_again_and_again_leave_no_jump(manner):
+    flight = hovering(manner=manner, vehicle="x500")
     flight.begin(INSPECTION)
     for mission in (EVACUATION, INSPECTION, EXIT, INSPECTION, EVACUATION, INSPECTION) * 2:
         flight.run(1.3)
@@ -161,8 +167,9 @@ def test_missions_switched_again_and_again_leave_no_jump():
     judged(flight)
 
 
-def test_hold_and_continue_on_the_path_and_a_hold_at_a_target():
-    flight = Lockstep(vehicle="x500")
+@ARDUPILOT_FIRST
+def test_hold_and_continue_on_the_path_and_a_hold_at_a_target(manner):
+    flight = hovering(manner=manner, vehicle="x500")
     flight.begin(INSPECTION, 0)
     flight.run(3.0)
     flight.operator.pause()
@@ -181,8 +188,9 @@ def test_hold_and_continue_on_the_path_and_a_hold_at_a_target():
     judged(flight)
 
 
+@flown_once
 def held_on_the_landing_leg():
-    flight = Lockstep(vehicle="x500")
+    flight = hovering(vehicle="x500")
     flight.begin(EXIT)
     flight.run_until_state("landing_leg", 60.0)
     flight.run(1.0)
@@ -217,7 +225,7 @@ def test_a_low_take_off_is_left_by_an_escape_leg():
     low_m = true_places(flight)[-1][2]
     assert low_m < flight.site.workspace.min_altitude_m
     flight.operator.mission(INSPECTION, 0)
-    flight.give_offboard()
+    flight.give_mode()
     flight.run_until_state("at_target", 120.0)
     places = setpoint_places(flight)
     assert places[0][2] < flight.site.workspace.min_altitude_m
@@ -231,7 +239,7 @@ def test_a_low_take_off_is_left_by_an_escape_leg():
 
 
 def test_a_plan_that_takes_seconds_is_joined_without_a_jump():
-    flight = Lockstep(vehicle="x500")
+    flight = hovering(vehicle="x500")
     flight.plan_delay_s = 1.5
     flight.begin(INSPECTION)
     flight.run_until_state("at_target", 90.0)
@@ -243,7 +251,7 @@ def test_a_plan_that_takes_seconds_is_joined_without_a_jump():
 
 
 def test_a_planner_that_falls_silent_leaves_the_last_plan_to_be_flown():
-    flight = Lockstep(vehicle="x500")
+    flight = hovering(vehicle="x500")
     flight.begin(INSPECTION)
     flight.planning = False
     flight.run_until_state("at_target", 90.0)

@@ -1,0 +1,137 @@
+"""The operator of a lockstep flight: a ground station (255/190) that speaks raw MAVLink."""
+
+from __future__ import annotations
+
+import enum
+import math
+from dataclasses import dataclass, field
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from sitl.autopilot import FakeAutopilot
+from sitl.wire import packet_header, packets
+
+MAV_CMD_USER_1 = 31010
+MAV_CMD_DO_PAUSE_CONTINUE = 193
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCELLED = range(7)
+INSPECTION, EXIT, EVACUATION, RELEASE, MISSION_HOLD = 1, 2, 3, 4, 0
+
+
+_READ = {
+    mavlink.MAVLINK_MSG_ID_HEARTBEAT,
+    mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
+    mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+}
+"""An operator looks at these; an autopilot says a hundred times as much."""
+
+
+class Manner(enum.Enum):
+    """Whose autopilot it is. modes: what DO_SET_MODE takes after base_mode, the truth's word."""
+
+    PX4 = "px4"
+    ARDUPILOT = "ardupilot"
+
+    @property
+    def modes(self):
+        return _MODES[self]
+
+
+_MODES = {
+    Manner.PX4: {
+        "ours": ((6, 0), "OFFBOARD"),
+        "hold": ((4, 3), "AUTO.LOITER"),
+        "position": ((3, 0), "POSCTL"),
+        "return": ((4, 5), "AUTO.RTL"),
+        "land": ((4, 6), "AUTO.LAND"),
+    },
+    Manner.ARDUPILOT: {
+        "ours": ((4,), "GUIDED"),
+        "hold": ((5,), "LOITER"),
+        "position": ((16,), "POSHOLD"),
+        "return": ((6,), "RTL"),
+        "land": ((9,), "LAND"),
+    },
+}
+
+
+@dataclass
+class Operator:
+    """A ground station on the autopilot's other link: what it sends, what it has heard and read."""
+
+    autopilot: FakeAutopilot
+    manner: Manner
+    heard: list[mavlink.MAVLink_message] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self._codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+        self._codec.robust_parsing = True
+        self._heartbeat_due_s = 0.0
+        self.silent = False
+        """No heartbeats are sent."""
+
+    def tick(self, now_s: float) -> None:
+        if now_s >= self._heartbeat_due_s and not self.silent:
+            self._heartbeat_due_s = now_s + 1.0
+            self.send(self._codec.heartbeat_encode(6, 8, 0, 0, 4))
+
+    def receive(self, data: bytes) -> None:
+        for packet in packets(data):
+            if packet_header(packet)[0] in _READ:
+                self.heard += self._codec.parse_buffer(packet) or []
+
+    def send(self, message: mavlink.MAVLink_message) -> None:
+        data = message.pack(self._codec)
+        self._codec.seq = (self._codec.seq + 1) % 256
+        self.autopilot.receive("gcs", data)
+
+    def command(self, command: int, *parameters: float, component: int = 1) -> None:
+        padded = (*parameters, *[0.0] * (7 - len(parameters)))
+        self.send(self._codec.command_long_encode(1, component, command, 0, *padded))
+
+    def arm(self) -> None:
+        self.command(400, 1)
+
+    def take_off(self, height_m: float) -> None:
+        """PX4 takes an altitude above the sea, ArduPilot a height above home."""
+        if self.manner is Manner.PX4:
+            altitude = self.autopilot.options.altitude_amsl_m + height_m
+            self.command(22, 0, 0, 0, math.nan, math.nan, math.nan, altitude)
+        else:
+            self.command(22, 0, 0, 0, 0, 0, 0, height_m)
+
+    def mode(self, word: str) -> None:
+        self.command(176, 1, *self.manner.modes[word][0])
+
+    def in_mode(self, word: str) -> bool:
+        """Whether the autopilot really is in a mode."""
+        return self.autopilot.truth.mode == self.manner.modes[word][1]
+
+    def mission(self, mission: int, index: float = -1) -> None:
+        self.command(MAV_CMD_USER_1, mission, index, component=195)
+
+    def pause(self) -> None:
+        self.command(MAV_CMD_DO_PAUSE_CONTINUE, 0, component=195)
+
+    def go_on(self) -> None:
+        self.command(MAV_CMD_DO_PAUSE_CONTINUE, 1, component=195)
+
+    def answers(self, command: int = MAV_CMD_USER_1) -> list[int]:
+        return [
+            message.result
+            for message in self.heard
+            if message.get_type() == "COMMAND_ACK" and message.command == command
+        ]
+
+    def texts(self) -> list[str]:
+        """Whole texts: chunks of 50 characters are put together."""
+        texts: list[str] = []
+        for message in self.heard:
+            if message.get_type() == "STATUSTEXT":
+                if message.id and message.chunk_seq:
+                    texts[-1] += message.text
+                else:
+                    texts.append(message.text)
+        return texts
+
+    def said(self, words: str) -> bool:
+        return any(words in text for text in self.texts())

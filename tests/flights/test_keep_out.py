@@ -1,0 +1,104 @@
+"""A receiver that knows its place worse in flight: the path keeps away, or the mission waits.
+
+ArduPilot's receiver tells its accuracy, by which SIM_GPS_HDOP moves; keep-outs allow for 0.9 m.
+"""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.config import Supervision
+
+from ..copies import flown_once
+from .judging import (
+    assert_nothing_was_touched,
+    assert_setpoints_keep_to_free_space,
+    assert_setpoints_never_jump,
+    clearances_m,
+    setpoint_places,
+)
+from .lockstep import hovering
+from .operator import DENIED, INSPECTION, Manner
+
+pytestmark = pytest.mark.slow
+
+M_PER_HDOP = 0.3 / 1.21
+"""Of the receiver: the accuracy that it tells."""
+INNER = 1
+
+
+@flown_once
+def flight_to_the_far_circuit(**supervision):
+    """Just under way from the near target to the far one, between the conductors."""
+    # What a worse receiver does to the weights is the same in all: here only distances count.
+    limits = Supervision(localization_limit=1.0, **supervision)
+    flight = hovering(vehicle="linedrone", manner=Manner.ARDUPILOT, supervision=limits)
+    flight.begin(INSPECTION)
+    flight.run_until_state("at_target", 60.0)
+    flight.run_until_state("flying", 10.0)
+    return flight
+
+
+def know_to(flight, accuracy_m):
+    flight.autopilot.conditions.hdop = accuracy_m / M_PER_HDOP
+
+
+def least_room_m(flight, since):
+    """From the hull at the setpoints since then to the nearest keep-out."""
+    places = setpoint_places(flight, flight.setpoints[since:])
+    return min(clearances_m(flight.site, places, keep_out=True)) - flight.vehicle.radius_m
+
+
+def assert_it_was_sound(flight):
+    assert_nothing_was_touched(flight)
+    assert_setpoints_never_jump(flight)
+    assert_setpoints_keep_to_free_space(flight)
+
+
+def test_the_path_moves_away_from_the_conductors_and_goes_on():
+    rooms_m = {}
+    for allowed_m in (0.9, 1.4):
+        flight = flight_to_the_far_circuit(position_uncertainty_m=allowed_m)
+        know_to(flight, 1.35)
+        since = len(flight.setpoints)
+        flight.run_until_state("at_target", 30.0)
+        assert flight.companion.status.task.stops == ("splice-inner",)
+        rooms_m[allowed_m] = least_room_m(flight, since)
+        assert_it_was_sound(flight)
+    # Cells are kept clear by their centres.
+    assert rooms_m[0.9] > 0.45 - 0.15
+    assert rooms_m[0.9] > rooms_m[1.4] + 0.1
+    assert rooms_m[1.4] < 0.45
+
+
+def test_it_waits_with_the_number_said_until_the_position_is_known_better():
+    flight = flight_to_the_far_circuit()
+    know_to(flight, 1.6)
+    flight.run_until_state("holding", 3.0)
+    flight.run(3.0)  # an escape leg would lead out of there, but not to the target
+    assert flight.operator.said("MOAR holding: position uncertainty 1.6 m leaves no room here")
+    assert flight.operator.said("No way to splice-inner: target splice-inner")
+    asked = len([item for item in flight.decisions if item.kind == "replan"])
+    flight.run(15.0)
+    assert flight.state == "holding"
+    assert len([item for item in flight.decisions if item.kind == "replan"]) == asked
+    know_to(flight, 0.3)
+    flight.run_until_state("flying", 6.0)
+    flight.run_until_state("at_target", 30.0)
+    assert_it_was_sound(flight)
+
+
+def test_before_the_flight_it_is_denied_with_the_number():
+    flight = hovering(
+        vehicle="linedrone",
+        manner=Manner.ARDUPILOT,
+        supervision=Supervision(localization_limit=1.0),
+    )
+    know_to(flight, 1.6)
+    flight.run(1.0)
+    flight.operator.mission(INSPECTION, INNER)
+    flight.run(1.0)
+    assert flight.operator.answers()[-1] == DENIED
+    assert flight.operator.said("MOAR denied: target splice-inner")
+    assert flight.operator.said("position uncertainty 1.6 m")
+    assert not flight.setpoints

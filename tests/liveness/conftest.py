@@ -1,0 +1,24 @@
+"""An aircraft in the air for the tests of a module; each of them leaves it where it may."""
+
+from __future__ import annotations
+
+import contextlib
+
+import pytest
+
+from .rig import Rig
+
+
+@pytest.fixture(scope="module")
+def in_the_air(tmp_path_factory):
+    with contextlib.ExitStack() as stack:
+        rig = Rig(tmp_path_factory.mktemp("rig"), stack)
+        rig.take_off()
+        yield rig
+
+
+@pytest.fixture
+def rig(in_the_air):
+    """Hovering, with a service that has nothing to do."""
+    in_the_air.hover()
+    return in_the_air

@@ -1,0 +1,78 @@
+"""A stand-in for systemd, as far as the unit asks for it: readiness, watchdog, restart.
+
+Source: systemd.service(5), sd_notify(3), systemd.kill(5).
+"""
+
+from __future__ import annotations
+
+import configparser
+import contextlib
+import signal
+import socket
+import threading
+import time
+from pathlib import Path
+
+UNIT = Path(__file__).parents[2] / "systemd" / "moar-companion.service"
+LOOK_S = 0.1
+
+
+class Manager:
+    """Starts a service and keeps it running, in a thread of its own.
+
+    starts: the process ids, in order. statuses: what they ended with.
+    """
+
+    def __init__(self, service, folder):
+        parser = configparser.ConfigParser(strict=False, interpolation=None)
+        parser.optionxform = str
+        parser.read_string(UNIT.read_text())
+        unit = parser["Service"]
+        assert (unit["Type"], unit["Restart"]) == ("notify", "on-failure")
+        self._watchdog_s, self._restart_s = float(unit["WatchdogSec"]), float(unit["RestartSec"])
+        self._service = service
+        self._address = str(folder / "notify")
+        self._ending = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self.starts, self.statuses = [], []
+
+    def __enter__(self):
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self._ending.set()
+        self._thread.join()
+
+    def _run(self):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as hears:
+            hears.bind(self._address)
+            hears.settimeout(LOOK_S)
+            while not self._ending.is_set():
+                self._service.start(
+                    NOTIFY_SOCKET=self._address,
+                    WATCHDOG_USEC=f"{self._watchdog_s * 1e6:.0f}",
+                    PYTHONFAULTHANDLER="1",
+                )
+                self.starts.append(self._service.process.pid)
+                self._watch(hears)
+                status = self._service.process.wait()
+                self.statuses.append(status)
+                if status == 0:
+                    return
+                self._ending.wait(self._restart_s)
+
+    def _watch(self, hears):
+        """Until it has ended; one that is silent for too long is made to."""
+        process, ready = self._service.process, False
+        fed_s = time.monotonic()
+        while process.poll() is None and not self._ending.is_set():
+            with contextlib.suppress(TimeoutError):
+                ready = hears.recv(64) == b"READY=1" or ready
+                fed_s = time.monotonic()
+            if ready and time.monotonic() - fed_s > self._watchdog_s:
+                process.send_signal(signal.SIGABRT)
+                process.send_signal(signal.SIGCONT)
+                return
+        if self._ending.is_set():
+            process.kill()

@@ -1,0 +1,80 @@
+"""A service that is killed, ended or started anew while the aircraft flies."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import random
+import signal
+
+import pytest
+
+from .rig import COMPANION, HOLD, PAUSE_CONTINUE
+from .tap import clock_s
+
+pytestmark = pytest.mark.slow
+
+
+def test_killed_in_flight_it_waits_for_an_order_when_it_is_started_again(rig):
+    rig.fly()
+    rig.service.end(signal.SIGKILL)
+    killed_s = clock_s()
+    rig.operator.wait_for("the autopilot's hold", lambda: rig.operator.custom_mode == HOLD, 5.0)
+    assert rig.service.remembered() == "flying"
+    rig.start()
+    rig.wait_for_text("MOAR restarted; before: flying inspection, splice-")
+    rig.wait_for_text("continue flies the rest")
+    rig.watch(3.0)
+    assert rig.tap.since(killed_s) == []
+    rig.operator.command("continue", PAUSE_CONTINUE, 1, component=COMPANION)
+    rig.engage()
+    rig.watch(1.0)
+    assert len(rig.tap.since(killed_s)) > 40
+
+
+def test_ended_by_the_service_manager_its_last_setpoint_is_at_rest(rig):
+    rig.fly()
+    before = rig.tap.setpoints[-1]
+    assert rig.service.end(signal.SIGTERM) == 0
+    rig.watch(0.2)
+    *_, last_moving, last = rig.tap.setpoints
+    assert before.speed_mps > 0.0
+    assert last.speed_mps == 0.0
+    assert math.dist(last.position_ned_m, last_moving.position_ned_m) < 0.1
+    assert rig.service.remembered() == "flying"
+
+
+def test_ended_while_it_is_paused_it_says_nothing_any_more(rig):
+    rig.fly()
+    with rig.service.stopped() as stopped_s:
+        rig.service.process.terminate()
+        rig.watch(1.0)
+    assert rig.service.process.wait(20) == 0
+    assert rig.tap.since(stopped_s + 0.01) == []
+
+
+def test_killed_at_any_moment_its_memory_is_whole_or_absent(rig):
+    rig.service.end(signal.SIGKILL)
+    began_s = clock_s()
+    rig.start()
+    start_s = clock_s() - began_s
+    rig.service.end(signal.SIGKILL)
+    folder = rig.service.state.parent
+    moments = random.Random(7)
+    remembered = set()
+    for waits in [False, True] * 6:
+        rig.operator.companion_heard = False
+        rig.service.start()
+        moment_s = 30.0 if waits else moments.uniform(0.0, 2.0 * start_s)
+        heard = rig.operator.wait_until(lambda: rig.operator.companion_heard, moment_s)
+        if heard:
+            rig.watch(moments.uniform(0.0, 1.0))
+            rig.ask_for_inspection()
+            rig.watch(moments.uniform(0.0, 0.4))
+        rig.service.end(signal.SIGKILL)
+        with contextlib.suppress(FileNotFoundError):
+            remembered.add(json.loads(rig.service.state.read_bytes())["memory"]["state"])
+    assert {"idle", "ready"} & remembered
+    assert not list(folder.glob("*.broken"))
+    assert "put aside" not in rig.service.log()

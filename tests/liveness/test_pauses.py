@@ -1,0 +1,61 @@
+"""A service that is not scheduled: what it sends when it wakes is of after its waking."""
+
+from __future__ import annotations
+
+import math
+import random
+import re
+
+import pytest
+
+from .tap import OLDEST_S, clock_s
+
+pytestmark = pytest.mark.slow
+
+LET_GO_S = 0.5
+"""supervision.position_timeout_s"""
+
+
+def longest_pause_s(rig):
+    """For how long the service says that it stood still; None where it goes on.
+
+    A machine with other work to do may hold it up for longer than we do. What it does after a
+    pause of any length is exact in lockstep (`tests/service/test_supervision.py`).
+    """
+    said = re.search(r"MOAR released: thinking paused for ([\d.]+) s", rig.said())
+    return None if said is None else float(said[1])
+
+
+@pytest.mark.parametrize(
+    ("pause_s", "goes_on"), [(0.1, True), (0.3, True), (1.0, False), (3.0, False)]
+)
+def test_after_a_pause_nothing_old_is_sent(rig, pause_s, goes_on):
+    rig.fly()
+    before = rig.tap.setpoints[-1]
+    with rig.service.stopped() as stopped_s:
+        rig.watch(pause_s)
+    woken_s = stopped_s + pause_s
+    rig.watch(2.0)
+    after = rig.tap.since(woken_s)
+    stood_s = longest_pause_s(rig)
+    assert not [item for item in rig.tap.since(stopped_s + 0.01) if item.sent_s < woken_s]
+    assert all(item.thought_s >= woken_s - 0.001 for item in after)
+    assert max(item.age_s for item in rig.tap.setpoints) < OLDEST_S
+    if goes_on and stood_s is None:
+        assert after
+        jump_m = math.dist(before.position_ned_m, after[0].position_ned_m)
+        assert jump_m < 1.2 * before.speed_mps * (after[0].sent_s - before.sent_s) + 0.1
+    else:
+        assert after == []
+        assert stood_s >= max(pause_s, LET_GO_S) - 0.05
+
+
+def test_paused_at_any_moment_of_a_thought_it_sends_nothing_old(rig):
+    rig.fly()
+    moments = random.Random(3)
+    for _ in range(20):
+        with rig.service.stopped():
+            rig.watch(0.3)
+        rig.watch(moments.uniform(0.1, 0.3))
+    assert max(item.age_s for item in rig.tap.setpoints) < OLDEST_S
+    assert rig.tap.since(clock_s() - 0.5) or longest_pause_s(rig) >= LET_GO_S

@@ -1,0 +1,90 @@
+"""The service manager's watchdog: fed by the thinking, and by nothing else."""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import socket
+from itertools import pairwise
+
+import pytest
+
+from .manager import Manager
+from .rig import COMPANION, HOLD, PAUSE_CONTINUE, Service, free_ports
+from .tap import OLDEST_S, clock_s
+
+TIMEOUT_S = 0.8
+
+
+@contextlib.contextmanager
+def manager(folder):
+    """What the service manager hears."""
+    address = str(folder / "notify")
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as item:
+        item.bind(address)
+        item.settimeout(30.0)
+        yield item, address
+
+
+@contextlib.contextmanager
+def watched(folder, **environment):
+    """A service, and what it tells its manager."""
+    service = Service(folder, *free_ports(1))
+    with manager(folder) as (hears, address):
+        service.start(NOTIFY_SOCKET=address, **environment)
+        try:
+            assert hears.recv(64) == b"READY=1"
+            yield service, hears
+        finally:
+            service.end(signal.SIGKILL)
+
+
+def fed_s(hears, count):
+    """When the watchdog was fed."""
+    times_s = []
+    for _ in range(count):
+        assert hears.recv(64) == b"WATCHDOG=1"
+        times_s.append(clock_s())
+    return times_s
+
+
+def test_it_is_fed_twice_in_its_time_and_not_while_nothing_is_thought(tmp_path):
+    with watched(tmp_path, WATCHDOG_USEC=f"{TIMEOUT_S * 1e6:.0f}") as (service, hears):
+        times_s = fed_s(hears, 4)
+        assert all(later - earlier < TIMEOUT_S for earlier, later in pairwise(times_s))
+        assert times_s[-1] - times_s[0] > 2 * TIMEOUT_S / 2
+        with service.stopped():
+            hears.settimeout(2 * TIMEOUT_S)
+            with contextlib.suppress(TimeoutError):
+                fed_s(hears, 1)  # one that was on its way when it was stopped
+            with pytest.raises(TimeoutError):
+                hears.recv(64)
+        hears.settimeout(30.0)
+        fed_s(hears, 2)
+        service.process.terminate()
+        assert hears.recv(64) in {b"STOPPING=1", b"WATCHDOG=1"}
+        assert service.process.wait(20) == 0
+
+
+@pytest.mark.slow
+def test_one_that_hangs_in_flight_is_started_anew_tells_what_was_flown_and_waits(rig, tmp_path):
+    rig.service.end(signal.SIGKILL)
+    rig.operator.companion_heard = False
+    with Manager(rig.service, tmp_path) as manager:
+        rig.operator.wait_for("the companion", lambda: rig.operator.companion_heard, 30.0)
+        rig.hover()
+        rig.fly()
+        hung_s = clock_s()
+        rig.service.process.send_signal(signal.SIGSTOP)
+        rig.operator.wait_for("the end", lambda: manager.statuses, 20.0)
+        rig.operator.texts.clear()
+        assert manager.statuses == [-signal.SIGABRT]
+        rig.wait_for_text("MOAR restarted; before: flying inspection, splice-", 30.0)
+        rig.watch(2.0)
+        assert len(manager.starts) == 2
+        assert rig.operator.custom_mode == HOLD
+        assert rig.tap.since(hung_s + OLDEST_S) == []
+        assert "Fatal Python error: Aborted" in rig.service.log()
+        rig.operator.command("continue", PAUSE_CONTINUE, 1, component=COMPANION)
+        rig.engage()
+        assert rig.tap.since(hung_s + OLDEST_S)

@@ -1,0 +1,95 @@
+"""Three processes that know of each other by MAVLink: fake PX4, service, `moar-companion command`.
+
+The pilot, who arms, takes off, gives the mode and lands, is MAVSDK in this process.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+
+import pytest
+from mavsdk.asyncio.plugins.telemetry import FlightMode
+
+from .pilot import pilot
+from .processes import SITE, companion_beside_autopilot, ordered, truth_of
+
+
+def said(done):
+    """What a command printed, of which stderr must be empty."""
+    assert done.stderr == ""
+    return done.stdout.splitlines()
+
+
+def test_on_the_ground_it_is_heard_and_orders_are_refused_with_the_reason(tmp_path):
+    with companion_beside_autopilot(tmp_path) as (port, _):
+        status = ordered(port, "status", "--timeout", "20")
+        refused = ordered(port, "inspection")
+        unknown = ordered(port, "inspection", "--target", "9")
+        nothing_held = ordered(port, "continue")
+    assert status.returncode == 0
+    lines = said(status)
+    assert lines[0] == "companion  system 1, component 195: idle, streams nothing"
+    assert lines[1] == "autopilot  px4, disarmed, HOLD"
+    assert "not heard" not in "".join(lines)
+    assert refused.returncode == 1
+    assert said(refused)[0] == "inspection: TEMPORARILY_REJECTED"
+    assert said(refused)[1].startswith("MOAR temporarily rejected: ")
+    assert unknown.returncode == 1
+    assert said(unknown) == ["inspection: DENIED", "MOAR denied: no target 9: the site has 2"]
+    assert nothing_held.returncode == 1
+    assert said(nothing_held)[-1] == "MOAR temporarily rejected: nothing is held"
+
+
+@pytest.mark.slow
+def test_an_inspection_is_ordered_flown_paused_continued_held_left_and_released(tmp_path):
+    with companion_beside_autopilot(tmp_path) as (pilot_port, operator_port):
+        asyncio.run(operated(pilot_port, operator_port, tmp_path))
+    end = truth_of(tmp_path)[-1]
+    assert (end["armed"], end["on_ground"]) == (0.0, 1.0)
+
+
+async def operated(pilot_port, operator_port, folder):
+    async def order(*arguments):
+        done = await asyncio.to_thread(ordered, operator_port, *arguments)
+        assert done.returncode == 0, done
+        return said(done)
+
+    async with pilot(pilot_port) as mavsdk:
+        await mavsdk.take_off(3.0)
+        await mavsdk.wait_for_mode(FlightMode.HOLD)
+        lines = await order("inspection", "--target", "splice-outer", "--site", SITE)
+        assert lines[-2:] == ["MOAR ready inspection", "inspection: ACCEPTED"]
+        assert "streams setpoints" in (await order("status"))[0]
+        await mavsdk.give_offboard()
+        await moving(mavsdk)
+        assert (await order("pause"))[-1] == "pause: ACCEPTED"
+        lines = await order("status")
+        assert lines[1] == "autopilot  px4, armed, OFFBOARD"
+        assert speed_mps(folder) < 0.5
+        assert (await order("continue"))[-1] == "continue: ACCEPTED"
+        await moving(mavsdk)
+        assert (await order("hold"))[-1] == "hold: ACCEPTED"
+        assert (await order("exit", "--target", "0"))[-1] == "exit: ACCEPTED"
+        await moving(mavsdk)
+        assert (await order("release"))[-1] == "release: ACCEPTED"
+        await mavsdk.until(
+            "the autopilot on its own",
+            mavsdk.telemetry.subscribe_flight_mode(),
+            lambda mode: mode != FlightMode.OFFBOARD,
+        )
+        assert "streams nothing" in (await order("status"))[0]
+        await mavsdk.land()
+
+
+async def moving(mavsdk):
+    await mavsdk.until(
+        "moving",
+        mavsdk.telemetry.subscribe_velocity_ned(),
+        lambda speed: math.hypot(speed.north_m_s, speed.east_m_s, speed.down_m_s) > 0.5,
+    )
+
+
+def speed_mps(folder):
+    row = truth_of(folder)[-1]
+    return math.hypot(row["vn_mps"], row["ve_mps"], row["vd_mps"])
