@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from moar_companion.config import shipped_configs
 from moar_companion.site import Site
 from sitl.demonstration.manners import MANNERS
-from sitl.demonstration.operator import INSPECTION, Operator
+from sitl.demonstration.operator import INSPECTION, Operator, OperatorError
 from sitl.demonstration.processes import free_ports
 
 from .tap import Tap, clock_s
@@ -29,6 +29,7 @@ RELEASE = 4
 PAUSE_CONTINUE = 193
 COMPANION = 195
 IN_AIR = 2
+FLY_ATTEMPTS = 4
 
 
 class Service:
@@ -155,10 +156,18 @@ class Rig:
         self.operator.wait_for(text, lambda: text in self.said(), timeout_s)
 
     def fly(self):
-        """From a hover to a flight that is under way."""
-        self.operator.texts.clear()
-        self.operator.order("inspection", INSPECTION)
-        self.engage()
+        """From a hover to a flight that is under way; a machine that stands still is waited out."""
+        for attempts_left in reversed(range(FLY_ATTEMPTS)):
+            self.operator.texts.clear()
+            try:
+                self.operator.order("inspection", INSPECTION)
+                self.engage()
+            except OperatorError as error:
+                if not attempts_left:
+                    raise AssertionError(f"{error}; said: {self.said()}") from error
+                self.hover()
+            else:
+                return
 
     def engage(self):
         """Give the mode to a stream that waits for it."""

@@ -8,14 +8,13 @@ import math
 import random
 import signal
 
-import pytest
+from tests.real_time import real_time
 
 from .rig import COMPANION, HOLD, PAUSE_CONTINUE
 from .tap import clock_s
 
-pytestmark = pytest.mark.slow
 
-
+@real_time
 def test_killed_in_flight_it_waits_for_an_order_when_it_is_started_again(rig):
     rig.fly()
     rig.service.end(signal.SIGKILL)
@@ -33,6 +32,7 @@ def test_killed_in_flight_it_waits_for_an_order_when_it_is_started_again(rig):
     assert len(rig.tap.since(killed_s)) > 40
 
 
+@real_time
 def test_ended_by_the_service_manager_its_last_setpoint_is_at_rest(rig):
     rig.fly()
     before = rig.tap.setpoints[-1]
@@ -45,6 +45,7 @@ def test_ended_by_the_service_manager_its_last_setpoint_is_at_rest(rig):
     assert rig.service.remembered() == "flying"
 
 
+@real_time
 def test_ended_while_it_is_paused_it_says_nothing_any_more(rig):
     rig.fly()
     with rig.service.stopped() as stopped_s:
@@ -54,6 +55,7 @@ def test_ended_while_it_is_paused_it_says_nothing_any_more(rig):
     assert rig.tap.since(stopped_s + 0.01) == []
 
 
+@real_time
 def test_killed_at_any_moment_its_memory_is_whole_or_absent(rig):
     rig.service.end(signal.SIGKILL)
     began_s = clock_s()

@@ -11,14 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from tests.real_time import real_time
+
 from .tap import OLDEST_S, clock_s
 
-pytestmark = [
-    pytest.mark.slow,
-    pytest.mark.skipif(
-        len(os.sched_getaffinity(0)) < 2, reason="one processor: the autopilot would starve, too"
-    ),
-]
+pytestmark = pytest.mark.skipif(
+    len(os.sched_getaffinity(0)) < 2, reason="one processor: the autopilot would starve, too"
+)
 
 BUSY = "while True: pass"
 LOST_S = 0.5
@@ -53,6 +52,7 @@ def confine(process, processors):
         os.sched_setaffinity(int(thread.name), processors)
 
 
+@real_time
 @pytest.mark.parametrize(("hogs", "nice"), [(3, 0), (3, -10), (6, -19)])
 def test_starved_it_streams_in_time_or_not_at_all(rig, hogs, nice):
     rig.fly()

@@ -9,6 +9,8 @@ from itertools import pairwise
 
 import pytest
 
+from tests.real_time import real_time
+
 from .manager import Manager
 from .rig import COMPANION, HOLD, PAUSE_CONTINUE, Service, free_ports
 from .tap import OLDEST_S, clock_s
@@ -66,7 +68,7 @@ def test_it_is_fed_twice_in_its_time_and_not_while_nothing_is_thought(tmp_path):
         assert service.process.wait(20) == 0
 
 
-@pytest.mark.slow
+@real_time
 def test_one_that_hangs_in_flight_is_started_anew_tells_what_was_flown_and_waits(rig, tmp_path):
     rig.service.end(signal.SIGKILL)
     rig.operator.companion_heard = False

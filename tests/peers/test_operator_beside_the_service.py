@@ -8,8 +8,9 @@ from __future__ import annotations
 import asyncio
 import math
 
-import pytest
 from mavsdk.asyncio.plugins.telemetry import FlightMode
+
+from tests.real_time import real_time
 
 from .pilot import pilot
 from .processes import SITE, companion_beside_autopilot, ordered, truth_of
@@ -41,7 +42,7 @@ def test_on_the_ground_it_is_heard_and_orders_are_refused_with_the_reason(tmp_pa
     assert said(nothing_held)[-1] == "MOAR temporarily rejected: nothing is held"
 
 
-@pytest.mark.slow
+@real_time
 def test_an_inspection_is_ordered_flown_paused_continued_held_left_and_released(tmp_path):
     with companion_beside_autopilot(tmp_path) as (pilot_port, operator_port):
         asyncio.run(operated(pilot_port, operator_port, tmp_path))

@@ -21,6 +21,7 @@ from moar_companion import Mission, Planner, RiskIndices, Site, Vehicle
 from moar_companion.config import shipped_configs
 from sitl.demonstration import fly as demonstration
 from sitl.demonstration.judge import read_truth
+from tests.real_time import real_time
 
 ROOT = Path(__file__).parents[2]
 
@@ -47,8 +48,8 @@ def refused(capsys, *arguments):
 
 
 def flown_well(folder, *arguments):
-    """What was decided on a flight without fault, on the simulator's clock whatever its speed."""
-    flown = fly("--out", str(folder), *arguments)
+    """What was decided on a flight without fault, on the simulator's clock, twice as fast."""
+    flown = fly("--out", str(folder), "--speed", "2", *arguments)
     assert flown.returncode == 0, flown.stdout + flown.stderr
     assert flown.stdout.endswith("mission flown and landed\n")
     assert flown.stderr == ""
@@ -64,9 +65,9 @@ def flown_well(folder, *arguments):
     return decisions
 
 
-@pytest.mark.slow
+@real_time
 def test_the_demonstration_flies_two_splices_and_the_exit_lands_and_draws_its_picture(tmp_path):
-    decisions = flown_well(tmp_path, "--speed", "2")
+    decisions = flown_well(tmp_path)
     with Image.open(tmp_path / "flight.png") as picture:
         assert min(picture.size) > 800
         assert len(picture.convert("RGB").getcolors(1 << 24)) > 1000
@@ -94,12 +95,12 @@ def test_the_demonstration_flies_two_splices_and_the_exit_lands_and_draws_its_pi
     } <= seen
 
 
-@pytest.mark.slow
-def test_ardupilot_is_flown_four_times_as_fast(tmp_path):
-    flown_well(tmp_path, "--autopilot", "ardupilot", "--speed", "4")
+@real_time
+def test_ardupilot_is_flown_as_well(tmp_path):
+    flown_well(tmp_path, "--autopilot", "ardupilot")
 
 
-@pytest.mark.slow
+@real_time
 def test_a_machine_that_is_too_slow_is_told_so(tmp_path):
     flown = fly("--speed", "500", "--out", str(tmp_path))
     assert flown.returncode == 1
@@ -107,7 +108,7 @@ def test_a_machine_that_is_too_slow_is_told_so(tmp_path):
     assert "Traceback" not in flown.stderr
 
 
-@pytest.mark.slow
+@real_time
 def test_on_a_terminal_the_service_is_watched_and_what_was_said_stays(tmp_path):
     ours, theirs = pty.openpty()
     with subprocess.Popen(

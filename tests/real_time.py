@@ -1,0 +1,82 @@
+"""Flights in real time, on a machine that may not keep time itself.
+
+A virtual machine is now and then not scheduled for a second, and the service then lets go of the
+aircraft, as it must; what it does after a pause is tested exactly, in lockstep. A test in real time
+that fails while the machine stood still has shown nothing, and is flown again; one that fails on a
+machine that kept time has failed.
+
+As a program it is the witness: it looks at the clock on each processor, and says when it was late.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+_RERUNS = 4
+_RECENT_S = 120.0
+"""Longer than any of these tests takes."""
+_LOOK_S = 0.02
+_LATE_S = 0.1
+
+_stood_still_s: list[float] = []
+"""When the machine did, by `time.monotonic()`."""
+
+
+@pytest.fixture(scope="session")
+def witness():
+    """Looks at the clock while tests fly in real time."""
+    with subprocess.Popen(
+        [sys.executable, __file__], stdin=subprocess.DEVNULL, stdout=subprocess.PIPE
+    ) as running:
+
+        def note():
+            _stood_still_s.extend(float(line) for line in running.stdout)
+
+        noting = threading.Thread(target=note)
+        noting.start()
+        yield
+        running.kill()
+        noting.join()
+
+
+def _machine_stood_still():
+    return any(time.monotonic() - then_s < _RECENT_S for then_s in _stood_still_s)
+
+
+def real_time(test):
+    """Mark a test that flies in real time."""
+    for mark in (
+        pytest.mark.slow,
+        pytest.mark.real_time,
+        pytest.mark.usefixtures("witness"),
+        pytest.mark.flaky(reruns=_RERUNS, condition=_machine_stood_still),
+    ):
+        mark(test)
+    return test
+
+
+def _look_loop(processor):
+    os.sched_setaffinity(0, {processor})
+    # Where it may: a test may keep this processor busy, which is not the machine's doing.
+    with contextlib.suppress(PermissionError):
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(1))
+    then_s = time.monotonic()
+    while True:
+        time.sleep(_LOOK_S)
+        now_s = time.monotonic()
+        if now_s - then_s > _LOOK_S + _LATE_S:
+            sys.stdout.write(f"{now_s}\n")
+            sys.stdout.flush()
+        then_s = now_s
+
+
+if __name__ == "__main__":
+    for number in os.sched_getaffinity(0):
+        threading.Thread(target=_look_loop, args=(number,)).start()
