@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import logging
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -33,8 +32,6 @@ def run(arguments: argparse.Namespace) -> int:
     """Run the service until it is told to end."""
     config = configured(arguments)
     from ..service.app import run_service  # noqa: PLC0415
-
-    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s")
 
     return run_service(config)
 

@@ -5,7 +5,9 @@
 
 A .tlog is a sequence of 8 bytes big-endian microseconds since 1970 and one raw packet. The
 machine's times are turned into wall-clock times by the offset at the start, so that both files
-agree even when the host's clock is set in flight. A full disk ends the recording, not the flight.
+agree even when the host's clock is set in flight. A thread writes, so that a slow disk makes nobody
+wait. A disk that is full, or too slow for long, ends the recording and not the flight: what is
+recorded has no gaps.
 """
 
 from __future__ import annotations
@@ -15,14 +17,22 @@ import logging
 import struct
 from collections.abc import Iterable
 from datetime import datetime, timezone
+from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, BinaryIO
+
+from .writer import Batches, Writer
+
+_PERIOD_S = 1.0
+"""How much of a flight a process that is killed loses at most."""
+_MOST_BYTES = 8 * 1024 * 1024
+"""What waits for the disk: more than a minute of a link at 921600 baud."""
 
 _logger = logging.getLogger(__name__)
 
 
 class Recorder:
-    """Two open files. clock_offset_s: wall clock minus the machine's clock."""
+    """Two files and the thread that writes them. clock_offset_s: wall clock minus machine's."""
 
     def __init__(self, directory: Path, clock_offset_s: float, now_s: float) -> None:
         """Opens a new folder in `directory`; raises OSError when that cannot be done."""
@@ -30,48 +40,53 @@ class Recorder:
         started = datetime.fromtimestamp(now_s + clock_offset_s, tz=timezone.utc)
         self.folder = directory / f"flight_{started:%Y%m%dT%H%M%S.%fZ}"
         self.folder.mkdir(parents=True)
-        self._packets = (self.folder / "flight.tlog").open("wb")
-        self._decisions = (self.folder / "decisions.jsonl").open("w", encoding="utf-8")
-        self._failed = False
+        packets = (self.folder / "flight.tlog").open("wb")
+        decisions = (self.folder / "decisions.jsonl").open("wb")
+        self._ended = False
+        self._writer = Writer(
+            "recorder",
+            partial(self._write_loop, packets, decisions),
+            period_s=_PERIOD_S,
+            most_bytes=_MOST_BYTES,
+        )
 
     def write(
         self,
         packets: Iterable[tuple[float, bytes]],
         decisions: Iterable[tuple[float, str, dict[str, Any]]],
     ) -> None:
-        """Appends packets and decisions, each with the machine's time; never raises OSError."""
-        if self._failed:
+        """Appends packets and decisions, each with the machine's time; waits for nothing."""
+        if self._ended:
             return
-        try:
-            for time_s, packet in packets:
-                stamp = struct.pack(">Q", round((time_s + self._offset_s) * 1e6))
-                self._packets.write(stamp + packet)
-            for time_s, kind, data in decisions:
-                line = {"time_s": round(time_s + self._offset_s, 6), "kind": kind, "data": data}
-                self._decisions.write(json.dumps(line, allow_nan=False) + "\n")
-        except OSError as error:
-            self._give_up(error)
-
-    def flush(self) -> None:
-        """Hands everything to the operating system, so that a killed process loses nothing."""
-        if self._failed:
-            return
-        try:
-            self._packets.flush()
-            self._decisions.flush()
-        except OSError as error:
-            self._give_up(error)
+        stamped = b"".join(
+            struct.pack(">Q", round((time_s + self._offset_s) * 1e6)) + packet
+            for time_s, packet in packets
+        )
+        lines = "".join(self._line(*decision) for decision in decisions).encode()
+        if (stamped or lines) and not self._writer.put(stamped, lines):
+            self._end("the disk is too slow")
 
     def close(self) -> None:
-        """Flush and close."""
-        self.flush()
-        for file in (self._packets, self._decisions):
-            try:
-                file.close()
-            except OSError as error:
-                self._give_up(error)
+        """Wait a while for what is to be written, and close."""
+        if not self._writer.close():
+            self._end("the disk is too slow")
 
-    def _give_up(self, error: OSError) -> None:
-        if not self._failed:
-            self._failed = True
-            _logger.warning("recording ended: %s: %s", self.folder, error.strerror)
+    def _line(self, time_s: float, kind: str, data: dict[str, Any]) -> str:
+        line = {"time_s": round(time_s + self._offset_s, 6), "kind": kind, "data": data}
+        return json.dumps(line, allow_nan=False) + "\n"
+
+    def _write_loop(self, packets: BinaryIO, decisions: BinaryIO, batches: Batches) -> None:
+        try:
+            with packets, decisions:
+                for batch in batches:
+                    packets.writelines(stamped for stamped, _ in batch)
+                    decisions.writelines(lines for _, lines in batch)
+                    packets.flush()
+                    decisions.flush()
+        except OSError as error:
+            self._end(error.strerror or str(error))
+
+    def _end(self, why: str) -> None:
+        if not self._ended:
+            self._ended = True
+            _logger.warning("recording ended: %s: %s", self.folder, why)

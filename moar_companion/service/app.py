@@ -2,6 +2,7 @@
 
 One loop thinks at the setpoint rate and sends what the machine gives it; bytes are handed over as
 they arrive; plans are made in one thread, whose compiled search does not hold the interpreter.
+Whatever may wait for a disk or for who reads the log has a thread of its own: the loop never does.
 """
 
 from __future__ import annotations
@@ -21,13 +22,14 @@ from typing import Any
 from ..config import CompanionConfig, LinkRole
 from ..mavlink.link import Link, open_link
 from ..mavlink.urls import parse_url
+from ..outlets.log import log_to_stderr
 from ..outlets.recorder import Recorder
 from ..planner.planner import Planner
 from ..site import Site
 from ..types import AutopilotStatus
 from ..vehicle import Vehicle
 from .companion import Companion
-from .host import host
+from .host import HostWatch
 from .jobs import PlanAnswer, PlanJob, answer_job, preparations, prepare_for
 from .memory_file import MemoryFile
 from .notify import Watchdog, notify
@@ -48,7 +50,8 @@ _LONGEST_WAIT_S = 0.05
 _CATCHING_UP_S = 0.001
 _LONGEST_CATCHING_UP = 100
 """Looks, each of the time above, for bytes that have waited while we slept too long."""
-_FLUSH_PERIOD_S = 1.0
+_LOOK_PERIOD_S = 1.0
+"""How often it is looked at who is heard, and what the computer has left."""
 _SILENCE_S = 5.0
 """An autopilot's heartbeat comes each second: after this time without one the user is told."""
 
@@ -67,7 +70,7 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
     ground = None
     if site is not None and planner is not None:
         ground = Ground(site=site, maps=planner.maps)
-    with contextlib.ExitStack() as stack:
+    with log_to_stderr(), contextlib.ExitStack() as stack:
         memory = _open_memory(config, stack)
         before = None if memory is None else memory.load(time.time() - _clock_s(speed))
         companion = Companion(config, vehicle, ground, before=before)
@@ -134,6 +137,8 @@ class Service:
             for pool in (self._thread, self._preparing):
                 stack.callback(pool.shutdown, wait=False, cancel_futures=True)
             self._recorder = self._open_recorder(stack)
+            host = HostWatch(None if self._recorder is None else self._recorder.folder)
+            stack.callback(host.close)
             await self._open_view(stack)
             links = {}
             for link in self._config.links:
@@ -149,7 +154,7 @@ class Service:
                     self._preparing.submit(prepare)
             notify("READY=1")
             loop.call_later(_SILENCE_S, self._say_if_nobody_is_heard)
-            thinking = asyncio.create_task(self._think_loop(loop), name="think")
+            thinking = asyncio.create_task(self._think_loop(loop, host), name="think")
             stopping = asyncio.create_task(stopped.wait(), name="wait for a signal")
             await asyncio.wait({thinking, stopping}, return_when=asyncio.FIRST_COMPLETED)
             notify("STOPPING=1")
@@ -167,10 +172,10 @@ class Service:
     def _now_s(self) -> float:
         return _clock_s(self._speed)
 
-    async def _think_loop(self, loop: asyncio.AbstractEventLoop) -> None:
+    async def _think_loop(self, loop: asyncio.AbstractEventLoop, host: HostWatch) -> None:
         """Think and send at the setpoint rate, by deadlines that do not drift."""
         period_s = 1.0 / self._config.setpoint_rate_hz
-        due_s = flush_s = self._now_s()
+        due_s = look_s = self._now_s()
         while True:
             now_s = self._now_s()
             self._take_in(now_s)
@@ -182,14 +187,10 @@ class Service:
             if self._send(now_s):
                 self._watchdog.feed(now_s / self._speed)
             self._remember(now_s)
-            if now_s >= flush_s:
-                flush_s = now_s + _FLUSH_PERIOD_S
+            if now_s >= look_s:
+                look_s = now_s + _LOOK_PERIOD_S
                 self._say_who_is_heard()
-                self._companion.note_host(
-                    host(None if self._recorder is None else self._recorder.folder)
-                )
-                if self._recorder is not None:
-                    self._recorder.flush()
+                self._companion.note_host(host.look())
             due_s += period_s
             if due_s <= now_s:
                 # After a pause nothing is sent twice to catch up.

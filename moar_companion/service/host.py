@@ -4,26 +4,51 @@ from __future__ import annotations
 
 import contextlib
 import shutil
+import threading
 from pathlib import Path
 
 from .causes import Host
 
 _MEMORY = Path("/proc/meminfo")
+_PERIOD_S = 1.0
 
 
-def host(recordings: Path | None) -> Host:
-    """What is left now. recordings: the folder in which flights are recorded, if any.
+class HostWatch:
+    """Looks at the disk in a thread, each second: one that is dead makes nobody wait.
 
-    What the system does not tell is None.
+    recordings: the folder in which flights are recorded, if any.
     """
-    disk_free = None
-    if recordings is not None:
+
+    def __init__(self, recordings: Path | None) -> None:
+        self._disk_free: float | None = None
+        self._closing = threading.Event()
+        if recordings is not None:
+            self._disk_free = disk_free(recordings)
+            threading.Thread(
+                target=self._look_loop, args=(recordings,), name="host", daemon=True
+            ).start()
+
+    def look(self) -> Host:
+        """What is left now; of the disk, its last word. What the system does not tell is None."""
+        memory = None
         with contextlib.suppress(OSError):
-            disk_free = float(shutil.disk_usage(recordings).free)
-    memory = None
+            memory = memory_available(_MEMORY.read_text())
+        return Host(disk_free=self._disk_free, memory_available=memory)
+
+    def close(self) -> None:
+        """Look at the disk no more."""
+        self._closing.set()
+
+    def _look_loop(self, recordings: Path) -> None:
+        while not self._closing.wait(_PERIOD_S):
+            self._disk_free = disk_free(recordings)
+
+
+def disk_free(folder: Path) -> float | None:
+    """Room for who is not root, in bytes; None for a folder that is gone. May wait for the disk."""
     with contextlib.suppress(OSError):
-        memory = memory_available(_MEMORY.read_text())
-    return Host(disk_free=disk_free, memory_available=memory)
+        return float(shutil.disk_usage(folder).free)
+    return None
 
 
 def memory_available(meminfo: str) -> float | None:

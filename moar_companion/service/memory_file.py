@@ -12,17 +12,14 @@ from __future__ import annotations
 import contextlib
 import logging
 import os
-import threading
 from pathlib import Path
-from queue import Empty, SimpleQueue
 
+from ..outlets.writer import Batches, Writer
 from .memory import Memory, decoded, encoded
 
 _NAME = "mission.json"
 _LONGEST_BYTES = 65536
 """A file that is longer is none of ours."""
-_LAST_WRITE_S = 2.0
-"""How long the end of the service waits for a slow disk."""
 
 _logger = logging.getLogger(__name__)
 
@@ -40,9 +37,7 @@ class MemoryFile:
         self._beside.write_bytes(b"")
         self._beside.unlink()
         self._failing = False
-        self._waiting: SimpleQueue[bytes | None] = SimpleQueue()
-        self._thread = threading.Thread(target=self._write_loop, name="memory", daemon=True)
-        self._thread.start()
+        self._writer = Writer("memory", self._write_loop)
 
     def load(self, clock_offset_s: float) -> Memory | None:
         """What is remembered; None for nothing. What cannot be read is said, and put aside.
@@ -65,24 +60,15 @@ class MemoryFile:
 
     def save(self, memory: Memory, clock_offset_s: float) -> None:
         """Write it soon; of several that wait, only the newest."""
-        self._waiting.put(encoded(memory, clock_offset_s))
+        self._writer.put(encoded(memory, clock_offset_s))
 
     def close(self) -> None:
-        """Wait for what is to be written."""
-        self._waiting.put(None)
-        self._thread.join(_LAST_WRITE_S)
+        """Wait a while for what is to be written."""
+        self._writer.close()
 
-    def _write_loop(self) -> None:
-        while (data := self._waiting.get()) is not None:
-            ending = False
-            with contextlib.suppress(Empty):
-                while not ending:
-                    newer = self._waiting.get_nowait()
-                    ending = newer is None
-                    data = newer or data
-            self._write(data)
-            if ending:
-                return
+    def _write_loop(self, batches: Batches) -> None:
+        for batch in batches:
+            self._write(*batch[-1])
 
     def _write(self, data: bytes) -> None:
         try:

@@ -6,7 +6,6 @@ The service's own command line has no such switch: on an aircraft a second is a 
 from __future__ import annotations
 
 import argparse
-import logging
 import sys
 
 from moar_companion.config import CompanionConfig
@@ -20,7 +19,6 @@ def main() -> int:
     parser.add_argument("--config", required=True)
     parser.add_argument("--speed", type=float, default=1.0)
     arguments = parser.parse_args()
-    logging.basicConfig(level=logging.INFO, format="%(levelname)s %(message)s")
     try:
         return run_service(CompanionConfig.load(arguments.config), speed=arguments.speed)
     except (InputError, LinkError) as error:

@@ -1,13 +1,16 @@
 import json
-import logging
 import struct
+import time
 
 import pytest
 from pymavlink import mavutil
 
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import create
+from moar_companion.outlets import recorder as recorder_module
+from moar_companion.outlets import writer
 from moar_companion.outlets.recorder import Recorder
+from tests.stopped import make_recordings, stop_recordings
 
 OFFSET_S = 1_700_000_000.0
 
@@ -48,27 +51,66 @@ def test_decisions_are_one_json_object_a_line_with_wall_clock_times(tmp_path):
     ]
 
 
-def test_what_was_flushed_is_in_the_files_before_they_are_closed(tmp_path):
+def test_what_was_written_is_in_the_files_before_they_are_closed(tmp_path, monkeypatch):
+    monkeypatch.setattr(recorder_module, "_PERIOD_S", 0.0)
     recorder = Recorder(tmp_path, OFFSET_S, 0.0)
     recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
-    recorder.flush()
+    until_s = time.monotonic() + 20.0
+    while not (recorder.folder / "decisions.jsonl").read_text() and time.monotonic() < until_s:
+        time.sleep(0.001)
     assert (recorder.folder / "flight.tlog").stat().st_size == 8 + len(heartbeat())
     assert (recorder.folder / "decisions.jsonl").read_text().count("\n") == 1
     recorder.close()
 
 
-def test_a_full_disk_ends_the_recording_with_one_warning_and_no_error(tmp_path, caplog):
+def test_a_full_disk_ends_the_recording_with_one_warning_and_no_error(
+    tmp_path, monkeypatch, caplog
+):
+    def full(folder):
+        (folder / "flight.tlog").symlink_to("/dev/full")
+
+    make_recordings(monkeypatch, full)
+    monkeypatch.setattr(recorder_module, "_PERIOD_S", 0.0)
     recorder = Recorder(tmp_path, OFFSET_S, 0.0)
-    recorder._packets.close()
-    recorder._packets = open("/dev/full", "wb")  # noqa: PTH123, SIM115
-    with caplog.at_level(logging.WARNING):
-        for _ in range(3):
-            recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
-            recorder.flush()
-        recorder.close()
-    assert [record.getMessage() for record in caplog.records] == [
-        f"recording ended: {recorder.folder}: No space left on device"
-    ]
+    recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
+    recorder.close()
+    recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
+    assert told(caplog) == [f"recording ended: {recorder.folder}: No space left on device"]
+
+
+def told(caplog):
+    return [record.getMessage() for record in caplog.records]
+
+
+def test_a_disk_that_stands_still_keeps_nobody_waiting_and_what_is_recorded_has_no_gap(
+    tmp_path, monkeypatch, caplog
+):
+    monkeypatch.setattr(recorder_module, "_PERIOD_S", 0.0)
+    monkeypatch.setattr(recorder_module, "_MOST_BYTES", 10_000)
+    disks = stop_recordings(monkeypatch)
+    recorder = Recorder(tmp_path, OFFSET_S, 0.0)
+    record = 8 + len(heartbeat())
+    for number in range(1000):
+        recorder.write([(number, heartbeat())], [])
+    assert told(caplog) == [f"recording ended: {recorder.folder}: the disk is too slow"]
+    (disk,) = disks
+    disk.go_on()
+    recorder.write([(1000.0, heartbeat())], [])
+    recorder.close()
+    data = disk.rest()
+    stamps = [int.from_bytes(data[at : at + 8], "big") for at in range(0, len(data), record)]
+    assert stamps == [round((OFFSET_S + number) * 1e6) for number in range(10_000 // record)]
+    assert len(told(caplog)) == 1
+
+
+def test_the_end_does_not_wait_for_ever_for_a_disk_that_stands_still(tmp_path, monkeypatch, caplog):
+    monkeypatch.setattr(writer, "_LAST_WRITE_S", 0.1)
+    disks = stop_recordings(monkeypatch)
+    recorder = Recorder(tmp_path, OFFSET_S, 0.0)
+    recorder.write([(0.0, heartbeat())], [])
+    recorder.close()
+    assert told(caplog) == [f"recording ended: {recorder.folder}: the disk is too slow"]
+    assert len(disks[0].rest()) == 8 + len(heartbeat())
 
 
 def test_two_recordings_of_one_second_do_not_share_a_folder(tmp_path):

@@ -9,6 +9,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import shipped_configs
 from tests.processes import companion
+from tests.stopped import stopped_pipe
 
 SITE = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
 
@@ -47,6 +48,20 @@ def test_it_heartbeats_as_a_path_planner_and_ends_quietly_on_a_signal(number):
         _, errors = running.communicate(timeout=10)
         assert running.returncode == 0
         assert "Traceback" not in errors
+
+
+def test_a_log_that_nobody_reads_holds_up_neither_the_thinking_nor_the_end():
+    log = stopped_pipe()
+    with (
+        listener() as (item, port),
+        companion("--connect", f"udpout:127.0.0.1:{port}", stderr=log.writing) as running,
+    ):
+        beats = 0
+        while beats < 3:
+            beats += sum(m.get_type() == "HEARTBEAT" for m in messages(item.recv(4096)))
+        running.terminate()
+        assert running.wait(10) == 0
+    assert log.rest() == b""
 
 
 def test_without_a_site_it_serves_telemetry_and_risk_only():

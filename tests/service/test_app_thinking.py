@@ -5,21 +5,26 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
+import shutil
 import signal
 import socket
 import struct
+import threading
 import time
 from itertools import pairwise
+from types import SimpleNamespace
 
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import CompanionConfig, LinkConfig, Recorder, shipped_configs
-from moar_companion.service import app
+from moar_companion.outlets import recorder, writer
+from moar_companion.service import host
 from moar_companion.service.app import Service
 from moar_companion.service.causes import Host
 from moar_companion.service.companion import Companion
 from moar_companion.vehicle import Vehicle
+from tests.stopped import stop_recordings
 
 VEHICLE = shipped_configs() / "vehicles" / "x500.yaml"
 POSCTL, OFFBOARD = 0x00030000, 0x00060000
@@ -187,10 +192,38 @@ def test_the_companion_is_told_what_the_computer_has_left(heard, tmp_path, monke
 
     def left(recordings):
         asked.add(recordings)
-        return Host(disk_free=3e9, memory_available=2e8)
+        return SimpleNamespace(free=3e9)
 
-    monkeypatch.setattr(app, "host", left)
+    monkeypatch.setattr(host.shutil, "disk_usage", left)
+    monkeypatch.setattr(host, "memory_available", lambda _: 2e8)
     monkeypatch.setattr(Companion, "note_host", lambda _, host: told.add(host))
     serve(heard, 0.3, recorder=Recorder(directory=tmp_path))
     assert asked == set(tmp_path.iterdir())
     assert told == {Host(disk_free=3e9, memory_available=2e8)}
+
+
+def test_a_disk_that_stands_still_holds_up_neither_the_thinking_nor_the_end(
+    heard, tmp_path, monkeypatch, caplog
+):
+    answers, looks, usage = threading.Event(), [], shutil.disk_usage
+
+    def asked(folder):
+        looks.append(folder)
+        if len(looks) > 1:
+            answers.wait(20)
+        return usage(folder)
+
+    monkeypatch.setattr(host, "_PERIOD_S", 0.0)
+    monkeypatch.setattr(host.shutil, "disk_usage", asked)
+    monkeypatch.setattr(recorder, "_PERIOD_S", 0.1)
+    monkeypatch.setattr(writer, "_LAST_WRITE_S", 0.1)
+    disks = stop_recordings(monkeypatch)
+    messages = serve(heard, 2.0, recorder=Recorder(directory=tmp_path))
+    thought_ms = {m.time_boot_ms for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"}
+    assert len(thought_ms) >= 3
+    assert len(looks) == 2
+    answers.set()
+    (disk,), (folder,) = disks, tmp_path.iterdir()
+    assert disk.rest()
+    warnings = [item.getMessage() for item in caplog.records if item.levelname == "WARNING"]
+    assert warnings == [f"recording ended: {folder}: the disk is too slow"]

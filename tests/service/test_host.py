@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import threading
+import time
+from types import SimpleNamespace
+
 import pytest
 
-from moar_companion.service.host import host, memory_available
+from moar_companion.service import host
+from moar_companion.service.host import HostWatch, memory_available
 
 
 def test_the_memory_that_linux_calls_available():
@@ -14,12 +19,44 @@ def test_the_memory_that_linux_calls_available():
 
 
 def test_this_computer_tells_both(tmp_path):
-    left = host(tmp_path)
+    left = look(tmp_path)
     assert left.disk_free is not None
     assert left.disk_free > 0.0
     assert left.memory_available is None or left.memory_available > 0.0
 
 
+def look(recordings):
+    watch = HostWatch(recordings)
+    watch.close()
+    return watch.look()
+
+
 def test_nothing_is_known_of_no_folder_or_one_that_is_gone(tmp_path):
-    assert host(None).disk_free is None
-    assert host(tmp_path / "gone").disk_free is None
+    assert look(None).disk_free is None
+    assert look(tmp_path / "gone").disk_free is None
+
+
+def test_a_disk_that_does_not_answer_keeps_nobody_waiting_and_its_last_word_holds(
+    tmp_path, monkeypatch
+):
+    asked, answers, words = threading.Event(), threading.Event(), iter([3e9, 2e9, 1e9])
+
+    def usage(_):
+        word = next(words)
+        if word == 2e9:
+            asked.set()
+            answers.wait(20)
+        if word == 1e9:
+            watch.close()
+        return SimpleNamespace(free=word)
+
+    monkeypatch.setattr(host.shutil, "disk_usage", usage)
+    monkeypatch.setattr(host, "_PERIOD_S", 0.0)
+    watch = HostWatch(tmp_path)
+    assert asked.wait(20)
+    assert watch.look().disk_free == 3e9
+    answers.set()
+    until_s = time.monotonic() + 20.0
+    while watch.look().disk_free != 1e9 and time.monotonic() < until_s:
+        time.sleep(0.001)
+    assert watch.look().disk_free == 1e9

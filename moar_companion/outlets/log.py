@@ -1,0 +1,68 @@
+"""The log: one line a record on stderr, written without making the thinking wait.
+
+A pipe that nobody reads, or a terminal that is stopped, loses lines and says how many: the newest,
+since the oldest tell what began.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import sys
+from collections.abc import Iterator
+from functools import partial
+
+from .writer import Batches, Writer
+
+_MOST_BYTES = 256 * 1024
+"""Some three thousand lines."""
+
+
+@contextlib.contextmanager
+def log_to_stderr() -> Iterator[None]:
+    """Write what is logged inside; what was logged is written at the end, if stderr takes it."""
+    lines = _Lines()
+    handler = logging.StreamHandler(lines)
+    handler.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
+    root = logging.getLogger()
+    root.addHandler(handler)
+    root.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        lines.close()
+        root.removeHandler(handler)
+
+
+class _Lines:
+    """The stream of a handler, whose lock lets one thread at a time write."""
+
+    def __init__(self) -> None:
+        # Not by its buffer: a thread that is held up in that makes the interpreter's end abort. Nor
+        # by its number alone: where there is no stderr, a link or a file may have got that.
+        stderr = sys.__stderr__
+        descriptor = os.open(os.devnull, os.O_WRONLY) if stderr is None else stderr.fileno()
+        self._writer = Writer("log", partial(_write_loop, descriptor), most_bytes=_MOST_BYTES)
+        self._lost = 0
+
+    def write(self, text: str) -> None:
+        if self._lost:
+            text = f"WARNING {self._lost} lines are lost here: stderr did not take them\n{text}"
+        if self._writer.put(text.encode(errors="backslashreplace")):
+            self._lost = 0
+        else:
+            self._lost += 1
+
+    def close(self) -> None:
+        if self._lost:
+            self.write("")
+        self._writer.close()
+
+
+def _write_loop(descriptor: int, batches: Batches) -> None:
+    with contextlib.suppress(OSError), open(descriptor, "wb", closefd=False) as stderr:
+        for batch in batches:
+            with contextlib.suppress(OSError):
+                stderr.writelines(line for (line,) in batch)
+                stderr.flush()

@@ -1,0 +1,75 @@
+"""A thread that writes, so that nobody else waits for a disk or a pipe that stands still."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import threading
+from collections.abc import Callable, Iterator
+from queue import Empty, SimpleQueue
+from typing import TypeAlias
+
+_LAST_WRITE_S = 2.0
+"""How long the end of the program waits for what is still to be written."""
+
+Batches: TypeAlias = Iterator[list[tuple[bytes, ...]]]
+"""What was handed over since the last batch, in order; never nothing. They end with `close`."""
+
+
+class Writer:
+    """Runs `write` in a thread of its own, which a program that ends does not wait for.
+
+    period_s: what is handed over within it is one batch. most_bytes: no more than this waits.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        write: Callable[[Batches], None],
+        *,
+        period_s: float = 0.0,
+        most_bytes: float = math.inf,
+    ) -> None:
+        self._period_s = period_s
+        self._most_bytes = most_bytes
+        self._waiting: SimpleQueue[tuple[bytes, ...] | None] = SimpleQueue()
+        # Each is counted by one thread alone, so that neither waits for the other.
+        self._taken_bytes = self._written_bytes = 0
+        self._closing = threading.Event()
+        self._thread = threading.Thread(
+            target=write, args=(self._batches(),), name=name, daemon=True
+        )
+        self._thread.start()
+
+    def put(self, *data: bytes) -> bool:
+        """Have it written soon; False for what is not taken, because too much waits.
+
+        Returns at once. To be called by one thread at a time.
+        """
+        taken_bytes = self._taken_bytes + sum(map(len, data))
+        if taken_bytes - self._written_bytes > self._most_bytes:
+            return False
+        self._taken_bytes = taken_bytes
+        self._waiting.put(data)
+        return True
+
+    def close(self) -> bool:
+        """Wait a while for what is to be written; whether that is done."""
+        self._closing.set()
+        self._waiting.put(None)
+        self._thread.join(_LAST_WRITE_S)
+        return not self._thread.is_alive()
+
+    def _batches(self) -> Batches:
+        ending = False
+        while not ending:
+            waiting = [self._waiting.get()]
+            self._closing.wait(self._period_s)
+            with contextlib.suppress(Empty):
+                while True:
+                    waiting.append(self._waiting.get_nowait())
+            batch = [data for data in waiting if data is not None]
+            ending = len(batch) < len(waiting)
+            if batch:
+                yield batch
+            self._written_bytes += sum(len(part) for data in batch for part in data)

@@ -1,0 +1,128 @@
+"""The log on stderr: what was said, in order, and nobody waits for who reads it."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+import re
+import sys
+import threading
+import time
+from types import SimpleNamespace
+
+import pytest
+
+from moar_companion.outlets import log, writer
+from moar_companion.outlets.log import log_to_stderr
+from tests.stopped import stopped_pipe
+
+logger = logging.getLogger("test")
+
+
+@pytest.fixture
+def pipe():
+    """A pipe that stands still."""
+    level = logging.getLogger().level
+    yield stopped_pipe()
+    logging.getLogger().setLevel(level)
+
+
+@contextlib.contextmanager
+def log_to(descriptor):
+    """The log on a stderr of this number; with None, without one."""
+    stderr = None if descriptor is None else SimpleNamespace(fileno=lambda: descriptor)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(sys, "__stderr__", stderr)
+        with log_to_stderr():
+            yield
+
+
+def threads():
+    return [item for item in threading.enumerate() if item.name == "log"]
+
+
+def all_of(pipe):
+    """What was said, in lines, once there is nobody left who says more."""
+    pipe.go_on()
+    for thread in threads():
+        thread.join(20)
+    return pipe.rest().decode().splitlines()
+
+
+@pytest.mark.parametrize("error", [None, RuntimeError, KeyboardInterrupt])
+def test_what_was_said_before_the_end_is_written_whatever_ends_it(error, pipe):
+    def say():
+        with log_to(pipe.writing):
+            logger.debug("not told")
+            for number in range(1000):
+                logger.info("number %d", number)
+            logger.warning("the \udce9nd")
+            pipe.go_on()
+            if error is not None:
+                raise error
+
+    if error is None:
+        say()
+    else:
+        with pytest.raises(error):
+            say()
+    assert all_of(pipe) == [
+        *(f"INFO number {number}" for number in range(1000)),
+        "WARNING the \\udce9nd",
+    ]
+
+
+def test_a_pipe_that_nobody_reads_loses_lines_and_says_how_many(pipe, monkeypatch):
+    monkeypatch.setattr(log, "_MOST_BYTES", 1000)
+    with log_to(pipe.writing):
+        for number in range(200):
+            logger.info("%d", number)
+        pipe.go_on()
+        for number in range(200, 1000):
+            logger.info("%d", number)
+            if b"lost" in pipe.data:
+                break
+            time.sleep(0.01)
+    told, lost, expected = all_of(pipe), 0, 0
+    for line in told:
+        if found := re.fullmatch(
+            r"WARNING (\d+) lines are lost here: stderr did not take them", line
+        ):
+            lost += int(found[1])
+            expected += int(found[1])
+        else:
+            assert line == f"INFO {expected}"
+            expected += 1
+    assert lost > 50
+    assert expected == number + 1
+
+
+def test_the_end_does_not_wait_for_ever_for_who_reads(pipe, monkeypatch):
+    monkeypatch.setattr(writer, "_LAST_WRITE_S", 0.1)
+    with log_to(pipe.writing):
+        logger.info("said")
+    assert all_of(pipe) == ["INFO said"]
+
+
+def test_a_pipe_that_is_closed_is_not_complained_of():
+    reading, writing = os.pipe()
+    os.close(reading)
+    with log_to(writing):
+        logger.info("said")
+    os.close(writing)
+    assert threads() == []
+
+
+def test_without_a_stderr_nothing_is_written_anywhere(tmp_path):
+    """What is opened next has its number, 2: a link, a recording."""
+    path, saved = tmp_path / "next", os.dup(2)
+    with path.open("wb") as opened:
+        os.dup2(opened.fileno(), 2)
+    try:
+        with log_to(None):
+            logger.info("said")
+    finally:
+        os.dup2(saved, 2)
+        os.close(saved)
+    assert path.read_bytes() == b""

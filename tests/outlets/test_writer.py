@@ -1,0 +1,87 @@
+"""The thread that writes: everything, in order, and nobody waits for it."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import pytest
+
+from moar_companion.outlets import writer
+from moar_companion.outlets.writer import Writer
+
+
+class Disk:
+    """Keeps what is written to it; stands still while it is stopped."""
+
+    def __init__(self):
+        self.batches = []
+        self.touched = threading.Event()
+        self.goes = threading.Event()
+        self.goes.set()
+
+    @property
+    def written(self):
+        return [data for batch in self.batches for data in batch]
+
+    def write(self, batches):
+        for batch in batches:
+            self.touched.set()
+            assert self.goes.wait(20)
+            self.batches.append(batch)
+
+
+@pytest.fixture
+def disk():
+    item = Disk()
+    yield item
+    item.goes.set()
+
+
+def test_everything_is_written_in_order(disk):
+    writer = Writer("test", disk.write)
+    for number in range(1000):
+        assert writer.put(b"%d" % number, b"")
+    assert writer.close()
+    assert disk.written == [(b"%d" % number, b"") for number in range(1000)]
+
+
+def test_what_comes_within_a_period_is_one_batch_and_the_end_does_not_wait_for_it(disk):
+    writer = Writer("test", disk.write, period_s=3600.0)
+    writer.put(b"a")
+    writer.put(b"b")
+    assert writer.close()
+    assert disk.batches == [[(b"a",), (b"b",)]]
+
+
+def test_of_what_waits_for_a_disk_that_stands_still_there_is_only_so_much(disk):
+    disk.goes.clear()
+    writer = Writer("test", disk.write, most_bytes=10)
+    assert writer.put(b"first")
+    assert disk.touched.wait(20)
+    assert [writer.put(b"abcd"), writer.put(b"ef"), writer.put(b"g")] == [True, False, True]
+    disk.goes.set()
+    assert writer.close()
+    assert disk.written == [(b"first",), (b"abcd",), (b"g",)]
+
+
+def test_there_is_room_again_when_the_disk_goes_on(disk):
+    disk.goes.clear()
+    writer = Writer("test", disk.write, most_bytes=3)
+    assert writer.put(b"abc")
+    assert not writer.put(b"d")
+    disk.goes.set()
+    until_s = time.monotonic() + 20.0
+    while not (again := writer.put(b"e")) and time.monotonic() < until_s:
+        time.sleep(0.001)
+    assert again
+    assert writer.close()
+    assert disk.written == [(b"abc",), (b"e",)]
+
+
+def test_the_end_does_not_wait_for_ever(disk, monkeypatch):
+    monkeypatch.setattr(writer, "_LAST_WRITE_S", 0.1)
+    disk.goes.clear()
+    item = Writer("test", disk.write)
+    item.put(b"abc")
+    assert not item.close()

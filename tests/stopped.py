@@ -1,0 +1,92 @@
+"""Pipes and disks that stand still: who writes to one waits until somebody lets it go on."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import threading
+from pathlib import Path
+
+PATIENCE_S = 20.0
+
+
+class Stopped:
+    """A pipe that is full, and that nobody reads before it is let go on."""
+
+    def __init__(self, reading, writing):
+        self.writing = writing
+        self.data = bytearray()
+        """What was written after it was full, as far as it has been read."""
+        self._reading = reading
+        os.set_blocking(writing, False)
+        self._filled = 0
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                self._filled += os.write(writing, b"\n" * 512)
+        os.set_blocking(writing, True)
+        os.set_blocking(reading, True)
+        self._thread = threading.Thread(target=self._read_loop, daemon=True)
+        self._timer = threading.Timer(PATIENCE_S, self._lose_patience)
+        self._timer.start()
+        self._patient = True
+
+    def go_on(self):
+        """Read from now on."""
+        self._timer.cancel()
+        if self._thread.ident is None:
+            self._thread.start()
+
+    def rest(self):
+        """What was written, once it is let go on and nobody has it open any more.
+
+        Fails when somebody stood still with it until the test went on without him.
+        """
+        self.go_on()
+        os.close(self.writing)
+        self._thread.join(PATIENCE_S)
+        assert not self._thread.is_alive()
+        assert self._patient
+        return bytes(self.data)
+
+    def _lose_patience(self):
+        self._patient = False
+        self._thread.start()
+
+    def _read_loop(self):
+        left = self._filled
+        while left:
+            left -= len(os.read(self._reading, left))
+        while chunk := os.read(self._reading, 65536):
+            self.data += chunk
+        os.close(self._reading)
+
+
+def stopped_pipe():
+    """A pipe that stands still."""
+    return Stopped(*os.pipe())
+
+
+def make_recordings(monkeypatch, make):
+    """Have `make` put something into each folder of a flight before it is recorded there."""
+    mkdir = Path.mkdir
+
+    def made(path, *arguments, **options):
+        mkdir(path, *arguments, **options)
+        if path.name.startswith("flight_"):
+            make(path)
+
+    monkeypatch.setattr(Path, "mkdir", made)
+
+
+def stop_recordings(monkeypatch):
+    """Have the packets of flights go to disks that stand still; these, once there are any."""
+    disks = []
+
+    def make(folder):
+        path = folder / "flight.tlog"
+        os.mkfifo(path)
+        reading = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+        disks.append(Stopped(reading, os.open(path, os.O_WRONLY)))
+
+    make_recordings(monkeypatch, make)
+    return disks
