@@ -355,6 +355,9 @@ class _SerialConnection:
 
     def close(self) -> None:
         self._end("closed")
+        # A line that takes nothing more would keep the closing waiting, for 30 s.
+        with contextlib.suppress(OSError, termios.error):
+            self._port.reset_output_buffer()
         self._port.close()
 
     def _readable(self) -> None:
