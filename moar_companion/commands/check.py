@@ -12,6 +12,7 @@ import errno
 import os
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from ..config import Authority, CompanionConfig
@@ -171,16 +172,25 @@ def _folder(subject: str, folder: Place | None, without: str) -> Finding:
 
     if folder is None:
         return Finding(level=Level.NOTE, subject=subject, text=without)
-    there = next(at for at in (folder.path, *folder.path.absolute().parents) if at.exists())
-    if there.is_dir() and os.access(there, os.W_OK | os.X_OK):
+    problem = _folder_problem(folder.path)
+    if problem is None:
         return Finding(level=Level.OK, subject=subject, text=str(folder.path))
     return Finding(
         level=Level.NO_GO,
         subject=subject,
-        text=f"{folder.path} cannot be written: {there} "
-        + ("belongs to somebody else" if there.is_dir() else "is not a directory"),
+        text=f"{folder.path} cannot be written: {problem}",
         remedy=f"correct {folder.name}, or the rights there: else the service does not start",
     )
+
+
+def _folder_problem(path: Path) -> str | None:
+    try:
+        there = next(at for at in (path, *path.absolute().parents) if at.exists())
+        if not there.is_dir():
+            return f"{there} is not a directory"
+    except OSError as error:
+        return error.strerror or str(error)
+    return None if os.access(there, os.W_OK | os.X_OK) else f"{there} belongs to somebody else"
 
 
 def _view(place: Place | None) -> Finding:
@@ -190,22 +200,28 @@ def _view(place: Place | None) -> Finding:
     if place is None:
         text = "none: nobody can look on (view.socket, or systemd's)"
         return Finding(level=Level.NOTE, subject="view", text=text)
-    path, folder = place.path, place.path.absolute().parent
-    problem = None
-    if path.exists() and not path.is_socket():
-        problem = "something else is there"
-    elif len(os.fsencode(path)) > _LONGEST_SOCKET_PATH:
-        problem = f"a socket's path has no more than {_LONGEST_SOCKET_PATH} bytes"
-    elif not (folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)):
-        problem = f"{folder} is no folder that can be written"
+    problem = _socket_problem(place.path)
     if problem is None:
-        return Finding(level=Level.OK, subject="view", text=str(path))
+        return Finding(level=Level.OK, subject="view", text=str(place.path))
     return Finding(
         level=Level.NO_GO,
         subject="view",
-        text=f"{path} cannot be made: {problem}",
+        text=f"{place.path} cannot be made: {problem}",
         remedy=f"correct {place.name}, or the rights there: else the service does not start",
     )
+
+
+def _socket_problem(path: Path) -> str | None:
+    folder = path.absolute().parent
+    if len(os.fsencode(path)) > _LONGEST_SOCKET_PATH:
+        return f"a socket's path has no more than {_LONGEST_SOCKET_PATH} bytes"
+    try:
+        if path.exists() and not path.is_socket():
+            return "something else is there"
+        writable = folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
+    except OSError as error:
+        return error.strerror or str(error)
+    return None if writable else f"{folder} is no folder that can be written"
 
 
 def _planner(site: Site, vehicle: Vehicle) -> Planner:

@@ -6,7 +6,6 @@ import io
 import os
 import signal
 import sys
-import tempfile
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -54,29 +53,28 @@ def replacing(path: str) -> Iterator[IO[bytes]]:
         with real.open("wb") as device:
             device.write(content.getbuffer())
         return
-    with tempfile.NamedTemporaryFile(
-        dir=real.parent, prefix=".moar-companion-", suffix=".part", delete=False
-    ) as stream:
+    part = real.with_name(f".moar-companion-{os.urandom(8).hex()}.part")
+    with _removed_when_ended(part):
         try:
-            with _removed_when_ended(stream.name):
+            with part.open("xb") as stream:
                 yield stream
                 stream.flush()
                 os.fsync(stream.fileno())
                 os.fchmod(stream.fileno(), _mode(real))
-                Path(stream.name).replace(real)
+            part.replace(real)
         except BaseException:
             with suppress(OSError):
-                Path(stream.name).unlink()
+                part.unlink()
             raise
 
 
 @contextmanager
-def _removed_when_ended(path: str) -> Iterator[None]:
+def _removed_when_ended(path: Path) -> Iterator[None]:
     """A file that an interrupt or SIGTERM does not leave behind."""
 
     def end(*_: object) -> None:
         with suppress(OSError):
-            Path(path).unlink()
+            path.unlink()
         os._exit(1)
 
     before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM)}

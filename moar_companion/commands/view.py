@@ -36,6 +36,8 @@ _REASONS = {
     errno.ECONNREFUSED: "nobody serves it: is the service running?",
     errno.EACCES: "may not be read by this user: members of the service's group may",
 }
+_SECTIONS = ("mission", "aircraft", "risk", "weights", "age_s")
+"""What every status of a service has."""
 
 Status = dict[str, Any]
 
@@ -130,9 +132,11 @@ class Statuses:
     def _status(self, line: bytes) -> Status:
         try:
             status = json.loads(line)
-        except ValueError:
+        except (ValueError, RecursionError):
             status = None
-        if not isinstance(status, dict) or "mission" not in status:
+        if not isinstance(status, dict) or not all(
+            isinstance(status.get(name), dict) for name in _SECTIONS
+        ):
             raise LinkError(f"{self._path}: is served by another program")
         return status
 

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from ..config import Supervision
 from ..mavlink.identity import Autopilot
-from ..risk import IndexReport, RiskEstimate
+from ..mission.conditions import Causes
+from ..risk import RiskEstimate
 from ..service.motion import Pose
 from ..service.surroundings import grounded
 from ..site import Site
@@ -16,6 +17,7 @@ from ..types import AutopilotKind, AutopilotStatus, LandedState, Telemetry
 from ..vehicle import RiskModel, Vehicle
 from .battery import battery_findings
 from .findings import Finding, Level
+from .risks import risk_findings
 
 _NAMES = {AutopilotKind.PX4: "PX4", AutopilotKind.ARDUPILOT: "ArduPilot"}
 _MEASURED = {AutopilotKind.PX4: ((1, 17), (1, 18)), AutopilotKind.ARDUPILOT: ((4, 6),)}
@@ -67,7 +69,8 @@ class Arrivals:
 class Sight:
     """What was heard of an aircraft while it was looked at.
 
-    pose, obstruction, reluctance: as the service has them (`surroundings`); only with a site.
+    pose: in the frame of the site; None without one. causes: what the service would have against
+    a flight.
     positions, attitudes: how often LOCAL_POSITION_NED and ATTITUDE came.
     """
 
@@ -79,8 +82,7 @@ class Sight:
     positions: Arrivals
     attitudes: Arrivals
     pose: Pose | None
-    obstruction: str | None
-    reluctance: str | None
+    causes: Causes
 
 
 def aircraft_findings(
@@ -95,9 +97,9 @@ def aircraft_findings(
         *_rates(sight, limits),
         *(() if site is None else _place(sight, site)),
         *batteries,
-        *_risks(sight.risk, vehicle, batteries),
+        *risk_findings(sight.risk, sight.causes, batteries),
         _drag(vehicle.risk),
-        *_people(sight.telemetry),
+        *_people(sight),
     ]
 
 
@@ -174,7 +176,10 @@ def _state(sight: Sight) -> Iterator[Finding]:
         yield Finding(level=Level.NOTE, subject="state", text=words)
     if readiness is None:
         yield Finding(
-            level=Level.WARNING, subject="ready to arm", text="unknown, there is no SYS_STATUS"
+            level=Level.NO_GO,
+            subject="ready to arm",
+            text="unknown, there is no SYS_STATUS",
+            remedy="look at the link's rates",
         )
         return
     unhealthy = f", unhealthy: {', '.join(readiness.unhealthy)}" if readiness.unhealthy else ""
@@ -231,12 +236,15 @@ def _rates(sight: Sight, limits: Supervision) -> Iterator[Finding]:
 
 
 def _place(sight: Sight, site: Site) -> Iterator[Finding]:
-    pose = sight.pose
-    if sight.obstruction is not None or pose is None:
+    pose, causes = sight.pose, sight.causes
+    obstruction = (
+        causes.control or causes.heartbeat or causes.position or causes.attitude or causes.origin
+    )
+    if obstruction is not None or pose is None:
         yield Finding(
             level=Level.NO_GO,
             subject="position",
-            text=sight.obstruction or "unknown",
+            text=obstruction or "unknown",
             remedy="nothing is flown before this is known",
         )
     if pose is None:
@@ -253,13 +261,14 @@ def _place(sight: Sight, site: Site) -> Iterator[Finding]:
             remedy="is it the right site file? Else correct frame.origin",
         )
         return
-    if sight.reluctance is None:
+    reluctance = causes.plane or causes.moving
+    if reluctance is None:
         yield Finding(level=Level.OK, subject="position", text=text)
     else:
         yield Finding(
             level=Level.WARNING,
             subject="position",
-            text=sight.reluctance,
+            text=reluctance,
             remedy="hover in the plane before a mission is ordered; or correct the site's frame",
         )
     if grounded(sight.telemetry):
@@ -307,47 +316,6 @@ def _distance(distance_m: float) -> str:
     return f"{distance_m * 1e-3:,.0f} km" if distance_m >= 10_000.0 else f"{distance_m:,.0f} m"
 
 
-_RISK_REMEDIES = {
-    "wind": "wait for calmer air",
-    "communication": "bring the ground station nearer, or see below why it is not heard",
-    "localization": "wait for a better fix, away from what hides the sky",
-    "battery": "charge it",
-}
-
-
-def _risks(
-    estimate: RiskEstimate, vehicle: Vehicle, batteries: Iterable[Finding]
-) -> Iterator[Finding]:
-    """The inputs of the risk indices, as the service will read them."""
-    remedies = dict(_RISK_REMEDIES)
-    for battery in batteries:
-        if battery.remedy:  # it is misread: charging it mends nothing
-            remedies["battery"] = battery.remedy
-    for name, remedy in remedies.items():
-        report: IndexReport = getattr(estimate.report, name)
-        subject = f"{name} risk"
-        if report.value is None:
-            # The lean, of which wind is mostly told, says something in the air only.
-            yield Finding(
-                level=Level.NOTE if name == "wind" else Level.WARNING,
-                subject=subject,
-                text=f"nothing that tells of it is heard, and it counts as {vehicle.risk.unknown}",
-            )
-            continue
-        told = ", ".join(
-            item.phrase
-            for item in report.inputs
-            if item.risk is not None and (item.risk or item.value)
-        )
-        level = Level.of_risk(report.value)
-        yield Finding(
-            level=level,
-            subject=subject,
-            text=f"{report.value:.2f} ({told})",
-            remedy=remedy if level >= Level.WARNING else "",
-        )
-
-
 def _drag(risk: RiskModel) -> Finding:
     """By which the lean tells the wind."""
     text = f"{risk.drag_per_s:g} /s and {risk.drag_per_m:g} /m"
@@ -363,28 +331,48 @@ def _drag(risk: RiskModel) -> Finding:
     )
 
 
-def _people(telemetry: Telemetry) -> Iterator[Finding]:
+def _people(sight: Sight) -> Iterator[Finding]:
     """Who can take over."""
-    ground, remote = telemetry.ground_station, telemetry.remote_control
-    if ground is None:
+    ground, remote = sight.telemetry.ground_station, sight.telemetry.remote_control
+    readiness = sight.telemetry.readiness
+    if readiness is not None and readiness.remote_control_ok is None:
+        remote = None  # ArduPilot tells channels without any receiver, too
+    rssi = None if remote is None else remote.rssi
+    signal = "unknown signal" if rssi is None else f"signal {rssi:.0%}"
+    people = (
+        _person(
+            sight.risk,
+            "ground station",
+            None if ground is None else f"heard, system {ground.system_id}",
+            "connect it, and let the autopilot forward its messages to this link: orders come "
+            "that way",
+        ),
+        _person(
+            sight.risk,
+            "remote control",
+            None if remote is None else f"heard, {signal}",
+            "switch it on: without it only the ground station can take over",
+        ),
+    )
+    yield from people
+    if all(item.level >= Level.WARNING for item in people):
         yield Finding(
-            level=Level.WARNING,
-            subject="ground station",
-            text="not heard",
-            remedy="connect it, and let the autopilot forward its messages to this link: orders "
-            "come that way",
+            level=Level.NO_GO,
+            subject="take over",
+            text="nobody can: neither a remote control nor a ground station reaches the aircraft",
+            remedy="switch one on",
         )
-    else:
-        yield Finding(
-            level=Level.OK, subject="ground station", text=f"heard, system {ground.system_id}"
-        )
-    if remote is None:
-        yield Finding(
-            level=Level.WARNING,
-            subject="remote control",
-            text="not heard",
-            remedy="switch it on: without it only the ground station can take over",
-        )
-    else:
-        signal = "unknown signal" if remote.rssi is None else f"signal {remote.rssi:.0%}"
-        yield Finding(level=Level.OK, subject="remote control", text=f"heard, {signal}")
+
+
+def _person(risk: RiskEstimate, subject: str, heard: str | None, remedy: str) -> Finding:
+    """A way by which somebody takes over, by its inputs of the communication risk. heard: words."""
+    if heard is None:
+        return Finding(level=Level.WARNING, subject=subject, text="not heard", remedy=remedy)
+    bad = [
+        item.phrase
+        for name, item in risk.last_known.get("communication", {}).items()
+        if name.startswith(subject) and Level.of_risk(item.risk or 0.0) >= Level.WARNING
+    ]
+    if bad:
+        return Finding(level=Level.WARNING, subject=subject, text=", ".join(bad), remedy=remedy)
+    return Finding(level=Level.OK, subject=subject, text=heard)

@@ -13,14 +13,16 @@ _CELL_V = (3.0, 4.4)
 _HIGH_CHARGE = 0.8
 _HIGH_CELL_V = 4.0
 """A lithium-polymer cell has it at rest at about that charge."""
+CHARGE = "charge it"
+"""The remedy of a battery of which nothing else is wrong."""
 
 
 def battery_findings(telemetry: Telemetry, model: RiskModel) -> list[Finding]:
-    """One for each battery; one with a remedy is misread, whatever its charge."""
+    """One for each battery; one with another remedy than `CHARGE` is misread."""
     if not telemetry.batteries:
         return [
             Finding(
-                level=Level.WARNING,
+                level=Level.NO_GO,
                 subject="battery",
                 text="not told by the autopilot",
                 remedy="set up its battery monitor: nobody knows when the battery is empty",
@@ -36,8 +38,9 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
     remaining, voltage_v, cells = battery.remaining, battery.voltage_v, model.cells
     told = battery.cells
     charge = "charge unknown" if remaining is None else f"{remaining:.0%}"
+    risk = 0.0 if remaining is None else model.battery_remaining.fraction(remaining)
     if voltage_v is None:
-        return Finding(level=Level.NOTE, subject=subject, text=f"{charge}, voltage unknown")
+        return _charged(subject, f"{charge}, voltage unknown", risk, Level.NOTE)
     text = f"{charge}, {voltage_v:.1f} V"
     if voltage_v < _USB_V:
         return Finding(
@@ -48,11 +51,8 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
         )
     if cells is None:
         why = "" if told is None else f", which is {told}"
-        return Finding(
-            level=Level.NOTE,
-            subject=subject,
-            text=f"{text}; the voltage is not judged without risk.cells in the vehicle file{why}",
-        )
+        text = f"{text}; the voltage is not judged without risk.cells in the vehicle file{why}"
+        return _charged(subject, text, risk, Level.NOTE)
     if told is not None and told != cells:
         return Finding(
             level=Level.NO_GO,
@@ -79,7 +79,14 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
             remedy="risk.cells or the charge is wrong: correct the vehicle file, or the "
             "autopilot's battery monitor",
         )
-    return Finding(level=Level.OK, subject=subject, text=text)
+    return _charged(subject, text, max(risk, model.cell_voltage_v.fraction(cell_v)), Level.OK)
+
+
+def _charged(subject: str, text: str, risk: float, least: Level) -> Finding:
+    """A battery that is read right, by the risk of its charge."""
+    level = max(least, Level.of_risk(risk))
+    remedy = CHARGE if level >= Level.WARNING else ""
+    return Finding(level=level, subject=subject, text=text, remedy=remedy)
 
 
 def _contradictory(remaining: float, cell_v: float, model: RiskModel) -> bool:

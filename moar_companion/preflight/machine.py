@@ -11,7 +11,9 @@ import math
 from ..config import CompanionConfig, LinkRole
 from ..mavlink.identity import Autopilot, AutopilotConflict
 from ..mavlink.session import Session, SystemStatus
+from ..mission.conditions import Causes
 from ..planner.planner import Planner
+from ..power import PowerModel
 from ..risk import RiskEstimate, update
 from ..service.causes import Seen, causes
 from ..service.loss import Loss, loss_parameters
@@ -51,6 +53,7 @@ class Preflight:
     def __init__(self, config: CompanionConfig, vehicle: Vehicle, planner: Planner | None) -> None:
         self._limits = config.supervision
         self._vehicle = vehicle
+        self._power = PowerModel.of(vehicle)
         self._planner = planner
         self._site = site = None if planner is None else planner.site
         self._session = Session(
@@ -113,6 +116,7 @@ class Preflight:
                 now_s,
                 model=self._vehicle.risk,
                 cruise_mps=self._vehicle.speed.horizontal_mps,
+                power=self._power,
             )
         if session.telemetry.firmware is None and now_s >= self._version_due_s:
             self._version_due_s = now_s + _VERSION_PERIOD_S
@@ -130,18 +134,6 @@ class Preflight:
         autopilot, status = session.autopilot, session.telemetry.autopilot
         if autopilot is None or status is None:
             return [self._silence()]
-        found = causes(
-            Seen(
-                telemetry=session.telemetry,
-                risk=self._risk,
-                control_allowed=True,
-                pose=self._surroundings.pose,
-                position_moved_s=self._surroundings.position_moved_s,
-            ),
-            self._limits,
-            self._vehicle.guidance.off_path_m,
-            self._now_s,
-        )
         sight = Sight(
             autopilot=autopilot,
             status=status,
@@ -151,12 +143,7 @@ class Preflight:
             positions=self._positions.until(self._now_s),
             attitudes=self._attitudes.until(self._now_s),
             pose=self._surroundings.pose,
-            obstruction=found.control
-            or found.heartbeat
-            or found.position
-            or found.attitude
-            or found.origin,
-            reluctance=found.plane or found.moving,
+            causes=self._causes(),
         )
         case = Case(
             vehicle=self._vehicle,
@@ -169,6 +156,17 @@ class Preflight:
             *parameter_findings(_RULES.get(autopilot.kind, ()), case),
             *self._if_we_die(autopilot.kind),
         ]
+
+    def _causes(self) -> Causes:
+        """What the service would have against a flight now."""
+        seen = Seen(
+            telemetry=self._session.telemetry,
+            risk=self._risk,
+            control_allowed=True,
+            pose=self._surroundings.pose,
+            position_moved_s=self._surroundings.position_moved_s,
+        )
+        return causes(seen, self._limits, self._vehicle.guidance.off_path_m, self._now_s)
 
     def _if_we_die(self, kind: AutopilotKind) -> list[Finding]:
         loss = Loss.of(kind, self._session.parameters)

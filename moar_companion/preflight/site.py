@@ -13,6 +13,8 @@ import numpy as np
 
 from ..planner.plan import PlanStatus
 from ..planner.planner import Planner
+from ..power import PowerModel
+from ..power.model import S_PER_H
 from ..site import Conductor, Obstacle, PlanePoint
 from ..types import AutopilotKind, Mission
 from ..vehicle import Vehicle
@@ -199,13 +201,18 @@ def _ways(subject: str, times_s: dict[Way, float]) -> Finding:
 
 
 def _endurance(flown_s: float, vehicle: Vehicle) -> Finding:
-    endurance_s = vehicle.risk.endurance_s
+    power = PowerModel.of(vehicle)
+    endurance_s = power.capacity_wh / power.hover_w * S_PER_H
     text = (
         f"all targets in turn and the way out take {flown_s:.0f} s, and a full battery lasts "
-        f"{endurance_s:g} s"
+        f"{endurance_s:.0f} s"
     )
-    if flown_s > _ENDURANCE_SHARE * endurance_s:
-        remedy = "inspect them in more than one flight, or correct risk.endurance_s"
+    if flown_s > min(_ENDURANCE_SHARE * endurance_s, endurance_s - power.reserve_s):
+        keys = "power.capacity_wh and hover_w" if power.capacity_known else "risk.endurance_s"
+        remedy = (
+            f"inspect them in more than one flight, with {power.reserve_s:g} s left of each, or "
+            f"correct {keys}"
+        )
         return Finding(level=Level.WARNING, subject="flight time", text=text, remedy=remedy)
     return Finding(level=Level.OK, subject="flight time", text=text)
 

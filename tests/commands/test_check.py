@@ -1,8 +1,10 @@
 """`moar-companion check` as a user runs it: files, links, exit status."""
 
 import contextlib
+import errno
 import os
 import socket
+from pathlib import Path
 
 import pytest
 import serial
@@ -157,6 +159,44 @@ def test_a_folder_of_somebody_else_is_a_no_go(capsys, tmp_path, monkeypatch):
     monkeypatch.setattr("os.access", lambda *_: False)
     assert check("--config", config) == 1
     assert f"{tmp_path} belongs to somebody else" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    ("key", "name", "reason"),
+    [
+        ("recorder: {{directory: {}}}", "x" * 300, "cannot be written: File name too long; "),
+        ("state: {{directory: {}}}", "x" * 300, "cannot be written: File name too long; "),
+        ("view: {{socket: {}}}", "x" * 300, "cannot be made: a socket's path has no more than"),
+    ],
+    ids=["recorder", "state", "view"],
+)
+def test_a_name_that_no_file_can_have_is_a_no_go(capsys, tmp_path, key, name, reason):
+    config = tmp_path / "companion.yaml"
+    config.write_text(f"vehicle: {X500}\n{key.format(name)}\n")
+    assert check("--config", config) == 1
+    out, err = capsys.readouterr()
+    assert (reason in out, err) == (True, "")
+    assert "else the service does not start" in out
+
+
+def test_folders_that_must_not_be_looked_into_are_no_goes(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    config = tmp_path / "companion.yaml"
+    text = "recorder: {directory: locked/rec}\nview: {socket: locked/s}\n"
+    config.write_text(f"vehicle: {X500}\n{text}")
+    looked_at = Path.stat
+
+    def stat(path, **options):
+        if "locked" in path.parent.parts:  # as for another user than root
+            raise PermissionError(errno.EACCES, "Permission denied", str(path))
+        return looked_at(path, **options)
+
+    monkeypatch.setattr(Path, "stat", stat)
+    assert check("--config", "companion.yaml") == 1
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert "locked/rec cannot be written: Permission denied; correct recorder.directory" in out
+    assert "locked/s cannot be made: Permission denied; correct view.socket" in out
 
 
 def test_an_authority_that_never_streams_is_told(capsys, tmp_path):

@@ -206,7 +206,19 @@ def test_where_nobody_serves_it_says_so_in_one_line(path, reason):
 
 
 @pytest.mark.usefixtures("folder")
-@pytest.mark.parametrize("says", [b"hello\n", b"[]\n", b"\xff\xfe\n", b"x" * 2_000_000])
+@pytest.mark.parametrize(
+    "says",
+    [
+        b"hello\n",
+        b"[]\n",
+        b"\xff\xfe\n",
+        b"x" * 2_000_000,
+        b"[" * 200_000 + b"\n",
+        b'{"mission": null}\n',
+        b'{"mission": {"state": 3}, "risk": 3}\n',
+    ],
+    ids=["text", "a list", "no text", "no end", "deep", "null", "other keys"],
+)
 def test_another_program_on_the_socket_is_told_from_a_service(says):
     with other_program(says):
         status, output, errors = view("view.sock")

@@ -6,13 +6,15 @@ import pytest
 
 from moar_companion.config import Supervision, shipped_configs
 from moar_companion.mavlink.identity import Autopilot
+from moar_companion.mission.conditions import Causes
 from moar_companion.preflight.aircraft import Arrivals, Sight, aircraft_findings
 from moar_companion.preflight.findings import Level
-from moar_companion.risk import RiskEstimate
+from moar_companion.risk import RiskEstimate, update
 from moar_companion.types import (
     AutopilotKind,
     AutopilotStatus,
     Firmware,
+    Heard,
     Readiness,
     RemoteControl,
     Telemetry,
@@ -47,31 +49,39 @@ def findings(
         multirotor=True,
         failsafe=failsafe,
     )
+    heard = Telemetry(autopilot=status, **telemetry)
+    unknown = RiskEstimate.unknown(vehicle.risk)
     sight = Sight(
         autopilot=Autopilot(system_id=1, component_id=1, kind=kind, link="serial"),
         status=status,
         others=(),
-        telemetry=Telemetry(autopilot=status, **telemetry),
-        risk=RiskEstimate.unknown(vehicle.risk),
+        telemetry=heard,
+        risk=update(unknown, heard, 6.0, model=vehicle.risk, cruise_mps=5.0),
         positions=positions,
         attitudes=STEADY,
         pose=None,
-        obstruction=None,
-        reluctance=None,
+        causes=Causes(),
     )
     return {item.subject: item for item in aircraft_findings(sight, vehicle, None, Supervision())}
 
 
 def test_an_aircraft_of_which_nothing_is_heard_but_a_heartbeat_is_never_well():
     found = findings(positions=Arrivals())
-    unknown = {"firmware", "ready to arm", "battery", "ground station", "remote control"}
-    assert {name for name, item in found.items() if item.level is WARNING} == unknown | {
-        "drag",
-        "communication risk",
+    assert {name for name, item in found.items() if item.level is NO_GO} == {
+        "LOCAL_POSITION_NED",
+        "ready to arm",
+        "battery",
         "localization risk",
         "battery risk",
+        "take over",
     }
-    assert found["LOCAL_POSITION_NED"].level is NO_GO
+    assert {name for name, item in found.items() if item.level is WARNING} == {
+        "firmware",
+        "communication risk",
+        "drag",
+        "ground station",
+        "remote control",
+    }
 
 
 def test_an_autopilot_that_is_not_known_here():
@@ -148,6 +158,54 @@ def test_arrivals_are_counted():
 def test_a_remote_control_whose_signal_is_unknown_is_there():
     remote = RemoteControl(received_s=5.0, rssi=None)
     assert findings(remote_control=remote)["remote control"].text == "heard, unknown signal"
+
+
+GROUND = Heard(received_s=5.0, system_id=255)
+REMOTE = RemoteControl(received_s=5.0, rssi=0.9)
+
+
+def readiness(remote_control_ok):
+    return Readiness(received_s=5.0, ready=True, unhealthy=(), remote_control_ok=remote_control_ok)
+
+
+@pytest.mark.parametrize(
+    ("telemetry", "words"),
+    [
+        ({"remote_control": REMOTE, "readiness": readiness(True)}, "heard, signal 90%"),
+        ({"remote_control": REMOTE}, "heard, signal 90%"),
+        ({"ground_station": GROUND}, "not heard"),
+    ],
+    ids=["remote control", "no word of the autopilot on it", "ground station"],
+)
+def test_one_who_can_take_over_is_enough(telemetry, words):
+    found = findings(**telemetry)
+    assert "take over" not in found
+    assert found["remote control"].text == words
+
+
+@pytest.mark.parametrize(
+    ("telemetry", "subject", "words"),
+    [
+        ({"remote_control": replace(REMOTE, rssi=0.0)}, "remote control", "remote control 0% of"),
+        ({"remote_control": replace(REMOTE, rssi=0.3)}, "remote control", "remote control 30% of"),
+        (
+            {"remote_control": REMOTE, "readiness": readiness(False)},
+            "remote control",
+            "remote control lost: yes",
+        ),
+        ({"remote_control": REMOTE, "readiness": readiness(None)}, "remote control", "not heard"),
+        (
+            {"ground_station": replace(GROUND, received_s=-4.0)},
+            "ground station",
+            "ground station silence 10.0 s",
+        ),
+    ],
+    ids=["lost", "far", "the autopilot's word", "channels without a receiver", "silent"],
+)
+def test_one_who_no_longer_reaches_the_aircraft_takes_over_nothing(telemetry, subject, words):
+    found = findings(**telemetry)
+    assert found["take over"].level is NO_GO
+    assert (found[subject].level, words in found[subject].text) == (WARNING, True), found[subject]
 
 
 def test_a_drag_that_nobody_measured_is_told_with_how_to_measure_it():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from moar_companion.preflight.battery import battery_findings
+from moar_companion.preflight.battery import CHARGE, battery_findings
 from moar_companion.preflight.findings import Level
 from moar_companion.types import Battery, Telemetry
 from moar_companion.vehicle import RiskModel
@@ -30,8 +30,11 @@ def found(*, cells=4, told_cells=None, **figures):
         (0.9, 21.6, NO_GO, "5.40 V a cell with 4 cells, which cannot be"),
         (1.0, 12.6, WARNING, "3.15 V a cell with 4 cells, which is not the voltage of that charge"),
         (0.4, 16.8, WARNING, "4.20 V a cell with 4 cells, which is not the voltage of that charge"),
-        (0.6, 16.4, OK, "60%, 16.4 V, 4.10 V a cell"),
-        (0.4, 12.6, OK, "40%, 12.6 V, 3.15 V a cell"),
+        (0.6, 16.4, NOTE, "60%, 16.4 V, 4.10 V a cell"),
+        (0.4, 14.4, WARNING, "40%, 14.4 V, 3.60 V a cell"),
+        (0.4, 12.6, NO_GO, "40%, 12.6 V, 3.15 V a cell"),
+        (0.03, 13.6, NO_GO, "3%, 13.6 V, 3.40 V a cell"),
+        (0.03, None, NO_GO, "3%, voltage unknown"),
     ],
 )
 def test_a_battery(remaining, voltage_v, level, words):
@@ -61,8 +64,10 @@ def test_a_voltage_is_not_judged_without_the_number_of_cells():
     finding = found(remaining=0.9, voltage_v=21.6, cells=None)
     assert finding.level is NOTE
     assert "not judged without risk.cells" in finding.text
+    empty = found(remaining=0.03, voltage_v=21.6, cells=None)
+    assert (empty.level, empty.remedy) == (NO_GO, CHARGE)
 
 
 def test_no_battery_at_all():
     (finding,) = battery_findings(Telemetry(), RiskModel(cells=4))
-    assert finding.level is WARNING
+    assert finding.level is NO_GO

@@ -111,7 +111,10 @@ def test_an_aircraft_set_as_asked_is_a_go():
 
 def test_px4_as_it_comes_is_a_no_go_for_what_it_does_after_a_dead_companion():
     found = Look().findings()
-    assert [name for name, item in found.items() if item.level is NO_GO] == ["dead companion"]
+    assert [name for name, item in found.items() if item.level is NO_GO] == [
+        "take over",
+        "dead companion",
+    ]
     assert found["COM_OBL_RC_ACT"].level is WARNING
     assert found["COM_OF_LOSS_T"].level is WARNING
     assert found["ground station"].level is WARNING
@@ -284,6 +287,24 @@ def test_a_battery_that_is_nearly_empty():
     look = Look()
     look.autopilot.conditions.battery_percent = 10.0
     assert look.findings()["battery risk"].level is NO_GO
+
+
+def test_the_capacity_and_the_powers_of_the_vehicle_file_count():
+    power = replace(VEHICLE.power, hover_w=1000.0, capacity_wh=20.0)  # 72 s of hovering
+    finding = Look(site=None, vehicle=replace(VEHICLE, power=power)).findings()["battery risk"]
+    assert finding.level is WARNING
+    assert "battery 0 flight time left at home 71." in finding.text
+
+
+def test_what_the_service_refuses_an_inspection_for_is_a_no_go_whatever_the_risk_is():
+    remaining = replace(VEHICLE.risk.battery_remaining, low=0.5, high=0.05)
+    risk = replace(VEHICLE.risk, cells=None, battery_remaining=remaining)
+    look = Look(site=None, vehicle=replace(VEHICLE, risk=risk))
+    look.autopilot.conditions.battery_percent = 18.0
+    found = look.findings()
+    assert found["battery risk"].level is WARNING
+    assert found["battery reserve"].level is NO_GO
+    assert "%, the reserve is 20%: no inspection is flown so" in found["battery reserve"].text
 
 
 @pytest.mark.parametrize("cells", [3, 6])

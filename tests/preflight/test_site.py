@@ -86,13 +86,29 @@ def test_the_times_are_those_of_a_flight(site):
     assert told_s == pytest.approx(flown_s, rel=0.2)
 
 
-@pytest.mark.parametrize(("endurance_s", "level"), [(70.0, OK), (60.0, WARNING)])
-def test_the_way_out_and_the_dwell_are_part_of_the_flight(endurance_s, level):
+@pytest.mark.parametrize(
+    ("endurance_s", "reserve_s", "level"),
+    [
+        (70.0, 0.0, OK),
+        (60.0, 0.0, WARNING),
+        (120.0, 60.0, OK),
+        (108.0, 60.0, WARNING),
+    ],
+)
+@pytest.mark.parametrize("key", ["risk.endurance_s", "power.capacity_wh and hover_w"])
+def test_the_way_out_and_the_dwell_and_the_reserve_are_part_of_the_flight(
+    endurance_s, reserve_s, level, key
+):
     vehicle = Vehicle.load(CONFIGS / "vehicles" / "x500.yaml")
-    vehicle = replace(vehicle, risk=replace(vehicle.risk, endurance_s=endurance_s))
-    finding = found(vehicle=vehicle)["flight time"]
+    risk, power = vehicle.risk, replace(vehicle.power, reserve_s=reserve_s)
+    if key == "risk.endurance_s":
+        risk = replace(risk, endurance_s=endurance_s)
+    else:
+        power = replace(power, hover_w=1000.0, capacity_wh=endurance_s / 3.6)
+    finding = found(vehicle=replace(vehicle, risk=risk, power=power))["flight time"]
     assert finding.level is level
-    assert seconds(finding.text)[0] == pytest.approx(53.0, abs=2.0)
+    assert seconds(finding.text) == [pytest.approx(53.0, abs=2.0), endurance_s]
+    assert finding.remedy.endswith(key if level is WARNING else "")
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,99 @@
+"""What would keep the service from an inspection: risks by their last words, and the limits."""
+
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.mission.conditions import Causes
+from moar_companion.preflight.battery import CHARGE
+from moar_companion.preflight.findings import Finding, Level
+from moar_companion.preflight.risks import risk_findings
+from moar_companion.risk import RiskEstimate, update
+from moar_companion.types import Battery, Estimator, Gnss, Telemetry
+from moar_companion.vehicle import RiskModel
+
+OK, NOTE, WARNING, NO_GO = Level
+NO_FIX = Gnss(
+    received_s=0.0,
+    receiver_s=None,
+    fix_type=0,
+    satellites=None,
+    hdop=None,
+    vdop=None,
+    horizontal_accuracy_m=None,
+    vertical_accuracy_m=None,
+)
+WELL = Estimator(
+    received_s=0.0, flags=0x37F, horizontal_position_ok=True, horizontal_accuracy_m=0.3
+)
+EMPTY = Battery(received_s=0.0, remaining=0.03, voltage_v=None, current_a=None, charge_state=None)
+MISREAD = Finding(level=WARNING, subject="battery 0", text="", remedy="correct risk.cells")
+LOW = Finding(level=WARNING, subject="battery 1", text="", remedy=CHARGE)
+
+
+def found(*looks, causes=None, batteries=()):
+    """What is found after looks at telemetry, each with its time, by subject."""
+    model = RiskModel(unknown=0.5)
+    risk = RiskEstimate.unknown(model)
+    for now_s, telemetry in looks:
+        risk = update(risk, telemetry, now_s, model=model, cruise_mps=5.0)
+    findings = risk_findings(risk, causes or Causes(), batteries)
+    return {item.subject: item for item in findings}
+
+
+def test_what_is_never_told_is_a_no_go_where_a_flight_is_judged_by_it():
+    levels = {name: item.level for name, item in found((0.0, Telemetry())).items()}
+    assert levels == {
+        "wind risk": NOTE,
+        "communication risk": WARNING,
+        "localization risk": NO_GO,
+        "battery risk": NO_GO,
+    }
+
+
+def test_a_bad_word_counts_until_the_next_one_as_it_does_for_the_service():
+    lost = Telemetry(gnss=NO_FIX, estimator=WELL)
+    silent = replace(lost, estimator=replace(WELL, received_s=10.0))
+    finding = found((0.0, lost), (10.0, silent))["localization risk"]
+    assert (finding.level, finding.text.startswith("1.00 (held at the last word: fix type 0")) == (
+        NO_GO,
+        True,
+    )
+    fixed = replace(NO_FIX, received_s=11.0, fix_type=3)
+    mended = found((0.0, lost), (10.0, silent), (11.0, replace(silent, gnss=fixed)))
+    assert mended["localization risk"].level is OK
+
+
+def test_what_was_told_and_is_told_no_more_is_a_no_go():
+    told = Telemetry(batteries={0: replace(EMPTY, remaining=0.9)}, estimator=WELL)
+    later = found((0.0, told), (60.0, told))
+    for name in ("battery risk", "localization risk"):
+        assert later[name].level is NO_GO
+        assert later[name].text.startswith("nothing that tells of it is heard any more, ")
+        assert later[name].remedy.startswith("the autopilot has to tell it")
+
+
+@pytest.mark.parametrize(
+    ("cause", "subject", "remedy"),
+    [
+        ("battery_critical", "battery critical", "charge it"),
+        ("battery_reserve", "battery reserve", "charge it"),
+        ("uncertainty", "uncertainty", "wait for a better fix"),
+        ("gnss", "gnss", "wait for a better fix"),
+        ("localization", "localization", "wait for a better fix"),
+        ("wind", "wind", "wait for calmer air"),
+    ],
+)
+def test_a_limit_of_the_supervisor_that_is_passed_is_a_no_go(cause, subject, remedy):
+    finding = found((0.0, Telemetry()), causes=Causes(**{cause: "14 m"}))[subject]
+    assert (finding.level, finding.text) == (NO_GO, "14 m: no inspection is flown so")
+    assert finding.remedy.startswith(remedy)
+
+
+def test_what_misreads_a_battery_is_mended_before_any_is_charged():
+    batteries = (MISREAD, LOW)
+    told = Telemetry(batteries={0: EMPTY})
+    assert found((0.0, told), batteries=batteries)["battery risk"].remedy == MISREAD.remedy
+    assert found((0.0, told), batteries=(LOW,))["battery risk"].remedy == CHARGE
+    untold = found((0.0, Telemetry()), batteries=batteries)
+    assert untold["battery risk"].remedy == MISREAD.remedy
