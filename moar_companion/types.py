@@ -34,8 +34,7 @@ class RiskIndices:
     battery: float = 0.0
 
     def __post_init__(self) -> None:
-        for name in ("wind", "communication", "localization", "battery"):
-            value = getattr(self, name)
+        for name, value in self.as_dict().items():
             if not 0.0 <= value <= 1.0:
                 raise ValueError(f"{name} risk {value!r} is not in [0, 1]")
 
@@ -62,10 +61,10 @@ class Weights:
     energy: float
 
     def __post_init__(self) -> None:
-        values = (self.safety, self.time, self.energy)
-        if not all(math.isfinite(value) and value >= 0.0 for value in values):
+        safety, time, energy = values = (self.safety, self.time, self.energy)
+        if not (safety >= 0.0 and time >= 0.0 and energy >= 0.0 and max(values) < math.inf):
             raise ValueError(f"weights {values} must be finite and not negative")
-        if abs(sum(values) - 1.0) > 1e-9:
+        if abs(safety + time + energy - 1.0) > 1e-9:
             raise ValueError(f"weights {values} must sum to 1")
 
     @classmethod
@@ -79,7 +78,7 @@ class Weights:
             )
         # By the greatest first: the sum of three huge numbers is infinite.
         parts = (safety / greatest, time / greatest, energy / greatest)
-        total = sum(parts)
+        total = parts[0] + parts[1] + parts[2]
         return cls(parts[0] / total, parts[1] / total, parts[2] / total)
 
     def adjusted(self, risk: RiskIndices) -> Weights:
@@ -88,12 +87,16 @@ class Weights:
         Where all three terms vanish (k_{S,0} alone with a battery risk of 1; k_{T,0} alone with
         the other three at 1 and none from the battery) the weights stay as they are.
         """
-        shift = (
-            0.5 * risk.wind + 0.25 * risk.communication + 0.25 * risk.localization - risk.battery
-        )
+        return self.under(risk.wind, risk.communication, risk.localization, risk.battery)
+
+    def under(
+        self, wind: float, communication: float, localization: float, battery: float
+    ) -> Weights:
+        """The same under four risks, each in [0, 1]."""
+        shift = 0.5 * wind + 0.25 * communication + 0.25 * localization - battery
         safety = self.safety * (1.0 + shift)
         time = self.time * (1.0 - shift)
-        energy = self.energy * (1.0 + 0.5 * risk.wind + 0.5 * risk.battery)
+        energy = self.energy * (1.0 + 0.5 * wind + 0.5 * battery)
         if safety + time + energy <= 0.0:
             return self
         return Weights.normalised(safety, time, energy)
@@ -233,7 +236,8 @@ class Battery:
     cells: int | None = None
     """In series, where each one's voltage is told."""
     summary: bool = False
-    """From SYS_STATUS, which speaks for battery 0 while its BATTERY_STATUS is not heard."""
+    """From SYS_STATUS, which speaks for battery 0 while its BATTERY_STATUS is not heard; PX4's only
+    where no other battery's is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

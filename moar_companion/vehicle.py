@@ -123,7 +123,8 @@ class RiskModel:
         default_factory=lambda: Range(low=0.17, high=0.52)
     )
     """Lean in hover against the wind: from 10 deg to 30 deg, the limit of ArduPilot in position
-    control, and of PX4 less a third for manoeuvres."""
+    control, and of PX4 less a third for manoeuvres. Flights against the wind are forecast no faster
+    than the second allows."""
     motor_fraction: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.75, high=0.95)
     )

@@ -103,8 +103,9 @@ class Aircraft:
 
 def test_between_the_phases_the_power_is_linear():
     model = model_of()
-    level, up = np.array([0.0, 5.0, 2.5, 0.0, 0.0, 0.0, 50.0]), np.array([0, 0, 0, 3, -1.5, 1.5, 0])
-    assert model.power_w(level, up) == pytest.approx([300, 240, 270, 390, 270, 345, 240])
+    speeds_mps = [(0, 0), (5, 0), (2.5, 0), (0, 3), (0, -1.5), (0, 1.5), (50, 0)]
+    powers_w = [model.power_w(*speed_mps) for speed_mps in speeds_mps]
+    assert powers_w == pytest.approx([300, 240, 270, 390, 270, 345, 240])
 
 
 def test_a_path_takes_what_its_phases_take():

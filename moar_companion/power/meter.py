@@ -136,7 +136,7 @@ def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel)
     currents = _mean_currents(before, batteries, elapsed_s)
     used = meter.factor * (flown_wh - meter.flown_wh) / model.capacity_wh
     packs = {
-        number: replace(pack, charge=pack.charge - used, most=pack.most - used)
+        number: _Pack(pack.heard_s, pack.charge - used, pack.most - used, pack.told, pack.marks)
         for number, pack in meter.packs.items()
         if number not in gone
     }
@@ -147,17 +147,23 @@ def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel)
         if pack is not None:
             packs[number] = pack
     emptiest = min(packs.values(), key=lambda pack: pack.left, default=None)
-    after = replace(
-        meter,
+    drawn_w, by_charge = _drawn_w(batteries, currents), _by_charge(packs, flown_wh, model)
+    measured = _measured(meter, drawn_w, by_charge, flight_w, elapsed_s, model)
+    factor, source, prior, recent_wh, drawn_wh = measured
+    return Meter(
         updated_s=now_s,
         left_wh=None if emptiest is None else emptiest.left * model.capacity_wh,
+        factor=factor,
+        source=source,
+        prior=prior,
         flies=flies,
         flown_wh=flown_wh,
+        recent_wh=recent_wh,
+        drawn_wh=drawn_wh,
         mean_current_a=currents,
         packs=packs,
         heard_s=None if emptiest is None else emptiest.heard_s,
     )
-    return _measured(after, _drawn_w(batteries, currents), flight_w, elapsed_s, model)
 
 
 def is_powered(battery: Battery) -> bool:
@@ -198,7 +204,7 @@ def _flight_w(local: LocalPosition | None, now_s: float, model: PowerModel) -> f
     if not all(map(math.isfinite, local.velocity_ned_mps)):
         return model.hover_w
     level_mps = math.hypot(north_mps, east_mps)
-    return float(model.power_w(level_mps, -down_mps))
+    return model.power_w(level_mps, -down_mps)
 
 
 def _mean_currents(
@@ -283,14 +289,21 @@ def _drawn_w(batteries: Mapping[int, Battery], currents: Mapping[int, float]) ->
 
 
 def _measured(
-    meter: Meter, drawn_w: float | None, flight_w: float, elapsed_s: float, model: PowerModel
-) -> Meter:
-    """The meter with its factor: by the current, else by the charge, as far as it was measured.
+    meter: Meter,
+    drawn_w: float | None,
+    by_charge: tuple[float, float],
+    flight_w: float,
+    elapsed_s: float,
+    model: PowerModel,
+) -> tuple[float, str, float, float, float]:
+    """The factor, by the current, else by the charge, as far as it was measured.
+
+    With its source, the one before, and by the current what was flown and drawn: as in `Meter`.
 
     While the current is not told, the greater of what it said and what the charge says.
     """
     if not flight_w or not elapsed_s:
-        return meter
+        return meter.factor, meter.source, meter.prior, meter.recent_wh, meter.drawn_wh
     recent_wh, used_wh = meter.recent_wh, meter.drawn_wh
     prior, measures = meter.prior, []
     by_current = drawn_w is not None and model.capacity_known and _plausible(drawn_w, flight_w)
@@ -301,7 +314,7 @@ def _measured(
         recent_wh = kept * recent_wh + flight_w * elapsed_s / S_PER_H
         used_wh = kept * used_wh + drawn_w * elapsed_s / S_PER_H
     else:
-        measures.append((*_by_charge(meter, model), "charge"))
+        measures.append((*by_charge, "charge"))
     measures.append((used_wh, recent_wh, "current"))
     found = [
         (_blended(prior, used, flown, model), source)
@@ -309,29 +322,24 @@ def _measured(
         if _plausible(used, flown)
     ]
     factor, source = max(found, default=(meter.factor, meter.source))
-    return replace(
-        meter,
-        factor=factor,
-        source=source,
-        prior=prior if found else factor,
-        recent_wh=recent_wh,
-        drawn_wh=used_wh,
-    )
+    return factor, source, prior if found else factor, recent_wh, used_wh
 
 
-def _by_charge(meter: Meter, model: PowerModel) -> tuple[float, float]:
+def _by_charge(
+    packs: Mapping[int, _Pack], flown_wh: float, model: PowerModel
+) -> tuple[float, float]:
     """What the steps of the charge say was used, and what was flown between them; in the mean."""
-    oldest_wh = meter.flown_wh - model.hover_wh(_MARKS_S)
+    oldest_wh = flown_wh - model.hover_wh(_MARKS_S)
     marked = [
         pack.marks
-        for pack in meter.packs.values()
+        for pack in packs.values()
         if len(pack.marks) > 1 and pack.marks[-1].flown_wh >= oldest_wh
     ]
     if not marked:
         return 0.0, 0.0
     used = sum(marks[0].charge - marks[-1].charge for marks in marked) / len(marked)
-    flown_wh = sum(marks[-1].flown_wh - marks[0].flown_wh for marks in marked) / len(marked)
-    return used * model.capacity_wh, flown_wh
+    between_wh = sum(marks[-1].flown_wh - marks[0].flown_wh for marks in marked) / len(marked)
+    return used * model.capacity_wh, between_wh
 
 
 def _plausible(used: float, flown: float) -> bool:

@@ -80,15 +80,19 @@ class PowerModel:
             cell_resistance_ohm=power.cell_resistance_ohm,
         )
 
-    def power_w(self, level_mps: FloatArray | float, up_mps: FloatArray | float) -> FloatArray:
-        """The power at level and upward speeds, (n,) or one of each."""
+    def power_w(self, level_mps: float, up_mps: float) -> float:
+        """The power at a level and an upward speed."""
+        return float(self._power_w(level_mps, up_mps, min, max))
+
+    def _power_w(self, level_mps: Any, up_mps: Any, least: Any, most: Any) -> Any:
+        """The same, also of arrays (n,). least, most: of two such values, element by element."""
         level, up = level_mps / self.cruise_mps, up_mps / self.climb_mps
         down = -up_mps / self.descent_mps
-        return np.asarray(
+        return (
             self.hover_w
-            + (self.cruise_w - self.hover_w) * np.minimum(level, 1.0)
-            + (self.climb_w - self.hover_w) * np.minimum(np.maximum(up, 0.0), 1.0)
-            + (self.descent_w - self.hover_w) * np.minimum(np.maximum(down, 0.0), 1.0)
+            + (self.cruise_w - self.hover_w) * least(level, 1.0)
+            + (self.climb_w - self.hover_w) * least(most(up, 0.0), 1.0)
+            + (self.descent_w - self.hover_w) * least(most(down, 0.0), 1.0)
         )
 
     def path_wh(self, position_m: FloatArray, duration_s: FloatArray) -> float:
@@ -96,7 +100,8 @@ class PowerModel:
         moves = duration_s > 0.0
         velocity = np.diff(position_m, axis=0)[moves] / duration_s[moves, None]
         level_mps = np.sqrt((velocity[:, :-1] ** 2).sum(axis=1))
-        return float(self.power_w(level_mps, velocity[:, -1]) @ duration_s[moves]) / S_PER_H
+        power_w = self._power_w(level_mps, velocity[:, -1], np.minimum, np.maximum)
+        return float(power_w @ duration_s[moves]) / S_PER_H
 
     def hover_wh(self, seconds: float) -> float:
         """The energy of hovering."""

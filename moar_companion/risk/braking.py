@@ -74,7 +74,7 @@ def tells_of_wind(telemetry: Telemetry) -> bool:
     """
     armed = telemetry.autopilot is not None and telemetry.autopilot.armed
     landed = telemetry.landed
-    return armed and (landed is None or landed.state in {LandedState.IN_AIR, LandedState.LANDING})
+    return armed and (landed is None or landed.state in (LandedState.IN_AIR, LandedState.LANDING))
 
 
 def extended(samples: tuple[AirSample, ...], telemetry: Telemetry) -> tuple[AirSample, ...]:
@@ -91,10 +91,9 @@ def extended(samples: tuple[AirSample, ...], telemetry: Telemetry) -> tuple[AirS
     if not samples or not _continues(samples[-1], latest):
         return (latest,)
     begin_s = latest.attitude_s - WINDOW_S
-    kept = next(
-        (number for number, sample in enumerate(samples) if sample.attitude_s >= begin_s),
-        len(samples) - 1,
-    )
+    kept = 0
+    while kept < len(samples) - 1 and samples[kept].attitude_s < begin_s:
+        kept += 1
     return (*samples[kept:], _summed(samples[-1], latest))
 
 
@@ -111,14 +110,8 @@ def braking(samples: tuple[AirSample, ...], drag_per_s: float) -> Braking | None
     settled = last.attitude_s - last.begun_s >= SETTLING_S
     if not settled or span_s < WINDOW_MIN_S or velocity_span_s < 0.5 * span_s:
         return None
-    north, east, down = (
-        (after - before) / velocity_span_s
-        for before, after in zip(first.velocity_ned_mps, last.velocity_ned_mps, strict=True)
-    )
-    v_north, v_east, v_down = (
-        (after - before) / span_s
-        for before, after in zip(first.way_ned_m, last.way_ned_m, strict=True)
-    )
+    north, east, down = _rates(first.velocity_ned_mps, last.velocity_ned_mps, velocity_span_s)
+    v_north, v_east, v_down = _rates(first.way_ned_m, last.way_ned_m, span_s)
     lift = 1.0 - (down + drag_per_s * v_down) / GRAVITY_MPS2
     scale = min(_LIFT_MAX, max(_LIFT_MIN, lift)) / span_s
     lean_north = scale * (last.lean_sum_ne_mps[0] - first.lean_sum_ne_mps[0])
@@ -127,6 +120,15 @@ def braking(samples: tuple[AirSample, ...], drag_per_s: float) -> Braking | None
         time_s=last.attitude_s,
         velocity_ne_mps=(v_north, v_east),
         deceleration_ne_mps2=(lean_north - north, lean_east - east),
+    )
+
+
+def _rates(before: Vector, after: Vector, span_s: float) -> Vector:
+    """The change a second of each of three."""
+    return (
+        (after[0] - before[0]) / span_s,
+        (after[1] - before[1]) / span_s,
+        (after[2] - before[2]) / span_s,
     )
 
 

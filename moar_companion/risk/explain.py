@@ -16,7 +16,7 @@ from typing import Any
 
 from ..types import RiskIndices, Weights
 from .indices import IndexReport, RiskEstimate
-from .inputs import InputReport
+from .inputs import InputReport, read
 
 _SYMBOLS = {"safety": "k_S", "time": "k_T", "energy": "k_E"}
 _TOLD = 0.005
@@ -37,7 +37,7 @@ class WeightsReason:
         adjusted, values = base.adjusted(risk), risk.as_dict()
         by_risk: dict[str, dict[str, float]] = {}
         for name, value in values.items():
-            without = base.adjusted(RiskIndices(**(values | {name: 0.0}))) if value else adjusted
+            without = base.under(**(values | {name: 0.0})) if value else adjusted
             by_risk[name] = {
                 "safety": adjusted.safety - without.safety,
                 "time": adjusted.time - without.time,
@@ -80,17 +80,16 @@ def index_words(name: str, value: float, report: IndexReport) -> str:
         return f"{words}: no input raises it"
     if report.held:
         words += ", held at the last word"
-    if report.cause is None:
+    if report.told is None:
         nothing = "nothing is measured any more" if report.ever_known else "nothing was measured"
         return f"{words}: {nothing}"
-    cause = next((item for item in report.inputs if item.name == report.cause), None)
-    return f"{words}: {report.cause}" if cause is None else f"{words}: {input_words(cause)}"
+    return f"{words}: {input_words(report.told)}"
 
 
 def rise_words(name: str, report: IndexReport) -> str:
     """Where an index goes and why, for an event: `wind to 0.71: wind from tilt 9.2 m/s`."""
-    cause = next((item for item in report.inputs if item.name == report.cause), None)
-    return f"{name} to {report.target:.2f}: {report.cause if cause is None else cause.phrase}"
+    why = "nothing tells of it" if report.told is None else report.told.phrase
+    return f"{name} to {report.target:.2f}: {why}"
 
 
 def input_words(item: InputReport) -> str:
@@ -113,15 +112,15 @@ def index_dict(name: str, value: float, report: IndexReport) -> dict[str, Any]:
         "words": index_words(name, value, report),
         "inputs": [
             {
-                "name": item.name,
-                "value": item.value,
-                "unit": item.unit,
-                "reading": item.reading,
-                "age_s": item.age_s,
-                "risk": item.risk,
-                "known": item.risk is not None,
+                "name": input_name,
+                "value": told,
+                "unit": unit,
+                "reading": read(told, unit),
+                "age_s": age_s,
+                "risk": risk,
+                "known": risk is not None,
             }
-            for item in report.inputs
+            for input_name, told, unit, age_s, risk, _, _, _ in report.inputs
         ],
     }
 

@@ -13,6 +13,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from operator import attrgetter
+from typing import NamedTuple
 
 from ..power import Demands, Meter, PowerModel
 from ..types import RiskIndices, Telemetry
@@ -33,27 +34,27 @@ that plans do not alternate with them."""
 _RISK_OF = attrgetter("risk")
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class IndexReport:
+class IndexReport(NamedTuple):
     """An index as measured now: value is the worst risk of its known inputs, None without any.
 
-    target: what the index moves to. cause: the input that decides this; None where no input does.
-    held: whether that is the last risk of a cause that is unknown now.
-    ever_known: whether any of its inputs was known since the start.
+    worst: the input that decides the value. target: what the index moves to. told: what the input
+    that decides this said last, and its age now; None where no input does. held: whether its risk
+    is unknown now, and that word is held. ever_known: whether any of its inputs was known since the
+    start. A named tuple, for forty are made a second.
     """
 
     value: float | None = None
+    worst: str | None = None
     inputs: tuple[InputReport, ...] = ()
     target: float = 0.0
-    cause: str | None = None
+    told: InputReport | None = None
     held: bool = False
     ever_known: bool = False
 
     @property
-    def worst(self) -> str | None:
-        """The name of the input that decides the value; None where none is known."""
-        known = [report for report in self.inputs if report.risk is not None]
-        return max(known, key=_RISK_OF).name if known else None
+    def cause(self) -> str | None:
+        """The name of the input that decides the target; None where none does."""
+        return None if self.told is None else self.told.name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -127,7 +128,7 @@ def update(
     last_known = {name: _last_known(told_before[name], reports) for name, reports in inputs.items()}
     before = estimate.indices.as_dict()
     report = {
-        name: _report(reports, last_known[name], before[name], model.unknown)
+        name: _report(reports, last_known[name], before[name], model.unknown, now_s)
         for name, reports in inputs.items()
     }
     elapsed_s = 0.0 if estimate.updated_s is None else max(0.0, now_s - estimate.updated_s)
@@ -162,19 +163,25 @@ def _report(
     last_known: Mapping[str, InputReport],
     index: float,
     unknown: float,
+    now_s: float,
 ) -> IndexReport:
     """What an index that stands at `index` is made of, and where it goes from there."""
-    risks = [report.risk for report in reports if report.risk is not None]
+    known = [report for report in reports if report.risk is not None]
+    worst = max(known, key=_RISK_OF, default=None)
     cause = max(last_known.values(), key=_RISK_OF, default=None)
     target = unknown if cause is None else cause.risk or 0.0
-    least = 0.0 if risks else max(index, unknown)
-    decides = cause is not None and target >= least
+    least = 0.0 if worst is not None else max(index, unknown)
+    told = cause if target >= least else None
+    held = told is not None and told not in reports
+    if held and told is not None and told.heard_s is not None:
+        told = told._replace(age_s=max(0.0, now_s - told.heard_s), risk=None)
     return IndexReport(
-        value=max(risks, default=None),
+        value=None if worst is None else worst.risk,
+        worst=None if worst is None else worst.name,
         inputs=reports,
         target=max(target, least),
-        cause=cause.name if cause is not None and decides else None,
-        held=decides and cause not in reports,
+        told=told,
+        held=held,
         ever_known=cause is not None,
     )
 

@@ -15,6 +15,21 @@ YES_OR_NO = "yes or no"
 _OF = "of "
 
 
+def read(value: float | None, unit: str) -> str:
+    """A value for a person: angles in degrees, fractions in percent, counts as they are."""
+    if value is None:
+        return "unknown"
+    if unit == "":
+        return f"{value:.0f}" if float(value).is_integer() else f"{value:.2f}"
+    if unit.startswith(_OF):
+        return f"{value:.0%}"
+    if unit == "rad":
+        return f"{math.degrees(value):.1f}°"
+    if unit == YES_OR_NO:
+        return "yes" if value else "no"
+    return f"{value:.2f} V" if unit == "V" else f"{value:.1f} {unit}"
+
+
 class InputReport(NamedTuple):
     """An input as last heard: what it said, how long ago, and the risk that follows.
 
@@ -22,7 +37,8 @@ class InputReport(NamedTuple):
     applies: whether it could say anything now. What does not apply (the tracking error of an
     aircraft that others fly) is not missing: its last risk is forgotten, and nothing is held.
     unit: `YES_OR_NO` and `of ...`, of a fraction, among them. remark: what the value is worth, or
-    means. A named tuple, for some hundreds are made a second.
+    means. heard_s: when the source was last heard. A named tuple, for some hundreds are made a
+    second.
     """
 
     name: str
@@ -32,6 +48,7 @@ class InputReport(NamedTuple):
     risk: float | None
     applies: bool = True
     remark: str = ""
+    heard_s: float | None = None
 
     @property
     def known(self) -> bool:
@@ -40,19 +57,8 @@ class InputReport(NamedTuple):
 
     @property
     def reading(self) -> str:
-        """The value for a person: angles in degrees, fractions in percent, counts as they are."""
-        value, unit = self.value, self.unit
-        if value is None:
-            return "unknown"
-        if unit == "":
-            return f"{value:.0f}" if float(value).is_integer() else f"{value:.2f}"
-        if unit.startswith(_OF):
-            return f"{value:.0%}"
-        if unit == "rad":
-            return f"{math.degrees(value):.1f}°"
-        if unit == YES_OR_NO:
-            return "yes" if value else "no"
-        return f"{value:.{2 if unit == 'V' else 1}f} {unit}"
+        """The value for a person."""
+        return read(self.value, self.unit)
 
     @property
     def phrase(self) -> str:
@@ -71,6 +77,7 @@ class Source(NamedTuple):
 
     age_s: float | None
     fresh: bool
+    heard_s: float | None
 
     def says(
         self,
@@ -83,10 +90,16 @@ class Source(NamedTuple):
         remark: str = "",
     ) -> InputReport:
         """The report of a value that it told; one that is not finite is None."""
+        age_s, fresh, heard_s = self
         if value is not None and not math.isfinite(value):
             value = None
-        counts = risk(value) if self.fresh and value is not None else None
-        return InputReport(name, value, unit, self.age_s, counts, applies, remark)
+        counts = risk(value) if fresh and value is not None else None
+        # Past its own __new__, which takes as long again.
+        told = (name, value, unit, age_s, counts, applies, remark, heard_s)
+        return tuple.__new__(InputReport, told)
+
+
+_NEVER = Source(None, fresh=False, heard_s=None)
 
 
 class _Sample(Protocol):
@@ -102,9 +115,9 @@ def heard(sample: _Sample | None, now_s: float, max_age_s: float) -> Source:
 def heard_at(received_s: float | None, now_s: float, max_age_s: float) -> Source:
     """The source that was last heard then; None: never."""
     if received_s is None:
-        return Source(None, fresh=False)
+        return _NEVER
     age_s = max(0.0, now_s - received_s)
-    return Source(age_s, age_s <= max_age_s)
+    return Source(age_s, age_s <= max_age_s, received_s)
 
 
 def certain(bad: float) -> float:

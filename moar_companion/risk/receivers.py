@@ -51,9 +51,10 @@ class ReceiverMemory:
         if gnss is None:
             return self
         moved = gnss.receiver_s != self.receiver_s
-        counts = {name: self._counting(gnss, name) for name in _MEASURES}
         kept: dict[str, Any] = {
-            name: value for name, value in counts.items() if value != getattr(gnss, name)
+            name: value
+            for name in _MEASURES
+            if (value := self._counting(gnss, name)) != getattr(gnss, name)
         }
         return ReceiverMemory(
             receiver_s=gnss.receiver_s,

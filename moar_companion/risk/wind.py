@@ -69,16 +69,12 @@ class Spread:
         elapsed_s = max(0.0, time_s - self.time_s)
         span_s = self.span_s + elapsed_s
         weight = min(1.0, elapsed_s / max(1e-9, min(GUST_S, span_s)))
-        north, east = (
-            wind - mean for wind, mean in zip(wind_ne_mps, self.mean_ne_mps, strict=True)
-        )
+        mean_north, mean_east = self.mean_ne_mps
+        north, east = wind_ne_mps[0] - mean_north, wind_ne_mps[1] - mean_east
         variance = self.variance_m2ps2 + weight * (north * north + east * east)
         return Spread(
             time_s=time_s,
-            mean_ne_mps=(
-                self.mean_ne_mps[0] + weight * north,
-                self.mean_ne_mps[1] + weight * east,
-            ),
+            mean_ne_mps=(mean_north + weight * north, mean_east + weight * east),
             variance_m2ps2=(1.0 - weight) * variance,
             span_s=span_s,
         )
@@ -194,7 +190,7 @@ def _effort(
     pulses = _pulse_range(telemetry, model)
     if flying and motors is not None and motors.pulse_us and pulses is not None:
         outputs = pulses.share(max(motors.pulse_us))
-    if flying and speeds is not None and speeds.rpm and model.motor_rpm is not None:
+    if flying and speeds is not None and any(speeds.rpm) and model.motor_rpm is not None:
         turning = model.motor_rpm.share(max(speeds.rpm))
     alone = not any(item.known for item in others)
     least, remark = (model.unknown, _ALONE) if alone else (0.0, "")

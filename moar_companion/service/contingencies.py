@@ -23,6 +23,7 @@ from ..mission.states import MissionState
 from ..mission.values import MissionStatus, Task
 from ..planner.plan import PlanRequest
 from ..power import Demands, Meter, PowerModel, landing_s
+from ..risk.headway import least_s
 from ..site import Site
 from ..types import Mission, RiskIndices, Vector
 from ..vehicle import Vehicle
@@ -97,6 +98,7 @@ class Scene:
     """What contingencies are planned from: the aircraft in the air, and what it flies.
 
     pace: the part of its planned speed at which that is flown. meter: of the batteries.
+    wind_mps: the mean wind over ground, in the site's frame; None where it is unknown.
     """
 
     pose: Pose
@@ -107,6 +109,7 @@ class Scene:
     widening_m: float
     pace: float
     meter: Meter
+    wind_mps: Vector | None
 
 
 class Contingencies:
@@ -127,6 +130,8 @@ class Contingencies:
         self._starts: dict[_Question, Vector] = {}
         """Where they begin."""
         self._now_s = -math.inf
+        self._wind_mps: Vector | None = None
+        """As last known in the air."""
         self.demands: Demands | None = None
         """What is still to be flown; None on the ground."""
         self._finish: Way | None = None
@@ -141,6 +146,7 @@ class Contingencies:
     def look(self, scene: Scene, now_s: float) -> None:
         """See what is to be flown now."""
         self._now_s = now_s
+        self._wind_mps = scene.wind_mps or self._wind_mps
         questions = tuple(self._questions(scene))
         self._ways = {
             question: way
@@ -164,7 +170,7 @@ class Contingencies:
         """On the ground there is nothing to be flown."""
         self._asked, self.demands, self._finish, self.better = None, None, None, None
         self._queue, self._ways, self._out, self._due_s = [], {}, {}, -math.inf
-        self._flown = None
+        self._flown, self._wind_mps = None, None
 
     def outlook(self, meter: Meter) -> Outlook:
         """How what is left lasts."""
@@ -282,6 +288,11 @@ class Contingencies:
         )
 
     def _way(self, position_m: FloatArray, duration_s: FloatArray, asked_s: float) -> Way:
+        """What points (n, 3) in times (n - 1,) take, where the wind lets it be as fast."""
+        if self._wind_mps is not None:
+            steps_m = np.diff(position_m, axis=0)
+            against_s = least_s(steps_m, self._wind_mps[:2], self._vehicle)
+            duration_s = np.maximum(duration_s, against_s)
         return Way(
             duration_s=float(duration_s.sum()),
             energy_wh=self._power.path_wh(position_m, duration_s),

@@ -15,13 +15,16 @@ from .judging import assert_nothing_was_touched
 from .lockstep import Lockstep
 from .operator import INSPECTION
 
-EXITS = [case for case in cases(40) if case.mission is Mission.EXIT and case.vehicle == "x500"]
+CASES = cases(176)
+EXITS = [case for case in CASES[:40] if case.mission is Mission.EXIT and case.vehicle == "x500"]
+AGAINST_THE_WIND = [CASES[165], CASES[175]]
+"""Landing legs against 8 and 7 m/s of wind, all the way at the limit of the lean."""
 CAPACITY_WH = 90.0
 """Of the fake PX4's pack."""
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", EXITS)
+@pytest.mark.parametrize("case", [*EXITS, *AGAINST_THE_WIND])
 def test_after_a_minute_the_energy_of_what_is_to_be_flown_is_known(case):
     flown = fly(case)
     assert flown.error == pytest.approx(0.0, abs=0.1)

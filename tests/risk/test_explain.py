@@ -14,6 +14,7 @@ from moar_companion.risk.explain import (
     WeightsReason,
     index_words,
     input_words,
+    rise_words,
     risk_dict,
 )
 from moar_companion.risk.inputs import YES_OR_NO
@@ -63,6 +64,20 @@ def test_the_last_word_of_a_silent_source_is_held(flight):
     assert words(flight, "wind") == (
         "wind 0.67, held at the last word: wind reported 9.0 m/s, 12.0 s old"
     )
+
+
+def test_the_last_word_of_a_source_that_says_unknown_is_held_with_its_own_age(flight):
+    said = flight.sources["batteries"]
+    flight.sources["batteries"] = lambda t: {0: replace(said(t)[0], remaining=0.04)}
+    flight.fly(20.0)
+    flight.sources["batteries"] = lambda t: {0: replace(said(t)[0], remaining=None)}
+    flight.fly(600.0)
+    report = flight.estimate.report.battery
+    assert (report.cause, report.held) == ("battery 0 remaining", True)
+    assert words(flight, "battery") == (
+        "battery 1.00, held at the last word: battery 0 remaining 4% of its charge, 600.0 s old"
+    )
+    assert rise_words("battery", report) == "battery to 1.00: battery 0 remaining 4% of its charge"
 
 
 def test_an_index_that_knows_nothing_says_so(new_flight):

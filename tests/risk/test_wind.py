@@ -280,6 +280,15 @@ def test_motor_speeds_count_where_their_range_is_configured(new_flight, healthy)
         assert (flight.estimate.indices.wind > 0.9) is known
 
 
+def test_motors_that_tell_no_speed_in_the_air_say_nothing_of_the_wind(new_flight, healthy):
+    healthy["motor_speeds"] = lambda t: MotorSpeeds(received_s=t, rpm=(9000, 9000, 9000, 9000))
+    flight = new_flight(model=RiskModel(motor_rpm=Range(low=1000.0, high=9000.0)), **healthy)
+    assert flight.fly(10.0).indices.wind > 0.9
+    flight.sources["motor_speeds"] = lambda t: MotorSpeeds(received_s=t, rpm=(0, 0, 0, 0))
+    assert flight.fly(60.0).indices.wind > 0.9
+    assert flight.input("wind", "motor speed").risk is None
+
+
 # Tracking
 
 

@@ -368,3 +368,32 @@ def test_where_others_fly_it_an_exit_that_was_flown_is_no_reason():
     ways.wait(scene.pose.position_m, desk.now_s)
     way_out = ways.way_out(scene.meter)
     assert (way_out.mission, way_out.flown_left_s) == (Mission.EVACUATION, None)
+
+
+# Against the wind -------------------------------------------------------------------------------
+
+
+def exit_s(ways, scene, now_s, wind_mps):
+    """How long the exit takes in a wind along the plane; None: it is not known."""
+    wind_mps = None if wind_mps is None else (wind_mps, 0.0, 0.0)
+    ways.look(replace(scene, wind_mps=wind_mps), now_s)
+    return ways.outlook(scene.meter).exit.duration_s
+
+
+def test_a_way_against_the_wind_takes_as_long_as_the_wind_lets_it():
+    desk, ways, scene = exit_is_flown()
+    calm_s = exit_s(ways, scene, desk.now_s, 0.0)
+    assert exit_s(ways, scene, desk.now_s, 18.0) == pytest.approx(calm_s)
+    # Leaning by 0.52 rad, (0.2 + 0.005 u) u = 5.61 m/s^2 at u = 19.03 m/s: 0.53 are left of 0.7.
+    assert desk.vehicle.speed.horizontal_mps == 0.7
+    against_s = exit_s(ways, scene, desk.now_s, -18.5)
+    assert against_s == pytest.approx(0.7 / 0.53 * calm_s, rel=0.02)
+    assert against_s > exit_s(ways, scene, desk.now_s, -18.4) > calm_s
+
+
+def test_a_wind_that_is_told_no_more_still_blows():
+    desk, ways, scene = exit_is_flown()
+    against_s = exit_s(ways, scene, desk.now_s, -18.5)
+    assert exit_s(ways, scene, desk.now_s, None) == against_s
+    ways.end()
+    assert exit_s(ways, scene, desk.now_s, None) < against_s
