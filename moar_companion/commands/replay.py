@@ -214,13 +214,18 @@ def _ulog_played(
     except Exception as error:  # whatever pyulog makes of a broken file
         raise InputError(path, "", f"is no sound ULog: {error}") from error
     playback = Playback(vehicle, UlogWitness(), whereabouts, drag=drag)
+    dated = [
+        item
+        for item in log.data_list
+        if "timestamp" in item.data and item.data["timestamp"].dtype.kind == "u"
+    ]
     topics = [
         Topic(
             name=item.name,
             instance=item.multi_id,
             columns={field: column.tolist() for field, column in item.data.items()},
         )
-        for item in log.data_list
+        for item in dated
     ]
     texts = [
         (int(item.timestamp), item.log_level - ord("0"), item.message)
@@ -228,7 +233,7 @@ def _ulog_played(
     ]
     for time_s, sample in samples(topics, texts, int(log.start_timestamp)):
         playback.feed(time_s, sample)
-    if log.file_corruption:
+    if log.file_corruption or len(dated) < len(log.data_list):
         playback.note("parts of the log are broken, and left out")
     return playback
 

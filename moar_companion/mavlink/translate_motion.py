@@ -141,8 +141,13 @@ def _wind_cov(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry
 def wind_told(
     telemetry: Telemetry, now_s: float, velocity_ned_mps: Vector, variance_m2ps2: float
 ) -> Telemetry:
-    """The telemetry with PX4's wind, and the sum of its variances north and east; 0: none known."""
+    """The telemetry with PX4's wind, and the sum of its variances north and east; 0: none known.
+
+    No wind at all and no variance is no estimate.
+    """
     told = math.isfinite(variance_m2ps2) and variance_m2ps2 > 0.0
+    if not told and not any(velocity_ned_mps[:2]):
+        return replace(telemetry, wind=None)
     wind = Wind(
         received_s=now_s,
         velocity_ned_mps=velocity_ned_mps,

@@ -6,7 +6,7 @@ Part of `translate`, which names the sources.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 
 from ..types import (
@@ -93,7 +93,13 @@ def _battery_status(telemetry: Telemetry, message: Message, now_s: float) -> Tel
         charge_state=message.charge_state or None,
         cells=len(entries_mv) if told_each else None,
     )
-    return replace(telemetry, batteries={**telemetry.batteries, message.id: battery})
+    batteries = {**telemetry.batteries, message.id: battery}
+    zero = batteries.get(0)
+    # A state was told by battery 0 itself.
+    only_summed_up = zero is not None and zero.summary and zero.charge_state is None
+    if only_summed_up and _summary_is_of_any(telemetry, batteries):
+        del batteries[0]
+    return replace(telemetry, batteries=batteries)
 
 
 def _sys_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
@@ -124,7 +130,7 @@ def _remote_control_ok(telemetry: Telemetry, message: Message) -> bool | None:
 
 def _battery_summary(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     known = telemetry.batteries.get(0)
-    if (
+    if _summary_is_of_any(telemetry, telemetry.batteries) or (
         known is not None
         and not known.summary
         and now_s - known.received_s <= _BATTERY_STATUS_TIMEOUT_S
@@ -144,6 +150,13 @@ def _battery_summary(telemetry: Telemetry, message: Message, now_s: float) -> Te
         # ArduPilot without a battery monitor.
         return telemetry
     return replace(telemetry, batteries={**telemetry.batteries, 0: battery})
+
+
+def _summary_is_of_any(telemetry: Telemetry, batteries: Mapping[int, Battery]) -> bool:
+    """Whether SYS_STATUS may mean another battery than 0: PX4's is the emptiest connected one."""
+    autopilot = telemetry.autopilot
+    ardupilot = autopilot is not None and autopilot.kind is AutopilotKind.ARDUPILOT
+    return not ardupilot and any(number != 0 for number in batteries)
 
 
 def _percent(value: int) -> float | None:
@@ -342,8 +355,8 @@ def _link_node_status(telemetry: Telemetry, message: Message, now_s: float) -> T
 def _rc_channels(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     known = telemetry.remote_control is not None and telemetry.remote_control.rssi is not None
     kind = AutopilotKind.UNKNOWN if telemetry.autopilot is None else telemetry.autopilot.kind
-    rssi: float | None = min(message.rssi / _MAX_RSSI[kind], 1.0)
-    if message.rssi == _UNKNOWN_U8 and kind is not AutopilotKind.ARDUPILOT:
+    rssi: float | None = message.rssi / _MAX_RSSI[kind]
+    if message.rssi > _MAX_RSSI[kind]:
         rssi = None
     elif message.rssi in {0, _UNKNOWN_U8} and not known:
         # Autopilots without a signal strength to tell say one of these: only after another is it

@@ -39,6 +39,9 @@ _LATE_S = 1.0
 """A packet dated so little before the one before it is late, and the clock has not stepped."""
 _LEAP_S = 3600.0
 """A longer pause is a clock that was set, or a recording that was continued another day."""
+_SAMPLE_TICKS = round(SAMPLE_PERIOD_S / RISK_PERIOD_S)
+_SETTLED_S = 60.0
+"""After so long without a packet all is stale and the indices stand: the samples tell enough."""
 _ROUNDING = 1e-3
 """Of a period: microseconds since 1970 are not exact in floating point."""
 
@@ -162,11 +165,15 @@ class Playback(Generic[Packet_contra]):
     def _think_until(self, tick: int) -> None:
         """Think at every instant before this one, by their numbers."""
         while self._ticks < tick:
-            self._chronicle.now_s = self._ticks * RISK_PERIOD_S
-            self._think(self._chronicle.now_s)
-            self._ticks += 1
+            self._chronicle.now_s = now_s = self._ticks * RISK_PERIOD_S
+            settled = now_s - self._packet_s > _SETTLED_S and self._ticks % _SAMPLE_TICKS == 0
+            # The last instant is always looked at: what is heard next is followed from there.
+            ticks = max(1, min(_SAMPLE_TICKS, tick - 1 - self._ticks)) if settled else 1
+            self._think(now_s, ticks)
+            self._ticks += ticks
 
-    def _think(self, now_s: float) -> None:
+    def _think(self, now_s: float, ticks: int) -> None:
+        """Look at this instant, which stands for so many: what is known now is so in all."""
         self._witness.tick(now_s)
         telemetry = self._witness.telemetry
         self._chronicle.watch_link(telemetry)
@@ -187,12 +194,12 @@ class Playback(Generic[Packet_contra]):
         reports = _by_name(self._risk)
         values = self._risk.indices.as_dict()
         for name, report in reports.items():
-            self._measure(name, report)
+            self._measure(name, report, ticks)
             self._chronicle.watch_risk(name, values[name], report)
-        if self._ticks % round(SAMPLE_PERIOD_S / RISK_PERIOD_S) == 0:
+        if self._ticks % _SAMPLE_TICKS == 0:
             self._sample(telemetry, reports, now_s)
 
-    def _measure(self, index: str, report: IndexReport) -> None:
+    def _measure(self, index: str, report: IndexReport, ticks: int) -> None:
         known = self._known_ticks.setdefault(index, {})
         greatest = self._greatest.setdefault(index, {})
         for item in report.inputs:
@@ -200,7 +207,7 @@ class Playback(Generic[Packet_contra]):
                 continue
             count = known.setdefault(item.name, 0)
             if item.risk is not None:
-                known[item.name] = count + 1
+                known[item.name] = count + ticks
                 greatest[item.name] = max(item.risk, greatest.get(item.name, 0.0))
 
     def _sample(self, telemetry: Telemetry, reports: dict[str, IndexReport], now_s: float) -> None:

@@ -69,6 +69,8 @@ _ARMED = 2
 _GROUND_STATION = 6
 """MAV_TYPE_GCS."""
 _MAX_RSSI = 100
+_CHARGE_STATES = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5, 6: 6, 7: 7}
+"""battery_status.warning to MAV_BATTERY_CHARGE_STATE."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,8 +204,7 @@ def _battery(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
         remaining=remaining if remaining is not None and 0.0 <= remaining <= 1.0 else None,
         voltage_v=sample.value("voltage_v") or None,
         current_a=current_a if current_a is not None and current_a >= 0.0 else None,
-        # battery_status counts from no warning, MAV_BATTERY_CHARGE_STATE from undefined.
-        charge_state=None if warning is None else int(warning) + 1,
+        charge_state=None if warning is None else _CHARGE_STATES.get(int(warning)),
     )
     return replace(telemetry, batteries={**telemetry.batteries, sample.topic.instance: battery})
 
@@ -256,11 +257,10 @@ def _wind(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
     wind = sample.values("windspeed_north", "windspeed_east")
     north = sample.value("variance_north", "covariance_north")
     east = sample.value("variance_east", "covariance_east")
-    if wind is None or not north:
-        return replace(telemetry, wind=None)  # no variance at all is no estimate
-    return wind_told(
-        telemetry, now_s, (wind[0], wind[1], 0.0), north + (north if east is None else east)
-    )
+    if wind is None:
+        return replace(telemetry, wind=None)
+    variance_m2ps2 = 0.0 if north is None else north + (north if east is None else east)
+    return wind_told(telemetry, now_s, (wind[0], wind[1], 0.0), variance_m2ps2)
 
 
 def _remote_control(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:

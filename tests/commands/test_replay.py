@@ -246,6 +246,21 @@ def test_a_log_that_is_cut_short_is_replayed_to_its_end(replay, tmp_path):
         assert "px4 quadrotor" in replay(path)
 
 
+def test_a_topic_without_times_is_left_out(replay, tmp_path):
+    path = tmp_path / "flight.ulg"
+    path.write_bytes(
+        ulog(
+            ("F", b"wind:uint64_t timestamq;float windspeed_north;"),
+            *a_flight(),
+            ("A", struct.pack("<BH", 0, 1) + b"wind"),
+            ("D", struct.pack("<HQf", 1, 2 * 10**6, 3.0)),
+        )
+    )
+    lines = replay(path).splitlines()
+    assert lines[0].startswith("flight.ulg: px4 quadrotor, 2.0 s")
+    assert any("parts of the log are broken, and left out" in line for line in lines)
+
+
 @pytest.mark.parametrize(
     "content",
     [

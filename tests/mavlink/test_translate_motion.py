@@ -124,6 +124,13 @@ def test_px4s_variance_is_the_sum_of_two(var_horiz, deviation_mps):
     assert wind.deviation_mps == pytest.approx(deviation_mps)
 
 
+@pytest.mark.parametrize("var_horiz", [0.0, NAN])
+def test_px4s_wind_of_nothing_without_a_variance_is_no_calm(var_horiz):
+    known = updated("WIND_COV", wind_x=1.0, var_horiz=0.1)
+    assert updated("WIND_COV", known, var_horiz=var_horiz).wind is None
+    assert updated("WIND_COV", known, var_horiz=0.1).wind.velocity_ned_mps == (0.0, 0.0, 0.0)
+
+
 def test_ardupilots_wind_comes_from_its_direction():
     wind = updated("WIND", direction=90.0, speed=5.0, speed_z=0.5).wind
     assert wind.velocity_ned_mps == pytest.approx((0.0, -5.0, 0.5))

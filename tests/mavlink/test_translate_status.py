@@ -9,6 +9,13 @@ from moar_companion.mavlink.witness import Witness
 
 from .messages import updated
 
+PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
+
+
+def heard(autopilot):
+    """Telemetry after a heartbeat of this autopilot."""
+    return updated("HEARTBEAT", type=mavlink.MAV_TYPE_QUADROTOR, autopilot=autopilot)
+
 
 def battery(**fields):
     fields = {
@@ -114,6 +121,39 @@ def test_what_battery_status_called_critical_is_so_until_it_says_otherwise():
     assert well.batteries[0].charge_state == 1
 
 
+PACK = {"voltages": [16000] + [65535] * 9, "battery_remaining": 80, "charge_state": 1}
+
+
+def test_px4s_sys_status_does_not_speak_for_a_battery_that_was_cut_off():
+    # It tells the emptiest that is connected: with the first one gone, the other.
+    both = updated("BATTERY_STATUS", heard(PX4), **{**PACK, "battery_remaining": 15})
+    both = updated("BATTERY_STATUS", both, id=1, **PACK)
+    later = sys_status(both, now_s=22.0, voltage_battery=16000, battery_remaining=80)
+    assert later.batteries == both.batteries
+
+
+@pytest.mark.parametrize("autopilot", [PX4, mavlink.MAV_AUTOPILOT_GENERIC])
+def test_a_battery_of_another_number_is_not_told_twice(autopilot):
+    summed_up = sys_status(heard(autopilot))
+    assert list(summed_up.batteries) == [0]
+    alone = updated("BATTERY_STATUS", summed_up, id=1, **PACK)
+    assert list(alone.batteries) == [1]
+    assert list(sys_status(alone, now_s=60.0).batteries) == [1]
+
+
+def test_a_battery_that_told_itself_is_kept_when_another_one_speaks():
+    critical = updated("BATTERY_STATUS", heard(PX4), **{**PACK, "charge_state": 3})
+    later = updated("BATTERY_STATUS", sys_status(critical, now_s=16.0), id=1, **PACK)
+    assert later.batteries[0].charge_state == 3
+
+
+def test_ardupilots_sys_status_is_always_of_battery_0():
+    second = updated("BATTERY_STATUS", heard(ARDUPILOT), id=1, **PACK)
+    first = sys_status(second)
+    assert first.batteries[0].remaining == 0.4
+    assert updated("BATTERY_STATUS", first, id=1, **PACK).batteries[0].summary
+
+
 def test_an_aircraft_without_a_battery_monitor_has_no_battery():
     telemetry = sys_status(voltage_battery=0, current_battery=-1, battery_remaining=-1)
     assert telemetry.batteries == {}
@@ -161,14 +201,6 @@ def test_a_receiver_tells_dilution_and_accuracy():
 )
 def test_what_a_receiver_does_not_know_is_none(fields, name):
     assert getattr(gnss(**fields), name) is None
-
-
-def heard(autopilot):
-    """Telemetry after a heartbeat of this autopilot."""
-    return updated("HEARTBEAT", type=mavlink.MAV_TYPE_QUADROTOR, autopilot=autopilot)
-
-
-PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 
 
 def test_a_second_receiver_is_read_as_the_first():
@@ -351,10 +383,12 @@ def test_the_radio_message_of_old_is_radio_status():
     [
         (mavlink.MAV_AUTOPILOT_PX4, 100, 1.0),  # full reception, as recorded
         (mavlink.MAV_AUTOPILOT_PX4, 50, 0.5),
-        (mavlink.MAV_AUTOPILOT_PX4, 200, 1.0),
+        (mavlink.MAV_AUTOPILOT_PX4, 101, None),
+        (mavlink.MAV_AUTOPILOT_PX4, 254, None),
         (mavlink.MAV_AUTOPILOT_PX4, 255, None),
         (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 204, 0.8),
         (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 51, 0.2),
+        (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 254, 254 / 255),
         (mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, 255, None),
         (mavlink.MAV_AUTOPILOT_GENERIC, 127, 0.5),
         (mavlink.MAV_AUTOPILOT_GENERIC, 255, None),

@@ -5,6 +5,7 @@ from __future__ import annotations
 import gzip
 import io
 import json
+import math
 import random
 import struct
 from pathlib import Path
@@ -21,6 +22,8 @@ from moar_companion.mavlink.tlog import Tlog
 from moar_companion.mavlink.witness import Witness
 from moar_companion.outlets.replay_picture import draw_replay
 from moar_companion.planner.planner import Planner
+from moar_companion.risk import update
+from moar_companion.service import playback
 from moar_companion.service.playback import SAMPLE_PERIOD_S, Playback
 from moar_companion.service.whereabouts import Whereabouts
 from moar_companion.site import Site
@@ -249,6 +252,31 @@ def test_a_gap_of_minutes_ages_everything_as_it_did_in_flight():
     assert ("recording", "nothing was recorded for 4.0 min") in events(replay, "recording")
     assert at(replay, 200.0).mode is None
     assert at(replay, 200.0).risk["localization"] >= 0.5
+
+
+def test_a_long_silence_is_judged_by_its_samples_alone_and_says_the_same(monkeypatch):
+    looks = []
+    monkeypatch.setattr(
+        playback, "update", lambda *given, **named: looks.append(1) or update(*given, **named)
+    )
+
+    def flown():
+        looks.clear()
+        tape = Tape()
+        tape.run(20, **GOOD_GPS, BATTERY_STATUS=battery(40))
+        tape.now_s += 1000.37
+        tape.run(20, **GOOD_GPS, BATTERY_STATUS=battery(30))
+        return tape.end(), len(looks)
+
+    quick, quick_looks = flown()
+    monkeypatch.setattr(playback, "_SETTLED_S", math.inf)
+    slow, slow_looks = flown()
+    assert slow_looks == pytest.approx(10 * slow.duration_s, abs=2)
+    assert quick_looks < 0.35 * slow_looks
+    assert (quick.events, quick.measures) == (slow.events, slow.measures)
+    for sample, other in zip(quick.samples, slow.samples, strict=True):
+        assert (sample.time_s, sample.reasons) == (other.time_s, other.reasons)
+        assert sample.risk == pytest.approx(other.risk)
 
 
 @pytest.mark.parametrize(

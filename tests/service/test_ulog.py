@@ -109,6 +109,22 @@ def test_each_battery_has_its_warning_in_mavlinks_numbers():
 
 
 @pytest.mark.parametrize(
+    ("warning", "charge_state"),
+    [
+        pytest.param(0, 1, id="none"),
+        pytest.param(3, 4, id="emergency"),
+        pytest.param(4, 5, id="failed"),
+        pytest.param(5, None, id="undefined"),
+        pytest.param(6, 6, id="unhealthy"),
+        pytest.param(7, 7, id="charging"),
+    ],
+)
+def test_a_logged_warning_is_the_charge_state_that_px4_sends(warning, charge_state):
+    told = telemetry("battery_status", **(BATTERY | {"warning": warning})).batteries[0]
+    assert told.charge_state == charge_state
+
+
+@pytest.mark.parametrize(
     ("name", "fields"),
     [
         ("battery_status", BATTERY | {"connected": 0}),
@@ -127,6 +143,16 @@ def test_what_says_unknown_is_unknown(name, fields):
 def test_wind_blows_towards_where_the_log_says():
     wind = telemetry("wind", windspeed_north=3.0, windspeed_east=-4.0, variance_north=0.2).wind
     assert wind.velocity_ned_mps == (3.0, -4.0, 0.0)
+
+
+@pytest.mark.parametrize(("north_mps", "variance_m2ps2"), [(0.0, 0.0), (7.0, 0.0), (7.0, NAN)])
+def test_a_wind_without_a_variance_is_what_its_message_says(north_mps, variance_m2ps2):
+    fields = {"windspeed_east": 0.0, "variance_east": variance_m2ps2}
+    logged = telemetry(
+        "wind", windspeed_north=north_mps, variance_north=variance_m2ps2, **fields
+    ).wind
+    said = updated("WIND_COV", now_s=1.0, wind_x=north_mps, var_horiz=variance_m2ps2).wind
+    assert logged == said
 
 
 def test_a_wind_is_as_uncertain_as_its_message_says():
