@@ -71,6 +71,7 @@ class Causes:
     ground_link: str | None = None
     geofence: str | None = None
     off_path: str | None = None
+    standing: str | None = None
     planner: str | None = None
     planner_late: str | None = None
     obstacle: str | None = None
@@ -139,8 +140,8 @@ CONDITIONS = (
     ),
     Condition(
         name="position",
-        starts="the position, or the clock in it, stands still for `position_timeout_s`, or comes "
-        "so late (by TIMESYNC)",
+        starts="no position is heard, or the clock in it stands still, for `position_timeout_s`, "
+        "or it comes so late (by TIMESYNC)",
         action=Action.RELEASE,
     ),
     Condition(
@@ -309,14 +310,14 @@ CONDITIONS = (
     ),
     Condition(
         name="planner",
-        starts="a new plan in flight is awaited for `plan_stale_s`",
+        starts="in an inspection a new plan is awaited for `plan_stale_s`",
         action=Action.HOLD,
         latched=True,
         override=Override.ORDER,
     ),
     Condition(
         name="planner_late",
-        starts="a new plan in flight is awaited for half of that",
+        starts="in an inspection a new plan is awaited for half of that",
         action=Action.SLOW,
         override=Override.ORDER,
     ),
@@ -348,6 +349,14 @@ CONDITIONS = (
         action=Action.CONTINUE,
         after_s=2.0,
         over_s=10.0,
+        override=Override.ORDER,
+    ),
+    Condition(
+        name="standing",
+        starts="the setpoint stands on its way: the aircraft does not follow, or no plan leads on",
+        action=Action.CONTINUE,
+        after_s=10.0,
+        over_s=1.0,
         override=Override.ORDER,
     ),
     Condition(

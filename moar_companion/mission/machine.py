@@ -52,7 +52,7 @@ _WAYS_OUT = {
     Action.EVACUATION: (Mission.EVACUATION,),
 }
 """What is sought of the supervisor's actions: the first of which there is a plan."""
-_OUTWARD = frozenset(_WAYS_OUT[Action.EXIT])
+_OUTWARD = tuple(Task(mission=way) for way in _WAYS_OUT[Action.EXIT])
 
 
 def restarted(rest: Task | None) -> MissionStatus:
@@ -109,8 +109,9 @@ def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
             *effects,
             *_rejected(idle, order_id, unfit)[1],
         )
+    found = replace(status, task=status.sought, held=False, goes_on=False)
     found, effects = _enter(
-        replace(status, task=status.sought, held=False, goes_on=False, no_way=frozenset()),
+        replace(found, no_way=status.no_way - {status.sought}),
         MissionState.FLYING if in_control else MissionState.READY,
         now_s,
     )
@@ -120,17 +121,13 @@ def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
 
 
 def unplanned(
-    status: MissionStatus,
-    reason: str,
-    now_s: float,
-    *,
-    waits: bool = False,
-    failed: bool = False,
+    status: MissionStatus, reason: str, now_s: float, *, waits: bool = False, failed: bool = False
 ) -> Step:
     """There is no plan of `sought`; what is flown goes on, what is not is idle.
 
     waits: a condition says so, too, and when that clears, what no operator has ordered is sought
-    again. failed: the planner has not said so, it has failed; nothing is asked of it for a while.
+    again. failed: the planner has not said so, it has failed; nothing is asked of it for a while,
+    but how to go on along a way out that was begun.
     """
     sought = status.sought
     if sought is None:
@@ -143,8 +140,9 @@ def unplanned(
         return replace(status, sought=None, order_id=None), answers
     if sought.mission is not Mission.INSPECTION and not waits:
         say = Say(f"No way to {sought.mission.value}: {reason}", serious=True, news=False)
-        no_way = _OUTWARD if failed else status.no_way | {sought.mission}
-        return replace(status, sought=None, no_way=no_way, no_way_s=now_s), (say,)
+        inspects = status.task is not None and status.task.mission is Mission.INSPECTION
+        vain = _OUTWARD if failed and inspects else (sought,)
+        return replace(status, sought=None).without(*vain, now_s=now_s), (say,)
     held, effects = _enter(status, MissionState.HOLDING, now_s)
     goal = sought.goal if sought.mission is Mission.INSPECTION else sought.mission.value
     say = Say(f"No way to {goal}: {reason}", serious=True)
@@ -170,6 +168,8 @@ def tick(
 ) -> Step:
     """One look at the world; what ends our control comes first."""
     state, ruling = status.state, world.ruling
+    if status.no_way and status.sought is None and now_s - status.no_way_s >= _AGAIN_S:
+        status = replace(status, no_way=frozenset())
     if status.order_id is not None:
         # Whoever has ordered knew them: what is sought does not fail for them.
         status = replace(status, known=status.known & ruling.names)
@@ -225,35 +225,42 @@ def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, goes_on: boo
     if status.state is MissionState.HOLDING:
         if status.sought is None:
             return status, ()
-        going_on = goes_on and status.order_id is None
+        going_on = goes_on and (status.goes_on or status.order_id is None)
         held = replace(status, sought=None, order_id=None, goes_on=going_on)
         return held, (*failed, Do.BRAKE)
     left = status.task is not None and not status.task.done
-    held, _ = _enter(replace(status, goes_on=goes_on and left), MissionState.HOLDING, now_s)
+    goes_on = goes_on and left and not status.held
+    held, _ = _enter(replace(status, goes_on=goes_on, held=False), MissionState.HOLDING, now_s)
     say = Say(f"MOAR holding: {ruling.reason}", serious=True, condition=ruling.name)
     return held, (*failed, Do.BRAKE, say)
 
 
 def _led_out(status: MissionStatus, ruling: Ruling, now_s: float) -> Step | None:
-    """The way out that the supervisor wants, where it is not flown already.
+    """The way out that the supervisor wants, where it is not flown already, or the next best.
 
-    Where there is none, another that is flown goes on; anything else holds.
+    Where there is none, one that is flown goes on as it can; anything else holds. A landing leg is
+    flown to its end.
     """
-    task = status.task
+    task, holds = status.task, status.state is MissionState.HOLDING
     if task is None or task.flown:
         return None
-    if _heeds(status, ruling.action) and (
-        status.sought is not None or status.state is not MissionState.HOLDING
-    ):
+    stands = status.sought is None and (holds or task in status.no_way)
+    lands = status.state is MissionState.LANDING_LEG and status.sought is None
+    if (lands or _heeds(status, ruling.action)) and not stands:
         return None
-    if now_s - status.no_way_s >= _AGAIN_S:
-        status = replace(status, no_way=frozenset())
-    ways = [way for way in _WAYS_OUT[ruling.action] if way not in status.no_way]
+    ways = [
+        way
+        for mission in (*_WAYS_OUT[ruling.action], Mission.EXIT)  # rather than to stay
+        for way in (task, Task(mission=mission))
+        if way.mission is mission and way not in status.no_way
+    ]
     if not ways:
-        if task.mission is not Mission.INSPECTION and status.state is not MissionState.HOLDING:
+        if task.mission is not Mission.INSPECTION and not holds:
             return None
         return _braked(status, ruling, now_s, goes_on=False)
-    wanted = task if task.mission in ways else Task(mission=ways[0])
+    wanted = ways[0]
+    if status.order_id is None and wanted == (status.sought or (None if holds else task)):
+        return None
     sought = replace(status, sought=wanted, order_id=None, goes_on=False)
     words = f"MOAR {wanted.mission.value}: {ruling.reason}"
     say = Say(words, serious=True, news=False, condition=ruling.name)
@@ -303,11 +310,11 @@ def _landed_above(status: MissionStatus, now_s: float) -> Step:
 def _overridden(status: MissionStatus, world: Situation, *, resume: bool, now_s: float) -> Step:
     """A pilot flies: silent, unless the mode is given back and `resume` says to go on.
 
-    What would have ended our control ends what may be resumed.
+    What would have ended our control ends what may be resumed, also where an order overrode it.
     """
-    leading, task = world.ruling.leading, status.task
-    if leading is not None and world.ruling.action is Action.RELEASE:
-        return _silenced(status, leading.condition.rest, leading.reason, now_s)
+    gravest, task = next(iter(world.ruling.conditions), None), status.task
+    if gravest is not None and gravest.condition.action is Action.RELEASE:
+        return _silenced(status, gravest.condition.rest, gravest.reason, now_s)
     if resume and world.mode_ours and task is not None and not task.done:
         return _sought(status, task, None, world, now_s)
     return status, ()
@@ -331,7 +338,7 @@ def _sought(
     if status.state not in STREAMING:
         status = replace(status, state=MissionState.PLANNING, since_s=now_s)
         effects = (*effects, Say(f"MOAR planning {task.mission.value}"))
-    sought = replace(status, sought=task, order_id=order_id, known=known, goes_on=False)
+    sought = replace(status, sought=task, order_id=order_id, known=known)
     return sought, (*effects, Seek(task))
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from ..types import Mission
 from .states import MissionState
@@ -73,10 +73,15 @@ class MissionStatus:
     restart: an operator may continue `task`, which the process before this one has not ended."""
     goes_on: bool = False
     """The supervisor holds, nobody else: what is held is flown on when nothing is against it."""
-    no_way: frozenset[Mission] = frozenset()
-    """The ways out that are not sought for a while: in vain from here, or the planner failed."""
+    no_way: frozenset[Task] = frozenset()
+    """What is not sought as a way out for a while: in vain from here, or the planner failed."""
     no_way_s: float = -math.inf
     """When that was last found."""
+
+    def without(self, *tasks: Task, now_s: float) -> MissionStatus:
+        """The same, and these are not sought as ways out for a while."""
+        vain = self.no_way.union(tasks)
+        return self if vain == self.no_way else replace(self, no_way=vain, no_way_s=now_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -74,8 +74,9 @@ class Seen:
 
     faults: causes that are known as such. control_allowed: one autopilot and no other is heard.
     jumped_m: how far the position has jumped of late. error_m: from the setpoint to the aircraft.
+    stands: whether the setpoint does not move although it is on its way.
     strays: how far it is outside the workspace and its checked legs, in words. room_m: from the
-    hull to the nearest keep-out. plan_awaited_s: how long a plan in flight is awaited.
+    hull to the nearest keep-out. plan_awaited_s: how long a new plan of an inspection is awaited.
     """
 
     telemetry: Telemetry
@@ -88,6 +89,7 @@ class Seen:
     in_control: bool = False
     landing: bool = False
     error_m: float | None = None
+    stands: bool = False
     strays: str | None = None
     plan_awaited_s: float | None = None
     way_out: WayOut | None = None
@@ -134,6 +136,7 @@ def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> 
         ground_link=_ground_link(telemetry, limits, now_s),
         geofence=seen.strays if seen.in_control else None,
         off_path=_above("off the path", seen.error_m, off_path_m, "m") if seen.in_control else None,
+        standing=_standing(seen),
         planner=_plan(seen, limits.plan_stale_s),
         planner_late=_plan(seen, 0.5 * limits.plan_stale_s),
         obstacle=_obstacle(seen, limits),
@@ -300,6 +303,13 @@ def _ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str
     if heard is None or now_s - heard.received_s <= limits.ground_link_lost_s:
         return None
     return f"no ground station is heard for {now_s - heard.received_s:.0f} s"
+
+
+def _standing(seen: Seen) -> str | None:
+    if not seen.stands:
+        return None
+    error_m = "" if seen.error_m is None else f", {seen.error_m:.1f} m from its setpoint"
+    return f"it stands on its way{error_m}"
 
 
 def _plan(seen: Seen, limit_s: float) -> str | None:

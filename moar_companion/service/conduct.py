@@ -81,9 +81,8 @@ class Conduct:
         self.course = Course(ground, vehicle, config, reports)
         self.setpoints = Stream(session, vehicle, config.supervision)
         pilot_may_fly = before is not None and before.state is not MissionState.IDLE
-        self.engaging = Engaging(config.authority, session, pilot_flies=pilot_may_fly)
-        off_path_m = vehicle.guidance.off_path_m
-        self._overseer = Overseer(config.supervision, off_path_m, reports)
+        self.engaging = Engaging(config.authority, session, reports, pilot_flies=pilot_may_fly)
+        self._overseer = Overseer(config.supervision, vehicle.guidance.off_path_m, reports)
         site = None if ground is None else ground.site
         self.status = machine.restarted(None if before is None else before.rest(site))
         """Where the mission stands."""
@@ -141,16 +140,14 @@ class Conduct:
         if self.course.look(self.risk, now_s):
             # What was sought in vain may be found now.
             self.status = replace(self.status, no_way=frozenset())
-        self._carry_out(
-            machine.tick(
-                self.status,
-                self._situation(now_s),
-                ready_timeout_s=self._config.supervision.ready_timeout_s,
-                resume=self._config.resume,
-                now_s=now_s,
-            ),
-            now_s,
+        step = machine.tick(
+            self.status,
+            self._situation(now_s),
+            ready_timeout_s=self._config.supervision.ready_timeout_s,
+            resume=self._config.resume,
+            now_s=now_s,
         )
+        self._carry_out(step, now_s)
         self.faults.forget()
 
     def order(self, command: MissionCommand | PauseContinue, now_s: float) -> None:
@@ -227,6 +224,9 @@ class Conduct:
             self._carry_out(step, now_s)
         elif not no_room:
             self._reports.say(Severity.NOTICE, f"Replan: {reason}", now_s)
+            if self.status.task is not None and self.course.braked:
+                # Another way out may lead on.
+                self.status = self.status.without(self.status.task, now_s=now_s)
 
     def shift(self, jump: Jump, now_s: float) -> None:
         """Take what is flown along with a position or heading that jumped."""
@@ -260,6 +260,7 @@ class Conduct:
             return None
         if landed is not None and landed.state is not LandedState.IN_AIR:
             return None  # it takes off or lands
+        plane, spread = self._surroundings.plane, self.risk.wind.spread
         beside = abs(pose.position_m[1]) > self._config.supervision.plane_tolerance_m
         if beside and self.status.state not in STREAMING:
             return None  # others fly it elsewhere
@@ -272,6 +273,9 @@ class Conduct:
             widening_m=self.course.widening_m,
             pace=self._pace,
             meter=self.risk.meter,
+            wind_mps=None
+            if plane is None or spread is None
+            else plane.velocity_from_ned((*spread.mean_ne_mps, 0.0)),
         )
 
     def _situation(self, now_s: float) -> Situation:
@@ -283,7 +287,7 @@ class Conduct:
             mode_ours=self._follows,
             mode_heard_s=-math.inf if autopilot is None else autopilot.received_s,
             on_leg=flight is not None and flight.on_leg,
-            arrived=flight is not None and flight.arrived and error_m <= guidance.tracking_slow_m,
+            arrived=self.course.arrived(pose, now_s),
             dwell_s=0.0 if self._ground is None else self._ground.dwell_s(self.status.task),
             astray=flight is not None and error_m > guidance.tracking_hold_m,
         )
@@ -305,6 +309,7 @@ class Conduct:
             in_control=self.status.state in IN_CONTROL,
             landing=self.engaging.is_landing(telemetry.autopilot),
             error_m=flight.error_m(pose) if flight is not None and pose is not None else None,
+            stands=flight is not None and flight.stands and self.status.state in _ON_THE_WAY,
             strays=flight.strays(pose) if flight is not None and pose is not None else None,
             plan_awaited_s=self.course.awaited_for_s(now_s),
             way_out=None if ways is None else ways.way_out(self.risk.meter),
@@ -336,9 +341,8 @@ class Conduct:
         match effect:
             case Seek(task):
                 if task == self.status.task and self.course.resume_leg():
-                    self._carry_out(
-                        machine.planned(self.status, self._situation(now_s), now_s), now_s
-                    )
+                    step = machine.planned(self.status, self._situation(now_s), now_s)
+                    self._carry_out(step, now_s)
                 else:
                     self._seek(task, now_s)
             case Answer(order_id, verdict, reason):
@@ -352,6 +356,7 @@ class Conduct:
                 self.course.brake()
             case Overrule(known):
                 self._overseer.override(known)
+                self.engaging.forget_landing()
             case Do.FAREWELL:
                 self._say_farewell(now_s)
             case Do.LAND:

@@ -17,7 +17,7 @@ from ..planner.comparison import path_difference
 from ..planner.plan import Plan
 from ..risk import RiskEstimate
 from ..risk.explain import WeightsReason, risk_dict
-from ..types import AutopilotKind, RiskIndices, Vector
+from ..types import AutopilotKind, Mission, RiskIndices, Vector
 from ..vehicle import Vehicle
 from .airspace import Airspace
 from .causes import uncertainty_m, widening_m
@@ -37,6 +37,8 @@ _RISK_MOVED = 0.05
 """A risk that has changed less since the last path is not told as what has moved it."""
 _STANDS_FOR_S = 1.0
 """Between two attempts to go on with an aircraft that was stopped and that nothing holds."""
+_ENDS_AFTER_S = 5.0
+"""An aircraft that has not come nearer to the end in so long, by a gust or two, will not."""
 _OFF_PATH_FOR_S = 1.0
 """An aircraft that is off its path for so long will not be back by itself."""
 
@@ -55,6 +57,8 @@ class Course:
         self._reports = reports
         self._plans = PlanDesk()
         self._near_path_s = -math.inf
+        self._under_way_s = -math.inf
+        """When the setpoint was last short of the plan's end."""
         self._resumed_s = -math.inf
         """When it last went on along a landing leg on which it stood."""
         self._told_s = -math.inf
@@ -72,6 +76,11 @@ class Course:
     def awaited(self) -> Awaited | None:
         """The plan whose answer is still to come."""
         return self._plans.awaited
+
+    @property
+    def braked(self) -> bool:
+        """Whether the flight comes to rest, or stands, where no plan has led it."""
+        return self.flight is not None and self.flight.braked
 
     @property
     def reluctance(self) -> str | None:
@@ -205,7 +214,7 @@ class Course:
         if adoption is Adoption.NEW_PATH:
             self._explain(awaited, plan, flown, estimate, now_s)
         if awaited.first and adoption is not Adoption.TOO_LATE:
-            self._near_path_s = now_s
+            self._near_path_s = self._under_way_s = now_s
         return adoption
 
     def _stays(self, flown: Plan, plan: Plan) -> bool:
@@ -254,6 +263,8 @@ class Course:
         Along a landing leg there is none; one on which it was braked is gone on along, if it may.
         """
         flight, awaited = self.flight, self._plans.awaited
+        if flight is not None and not flight.arrived:
+            self._under_way_s = now_s
         if flight is None or (awaited is not None and awaited.first):
             return
         if now_s - self._resumed_s >= _STANDS_FOR_S and self.resume_leg():
@@ -284,6 +295,19 @@ class Course:
         if reason is not None and (flight.braked or not flight.on_leg):
             self.ask(task, pose, risk, now_s, first=False, reason=reason)
 
+    def arrived(self, pose: Pose | None, now_s: float) -> bool:
+        """Whether the aircraft has come to the end of its plan, or in time as near as it is held.
+
+        An error that stays, by a steady wind, must not keep it there for ever.
+        """
+        flight, guidance = self.flight, self._vehicle.guidance
+        if flight is None or pose is None or not flight.arrived:
+            return False
+        waited = now_s - self._under_way_s >= _ENDS_AFTER_S
+        return flight.error_m(pose) <= (
+            guidance.tracking_hold_m if waited else guidance.tracking_slow_m
+        )
+
     def brake(self) -> None:
         """Come to rest on the path; whatever was awaited is awaited no more."""
         self._plans.forget()
@@ -297,9 +321,13 @@ class Course:
             self.flight.stand(position_m)
 
     def awaited_for_s(self, now_s: float) -> float | None:
-        """How long a new plan of what is flown is awaited; None while none is."""
-        since_s = self._plans.wanting_since_s
-        return None if since_s is None else now_s - since_s
+        """How long a new plan of an inspection in flight is awaited; None while none is.
+
+        A way out goes on without one: its path was checked, and to stay is no better.
+        """
+        since_s, flight = self._plans.wanting_since_s, self.flight
+        inspects = flight is not None and flight.mission is Mission.INSPECTION
+        return now_s - since_s if inspects and since_s is not None else None
 
     def resume_leg(self) -> bool:
         """Go on along the landing leg on which the flight was braked, while it has room.

@@ -2,41 +2,58 @@
 
 from __future__ import annotations
 
+import math
+
 from ..config import Authority
-from ..mavlink.session import Session
+from ..mavlink.session import Session, Severity
 from ..mission.states import IN_CONTROL, MissionState
 from ..mission.values import MissionStatus
 from ..types import AutopilotStatus
+from .reports import Reports
 
 _ENGAGE_AFTER_S = 1.2
 """PX4 gives OFFBOARD to a stream that has run for a second."""
+_OFFERING = {MissionState.PLANNING, MissionState.READY}
+"""What an order is in until its flight begins."""
 _FRESH_S = 0.1
 """A mode that was told longer ago may not be the mode any more: PX4 tells it once a second."""
 _LAND = "LAND"
+_LAND_AGAIN_S = 3.0
+"""A landing that the link has carried is told by the heartbeat of the next second."""
+_MOST_LANDINGS = 3
+"""Asked for so often in vain, it is the pilot's."""
 
 
 class Engaging:
-    """Asks once, and only while a heartbeat has just shown the mode that may be taken.
+    """Asks only while a heartbeat has just shown the mode that may be taken.
 
-    An order may take the mode that it was given in, and no other; not out of a failsafe, a return
-    or a landing, which both autopilots would let it end; and not from a pilot who has taken over
-    from us or from a failsafe, until he has given the mode himself or has landed.
+    For its mode once. An order may take the mode that it was given in, and no other; not out of a
+    failsafe, a return or a landing, which both autopilots would let it end; and not from a pilot
+    who has taken over from us or from a failsafe, until he has given the mode himself or has
+    landed.
+
+    For LAND a few times, since the link may lose it; not while the plan of another order is
+    awaited, nor after one was carried out, a hold too.
     """
 
-    def __init__(self, authority: Authority, session: Session, *, pilot_flies: bool) -> None:
+    def __init__(
+        self, authority: Authority, session: Session, reports: Reports, *, pilot_flies: bool
+    ) -> None:
         """pilot_flies: whether he may have taken over before this process began."""
         self._allowed = authority is Authority.ENGAGE
         self._session = session
+        self._reports = reports
         self._in_mode: str | None = None
         self._pilot_flies = pilot_flies
         self._landing_due = False
-        self._landing_asked = False
+        self._landing_asked_s: float | None = None
         """In the last thought, which may not have been sent."""
-        self._landing_requested = False
+        self._landing_sent_s = -math.inf
+        self._landings_sent = 0
 
     def is_landing(self, autopilot: AutopilotStatus | None) -> bool:
         """Whether the autopilot is in the landing that we asked for."""
-        return self._landing_requested and autopilot is not None and autopilot.mode == _LAND
+        return self._landings_sent > 0 and autopilot is not None and autopilot.mode == _LAND
 
     def note_order(self, autopilot: AutopilotStatus | None, before: MissionState) -> None:
         """A mission was ordered and is being planned. before: the state in which it was."""
@@ -49,11 +66,15 @@ class Engaging:
         """The mission ends above its landing point."""
         self._landing_due = self._allowed
 
+    def forget_landing(self) -> None:
+        """An operator's order is carried out: whoever gave it wants no landing now."""
+        self._landing_due = False
+
     def note_sent(self) -> None:
         """What the last thought asked for has left."""
-        if self._landing_asked:
-            self._landing_due = self._landing_asked = False
-            self._landing_requested = True
+        if self._landing_asked_s is not None:
+            self._landing_sent_s, self._landing_asked_s = self._landing_asked_s, None
+            self._landings_sent += 1
 
     def act(
         self,
@@ -64,7 +85,11 @@ class Engaging:
         now_s: float,
     ) -> None:
         """Look at who flies, and ask for what is due; at the end of every thought."""
-        self._landing_asked = False
+        self._landing_asked_s = None
+        if status.state not in _OFFERING:
+            self._in_mode = None
+        if status.state is not MissionState.HOLDING:
+            self._landing_due, self._landings_sent = False, 0
         if autopilot is None:
             return
         pilots = not (autopilot.ours or autopilot.homeward or autopilot.failsafe)
@@ -74,14 +99,23 @@ class Engaging:
             self._pilot_flies = self._pilot_flies or pilots
         if status.state in IN_CONTROL or grounded:
             self._pilot_flies = False
-        if status.state is not MissionState.HOLDING:
-            self._landing_due = self._landing_requested = False
         if now_s - autopilot.received_s > _FRESH_S:
             return
-        if self._landing_due and autopilot.ours:
-            self._landing_asked = self._session.request_land()
+        if self._landing_due and autopilot.ours and status.sought is None:
+            self._ask_for_landing(now_s)
         if self._may_take(status, autopilot, now_s):
             self._session.request_own_mode()
+
+    def _ask_for_landing(self, now_s: float) -> None:
+        """Ask for LAND, and again where the link may have lost it; at last tell people."""
+        if self._landings_sent and now_s - self._landing_sent_s < _LAND_AGAIN_S:
+            return
+        if self._landings_sent < _MOST_LANDINGS:
+            self._landing_asked_s = now_s if self._session.request_land() else None
+            return
+        self._landing_due = False
+        words = "MOAR: the landing has not begun, choose LAND"
+        self._reports.say(Severity.WARNING, words, now_s)
 
     def _may_take(self, status: MissionStatus, autopilot: AutopilotStatus, now_s: float) -> bool:
         """Whether to ask for our mode now; at most once for an order."""

@@ -30,6 +30,8 @@ from .loss import Loss
 from .motion import Jump, Pose, Setpoint
 from .paths import CheckedLeg, checked_legs, flown, standing, vector
 
+_STANDS_MPS = 0.05
+"""Slower than any plan is flown, even at half its pace: what is left where it only waits."""
 _PLANNING_TIME_S = 0.3
 """The reference moves on while a plan is made; the next one begins beyond that."""
 
@@ -76,6 +78,11 @@ class Flight:
     def braked(self) -> bool:
         """Whether it comes to rest, or stands, where no plan has led it."""
         return self._reference.stop_m is not None
+
+    @property
+    def stands(self) -> bool:
+        """Whether the setpoint does not move, or hardly."""
+        return math.hypot(*self._reference.velocity_mps) < _STANDS_MPS
 
     @property
     def mission(self) -> Mission | None:

@@ -81,6 +81,7 @@ class Overseer:
         """
         missed = self._audience.has_grown(station, now_s)
         acting = {item.condition.name: item for item in self._ruling.conditions}
+        reasons = {item.reason for item in acting.values()}
         for name in acting.keys() - self._recorded.keys():
             self._reports.record(
                 "condition",
@@ -91,11 +92,11 @@ class Overseer:
                 reason=acting[name].reason,
             )
         for name in self._recorded.keys() - acting.keys():
-            self._reports.record(
-                "condition", now_s, name=name, began=False, reason=self._recorded[name]
-            )
-            if not self._told.get(name, True):
-                self._reports.say(Severity.NOTICE, f"MOAR over: {self._recorded[name]}", now_s)
+            reason = self._recorded[name]
+            self._reports.record("condition", now_s, name=name, began=False, reason=reason)
+            # Another condition may have begun for the same reason.
+            if not self._told.get(name, True) and reason not in reasons:
+                self._reports.say(Severity.NOTICE, f"MOAR over: {reason}", now_s)
         self._recorded = {name: item.reason for name, item in acting.items()}
         self._told = {name: told for name, told in self._told.items() if name in acting}
         if missed or not streaming:
@@ -106,8 +107,8 @@ class Overseer:
             if name in self._told or _before_control(item) or _is_past(item):
                 continue
             self._told[name] = False
-            action = item.condition.action
-            word = "note" if action is Action.CONTINUE else action.name.lower()
+            leads = item.condition.action is self._ruling.action is not Action.CONTINUE
+            word = self._ruling.action.name.lower() if leads else "note"
             self._reports.say(Severity.WARNING, f"MOAR {word}: {item.reason}", now_s, news=missed)
 
 

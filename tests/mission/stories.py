@@ -111,6 +111,10 @@ class Story:
     def plan_failed(self, reason="no free way leads there", **why):
         return self._took(machine.unplanned(self.status, reason, self.now_s, **why))
 
+    def strand(self):
+        """What is flown stands, and no plan leads on."""
+        return self._took((self.status.without(self.status.task, now_s=self.now_s), ()))
+
     def take_back(self, order_id=None):
         number = self.last_id if order_id is None else order_id
         return self._took(machine.withdrawn(self.status, number, self.now_s))

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.mission.states import MissionState
-from moar_companion.mission.values import Do, Order
+from moar_companion.mission.values import Do, Order, Task
 from moar_companion.types import Mission
 
 from .stories import (
@@ -51,6 +51,16 @@ def test_a_failsafe_while_the_pilot_flies_releases(resume):
     flight = story(S.OVERRIDDEN, resume=resume).see(**FAILSAFE)
     assert flight.state == "released"
     assert not flight.farewell
+
+
+def test_a_failsafe_that_an_order_has_overridden_ends_what_may_be_resumed():
+    """ArduPilot tells of its failsafe until it is over; it may take the mode a second time."""
+    flight = story(S.FLYING, resume=True).see(**FAILSAFE, mode_ours=False).tick(1.0)
+    assert flight.order(INSPECTION).plan_found().see(mode_ours=True).state == "flying"
+    flight.see(mode_ours=False).tick()
+    assert flight.state == "released"
+    flight.see(mode_ours=True).tick(1.0)
+    assert (flight.state, flight.sought) == ("released", [])
 
 
 def test_what_an_operator_held_is_not_resumed():
@@ -158,6 +168,29 @@ def test_an_order_in_the_making_fails_with_the_reason():
     assert "wind 13.2 m/s" in flight.reasons[0]
 
 
+@pytest.mark.parametrize("end", ["denied", "taken back", "overtaken by the next gust"])
+def test_an_order_that_comes_to_nothing_leaves_what_would_go_on(end):
+    flight = story(S.FLYING).see(**WIND).tick(3.1).tick(KNOWN_S).order(EXIT)
+    if end == "denied":
+        flight.plan_failed()
+    elif end == "taken back":
+        flight.take_back()
+    else:
+        flight.see(wind=None).tick(5.1).see(**WIND).tick(3.1)
+        assert flight.answers == [(2, "failed")]
+    assert flight.state == "holding"
+    assert flight.see(wind=None).tick(5.1).sought == [INSPECTION]
+    assert flight.plan_found().state == "flying"
+
+
+def test_a_hold_ordered_while_ready_outlasts_the_one_that_begins_with_the_mode():
+    flight = story(S.READY).order(Order.HOLD).see(narrow="no room here", mode_ours=True)
+    assert flight.state == "holding"
+    flight.see(narrow=None).tick(60.0)
+    assert (flight.state, flight.sought) == ("holding", [])
+    assert flight.order(Order.CONTINUE).sought == [INSPECTION]
+
+
 def test_a_mode_given_to_what_must_not_be_flown_is_a_hold():
     flight = story(S.READY).see(**WIND).tick(2.9)
     flight.see(mode_ours=True).tick(0.2)
@@ -219,17 +252,68 @@ def test_while_the_planner_fails_no_other_way_out_is_sought_but_the_same_one_lat
     assert flight.plan_found().state == "flying"
 
 
-@pytest.mark.parametrize("state", [S.FLYING, S.LANDING_LEG])
 @pytest.mark.parametrize("failed", [False, True])
-def test_an_exit_that_is_flown_goes_on_where_there_is_no_evacuation(state, failed):
-    flight = any_story(state, EXIT).see(**CRITICAL).tick(1.1)
+def test_an_exit_that_is_flown_goes_on_where_there_is_no_evacuation(failed):
+    flight = story(S.FLYING, EXIT).see(**CRITICAL).tick(1.1)
     for _ in range(3):
         assert [task.mission for task in flight.sought] == [Mission.EVACUATION]
         flight.plan_failed(failed=failed)
         for _ in range(19):
             flight.tick(0.1)
-            assert (flight.status.state, flight.status.task, flight.effects) == (state, EXIT, [])
+            assert (flight.state, flight.status.task, flight.effects) == ("flying", EXIT, [])
         flight.tick(0.2)
+
+
+@pytest.mark.parametrize("state", [S.FLYING, S.AT_TARGET, S.HOLDING])
+def test_where_there_is_no_evacuation_an_exit_is_better_than_to_stay(state):
+    flight = any_story(state).see(**CRITICAL).tick(1.1)
+    assert flight.sought == [Task(mission=Mission.EVACUATION)]
+    flight.plan_failed().tick()
+    assert (flight.sought, flight.said) == ([EXIT], ["MOAR exit: battery 0 is critical"])
+    for _ in range(30):
+        assert flight.tick(0.1).effects == []  # it is awaited
+    assert flight.plan_found().state == "flying"
+    assert flight.status.task == EXIT
+    assert flight.tick().sought == [Task(mission=Mission.EVACUATION)]  # by now, perhaps
+
+
+@pytest.mark.parametrize("failed", [False, True])
+@pytest.mark.parametrize("state", [S.FLYING, S.LANDING_LEG])
+@pytest.mark.parametrize("held", ["by wind", "by an operator"])
+def test_an_exit_that_is_held_goes_on_where_there_is_no_evacuation(held, state, failed):
+    """Along a landing leg no planner is needed for that."""
+    task = Task(mission=Mission.EXIT, landing=1)
+    flight = any_story(state, task)
+    flight = flight.see(**WIND).tick(3.1) if held == "by wind" else flight.order(Order.HOLD)
+    assert flight.state == "holding"
+    assert flight.see(**CRITICAL).tick(1.1).sought == [Task(mission=Mission.EVACUATION)]
+    assert flight.plan_failed(failed=failed).tick().sought == [task]
+    flight.plan_found().see(on_leg=state is S.LANDING_LEG).tick()
+    assert (flight.status.state, flight.status.task) == (state, task)
+
+
+def test_a_landing_leg_that_is_flown_is_not_left_for_an_evacuation():
+    flight = story(S.LANDING_LEG, EXIT).see(**CRITICAL).tick(1.1)
+    for _ in range(30):
+        assert (flight.state, flight.effects) == ("landing_leg", [])
+        flight.tick(0.1)
+
+
+@pytest.mark.parametrize("state", [S.FLYING, S.LANDING_LEG])
+def test_a_way_out_that_stands_gives_way_to_the_next_one(state):
+    flight = any_story(state, EVACUATION).see(**CRITICAL).tick(1.1)
+    assert flight.effects == []
+    flight.strand()
+    for way in (Task(mission=Mission.EVACUATION), EXIT):  # any landing point first
+        assert flight.tick().sought == [way]
+        flight.plan_failed()
+    for _ in range(19):
+        flight.tick(0.1).strand()  # it tries itself to go on
+        assert (flight.status.state, flight.effects) == (state, [])
+    assert flight.tick(0.2).effects == []
+    assert flight.strand().tick().sought == [Task(mission=Mission.EVACUATION)]
+    flight.plan_found().tick()
+    assert (flight.status.task.landing, flight.sought) == (None, [])
 
 
 def test_a_way_out_that_is_wanted_no_more_is_sought_no_more():

@@ -167,6 +167,16 @@ STORIES = [
         replace(IN_FLIGHT, error_m=1.6),
         {"off_path": "off the path 1.6 m, more than 1.5 m"},
     ),
+    (
+        "a setpoint that stands, nobody knows how far from the aircraft",
+        replace(IN_FLIGHT, stands=True, error_m=None),
+        {"standing": "it stands on its way"},
+    ),
+    (
+        "one that waits for the aircraft",
+        replace(IN_FLIGHT, stands=True, error_m=1.4),
+        {"standing": "it stands on its way, 1.4 m from its setpoint"},
+    ),
     ("away from a hold that is offered", replace(HOVERING, error_m=1.6), {}),
     ("a plan awaited for 6 s", replace(IN_FLIGHT, plan_awaited_s=6.0), {}),
     (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from unittest import mock
 
 import pytest
@@ -10,9 +11,12 @@ from pymavlink.dialects.v20 import all as mavlink
 from moar_companion.config import Authority
 from moar_companion.mission.states import MissionState
 from moar_companion.mission.values import MissionStatus
+from moar_companion.planner.planner import Planner
 from moar_companion.service.engaging import Engaging
+from moar_companion.types import Mission
 
 from .desk import (
+    ACCEPTED,
     ACTIVE,
     AUTO_HOLD,
     BRAKE,
@@ -20,13 +24,16 @@ from .desk import (
     DENIED,
     DO_SET_MODE,
     EXIT,
+    GUIDED,
     HOLD,
     INSPECTION,
     LOITER,
     POSCTL,
     RTL,
+    STEP_S,
     TEMPORARILY_REJECTED,
     Desk,
+    usual_planner,
 )
 
 PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
@@ -97,7 +104,7 @@ def test_a_mission_ordered_while_overridden_takes_no_mode():
     status, session = MissionStatus(state=MissionState.READY), mock.Mock()
     autopilot = desk.companion.telemetry.autopilot
     for before, asked in ((MissionState.OVERRIDDEN, 0), (MissionState.IDLE, 1)):
-        engaging = Engaging(Authority.ENGAGE, session, pilot_flies=False)
+        engaging = Engaging(Authority.ENGAGE, session, mock.Mock(), pilot_flies=False)
         engaging.note_order(autopilot, before)
         engaging.act(status, autopilot, grounded=False, now_s=autopilot.received_s)
         assert session.request_own_mode.call_count == asked
@@ -137,7 +144,7 @@ def test_ardupilots_guided_is_asked_for_once():
 
 
 def test_ardupilots_landing_is_asked_for_above_the_landing_point():
-    desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE).come_to("holding", EXIT).run(10.0)
+    desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE).come_to("holding", EXIT).run(2.0)
     assert [(m.param1, m.param2) for m in desk.mode_requests()] == [(1, 9)]
 
 
@@ -160,8 +167,66 @@ def test_a_mode_refused_over_and_over_is_told_once():
     assert len([text for text in desk.texts() if "refused" in text]) == 1
 
 
-def test_the_landing_is_asked_for_once_and_is_then_no_pilots():
-    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(10.0)
+@pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
+@pytest.mark.parametrize("hold", ["in the instant of the arrival", "before the next heartbeat"])
+def test_after_a_hold_that_is_ordered_no_landing_is_asked_for(autopilot, hold):
+    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("holding", EXIT)
+    arrived = desk.now_s
+    if hold == "in the instant of the arrival":
+        desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("landing_leg", EXIT)
+        desk.run(arrived - desk.now_s - STEP_S)
+    assert not desk.mode_requests()
+    desk.order(HOLD).run(20.0)
+    assert (desk.state, desk.answers()[-1]) == ("holding", ACCEPTED)
+    assert desk.said("MOAR landing_leg exit")
+    assert not desk.mode_requests()
+
+
+def test_a_mission_that_is_ordered_above_the_landing_point_is_not_ended_by_the_landing():
+    usual = usual_planner()
+    inside = dict.fromkeys((Mission.EXIT, Mission.EVACUATION), ((27.0, 2.5),))
+    planner = Planner(replace(usual.site, landing_m=inside), usual.vehicle)
+    desk = Desk(planner=planner, authority=Authority.ENGAGE, height_m=9.0, east_m=-4.0)
+    desk.come_to("holding", EXIT)
+    desk.plan_delay_s = 2.5
+    desk.order(INSPECTION).run_until("flying", 3.0).run(5.0)
+    assert desk.answers()[-1] == ACCEPTED
+    assert not desk.mode_requests()
+
+
+def test_one_that_comes_to_nothing_leaves_the_landing_on():
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT)
+    desk.plan_delay_s = 2.5
+    desk.order(INSPECTION).run(2.4)
+    assert not desk.mode_requests()
+    desk.run(1.2)
+    assert desk.answers()[-1] == DENIED
+    assert len(desk.mode_requests()) == 1
+
+
+@pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
+def test_a_landing_that_does_not_begin_is_asked_for_twice_more_and_then_left_to_people(autopilot):
+    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("holding", EXIT)
+    for requests, seconds in ((1, 1.5), (1, 1.5), (2, 2.0), (3, 3.0)):
+        desk.run(seconds)
+        assert len(desk.mode_requests()) == requests
+    assert not desk.said("the landing has not begun")
+    desk.run(30.0)
+    assert len(desk.mode_requests()) == 3
+    told = [text for text in desk.texts() if "landing has" in text]
+    assert told == ["MOAR: the landing has not begun, choose LAND"]
+
+
+def test_a_hold_that_is_ordered_between_two_requests_ends_them():
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(2.0)
+    assert len(desk.mode_requests()) == 1
+    desk.order(HOLD).run(20.0)
+    assert len(desk.mode_requests()) == 1
+    assert not desk.said("the landing has not begun")
+
+
+def test_a_landing_that_has_begun_is_no_pilots():
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(2.0)
     assert [(m.param2, m.param3) for m in desk.mode_requests()] == [(4, 6)]
     desk.say_heartbeat(LANDING).run(1.0)
     assert desk.state == "idle"
@@ -237,3 +302,16 @@ def test_a_pilot_who_takes_over_from_a_failsafe_keeps_the_aircraft(autopilot, pi
     desk.order(EXIT).run(10.0)
     assert desk.state == "ready"
     assert not desk.mode_requests(asked)
+
+
+def test_a_flight_that_is_resumed_takes_no_mode_from_a_pilot_who_has_overridden():
+    """GUIDED was given by hand, so that the order it began with has asked for nothing."""
+    desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE, resume=True)
+    desk.come_to("ready").run(0.5).say_heartbeat(GUIDED).run_until("flying").run(1.0)
+    desk.say_heartbeat(LOITER).run(2.0)
+    desk.plan_delay_s = 0.6
+    desk.say_heartbeat(GUIDED).run(0.2)
+    assert desk.state == "planning"
+    desk.say_heartbeat(LOITER).run(6.0)
+    assert desk.state == "ready"
+    assert not desk.mode_requests()

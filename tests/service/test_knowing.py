@@ -107,4 +107,12 @@ def test_what_the_mission_does_about_it_tells_of_it(desk):
 def test_what_a_way_out_goes_before_is_told(desk):
     desk.set(battery_percent=15).run_until_sought("exit").run(1.0).set(wind_mps=21.4).run(5.0)
     assert (desk.state, flown(desk)) == ("landing_leg", Mission.EXIT)
-    assert desk.said("MOAR hold: wind reported 21.4 m/s")
+    assert desk.said("MOAR note: wind reported 21.4 m/s")
+
+
+def test_what_holds_on_is_not_told_as_over(desk):
+    desk.plan_delay_s = None
+    desk.run_until("holding", 20.0).run(5.0)
+    assert desk.said("MOAR slow: a new plan is awaited for 6.0 s")
+    assert desk.said("MOAR holding: a new plan is awaited for 12.0 s")
+    assert not desk.said("MOAR over")

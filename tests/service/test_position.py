@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from .desk import INSPECTION, STEP_S, Desk
+from .desk import EXIT, INSPECTION, STEP_S, Desk
 
 
 def moved_m(setpoints):
@@ -25,6 +25,26 @@ def test_a_position_whose_clock_stands_still_is_stale(state):
     desk.run(0.3)
     assert desk.state == "released"
     assert desk.said("the position is 0.5")
+
+
+@pytest.mark.parametrize("mission", [INSPECTION, EXIT])
+def test_an_aircraft_that_follows_no_more_is_told_of_and_so_is_that_it_does_again(mission):
+    desk = Desk(height_m=5.0).come_to("flying", mission).run(2.0)
+    desk.fall_behind(0.0, 1.7, 0.0).run(5.0)
+    assert not desk.said("stands on its way")
+    desk.run(10.0)
+    assert desk.state == "flying"
+    assert desk.said("MOAR note: it stands on its way, 1.7 m from its setpoint")
+    desk.fall_behind(0.0, 0.0, 0.0).run(2.0)
+    assert desk.said("MOAR over: it stands on its way")
+
+
+def test_a_position_that_stands_while_its_clock_runs_is_told_of():
+    desk = Desk(height_m=5.0).come_to("flying").run(5.0)
+    frozen = desk.position_ned_m
+    for _ in range(750):
+        desk.set(position_ned_m=frozen).step()
+    assert desk.said("MOAR note: it stands on its way, 1.5 m from its setpoint")
 
 
 @pytest.mark.parametrize("growth", [0.3, 0.02])

@@ -349,12 +349,33 @@ def test_a_failsafe_while_the_pilot_flies_releases():
     assert desk.state == "released"
 
 
-def test_it_arrives_only_when_the_aircraft_does():
+def at_the_end(behind_m):
+    """At the end of its way to a target, the aircraft so far from it."""
     desk = Desk().come_to("flying")
-    desk.fall_behind(0.0, 0.8, 0.0).run(120.0)
+    desk.fall_behind(0.0, behind_m, 0.0)
+    while not desk.companion._conduct.course.flight.arrived:
+        desk.step()
+    return desk
+
+
+def test_it_arrives_only_when_the_aircraft_does():
+    desk = at_the_end(0.8).run(2.0)
     assert desk.state == "flying"
     desk.fall_behind(0.0, 0.3, 0.0)
     assert desk.state == "at_target"
+
+
+def test_it_arrives_all_the_same_where_the_aircraft_stays_a_little_off():
+    desk = at_the_end(0.8).run(4.9)
+    assert desk.state == "flying"
+    desk.run(0.2)
+    assert desk.state == "at_target"
+
+
+def test_not_where_it_stays_farther_off_than_it_is_held():
+    desk = at_the_end(0.8).fall_behind(0.0, 1.6, 0.0).run(20.0)
+    assert not desk.said("MOAR at_target")
+    assert desk.said("MOAR note: it stands on its way, 1.6 m from its setpoint")
 
 
 def test_the_nose_does_not_turn_before_the_aircraft_follows():

@@ -1,0 +1,136 @@
+"""Led out by the supervisor: the way that it wants, the next best where there is none, no waiting.
+
+Rows of poles close the workspace, or a part of it; keep-outs allow for 0.9 m of uncertainty.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.planner.planner import Planner
+from moar_companion.site import Conductor
+from moar_companion.types import Mission
+
+from .desk import EVACUATION, EXIT, INSPECTION, Desk, usual_planner
+
+CRITICAL = {"battery_percent": 60, "charge_state": 3}
+RESERVE = {"battery_percent": 15}
+
+
+def fenced(x_m, heights_m, evacuation_m=None):
+    """The usual site with a row of poles; evacuation_m: its only such landing point."""
+    usual = usual_planner()
+    poles = (
+        Conductor(name=f"pole {z_m}", position_m=(x_m, z_m), radius_m=0.0175, keep_out_m=0.9)
+        for z_m in heights_m
+    )
+    landing_m = dict(usual.site.landing_m)
+    if evacuation_m is not None:
+        landing_m[Mission.EVACUATION] = (evacuation_m,)
+    site = replace(usual.site, obstacles=(*usual.site.obstacles, *poles), landing_m=landing_m)
+    return Planner(site, usual.vehicle)
+
+
+@functools.cache
+def cut_off():
+    """A site whose only evacuation is on the far side of a fence."""
+    return fenced(4.0, range(0, 21, 2), evacuation_m=(-10.0, 2.5))
+
+
+@functools.cache
+def without_evacuation():
+    usual = usual_planner()
+    exits = {Mission.EXIT: usual.site.landing_m[Mission.EXIT]}
+    return Planner(replace(usual.site, landing_m=exits), usual.vehicle)
+
+
+@functools.cache
+def gapped():
+    """A fence before the exit, whose gaps close when obstacles grow."""
+    return fenced(24.0, range(1, 22, 4))
+
+
+def desk_on_site(planner, **config):
+    return Desk(planner=planner, height_m=7.0, wind_mps=2.0, **config).set(accuracy_m=0.3)
+
+
+def flown(desk):
+    return desk.companion.status.task.mission
+
+
+def moving(desk, seconds):
+    """Whether any of its setpoints moves meanwhile."""
+    began = desk.now_s
+    desk.run(seconds)
+    return any(any((m.vx, m.vy, m.vz)) for m in desk.setpoints(began))
+
+
+@pytest.mark.parametrize("planner", [cut_off, without_evacuation])
+def test_an_inspection_without_an_evacuation_leaves_by_the_exit(planner):
+    desk = desk_on_site(planner(), east_m=-9.0).come_to("flying", INSPECTION).run(3.0)
+    desk.set(**CRITICAL).run(4.0)
+    assert flown(desk) is Mission.EXIT
+    assert desk.said("MOAR exit: battery 0 is critical")
+    desk.run_until("landing_leg", 60.0).run_until("holding", 60.0)
+    assert desk.companion.status.task.flown
+
+
+@pytest.mark.parametrize("held", ["by wind", "by an operator"])
+def test_an_exit_that_is_held_goes_on_without_an_evacuation(held):
+    desk = desk_on_site(cut_off(), east_m=-9.0).come_to("flying", EXIT).run(2.0)
+    desk = desk.set(wind_mps=18.0) if held == "by wind" else desk.pause()
+    desk.run_until("holding").run(2.0)
+    assert not moving(desk, 0.5)
+    desk.set(**CRITICAL).run(4.0)
+    assert (desk.state, flown(desk), moving(desk, 1.0)) == ("flying", Mission.EXIT, True)
+
+
+@pytest.mark.parametrize("plan_delay_s", [0.04, None])
+def test_an_exit_that_is_held_on_its_landing_leg_goes_on_along_it(plan_delay_s):
+    """Out there no evacuation is planned, and the leg needs no planner, were it dead, too."""
+    desk = Desk(height_m=5.0, east_m=2.0, wind_mps=2.0).set(accuracy_m=0.3)
+    desk.come_to("landing_leg", EXIT).run(2.0).set(plan_delay_s=plan_delay_s)
+    desk.set(wind_mps=18.0).run_until("holding").run(1.0)
+    desk.set(**CRITICAL).run_until("landing_leg", 8.0)
+    desk.run_until("holding", 60.0)
+    assert desk.companion.status.task.flown
+
+
+def test_an_exit_that_finds_no_room_gives_way_to_an_evacuation():
+    desk = desk_on_site(gapped(), east_m=-15.0).come_to("flying", EXIT).run(3.0)
+    desk.set(**RESERVE).run(4.5)
+    assert flown(desk) is Mission.EXIT
+    desk.set(accuracy_m=1.7).run(15.0)
+    assert flown(desk) is Mission.EVACUATION
+    desk.run_until("holding", 90.0)
+    assert desk.companion.status.task.flown
+
+
+def test_a_landing_point_without_room_to_it_gives_way_to_another_one():
+    desk = desk_on_site(gapped(), east_m=-15.0).come_to("ready")
+    desk.order(EVACUATION, 1.0).run(0.5).say_heartbeat(desk.ours).run(3.0)
+    assert desk.companion.status.task.landing == 1
+    desk.set(**CRITICAL).run(3.0).set(accuracy_m=1.7).run(15.0)
+    assert (flown(desk), desk.companion.status.task.landing) == (Mission.EVACUATION, None)
+    desk.run_until("holding", 90.0)
+    assert desk.companion.status.task.flown
+
+
+def test_what_an_operator_has_chosen_waits_for_room_where_nothing_leads_it_out():
+    desk = desk_on_site(gapped(), east_m=-15.0).come_to("flying", EXIT).run(3.0)
+    desk.set(accuracy_m=1.7).run(15.0)
+    assert (desk.state, flown(desk)) == ("holding", Mission.EXIT)
+    desk.set(accuracy_m=0.3).run(30.0)
+    assert (desk.state, flown(desk)) == ("landing_leg", Mission.EXIT)
+
+
+def test_a_dead_planner_stops_no_exit():
+    desk = Desk(height_m=5.0, east_m=-24.0).set(accuracy_m=0.3).come_to("flying", EXIT)
+    desk.plan_delay_s = None
+    desk._answers.clear()
+    desk.run_until("landing_leg", 90.0).run_until("holding", 60.0)
+    assert desk.companion.status.task.flown
+    assert desk.said("Replan: the planner does not answer")
