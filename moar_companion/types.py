@@ -307,10 +307,14 @@ class Radio:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RemoteControl:
-    """RC_CHANNELS: signal strength of the pilot's transmitter, fraction in [0, 1]."""
+    """RC_CHANNELS: signal strength of the pilot's transmitter, fraction in [0, 1].
+
+    ever_told: whether there is a signal strength to tell, in this message or an earlier one.
+    """
 
     received_s: float
     rssi: float | None
+    ever_told: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

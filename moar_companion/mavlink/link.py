@@ -354,10 +354,11 @@ class _SerialConnection:
         return data if _now_s() <= last_s else b""
 
     def close(self) -> None:
+        if self.lost.done():
+            # The closing would wait, for 30 s, until the line has taken what it takes no more.
+            with contextlib.suppress(OSError, termios.error):
+                self._port.reset_output_buffer()
         self._end("closed")
-        # A line that takes nothing more would keep the closing waiting, for 30 s.
-        with contextlib.suppress(OSError, termios.error):
-            self._port.reset_output_buffer()
         self._port.close()
 
     def _readable(self) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import enum
+import re
 from dataclasses import dataclass
 
 from .dialect import Message, create
@@ -12,7 +13,8 @@ _MAX_BYTES = 1000
 """Nobody reads more of one message on a ground station."""
 _REPEAT_S = 10.0
 _NEWS_REPEAT_S = 1.0
-
+_VALUE = re.compile(r"-?\d+\.\d+|\d+(?= ?(?:s|m|%|m/s)(?!\w))")
+"""A number of something measured, which is no other thing's name."""
 
 _SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
 """MAV_SEVERITY in words."""
@@ -31,7 +33,10 @@ class Severity(enum.IntEnum):
 
 
 class StatusTexts:
-    """Texts to STATUSTEXT messages; the same text not again within 10 s, unless it is news."""
+    """Texts to STATUSTEXT messages; the same not again within 10 s, unless it is news.
+
+    Texts that differ in measured values only are the same.
+    """
 
     def __init__(self) -> None:
         self._sent_s: dict[str, float] = {}
@@ -40,7 +45,7 @@ class StatusTexts:
     def messages(
         self, severity: Severity, text: str, now_s: float, *, news: bool = False
     ) -> list[Message]:
-        """The chunks of a text, none when it was sent within the last 10 s.
+        """The chunks of a text, none when the same was sent within the last 10 s.
 
         news: it says that something has changed, or answers somebody, and is sent again unless it
         was said within a second and nothing else since: a mission that was held flies again.
@@ -51,10 +56,11 @@ class StatusTexts:
         self._sent_s = {
             known: sent_s for known, sent_s in self._sent_s.items() if now_s - sent_s < _REPEAT_S
         }
-        if text in self._sent_s and not (news and self._is_news(text, now_s)):
+        same = _VALUE.sub("#", text)
+        if same in self._sent_s and not (news and self._is_news(same, now_s)):
             return []
-        self._sent_s.pop(text, None)
-        self._sent_s[text] = now_s
+        self._sent_s.pop(same, None)
+        self._sent_s[same] = now_s
         data = text.encode("ascii", errors="replace")[:_MAX_BYTES]
         if len(data) <= CHUNK_BYTES:
             return [_chunk(severity, data, text_id=0, sequence=0)]
@@ -64,9 +70,9 @@ class StatusTexts:
             for sequence, start in enumerate(range(0, len(data) + 1, CHUNK_BYTES))
         ]
 
-    def _is_news(self, text: str, now_s: float) -> bool:
+    def _is_news(self, same: str, now_s: float) -> bool:
         last = next(reversed(self._sent_s))
-        return text != last or now_s - self._sent_s[text] >= _NEWS_REPEAT_S
+        return same != last or now_s - self._sent_s[same] >= _NEWS_REPEAT_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

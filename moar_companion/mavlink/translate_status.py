@@ -353,16 +353,17 @@ def _link_node_status(telemetry: Telemetry, message: Message, now_s: float) -> T
 
 
 def _rc_channels(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    known = telemetry.remote_control is not None and telemetry.remote_control.rssi is not None
+    told = telemetry.remote_control is not None and telemetry.remote_control.ever_told
     kind = AutopilotKind.UNKNOWN if telemetry.autopilot is None else telemetry.autopilot.kind
     rssi: float | None = message.rssi / _MAX_RSSI[kind]
     if message.rssi > _MAX_RSSI[kind]:
         rssi = None
-    elif message.rssi in {0, _UNKNOWN_U8} and not known:
+    elif message.rssi in {0, _UNKNOWN_U8} and not told:
         # Autopilots without a signal strength to tell say one of these: only after another is it
         # none, or full.
         rssi = None
-    return replace(telemetry, remote_control=RemoteControl(received_s=now_s, rssi=rssi))
+    heard = RemoteControl(received_s=now_s, rssi=rssi, ever_told=told or rssi is not None)
+    return replace(telemetry, remote_control=heard)
 
 
 TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {

@@ -212,11 +212,12 @@ def _supervised(status: MissionStatus, ruling: Ruling, now_s: float) -> Step | N
     if ruling.action in _WAYS_OUT:
         return _led_out(status, ruling, now_s)
     task = status.task
-    if not status.goes_on or status.sought is not None or task is None:
+    if not status.goes_on or status.sought is not None or task is None or task in status.no_way:
         return None
     if now_s - status.since_s < _HELD_S:
         return None
-    return replace(status, sought=task, goes_on=False), (Say("MOAR goes on"), Seek(task))
+    say = Say("MOAR goes on", news=status.no_way_s < status.since_s)
+    return replace(status, sought=task), (say, Seek(task))
 
 
 def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, goes_on: bool) -> Step:

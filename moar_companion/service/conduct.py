@@ -46,7 +46,7 @@ from .planning import Awaited
 from .prospects import Prospects
 from .reports import Reports
 from .stream import Stream
-from .surroundings import Ground, Surroundings, grounded
+from .surroundings import Ground, Surroundings
 
 _ON_THE_WAY = (MissionState.FLYING, MissionState.LANDING_LEG)
 _SLOW_PACE = 0.5
@@ -185,9 +185,8 @@ class Conduct:
         engaged = self.status.state in STREAMING or self.status.state is MissionState.PLANNING
         telemetry = self._session.telemetry
         self._overseer.tell(telemetry.ground_station, now_s, streaming=engaged)
-        self.engaging.act(
-            self.status, telemetry.autopilot, grounded=grounded(telemetry), now_s=now_s
-        )
+        at_end = self.course.arrived(pose, now_s)
+        self.engaging.act(self.status, telemetry, at_end=at_end, now_s=now_s)
 
     # Between thoughts
 
@@ -307,7 +306,7 @@ class Conduct:
             if ground is None or pose is None
             else ground.room_m(pose, self._vehicle.radius_m),
             in_control=self.status.state in IN_CONTROL,
-            landing=self.engaging.is_landing(telemetry.autopilot),
+            landing=self.engaging.is_landing(telemetry.autopilot, now_s),
             error_m=flight.error_m(pose) if flight is not None and pose is not None else None,
             stands=flight is not None and flight.stands and self.status.state in _ON_THE_WAY,
             strays=flight.strays(pose) if flight is not None and pose is not None else None,

@@ -8,8 +8,9 @@ from ..config import Authority
 from ..mavlink.session import Session, Severity
 from ..mission.states import IN_CONTROL, MissionState
 from ..mission.values import MissionStatus
-from ..types import AutopilotStatus
+from ..types import AutopilotStatus, Telemetry
 from .reports import Reports
+from .surroundings import grounded
 
 _ENGAGE_AFTER_S = 1.2
 """PX4 gives OFFBOARD to a stream that has run for a second."""
@@ -50,10 +51,13 @@ class Engaging:
         """In the last thought, which may not have been sent."""
         self._landing_sent_s = -math.inf
         self._landings_sent = 0
+        self._lands = False
+        """The landing that we asked for has begun, and has not been flown to its end."""
 
-    def is_landing(self, autopilot: AutopilotStatus | None) -> bool:
-        """Whether the autopilot is in the landing that we asked for."""
-        return self._landings_sent > 0 and autopilot is not None and autopilot.mode == _LAND
+    def is_landing(self, autopilot: AutopilotStatus | None, now_s: float) -> bool:
+        """Whether the autopilot begins the landing that we asked for."""
+        asked = self._landings_sent > 0 and now_s - self._landing_sent_s <= _LAND_AGAIN_S
+        return asked and autopilot is not None and autopilot.mode == _LAND
 
     def note_order(self, autopilot: AutopilotStatus | None, before: MissionState) -> None:
         """A mission was ordered and is being planned. before: the state in which it was."""
@@ -77,15 +81,15 @@ class Engaging:
             self._landings_sent += 1
 
     def act(
-        self,
-        status: MissionStatus,
-        autopilot: AutopilotStatus | None,
-        *,
-        grounded: bool,
-        now_s: float,
+        self, status: MissionStatus, telemetry: Telemetry, *, at_end: bool, now_s: float
     ) -> None:
-        """Look at who flies, and ask for what is due; at the end of every thought."""
+        """Look at who flies, and ask for what is due; at the end of every thought.
+
+        at_end: whether the aircraft is where its mission ends.
+        """
+        autopilot = telemetry.autopilot
         self._landing_asked_s = None
+        self._lands = self._lands or self.is_landing(autopilot, now_s)
         if status.state not in _OFFERING:
             self._in_mode = None
         if status.state is not MissionState.HOLDING:
@@ -95,13 +99,13 @@ class Engaging:
         pilots = not (autopilot.ours or autopilot.homeward or autopilot.failsafe)
         if status.state is MissionState.OVERRIDDEN:
             self._pilot_flies = True
-        elif status.state is MissionState.RELEASED:
+        elif status.state is MissionState.RELEASED or self._lands:
             self._pilot_flies = self._pilot_flies or pilots
-        if status.state in IN_CONTROL or grounded:
-            self._pilot_flies = False
+        if status.state in IN_CONTROL or grounded(telemetry):
+            self._pilot_flies = self._lands = False
         if now_s - autopilot.received_s > _FRESH_S:
             return
-        if self._landing_due and autopilot.ours and status.sought is None:
+        if self._landing_due and autopilot.ours and at_end and status.sought is None:
             self._ask_for_landing(now_s)
         if self._may_take(status, autopilot, now_s):
             self._session.request_own_mode()

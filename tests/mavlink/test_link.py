@@ -11,6 +11,7 @@ import sys
 import tty
 
 import pytest
+import serial as serial_module
 
 from moar_companion.errors import LinkError
 from moar_companion.mavlink import link as link_module
@@ -310,6 +311,26 @@ async def test_a_device_in_use_is_told_in_one_line():
             with pytest.raises(LinkError, match="in use by another program"):
                 async with open_link(serial(device), Received()):
                     pass
+
+
+async def test_at_the_end_a_serial_line_still_takes_what_was_sent(monkeypatch):
+    """The last setpoint, at rest; on a UART it waits in the kernel for some milliseconds."""
+    dropped = []
+    monkeypatch.setattr(serial_module.Serial, "reset_output_buffer", dropped.append)
+    with serial_line() as (far, device):
+        async with open_link(serial(device), Received()) as link:
+            link.send(b"the last word")
+        assert await read_far(far, 13) == b"the last word"
+    assert dropped == []
+
+
+async def test_of_a_lost_serial_line_nobody_waits_for_what_it_takes_no_more(monkeypatch):
+    dropped = asyncio.Event()
+    monkeypatch.setattr(serial_module.Serial, "reset_output_buffer", lambda _: dropped.set())
+    with serial_line() as (far, device):
+        async with open_link(serial(device), Received()):
+            os.close(far)
+            await asyncio.wait_for(dropped.wait(), 5.0)
 
 
 async def test_an_unplugged_device_is_a_warning_and_is_waited_for(monkeypatch, caplog):

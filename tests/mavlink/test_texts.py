@@ -39,6 +39,13 @@ def test_the_same_text_is_not_sent_again_within_10_seconds():
     assert told(texts, "wind", 10.0)
 
 
+def test_texts_that_differ_in_what_was_measured_are_the_same():
+    texts = StatusTexts()
+    assert told(texts, "98 s left, wind 9.5 m/s, battery 0 at 15%, 3 m off", 0.0)
+    assert not told(texts, "7 s left, wind 12.1 m/s, battery 0 at 9%, 12 m off", 2.0)
+    assert told(texts, "7 s left, wind 12.1 m/s, battery 1 at 9%, 12 m off", 2.0)
+
+
 def test_what_is_not_ascii_becomes_a_question_mark():
     assert told(StatusTexts(), "45° left") == [(0, 0, "45? left")]
 

@@ -420,6 +420,10 @@ def test_no_signal_is_known_only_where_there_was_one():
     lost = updated("RC_CHANNELS", updated("RC_CHANNELS", rssi=127), rssi=0)
     assert lost.remote_control.rssi == 0.0
     assert updated("RC_CHANNELS", lost, rssi=0).remote_control.rssi == 0.0
+    px4 = updated("RC_CHANNELS", heard(mavlink.MAV_AUTOPILOT_PX4), rssi=80)
+    unknown = updated("RC_CHANNELS", px4, rssi=200)
+    assert unknown.remote_control.rssi is None
+    assert updated("RC_CHANNELS", unknown, rssi=0).remote_control.rssi == 0.0
 
 
 @pytest.mark.parametrize(

@@ -139,6 +139,17 @@ def test_a_hold_of_the_supervisor_that_cannot_go_on_waits_for_an_operator():
         assert (flight.state, flight.sought) == ("holding", [])
 
 
+def test_a_way_out_that_cannot_go_on_is_sought_again():
+    task = Task(mission=Mission.EXIT)
+    flight = any_story(S.FLYING, task).see(**WIND).tick(3.1).see(wind=None).tick(5.1)
+    for _ in range(5):
+        assert flight.sought == [task]
+        assert flight.plan_failed(failed=True).tick(1.0).sought == []
+        flight.tick(1.1)
+    assert flight.plan_found().state == "flying"
+    assert not flight.status.goes_on
+
+
 def test_wind_that_comes_back_while_it_would_go_on_holds_again_and_then_goes_on():
     flight = story(S.FLYING).see(**WIND).tick(3.1).see(wind=None).tick(5.1)
     flight.see(**WIND).tick(3.1)

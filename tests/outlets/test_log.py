@@ -57,7 +57,7 @@ def test_what_was_said_before_the_end_is_written_whatever_ends_it(error, pipe):
             logger.debug("not told")
             for number in range(1000):
                 logger.info("number %d", number)
-            logger.warning("the \udce9nd")
+            logger.warning("the end")
             pipe.go_on()
             if error is not None:
                 raise error
@@ -69,8 +69,16 @@ def test_what_was_said_before_the_end_is_written_whatever_ends_it(error, pipe):
             say()
     assert all_of(pipe) == [
         *(f"INFO number {number}" for number in range(1000)),
-        "WARNING the \\udce9nd",
+        "WARNING the end",
     ]
+
+
+def test_a_name_that_is_no_text_is_written_all_the_same(pipe):
+    with log_to(pipe.writing):
+        # Not by a logger: what those say is sent from one process of the tests to another, as text.
+        logging.getLogger().handlers[-1].stream.write("a\udce9b\n")
+        pipe.go_on()
+    assert all_of(pipe) == ["a\\udce9b"]
 
 
 def test_a_pipe_that_nobody_reads_loses_lines_and_says_how_many(pipe, monkeypatch):

@@ -102,11 +102,12 @@ def test_an_order_that_crosses_the_pilots_taking_over_takes_no_mode_from_him(
 def test_a_mission_ordered_while_overridden_takes_no_mode():
     desk = Desk(authority=Authority.ENGAGE).come_to("idle").run_to_heartbeat()
     status, session = MissionStatus(state=MissionState.READY), mock.Mock()
-    autopilot = desk.companion.telemetry.autopilot
+    telemetry = desk.companion.telemetry
+    autopilot = telemetry.autopilot
     for before, asked in ((MissionState.OVERRIDDEN, 0), (MissionState.IDLE, 1)):
         engaging = Engaging(Authority.ENGAGE, session, mock.Mock(), pilot_flies=False)
         engaging.note_order(autopilot, before)
-        engaging.act(status, autopilot, grounded=False, now_s=autopilot.received_s)
+        engaging.act(status, telemetry, at_end=False, now_s=autopilot.received_s)
         assert session.request_own_mode.call_count == asked
 
 
@@ -231,6 +232,31 @@ def test_a_landing_that_has_begun_is_no_pilots():
     desk.say_heartbeat(LANDING).run(1.0)
     assert desk.state == "idle"
     assert desk.said("MOAR idle: the autopilot is in LAND")
+
+
+@pytest.mark.parametrize("after_s", [4.0, 60.0])
+def test_a_landing_that_is_chosen_after_a_lost_one_was_ended_is_a_pilots(after_s):
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(2.0).order(HOLD)
+    desk.run(after_s).say_heartbeat(LANDING).run(1.0)
+    assert desk.state == "overridden"
+
+
+def test_a_pilot_who_ends_our_landing_keeps_the_aircraft():
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(2.0)
+    desk.say_heartbeat(LANDING).run(1.0)
+    desk.say_heartbeat(POSCTL).run(1.0)
+    requests = len(desk.mode_requests())
+    desk.order(EXIT).run(10.0)
+    assert len(desk.mode_requests()) == requests
+
+
+def test_no_landing_is_asked_for_beside_the_landing_point():
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(1.1)
+    assert len(desk.mode_requests()) == 1
+    desk.fall_behind(1.8, 0.0, 0.0, seconds=1.0).run(10.0)
+    assert len(desk.mode_requests()) == 1
+    desk.fall_behind(0.0, 0.0, 0.0, seconds=1.0).run(10.0)
+    assert len(desk.mode_requests()) > 1
 
 
 def test_without_engage_the_pilot_lands():

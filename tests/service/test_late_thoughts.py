@@ -9,7 +9,18 @@ import pytest
 
 from moar_companion.config import Authority
 
-from .desk import ACCEPTED, AUTO_HOLD, CRITICAL, HOLD, INSPECTION, POSCTL, RELEASE, STEP_S, Desk
+from .desk import (
+    ACCEPTED,
+    AUTO_HOLD,
+    CRITICAL,
+    EXIT,
+    HOLD,
+    INSPECTION,
+    POSCTL,
+    RELEASE,
+    STEP_S,
+    Desk,
+)
 
 
 def come_late(desk):
@@ -64,14 +75,16 @@ def test_no_mode_is_asked_for():
 
 
 def test_a_landing_that_is_asked_for_too_late_is_asked_for_again_once():
-    desk = Desk(authority=Authority.ENGAGE).come_to("flying").pause().run(1.0).run_to_heartbeat()
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT)
+    desk.companion._conduct.engaging.forget_landing()
+    desk.run(4.0).run_to_heartbeat()
     in_time = desk.companion.data_to_send
     asked_s = desk.now_s
     desk.companion._conduct.engaging.note_landing()
     come_late(desk)
     assert desk.run(0.1).mode_requests(asked_s) == []
     desk.companion.data_to_send = in_time
-    (request,) = desk.run(3.0).mode_requests(asked_s)
+    (request,) = desk.run(2.0).mode_requests(asked_s)
     assert (request.param2, request.param3) == (4, 6)  # PX4's AUTO.LAND
 
 
