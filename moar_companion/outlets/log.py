@@ -26,6 +26,7 @@ def log_to_stderr() -> Iterator[None]:
     handler = logging.StreamHandler(lines)
     handler.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
     root = logging.getLogger()
+    level = root.level
     root.addHandler(handler)
     root.setLevel(logging.INFO)
     try:
@@ -33,6 +34,7 @@ def log_to_stderr() -> Iterator[None]:
     finally:
         lines.close()
         root.removeHandler(handler)
+        root.setLevel(level)
 
 
 class _Lines:

@@ -23,9 +23,7 @@ logger = logging.getLogger("test")
 @pytest.fixture
 def pipe():
     """A pipe that stands still."""
-    level = logging.getLogger().level
-    yield stopped_pipe()
-    logging.getLogger().setLevel(level)
+    return stopped_pipe()
 
 
 @contextlib.contextmanager
@@ -120,6 +118,14 @@ def test_a_pipe_that_is_closed_is_not_complained_of():
         logger.info("said")
     os.close(writing)
     assert threads() == []
+
+
+def test_what_is_logged_afterwards_is_as_it_was_before(pipe):
+    root = logging.getLogger()
+    before = (root.level, list(root.handlers))
+    with log_to(pipe.writing):
+        assert (root.level, list(root.handlers)) != before
+    assert (root.level, list(root.handlers)) == before
 
 
 def test_without_a_stderr_nothing_is_written_anywhere(tmp_path):
