@@ -27,6 +27,7 @@ import psutil
 
 from moar_companion.config import shipped_configs
 from moar_companion.site import Site
+from sitl.demonstration.manners import MANNERS
 from sitl.demonstration.operator import INSPECTION, Operator
 
 ROOT = Path(__file__).parents[2]
@@ -137,7 +138,7 @@ def fly(seconds: float) -> list[str]:
     service_port, operator_port = free_port(), free_port()
     relay = Relay(service_port)
     relay.start()
-    operator = Operator(operator_port)
+    operator = Operator(operator_port, MANNERS["px4"], speed=1.0, meanwhile=lambda: None)
     with (
         tempfile.TemporaryDirectory() as folder,
         process(
@@ -155,20 +156,17 @@ def fly(seconds: float) -> list[str]:
         operator.wait_for("ready", lambda: operator.ready_to_arm and operator.companion_heard, 30)
         operator.take_off(height_m=3.0)
         operator.wait_for("take-off", lambda: operator.altitude_m > 2.3, 30)
-        with contextlib.suppress(Exception):
-            operator.wait_for("hover", lambda: False, 3)
+        operator.wait_until(lambda: False, 3)
         operator.order("inspection", INSPECTION)
-        with contextlib.suppress(Exception):
-            operator.wait_for("a stream", lambda: False, 1.5)
-        operator.give_offboard()
+        operator.wait_until(lambda: False, 1.5)
+        operator.give_mode()
         operator.wait_for("flying", lambda: operator.said("MOAR flying"), 5)
         queue: multiprocessing.Queue[list[float]] = multiprocessing.Queue()
         timer = multiprocessing.Process(target=bare_timer, args=(seconds, queue))
         watched = psutil.Process(service.pid)
         before, began, first = watched.cpu_times(), time.monotonic(), len(relay.setpoints_s)
         timer.start()
-        with contextlib.suppress(Exception):
-            operator.wait_for("the end", lambda: False, seconds)
+        operator.wait_until(lambda: False, seconds)
         after, took_s, last = watched.cpu_times(), time.monotonic() - began, len(relay.setpoints_s)
         bare = queue.get()
         timer.join()
