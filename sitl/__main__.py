@@ -4,12 +4,17 @@ import os
 import signal
 import sys
 
+from sitl.interpreter import complaint
+
 
 def main() -> int:
     """Load the shell and run it; an interrupt while it loads ends it with status 1."""
     signal.signal(signal.SIGINT, lambda *_: os._exit(1))
-    from sitl.shell import main as run  # noqa: PLC0415
-
+    try:
+        from sitl.shell import main as run  # noqa: PLC0415
+    except (ImportError, SyntaxError) as error:
+        sys.stderr.write("python -m sitl: " + complaint(error) + "\n")
+        return 1
     status = run()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     return status

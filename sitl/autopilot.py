@@ -159,7 +159,11 @@ class FakeAutopilot:
         """
         if link not in self._links:
             raise KeyError(link)
-        if data:
+        if not data:
+            return
+        if self._links[link].profile == "onboard":
+            self._links[link].to_autopilot.send(data, self._arrival_us())
+        else:
             self._inbox.append((link, data))
 
     def step(self, now_s: float) -> None:
@@ -167,8 +171,7 @@ class FakeAutopilot:
         end_us = math.floor(now_s * 1e6 + 0.5)
         world, manner = self._world, self._manner
         while world.now_us + TICK_US <= end_us:
-            if self._inbox:
-                self._take_inbox()
+            self._take_inbox()
             self._player.step(world)
             manner.control()
             world.tick(armed=manner.armed)
@@ -179,12 +182,26 @@ class FakeAutopilot:
         loss = self._world.conditions.link_loss_percent / 100.0
         out = []
         for link in self._links.values():
+            onboard = link.profile == "onboard"
             if link.out:
-                link.loss_fraction = loss if link.profile == "onboard" else 0.0
-                data = link.drain(self._world.random)
-                if data:
-                    out.append((link.name, data))
+                link.loss_fraction = loss if onboard else 0.0
+                packets = link.drain(self._world.random)
+                if onboard:
+                    for packet in packets:
+                        link.from_autopilot.send(packet, self._arrival_us())
+                else:
+                    out.append((link.name, b"".join(packets)))
+            if onboard and (packets := link.from_autopilot.arrived(self._world.now_us)):
+                out.append((link.name, b"".join(packets)))
         return out
+
+    def _arrival_us(self) -> float:
+        """When a packet arrives that is sent now on an onboard link."""
+        conditions = self._world.conditions
+        delay_ms = conditions.link_delay_ms
+        if conditions.link_jitter_ms > 0.0:
+            delay_ms += self._world.random.uniform(0.0, conditions.link_jitter_ms)
+        return self._world.now_us + 1e3 * delay_ms
 
     def move_sticks(
         self, *, roll: float = 0.0, pitch: float = 0.0, throttle: float = 0.0, yaw: float = 0.0
@@ -218,6 +235,9 @@ class FakeAutopilot:
 
     def _take_inbox(self) -> None:
         inbox, self._inbox = self._inbox, []
+        for link in self._links.values():
+            arrived = link.to_autopilot.arrived(self._world.now_us)
+            inbox += [(link.name, data) for data in arrived]
         if not self._manner.running:
             return
         for name, data in inbox:

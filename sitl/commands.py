@@ -125,18 +125,6 @@ def timesync_answer(message: Any, since_boot_us: int) -> bytes:
     return layout("TIMESYNC").payload(tc1=since_boot_us * 1000, ts1=message.ts1)
 
 
-def empty_mission(message: Any) -> bytes:
-    """Return MISSION_COUNT's payload for a MISSION_REQUEST_LIST: there is none."""
-    system, component = source(message)
-    kind = layout("MISSION_COUNT")
-    values = dict.fromkeys(kind.fields, 0) | {
-        "target_system": system,
-        "target_component": component,
-        "mission_type": message.mission_type,
-    }
-    return kind.payload(**values)
-
-
 def number(value: float) -> float:
     """Return a parameter that may be NaN, which counts as 0."""
     return value if math.isfinite(value) else 0.0

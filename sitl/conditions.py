@@ -27,12 +27,16 @@ class Conditions:
     gusts along the wind. gps_mode: GPS_NORMAL, GPS_NO_FIX, GPS_SILENT, GPS_JAMMED. radio_rssi is
     None on an IP link, which has no radio. battery_percent, once set, replaces the charge at the
     next step; battery_voltage_v replaces the voltage alone, until it is None again.
-    link_rate_bytes_per_s is what PX4 believes its onboard links to carry; None: everything.
+    drag_per_s, once set, replaces the airframe's linear drag.
+    Onboard links take link_delay_ms and for each packet up to link_jitter_ms more, each way: those
+    that take less overtake. link_rate_bytes_per_s is what PX4 believes its onboard links to carry;
+    None: everything.
     """
 
     wind_mps: float = 0.0
     wind_from_deg: float = 0.0
     wind_up_mps: float = 0.0
+    drag_per_s: float | None = None
     gust_mps: float = 0.0
     satellites: int = 10
     hdop: float = 0.7
@@ -46,6 +50,8 @@ class Conditions:
     radio_remote_rssi: float | None = None
     radio_noise: float = 45.0
     link_loss_percent: float = 0.0
+    link_delay_ms: float = 0.0
+    link_jitter_ms: float = 0.0
     link_rate_bytes_per_s: float | None = None
 
     def has_fix(self) -> bool:

@@ -4,6 +4,7 @@ Bytes in, decoded messages out; payloads in, framed bytes out. Which link gets w
 the autopilot's manner.
 """
 
+import heapq
 import random
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -29,6 +30,27 @@ class LinkOptions:
     profile: str = "onboard"
 
 
+class Air:
+    """Packets under way, in one direction of one link; those with less delay overtake others."""
+
+    def __init__(self) -> None:
+        """Nothing is under way."""
+        self._packets: list[tuple[float, int, bytes]] = []
+        self._count = 0
+
+    def send(self, packet: bytes, due_us: float) -> None:
+        """Send a packet that arrives then."""
+        self._count += 1
+        heapq.heappush(self._packets, (due_us, self._count, packet))
+
+    def arrived(self, now_us: int) -> list[bytes]:
+        """Return and forget the packets that have arrived."""
+        arrived = []
+        while self._packets and self._packets[0][0] <= now_us:
+            arrived.append(heapq.heappop(self._packets)[2])
+        return arrived
+
+
 class Link:
     """One link: parser, sequence numbers, what was heard on it, bytes waiting to be sent."""
 
@@ -45,6 +67,7 @@ class Link:
         self.sent_bytes = 0
         self.received_bytes = 0
         self.loss_fraction = 0.0
+        self.to_autopilot, self.from_autopilot = Air(), Air()
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
         self._seq = 0
@@ -91,13 +114,13 @@ class Link:
             self._queued = len(packet)
         self.out.append(packet)
 
-    def drain(self, generator: random.Random) -> bytes:
+    def drain(self, generator: random.Random) -> list[bytes]:
         """Return and forget what waits, less what a bad link loses."""
         packets, self.out = self.out, []
         self._queued = 0
         if self.loss_fraction > 0.0:
             packets = [p for p in packets if generator.random() >= self.loss_fraction]
-        return b"".join(packets)
+        return packets
 
 
 class Router:

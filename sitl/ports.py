@@ -1,7 +1,7 @@
 """Sockets for the links: udpin, udpout, tcpin, tcp.
 
 A port carries bytes between one link of the machine and one peer; it knows no MAVLink but where
-packets may be cut into datagrams.
+packets end: over UDP each is a datagram.
 """
 
 import asyncio
@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Protocol, cast
 
-from sitl.wire import datagrams
+from sitl.wire import packets
 
 _URL: Final = re.compile(
     r"(?P<kind>udpin|udpout|udp|tcpin|tcp):(?://)?(?P<host>[^:]*|\[[^]]*\]):(?P<port>\d{1,5})$"
@@ -84,8 +84,9 @@ class _Udp(asyncio.DatagramProtocol):
     def send(self, data: bytes) -> None:
         if self._transport is None or self._peer is None:
             return
-        for part in datagrams(data):
-            self._transport.sendto(part, self._peer)
+        # One message in each datagram, as PX4 and ArduPilot send them.
+        for packet in packets(data):
+            self._transport.sendto(packet, self._peer)
 
     def close(self) -> None:
         if self._transport is not None:

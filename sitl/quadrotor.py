@@ -96,8 +96,18 @@ class Quadrotor:
         self.thrust = 0.0
         self.on_ground = True
 
-    def step(self, dt: float, wind_n: float, wind_e: float, wind_d: float) -> None:
-        """Advance by `dt` seconds in the given wind (m/s, where it blows to)."""
+    def step(
+        self,
+        dt: float,
+        wind_n: float,
+        wind_e: float,
+        wind_d: float,
+        drag_per_s: float | None = None,
+    ) -> None:
+        """Advance by `dt` seconds in the given wind (m/s, where it blows to).
+
+        drag_per_s: in place of the airframe's.
+        """
         frame, demand = self.airframe, self.demand
         target = demand.thrust if demand.spinning else 0.0
         self.thrust += (target - self.thrust) * min(1.0, dt / frame.thrust_lag_s)
@@ -107,7 +117,7 @@ class Quadrotor:
         sin_y, cos_y = math.sin(self.yaw), math.cos(self.yaw)
         lift = self.thrust / frame.hover_thrust * GRAVITY_MPS2
         air_n, air_e, air_d = self.vn - wind_n, self.ve - wind_e, self.vd - wind_d
-        drag = frame.drag_per_s
+        drag = frame.drag_per_s if drag_per_s is None else drag_per_s
         if frame.drag_per_m:
             drag += frame.drag_per_m * math.hypot(air_n, air_e, air_d)
         acc_n = -lift * (cos_r * sin_p * cos_y + sin_r * sin_y) - drag * air_n

@@ -23,7 +23,7 @@ from sitl.world import World
 _NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 _Percent = Annotated[float, Field(ge=0.0, le=100.0, allow_inf_nan=False)]
 _Rssi = Annotated[float, Field(ge=0.0, le=254.0, allow_inf_nan=False)]
-_STEPPED: Final = frozenset({"gps_mode", "satellites"})
+_STEPPED: Final = frozenset({"drag_per_s", "gps_mode", "satellites"})
 _MAX_BYTES: Final = 100_000
 """Some thousand changes; more would take seconds to read."""
 _MESSAGES: Final = {
@@ -50,6 +50,7 @@ class _Change(BaseModel):
     wind_from_deg: Annotated[float, Field(ge=-360.0, le=360.0)] | None = None
     wind_up_mps: Annotated[float, Field(ge=-20.0, le=20.0)] | None = None
     gust_mps: _NonNegative | None = None
+    drag_per_s: _NonNegative | None = None
     satellites: Annotated[int, Field(ge=0, le=60)] | None = None
     hdop: Annotated[float, Field(ge=0.3, le=99.0)] | None = None
     vdop: Annotated[float, Field(ge=0.3, le=99.0)] | None = None
@@ -62,6 +63,8 @@ class _Change(BaseModel):
     radio_remote_rssi: _Rssi | None = None
     radio_noise: _Rssi | None = None
     link_loss_percent: _Percent | None = None
+    link_delay_ms: _NonNegative | None = None
+    link_jitter_ms: _NonNegative | None = None
     link_rate_bytes_per_s: Annotated[float, Field(gt=0.0, allow_inf_nan=False)] | None = None
 
     @model_validator(mode="after")

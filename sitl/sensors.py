@@ -200,7 +200,7 @@ class Estimator:
         self._verr_n = _markov(self._verr_n, gauss, dt, speed, _VELOCITY_ERROR_TIME_S)
         self._verr_e = _markov(self._verr_e, gauss, dt, speed, _VELOCITY_ERROR_TIME_S)
         self._verr_d = _markov(self._verr_d, gauss, dt, speed, _VELOCITY_ERROR_TIME_S)
-        height = _HEIGHT_ERROR_M * self._noise
+        height = _HEIGHT_ERROR_M * self._noise * conditions.gps_noise_factor
         self._err_d = _markov(self._err_d, gauss, dt, height, _HEIGHT_ERROR_TIME_S)
         if self._fix_since_s is None or self.lost_s > 0.0:
             self.lost_s += now_s - self._stepped_s

@@ -8,6 +8,7 @@ from sitl.parameters import INT32, Parameter, Parameters
 TABLE: Final = (
     Parameter(name="SIM_BATT_DRAIN", default=1.0, minimum=0.0, maximum=1000.0),
     Parameter(name="SIM_BATT_PCT", default=100.0, minimum=0.0, maximum=100.0),
+    Parameter(name="SIM_DRAG", default=-1.0, minimum=-1.0, maximum=10.0),
     Parameter(name="SIM_GPS_HDOP", default=0.7, minimum=0.3, maximum=99.0),
     Parameter(name="SIM_GPS_MODE", default=0, type=INT32, minimum=0, maximum=3),
     Parameter(name="SIM_GPS_NOISE", default=1.0, minimum=0.0, maximum=100.0),
@@ -19,10 +20,12 @@ TABLE: Final = (
     Parameter(name="SIM_WIND_GUST", default=0.0, minimum=0.0, maximum=20.0),
     Parameter(name="SIM_WIND_SPD", default=0.0, minimum=0.0, maximum=60.0),
 )
-"""SIM_WIND_DIR is where the wind comes from, degrees; SIM_LINK_RSSI -1 means no radio."""
+"""SIM_WIND_DIR is where the wind comes from, degrees; SIM_LINK_RSSI -1 means no radio, SIM_DRAG -1
+the airframe's own drag."""
 _FIELDS: Final = {
     "SIM_BATT_DRAIN": "drain_factor",
     "SIM_BATT_PCT": "battery_percent",
+    "SIM_DRAG": "drag_per_s",
     "SIM_GPS_HDOP": "hdop",
     "SIM_GPS_MODE": "gps_mode",
     "SIM_GPS_NOISE": "gps_noise_factor",
@@ -42,6 +45,6 @@ def apply(name: str, parameters: Parameters, conditions: Conditions) -> None:
     if field is None:
         return
     value: float | None = parameters.value(name)
-    if name == "SIM_LINK_RSSI" and value is not None and value < 0.0:
+    if name in {"SIM_LINK_RSSI", "SIM_DRAG"} and value is not None and value < 0.0:
         value = None
     setattr(conditions, field, value)

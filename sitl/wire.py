@@ -157,15 +157,3 @@ def packets(data: bytes) -> Iterator[bytes]:
         end = at + header + data[at + 1] + signature
         yield data[at:end]
         at = end
-
-
-def datagrams(data: bytes, limit: int = 1200) -> list[bytes]:
-    """Cut whole packets into groups of at most `limit` bytes, as an autopilot sends over UDP."""
-    if len(data) <= limit:
-        return [data]
-    groups = [b""]
-    for packet in packets(data):
-        if groups[-1] and len(groups[-1]) + len(packet) > limit:
-            groups.append(b"")
-        groups[-1] += packet
-    return groups

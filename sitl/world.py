@@ -72,7 +72,7 @@ class World:
         now_s = self.now_us / 1e6
         conditions = self.conditions
         self.wind.step(now_s, conditions)
-        self.quad.step(TICK_S, *self.wind.ned_mps)
+        self.quad.step(TICK_S, *self.wind.ned_mps, conditions.drag_per_s)
         if self.took_off_s is None and not self.quad.on_ground and self.quad.d < -0.2:
             self.took_off_s = now_s
         self.estimator.step(now_s, self.quad, conditions)

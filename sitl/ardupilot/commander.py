@@ -33,6 +33,8 @@ _SWITCH_SETTLED_S: Final = 0.2
 _ESTIMATOR_GOOD_S: Final = 1.0
 _PREARM_PERIOD_S: Final = 30.0
 _GOOD_HDOP: Final = 1.4
+_LANDING_TOLD_US: Final = 80_000
+"""EXTENDED_SYS_STATE goes on to tell a landing that another mode has ended: 40 to 110 ms."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -70,6 +72,7 @@ class Commander:
         self._lane = 0
         self._was_known = False
         self._next_prearm_s = _PREARM_PERIOD_S
+        self._landing_told_until_us = 0
         self.mode = self._mode_of_switch() or Mode.STABILIZE
         parts.flight.enter(self.mode, parts.navigation)
 
@@ -91,7 +94,8 @@ class Commander:
             return ON_GROUND
         if self._p.flight.taking_off:
             return TAKING_OFF
-        return LANDING if self._p.flight.landing else IN_AIR
+        told = self._p.world.now_us < self._landing_told_until_us
+        return LANDING if self._p.flight.landing or told else IN_AIR
 
     @property
     def refusals(self) -> list[str]:
@@ -193,6 +197,7 @@ class Commander:
         self._judge_radio()
         self._judge_ground_station()
         self._judge_battery()
+        self._judge_dead_reckoning()
         self._judge_estimator()
         self._judge_fence()
         self._turn_switch()
@@ -202,6 +207,8 @@ class Commander:
     def _enter(self, mode: Mode, *, pause: bool = False) -> None:
         if mode is self.mode:
             return
+        if self._p.flight.landing:
+            self._landing_told_until_us = self._p.world.now_us + _LANDING_TOLD_US
         self.mode = mode
         self.mode_changed = True
         self._p.flight.enter(mode, self._p.navigation, pause=pause)
@@ -261,9 +268,8 @@ class Commander:
             f"Battery 1 is {word} {parts.world.battery.voltage_v:.2f}V"
             f" used {parts.battery.consumed_mah:.0f} mAh",
         )
-        if action := int(value(name)):
-            parts.voice.say(say.WARNING, "Battery Failsafe")
-            self._act(failsafe.on_battery(action, int(value("FS_OPTIONS")), self.mode))
+        parts.voice.say(say.WARNING, "Battery Failsafe")
+        self._act(failsafe.on_battery(int(value(name)), int(value("FS_OPTIONS")), self.mode))
 
     def _judge_estimator(self) -> None:
         parts = self._p
@@ -287,6 +293,19 @@ class Commander:
             parts.voice.say(say.CRITICAL, f"EKF Failsafe: changed to {mode.title} Mode")
             self._act(mode)
 
+    def _judge_dead_reckoning(self) -> None:
+        parts = self._p
+        lost = parts.navigation.dead_reckoning
+        if lost == self.failsafes.dead_reckoning:
+            return
+        action = int(parts.parameters.value("FS_DR_ENABLE"))
+        self.failsafes.dead_reckoning = lost and action > 0
+        if self.failsafes.dead_reckoning:
+            parts.voice.say(say.CRITICAL, "Dead Reckoning started")
+            self._act(failsafe.on_dead_reckoning(action, self.mode))
+        elif action > 0:
+            parts.voice.say(say.CRITICAL, "Dead Reckoning stopped")
+
     def _use_lane(self, lane: int) -> None:
         self._lane = lane
         self._p.voice.say(say.WARNING, f"EKF primary changed:{lane}")
@@ -294,7 +313,9 @@ class Commander:
     def _judge_fence(self) -> None:
         parts = self._p
         nav = parts.navigation
-        news = parts.fence.step(TICK_S, *nav.from_home_m((nav.x, nav.y, nav.z)))
+        place = (nav.x, nav.y, nav.z)
+        landing = parts.flight.landing or self.landed or not self.armed
+        news = parts.fence.step(TICK_S, *nav.from_home_m(place), nav.on_map(place), landing=landing)
         if news is None or not self.armed:
             return
         if not self.landed:

@@ -13,9 +13,18 @@ _CONTINUE_GUIDED: Final = 1 << 2
 _CONTINUE_LANDING: Final = 1 << 3
 _CONTINUE_PILOTED: Final = 1 << 4
 _PILOTED: Final = frozenset({Mode.STABILIZE, Mode.ALT_HOLD, Mode.LOITER, Mode.POSHOLD})
-_RADIO: Final = {1: Mode.RTL, 3: Mode.LAND, 4: Mode.SMART_RTL, 5: Mode.SMART_RTL}
-_GROUND_STATION: Final = {1: Mode.RTL, 3: Mode.SMART_RTL, 4: Mode.SMART_RTL, 5: Mode.LAND}
-_BATTERY: Final = {1: Mode.LAND, 2: Mode.RTL, 3: Mode.SMART_RTL, 4: Mode.SMART_RTL}
+_RADIO: Final = {
+    1: Mode.RTL, 2: Mode.RTL, 3: Mode.LAND, 4: Mode.SMART_RTL, 5: Mode.SMART_RTL, 6: Mode.RTL,
+    7: Mode.BRAKE,
+}  # fmt: skip
+_GROUND_STATION: Final = {
+    1: Mode.RTL, 2: Mode.RTL, 3: Mode.SMART_RTL, 4: Mode.SMART_RTL, 5: Mode.LAND, 6: Mode.RTL,
+    7: Mode.BRAKE,
+}  # fmt: skip
+_BATTERY: Final = {
+    1: Mode.LAND, 2: Mode.RTL, 3: Mode.SMART_RTL, 4: Mode.SMART_RTL, 6: Mode.RTL, 7: Mode.BRAKE,
+}  # fmt: skip
+"""Of the battery, and of dead reckoning."""
 _EKF: Final = {1: Mode.LAND, 2: Mode.ALT_HOLD, 3: Mode.LAND}
 _EKF_ALWAYS: Final = 3
 
@@ -27,10 +36,11 @@ class Failsafes:
     radio: bool = False
     ground_station: bool = False
     estimator: bool = False
+    dead_reckoning: bool = False
 
     def any(self) -> bool:
         """Whether one of them is."""
-        return self.radio or self.ground_station or self.estimator
+        return self.radio or self.ground_station or self.estimator or self.dead_reckoning
 
 
 def on_radio(action: int, options: int, mode: Mode) -> Mode | None:
@@ -56,6 +66,11 @@ def on_battery(action: int, options: int, mode: Mode) -> Mode | None:
     if mode is Mode.LAND and options & _CONTINUE_LANDING:
         return None
     return _BATTERY.get(action)
+
+
+def on_dead_reckoning(action: int, mode: Mode) -> Mode | None:
+    """Return the mode to fly when only the wind estimate tells where it is (FS_DR_ENABLE)."""
+    return _BATTERY.get(action) if mode.value.needs_position else None
 
 
 def on_estimator(action: int, mode: Mode) -> Mode | None:

@@ -1,19 +1,28 @@
-"""ArduCopter's own fence: a height, and a circle around home.
+"""ArduCopter's own fence: heights, a circle around home, and uploaded areas.
 
 As in the source of ArduCopter 4.6: a breach is told once, and again 20 m farther out; it does not
-touch HEARTBEAT.system_status, and any mode can be had again after it. Polygons are not known here.
+touch HEARTBEAT.system_status, and any mode can be had again after it. The least height counts once
+it was reached with FENCE_MARGIN more, and not in a landing. FENCE_AUTOENABLE counts as 3 does: the
+fence is there while armed.
 """
 
 from dataclasses import dataclass
 from typing import Final
 
 from sitl.ardupilot.modes import Mode
+from sitl.fence_areas import FenceAreas
 from sitl.parameters import Parameters
 
-MAX_ALTITUDE, CIRCLE = 1, 2
+MAX_ALTITUDE, CIRCLE, AREAS, MIN_ALTITUDE = 1, 2, 4, 8
 """Bits of FENCE_TYPE."""
-_LIMITS: Final = {MAX_ALTITUDE: "FENCE_ALT_MAX", CIRCLE: "FENCE_RADIUS"}
-_NAMES: Final = {MAX_ALTITUDE: "Max Alt", CIRCLE: "Circle"}
+_NAMES: Final = {
+    MAX_ALTITUDE: "Max Alt",
+    CIRCLE: "Circle",
+    AREAS: "Polygon",
+    MIN_ALTITUDE: "Min Alt",
+}
+_UNION: Final = 2
+"""Of FENCE_OPTIONS: to be in one inclusion area is enough."""
 _ACTIONS: Final = {2: Mode.LAND, 3: Mode.SMART_RTL, 4: Mode.BRAKE, 5: Mode.SMART_RTL}
 _PERIOD_S: Final = 0.3
 _BACKUP_M: Final = 20.0
@@ -32,9 +41,12 @@ class News:
 class Fence:
     """Looks at the place three times a second."""
 
-    def __init__(self, parameters: Parameters) -> None:
+    def __init__(self, parameters: Parameters, areas: FenceAreas | None = None) -> None:
         """Nothing is breached."""
         self._parameters = parameters
+        self._areas = areas or FenceAreas()
+        self._floor_on = False
+        """Whether the least height counts."""
         self._backup_m: dict[int, float] = {}
         """By breached fence: where the next breach is told."""
         self._wait_s = 0.0
@@ -42,25 +54,40 @@ class Fence:
     @property
     def enabled(self) -> bool:
         """Whether there is a fence."""
-        return self._parameters.value("FENCE_ENABLE") != 0
+        value = self._parameters.value
+        return value("FENCE_ENABLE") != 0 or value("FENCE_AUTOENABLE") != 0
 
     @property
     def breached(self) -> bool:
         """Whether the vehicle is outside."""
         return bool(self._backup_m)
 
-    def forbids(self, height_m: float, from_home_m: float) -> bool:
-        """Whether a target is outside: GUIDED takes none there."""
-        return any(excess_m > 0.0 for excess_m in self._excesses(height_m, from_home_m).values())
+    def forbids(
+        self, height_m: float, from_home_m: float, on_map: tuple[float, float] | None = None
+    ) -> bool:
+        """Whether a target is outside: GUIDED takes none there. on_map: latitude, longitude."""
+        excesses = self._excesses(height_m, from_home_m, on_map)
+        return any(excess_m > 0.0 for excess_m in excesses.values())
 
-    def step(self, dt: float, height_m: float, from_home_m: float) -> News | None:
+    def step(
+        self,
+        dt: float,
+        height_m: float,
+        from_home_m: float,
+        on_map: tuple[float, float] | None = None,
+        *,
+        landing: bool = False,
+    ) -> News | None:
         """Advance; None when nothing has changed."""
+        value = self._parameters.value
+        reached = height_m >= value("FENCE_ALT_MIN") + value("FENCE_MARGIN")
+        self._floor_on = (self._floor_on or reached) and not landing
         self._wait_s += dt
         if self._wait_s < _PERIOD_S:
             return None
         self._wait_s = 0.0
         was_breached = self.breached
-        excesses = self._excesses(height_m, from_home_m)
+        excesses = self._excesses(height_m, from_home_m, on_map)
         outside = {fence: excess_m for fence, excess_m in excesses.items() if excess_m >= 0.0}
         new = [fence for fence in outside if outside[fence] >= self._backup_m.get(fence, 0.0)]
         self._backup_m = {fence: self._backup_m.get(fence, 0.0) for fence in outside}
@@ -79,14 +106,21 @@ class Fence:
             return None
         return Mode.LAND if excess_m > _GIVE_UP_M else _ACTIONS.get(action, Mode.RTL)
 
-    def _excesses(self, height_m: float, from_home_m: float) -> dict[int, float]:
+    def _excesses(
+        self, height_m: float, from_home_m: float, on_map: tuple[float, float] | None
+    ) -> dict[int, float]:
         """Return by fence in use how far outside a place is, metres; negative inside."""
         if not self.enabled:
             return {}
-        chosen = int(self._parameters.value("FENCE_TYPE"))
-        places = {MAX_ALTITUDE: height_m, CIRCLE: from_home_m}
-        return {
-            fence: places[fence] - self._parameters.value(limit)
-            for fence, limit in _LIMITS.items()
-            if chosen & fence
+        value = self._parameters.value
+        chosen = int(value("FENCE_TYPE"))
+        excesses = {
+            MAX_ALTITUDE: height_m - value("FENCE_ALT_MAX"),
+            CIRCLE: from_home_m - value("FENCE_RADIUS"),
         }
+        if self._floor_on:
+            excesses[MIN_ALTITUDE] = value("FENCE_ALT_MIN") - height_m
+        if on_map is not None:
+            union = bool(int(value("FENCE_OPTIONS")) & _UNION)
+            excesses[AREAS] = 1.0 if self._areas.outside(*on_map, union=union) else -1.0
+        return {fence: excess_m for fence, excess_m in excesses.items() if chosen & fence}

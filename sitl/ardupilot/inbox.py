@@ -12,7 +12,8 @@ from sitl.ardupilot.guided import read_local_ned
 from sitl.ardupilot.modes import Mode
 from sitl.ardupilot.navigation import Navigation
 from sitl.ardupilot.streams import Schedule
-from sitl.commands import empty_mission, read_command, source, timesync_answer
+from sitl.commands import read_command, source, timesync_answer
+from sitl.fence_areas import FenceAreas, payload_fields
 from sitl.links import Router
 from sitl.parameter_server import ParameterServer
 from sitl.parameters import Parameters
@@ -40,6 +41,7 @@ class Receivers:
     commands: Commands
     sticks: Sticks
     server: ParameterServer
+    areas: FenceAreas
     schedules: dict[str, Schedule]
 
 
@@ -63,7 +65,11 @@ class Inbox:
             "PARAM_REQUEST_LIST": self._parameter,
             "PARAM_REQUEST_READ": self._parameter,
             "PARAM_SET": self._parameter,
-            "MISSION_REQUEST_LIST": self._mission_list,
+            "MISSION_REQUEST_LIST": self._mission,
+            "MISSION_REQUEST_INT": self._mission,
+            "MISSION_COUNT": self._mission,
+            "MISSION_ITEM_INT": self._mission,
+            "MISSION_ACK": self._mission,
             "TIMESYNC": self._timesync,
         }
 
@@ -105,7 +111,7 @@ class Inbox:
         if request is None:
             return
         place = request.position_ned_m
-        if place is None or not r.fence.forbids(*nav.from_home_m(place)):
+        if place is None or not r.fence.forbids(*nav.from_home_m(place), nav.on_map(place)):
             r.flight.guided.take(request, r.world.now_us)
 
     def _data_stream(self, link: str, message: Any) -> None:
@@ -127,8 +133,12 @@ class Inbox:
             for name in heard_by:
                 self._send(name, "PARAM_VALUE", payload)
 
-    def _mission_list(self, link: str, message: Any) -> None:
-        self._send(link, "MISSION_COUNT", empty_mission(message))
+    def _mission(self, link: str, message: Any) -> None:
+        answer = self._r.areas.answer(message)
+        if answer is not None:
+            kind = layout(answer[0])
+            fields = payload_fields(kind.fields, answer, message)
+            self._send(link, answer[0], kind.payload(**fields))
 
     def _timesync(self, link: str, message: Any) -> None:
         if message.tc1 == 0:

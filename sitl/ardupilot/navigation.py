@@ -27,6 +27,10 @@ _JAMMED_FLAGS: Final = 0x8027
 _COAST_S: Final = 7.9
 """From the last fix to flags 0x25; the failsafe acts a moment later."""
 _JAMMED_S: Final = 5.9
+_DEAD_RECKONING_S: Final = 10.0
+"""EKF3's posRetryTimeUseVel_ms: drag aids the velocity."""
+_DEAD_RECKONING_FLAGS: Final = 0x012F
+"""A relative position, and no absolute one."""
 _NO_AIDING_S: Final = 15.1
 _WIND_TIME_S: Final = 4.0
 _WIND_STUCK_S: Final = 20.0
@@ -123,6 +127,12 @@ class Navigation:
         home_x, home_y, home_z = self.home_ned_m()
         return home_z - z, math.hypot(x - home_x, y - home_y)
 
+    def on_map(self, place: tuple[float, float, float]) -> tuple[float, float]:
+        """Return latitude and longitude (degrees) of a local place; its estimate's before that."""
+        if self._projection is None:
+            return self.estimator.latitude_deg, self.estimator.longitude_deg
+        return self._projection.reproject(place[0], place[1])
+
     @property
     def settled(self) -> bool:
         """Whether the inertial sensors agree with each other."""
@@ -141,6 +151,8 @@ class Navigation:
                 return flags
         if not self.position_known:
             return _BEFORE_GPS_FLAGS
+        if self.dead_reckoning:
+            return _DEAD_RECKONING_FLAGS
         if not self._degraded:
             return _GOOD_FLAGS
         return _JAMMED_FLAGS if self._jammed else _COASTING_FLAGS
@@ -148,12 +160,25 @@ class Navigation:
     @property
     def wind_from(self) -> tuple[float, float] | None:
         """Speed and the direction (degrees, -180 to 180) the wind comes from; None unknown."""
-        value = self._parameters.value
-        drag = value("EK3_DRAG_BCOEF_X") > 0.0 and value("EK3_DRAG_BCOEF_Y") > 0.0
-        if not (drag or value("EK3_DRAG_MCOEF") > 0.0) or not self.position_known:
+        if not self._fuses_drag or not self.position_known:
             return None
         north, east = self._wind_ne
         return math.hypot(north, east), math.degrees(math.atan2(-east, -north))
+
+    @property
+    def _fuses_drag(self) -> bool:
+        value = self._parameters.value
+        drag = value("EK3_DRAG_BCOEF_X") > 0.0 and value("EK3_DRAG_BCOEF_Y") > 0.0
+        return drag or value("EK3_DRAG_MCOEF") > 0.0
+
+    @property
+    def dead_reckoning(self) -> bool:
+        """Whether the position follows from the wind estimate alone, which drag fusion gives."""
+        return self._survives_by_drag and self._lost_s >= _DEAD_RECKONING_S
+
+    @property
+    def _survives_by_drag(self) -> bool:
+        return self._fuses_drag and self.position_known and not self._jammed
 
     @property
     def _jammed(self) -> bool:
@@ -161,6 +186,9 @@ class Navigation:
 
     @property
     def _degraded(self) -> bool:
+        if self._survives_by_drag:
+            timeout_s = self._parameters.value("FS_DR_TIMEOUT")
+            return self._lost_s >= _DEAD_RECKONING_S + timeout_s
         return self._lost_s >= (_JAMMED_S if self._jammed else _COAST_S)
 
     def _uses_gps(self) -> bool:
@@ -169,7 +197,7 @@ class Navigation:
         if not self.position_known:
             ready = self.since_boot_s >= USES_GPS_AFTER_S * self._boot_scale
             return ready and self._lost_s == 0.0
-        return self._jammed or self._lost_s < _NO_AIDING_S
+        return self._jammed or self._fuses_drag or self._lost_s < _NO_AIDING_S
 
     def _set_origin(self) -> None:
         estimator = self.estimator

@@ -23,6 +23,7 @@ from sitl.ardupilot.telemetry import Telemetry
 from sitl.ardupilot.voice import INFO, Voice
 from sitl.commands import ACCEPTED, DENIED, FAILED, Command, acknowledgement
 from sitl.control import PositionControl
+from sitl.fence_areas import FenceAreas
 from sitl.links import Router
 from sitl.parameter_server import ParameterServer
 from sitl.parameters import Parameters
@@ -51,6 +52,7 @@ class ArduPilotManner:
         self._router = router
         self.parameters = parameters
         self.sticks = Sticks()
+        self.areas = FenceAreas()
         self.sticks.hold(roll=0.0, pitch=0.0, throttle=-1.0, yaw=0.0)
         self.sticks.flip(_LAST_SWITCH_POSITION)
         self.sticks.step(world.now_us)
@@ -68,7 +70,7 @@ class ArduPilotManner:
         self.control_loop = PositionControl(gains(parameters), world.quad, 0.0)
         self.flight = Flight(parameters, self.control_loop, world.quad, self._bias)
         self.battery = BatteryMonitor(world.battery, parameters)
-        self.fence = Fence(parameters)
+        self.fence = Fence(parameters, self.areas)
         self.commander = Commander(
             Parts(
                 world=world,
@@ -95,6 +97,7 @@ class ArduPilotManner:
                 navigation=self.navigation,
                 flight=self.flight,
                 fence=self.fence,
+                areas=self.areas,
                 commander=self.commander,
                 commands=Commands(self, self.commander, self.navigation, self.battery),
                 sticks=self.sticks,

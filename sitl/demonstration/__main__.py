@@ -1,17 +1,20 @@
 """Fly the demonstration: `sitl/fly`, or `python -m sitl.demonstration`."""
 
-from __future__ import annotations
-
 import os
 import signal
 import sys
+
+from sitl.interpreter import complaint
 
 
 def main() -> int:
     """Load the demonstration and fly it; every way to end it early ends its processes, too."""
     signal.signal(signal.SIGINT, lambda *_: os._exit(1))
-    from .fly import main as fly  # noqa: PLC0415
-
+    try:
+        from .fly import main as fly  # noqa: PLC0415
+    except (ImportError, SyntaxError) as error:
+        sys.stderr.write("sitl/fly: " + complaint(error) + "\n")
+        return 1
     try:
         for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
             signal.signal(number, signal.default_int_handler)

@@ -1,16 +1,14 @@
 """Fly the demonstration: `sitl/fly`, or `python -m sitl.demonstration`.
 
-Starts the fake autopilot and the companion service as two processes that know of each other only
-by MAVLink, plays the operator, and judges the flight by the truth log. Exit status 0 when the
-aircraft flew its mission and landed without touching anything and without leaving the workspace
-other than by its landing leg.
+Starts the fake autopilot (with --real one that the user has built) and the companion service as two
+processes that know of each other only by MAVLink, plays the operator, and judges the flight by the
+truth log. Exit status 0 when the aircraft flew its mission and landed without touching anything and
+without leaving the workspace other than by its landing leg.
 """
 
 from __future__ import annotations
 
-import argparse
 import contextlib
-import math
 import shutil
 import sys
 import tempfile
@@ -18,7 +16,6 @@ import webbrowser
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import NoReturn
 
 import yaml
 
@@ -29,20 +26,29 @@ from moar_companion.planner.maps import build_maps
 from moar_companion.site import Site
 from moar_companion.types import Mission
 from moar_companion.vehicle import Vehicle
+from sitl.geodesy import Geodetic
 from sitl.scenario import Scenario, ScenarioError
 
 from .judge import judge, read_truth
 from .manners import MANNERS
-from .operator import Operator, OperatorError
-from .processes import free_ports, running
-from .screen import open_screen, say
+from .operator import EVACUATION, EXIT, Operator, OperatorError
+from .options import parser
+from .processes import Process, free_ports, running
+from .real import RealError, RealOptions, autopilot_at, numbers_of, running_real
+from .screen import Screen, open_screen, say
 from .script import Script
+from .weather import Weather
 
 _SCENARIOS = Path(__file__).parents[1] / "scenarios"
 _VEHICLE = "x500.yaml"
 _VEHICLE_FILE = "vehicle.yaml"
 """In the flight's folder."""
 _SITE = "315kv_double_circuit.yaml"
+_WAYS_OUT = {Mission.EXIT: EXIT, Mission.EVACUATION: EVACUATION}
+"""The first for which a site has landing points is flown, unless another is asked for."""
+_ABOVE_M = 0.5
+"""A take-off ends at least so far above the least height."""
+_LATEST = "latest"
 _LEAST_FREE_MB = 50.0
 """Ten times what a flight writes."""
 
@@ -57,11 +63,12 @@ class Settings:
     site: Path
     scenario: Path
     out: Path
-
-
-class _Parser(argparse.ArgumentParser):
-    def error(self, message: str) -> NoReturn:
-        self.exit(2, f"{self.prog}: {message}\n")
+    links_latest: bool
+    """Whether it is one of the flights in `flights/`."""
+    landing: str | None
+    """A mission, or a mission and the index of its landing point: `exit`, `evacuation:1`."""
+    real: Path | None
+    """PX4's build folder or ArduCopter's program; None: the fake."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -71,13 +78,16 @@ def main(arguments: list[str] | None = None) -> int:
         site = Site.load(settings.site)
         Scenario.load(settings.scenario)
         _check(site, settings.site)
+        _way_out(site, settings)
         _make_folder(settings.out)
         vehicle = _vehicle(settings)
-    except (InputError, ScenarioError) as error:
+    except (InputError, ScenarioError, RealError) as error:
         return _failed(str(error), 2)
     except OSError as error:
         return _failed(f"{settings.out}: {error.strerror}", 2)
     try:
+        if settings.links_latest:
+            _link_latest(settings.out)
         try:
             problem = _fly(settings, site)
         except KeyboardInterrupt:
@@ -86,6 +96,7 @@ def main(arguments: list[str] | None = None) -> int:
     except OSError as error:
         return _failed(f"{error.filename or settings.out}: {error.strerror}", 1)
     except KeyboardInterrupt:
+        _gather(settings.out)
         return _failed("stopped by the user, without a picture", 1)
 
 
@@ -96,8 +107,31 @@ def _failed(message: str, status: int) -> int:
 
 def _check(site: Site, path: Path) -> None:
     """Whether the script can be flown on a site; InputError otherwise."""
-    if not site.targets or Mission.EXIT not in site.landing_m:
-        raise InputError(str(path), "", "must have targets and landing.exit to be flown")
+    if not site.targets or not any(site.landing_m.values()):
+        raise InputError(str(path), "", "must have targets and landing points to be flown")
+
+
+def _way_out(site: Site, settings: Settings) -> tuple[Mission, int]:
+    """The mission that ends the flight and its landing point, -1 for any."""
+    ways = [way for way in _WAYS_OUT if site.landing_m.get(way)]
+    if settings.landing is None:
+        return ways[0], -1
+    name, _, index = settings.landing.partition(":")
+    chosen = next((way for way in ways if way.value == name), None)
+    points = () if chosen is None else site.landing_m[chosen]
+    if chosen is not None and not index:
+        return chosen, -1
+    if chosen is None or not (index.isascii() and index.isdigit() and int(index) < len(points)):
+        allowed = " or ".join(f"{way.value}[:N], N < {len(site.landing_m[way])}" for way in ways)
+        raise InputError("--landing", "", f"is {settings.landing!r}, must be {allowed}")
+    return chosen, int(index)
+
+
+def _height_m(site: Site) -> float:
+    """The height of the take-off: of the site's start."""
+    space = site.workspace
+    low_m = space.lower_m[1] if space.min_altitude_m is None else space.min_altitude_m
+    return max(site.start_m[1], max(low_m, space.lower_m[1]) + _ABOVE_M)
 
 
 def _make_folder(out: Path) -> None:
@@ -125,42 +159,31 @@ def _vehicle(settings: Settings) -> Vehicle:
 
 
 def _settings(arguments: list[str] | None) -> Settings:
-    parser = _Parser(prog="sitl/fly", description="Fly the demonstration.")
-    parser.add_argument("--headless", action="store_true", help="neither live view nor picture")
-    parser.add_argument("--autopilot", choices=tuple(MANNERS), default="px4")
-    parser.add_argument("--site", type=Path, metavar="FILE", help="default: 315 kV double circuit")
-    parser.add_argument("--scenario", type=Path, metavar="FILE", help="default: wind, battery")
-    parser.add_argument(
-        "--speed", type=_speed, default=1.0, metavar="N", help="simulated seconds in a real one"
-    )
-    parser.add_argument("--out", type=Path, metavar="DIR", help="default: flights/ and the time")
-    read = parser.parse_args(arguments)
-    scenario = read.scenario or _SCENARIOS / MANNERS[read.autopilot].scenario
+    read = parser().parse_args(arguments)
+    real = None if read.real is None else read.real.resolve()
+    autopilot = read.autopilot or "px4"
+    if real is not None:
+        autopilot = autopilot_at(real)
+        if read.autopilot not in {None, autopilot}:
+            raise RealError(f"--real {real} is {autopilot}, not --autopilot {read.autopilot}")
+    scenario = read.scenario or _SCENARIOS / MANNERS[autopilot].scenario
     started = datetime.now(tz=timezone.utc).strftime("%Y%m%dT%H%M%SZ")
     return Settings(
         headless=read.headless,
-        autopilot=read.autopilot,
+        autopilot=autopilot,
+        real=real,
         speed=read.speed,
         site=(read.site or shipped_configs() / "sites" / _SITE).resolve(),
         scenario=scenario.resolve(),
         out=(read.out or Path("flights") / started).resolve(),
+        links_latest=read.out is None,
+        landing=read.landing,
     )
-
-
-def _speed(text: str) -> float:
-    try:
-        speed = float(text)
-    except ValueError:
-        speed = math.nan
-    if not 0.0 < speed < math.inf:
-        raise argparse.ArgumentTypeError(f"is {text!r}, must be a number more than 0")
-    return speed
 
 
 def _fly(settings: Settings, site: Site) -> str | None:
     """The whole flight; what went wrong, or None."""
     companion_port, operator_port = free_ports(2)
-    home = site.frame.to_geodetic((site.start_m[0], 0.0, 0.0))
     config = settings.out / "companion.yaml"
     manner = MANNERS[settings.autopilot]
     with contextlib.ExitStack() as stack:
@@ -175,33 +198,32 @@ def _fly(settings: Settings, site: Site) -> str | None:
         }
         config.write_text(yaml.safe_dump(values, sort_keys=False), encoding="utf-8")
         screen = stack.enter_context(open_screen(view, live=not settings.headless))
-        operator = Operator(operator_port, manner, speed=settings.speed, meanwhile=screen.refresh)
+        weather = _weather(settings, screen)
+
+        def meanwhile() -> None:
+            screen.refresh()
+            if weather is not None:
+                weather.play(operator)
+
+        operator = Operator(operator_port, manner, speed=settings.speed, meanwhile=meanwhile)
         stack.callback(operator.close)
         speed = str(settings.speed)
-        autopilot = running(
-            "autopilot",
-            settings.out / "autopilot.log",
-            "sitl",
-            *("--autopilot", settings.autopilot),
-            *("--home", f"{home.latitude_deg!r},{home.longitude_deg!r},{home.altitude_amsl_m!r}"),
-            *("--link", f"companion=udpout:127.0.0.1:{companion_port}"),
-            *("--link", f"gcs=udpout:127.0.0.1:{operator_port}"),
-            *(word for value in manner.parameters for word in ("--param", value)),
-            *("--scenario", str(settings.scenario)),
-            *("--truth", str(settings.out / "truth.csv")),
-            *("--speed", speed),
-        )
+        autopilot = _autopilot(settings, site, companion_port, operator_port)
         companion = running(
             "companion",
             settings.out / "companion.log",
             "sitl.demonstration.companion",
             *("--config", str(config), "--speed", speed),
         )
+        way, landing = _way_out(site, settings)
         script = Script(
             operator=operator,
             manner=manner,
             processes=(stack.enter_context(autopilot), stack.enter_context(companion)),
             speed=settings.speed,
+            height_m=_height_m(site),
+            way_out=(way.value, _WAYS_OUT[way]),
+            landing=landing,
             say=screen.say,
         )
         try:
@@ -213,17 +235,82 @@ def _fly(settings: Settings, site: Site) -> str | None:
     return None
 
 
+def _gather(out: Path) -> bool:
+    """Bring what the service has recorded into the flight's folder; whether there is any."""
+    recorded = sorted(out.glob("flight_*"))
+    if recorded:
+        for file in recorded[-1].iterdir():
+            shutil.move(file, out / file.name)
+        recorded[-1].rmdir()
+    return (out / "flight.tlog").exists() and (out / "decisions.jsonl").exists()
+
+
+def _link_latest(out: Path) -> None:
+    """`latest` beside the flight's folder leads to it, where links can be made."""
+    link = out.parent / _LATEST
+    with contextlib.suppress(OSError):
+        if link.is_symlink():
+            link.unlink()
+        link.symlink_to(out.name)
+
+
+def _autopilot(
+    settings: Settings, site: Site, companion_port: int, operator_port: int
+) -> contextlib.AbstractContextManager[Process]:
+    """The process of the autopilot, fake or real."""
+    point = site.frame.to_geodetic((site.start_m[0], 0.0, 0.0))
+    home = Geodetic(
+        latitude_deg=point.latitude_deg,
+        longitude_deg=point.longitude_deg,
+        altitude_amsl_m=point.altitude_amsl_m,
+    )
+    manner = MANNERS[settings.autopilot]
+    truth = settings.out / "truth.csv"
+    if settings.real is not None:
+        return running_real(
+            RealOptions(
+                path=settings.real,
+                folder=settings.out / "autopilot",
+                home=home,
+                companion_port=companion_port,
+                operator_port=operator_port,
+                truth=truth,
+                parameters=numbers_of(manner.parameters),
+                speed=settings.speed,
+            )
+        )
+    return running(
+        "autopilot",
+        settings.out / "autopilot.log",
+        "sitl",
+        *("--autopilot", settings.autopilot),
+        *("--home", f"{home.latitude_deg!r},{home.longitude_deg!r},{home.altitude_amsl_m!r}"),
+        *("--link", f"companion=udpout:127.0.0.1:{companion_port}"),
+        *("--link", f"gcs=udpout:127.0.0.1:{operator_port}"),
+        *(word for value in manner.parameters for word in ("--param", value)),
+        *("--scenario", str(settings.scenario)),
+        *("--truth", str(truth)),
+        *("--speed", str(settings.speed)),
+    )
+
+
+def _weather(settings: Settings, screen: Screen) -> Weather | None:
+    """What the operator plays of the scenario; None where the fake autopilot plays it itself."""
+    if settings.real is None:
+        return None
+    scenario = Scenario.load(settings.scenario)
+    weather = Weather(scenario=scenario, autopilot=settings.autopilot, speed=settings.speed)
+    if weather.left_out:
+        screen.say(f"the simulator cannot play {', '.join(weather.left_out)}")
+    return weather
+
+
 def _report(settings: Settings, site: Site, vehicle: Vehicle, problem: str | None) -> int:
     """Judge the flight, draw it, and say what came of it; the exit status."""
-    recorded = sorted(settings.out.glob("flight_*"))
     truth = settings.out / "truth.csv"
-    if not recorded or not truth.exists():
+    if not _gather(settings.out) or not truth.exists():
         say(f"nothing was flown: {problem or 'no recording'}; see the logs in {settings.out}")
         return 1
-    folder = recorded[-1]
-    shutil.move(folder / "flight.tlog", settings.out / "flight.tlog")
-    shutil.move(folder / "decisions.jsonl", settings.out / "decisions.jsonl")
-    folder.rmdir()
     story = FlightStory.read(settings.out / "decisions.jsonl")
     flight = read_truth(truth, site)
     verdict = judge(flight, site, vehicle.radius_m, story.landing_leg_m)

@@ -18,6 +18,8 @@ from moar_companion.site import Conductor, Obstacle, Site
 
 _LEG_TOLERANCE_M = 2.0
 """How far from its landing leg an aircraft in wind may be, outside the workspace."""
+_GROUND_M = 0.0
+"""PX4's own simulator stands centimetres below it, and is still there as it says that it flies."""
 _OFF_PLANE_M = 3.0
 """How far beside the plane the workspace reaches, for the judge."""
 
@@ -92,7 +94,8 @@ def judge(
     for row in flown:
         place = Point(row.position_m[0], row.position_m[2])
         least_m = min(least_m, *(shape.distance(place) for shape in obstacles), math.inf)
-        outside = workspace.distance(place) > 0.0 and not _near(leg, place)
+        above_ground = Point(place.x, max(place.y, _GROUND_M))
+        outside = workspace.distance(above_ground) > 0.0 and not _near(leg, above_ground)
         if not faults and (outside or abs(row.position_m[1]) > _OFF_PLANE_M):
             faults.append(
                 f"left the workspace at {row.time_s:.1f} s, x {place.x:.1f} m, z {place.y:.1f} m"

@@ -27,6 +27,8 @@ class Manner:
     """Of its simulated battery."""
     parameters: tuple[str, ...]
     """What the manual asks for before a flight: else its return would lead through conductors."""
+    parameters_bytewise: bool
+    """Integers travel as the bytes of a float."""
     requested: tuple[int, ...]
     """Messages that a ground station gets on request only."""
     scenario: str
@@ -43,6 +45,7 @@ MANNERS: Final = {
         ready_timeout_s=30.0,
         cells=4,
         parameters=("COM_OBL_RC_ACT=5",),
+        parameters_bytewise=True,
         requested=(),
         scenario="wind_then_battery.yaml",
     ),
@@ -55,6 +58,7 @@ MANNERS: Final = {
         ready_timeout_s=90.0,
         cells=3,
         parameters=("GUID_TIMEOUT=0.5",),
+        parameters_bytewise=False,
         requested=(
             int(mavlink.MAVLINK_MSG_ID_SYS_STATUS),
             int(mavlink.MAVLINK_MSG_ID_GLOBAL_POSITION_INT),

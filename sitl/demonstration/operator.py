@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import socket
+import struct
 import time
 from collections.abc import Callable
 from typing import Any, Final
@@ -15,6 +16,10 @@ from .manners import Manner
 _HEARTBEAT_S: Final = 1.0
 _ANSWER_TIMEOUT_S: Final = 5.0
 """Of real time: a plan takes as long as it takes, however fast the simulator is."""
+_COMPILING_S: Final = 600.0
+_AGAIN_S: Final = 3.0
+"""Of real time, too: how long the companion may compile its planner at its first start, and how
+often it is asked meanwhile; it says why at most every 2 s."""
 _POLL_S: Final = 0.05
 _COMPANION: Final = mavlink.MAV_COMP_ID_PATHPLANNER
 _INTERVAL_US: Final = 250_000
@@ -26,6 +31,7 @@ _RESULTS: Final = {
 
 INSPECTION: Final = 1
 EXIT: Final = 2
+EVACUATION: Final = 3
 
 
 class OperatorError(Exception):
@@ -56,6 +62,7 @@ class Operator:
         self._codec.robust_parsing = True
         self._heartbeat_due_s = 0.0
         self._answers: dict[int, int] = {}
+        self._parameters: dict[str, Any] = {}
         self.autopilot_heard = False
         self.companion_heard = False
         self.armed = False
@@ -133,6 +140,34 @@ class Operator:
             said = f" ({self.texts[-1]})" if self.texts else ""
             raise OperatorError(f"{name}: {_RESULTS.get(result, str(result))}{said}")
 
+    def set_parameter(self, name: str, value: float) -> None:
+        """Set a parameter of the autopilot; OperatorError when there is none, or it is refused."""
+        known = self._parameter(
+            name, mavlink.MAVLink_param_request_read_message(1, 1, name.encode(), -1)
+        )
+        whole = known.param_type not in {
+            mavlink.MAV_PARAM_TYPE_REAL32,
+            mavlink.MAV_PARAM_TYPE_REAL64,
+        }
+        sent = value
+        if whole and self._manner.parameters_bytewise:
+            (sent,) = struct.unpack("<f", struct.pack("<i", round(value)))
+        told = self._parameter(
+            name,
+            mavlink.MAVLink_param_set_message(1, 1, name.encode(), sent, known.param_type),
+        )
+        (wanted,) = struct.unpack("<f", struct.pack("<f", sent))
+        if struct.pack("<f", told.param_value) != struct.pack("<f", wanted):
+            raise OperatorError(f"{name}: {value:g} was refused")
+
+    def _parameter(self, name: str, question: Any) -> Any:
+        """The autopilot's PARAM_VALUE in answer to a question."""
+        self._parameters.pop(name, None)
+        self._send(question)
+        timeout_s = _ANSWER_TIMEOUT_S * max(1.0, self._speed)
+        self.wait_for(f"parameter {name}", lambda: name in self._parameters, timeout_s)
+        return self._parameters[name]
+
     def request_messages(self) -> None:
         """Ask the autopilot for what it does not send by itself."""
         for number in self._manner.requested:
@@ -163,9 +198,23 @@ class Operator:
         self.landing = True
         self.command("LAND", mavlink.MAV_CMD_DO_SET_MODE, 1, *self._manner.land)
 
-    def order(self, name: str, mission: int) -> None:
-        """Order a mission of the companion; IN_PROGRESS is waited out."""
-        self.command(name, mavlink.MAV_CMD_USER_1, mission, -1, component=_COMPANION)
+    def order(self, name: str, mission: int, index: int = -1) -> None:
+        """Order a mission of the companion; IN_PROGRESS and its compiling are waited out.
+
+        index: of the target or landing point, -1 for all or any.
+        """
+        deadline_s = self._now_s() + _COMPILING_S * self._speed
+        while True:
+            try:
+                self.command(name, mavlink.MAV_CMD_USER_1, mission, index, component=_COMPANION)
+            except OperatorError:
+                compiling = any("compiling planner" in text for text in self.texts[-3:])
+                if not compiling or self._now_s() > deadline_s:
+                    raise
+                self.texts.clear()
+                self.wait_until(lambda: False, _AGAIN_S * self._speed)
+            else:
+                return
 
     def said(self, text: str) -> bool:
         """Whether the companion said something that begins so."""
@@ -210,5 +259,7 @@ class Operator:
                     self._ahead_s = self._now_s() - self._boot_s
                 self.altitude_m = message.relative_alt / 1000.0
                 self.home_altitude_m = (message.alt - message.relative_alt) / 1000.0
+            case "PARAM_VALUE" if message.get_srcComponent() == 1:
+                self._parameters[message.param_id] = message
             case "COMMAND_ACK":
                 self._answers[message.command] = message.result

@@ -8,26 +8,36 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 _STOP_TIMEOUT_S = 10.0
 
 
 class Process:
-    """A Python module as a process of its own, with what it says in a file."""
+    """A program as a process of its own, with what it says in a file.
 
-    def __init__(self, name: str, log: Path, module: str, *arguments: str) -> None:
+    folder: where it runs; the checkout unless given. environment: more variables than our own.
+    """
+
+    def __init__(
+        self,
+        name: str,
+        log: Path,
+        *command: str,
+        folder: Path = Path(__file__).parents[2],
+        environment: Mapping[str, str] | None = None,
+    ) -> None:
         self._name = name
         self._log = log
-        with log.open("wb") as output:
+        with log.open("ab") as output:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", module, *arguments],
+                command,
                 stdout=output,
                 stderr=subprocess.STDOUT,
                 stdin=subprocess.DEVNULL,
-                cwd=Path(__file__).parents[2],
-                env={**os.environ, "PYTHONUNBUFFERED": "1"},
+                cwd=folder,
+                env={**os.environ, "PYTHONUNBUFFERED": "1", **(environment or {})},
                 start_new_session=True,
             )
 
@@ -50,8 +60,8 @@ class Process:
 
 @contextlib.contextmanager
 def running(name: str, log: Path, module: str, *arguments: str) -> Iterator[Process]:
-    """A process for the time being."""
-    process = Process(name, log, module, *arguments)
+    """A Python module as a process for the time being."""
+    process = Process(name, log, sys.executable, "-m", module, *arguments)
     try:
         yield process
     finally:

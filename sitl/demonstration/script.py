@@ -7,12 +7,13 @@ from dataclasses import dataclass
 from typing import Final
 
 from .manners import Manner
-from .operator import EXIT, INSPECTION, Operator, OperatorError
+from .operator import INSPECTION, Operator, OperatorError
 from .processes import Process
 
 _LOW_BATTERY_PERCENT: Final = 35
-_HEIGHT_M: Final = 3.0
-_TAKEN_OFF_M: Final = 2.3
+_BELOW_M: Final = 0.5
+"""An aircraft this much below the height of its take-off is about there."""
+_CLIMB_S_PER_M: Final = 2.0
 _IN_AIR: Final = 2
 _SETTLE_S: Final = 3.0
 _STREAM_FIRST_S: Final = 1.5
@@ -28,12 +29,19 @@ _MOST_LAG_S: Final = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Script:
-    """One flight, step by step; each may raise OperatorError. say: tells the user."""
+    """One flight, step by step; each may raise OperatorError. say: tells the user.
+
+    height_m: of the take-off. way_out, landing: the mission that ends the flight, and the index of
+    its landing point, -1 for any.
+    """
 
     operator: Operator
     manner: Manner
     processes: tuple[Process, ...]
     speed: float
+    height_m: float
+    way_out: tuple[str, int]
+    landing: int
     say: Callable[[str], None]
 
     def fly(self) -> None:
@@ -55,9 +63,10 @@ class Script:
     def _take_off(self) -> None:
         operator = self.operator
         self.say("arm, take off")
-        operator.take_off(_HEIGHT_M)
+        operator.take_off(self.height_m)
+        done_m, longest_s = self.height_m - _BELOW_M, 20.0 + _CLIMB_S_PER_M * self.height_m
         self._wait_for("in the air", lambda: operator.landed_state == _IN_AIR, 20.0)
-        self._wait_for("take-off done", lambda: operator.altitude_m > _TAKEN_OFF_M, 20.0)
+        self._wait_for("take-off done", lambda: operator.altitude_m > done_m, longest_s)
         self._wait_until(lambda: False, _SETTLE_S)
 
     def _inspect(self) -> None:
@@ -66,11 +75,11 @@ class Script:
         operator.order("inspection", INSPECTION)
         self._wait_until(lambda: False, _STREAM_FIRST_S)
         operator.give_mode()
-        self._wait_for("flying", lambda: operator.said("MOAR flying inspection"), 5.0)
+        self._wait_for("flying", lambda: operator.said("MOAR: flying inspection"), 5.0)
         self.say("flying; the wind will rise")
         self._wait_for(
             "the end of the inspection",
-            lambda: operator.said("every target is done") or self._battery_is_low(),
+            lambda: operator.said("MOAR: every target is done") or self._battery_is_low(),
             _LONGEST_INSPECTION_S,
         )
         if not self._battery_is_low():
@@ -78,11 +87,14 @@ class Script:
             self._wait_until(self._battery_is_low, _LONGEST_HOLD_S)
 
     def _exit_and_land(self) -> None:
-        operator = self.operator
-        self.say(f"battery at {operator.battery_percent} %, {operator.battery_v} V: order the exit")
-        operator.order("exit", EXIT)
+        operator, (name, mission) = self.operator, self.way_out
+        battery = f"battery at {operator.battery_percent} %, {operator.battery_v} V"
+        self.say(f"{battery}: order the {name}")
+        operator.order(name, mission, self.landing)
         self._wait_for(
-            "the end of the exit", lambda: operator.said("MOAR holding exit"), _LONGEST_EXIT_S
+            f"the end of the {name}",
+            lambda: operator.said("MOAR: above the landing point"),
+            _LONGEST_EXIT_S,
         )
         self.say("above the landing point: LAND")
         operator.land()
@@ -108,6 +120,6 @@ class Script:
         if self.operator.lag_s > _MOST_LAG_S:
             raise OperatorError(f"the simulator has fallen {self.operator.lag_s:.1f} s behind")
         for text in self.operator.texts:
-            if text.startswith(("MOAR released", "MOAR overridden")) and not self.operator.landing:
+            if text.endswith(("released", "overridden")) and not self.operator.landing:
                 raise OperatorError(f"the companion let go: {text}")
         return True

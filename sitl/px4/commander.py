@@ -11,7 +11,9 @@ from typing import Final
 
 from sitl.parameters import Parameters
 from sitl.px4 import voice as say
+from sitl.px4.contact import Contact
 from sitl.px4.failsafe import Action, Charge, Flags, due
+from sitl.px4.fence import Geofence
 from sitl.px4.flight import FlightTasks
 from sitl.px4.modes import AUTO_MODES, Mode
 from sitl.px4.navigation import Navigation
@@ -25,6 +27,7 @@ _CYCLE_US: Final = 100_000
 _READY_S: Final = 4.0
 _LOW_THRUST: Final = 0.25
 _AIRBORNE_M: Final = 0.05
+_NOT_ARMED_IN: Final = frozenset({Mode.TAKEOFF, Mode.LAND, Mode.RTL, Mode.DESCEND})
 _OVERRIDE_BIT_AUTO, _OVERRIDE_BIT_OFFBOARD = 1, 2
 
 
@@ -39,6 +42,7 @@ class Parts:
     sticks: Sticks
     tasks: FlightTasks
     ramp: TakeoffRamp
+    fence: Geofence
     voice: say.Voice
 
 
@@ -56,7 +60,23 @@ class Commander:
         self.landed = True
         self.took_off = False
         self.armed_us = 0
-        self._mode_at_arming = Mode.HOLD
+        self._mode_after_disarming = Mode.HOLD
+        self.companion = Contact(
+            parts.world,
+            parts.voice,
+            parts.parameters,
+            "COM_OBC_LOSS_T",
+            lost=(say.CRITICAL, "Connection to mission computer lost"),
+            regained="Onboard controller regained",
+        )
+        self.ground_station = Contact(
+            parts.world,
+            parts.voice,
+            parts.parameters,
+            "COM_DL_LOSS_T",
+            lost=(say.INFO, "Connection to ground station lost"),
+            regained="GCS connection regained",
+        )
         self._overridden = Charge.OK
         self._hold_until_us: int | None = None
         self._announced: Mode | None = None
@@ -135,11 +155,12 @@ class Commander:
             self._parts.voice.unavailable(mode)
             return False
         self._mode_chosen = True
-        self.intended = mode
+        self._intend(mode)
         if self.armed:
             self._overridden = max(self._overridden, self.charge)
         self._hold_until_us = None
         self.failsafe = None
+        self._parts.fence.note_mode(self._parts.world.now_us)
         self._enter(mode)
         return True
 
@@ -156,7 +177,6 @@ class Commander:
         self.took_off = False
         self.landed = True
         self._landed_us = parts.world.now_us
-        self._mode_at_arming = self.intended
         self._overridden = Charge.OK
         parts.navigation.set_home()
         self._enter(self.intended)
@@ -177,7 +197,8 @@ class Commander:
         self.failsafe = None
         self._announced = None
         self._hold_until_us = None
-        self.intended = self._mode_at_arming
+        parts.fence.note_mode(parts.world.now_us)
+        self.intended = self._mode_after_disarming
         self._enter(self.intended)
         if parts.world.options.battery.refills_when_disarmed:
             parts.world.battery.refill()
@@ -197,15 +218,24 @@ class Commander:
             self._next_cycle_us += _CYCLE_US
             self._judge_battery()
             self._judge_health()
+            self.companion.judge()
+            self.ground_station.judge()
             self._pilot()
             self._disarm_by_itself(now_us)
             if self.armed:
+                self._judge_fence(now_us)
                 self._failsafe(now_us)
         elif self.failsafe is not None and self._recovered():
             self._failsafe(now_us)
         if self.mode is Mode.TAKEOFF and parts.tasks.takeoff_complete:
             self.intended = self.mode = Mode.HOLD
             parts.tasks.enter(Mode.HOLD, parts.navigation)
+
+    def _intend(self, mode: Mode) -> None:
+        """Take what the user asks for; it is back after disarming, if it can be armed in."""
+        self.intended = mode
+        if mode not in _NOT_ARMED_IN:
+            self._mode_after_disarming = mode
 
     def _enter(self, mode: Mode) -> None:
         if mode is self.mode and self.armed and not self.landed:
@@ -247,6 +277,10 @@ class Commander:
         else:
             self._overridden = min(self._overridden, charge)
 
+    def _judge_fence(self, now_us: int) -> None:
+        for text in self._parts.fence.step(now_us):
+            self._parts.voice.say(say.CRITICAL, text)
+
     def _judge_health(self) -> None:
         nav = self._parts.navigation
         if nav.since_boot_s < 2.0:
@@ -262,7 +296,7 @@ class Commander:
             return
         if not self._mode_chosen and not self.armed and self.intended is Mode.HOLD:
             self._mode_chosen = True
-            self.intended = Mode.POSCTL
+            self._intend(Mode.POSCTL)
             self._enter(Mode.POSCTL)
         bits = int(parts.parameters.value("COM_RC_OVERRIDE"))
         moved = parts.sticks.deflection() * 100.0 > parts.parameters.value("COM_RC_STICK_OV")
@@ -271,7 +305,7 @@ class Commander:
         )
         if self.armed and not self.landed and moved and may:
             mode = Mode.POSCTL if parts.navigation.position_valid else Mode.ALTCTL
-            self.intended = mode
+            self._intend(mode)
             self.failsafe = None
             self._hold_until_us = None
             self._overridden = max(self._overridden, self.charge)
@@ -296,6 +330,7 @@ class Commander:
                 offboard_action=int(value("COM_OBL_RC_ACT")),
                 battery_action=int(value("COM_LOW_BAT_ACT")),
                 sticks_action=int(value("NAV_RCL_ACT")),
+                fence_action=parts.fence.action,
             )
         )
         if action is None:

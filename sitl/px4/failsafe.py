@@ -1,14 +1,15 @@
 """PX4's failsafes: which action is due, as a pure function of flags.
 
 Precedence is severity: the most severe action wins. Measured on PX4 v1.17.0; parameter values
-COM_OBL_RC_ACT: 0 position (with sticks) or return, 1 altitude or return, 3 return, 4 land,
-5 hold; COM_LOW_BAT_ACT: 0 warn, 2 land, 3 return at critical and land at emergency.
+COM_OBL_RC_ACT: 0 position, 1 altitude, without sticks by NAV_RCL_ACT, 3 return, 4 land, 5 hold;
+COM_LOW_BAT_ACT: 0 warn, 2 land, 3 return at critical and land at emergency.
 """
 
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import Final
 
+from sitl.px4 import fence
 from sitl.px4.modes import AUTO_MODES, Mode
 
 _SEVERITY: Final = (
@@ -20,6 +21,7 @@ _SEVERITY: Final = (
     Mode.LAND,
     Mode.DESCEND,
 )
+_FENCE: Final = {fence.HOLD: Mode.HOLD, fence.RETURN: Mode.RTL, fence.LAND: Mode.LAND}
 _OFFBOARD_LOSS: Final = {3: Mode.RTL, 4: Mode.LAND, 5: Mode.HOLD}
 
 
@@ -38,6 +40,7 @@ class Cause(IntEnum):
     OFFBOARD_LOST = 0
     STICKS_LOST = 1
     POSITION_LOST = 2
+    FENCE_BREACHED = 3
     BATTERY_CRITICAL = 4
     BATTERY_EMERGENCY = 5
 
@@ -56,6 +59,8 @@ class Flags:
     offboard_action: int
     battery_action: int
     sticks_action: int
+    fence_action: int = fence.NONE
+    """What the breached fence asks for, as GF_ACTION."""
 
 
 _CHARGE_CAUSES: Final = {
@@ -77,7 +82,13 @@ def due(flags: Flags) -> Action | None:
     """Return the most severe action that is due, or None."""
     found = [
         action
-        for action in (_offboard(flags), _sticks(flags), _position(flags), _battery(flags))
+        for action in (
+            _offboard(flags),
+            _sticks(flags),
+            _position(flags),
+            _battery(flags),
+            _fence(flags),
+        )
         if action is not None
     ]
     if not found:
@@ -92,20 +103,30 @@ def _offboard(flags: Flags) -> Action | None:
     if flags.mode is not Mode.OFFBOARD:
         return None
     if not flags.position_valid:
-        return Action(mode=Mode.ALTCTL, delayed=False, cause=Cause.POSITION_LOST)
+        # Setpoints of a position need one: what a lost stream would do falls back to a descent, and
+        # the modes of the sticks to ALTCTL.
+        descends = flags.offboard_action in _OFFBOARD_LOSS
+        mode = Mode.DESCEND if descends else Mode.ALTCTL
+        return Action(mode=mode, delayed=False, cause=Cause.POSITION_LOST)
     if flags.stream_alive:
         return None
-    mode = _OFFBOARD_LOSS.get(flags.offboard_action, Mode.RTL)
     if flags.sticks and flags.offboard_action in (0, 1):
         mode = Mode.POSCTL if flags.offboard_action == 0 else Mode.ALTCTL
+    elif flags.offboard_action in (0, 1):
+        mode = _sticks_lost(flags)
+    else:
+        mode = _OFFBOARD_LOSS.get(flags.offboard_action, Mode.RTL)
     return Action(mode=mode, delayed=False, cause=Cause.OFFBOARD_LOST)
 
 
 def _sticks(flags: Flags) -> Action | None:
     if flags.sticks or flags.mode not in (Mode.POSCTL, Mode.ALTCTL, Mode.MANUAL):
         return None
-    mode = {1: Mode.HOLD, 3: Mode.LAND}.get(flags.sticks_action, Mode.RTL)
-    return Action(mode=mode, delayed=True, cause=Cause.STICKS_LOST)
+    return Action(mode=_sticks_lost(flags), delayed=True, cause=Cause.STICKS_LOST)
+
+
+def _sticks_lost(flags: Flags) -> Mode:
+    return {1: Mode.HOLD, 3: Mode.LAND}.get(flags.sticks_action, Mode.RTL)
 
 
 def _position(flags: Flags) -> Action | None:
@@ -116,6 +137,11 @@ def _position(flags: Flags) -> Action | None:
     if flags.mode in AUTO_MODES:
         return Action(mode=Mode.DESCEND, delayed=False, cause=Cause.POSITION_LOST)
     return None
+
+
+def _fence(flags: Flags) -> Action | None:
+    mode = _FENCE.get(flags.fence_action)
+    return None if mode is None else Action(mode=mode, delayed=False, cause=Cause.FENCE_BREACHED)
 
 
 def _battery(flags: Flags) -> Action | None:

@@ -4,10 +4,14 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-from sitl.commands import empty_mission, read_command, source, timesync_answer
+from pymavlink.dialects.v20 import all as mavlink
+
+from sitl.commands import read_command, source, timesync_answer
+from sitl.fence_areas import FenceAreas, payload_fields
 from sitl.links import AUTOPILOT_COMPONENT, SYSTEM
 from sitl.parameter_server import ParameterServer
 from sitl.px4 import voice as say
+from sitl.px4.commander import Commander
 from sitl.px4.commands import Commands
 from sitl.px4.offboard import OffboardStream, Refused, read_local_ned
 from sitl.sticks import Sticks
@@ -24,10 +28,12 @@ class Receivers:
 
     world: World
     boot_us: int
+    commander: Commander
     commands: Commands
     stream: OffboardStream
     sticks: Sticks
     server: ParameterServer
+    areas: FenceAreas
     voice: say.Voice
     send: Send
 
@@ -39,6 +45,7 @@ class Inbox:
         """Connect the handlers."""
         self._r = receivers
         self._handlers: dict[str, Callable[[str, Any], None]] = {
+            "HEARTBEAT": self._heartbeat,
             "COMMAND_LONG": self._command,
             "COMMAND_INT": self._command,
             "SET_POSITION_TARGET_LOCAL_NED": self._position_setpoint,
@@ -46,7 +53,11 @@ class Inbox:
             "PARAM_REQUEST_LIST": self._parameter,
             "PARAM_REQUEST_READ": self._parameter,
             "PARAM_SET": self._parameter,
-            "MISSION_REQUEST_LIST": self._mission_list,
+            "MISSION_REQUEST_LIST": self._mission,
+            "MISSION_REQUEST_INT": self._mission,
+            "MISSION_COUNT": self._mission,
+            "MISSION_ITEM_INT": self._mission,
+            "MISSION_ACK": self._mission,
             "TIMESYNC": self._timesync,
             "PING": self._ping,
         }
@@ -56,6 +67,12 @@ class Inbox:
         handler = self._handlers.get(message.get_type())
         if handler is not None:
             handler(link, message)
+
+    def _heartbeat(self, _: str, message: Any) -> None:
+        if message.type == mavlink.MAV_TYPE_GCS:
+            self._r.commander.ground_station.hear()
+        elif message.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER:
+            self._r.commander.companion.hear()
 
     def _command(self, link: str, message: Any) -> None:
         if message.target_system == SYSTEM and message.target_component in (
@@ -83,10 +100,12 @@ class Inbox:
             for payload in self._r.server.answer(link, message):
                 self._r.send(link, "PARAM_VALUE", payload)
 
-    def _mission_list(self, link: str, message: Any) -> None:
-        if not _for_autopilot(message):
-            return
-        self._r.send(link, "MISSION_COUNT", empty_mission(message))
+    def _mission(self, link: str, message: Any) -> None:
+        answer = self._r.areas.answer(message) if _for_autopilot(message) else None
+        if answer is not None:
+            kind = layout(answer[0])
+            fields = payload_fields(kind.fields, answer, message)
+            self._r.send(link, answer[0], kind.payload(**fields))
 
     def _timesync(self, link: str, message: Any) -> None:
         if message.tc1 == 0:

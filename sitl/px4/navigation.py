@@ -15,7 +15,8 @@ _COAST_S: Final = 5.0
 """Measured on PX4 v1.17.0: position is given up 5 s after GPS is lost, all aiding after 7 s."""
 _NO_AIDING_S: Final = 7.1
 _VALID_AFTER_BOOT_S: Final = 4.0
-_VALID_AFTER_RESET_S: Final = 0.9
+_VALID_AFTER_LOSS_S: Final = 0.9
+"""From aiding again to a valid position; a reset of an estimate that is aided leaves it valid."""
 
 
 class Navigation:
@@ -30,8 +31,8 @@ class Navigation:
         self.origin = SphereProjection(estimator.latitude_deg, estimator.longitude_deg)
         self.origin_altitude_m = estimator.altitude_m
         self.x = self.y = self.z = 0.0
-        self._resets = estimator.resets
-        self._reset_us = boot_us
+        self._lost = False
+        self._regained_us = boot_us
         self.home_latitude_deg = estimator.latitude_deg
         self.home_longitude_deg = estimator.longitude_deg
         self.home_altitude_m = estimator.altitude_m
@@ -49,9 +50,9 @@ class Navigation:
         estimator = self._world.estimator
         self.x, self.y = self.origin.project(estimator.latitude_deg, estimator.longitude_deg)
         self.z = self.origin_altitude_m - estimator.altitude_m
-        if estimator.resets != self._resets:
-            self._resets = estimator.resets
-            self._reset_us = self._world.now_us
+        if self._lost and estimator.lost_s < _COAST_S:
+            self._regained_us = self._world.now_us
+        self._lost = estimator.lost_s >= _COAST_S
 
     def set_home(self) -> None:
         """Make the present position home, as PX4 does at arming."""
@@ -74,8 +75,8 @@ class Navigation:
             self.since_boot_s >= _VALID_AFTER_BOOT_S
             and self._world.estimator.lost_s < _COAST_S
             and (
-                self._reset_us == self._boot_us
-                or self._world.now_us - self._reset_us >= _VALID_AFTER_RESET_S * 1e6
+                self._regained_us == self._boot_us
+                or self._world.now_us - self._regained_us >= _VALID_AFTER_LOSS_S * 1e6
             )
         )
 

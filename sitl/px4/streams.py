@@ -68,6 +68,8 @@ START_US: Final[dict[str, int]] = {
 }  # fmt: skip
 """Time after boot at which a message first appears; the others at the first packets."""
 FIRST_PACKETS_US: Final = 300_000
+_PHASE_US: Final = {"onboard": 0, "normal": 400_000}
+"""By which a profile's first heartbeat is later: those of two links are out of phase."""
 
 
 class Schedule:
@@ -82,6 +84,7 @@ class Schedule:
         self._due = {
             name: boot_us + max(FIRST_PACKETS_US, START_US.get(name, 0)) for name in self._default
         }
+        self._due["HEARTBEAT"] += _PHASE_US[profile]
 
     def interval_us(self, msgid: int) -> int:
         """Return what GET_MESSAGE_INTERVAL answers: -1 when there is none."""

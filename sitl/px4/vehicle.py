@@ -11,6 +11,7 @@ from typing import Any, Final
 from sitl import simulation
 from sitl.commands import ACCEPTED, DENIED, FAILED, Command, acknowledgement
 from sitl.control import PositionControl
+from sitl.fence_areas import FenceAreas
 from sitl.links import Link, Router
 from sitl.parameter_server import ParameterServer
 from sitl.parameters import Parameters
@@ -18,6 +19,7 @@ from sitl.px4 import voice as say
 from sitl.px4.builders import Sources
 from sitl.px4.commander import Commander, Parts
 from sitl.px4.commands import Commands
+from sitl.px4.fence import Geofence
 from sitl.px4.flight import FlightTasks
 from sitl.px4.forwarding import forward
 from sitl.px4.gains import gains
@@ -51,6 +53,7 @@ class Px4Manner:
         self._router = router
         self.parameters = parameters
         self.sticks = Sticks()
+        self.areas = FenceAreas()
         generator = world.random
         self._drift_radps = math.copysign(_DRIFT_RADPS, generator.uniform(-1.0, 1.0))
         self._bias = (generator.gauss(0.0, 0.015), generator.gauss(0.0, 0.015))
@@ -74,6 +77,7 @@ class Px4Manner:
                 sticks=self.sticks,
                 tasks=self.tasks,
                 ramp=self.ramp,
+                fence=Geofence(self.parameters, self.navigation, self.areas),
                 voice=self.voice,
             )
         )
@@ -95,10 +99,12 @@ class Px4Manner:
             Receivers(
                 world=world,
                 boot_us=self._boot_us,
+                commander=self.commander,
                 commands=self.commands,
                 stream=self.stream,
                 sticks=self.sticks,
                 server=self._server,
+                areas=self.areas,
                 voice=self.voice,
                 send=self._send,
             )

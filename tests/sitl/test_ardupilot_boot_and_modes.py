@@ -308,3 +308,29 @@ def test_the_throttle_stick_is_down_until_the_pilot_moves_it(ardupilot):
     ardupilot.companion.command(512, 65)
     ardupilot.run(0.2)
     assert ardupilot.companion.last("RC_CHANNELS").chan3_raw == 1000
+
+
+def test_a_landing_is_still_told_for_a_moment_after_guided_has_ended_it(make_ardupilot):
+    flight = make_ardupilot()
+    flight.take_off()
+    assert flight.ask(flight.companion, 511, 245, 10_000) == [ACCEPTED]
+    flight.mode(flight.gcs, LAND)
+    flight.run(1.0)
+    flight.gcs.command(SET_MODE, 1, GUIDED)
+    assert flight.run(0.2, until=lambda f: f.truth.mode == "GUIDED")
+    ended_s = flight.now_s
+    flight.run(0.5)
+    told = [
+        (t, m.landed_state) for t, m in _own(flight, "EXTENDED_SYS_STATE", since=ended_s - 0.01)
+    ]
+    assert 0.04 <= max(t for t, state in told if state == LANDING) - ended_s <= 0.11
+    assert told[-1][1] == AIR
+
+
+def test_heartbeats_come_as_often_as_they_are_asked_for(make_ardupilot):
+    flight = make_ardupilot()
+    flight.run(3.0)
+    assert flight.ask(flight.companion, 511, 0, 200_000) == [ACCEPTED]
+    since = flight.now_s
+    flight.run(4.0)
+    assert 19 <= len(_own(flight, "HEARTBEAT", since=since)) <= 21

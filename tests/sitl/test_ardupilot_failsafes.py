@@ -5,7 +5,13 @@ import math
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from sitl.ardupilot.failsafe import on_battery, on_estimator, on_ground_station, on_radio
+from sitl.ardupilot.failsafe import (
+    on_battery,
+    on_dead_reckoning,
+    on_estimator,
+    on_ground_station,
+    on_radio,
+)
 from sitl.ardupilot.fence import Fence
 from sitl.ardupilot.modes import Mode
 from sitl.ardupilot.parameters import parameters
@@ -46,6 +52,11 @@ def _until_mode(flight, mode, seconds):
         ("radio: land", on_radio(3, 0, Mode.GUIDED), Mode.LAND),
         ("radio, but GUIDED goes on", on_radio(1, 4, Mode.GUIDED), None),
         ("radio, but LAND goes on", on_radio(1, 8, Mode.LAND), None),
+        ("radio: brake", on_radio(7, 0, Mode.GUIDED), Mode.BRAKE),
+        ("ground station: brake", on_ground_station(7, 0, Mode.GUIDED), Mode.BRAKE),
+        ("battery: brake", on_battery(7, 0, Mode.GUIDED), Mode.BRAKE),
+        ("dead reckoning: return", on_dead_reckoning(2, Mode.GUIDED), Mode.RTL),
+        ("dead reckoning: nothing", on_dead_reckoning(0, Mode.GUIDED), None),
         ("ground station: return", on_ground_station(1, 16, Mode.GUIDED), Mode.RTL),
         ("ground station, but a pilot flies", on_ground_station(1, 16, Mode.LOITER), None),
         ("battery: nothing", on_battery(0, 0, Mode.GUIDED), None),
@@ -135,6 +146,8 @@ def test_by_default_a_low_battery_is_said_and_nothing_is_done(hovering):
     hovering.run(12.0)
     assert hovering.truth.mode == "GUIDED"
     assert any(text.startswith("Battery 1 is low") for text in hovering.companion.texts())
+    assert "Battery Failsafe" in hovering.companion.texts()
+    assert hovering.heartbeat().system_status == mavlink.MAV_STATE_CRITICAL
     assert hovering.vehicle.manner.battery_charge_state == 2
 
 
@@ -200,6 +213,19 @@ def test_without_gps_nothing_happens_for_eight_seconds_then_it_lands(hovering, g
     assert "EKF variance" in hovering.companion.texts()
     assert "EKF Failsafe: changed to LAND Mode" in hovering.companion.texts()
     assert hovering.heartbeat().system_status == 5
+
+
+def test_with_drag_fusion_dead_reckoning_acts_before_the_estimator_does(make_ardupilot):
+    flight = _hovering(make_ardupilot, EK3_DRAG_MCOEF=0.2, FS_DR_TIMEOUT=5)
+    flight.vehicle.conditions.gps_mode = GPS_NO_FIX
+    assert _until_mode(flight, "RTL", 11.0) == pytest.approx(10.0, abs=0.2)
+    began_s = flight.now_s
+    flight.run(0.2)
+    assert "Dead Reckoning started" in flight.companion.texts()
+    assert flight.heartbeat().system_status == 5
+    assert flight.vehicle.manner.ekf_flags == 0x12F
+    _until_mode(flight, "LAND", 8.0)
+    assert flight.now_s - began_s == pytest.approx(5.0, abs=0.2)
 
 
 def test_fifteen_seconds_without_gps_the_position_is_given_up_and_stands_still(hovering):

@@ -21,6 +21,7 @@ from moar_companion import Mission, Planner, RiskIndices, Site, Vehicle
 from moar_companion.config import shipped_configs
 from sitl.demonstration import fly as demonstration
 from sitl.demonstration.judge import read_truth
+from sitl.interpreter import complaint
 from tests.real_time import real_time
 
 ROOT = Path(__file__).parents[2]
@@ -153,6 +154,9 @@ def test_on_a_terminal_the_service_is_watched_and_what_was_said_stays(tmp_path):
         (("--speed", "nan"), "--speed"),
         (("--speed", "fast"), "--speed"),
         (("--autopilot", "betaflight"), "betaflight"),
+        (("--landing", "exit:1"), "--landing"),
+        (("--landing", "home"), "--landing"),
+        (("--landing", "evacuation:-1"), "--landing"),
     ],
 )
 def test_bad_input_is_one_line_and_status_2(arguments, named, tmp_path, capsys):
@@ -202,7 +206,115 @@ def test_a_site_that_the_script_cannot_be_flown_on_is_refused(tmp_path, missing,
     site = tmp_path / "site.yaml"
     site.write_text("\n".join(kept))
     said = refused(capsys, "--site", str(site), "--out", str(tmp_path / "out"))
-    assert said == f"sitl/fly: {site}: must have targets and landing.exit to be flown\n"
+    assert said == f"sitl/fly: {site}: must have targets and landing points to be flown\n"
+
+
+def lines_of(name, *changes):
+    """A shipped site with some of its text replaced."""
+    text = (shipped_configs() / "sites" / name).read_text()
+    for before, after in changes:
+        assert before in text
+        text = text.replace(before, after)
+    return text
+
+
+HIGH = lines_of(
+    "horizontal_three_conductors.yaml",
+    (
+        "z_m: [0.0, 20.0], resolution_m: 0.3, min_altitude_m: 2.0",
+        "z_m: [4.0, 20.0], resolution_m: 0.3",
+    ),
+    ("start: {x_m: 27.0, z_m: 2.5}", "start: {x_m: 27.0, z_m: 5.0}"),
+)
+"""Its workspace begins 4 m above the ground."""
+
+
+def test_the_take_off_ends_at_the_start_of_the_site(tmp_path):
+    site = tmp_path / "site.yaml"
+    for text, height_m in ((HIGH, 5.0), (HIGH.replace("z_m: 5.0", "z_m: 4.0"), 4.5)):
+        site.write_text(text)
+        assert demonstration._height_m(Site.load(site)) == height_m
+    for shipped in (shipped_configs() / "sites").iterdir():
+        assert demonstration._height_m(Site.load(shipped)) == 2.5
+
+
+@real_time
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_a_site_whose_workspace_begins_high_up_is_flown(tmp_path, autopilot):
+    site = tmp_path / "site.yaml"
+    site.write_text(HIGH)
+    flown_well(tmp_path / "out", "--site", str(site), "--autopilot", autopilot)
+
+
+def flight_of(folder, *files):
+    """A flight's folder as the service leaves it when it is interrupted."""
+    inner = folder / "flight_20260101T000000Z"
+    inner.mkdir(parents=True)
+    for name in files:
+        (inner / name).write_text(name)
+    return folder
+
+
+def test_what_an_interrupted_flight_has_recorded_is_in_its_folder_and_no_deeper(tmp_path):
+    out = flight_of(tmp_path / "out", "flight.tlog", "decisions.jsonl")
+    assert demonstration._gather(out)
+    assert {path.name for path in out.iterdir()} == {"flight.tlog", "decisions.jsonl"}
+    assert demonstration._gather(out)  # once more it is still there
+    assert not demonstration._gather(flight_of(tmp_path / "none"))
+
+
+def test_latest_leads_to_the_last_flight_whatever_became_of_it(tmp_path):
+    for name in ("20260101T000000Z", "20260101T000100Z"):
+        (tmp_path / name).mkdir()
+        demonstration._link_latest(tmp_path / name)
+        assert (tmp_path / "latest").resolve() == tmp_path / name
+    (tmp_path / "latest").unlink()
+    (tmp_path / "latest").mkdir()  # something of the user's
+    demonstration._link_latest(tmp_path / name)
+    assert (tmp_path / "latest").is_dir()
+
+
+def copy_of_the_script(tmp_path):
+    """A checkout in which nothing is installed."""
+    shutil.copytree(ROOT / "sitl", tmp_path / "sitl")
+    shutil.copytree(ROOT / ".ci", tmp_path / ".ci")
+    return tmp_path
+
+
+def test_help_is_told_without_installing(tmp_path):
+    checkout = copy_of_the_script(tmp_path)
+    for word in ("--help", "-h"):
+        told = subprocess.run(
+            [checkout / "sitl" / "fly", "--headless", word],
+            capture_output=True,
+            text=True,
+            timeout=30,
+            check=False,
+        )
+        assert (told.returncode, told.stderr) == (0, "")
+        assert told.stdout.startswith("usage: sitl/fly ")
+    assert not (checkout / ".venv").exists()
+
+
+@pytest.mark.parametrize("module", ["sitl", "sitl.demonstration"])
+def test_a_python_without_the_packages_is_told_in_one_line(module):
+    told = subprocess.run(
+        [sys.executable, "-S", "-m", module],  # without site-packages
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=30,
+        check=False,
+    )
+    assert (told.returncode, told.stdout) == (1, "")
+    assert told.stderr.count("\n") == 1
+    assert ": this Python has no " in told.stderr
+    assert told.stderr.endswith(": use .venv/bin/python, which tests/run and sitl/fly make\n")
+
+
+def test_an_old_python_is_told_so(monkeypatch):
+    monkeypatch.setattr(sys, "version_info", (3, 8, 10, "final", 0))
+    assert complaint(SyntaxError()).startswith("this is Python 3.8, must be 3.10 to 3.13: ")
 
 
 def test_a_full_disk_is_refused_before_the_flight(tmp_path, monkeypatch, capsys):

@@ -31,6 +31,10 @@ def test_a_flight_that_ends_over_its_landing_leg_has_no_fault():
     assert verdict.least_clearance_m > 3.0
 
 
+def test_a_simulator_whose_ground_is_uneven_has_not_left_the_workspace_at_take_off():
+    assert judge(flight((27.0, -0.03), *GOOD), SITE, RADIUS_M, LEG).faults == ()
+
+
 @pytest.mark.parametrize(
     ("rows", "leg", "fault"),
     [

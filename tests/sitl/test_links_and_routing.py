@@ -140,3 +140,20 @@ def test_a_fading_link_loses_packets_as_gaps_in_the_sequence(flight):
 def test_an_unknown_link_is_a_key_error(flight):
     with pytest.raises(KeyError):
         flight.vehicle.receive("nobody", b"x")
+
+
+def test_a_link_with_jitter_delays_and_reorders_both_ways(flight):
+    flight.run(3.0)
+    conditions = flight.vehicle.conditions
+    conditions.link_delay_ms, conditions.link_jitter_ms = 100.0, 100.0
+    flight.run(0.5)
+    flight.companion.heard.clear()
+    flight.companion.send(mavlink.MAVLink_timesync_message(0, 7))
+    asked_s = flight.now_s
+    flight.run(1.0)
+    answered_s = next(
+        t for t, m in flight.companion.heard if m.get_type() == "TIMESYNC" and m.ts1 == 7
+    )
+    assert 0.2 <= answered_s - asked_s <= 0.45
+    stamps = [m.time_boot_ms for m in flight.companion.of("ATTITUDE")]
+    assert stamps != sorted(stamps)

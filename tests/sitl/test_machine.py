@@ -3,7 +3,7 @@
 from sitl.autopilot import FakeAutopilot, LinkOptions, Options
 from sitl.px4 import streams
 from sitl.scenario import Scenario
-from sitl.wire import datagrams, layout
+from sitl.wire import layout
 
 GUSTS = Scenario.parse({"name": "g", "changes": [{"at_s": 0, "wind_mps": 5, "gust_mps": 1}]}, "g")
 
@@ -52,15 +52,6 @@ def test_a_link_that_nobody_drains_does_not_grow_without_end():
     vehicle.step(300.0)
     ((_, data),) = vehicle.data_to_send()
     assert len(data) <= 4_000_000
-
-
-def test_data_is_cut_into_datagrams_at_packet_boundaries():
-    vehicle = FakeAutopilot()
-    vehicle.step(5.0)
-    for _, data in vehicle.data_to_send():
-        parts = datagrams(data)
-        assert b"".join(parts) == data
-        assert all(part[0] == 0xFD and len(part) <= 1200 for part in parts)
 
 
 def test_every_streamed_message_has_a_layout_of_its_own():

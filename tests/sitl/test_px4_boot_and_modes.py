@@ -216,3 +216,52 @@ def test_reposition_in_hold_flies_to_a_place_in_degrees(airborne):
     ) == [0]  # fmt: skip
     airborne.run(15.0)
     assert airborne.truth.position_ned_m[0] == pytest.approx(20.0, abs=1.5)
+
+
+def test_after_landing_from_offboard_the_mode_is_offboard_and_it_is_not_ready(flight):
+    """Taken off in HOLD, flown in OFFBOARD, landed by LAND: so it is in a recording of PX4."""
+    flight.run(6.0)
+    flight.ask(flight.gcs, 22, math.nan, 0, 0, math.nan, math.nan, math.nan, 494.4)
+    assert flight.ask(flight.gcs, 400, 1) == [0]
+    assert flight.run(20.0, until=lambda f: f.truth.mode == "AUTO.LOITER")
+    flight.hold_at(z=-4.0)
+    flight.run(1.5)
+    flight.mode(flight.gcs, (6, 0))
+    flight.stream = None
+    flight.mode(flight.gcs, (4, 6))
+    assert flight.run(40.0, until=lambda f: not f.truth.armed)
+    flight.run(1.0)
+    last = flight.heartbeat()
+    assert (last.custom_mode, last.system_status) == (OFFBOARD, 0)
+
+
+def test_current_mode_comes_ten_times_a_second_on_request(flight):
+    flight.run(5.0)
+    assert flight.ask(flight.companion, 511, 436, 100_000) == [0]
+    assert flight.ask(flight.companion, 511, 0, 200_000) == [4]
+    since = flight.now_s
+    flight.run(5.0)
+    assert 45 <= len(flight.companion.of("CURRENT_MODE", since=since)) <= 52
+    beats = [m for m in flight.companion.of("HEARTBEAT", since=since) if m.get_srcComponent() == 1]
+    assert 4 <= len(beats) <= 6
+
+
+def test_the_heartbeats_of_two_links_are_out_of_phase(flight):
+    flight.run(5.0)
+    first = [
+        next(t for t, m in peer.heard if m.get_type() == "HEARTBEAT" and m.autopilot == 12)
+        for peer in (flight.companion, flight.gcs)
+    ]
+    assert 0.2 <= (first[1] - first[0]) % 1.0 <= 0.8
+
+
+def test_lost_and_regained_links_are_told(flight):
+    flight.run(4.0)
+    flight.companion_alive = flight.ground_station_alive = False
+    flight.run(12.0)
+    flight.companion_alive = flight.ground_station_alive = True
+    flight.run(2.0)
+    told = [text.strip() for text in flight.gcs.texts()]
+    told = [text for text in told if "onnect" in text or "controller" in text]
+    assert told[:2] == ["Connection to mission computer lost", "Connection to ground station lost"]
+    assert sorted(told[2:]) == ["GCS connection regained", "Onboard controller regained"]

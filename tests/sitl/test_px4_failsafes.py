@@ -132,6 +132,16 @@ def test_three_satellites_are_no_fix_and_offboard_holds_for_five_seconds(airborn
     assert airborne.companion.last("ESTIMATOR_STATUS").flags == 0x0065
 
 
+@pytest.mark.parametrize(("action", "mode"), [(0, "ALTCTL"), (4, "AUTO.LAND"), (5, "AUTO.LAND")])
+def test_without_gps_offboard_ends_as_com_obl_rc_act_says(airborne, action, mode):
+    airborne.vehicle.set_parameter("COM_OBL_RC_ACT", action)
+    airborne.vehicle.conditions.satellites = 3
+    assert airborne.run(8.0, until=lambda f: f.truth.mode != "OFFBOARD")
+    assert airborne.truth.mode == mode
+    airborne.run(1.2)
+    assert airborne.heartbeat().system_status == 5
+
+
 def test_when_gps_recovers_offboard_resumes_by_itself_and_it_flies_back(airborne):
     airborne.vehicle.conditions.satellites = 3
     airborne.run(9.0)

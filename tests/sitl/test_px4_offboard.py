@@ -127,6 +127,15 @@ def test_com_obl_rc_act_chooses_what_happens_without_a_pilot(airborne, value, mo
     assert airborne.heartbeat().system_status == 4
 
 
+@pytest.mark.parametrize(("value", "mode"), [(1, "AUTO.LOITER"), (2, "AUTO.RTL"), (3, "AUTO.LAND")])
+def test_where_com_obl_rc_act_is_a_mode_of_the_sticks_nav_rcl_act_decides(airborne, value, mode):
+    airborne.vehicle.set_parameter("COM_OBL_RC_ACT", 0)
+    airborne.vehicle.set_parameter("NAV_RCL_ACT", value)
+    airborne.stream = None
+    airborne.run(1.5)
+    assert airborne.truth.mode == mode
+
+
 def test_with_sticks_the_loss_ends_in_position_mode(airborne):
     airborne.vehicle.move_sticks()
     airborne.stream = None

@@ -234,3 +234,14 @@ main()
         cwd=ROOT, capture_output=True, text=True, check=False, timeout=60,
     )  # fmt: skip
     assert (done.returncode, done.stdout, done.stderr) == (1, "", "")
+
+
+def test_over_udp_each_message_is_a_datagram_as_from_px4():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as companion:
+        companion.bind(("127.0.0.1", 0))
+        companion.settimeout(20)
+        with _running("--link", f"companion=udpout:127.0.0.1:{companion.getsockname()[1]}"):
+            for _ in range(500):
+                packet = companion.recv(4096)
+                assert packet[0] == 0xFD
+                assert len(packet) == 12 + packet[1]

@@ -1,0 +1,48 @@
+"""Peers whose heartbeats PX4 misses after a while, in its own words.
+
+Texts and severities are those of PX4 v1.17.0's Commander::dataLinkCheck.
+"""
+
+from sitl.parameters import Parameters
+from sitl.px4.voice import INFO, Voice
+from sitl.world import World
+
+
+class Contact:
+    """The companion, or the ground station."""
+
+    def __init__(
+        self,
+        world: World,
+        voice: Voice,
+        parameters: Parameters,
+        timeout: str,
+        *,
+        lost: tuple[int, str],
+        regained: str,
+    ) -> None:
+        """Never heard; `timeout` names a parameter in seconds, `lost` is said with its severity."""
+        self._world = world
+        self._voice = voice
+        self._parameters = parameters
+        self._timeout = timeout
+        self._words_lost = lost
+        self._words_regained = regained
+        self._heard_us: int | None = None
+        self._lost = False
+
+    def hear(self) -> None:
+        """Note a heartbeat."""
+        self._heard_us = self._world.now_us
+        if self._lost:
+            self._lost = False
+            self._voice.say(INFO, self._words_regained)
+
+    def judge(self) -> None:
+        """Say that it is lost, once."""
+        if self._heard_us is None or self._lost:
+            return
+        silent_us = self._world.now_us - self._heard_us
+        self._lost = silent_us > self._parameters.value(self._timeout) * 1e6
+        if self._lost:
+            self._voice.say(*self._words_lost)
