@@ -18,13 +18,21 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as mavlink
 
-__all__ = ["ESC_STATUS_ID", "LINK_NODE_STATUS_ID", "Message", "create", "mavlink"]
+__all__ = [
+    "CURRENT_MODE_ID",
+    "ESC_STATUS_ID",
+    "LINK_NODE_STATUS_ID",
+    "Message",
+    "create",
+    "mavlink",
+]
 
 Message = Any
 """An instance of one of pymavlink's generated message classes."""
 
 LINK_NODE_STATUS_ID = 8
 ESC_STATUS_ID = 291
+CURRENT_MODE_ID = 436
 """pymavlink has no names for these numbers."""
 
 _FORMATS = {
@@ -168,7 +176,7 @@ _DEFINITIONS = (
         ),
     ),
     _Definition(
-        message_id=436,
+        message_id=CURRENT_MODE_ID,
         name="CURRENT_MODE",
         crc_extra=193,
         fields=(

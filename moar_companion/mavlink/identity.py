@@ -9,7 +9,8 @@ from . import translate
 from .dialect import Message, mavlink
 
 _LINK_TIMEOUT_S = 3.0
-"""Three missed heartbeats: the autopilot's link is lost, and another that hears it is used."""
+"""Three periods of the heartbeat without any packet: the autopilot's link is lost, and another that
+hears it is used."""
 _CONFLICT_TIMEOUT_S = 10.0
 """An autopilot that has been silent for so long is gone; nothing is streamed to it any more."""
 _CLOCK_TOLERANCE_S = 1.0
@@ -57,7 +58,7 @@ class Identity:
     def __init__(self) -> None:
         self.autopilot: Autopilot | None = None
         self.heard_s: float | None = None
-        """When the autopilot's heartbeat was last heard on its link."""
+        """When the autopilot's last packet, of any kind, was received on its link."""
         self._others: dict[tuple[int, AutopilotKind], float] = {}
         self._booting = False
 
@@ -104,7 +105,7 @@ class Identity:
         return self.heard_s is not None and now_s - self.heard_s > _CONFLICT_TIMEOUT_S
 
     def alive(self, now_s: float) -> bool:
-        """Whether the autopilot's heartbeat is younger than three of its periods."""
+        """Whether the autopilot's last packet is younger than three periods of its heartbeat."""
         return self.heard_s is not None and now_s - self.heard_s <= _LINK_TIMEOUT_S
 
     def forget_silent(self, now_s: float) -> None:

@@ -51,7 +51,7 @@ def _key(command: Command) -> _Key:
     return sender.system_id, sender.component_id, command.command, command.parameters
 
 
-def _stops(command: Command) -> bool:
+def stops(command: Command) -> bool:
     """Whether a command ends motion: given once too often, it does no harm."""
     if isinstance(command, PauseContinue):
         return command.pause
@@ -170,7 +170,7 @@ class CommandLedger:
         sender, known = command.sender, self._remembered.get(_key(command))
         if known and known.is_awaited(now_s) and known is self._latest(_key(command)[:3]):
             return replace(known.answer, receiver=sender)
-        if _stops(command):
+        if stops(command):
             return None
         says_so = getattr(message, "confirmation", 0) > 0
         if known and known.is_repeat(sender, now_s, says_so=says_so):
@@ -184,11 +184,11 @@ class CommandLedger:
         """Whether its sender has given another command since, or anybody a stop."""
         later = takewhile(lambda other: other is not known, reversed(self._remembered.values()))
         ids = _key(known.command)[:2]
-        return any(_stops(other.command) or _key(other.command)[:2] == ids for other in later)
+        return any(stops(other.command) or _key(other.command)[:2] == ids for other in later)
 
     def _is_late(self, sender: Sender, sequence: int, now_s: float, *, says_so: bool) -> bool:
         """Whether what comes after a stop was given before it."""
-        for stop in filter(lambda given: _stops(given.command), self._remembered.values()):
+        for stop in filter(lambda given: stops(given.command), self._remembered.values()):
             after_s = now_s - stop.given_s
             if says_so and after_s <= _REPEATS_S:
                 return True

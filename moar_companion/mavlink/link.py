@@ -4,6 +4,9 @@
 connection (TCP, serial) is used once; that it is made again when it ends is the business of the
 loop outside it. UDP has no connection and nothing to make again.
 
+Every portion comes with the time of its arrival. That of a datagram is the kernel's own: how long
+it has waited to be read is no delay of the network. A stream's is when it was read.
+
 Nothing here waits for a peer: what cannot be written at once is kept up to a limit, and then the
 oldest packets go first, since an old setpoint is worse than none. What the kernel has taken is out
 of reach: 4096 bytes of a UART, which at 921600 baud are 44 ms, and at 57600 0.7 s.
@@ -13,7 +16,6 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
-import errno
 import logging
 import math
 import os
@@ -26,17 +28,14 @@ from typing import Any, Protocol
 import serial
 
 from ..errors import LinkError
+from .link_basics import SEND_BUFFER_BYTES, OnBytes, clock_s, reason
+from .udp_link import open_udp
 from .urls import LinkAddress, LinkKind
 
-_PEER_TIMEOUT_S = 10.0
-"""A UDP peer that has been silent for so long is not written to any more."""
 _RECONNECT_S = 1.0
 """Pause before a lost connection is made again."""
 _CONNECT_TIMEOUT_S = 5.0
 _READ_BYTES = 4096
-_SEND_BUFFER_BYTES = 16384
-"""Of the kernel's queue, which counts twice that and some 800 for a setpoint: a network that stands
-still finds what was said within half a second, not within a minute."""
 _UNSENT_BYTES = 512
 """How much may wait in a TCP connection beyond what its peer has room for."""
 _UNANSWERED_MS = 1000
@@ -50,8 +49,6 @@ _BITS_PER_BYTE = 10
 """On a serial line: start bit, eight, stop bit."""
 
 _logger = logging.getLogger(__name__)
-
-OnBytes = Callable[[bytes], None]
 
 
 class Link(Protocol):
@@ -72,12 +69,12 @@ async def open_link(address: LinkAddress, on_bytes: OnBytes) -> AsyncIterator[Li
     missing, a name that is not found. A TCP peer that is not there yet, and any connection lost
     later, is tried again every second.
     """
-    if address.kind is LinkKind.UDP_LISTEN:
-        async with _open_udp(address, _UdpListener(address, on_bytes)) as listener:
-            yield listener
-    elif address.kind is LinkKind.UDP_SEND:
-        async with _open_udp(address, _UdpSender(address, on_bytes)) as sender:
-            yield sender
+    if address.kind in {LinkKind.UDP_LISTEN, LinkKind.UDP_SEND}:
+        datagrams = await open_udp(address, on_bytes)
+        try:
+            yield datagrams
+        finally:
+            datagrams.close()
     else:
         connect = _connect_tcp if address.kind is LinkKind.TCP else _connect_serial
         link = _Reconnecting(address, lambda: connect(address, on_bytes))
@@ -92,109 +89,10 @@ async def open_link(address: LinkAddress, on_bytes: OnBytes) -> AsyncIterator[Li
             link.close()
 
 
-def _reason(error: BaseException) -> str:
-    if isinstance(error, socket.gaierror):
-        return "the name is not found"
-    if isinstance(error, TimeoutError | asyncio.TimeoutError):
-        return "no answer"
-    if isinstance(error.__context__, termios.error) and error.__context__.args[0] == errno.ENOTTY:
-        return "is no serial port"
-    if isinstance(error, OSError):
-        if error.errno == errno.EADDRNOTAVAIL:
-            return "is no address of this computer"
-        if error.errno in {errno.EADDRINUSE, errno.EAGAIN, errno.EBUSY}:
-            return "in use by another program"
-        if error.errno is not None:
-            return os.strerror(error.errno).lower()
-    return str(error).replace("\n", " ")
-
-
-# UDP
-
-
-class _Udp(asyncio.DatagramProtocol):
-    """What listening and sending UDP links share."""
-
-    def __init__(self, address: LinkAddress, on_bytes: OnBytes) -> None:
-        self._address = address
-        self._on_bytes = on_bytes
-        self._transport: Any = None
-        self._failing = False
-
-    def connection_made(self, transport: Any) -> None:
-        self._transport = transport
-        _keep_short(transport)
-
-    def datagram_received(self, data: bytes, addr: Any) -> None:
-        self._hear(addr)
-        self._failing = False
-        self._on_bytes(data)
-
-    def error_received(self, exc: Exception) -> None:
-        """A datagram that nobody took: the peer is not there, now."""
-        level = logging.DEBUG if self._failing else logging.WARNING
-        self._failing = True
-        _logger.log(level, "%s: %s", self._address, _reason(exc))
-
-    def _hear(self, peer: Any) -> None:
-        """A datagram came from a peer; of interest only to who does not know it yet."""
-
-    def _write(self, data: bytes, peer: Any = None) -> None:
-        transport = self._transport
-        if _has_room(transport):
-            transport.sendto(data, peer)
-
-
-class _UdpListener(_Udp):
-    """Waits for peers and answers all of them that were heard within 10 s."""
-
-    def __init__(self, address: LinkAddress, on_bytes: OnBytes) -> None:
-        super().__init__(address, on_bytes)
-        self._peers: dict[Any, float] = {}
-
-    def _hear(self, peer: Any) -> None:
-        self._peers[peer] = _now_s()
-
-    def send(self, data: bytes, _within_s: float = math.inf, /) -> None:
-        oldest_s = _now_s() - _PEER_TIMEOUT_S
-        for peer, heard_s in list(self._peers.items()):
-            if heard_s < oldest_s:
-                del self._peers[peer]
-            else:
-                self._write(data, peer)
-
-
-class _UdpSender(_Udp):
-    """Sends to one peer."""
-
-    def send(self, data: bytes, _within_s: float = math.inf, /) -> None:
-        self._write(data)
-
-
-@contextlib.asynccontextmanager
-async def _open_udp(
-    address: LinkAddress, protocol: _UdpListener | _UdpSender
-) -> AsyncIterator[_UdpListener | _UdpSender]:
-    place = (address.host, address.port)
-    listening = address.kind is LinkKind.UDP_LISTEN
-    try:
-        transport, _ = await asyncio.get_running_loop().create_datagram_endpoint(
-            lambda: protocol,
-            local_addr=place if listening else None,
-            remote_addr=None if listening else place,
-        )
-    except OSError as error:
-        raise LinkError(f"{address}: {_reason(error)}") from error
-    try:
-        yield protocol
-    finally:
-        transport.close()
-
-
 def _keep_short(transport: Any) -> Any:
     """Give a transport's socket a queue in which nothing grows old; the socket."""
     own = transport.get_extra_info("socket")
-    own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
+    own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
     return own
 
 
@@ -239,11 +137,11 @@ class _Reconnecting:
         try:
             self._connection = await self._connect()
         except socket.gaierror as error:
-            raise LinkError(f"{self._address}: {_reason(error)}") from error
+            raise LinkError(f"{self._address}: {reason(error)}") from error
         except (OSError, ValueError, asyncio.TimeoutError) as error:
             if self._address.kind is LinkKind.SERIAL:
-                raise LinkError(f"{self._address}: {_reason(error)}") from error
-            self._complain(_reason(error))
+                raise LinkError(f"{self._address}: {reason(error)}") from error
+            self._complain(reason(error))
 
     async def keep_open_loop(self) -> None:
         """Waits for the connection's end, makes it again, for ever."""
@@ -256,7 +154,7 @@ class _Reconnecting:
             try:
                 self._connection = await self._connect()
             except (OSError, asyncio.TimeoutError) as error:
-                self._complain(_reason(error))
+                self._complain(reason(error))
             else:
                 self._failing = False
                 _logger.info("%s: connected again", self._address)
@@ -292,11 +190,11 @@ class _TcpConnection(asyncio.Protocol):
         own.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNANSWERED_MS)
 
     def data_received(self, data: bytes) -> None:
-        self._on_bytes(data)
+        self._on_bytes(data, clock_s())
 
     def connection_lost(self, exc: Exception | None) -> None:
         if not self.lost.done():
-            self.lost.set_result("closed by the peer" if exc is None else _reason(exc))
+            self.lost.set_result("closed by the peer" if exc is None else reason(exc))
 
     def send(self, data: bytes, _within_s: float, /) -> None:
         # What is in a stream's buffer cannot be taken back, so a full one refuses the newest.
@@ -367,10 +265,10 @@ class _SerialConnection:
         except BlockingIOError:
             return
         except OSError as error:
-            self._end(_reason(error))
+            self._end(reason(error))
             return
         if data:
-            self._on_bytes(data)
+            self._on_bytes(data, clock_s())
         else:
             self._end("the device is gone")
 
@@ -382,7 +280,7 @@ class _SerialConnection:
         except BlockingIOError:
             self._loop.add_writer(self._descriptor, self._writable)
         except OSError as error:
-            self._end(_reason(error))
+            self._end(reason(error))
         else:
             self._loop.remove_writer(self._descriptor)
 

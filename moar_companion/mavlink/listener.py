@@ -11,7 +11,7 @@ from ..config import LinkRole
 from ..types import LinkStatistics, Telemetry
 from . import translate
 from .codec import SourceStatistics
-from .dialect import Message, mavlink
+from .dialect import CURRENT_MODE_ID, Message, mavlink
 from .identity import (
     Autopilot,
     AutopilotConflict,
@@ -20,6 +20,7 @@ from .identity import (
     BootClock,
     Identity,
 )
+from .packet_order import PacketOrder
 from .translate_status import RADIO_IDS
 
 MESSAGE_IDS = translate.MESSAGE_IDS | {
@@ -49,6 +50,7 @@ class Listener:
         self.identity = Identity()
         self.telemetry = Telemetry()
         self._boot_clock = BootClock()
+        self._order = PacketOrder(same={CURRENT_MODE_ID: _HEARTBEAT})
         self._packet_s = 0.0
 
     @property
@@ -79,7 +81,7 @@ class Listener:
                     self._boot_clock.reset()
                     self._forget()
         if self.is_autopilots(message, link):
-            self._packet_s = now_s
+            self._packet_s = self.identity.heard_s = now_s
             boot_s = translate.boot_time_s(message)
             autopilot = self.identity.autopilot
             if boot_s is not None and self._boot_clock.hear(boot_s) and autopilot is not None:
@@ -89,7 +91,8 @@ class Listener:
             if isinstance(event, AutopilotRestarted):
                 self._forget()
             before = self.telemetry.autopilot
-            self.telemetry = translate.update(self.telemetry, message, now_s)
+            if not self._order.is_late(message, now_s):
+                self.telemetry = translate.update(self.telemetry, message, now_s)
             after = self.telemetry.autopilot
             if event is None and before and before.ours and after and not after.ours:
                 event = ModeLeft(mode=after.mode)
@@ -98,7 +101,12 @@ class Listener:
             self.telemetry = translate.update(self.telemetry, message, now_s)
         return event
 
-    def count_packets(self, counted: SourceStatistics, round_trip_s: float | None = None) -> None:
+    def count_packets(
+        self,
+        counted: SourceStatistics,
+        round_trip_s: float | None = None,
+        shortest_round_trip_s: float = 0.0,
+    ) -> None:
         """Takes how many of the autopilot's packets came and were lost on its link, how late."""
         statistics = LinkStatistics(
             received_s=self._packet_s,
@@ -106,12 +114,14 @@ class Listener:
             packets_lost=counted.lost,
             answers=counted.answers,
             round_trip_s=round_trip_s,
+            shortest_round_trip_s=shortest_round_trip_s,
         )
         self.telemetry = replace(self.telemetry, link=statistics)
 
     def _forget(self) -> None:
         """Nothing the autopilot, or another before it, said holds any more; modes come at 1 Hz."""
         before = self.telemetry
+        self._order.restart()
         self.telemetry = Telemetry(
             autopilot=before.autopilot,
             radio=before.radio,

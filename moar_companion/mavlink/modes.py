@@ -181,9 +181,10 @@ def is_homeward(kind: AutopilotKind, custom_mode: int, vehicle_type: int = _QUAD
 
 
 def is_failsafe(system_status: int) -> bool:
-    """Whether MAV_STATE says that the autopilot, not a pilot, chose the mode: CRITICAL or worse.
+    """Whether MAV_STATE says that a failsafe is on: CRITICAL or worse.
 
-    Measured: PX4's POSCTL with status 5 is offboard loss, with status 4 the pilot.
+    Measured: PX4's POSCTL with status 5 is offboard loss, with status 4 the pilot. ArduPilot tells
+    status 5 also of a failsafe whose action is none, and in whatever mode.
     """
     return system_status >= int(mavlink.MAV_STATE_CRITICAL)
 

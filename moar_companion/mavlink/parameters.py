@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 import struct
 from collections.abc import Iterable, Mapping
+from operator import itemgetter
 from types import MappingProxyType
 
 from ..types import AutopilotKind
@@ -23,6 +24,8 @@ _MAX_REQUESTS = 6
 """A link that loses every fifth packet each way makes one parameter in 450 look missing."""
 _MAX_UNDER_WAY = 4
 """Few enough for the narrow buffers of a telemetry radio."""
+_AGAIN_AFTER_S = 3.0
+"""PX4 tells a value that is set to who has set it, and nobody else."""
 _INTEGERS = frozenset(range(mavlink.MAV_PARAM_TYPE_UINT8, mavlink.MAV_PARAM_TYPE_INT32 + 1))
 """MAV_PARAM_TYPEs of up to four bytes: no other integer travels in a PARAM_VALUE."""
 _PAYLOAD_STARTS = {0xFD: 10, 0xFE: 6}
@@ -36,15 +39,23 @@ class ParameterRequests:
         self._values: dict[str, float | None] = {}
         self._asked: dict[str, tuple[int, float]] = {}
         """By name of what is not known yet: how often it was asked for, and when last."""
+        self._rank: dict[str, int] = {}
+        """By name: the number of the call of `want` that named it first. Lower ranks go first."""
+        self._changing: dict[str, float] = {}
+        """By name of what is asked for again and again: when last."""
 
     @property
     def values(self) -> Mapping[str, float | None]:
         """By name; None: was asked for often enough, and never told. Absent: not known yet."""
         return MappingProxyType(self._values)
 
-    def want(self, names: Iterable[str]) -> None:
-        """From now on these are wanted, too."""
+    def want(self, names: Iterable[str], *, changing: bool = False) -> None:
+        """From now on these are wanted, after all before; what is changing, again and again."""
+        rank = 1 + max(self._rank.values(), default=0)
         for name in names:
+            self._rank.setdefault(name, rank)
+            if changing:
+                self._changing.setdefault(name, -math.inf)
             if name not in self._values:
                 self._asked.setdefault(name, (0, -math.inf))
 
@@ -70,13 +81,28 @@ class ParameterRequests:
                 del self._asked[name]
                 self._values[name] = None
             else:
-                due.append((count, name))
+                due.append((self._rank[name], count, name))
         under_way = sum(now_s - asked_s < _ANSWER_TIMEOUT_S for _, asked_s in self._asked.values())
-        if not due or under_way >= _MAX_UNDER_WAY:
+        if under_way >= _MAX_UNDER_WAY:
             return None
-        # Those asked least often first, so that a missing one holds up nothing else.
-        count, name = min(due, key=lambda item: item[0])
+        if not due:
+            return self._next_again(now_s)
+        # Of a rank those asked least often first, so that a missing one holds up nothing else.
+        _, count, name = min(due, key=itemgetter(0, 1))
         self._asked[name] = (count + 1, now_s)
+        return name
+
+    def _next_again(self, now_s: float) -> str | None:
+        """What is known, and long ago was asked for."""
+        known = [name for name in self._changing if name in self._values]
+        if not known:
+            return None
+        name = min(known, key=lambda name: self._changing[name])
+        if self._changing[name] == -math.inf:
+            self._changing.update(dict.fromkeys(known, now_s))  # it has just been told
+        if now_s - self._changing[name] < _AGAIN_AFTER_S:
+            return None
+        self._changing[name] = now_s
         return name
 
 

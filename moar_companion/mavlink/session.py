@@ -13,11 +13,12 @@ from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 
 from ..config import LinkRole
-from ..types import AutopilotKind, Telemetry, Vector
-from . import listener, modes, services, translate_outgoing
+from ..types import AutopilotKind, FenceItem, Telemetry, Vector
+from . import fence_download, listener, modes, services, translate_outgoing
 from .codec import Codec
 from .commands import Answer, Command, CommandCancelled, CommandResult
 from .dialect import Message, mavlink
+from .fence_download import FenceDownload
 from .identity import (
     Autopilot,
     AutopilotConflict,
@@ -81,6 +82,7 @@ class Session:
             int(mavlink.MAVLINK_MSG_ID_COMMAND_ACK): self._receive_acknowledgement,
             int(mavlink.MAVLINK_MSG_ID_PARAM_VALUE): self._receive_parameter,
             **dict.fromkeys(services.MESSAGE_IDS, self._receive_request),
+            **dict.fromkeys(fence_download.MESSAGE_IDS, self._receive_fence),
         }
         wanted = listener.MESSAGE_IDS | self._handlers.keys()
         self._codecs = {
@@ -93,6 +95,7 @@ class Session:
         self._rates = RateRequests()
         self._places = PlaceRequests()
         self._parameters = ParameterRequests()
+        self._fence: FenceDownload | None = None
         self._modes = ModeRequests()
         self._round_trips = RoundTrips()
         self._outbox = Outbox(links)
@@ -128,6 +131,19 @@ class Session:
     def parameters(self) -> Mapping[str, float | None]:
         """What `want_parameters` asked for, by name; None: the autopilot never told it."""
         return self._parameters.values
+
+    @property
+    def fence_items(self) -> tuple[FenceItem, ...] | None:
+        """The fence that was uploaded to the autopilot, once `want_fence` was called.
+
+        None while it is not known; empty where there is none.
+        """
+        return None if self._fence is None else self._fence.items
+
+    @property
+    def fence_silent(self) -> bool:
+        """Whether the autopilot does not answer when it is asked for its uploaded fence."""
+        return self._fence is not None and self._fence.silent
 
     def events_received(self) -> list[Event]:
         """What has happened since the last call, in order."""
@@ -200,6 +216,8 @@ class Session:
         self._places = PlaceRequests()
         self._round_trips = RoundTrips()
         self._parameters.restart()
+        if self._fence is not None:
+            self._fence.restart()
         self._outbox.hurry_heartbeat(now_s)
 
     def _receive_command(self, link: str, message: Message, now_s: float) -> None:
@@ -231,6 +249,17 @@ class Session:
         if autopilot is not None and self._listener.is_autopilots(message, link):
             self._parameters.hear(message, autopilot.kind)
 
+    def _receive_fence(self, link: str, message: Message, now_s: float) -> None:
+        target = (message.target_system, message.target_component)
+        ours = target == (self._system_id, self._component_id)
+        autopilot, fence = self.autopilot, self._fence
+        if autopilot is None or fence is None or not ours:
+            return
+        if self._listener.is_autopilots(message, link):
+            end = fence.hear(message, _address(autopilot), now_s)
+            if end is not None:
+                self._outbox.send(link, end)
+
     def _receive_request(self, link: str, message: Message, now_s: float) -> None:
         autopilot = self.autopilot
         answer = services.answer(
@@ -255,7 +284,8 @@ class Session:
         if autopilot is None:
             return
         statistics = self._codecs[autopilot.link].statistics(*_address(autopilot))
-        self._listener.count_packets(statistics, self._round_trips.least_s(now_s))
+        trips = self._round_trips
+        self._listener.count_packets(statistics, trips.least_s(now_s), trips.shortest_s)
         if not self._listener.identity.alive(now_s):
             return
         question = self._round_trips.next_request(_address(autopilot), now_s)
@@ -277,10 +307,21 @@ class Session:
                 target=_address(autopilot), name=parameter
             )
             self._outbox.send(autopilot.link, request)
+        if self._fence is not None:
+            asked = self._fence.next_request(_address(autopilot), now_s)
+            if asked is not None:
+                self._outbox.send(autopilot.link, asked)
 
-    def want_parameters(self, names: Iterable[str]) -> None:
-        """Has these parameters asked for, and again after the autopilot's restart."""
-        self._parameters.want(names)
+    def want_parameters(self, names: Iterable[str], *, changing: bool = False) -> None:
+        """Has these parameters asked for, and again after the autopilot's restart.
+
+        changing: again and again, for what somebody may set in flight.
+        """
+        self._parameters.want(names, changing=changing)
+
+    def want_fence(self) -> None:
+        """Has the uploaded fence read, again and again."""
+        self._fence = self._fence or FenceDownload()
 
     def request_version(self) -> None:
         """Asks once for AUTOPILOT_VERSION, where an autopilot is known."""

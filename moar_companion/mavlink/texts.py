@@ -1,4 +1,4 @@
-"""STATUSTEXT: what people are told, in chunks and not over and over; what others tell. No I/O."""
+"""STATUSTEXT: what people are told, short and not over and over; what others tell. No I/O."""
 
 from __future__ import annotations
 
@@ -11,6 +11,12 @@ from .dialect import Message, create
 CHUNK_BYTES = 50
 _MAX_BYTES = 1000
 """Nobody reads more of one message on a ground station."""
+_OURS = "MOAR: "
+_NAME_CHARS = 16
+_CUT = ".."
+_DETAIL = re.compile(r"\s*\([^()]*\)")
+_MACHINE_WORD = re.compile(r"(?<=[a-z])_(?=[a-z])")
+"""In `at_target`; parameters, as GF_MAX_HOR_DIST, keep their names."""
 _REPEAT_S = 10.0
 _NEWS_REPEAT_S = 1.0
 _VALUE = re.compile(r"-?\d+\.\d+|\d+(?= ?(?:s|m|%|m/s)(?!\w))")
@@ -30,6 +36,33 @@ class Severity(enum.IntEnum):
     WARNING = 4
     NOTICE = 5
     INFO = 6
+
+
+def pilot_text(reason: str, action: str = "") -> str:
+    """A text for pilots that fits into one chunk: `MOAR: wind 12.3 m/s > 10, holding`.
+
+    reason: what is wrong, value and limit; details in parentheses are for the record. action: what
+    the companion does.
+    """
+    tail = f", {action}" if action else ""
+    return f"{_OURS}{_shortened(reason, CHUNK_BYTES - len(_OURS) - len(tail))}{tail}"
+
+
+def short_name(name: str) -> str:
+    """The name of a target or an obstacle, cut so that there is room for what is said of it."""
+    return name if len(name) <= _NAME_CHARS else name[: _NAME_CHARS - len(_CUT)].rstrip() + _CUT
+
+
+def _shortened(reason: str, room: int) -> str:
+    """Without details; where that is too long, long names are cut, then clauses, then words."""
+    words = _MACHINE_WORD.sub(" ", _DETAIL.sub("", reason)).split()
+    if len(" ".join(words)) > room:
+        words = [short_name(word) for word in words]
+    text = " ".join(words)
+    for separator in (", ", " "):
+        while len(text) > room and separator in text:
+            text = text.rpartition(separator)[0].rstrip(",;:")
+    return text[:room]
 
 
 class StatusTexts:

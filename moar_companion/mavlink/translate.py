@@ -12,8 +12,8 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from ..types import AutopilotKind, AutopilotStatus, Heard, Telemetry
-from . import modes, translate_motion, translate_motors, translate_status
-from .dialect import Message, mavlink
+from . import failsafe_texts, modes, translate_motion, translate_motors, translate_status
+from .dialect import CURRENT_MODE_ID, Message, mavlink
 
 _KINDS = {
     int(mavlink.MAV_AUTOPILOT_PX4): AutopilotKind.PX4,
@@ -91,8 +91,11 @@ def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetr
     if kind is None:
         return telemetry
     mode = (kind, message.custom_mode, message.type)
+    before, failsafe = telemetry.autopilot, modes.is_failsafe(message.system_status)
+    cleared = before is not None and before.failsafe and not failsafe
     return replace(
         telemetry,
+        failsafes_told=frozenset() if cleared else telemetry.failsafes_told,
         autopilot=AutopilotStatus(
             received_s=now_s,
             system_id=message.get_srcSystem(),
@@ -104,14 +107,40 @@ def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetr
             ours=modes.is_ours(*mode),
             homeward=modes.is_homeward(*mode),
             multirotor=modes.is_multirotor(message.type),
-            failsafe=modes.is_failsafe(message.system_status),
+            failsafe=failsafe,
+            vehicle_type=message.type,
             motors=modes.motor_count(message.type),
         ),
     )
 
 
+def _current_mode(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
+    """The mode of CURRENT_MODE; whether it is armed, and what it is, only HEARTBEAT tells.
+
+    Measured on PX4 v1.17: while a failsafe flies, the intended mode is the one that was asked for.
+    """
+    before = telemetry.autopilot
+    if before is None:
+        return telemetry
+    mode = (before.kind, message.custom_mode, before.vehicle_type)
+    asked_for = message.intended_custom_mode in {0, message.custom_mode}
+    failsafe = before.failsafe if message.custom_mode == before.custom_mode else False
+    after = replace(
+        before,
+        received_s=now_s,
+        custom_mode=message.custom_mode,
+        mode=modes.mode_name(*mode),
+        ours=modes.is_ours(*mode),
+        homeward=modes.is_homeward(*mode),
+        failsafe=failsafe or not asked_for,
+    )
+    return replace(telemetry, autopilot=after)
+
+
 _TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT: _heartbeat,
+    CURRENT_MODE_ID: _current_mode,
+    mavlink.MAVLINK_MSG_ID_STATUSTEXT: failsafe_texts.read,
     **translate_motion.TRANSLATORS,
     **translate_motors.TRANSLATORS,
     **translate_status.TRANSLATORS,

@@ -8,6 +8,7 @@ import os
 import pty
 import socket
 import sys
+import time
 import tty
 
 import pytest
@@ -15,7 +16,9 @@ import serial as serial_module
 
 from moar_companion.errors import LinkError
 from moar_companion.mavlink import link as link_module
+from moar_companion.mavlink import udp_link
 from moar_companion.mavlink.link import open_link
+from moar_companion.mavlink.link_basics import clock_s
 from moar_companion.mavlink.urls import LinkAddress, LinkKind
 
 pytestmark = pytest.mark.asyncio
@@ -31,7 +34,8 @@ class Received:
         self.data = b""
         self._arrived = asyncio.Event()
 
-    def __call__(self, data):
+    def __call__(self, data, arrived_s=None):
+        self.arrived_s = arrived_s
         self.data += data
         self._arrived.set()
 
@@ -74,7 +78,7 @@ async def test_two_udp_links_talk_to_each_other():
 
 async def test_a_listener_answers_all_peers_and_forgets_those_long_silent(monkeypatch):
     now_s = 1000.0
-    monkeypatch.setattr(link_module, "_now_s", lambda: now_s)
+    monkeypatch.setattr(udp_link, "clock_s", lambda: now_s)
     port = free_port(socket.SOCK_DGRAM)
     here, first, second = Received(), Received(), Received()
     async with (
@@ -96,6 +100,83 @@ async def test_a_listener_answers_all_peers_and_forgets_those_long_silent(monkey
         listener.send(b"late")
         await second.until(b"late")
     assert first.data == b"both"
+
+
+class Arrivals:
+    """What arrived when."""
+
+    def __init__(self):
+        self.items = []
+
+    def __call__(self, data, arrived_s):
+        self.items.append((data, arrived_s))
+
+
+async def test_three_seconds_of_px4_wait_without_loss_and_are_read_at_one_wake_up():
+    port = free_port(socket.SOCK_DGRAM)
+    here = Arrivals()
+    sent = [b"%40d" % number for number in range(1236)]
+    async with open_link(udp_listen(port), here):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
+            for data in sent:  # the loop is held meanwhile
+                autopilot.sendto(data, ("127.0.0.1", port))
+        turns = 0
+        while len(here.items) < len(sent):
+            await asyncio.sleep(0)
+            turns += 1
+            assert turns < 10
+    assert [data for data, _ in here.items] == sent
+
+
+async def test_a_datagram_has_the_time_of_its_arrival_not_of_its_reading():
+    port = free_port(socket.SOCK_DGRAM)
+    here = Arrivals()
+    async with open_link(udp_listen(port), here):
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
+            await asyncio.sleep(0.1)  # the kernel begins to stamp a moment after it is asked to
+            before_s = clock_s()
+            autopilot.sendto(b"early", ("127.0.0.1", port))
+            after_s = clock_s()
+            time.sleep(0.1)  # noqa: ASYNC251 - the loop is held
+            autopilot.sendto(b"late", ("127.0.0.1", port))
+        while len(here.items) < 2:  # noqa: ASYNC110
+            await asyncio.sleep(0)
+    (_, early_s), (_, late_s) = here.items
+    assert before_s - 0.005 <= early_s <= after_s + 0.005
+    assert late_s - early_s >= 0.1
+    assert late_s <= clock_s()
+
+
+@pytest.mark.parametrize("step_s", [-3600.0, 3600.0])
+async def test_a_wall_clock_that_is_set_dates_nothing_before_the_last_reading(step_s, monkeypatch):
+    port = free_port(socket.SOCK_DGRAM)
+    here = Arrivals()
+    async with open_link(udp_listen(port), here):
+        opened_s, wall = clock_s(), time.time
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
+            autopilot.sendto(b"hello", ("127.0.0.1", port))
+            monkeypatch.setattr(udp_link.time, "time", lambda: wall() + step_s)
+            while not here.items:  # noqa: ASYNC110
+                await asyncio.sleep(0)
+    assert opened_s - 0.02 <= here.items[0][1] <= clock_s()
+
+
+async def test_datagrams_that_found_no_room_are_told(monkeypatch, caplog):
+    monkeypatch.setattr(udp_link, "_RECEIVE_BYTES", 4096)
+    port = free_port(socket.SOCK_DGRAM)
+    here = Arrivals()
+    async with open_link(udp_listen(port), here):
+        assert "net.core.rmem_max" in caplog.text
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
+            for _ in range(100):
+                autopilot.sendto(b"position", ("127.0.0.1", port))
+            while not here.items:  # noqa: ASYNC110
+                await asyncio.sleep(0)
+            autopilot.sendto(b"position", ("127.0.0.1", port))
+            read = len(here.items)
+            while len(here.items) == read:  # noqa: ASYNC110
+                await asyncio.sleep(0)
+    assert f"{101 - len(here.items)} datagrams lost, read too late" in caplog.text
 
 
 async def test_a_port_in_use_is_told_in_one_line():
@@ -122,7 +203,7 @@ async def test_a_name_that_is_not_found_is_told_in_one_line(address, monkeypatch
 
 
 async def test_a_udp_peer_that_is_not_there_is_a_warning_once(caplog):
-    caplog.set_level(logging.DEBUG, logger=link_module.__name__)
+    caplog.set_level(logging.DEBUG, logger=udp_link.__name__)
     port = free_port(socket.SOCK_DGRAM)
     async with open_link(udp_send(port), Received()) as sender:
         while len(caplog.records) < 2:

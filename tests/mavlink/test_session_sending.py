@@ -73,7 +73,7 @@ def test_px4_is_asked_only_for_what_it_does_not_send(story, autopilot):
             story.hear(autopilot.acknowledge(SET_MESSAGE_INTERVAL, 0))
     wanted = {int(m.param1): m.param2 for m in asked}
     assert mavlink.MAVLINK_MSG_ID_ATTITUDE not in wanted
-    assert wanted[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED] == 33333
+    assert wanted[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED] == 25000
     assert len(asked) == len(wanted)
     assert {(m.target_system, m.target_component) for m in asked} == {(1, 1)}
 

@@ -1,0 +1,200 @@
+"""What an autopilot does by itself, and where that leads: triggers, actions, their straight paths.
+
+Inputs: actions as `px4` and `ardupilot` read them from parameters; places in the plane; the reach
+to obstacles. Outputs: the obstacle that an action would hit from each place.
+"""
+
+from __future__ import annotations
+
+import enum
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from typing import Protocol
+
+import numpy as np
+
+from ..planner.grid import BoolArray, FloatArray, IntArray
+from ..planner.reach import Reach
+from ..types import Vector
+
+_LEAST_M = 1e-9
+"""A path that is shorter leads nowhere."""
+
+
+class Trigger(enum.Enum):
+    """The event on which an autopilot acts by itself; the value is for people."""
+
+    LOW_BATTERY = "low battery"
+    CRITICAL_BATTERY = "critical battery"
+    EMERGENCY_BATTERY = "emergency battery"
+    RC_LOSS = "RC loss"
+    GCS_LOSS = "GCS loss"
+    GPS_LOSS = "GPS loss"
+    COMPANION_LOSS = "companion loss"
+
+
+BATTERY = frozenset({Trigger.LOW_BATTERY, Trigger.CRITICAL_BATTERY, Trigger.EMERGENCY_BATTERY})
+LINKS = frozenset({Trigger.RC_LOSS, Trigger.GCS_LOSS})
+
+
+class Action(enum.Enum):
+    """What the autopilot does; the value completes "it would"."""
+
+    NONE = "go on"
+    HOLD = "hold"
+    LAND = "land"
+    RETURN = "return"
+    RETRACE = "return the way it came"
+    DESCEND = "descend without a position"
+    FALL = "stop its motors"
+
+
+_DOWN = frozenset({Action.LAND, Action.DESCEND, Action.FALL})
+
+
+class ReturnHeight(Protocol):
+    """The height above home at which an autopilot returns."""
+
+    def height_m(self, height_m: float, distance_m: float) -> float:
+        """From a height above home and a level distance to it."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FailsafeAction:
+    """One trigger and what follows.
+
+    setting: the parameter that decides, with its value, as people write it. remedy: what to set;
+    empty where no parameter mends it. charge, voltage_v: thresholds of a battery, None where there
+    is none. home: heights of a return; None: it leads elsewhere.
+    """
+
+    trigger: Trigger
+    action: Action
+    setting: str
+    remedy: str = ""
+    charge: float | None = None
+    voltage_v: float | None = None
+    home: ReturnHeight | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Failsafes:
+    """Everything that an autopilot does by itself, where it is enabled.
+
+    home_m: its home in the site's frame; None where unknown. untold: parameters taken at their
+    defaults because the autopilot never told them.
+    """
+
+    actions: tuple[FailsafeAction, ...] = ()
+    home_m: Vector | None = None
+    untold: tuple[str, ...] = ()
+
+    def of(self, triggers: Iterable[Trigger]) -> Failsafes:
+        """Those of some triggers."""
+        wanted = frozenset(triggers)
+        kept = tuple(item for item in self.actions if item.trigger in wanted)
+        return replace(self, actions=kept)
+
+    def hit(self, reach: Reach, places_m: FloatArray) -> tuple[FailsafeAction, Hit] | None:
+        """The first action that would hit something from some places (n, 2), and where."""
+        for item in self.actions:
+            found = first_hit(reach, paths(item.action, item.home, reach, places_m, self.home_m))
+            if found is not None:
+                return item, found
+        return None
+
+    def exposed(self, reach: Reach, places_m: FloatArray) -> BoolArray:
+        """Places (n, 2) from which an action would hit something: (n,)."""
+        exposed = np.zeros(len(places_m), dtype=np.bool_)
+        looked_at: set[tuple[Action, ReturnHeight | None]] = set()
+        for item in self.actions:
+            down = item.action in _DOWN
+            way = (Action.LAND, None) if down else (item.action, item.home)
+            if way in looked_at:
+                continue
+            looked_at.add(way)
+            for starts_m, ends_m in paths(*way, reach, places_m, self.home_m):
+                free_m, length_m, *_, there = _looked_along(reach, starts_m, ends_m)
+                exposed[there] |= free_m < length_m
+        return exposed
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Hit:
+    """An obstacle in the way. index: of the first place from where it is."""
+
+    obstacle: str
+    index: int
+
+
+Path = tuple[FloatArray, FloatArray]
+"""Straight paths from places (n, 2) to places (n, 2)."""
+
+
+def paths(
+    action: Action,
+    home: ReturnHeight | None,
+    reach: Reach,
+    places_m: FloatArray,
+    home_m: Vector | None,
+) -> list[Path]:
+    """The straight paths of an action, one behind the other; none where it stays, or retraces.
+
+    home_m: (x, y, z) in the site's frame. A return is looked at as far as it is in the plane, and
+    without a home as far as it climbs.
+    """
+    x_m, z_m = places_m.T
+    if action in _DOWN:
+        return [(places_m, np.stack([x_m, np.full_like(z_m, reach.grid.lower_m[1])], axis=1))]
+    if action is not Action.RETURN:
+        return []
+    if home_m is None or home is None:
+        return [(places_m, np.stack([x_m, np.full_like(z_m, reach.grid.upper_m[1])], axis=1))]
+    home_x_m, home_y_m, home_z_m = home_m
+    heights = [
+        home.height_m(z - home_z_m, math.hypot(x - home_x_m, home_y_m))
+        for x, z in places_m.tolist()
+    ]
+    top_m = home_z_m + np.array(heights)
+    above = np.stack([x_m, top_m], 1)
+    above_home = np.stack([np.full_like(x_m, home_x_m), top_m], 1)
+    down = np.tile([home_x_m, home_z_m], (len(x_m), 1))
+    return [(places_m, above), (above, above_home), (above_home, down)]
+
+
+def first_hit(reach: Reach, ways: list[Path]) -> Hit | None:
+    """The first obstacle that is in the way, and of which place; None when there is none."""
+    for starts_m, ends_m in ways:
+        free_m, length_m, starts, direction, there = _looked_along(reach, starts_m, ends_m)
+        hits = np.flatnonzero(free_m < length_m)
+        if len(hits):
+            first = int(hits[0])
+            beyond_m = free_m[first] + 0.5 * reach.grid.resolution_m
+            x_m, z_m = starts[first] + beyond_m * direction[first]
+            return Hit(obstacle=reach.nearest((float(x_m), float(z_m))), index=int(there[first]))
+    return None
+
+
+def _looked_along(
+    reach: Reach, starts_m: FloatArray, ends_m: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
+    """Of straight paths what is free, and what there is of them on the grid (both in metres).
+
+    With where they begin there, their directions, and which of the paths they are. A home may be
+    an ocean away, by mistake, and a path is looked at cell by cell.
+    """
+    along = ends_m - starts_m
+    borders = np.array([reach.grid.lower_m, reach.grid.upper_m])[:, None]
+    parts = (borders - starts_m) / np.where(np.abs(along) > _LEAST_M, along, _LEAST_M)
+    entered = np.clip(parts.min(axis=0).max(axis=1), 0.0, 1.0)
+    left = np.clip(parts.max(axis=0).min(axis=1), 0.0, 1.0)
+    there = np.flatnonzero(entered < left)
+    starts = starts_m[there] + entered[there, None] * along[there]
+    along = (left - entered)[there, None] * along[there]
+    length_m = np.hypot(along[:, 0], along[:, 1])
+    direction = along / np.where(length_m > 0.0, length_m, 1.0)[:, None]
+    free_m = length_m
+    if len(there):
+        free_m = reach.free_m(starts, direction, float(length_m.max()))
+    return free_m, length_m, starts, direction, there

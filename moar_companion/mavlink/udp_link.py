@@ -1,0 +1,197 @@
+"""UDP links: read empty at each wake-up, each datagram with the kernel's time of its arrival."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import logging
+import math
+import socket
+import struct
+import sys
+import time
+from typing import Any
+
+from ..errors import LinkError
+from .link_basics import SEND_BUFFER_BYTES, OnBytes, clock_s, reason
+from .urls import LinkAddress, LinkKind
+
+_PEER_TIMEOUT_S = 10.0
+"""A UDP peer that has been silent for so long is not written to any more."""
+_DATAGRAM_BYTES = 65536
+_MOST_DATAGRAMS = 512
+"""Read in one go; the next go comes after others in the loop had their turn."""
+_TELL_AGAIN_S = 10.0
+_RECEIVE_BYTES = 4 * 2**20
+_LEAST_RECEIVE_BYTES = 2**20
+"""Room for what arrives while the process waits. The kernel counts 832 bytes for a datagram of one
+small message, of which PX4 sends 412 a second: 1 MB is three seconds, its usual 208 kB 0.6 s."""
+_SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_RXQ_OVFL = 33, 35, 40
+"""Linux's (asm-generic/socket.h); the socket module lacks them."""
+_TIMESPEC = struct.Struct("@ll")
+_ANCILLARY_BYTES = 128
+
+_logger = logging.getLogger(__name__)
+
+
+def _wall_offset_s() -> float:
+    """Our clock minus the wall clock; of two looks the one that was interrupted less."""
+    return max(clock_s() - time.time(), clock_s() - time.time())
+
+
+class _Udp:
+    """A UDP socket that is read empty at each wake-up, each datagram with its time of arrival.
+
+    What listening and sending links share.
+    """
+
+    def __init__(self, address: LinkAddress, own: socket.socket, on_bytes: OnBytes) -> None:
+        self._address = address
+        self._socket = own
+        self._on_bytes = on_bytes
+        self._failing = False
+        self._read_s = clock_s()
+        """Until when whatever had arrived has been read."""
+        self._dropped = 0
+        self._tell_again_s = -math.inf
+        asyncio.get_running_loop().add_reader(own, self._readable)
+
+    def close(self) -> None:
+        asyncio.get_running_loop().remove_reader(self._socket)
+        self._socket.close()
+
+    def _readable(self) -> None:
+        """Hand over the datagrams that wait, the oldest first."""
+        now_s = clock_s()
+        # The kernel's stamps are in wall-clock time, which may be set: none is before the last
+        # time at which nothing waited, nor after now.
+        offset_s = _wall_offset_s()
+        for _ in range(_MOST_DATAGRAMS):
+            try:
+                data, extra, _, peer = self._socket.recvmsg(_DATAGRAM_BYTES, _ANCILLARY_BYTES)
+            except BlockingIOError:
+                self._read_s = max(self._read_s, now_s)
+                return
+            except OSError as error:
+                self._fail(error)
+                continue
+            stamp_s = self._stamp_s(extra)
+            if stamp_s is not None:
+                self._read_s = min(max(self._read_s, stamp_s + offset_s), now_s)
+            else:
+                self._read_s = now_s
+            self._hear(peer)
+            self._failing = False
+            self._on_bytes(data, self._read_s)
+
+    def _stamp_s(self, extra: list[tuple[int, int, bytes]]) -> float | None:
+        """When the kernel took a datagram, by the wall clock; None where it does not tell."""
+        stamp_s = None
+        for level, kind, value in extra:
+            if level != socket.SOL_SOCKET:
+                continue
+            if kind == _SO_TIMESTAMPNS and len(value) == _TIMESPEC.size:
+                seconds, nanoseconds = _TIMESPEC.unpack(value)
+                stamp_s = seconds + 1e-9 * nanoseconds
+            elif kind == _SO_RXQ_OVFL:
+                self._note_dropped(int.from_bytes(value, sys.byteorder))
+        return stamp_s
+
+    def _note_dropped(self, count: int) -> None:
+        """The kernel's count of datagrams that found no room, since the socket was opened."""
+        now_s = clock_s()
+        if count != self._dropped and now_s >= self._tell_again_s:
+            lost, self._dropped = (count - self._dropped) & 0xFFFFFFFF, count
+            self._tell_again_s = now_s + _TELL_AGAIN_S
+            _logger.warning("%s: %d datagrams lost, read too late", self._address, lost)
+
+    def _fail(self, error: OSError) -> None:
+        """A datagram that nobody took: the peer is not there, now."""
+        level = logging.DEBUG if self._failing else logging.WARNING
+        self._failing = True
+        _logger.log(level, "%s: %s", self._address, reason(error))
+
+    def _hear(self, peer: Any) -> None:
+        """A datagram came from a peer; of interest only to who does not know it yet."""
+
+    def _write(self, data: bytes, peer: Any = None) -> None:
+        try:
+            if peer is None:
+                self._socket.send(data)
+            else:
+                self._socket.sendto(data, peer)
+        except BlockingIOError:
+            pass  # The network stands still: what is older goes first, and then it is too old.
+        except OSError as error:
+            self._fail(error)
+
+
+class _UdpListener(_Udp):
+    """Waits for peers and answers all of them that were heard within 10 s."""
+
+    def __init__(self, address: LinkAddress, own: socket.socket, on_bytes: OnBytes) -> None:
+        super().__init__(address, own, on_bytes)
+        self._peers: dict[Any, float] = {}
+
+    def _hear(self, peer: Any) -> None:
+        self._peers[peer] = clock_s()
+
+    def send(self, data: bytes, _within_s: float = math.inf, /) -> None:
+        oldest_s = clock_s() - _PEER_TIMEOUT_S
+        for peer, heard_s in list(self._peers.items()):
+            if heard_s < oldest_s:
+                del self._peers[peer]
+            else:
+                self._write(data, peer)
+
+
+class _UdpSender(_Udp):
+    """Sends to one peer."""
+
+    def send(self, data: bytes, _within_s: float = math.inf, /) -> None:
+        self._write(data)
+
+
+async def open_udp(address: LinkAddress, on_bytes: OnBytes) -> _UdpListener | _UdpSender:
+    """Raises LinkError where the address is not to be had."""
+    listening = address.kind is LinkKind.UDP_LISTEN
+    try:
+        found = await asyncio.get_running_loop().getaddrinfo(
+            address.host, address.port, type=socket.SOCK_DGRAM
+        )
+        family, kind, protocol, _, place = found[0]
+        own = socket.socket(family, kind, protocol)
+        try:
+            own.setblocking(False)
+            if listening:
+                own.bind(place)
+            else:
+                own.connect(place)
+        except OSError:
+            own.close()
+            raise
+    except OSError as error:
+        raise LinkError(f"{address}: {reason(error)}") from error
+    own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
+    own.setsockopt(socket.SOL_SOCKET, _SO_TIMESTAMPNS, 1)
+    own.setsockopt(socket.SOL_SOCKET, _SO_RXQ_OVFL, 1)
+    granted_bytes = _enlarge(own)
+    if granted_bytes < _LEAST_RECEIVE_BYTES:
+        _logger.warning(
+            "%s: room for %d kB of what has not been read yet, less than %d kB; see"
+            " net.core.rmem_max",
+            address,
+            granted_bytes // 1024,
+            _LEAST_RECEIVE_BYTES // 1024,
+        )
+    return (_UdpListener if listening else _UdpSender)(address, own, on_bytes)
+
+
+def _enlarge(own: socket.socket) -> int:
+    """Give a socket room for what arrives while the process waits; the bytes that it got."""
+    for option in (_SO_RCVBUFFORCE, socket.SO_RCVBUF):
+        # The first is above the system's limit, and for root alone.
+        with contextlib.suppress(OSError):
+            own.setsockopt(socket.SOL_SOCKET, option, _RECEIVE_BYTES)
+            break
+    return own.getsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF) // 2

@@ -1,0 +1,140 @@
+"""What PX4 and ArduPilot do by themselves: by their parameters, and where that would hit."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from moar_companion.autopilots import failsafe_parameters, failsafes_of
+from moar_companion.autopilots.ardupilot import Return
+from moar_companion.autopilots.failsafe_actions import Action, Trigger
+from moar_companion.planner.reach import Reach
+from moar_companion.types import AutopilotKind
+
+from ..planner.problems import conductor, make_site
+
+PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
+UNTOLD = {kind: dict.fromkeys(failsafe_parameters(kind)) for kind in (PX4, ARDUPILOT)}
+REACH = Reach.over(make_site(conductor(5.5, 4.5, name="wire")), 0.5)
+ABOVE, BELOW, BESIDE = (5.5, 7.5), (5.5, 1.5), (9.5, 7.5)
+
+
+def failsafes(kind, **parameters):
+    found = failsafes_of(kind, {**UNTOLD[kind], **parameters})
+    assert found is not None
+    return found
+
+
+def actions(kind, trigger, **parameters):
+    return [
+        item.action for item in failsafes(kind, **parameters).actions if item.trigger is trigger
+    ]
+
+
+@pytest.mark.parametrize(
+    ("trigger", "parameters", "action"),
+    [
+        (Trigger.CRITICAL_BATTERY, {}, Action.NONE),
+        (Trigger.CRITICAL_BATTERY, {"COM_LOW_BAT_ACT": 2.0}, Action.LAND),
+        (Trigger.CRITICAL_BATTERY, {"COM_LOW_BAT_ACT": 3.0}, Action.RETURN),
+        (Trigger.EMERGENCY_BATTERY, {"COM_LOW_BAT_ACT": 3.0}, Action.LAND),
+        (Trigger.RC_LOSS, {}, Action.RETURN),
+        (Trigger.RC_LOSS, {"NAV_RCL_ACT": 3.0}, Action.LAND),
+        (Trigger.RC_LOSS, {"NAV_RCL_ACT": 5.0}, Action.FALL),
+        (Trigger.RC_LOSS, {"COM_RCL_EXCEPT": 4.0}, None),
+        (Trigger.GCS_LOSS, {}, Action.NONE),
+        (Trigger.GCS_LOSS, {"NAV_DLL_ACT": 3.0}, Action.LAND),
+        (Trigger.GCS_LOSS, {"NAV_DLL_ACT": 3.0, "COM_DLL_EXCEPT": 4.0}, None),
+        (Trigger.GPS_LOSS, {"COM_OBL_RC_ACT": 5.0}, Action.DESCEND),
+        (Trigger.COMPANION_LOSS, {"COM_OBL_RC_ACT": 4.0}, Action.LAND),
+    ],
+)
+def test_px4_does_what_its_parameters_say(trigger, parameters, action):
+    assert actions(PX4, trigger, **parameters) == ([] if action is None else [action])
+
+
+@pytest.mark.parametrize(
+    ("trigger", "parameters", "action"),
+    [
+        (Trigger.LOW_BATTERY, {}, Action.NONE),
+        (Trigger.LOW_BATTERY, {"BATT_FS_LOW_ACT": 2.0}, Action.RETURN),
+        (Trigger.CRITICAL_BATTERY, {"BATT_FS_CRT_ACT": 1.0}, Action.NONE),
+        (
+            Trigger.CRITICAL_BATTERY,
+            {"BATT_FS_CRT_ACT": 1.0, "BATT_CRT_VOLT": 10.2},
+            Action.LAND,
+        ),
+        (Trigger.RC_LOSS, {}, Action.RETURN),
+        (Trigger.RC_LOSS, {"FS_THR_ENABLE": 3.0}, Action.LAND),
+        (Trigger.RC_LOSS, {"FS_THR_ENABLE": 7.0}, Action.HOLD),
+        (Trigger.RC_LOSS, {"FS_OPTIONS": 4.0}, None),
+        (Trigger.GCS_LOSS, {}, Action.NONE),
+        (Trigger.GCS_LOSS, {"FS_GCS_ENABLE": 5.0, "FS_OPTIONS": 4.0}, Action.LAND),
+        (Trigger.GPS_LOSS, {}, Action.DESCEND),
+        (Trigger.GPS_LOSS, {"FS_EKF_ACTION": 2.0}, Action.HOLD),
+        (Trigger.COMPANION_LOSS, {}, Action.HOLD),
+    ],
+)
+def test_ardupilot_does_what_its_parameters_say(trigger, parameters, action):
+    assert actions(ARDUPILOT, trigger, **parameters) == ([] if action is None else [action])
+
+
+def test_dead_reckoning_acts_where_drag_tells_the_wind():
+    found = actions(ARDUPILOT, Trigger.GPS_LOSS, EK3_DRAG_MCOEF=0.2)
+    assert found == [Action.RETURN, Action.DESCEND]
+
+
+@pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
+def test_nothing_is_known_before_all_is_asked_and_what_is_never_told_is_named(kind):
+    for name in UNTOLD[kind]:
+        assert failsafes_of(kind, {n: 1.0 for n in UNTOLD[kind] if n != name}) is None
+    assert failsafes(kind).untold == failsafe_parameters(kind)
+    assert failsafes_of(AutopilotKind.UNKNOWN, {}) is None
+
+
+def test_a_threshold_in_mah_is_a_charge():
+    found = failsafes(ARDUPILOT, BATT_FS_CRT_ACT=1.0, BATT_CRT_MAH=660.0, BATT_CAPACITY=3300.0).of(
+        [Trigger.CRITICAL_BATTERY]
+    )
+    (item,) = found.actions
+    assert (item.charge, item.voltage_v) == (pytest.approx(0.2), None)
+
+
+def test_ardupilot_returns_at_its_altitude_below_a_cone():
+    home = Return(altitude_m=15.0, climb_m=0.0, slope=3.0)
+    assert home.height_m(5.0, 100.0) == 15.0
+    assert home.height_m(5.0, 2.0) == 6.0
+    assert home.height_m(5.0, 1.0) == 5.0
+    assert home.height_m(20.0, 1.0) == 20.0
+    assert Return(altitude_m=15.0, climb_m=2.0, slope=0.0).height_m(14.0, 1.0) == 16.0
+
+
+@pytest.mark.parametrize(
+    ("parameters", "expected"),
+    [
+        ({"NAV_RCL_ACT": 3.0}, [True, False, False]),
+        ({"NAV_RCL_ACT": 2.0}, [False, True, False]),
+        ({"NAV_RCL_ACT": 1.0}, [False, False, False]),
+        ({"NAV_RCL_ACT": 5.0}, [True, False, False]),
+    ],
+)
+def test_a_place_is_exposed_where_the_way_of_an_action_leads_into_a_wire(parameters, expected):
+    found = failsafes(PX4, **parameters).of([Trigger.RC_LOSS])
+    places = np.array([ABOVE, BELOW, BESIDE])
+    assert found.exposed(REACH, places).tolist() == expected
+    hit = found.hit(REACH, places)
+    if any(expected):
+        assert hit is not None
+        assert (hit[1].obstacle, hit[1].index) == ("wire", expected.index(True))
+    else:
+        assert hit is None
+
+
+def test_a_return_is_looked_at_to_its_home():
+    found = failsafes(PX4, NAV_RCL_ACT=2.0, RTL_RETURN_ALT=4.5, RTL_CONE_ANG=0.0)
+    beside = np.array([(1.5, 2.5)])
+    rc = found.of([Trigger.RC_LOSS])
+    assert not rc.exposed(REACH, beside).any()
+    assert replace(rc, home_m=(9.5, 0.0, 0.0)).exposed(REACH, beside).all()

@@ -1,0 +1,92 @@
+"""Packets that overtake one another: what a late one says does not replace what is newer."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+
+import pytest
+
+from moar_companion.config import LinkRole
+from moar_companion.mavlink.dialect import create, mavlink
+from moar_companion.mavlink.listener import Listener
+from moar_companion.mavlink.packet_order import PacketOrder
+
+HEARTBEAT, CURRENT_MODE, ATTITUDE = 0, 436, 30
+HOLD, OFFBOARD = 0x03040000, 0x00060000
+
+
+def packet(message_id, sequence):
+    return SimpleNamespace(get_msgId=lambda: message_id, get_seq=lambda: sequence % 256)
+
+
+def late(order, *arrivals):
+    """Which of (time, message, sequence) are late."""
+    return [order.is_late(packet(message_id, seq), now_s) for now_s, message_id, seq in arrivals]
+
+
+def test_a_message_that_its_successor_has_overtaken_is_late_and_others_beside_it_are_not():
+    order = PacketOrder(same={CURRENT_MODE: HEARTBEAT})
+    assert late(
+        order,
+        (0.00, HEARTBEAT, 10),
+        (0.01, ATTITUDE, 14),
+        (0.02, CURRENT_MODE, 13),
+        (0.03, HEARTBEAT, 12),
+        (0.04, ATTITUDE, 11),
+        (0.05, CURRENT_MODE, 15),
+    ) == [False, False, False, True, True, False]
+
+
+@pytest.mark.parametrize("begins", range(0, 256, 15))
+def test_sequence_numbers_go_round(begins):
+    order = PacketOrder(same={})
+    for count in range(600):
+        assert late(order, (count * 0.01, ATTITUDE, begins + count)) == [False]
+    assert late(order, (6.0, ATTITUDE, begins + 540)) == [True]
+
+
+def test_a_number_that_never_changes_is_never_late():
+    order = PacketOrder(same={})
+    assert not any(late(order, *[(0.01 * count, ATTITUDE, 7) for count in range(50)]))
+
+
+@pytest.mark.parametrize("lost", [50, 130, 200, 255])
+def test_after_a_silence_nothing_is_late_however_many_were_lost(lost):
+    order = PacketOrder(same={})
+    assert late(order, (0.0, ATTITUDE, 3), (0.5, ATTITUDE, 3 + lost)) == [False, False]
+
+
+def heard(listener, message, sequence, now_s):
+    header = message.get_header()
+    header.srcSystem, header.srcComponent, header.seq = 1, 1, sequence
+    return listener.hear(message, link="a", role=LinkRole.AUTOPILOT, now_s=now_s)
+
+
+def heartbeat(mode, status=4):
+    return mavlink.MAVLink_heartbeat_message(2, 12, 209, mode, status, 3)
+
+
+def current_mode(mode, intended=None):
+    intended = mode if intended is None else intended
+    return create("CURRENT_MODE", custom_mode=mode, intended_custom_mode=intended, standard_mode=0)
+
+
+def test_a_heartbeat_that_was_overtaken_gives_no_mode_back():
+    listener = Listener()
+    heard(listener, heartbeat(OFFBOARD), 1, 0.0)
+    left = heard(listener, current_mode(HOLD), 9, 0.10)
+    heard(listener, heartbeat(OFFBOARD), 7, 0.12)
+    autopilot = listener.telemetry.autopilot
+    assert (left.mode, autopilot.mode, autopilot.ours) == ("HOLD", "HOLD", False)
+    assert autopilot.received_s == 0.10
+
+
+def test_a_mode_that_was_not_asked_for_is_a_failsafes():
+    listener = Listener()
+    heard(listener, heartbeat(OFFBOARD), 1, 0.0)
+    heard(listener, current_mode(HOLD, intended=OFFBOARD), 2, 0.1)
+    assert listener.telemetry.autopilot.failsafe
+    heard(listener, current_mode(HOLD), 3, 0.2)
+    assert listener.telemetry.autopilot.failsafe  # the heartbeat says when it is over
+    heard(listener, heartbeat(HOLD), 4, 0.3)
+    assert not listener.telemetry.autopilot.failsafe
