@@ -55,12 +55,14 @@ COMMANDS = {
     "check": Command(
         module="check",
         summary="look at files and aircraft before the flight: go or no-go",
-        description="Look at configuration, vehicle and site, and with a link at the aircraft: its "
-        "parameters, GPS, battery, links. Flies nothing, sets no parameter. Tells all that is "
-        "wrong and how to mend it; the exit status is not 0 where the flight should not begin.",
+        description="Look at configuration, vehicle and site as the service finds them, and on its "
+        "links at the aircraft: its parameters, GPS, battery, links. Flies nothing, sets no "
+        "parameter. Tells all that is wrong and how to mend it. Exit status 0 is GO; 1 is NO-GO, "
+        "also where no aircraft was looked at. With --files the files alone: 0 is FILES OK.",
         examples=(
-            f"{PROGRAM} check --config /etc/moar-companion/companion.yaml",
+            f"{PROGRAM} check",
             f"{PROGRAM} check --site site.yaml --vehicle vehicle.yaml --connect udp::14540",
+            f"{PROGRAM} check --files --config /etc/moar-companion/companion.yaml",
         ),
     ),
     "replay": Command(

@@ -94,7 +94,10 @@ class Supervision:
     position_timeout_s: Annotated[float, _Seconds] = 0.5
     """An older position is stale: the stream ends (LOCAL_POSITION_NED comes at 30 Hz)."""
     heartbeat_timeout_s: Annotated[float, _Seconds] = 3.0
-    """Three missed heartbeats: the autopilot's link is lost."""
+    """Without any packet of the autopilot, a heartbeat or another, for so long its link is lost."""
+    mode_timeout_s: Annotated[float, _Seconds] = 3.0
+    """A mode that was told longer ago may not be the mode any more: control ends. It is told five
+    times a second or more: a link that loses 30 % is silent for so long once in 10^7."""
     ready_timeout_s: Annotated[float, _Seconds] = 30.0
     """How long a hold is offered to the pilot before he gives the mode."""
     plane_tolerance_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
@@ -114,6 +117,15 @@ class Supervision:
     ground_link_lost_s: Annotated[float, _Seconds] = 10.0
     """After it both autopilots, too, call the ground station lost."""
     ground_link_action: LinkLoss = LinkLoss.HOLD
+    exposure_limit_s: Annotated[float, _Seconds] = 120.0
+    """Of the time where a failsafe that nobody can forecast would hit something, beyond a target's
+    dwell: a long look at a splice; the next target or order begins it anew."""
+    exposure_reserve_s: Annotated[float, Field(ge=0.0, le=3_600.0)] = 30.0
+    """Left to a battery's action that would hit something once the last place from where it would
+    is behind: a forecast of the charge is off by as much in a gust."""
+    failsafe_action: LossCheck = LossCheck.WARN
+    """When an action of the autopilot's own on a lost link would hit something on a plan: links
+    are rarely lost, and places that are exposed are usual above a conductor."""
     jump_limit_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 3.0
     """The setpoint goes along with a jump of the position; beyond this an operator must look."""
     plan_stale_s: Annotated[float, _Seconds] = 12.0
@@ -121,6 +133,10 @@ class Supervision:
     disk_free_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 200.0
     """An hour of recording takes about 100 MB."""
     memory_free_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 100.0
+    fence_margin_m: Annotated[float, Field(ge=0.0, le=100.0)] = 1.5
+    """What is kept from the autopilot's fence, at which it acts. PX4's greatest distance from its
+    setpoint was 1.15 m, and half a cell of 0.3 m is rounding; its fence counts by the position
+    that it tells. The way to a stop is kept beyond it, by the speed."""
     loss_action: LossCheck = LossCheck.REFUSE
     """When what the autopilot does after our death would lead through an obstacle: a parameter
     mends it, and a text in flight is easily missed."""

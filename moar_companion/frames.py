@@ -62,6 +62,19 @@ class SiteFrame:
             altitude_amsl_m=self.origin.altitude_amsl_m + z_m,
         )
 
+    def place_of(self, latitude_deg: float, longitude_deg: float) -> tuple[float, float]:
+        """(x, y) in the site's frame of a point on the map: `to_geodetic` the other way."""
+        meridian_m, prime_vertical_m = radii_of_curvature_m(self.origin.latitude_deg)
+        latitude = math.radians(self.origin.latitude_deg)
+        turned_deg = math.remainder(longitude_deg - self.origin.longitude_deg, 360.0)
+        north_m = math.radians(latitude_deg - self.origin.latitude_deg) * meridian_m
+        east_m = math.radians(turned_deg) * prime_vertical_m * math.cos(latitude)
+        azimuth = math.radians(self.azimuth_deg)
+        return (
+            north_m * math.cos(azimuth) + east_m * math.sin(azimuth),
+            north_m * math.sin(azimuth) - east_m * math.cos(azimuth),
+        )
+
 
 def geodetic_to_local_ned(
     point: GeodeticPoint, origin: GeodeticPoint, kind: AutopilotKind

@@ -51,6 +51,11 @@ class Workspace:
             _cells(self.upper_m[1] - self.lower_m[1], self.resolution_m),
         )
 
+    def outside_m(self, point_m: PlanePoint) -> float:
+        """How far a point is outside; 0 inside."""
+        ends = zip(point_m, self.lower_m, self.upper_m, strict=True)
+        return math.hypot(*(max(low - at, at - high, 0.0) for at, low, high in ends))
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Conductor:

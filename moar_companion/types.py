@@ -127,9 +127,23 @@ class Landed:
     state: LandedState
 
 
+class Failsafe(str, enum.Enum):
+    """Cause of an autopilot's failsafe, in short words for people."""
+
+    BATTERY = "battery"
+    REMOTE_CONTROL = "RC"
+    GROUND_STATION = "GCS"
+    ESTIMATOR = "EKF"
+    DEAD_RECKONING = "dead reckoning"
+    FENCE = "fence"
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotStatus:
-    """HEARTBEAT of the autopilot."""
+    """HEARTBEAT of the autopilot; its mode also by CURRENT_MODE.
+
+    received_s: when the mode was last told, by either.
+    """
 
     received_s: float
     system_id: int
@@ -146,7 +160,11 @@ class AutopilotStatus:
     multirotor: bool
     """Whether it flies an aircraft that can hover."""
     failsafe: bool
-    """system_status says CRITICAL or worse: the autopilot, not a pilot, chose this mode."""
+    """system_status is CRITICAL or worse, or PX4 flies another mode than it was asked for.
+
+    On PX4 the failsafe chose the mode; on ArduPilot the mode may still be anyone's."""
+    vehicle_type: int = 2
+    """MAV_TYPE; 2 is a quadrotor."""
     motors: int | None = None
     """How many the vehicle's type has; None where the type does not tell."""
 
@@ -352,6 +370,7 @@ class LinkStatistics:
 
     answers: those of the received that belong to no stream: parameters, logs, texts.
     round_trip_s: how long it takes from a question of ours to the autopilot's answer.
+    shortest_round_trip_s: of all such answers.
     """
 
     received_s: float
@@ -359,6 +378,7 @@ class LinkStatistics:
     packets_lost: int
     answers: int = 0
     round_trip_s: float | None = None
+    shortest_round_trip_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -395,10 +415,26 @@ class Readiness:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class FenceItem:
+    """An item of the fence that was uploaded to the autopilot.
+
+    command: MAV_CMD_NAV_FENCE_*. parameter: its param1: the number of a polygon's vertices, or a
+    circle's radius in metres.
+    """
+
+    command: int
+    parameter: float
+    latitude_deg: float
+    longitude_deg: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Telemetry:
     """The last word of every source; `None` where nothing was ever heard."""
 
     autopilot: AutopilotStatus | None = None
+    failsafes_told: frozenset[Failsafe] = frozenset()
+    """Failsafes that the autopilot's texts have named and not cleared."""
     attitude: Attitude | None = None
     local_position: LocalPosition | None = None
     odometry: Odometry | None = None

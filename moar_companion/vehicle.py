@@ -23,6 +23,11 @@ _Positive = Field(gt=0.0, le=1e6)
 _Fraction = Field(ge=0.0, le=1.0)
 
 
+_EXPOSURE = 0.2
+"""Safety cost of a place from which an autopilot's failsafe would hit an obstacle: a fifth of the
+cost of the worst place, so that a path bends round such places where that is short."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SafetyShape:
     """Eq. 2 and 3: distances of C(d), and k_a, k_b, k_c normalised to sum 1."""
@@ -32,6 +37,8 @@ class SafetyShape:
     collision: float
     insertion: float
     damage: float
+    exposure: float = _EXPOSURE
+    """Added to SC where an action of the autopilot's own would hit an obstacle."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -74,6 +81,13 @@ class Guidance:
     """Tracking error at which the reference stands still."""
     off_path_m: Annotated[float, _Positive] = 2.0
     """Tracking error at which the path is left and planned again from where the aircraft is."""
+    leash_m: Annotated[float, _Positive] = 3.0
+    """Tracking error, not below `off_path_m`, from which the setpoint goes along with an aircraft
+    that is blown off: autopilots fly to a far point at about its distance a second (MPC_XY_P,
+    PSC_POSXY_P). In calm air PX4 strays by up to 1.15 m."""
+    recovery_m: Annotated[float, _Positive] = 60.0
+    """Farther outside the workspace nothing is flown: 13 m/s blew a quadrotor 41 m off in 14 s, and
+    the site does not know what is out there."""
     landing_height_m: float = 2.0
     """Height above the landing point at which a landing leg ends."""
 
@@ -260,6 +274,7 @@ class Vehicle:
                 collision=shape.weights.collision / total,
                 insertion=shape.weights.insertion / total,
                 damage=shape.weights.damage / total,
+                exposure=shape.exposure,
             ),
             speed=SpeedLimits(
                 min_mps=speed.min_mps,
@@ -302,6 +317,7 @@ class _SafetyFile(FileModel):
     d_min_m: PositiveLength
     d_max_m: PositiveLength
     weights: _SafetyWeightsFile
+    exposure: Annotated[float, Field(ge=0.0, le=10.0)] = _EXPOSURE
 
 
 class _SpeedFile(FileModel):

@@ -174,13 +174,68 @@ def test_on_the_ground_nothing_is_measured():
     assert aircraft.meter.left_wh == pytest.approx(95.0)
 
 
-@pytest.mark.parametrize("sensor", [0.0, 20.0], ids=["dead", "of another scale"])
-def test_a_current_that_flies_nothing_is_not_believed(sensor):
+def test_a_dead_current_sensor_is_not_believed():
     aircraft = Aircraft(model_of(), takes=1.2)
-    aircraft.sensor = sensor
+    aircraft.sensor = 0.0
     aircraft.fly(90.0)
     assert aircraft.meter.source == "charge"
     assert aircraft.meter.factor == pytest.approx(1.2, rel=0.05)
+
+
+@pytest.mark.parametrize(("sensor", "factor"), [(6.0, 7.2), (1000.0, 20.0)])
+def test_a_current_that_is_far_too_great_is_believed_up_to_a_limit(sensor, factor):
+    aircraft = Aircraft(model_of(), takes=1.2)
+    aircraft.sensor = sensor
+    aircraft.fly(30.0)
+    assert aircraft.meter.source == "current"
+    assert aircraft.meter.factor == pytest.approx(factor, rel=0.05)
+
+
+def test_one_wrong_current_does_not_empty_the_battery():
+    aircraft = Aircraft(model_of()).fly(120.0)
+    aircraft.sensor = 1000.0
+    assert aircraft.fly(1.0).meter.factor < 1.5
+    aircraft.sensor = 1.0
+    assert aircraft.fly(60.0).meter.factor < 1.25
+
+
+@pytest.mark.parametrize(
+    ("tells", "sensor"),
+    [
+        pytest.param(("remaining",), 1.0, id="no current"),
+        pytest.param(("remaining", "current_a"), 1.0, id="charge and current"),
+        pytest.param(
+            ("remaining", "current_a"), 1.0 / 6.7, id="a cell fails, the current is usual"
+        ),
+        pytest.param(("current_a",), 1.0, id="no charge"),
+    ],
+)
+@pytest.mark.parametrize("sudden", [False, True])
+def test_a_drain_of_seven_times_the_files_is_not_ignored(tells, sensor, sudden):
+    aircraft = Aircraft(model_of(), tells=tells)
+    if tells == ("current_a",):
+        aircraft.landed, aircraft.voltage_v = LandedState.ON_GROUND, 4 * 4.05
+        aircraft.fly(2.0)
+        aircraft.charges, aircraft.landed = [1.0], LandedState.IN_AIR
+    if sudden:
+        aircraft.fly(60.0)
+    aircraft.takes, aircraft.sensor = 6.7, sensor
+    left_s = math.inf
+    while left_s > 15.0:
+        aircraft.fly(1.0)
+        left_s = max(aircraft.charges) * 1200.0 / 6.7
+    promised_s = aircraft.meter.flight_s(aircraft.model)
+    # One percent of the charge is 1.8 s.
+    assert promised_s <= left_s + (3.0 if not sudden else 10.0)
+
+
+def test_a_battery_that_falls_faster_than_the_other_is_the_measure():
+    aircraft = Aircraft(model_of(), tells=("remaining",), charges=(0.9, 0.9))
+    for _ in range(20):
+        aircraft.charges[1] -= 3.0 * 300.0 / 3600.0 / 100.0
+        aircraft.fly(1.0)
+    left_s = aircraft.charges[1] * 1200.0 / 4.0
+    assert aircraft.meter.flight_s(aircraft.model) == pytest.approx(left_s, rel=0.2)
 
 
 def test_a_charge_that_is_corrected_was_not_flown():
@@ -401,7 +456,7 @@ def test_whatever_is_told_the_meter_stays_sound(words, capacity_known):
         )
         aircraft.meter = metered(aircraft.meter, aircraft.telemetry, aircraft.now_s + 0.1, model)
         meter = aircraft.meter
-        assert 0.2 <= meter.factor <= 5.0
+        assert 0.2 <= meter.factor <= 20.0
         assert meter.left_wh is None or 0.0 <= meter.left_wh <= model.capacity_wh
         assert math.isfinite(meter.flown_wh)
 

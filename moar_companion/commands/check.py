@@ -1,6 +1,7 @@
-"""`moar-companion check`: reads everything, flies nothing; with a link, go / no-go of the aircraft.
+"""`moar-companion check`: reads everything, looks at the aircraft, flies nothing; go or no-go.
 
-All that is found is told, a line each; exit status 2 for a file that cannot be used, 1 for no-go.
+All that is found is told, a line each; exit status 2 for a file that cannot be used, 1 for no-go,
+or where no aircraft was looked at. With `--files` the files are all that is asked for.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from ..errors import InputError, LinkError
 from ..service.places import Place, recorder_folder, state_folder, view_socket
 from .options import add_file
 from .outputs import say
-from .service import link_problems, merged
+from .service import INSTALLED_CONFIG, add_config, link_problems, merged
 
 if TYPE_CHECKING:
     from ..planner.planner import Planner
@@ -48,8 +49,8 @@ Value = TypeVar("Value")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The service's options; a link is opened only where it is named here."""
-    add_file(parser, "--config", "the configuration (companion.yaml)")
+    """The service's options, which mean the same."""
+    add_config(parser)
     add_file(parser, "--vehicle", "the vehicle (default: the LineDrone as flown)")
     add_file(parser, "--site", "the site (default: none)")
     parser.add_argument(
@@ -57,8 +58,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="URL",
         action="append",
         default=[],
-        help="look at the aircraft, too, on this link; may be repeated; forms as of the service",
+        help="look at the aircraft on this link, in place of the configuration's; may be "
+        "repeated; forms as of the service",
     )
+    parser.add_argument("--files", action="store_true", help="the files alone: open no link")
 
 
 def run(arguments: argparse.Namespace) -> int:
@@ -78,25 +81,37 @@ def run(arguments: argparse.Namespace) -> int:
     planner = None if site is None else _planner(site, vehicle)
     if planner is not None:
         found += _tell(f"Site {planner.site.name}", _looked_at(planner))
-    if arguments.connect:
-        from ..preflight.machine import Preflight  # noqa: PLC0415
+    seen = False
+    if not arguments.files:
+        aircraft, seen = _aircraft(config, vehicle, planner)
+        found += aircraft
+    say(_summary(found, files=arguments.files, seen=seen) + "\n")
+    stopped = worst(found) is Level.NO_GO or not (seen or arguments.files)
+    return 1 if stopped else 0
 
-        say(f"Aircraft on {', '.join(arguments.connect)}\n")
-        preflight = Preflight(config, vehicle, planner)
-        try:
-            asyncio.run(_listen(preflight, arguments.connect))
-        except LinkError as error:
-            found += _tell("", [_unopened(error)])
-        else:
-            found += _tell("", preflight.findings())
-    say(_summary(found, aircraft=bool(arguments.connect)) + "\n")
-    return 1 if worst(found) is Level.NO_GO else 0
+
+def _aircraft(
+    config: CompanionConfig, vehicle: Vehicle, planner: Planner | None
+) -> tuple[list[Finding], bool]:
+    """What is found of the aircraft on the links, and whether there was one."""
+    from ..preflight.machine import Preflight  # noqa: PLC0415
+
+    urls = [link.url for link in config.links]
+    say(f"Aircraft on {', '.join(urls)}\n")
+    preflight = Preflight(config, vehicle, planner)
+    try:
+        asyncio.run(_listen(preflight, urls))
+    except LinkError as error:
+        return _tell("", [_unopened(error)]), False
+    return _tell("", preflight.findings()), preflight.found
 
 
 def _read(
     arguments: argparse.Namespace, errors: list[InputError]
 ) -> tuple[CompanionConfig | None, Vehicle | None, Site | None]:
     """Every file by itself, so that all that is wrong is known at once."""
+    if arguments.files and arguments.connect:
+        raise InputError("--files", "", "opens no link, must be given without --connect")
     from ..site import Site  # noqa: PLC0415
     from ..vehicle import Vehicle  # noqa: PLC0415
 
@@ -137,6 +152,13 @@ def _files(config: CompanionConfig, vehicle: Vehicle, site: Site | None) -> list
 
     never = config.authority is Authority.OBSERVE
     found = [
+        Finding(
+            level=Level.OK,
+            subject="configuration",
+            text=f"none, nor {INSTALLED_CONFIG}: the defaults"
+            if config.file is None
+            else str(config.file),
+        ),
         Finding(level=Level.OK, subject="vehicle", text=f"{vehicle.name} ({config.vehicle})"),
         Finding(
             level=Level.NOTE if never else Level.OK,
@@ -239,13 +261,13 @@ def _looked_at(planner: Planner) -> list[Finding]:
 async def _listen(preflight: Preflight, urls: Sequence[str]) -> None:
     """Carry bytes between the machine and the links until it has heard enough."""
     from ..mavlink.link import open_link  # noqa: PLC0415
+    from ..mavlink.link_basics import clock_s  # noqa: PLC0415
     from ..mavlink.urls import parse_url  # noqa: PLC0415
 
-    loop = asyncio.get_running_loop()
     arrived: list[tuple[str, bytes, float]] = []
 
-    def receive(url: str, data: bytes) -> None:
-        arrived.append((url, data, loop.time()))
+    def receive(url: str, data: bytes, arrived_s: float) -> None:
+        arrived.append((url, data, arrived_s))
 
     async with contextlib.AsyncExitStack() as stack:
         links = {
@@ -256,7 +278,7 @@ async def _listen(preflight: Preflight, urls: Sequence[str]) -> None:
             for url, data, time_s in arrived:
                 preflight.receive(url, data, time_s)
             arrived.clear()
-            preflight.tick(loop.time())
+            preflight.tick(clock_s())
             for url, data in preflight.data_to_send():
                 links[url].send(data)
             await asyncio.sleep(_PERIOD_S)
@@ -272,7 +294,7 @@ def _unopened(error: LinkError) -> Finding:
         level=Level.NO_GO,
         subject="link",
         text=str(error),
-        remedy=_LINK_REMEDIES.get(number or 0, "correct --connect"),
+        remedy=_LINK_REMEDIES.get(number or 0, "correct --connect, or the configuration's links"),
     )
 
 
@@ -300,17 +322,20 @@ def _tell(heading: str, findings: list[Finding]) -> list[Finding]:
     return findings
 
 
-def _summary(findings: list[Finding], *, aircraft: bool) -> str:
+def _summary(findings: list[Finding], *, files: bool, seen: bool) -> str:
+    """The last line. files: they alone were asked for. seen: an aircraft was looked at."""
     from ..preflight.findings import Level  # noqa: PLC0415
 
     levels = [finding.level for finding in findings]
     stopping, warnings = levels.count(Level.NO_GO), levels.count(Level.WARNING)
-    if stopping:
-        return f"NO-GO: {_counted(stopping, 'finding')}, {_counted(warnings, 'warning')}"
+    unseen = [] if seen or files else ["no aircraft was looked at"]
+    if stopping or unseen:
+        words = [_counted(stopping, "finding"), _counted(warnings, "warning"), *unseen]
+        return f"NO-GO: {', '.join(words)}"
     words = [_counted(warnings, "warning")] if warnings else []
-    if not aircraft:
-        words.append("the aircraft was not looked at (--connect URL)")
-    return "GO" + (f": {', '.join(words)}" if words else "")
+    if files:
+        words.append("the aircraft was not looked at")
+    return ("FILES OK" if files else "GO") + (f": {', '.join(words)}" if words else "")
 
 
 def _counted(count: int, word: str) -> str:

@@ -157,11 +157,11 @@ def _give(operator: GroundStation, order: str, index: int, timeout_s: float) -> 
     _say(f"{order}: {name}")
     if result == CommandResult.ACCEPTED:
         return 0
-    reason = f"MOAR {name.lower().replace('_', ' ')}: "
+    verdict = f", {name.lower().rpartition('_')[2]}"
     for said in operator.listen(_REASON_S):
         if said.text is not None:
             _say(said.text)
-            if said.text.startswith(reason):
+            if said.text.endswith(verdict):
                 break
     else:
         _say("(no reason was heard)")

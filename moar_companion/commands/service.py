@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import os
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -12,10 +13,20 @@ from ..errors import InputError
 from ..mavlink.urls import LinkAddress, parse_url
 from .options import add_file
 
+INSTALLED_CONFIG = Path("/etc/moar-companion/companion.yaml")
+"""Where the installed service has its configuration."""
+
+
+def add_config(parser: argparse.ArgumentParser) -> None:
+    """The option that names the configuration."""
+    add_file(
+        parser, "--config", f"the configuration (default: {INSTALLED_CONFIG}, if there is one)"
+    )
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """The options, all of them laid over the configuration file."""
-    add_file(parser, "--config", "the configuration (companion.yaml)")
+    add_config(parser)
     parser.add_argument(
         "--connect",
         metavar="URL",
@@ -45,19 +56,25 @@ def configured(arguments: argparse.Namespace) -> CompanionConfig:
 
 
 def merged(arguments: argparse.Namespace) -> CompanionConfig:
-    """The configuration: command line over file over default."""
-    if arguments.config is None:
+    """The configuration of the service and of `check`: command line over file over default.
+
+    The file is the one that is named, else the installed one.
+    """
+    file = arguments.config
+    if file is None and os.path.lexists(INSTALLED_CONFIG):
+        file = INSTALLED_CONFIG
+    if file is None:
         shipped = shipped_configs() / "vehicles" / "linedrone_flight.yaml"
         config = CompanionConfig(vehicle=Path(arguments.vehicle or shipped))
     else:
-        config = CompanionConfig.load(arguments.config, vehicle=arguments.vehicle)
+        config = CompanionConfig.load(file, vehicle=arguments.vehicle)
     if arguments.site is not None:
         config = replace(config, site=Path(arguments.site))
     if arguments.connect:
         config = replace(config, links=tuple(LinkConfig(url=url) for url in arguments.connect))
     if all(link.role is LinkRole.OPERATOR for link in config.links):
         problem = "has none to an autopilot, must have one, or --connect be given"
-        raise InputError(str(arguments.config), "links", problem)
+        raise InputError(str(file), "links", problem)
     return config
 
 
@@ -66,9 +83,7 @@ def link_problems(config: CompanionConfig, arguments: argparse.Namespace) -> Ite
     seen: dict[LinkAddress, str] = {}
     for index, link in enumerate(config.links):
         source, key = (
-            ("--connect", "")
-            if arguments.connect
-            else (str(arguments.config), f"links[{index}].url")
+            ("--connect", "") if arguments.connect else (str(config.file), f"links[{index}].url")
         )
         try:
             address = parse_url(link.url, source=source, key=key)

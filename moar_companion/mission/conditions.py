@@ -47,6 +47,7 @@ class Causes:
     stream: str | None = None
     control: str | None = None
     heartbeat: str | None = None
+    mode_unconfirmed: str | None = None
     position: str | None = None
     attitude: str | None = None
     origin: str | None = None
@@ -55,10 +56,13 @@ class Causes:
     landing: str | None = None
     pilot: str | None = None
     battery_critical: str | None = None
+    battery_failsafe: str | None = None
+    autopilot_failsafe: str | None = None
     battery_reserve: str | None = None
     no_return_evacuation: str | None = None
     no_return_exit: str | None = None
     no_return_soon: str | None = None
+    failsafe_exposure: str | None = None
     memory: str | None = None
     gate: str | None = None
     death: str | None = None
@@ -67,8 +71,10 @@ class Causes:
     narrow: str | None = None
     gnss: str | None = None
     localization: str | None = None
+    control_saturated: str | None = None
     wind: str | None = None
     ground_link: str | None = None
+    fence: str | None = None
     geofence: str | None = None
     off_path: str | None = None
     standing: str | None = None
@@ -135,7 +141,12 @@ CONDITIONS = (
     ),
     Condition(
         name="heartbeat",
-        starts="the autopilot's heartbeat is older than `heartbeat_timeout_s`",
+        starts="no packet of the autopilot was received for `heartbeat_timeout_s`",
+        action=Action.RELEASE,
+    ),
+    Condition(
+        name="mode_unconfirmed",
+        starts="neither HEARTBEAT nor CURRENT_MODE has told the mode for `mode_timeout_s`",
         action=Action.RELEASE,
     ),
     Condition(
@@ -150,7 +161,8 @@ CONDITIONS = (
     Condition(name="origin", starts="the local frame's origin is unknown", action=Action.RELEASE),
     Condition(
         name="failsafe",
-        starts="the autopilot is in failsafe (system status critical or worse)",
+        starts="the autopilot is in failsafe (system status critical or worse), and flies a mode "
+        "of its own",
         action=Action.RELEASE,
         override=Override.ORDER,
         farewell=False,
@@ -188,6 +200,13 @@ CONDITIONS = (
         override=Override.SAFER,
     ),
     Condition(
+        name="battery_failsafe",
+        starts="the autopilot is in failsafe for its battery, and has not taken the mode",
+        action=Action.EXIT,
+        over_s=10.0,
+        override=Override.SAFER,
+    ),
+    Condition(
         name="battery_reserve",
         starts="a battery has no more left than `battery_reserve`",
         action=Action.EXIT,
@@ -214,11 +233,31 @@ CONDITIONS = (
         override=Override.SAFER,
     ),
     Condition(
+        name="failsafe_exposure",
+        starts="where a failsafe of the autopilot would hit an obstacle: a battery's comes before "
+        "the escape route has left such places and `exposure_reserve_s` is over; or it has been "
+        "there for `exposure_limit_s` beyond the target's dwell",
+        action=Action.EXIT,
+        after_s=1.0,
+        over_s=10.0,
+        override=Override.ORDER,
+    ),
+    Condition(
         name="memory",
         starts="the computer's memory is below `memory_free_mb`: the system would end the process",
         action=Action.EXIT,
         after_s=5.0,
         over_s=10.0,
+        override=Override.SAFER,
+    ),
+    Condition(
+        name="autopilot_failsafe",
+        starts="the autopilot is in failsafe for anything else (remote control, ground station, "
+        "estimator, dead reckoning, fence, unknown), and has not taken the mode; an exit or "
+        "evacuation goes on unless the position is in doubt",
+        action=Action.HOLD,
+        after_s=1.0,
+        over_s=2.0,
         override=Override.SAFER,
     ),
     Condition(
@@ -276,8 +315,18 @@ CONDITIONS = (
         override=Override.SAFER,
     ),
     Condition(
+        name="control_saturated",
+        starts="the wind is too strong to hold: the aircraft takes its setpoint along (`leash_m`), "
+        "or is 1.5 m off with its lean or its motors at their limits",
+        action=Action.HOLD,
+        after_s=1.0,
+        over_s=5.0,
+        override=Override.SAFER,
+    ),
+    Condition(
         name="wind",
-        starts="the measured wind is above `wind_limit_mps`",
+        starts="the measured wind is above `wind_limit_mps`, or above 0.8 times what the aircraft "
+        "can hold by its lean and drag",
         action=Action.HOLD,
         after_s=3.0,
         over_s=5.0,
@@ -292,9 +341,18 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
+        name="fence",
+        starts="the path ahead leaves the autopilot's fence less `fence_margin_m`, which has "
+        "changed; or the aircraft is outside the fence",
+        action=Action.HOLD,
+        over_s=1.0,
+        override=Override.ORDER,
+    ),
+    Condition(
         name="geofence",
         starts="the aircraft is outside the workspace by more than the vehicle's "
-        "`tracking_hold_m`, or too low, and as far beside its checked legs",
+        "`tracking_hold_m`, too low, or farther from the plane than `leash_m`, and beside its "
+        "checked legs",
         action=Action.HOLD,
         after_s=1.0,
         over_s=1.0,
@@ -340,7 +398,8 @@ CONDITIONS = (
     ),
     Condition(
         name="loss",
-        starts="it is not known yet what the autopilot would do without the companion",
+        starts="it is not known yet what the autopilot would do without the companion, or where "
+        "its fence is",
         action=Action.CONTINUE,
     ),
     Condition(
@@ -379,8 +438,8 @@ CONDITIONS = (
     ),
     Condition(
         name="unknown",
-        starts="in the air, wind, battery, the position's accuracy or a ground station are not "
-        "told, or no way out is known that was planned within 15 s",
+        starts="in the air, wind, battery, the position's accuracy, the uploaded fence or a "
+        "ground station are not told, or no way out is known that was planned within 15 s",
         action=Action.CONTINUE,
         after_s=10.0,
         override=Override.ORDER,

@@ -40,6 +40,7 @@ def refusal(
     widened_m: float,
     min_altitude_m: float | None,
     corridors_m: tuple[Corridor, ...],
+    ways_back_m: tuple[Corridor, ...] = (),
     corridor_width_m: float,
     plane_tolerance_m: float,
 ) -> str | None:
@@ -49,12 +50,15 @@ def refusal(
     position, None outside the workspace. room_m: from the hull in each cell to the nearest
     keep-out, which is widened by widened_m for a setpoint that moves: to stay where it is free,
     nobody has to know better where that is. corridors_m: the checked legs that may be flown now,
-    by their points: through what is not free, or too near.
+    by their points: through what is not free, or too near. ways_back_m: those of them that begin
+    beside the plane.
     """
     if not all(math.isfinite(value) for value in (*position_m, *velocity_mps, yaw_rad)):
-        return "the setpoint is not finite"
-    if abs(position_m[1]) > plane_tolerance_m:
-        return f"the setpoint is {abs(position_m[1]):.1f} m from the plane"
+        return "setpoint not finite"
+    if abs(position_m[1]) > plane_tolerance_m and not any(
+        distance_m(position_m, leg) <= corridor_width_m for leg in ways_back_m
+    ):
+        return f"setpoint {abs(position_m[1]):.1f} m from the plane"
     low = min_altitude_m is not None and position_m[2] < min_altitude_m - _TOLERANCE_M
     free = cell is not None and not occupied[cell] and not low
     if free and (not any(velocity_mps) or room_m[cell] >= widened_m - _TOLERANCE_M):
@@ -62,10 +66,10 @@ def refusal(
     if any(distance_m(position_m, leg) <= corridor_width_m for leg in corridors_m):
         return None
     if free:
-        return f"the setpoint is too close to an obstacle, widened by {widened_m:.1f} m"
+        return f"setpoint too close to an obstacle (widened by {widened_m:.1f} m)"
     if cell is None:
-        return "the setpoint is outside the workspace"
-    return "the setpoint is too close to an obstacle or too low"
+        return "setpoint outside the workspace"
+    return "setpoint too near an obstacle or too low"
 
 
 def motion_refusal(
@@ -76,27 +80,32 @@ def motion_refusal(
     greatest_mps: float,
     least_mps: float,
     acceleration_mps2: float,
+    blown_to_m: Vector | None = None,
 ) -> str | None:
     """Why a setpoint must not be sent, by how it moves; None when it may.
 
     before, after: position and velocity of the setpoint that was sent `elapsed_s` ago, None for
     the first one, and of this one. greatest_mps: the vehicle's speed; least_mps: with which a
-    setpoint moves over to its path.
+    setpoint moves over to its path. blown_to_m: where an aircraft is that takes its setpoint
+    along: to there, at rest, it may move at any speed.
     """
+    if blown_to_m is not None and before is not None and not any(after[1]):
+        nearer = math.dist(after[0], blown_to_m) <= math.dist(before[0], blown_to_m)
+        return None if nearer else "the setpoint moves away from an aircraft that is blown off"
     speed_mps = math.hypot(*after[1])
     # It may begin to move over while it still brakes on its path.
     most_mps = greatest_mps + least_mps
     if speed_mps > most_mps + _TOLERANCE_MPS:
-        return f"the setpoint moves at {speed_mps:.1f} m/s, more than {most_mps:g} m/s"
+        return f"setpoint moves at {speed_mps:.1f} m/s > {most_mps:g}"
     if before is None:
         return None
     moved_m = math.dist(before[0], after[0])
     if moved_m > (most_mps + _TOLERANCE_MPS) * elapsed_s + _TOLERANCE_M:
-        return f"the setpoint jumps by {moved_m:.2f} m"
+        return f"setpoint jumps by {moved_m:.2f} m"
     changed_mps = math.dist(before[1], after[1])
     small_mps = max(least_mps, _SMALL_CORNER * greatest_mps)
     if changed_mps > _HARDER * acceleration_mps2 * elapsed_s + small_mps + _TOLERANCE_MPS:
-        return f"the setpoint changes its speed by {changed_mps:.1f} m/s at once"
+        return f"setpoint speed jumps by {changed_mps:.1f} m/s"
     return None
 
 

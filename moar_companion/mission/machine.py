@@ -17,7 +17,7 @@ from dataclasses import replace
 from ..types import Mission
 from .conditions import Action
 from .states import IN_CONTROL, STREAMING, MissionState
-from .supervisor import Ruling
+from .supervisor import Acting, Ruling
 from .values import (
     Answer,
     Do,
@@ -44,6 +44,9 @@ _CROSSED_S = 0.5
 _HELD_S = 1.0
 """What goes on by itself has been held for so long: as long as any condition that holds."""
 
+_DONE = Say("every target is done", MissionState.HOLDING.words)
+_ARRIVED = Say("above the landing point", MissionState.HOLDING.words)
+
 _AGAIN_S = 2.0
 """A way out that was sought in vain is sought again after that: much may have changed."""
 
@@ -52,6 +55,8 @@ _WAYS_OUT = {
     Action.EVACUATION: (Mission.EVACUATION,),
 }
 """What is sought of the supervisor's actions: the first of which there is a plan."""
+_LEADS_OUT = {Mission.EXIT: "exiting", Mission.EVACUATION: "evacuating"}
+"""What the companion does then, for people."""
 _OUTWARD = tuple(Task(mission=way) for way in _WAYS_OUT[Action.EXIT])
 
 
@@ -80,7 +85,7 @@ def command(
     if order is Order.HOLD and status.state is MissionState.READY:
         # The mode may have been given and not yet heard of: the stream must not end.
         ready = replace(status, held=True, sought=None)
-        return ready, (*overtaken, Do.BRAKE, done, Say("MOAR ready to hold"))
+        return ready, (*overtaken, Do.BRAKE, done, Say("ready to hold"))
     if status.state in STREAMING or status.state is MissionState.PLANNING:
         rest = MissionState.IDLE if order is Order.HOLD else MissionState.RELEASED
         silent, effects = _silenced(status, rest, f"{order.value} on command", now_s, farewell=True)
@@ -102,6 +107,9 @@ def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
     if status.sought is None:
         return status, ()
     in_control = status.state in IN_CONTROL
+    ruling = world.ruling.apart_from(status.known)
+    if ruling.leading is not None and ruling.action is Action.RELEASE:
+        return _released(status, ruling, ruling.leading, world, now_s)
     if status.state is MissionState.PLANNING and (unfit := _unfit(status.sought, world)):
         idle, effects = _enter(status, MissionState.IDLE, now_s)
         order_id = status.order_id
@@ -139,14 +147,13 @@ def unplanned(
     if status.order_id is not None:
         return replace(status, sought=None, order_id=None), answers
     if sought.mission is not Mission.INSPECTION and not waits:
-        say = Say(f"No way to {sought.mission.value}: {reason}", serious=True, news=False)
+        say = Say(reason, f"no {sought.mission.value}", serious=True, news=False)
         inspects = status.task is not None and status.task.mission is Mission.INSPECTION
         vain = _OUTWARD if failed and inspects else (sought,)
         return replace(status, sought=None).without(*vain, now_s=now_s), (say,)
-    held, effects = _enter(status, MissionState.HOLDING, now_s)
-    goal = sought.goal if sought.mission is Mission.INSPECTION else sought.mission.value
-    say = Say(f"No way to {goal}: {reason}", serious=True)
-    return replace(held, task=sought, goes_on=waits), (*effects, say)
+    held = _entered(status, MissionState.HOLDING, now_s)
+    say = Say(reason, MissionState.HOLDING.words, serious=True)
+    return replace(held, task=sought, goes_on=waits), (say,)
 
 
 def withdrawn(status: MissionStatus, order_id: int, now_s: float) -> Step:
@@ -182,16 +189,23 @@ def tick(
         return status, ()
     leading = ruling.leading
     if leading is not None and ruling.action is Action.RELEASE:
-        farewell = ruling.farewell and world.mode_ours
-        return _silenced(status, leading.condition.rest, leading.reason, now_s, farewell=farewell)
+        return _released(status, ruling, leading, world, now_s)
     given = state is MissionState.READY and world.mode_ours
     if state in IN_CONTROL or given:
-        supervised = _supervised(status, ruling, now_s)
+        supervised = _supervised(status, ruling, now_s, on_leg=world.on_leg)
         if supervised is not None:
             return supervised
     elif ruling.action >= Action.HOLD and not _heeds(status, ruling.action):
         return _silenced(status, MissionState.IDLE, ruling.reason, now_s, farewell=True)
     return _onward(status, world, ready_timeout_s, now_s)
+
+
+def _released(
+    status: MissionStatus, ruling: Ruling, leading: Acting, world: Situation, now_s: float
+) -> Step:
+    """The supervisor ends control; a last setpoint at rest where the mode is still ours."""
+    farewell = ruling.farewell and world.mode_ours
+    return _silenced(status, leading.condition.rest, leading.reason, now_s, farewell=farewell)
 
 
 def _heeds(status: MissionStatus, action: Action) -> bool:
@@ -205,18 +219,20 @@ def _suits(task: Task, action: Action) -> bool:
     return not task.flown and task.mission in _WAYS_OUT.get(action, ())
 
 
-def _supervised(status: MissionStatus, ruling: Ruling, now_s: float) -> Step | None:
+def _supervised(
+    status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool
+) -> Step | None:
     """What the supervisor makes of a flight in control; None where it has nothing to say."""
     if ruling.action is Action.HOLD:
         return _braked(status, ruling, now_s, goes_on=True)
     if ruling.action in _WAYS_OUT:
-        return _led_out(status, ruling, now_s)
+        return _led_out(status, ruling, now_s, on_leg=on_leg)
     task = status.task
     if not status.goes_on or status.sought is not None or task is None or task in status.no_way:
         return None
     if now_s - status.since_s < _HELD_S:
         return None
-    say = Say("MOAR goes on", news=status.no_way_s < status.since_s)
+    say = Say(f"resuming {task.mission.value}", news=status.no_way_s < status.since_s)
     return replace(status, sought=task), (say, Seek(task))
 
 
@@ -231,16 +247,17 @@ def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, goes_on: boo
         return held, (*failed, Do.BRAKE)
     left = status.task is not None and not status.task.done
     goes_on = goes_on and left and not status.held
-    held, _ = _enter(replace(status, goes_on=goes_on, held=False), MissionState.HOLDING, now_s)
-    say = Say(f"MOAR holding: {ruling.reason}", serious=True, condition=ruling.name)
+    held = _entered(replace(status, goes_on=goes_on, held=False), MissionState.HOLDING, now_s)
+    action = MissionState.HOLDING.words
+    say = Say(ruling.reason, action, serious=True, condition=ruling.name)
     return held, (*failed, Do.BRAKE, say)
 
 
-def _led_out(status: MissionStatus, ruling: Ruling, now_s: float) -> Step | None:
+def _led_out(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool) -> Step | None:
     """The way out that the supervisor wants, where it is not flown already, or the next best.
 
     Where there is none, one that is flown goes on as it can; anything else holds. A landing leg is
-    flown to its end.
+    flown to its end, also from a hold on it.
     """
     task, holds = status.task, status.state is MissionState.HOLDING
     if task is None or task.flown:
@@ -255,6 +272,8 @@ def _led_out(status: MissionStatus, ruling: Ruling, now_s: float) -> Step | None
         for way in (task, Task(mission=mission))
         if way.mission is mission and way not in status.no_way
     ]
+    if on_leg and task.mission is not Mission.INSPECTION and task not in status.no_way:
+        ways.insert(0, task)
     if not ways:
         if task.mission is not Mission.INSPECTION and not holds:
             return None
@@ -263,8 +282,8 @@ def _led_out(status: MissionStatus, ruling: Ruling, now_s: float) -> Step | None
     if status.order_id is None and wanted == (status.sought or (None if holds else task)):
         return None
     sought = replace(status, sought=wanted, order_id=None, goes_on=False)
-    words = f"MOAR {wanted.mission.value}: {ruling.reason}"
-    say = Say(words, serious=True, news=False, condition=ruling.name)
+    action = _LEADS_OUT[wanted.mission]
+    say = Say(ruling.reason, action, serious=True, news=False, condition=ruling.name)
     return sought, (*_failed(status, ruling.reason), say, Seek(wanted))
 
 
@@ -295,17 +314,17 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
             return status, ()
         rest = replace(task, stops=task.stops[1:])
         if rest.done:
-            held, effects = _enter(status, MissionState.HOLDING, now_s)
-            return replace(held, task=rest), (*effects, Say("every target is done"))
+            held = _entered(status, MissionState.HOLDING, now_s)
+            return replace(held, task=rest), (_DONE,)
         return replace(status, sought=rest), (Seek(rest),)
     return status, ()
 
 
 def _landed_above(status: MissionStatus, now_s: float) -> Step:
     """The landing leg is done: what is left is the autopilot's landing."""
-    held, effects = _enter(status, MissionState.HOLDING, now_s, keep_sought=True)
+    held = _entered(status, MissionState.HOLDING, now_s, keep_sought=True)
     task = None if held.task is None else replace(held.task, flown=True)
-    return replace(held, task=task), (*effects, Do.LAND)
+    return replace(held, task=task), (_ARRIVED, Do.LAND)
 
 
 def _overridden(status: MissionStatus, world: Situation, *, resume: bool, now_s: float) -> Step:
@@ -334,11 +353,11 @@ def _sought(
     known = _known(world, now_s)
     news = world.ruling.apart_from(known)
     if order_id is not None and news.action >= Action.HOLD and not _suits(task, news.action):
-        return _rejected(status, order_id, f"just begun: {news.reason}")
+        return _rejected(status, order_id, f"{news.reason} (just begun)")
     effects = _cancelled(status)
     if status.state not in STREAMING:
         status = replace(status, state=MissionState.PLANNING, since_s=now_s)
-        effects = (*effects, Say(f"MOAR planning {task.mission.value}"))
+        effects = (*effects, Say(f"planning {task.mission.value}"))
     sought = replace(status, sought=task, order_id=order_id, known=known)
     return sought, (*effects, Seek(task))
 
@@ -360,17 +379,39 @@ def _rejected(status: MissionStatus, order_id: int, reason: str) -> Step:
 def _enter(
     status: MissionStatus, state: MissionState, now_s: float, *, keep_sought: bool = False
 ) -> Step:
+    """A new state, and the word on it; likewise."""
+    entered = _entered(status, state, now_s, keep_sought=keep_sought)
+    return entered, (Say(state_words(state, status.task)),)
+
+
+def _entered(
+    status: MissionStatus, state: MissionState, now_s: float, *, keep_sought: bool = False
+) -> MissionStatus:
     """A new state; whatever plan was awaited is awaited no more, unless kept."""
-    words = "" if status.task is None else f" {status.task.mission.value}"
     entered = replace(status, state=state, since_s=now_s)
-    if not keep_sought:
-        entered = replace(entered, sought=None, order_id=None)
-    return entered, (Say(f"MOAR {state.value}{words}"),)
+    return entered if keep_sought else replace(entered, sought=None, order_id=None)
+
+
+def state_words(state: MissionState, task: Task | None) -> str:
+    """A state for people: `flying inspection to splice-inner`, `at target splice-inner`."""
+    if task is None or state in {MissionState.IDLE, MissionState.RELEASED}:
+        return state.words
+    goal = task.stops[0] if task.stops else ""
+    if state is MissionState.AT_TARGET:
+        return f"{state.words} {goal}".rstrip()
+    if state is MissionState.LANDING_LEG:
+        return f"{state.words} of the {task.mission.value}"
+    if state is MissionState.READY:
+        return f"{state.words} for {task.mission.value}"
+    to_goal = f" to {goal}" if goal and state is MissionState.FLYING else ""
+    return f"{state.words} {task.mission.value}{to_goal}"
 
 
 def _cancelled(status: MissionStatus) -> tuple[Effect, ...]:
     """The answer to an order that another one overtakes."""
-    return () if status.order_id is None else (Answer(status.order_id, Verdict.CANCELLED),)
+    if status.order_id is None:
+        return ()
+    return (Answer(status.order_id, Verdict.CANCELLED, "overtaken by a newer order"),)
 
 
 def _failed(status: MissionStatus, reason: str) -> tuple[Effect, ...]:
@@ -394,5 +435,5 @@ def _silenced(
     interrupted = status.task if status.state in _INTERRUPTED else None
     last = (Do.FAREWELL,) if farewell and status.state in STREAMING else ()
     silent = MissionStatus(state=state, since_s=now_s, task=interrupted)
-    say = Say(f"MOAR {state.value}: {reason}", serious=state is not MissionState.IDLE)
+    say = Say(reason, state.words, serious=state is not MissionState.IDLE)
     return silent, (*last, *_failed(status, reason), say)

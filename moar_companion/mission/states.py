@@ -19,6 +19,11 @@ class MissionState(str, enum.Enum):
     RELEASED = "released"
 
     @property
+    def words(self) -> str:
+        """For people."""
+        return self.value.replace("_", " ")
+
+    @property
     def number(self) -> int:
         """Its place in the contract's table, from 0: custom_mode of our heartbeat."""
         return tuple(MissionState).index(self)

@@ -122,9 +122,10 @@ class Answer:
 
 @dataclass(frozen=True, slots=True)
 class Say:
-    """Effect: tell people."""
+    """Effect: tell people. action: what the companion does about it."""
 
     text: str
+    action: str = ""
     serious: bool = False
     news: bool = True
     """Whether it is worth saying again soon."""

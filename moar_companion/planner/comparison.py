@@ -20,6 +20,8 @@ from .solver import walked
 
 _SAME_CLEARANCE_M = 0.005
 """A difference that the words, which have two digits, do not show."""
+_SAME_PATH_M = 0.05
+"""Likewise, of one digit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,19 +40,19 @@ class PathDifference:
     duration_s: tuple[float, float]
 
     def gist(self) -> str:
-        """For people, in short: `path moved 1.4 m outwards`, by the mean clearance."""
+        """For people, in short: `path 1.4 m outwards`, by the mean clearance."""
         before_m, after_m = self.mean_clearance_m
-        if self.greatest_m < _SAME_CLEARANCE_M:
-            return "path stays where it was"
+        if self.greatest_m < _SAME_PATH_M:
+            return "path stays"
         way = ""
         if abs(after_m - before_m) >= _SAME_CLEARANCE_M:
             way = " outwards" if after_m > before_m else " inwards"
-        return f"path moved {self.greatest_m:.1f} m{way}"
+        return f"path {self.greatest_m:.1f} m{way or ' moved'}"
 
     def words(self) -> str:
         """For people: the gist, how far on average, and what became of the clearance."""
         (before_m, after_m), (least_before_m, least_m) = self.mean_clearance_m, self.min_clearance_m
-        if self.greatest_m < _SAME_CLEARANCE_M:
+        if self.greatest_m < _SAME_PATH_M:
             return self.gist()
         moved = f"{self.gist()}, {self.mean_m:.1f} m on average"
         if not math.isfinite(after_m):

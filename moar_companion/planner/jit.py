@@ -1,64 +1,147 @@
 """The jit policy of the project, and the types of its kernels.
 
-Eager signatures (no compilation in flight), `nogil` (a plan never holds up the streaming loop),
-`cache` (compiled once per machine), no `fastmath` (costs are compared with an oracle). A kernel
-and what it calls stand in one file, for the cache knows a kernel by its own file alone; constants
-and layouts of named tuples may be another's, as they are in the name that it is kept under.
+One signature each, for which it is made ready when it is first called, or before (`compiling`):
+in flight nothing is compiled, and what needs no kernel does not wait for the compiler's import.
+`nogil` (a plan never holds up the streaming loop), `cache` (compiled once per machine), no
+`fastmath` (costs are compared with an oracle). A kernel and what it calls stand in one file, for
+the cache knows a kernel by its own file alone; constants and layouts of named tuples may be
+another's, as they are in the name that it is kept under.
 """
 
 from __future__ import annotations
 
 import hashlib
 from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache, cached_property
 from typing import Any, TypeVar
-
-import numba as nb
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
 
-BOOL, F8 = nb.boolean, nb.float64
-I8, I4, U4, U1 = nb.int64, nb.int32, nb.uint32, nb.uint8
-none = nb.none
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Type:
+    """A type of kernels. make: numba's own. fields: a named tuple's."""
+
+    make: Callable[[], Any]
+    fields: tuple[str, ...] | None = None
 
 
-def read(scalar: object, dimensions: int = 1) -> object:
+def _named(name: str) -> Type:
+    return Type(make=lambda: getattr(_numba(), name))
+
+
+BOOL, F8 = _named("boolean"), _named("float64")
+I8, I4, U4, U1 = _named("int64"), _named("int32"), _named("uint32"), _named("uint8")
+none = _named("none")
+
+
+def read(scalar: Type, dimensions: int = 1) -> Type:
     """The type of an array that a kernel reads."""
-    return nb.types.Array(scalar, dimensions, "C", readonly=True)
+    return Type(make=lambda: _numba().types.Array(scalar.make(), dimensions, "C", readonly=True))
 
 
-def written(scalar: object, dimensions: int = 1) -> object:
+def written(scalar: Type, dimensions: int = 1) -> Type:
     """The type of an array that a kernel writes, or makes."""
-    return nb.types.Array(scalar, dimensions, "C")
+    return Type(make=lambda: _numba().types.Array(scalar.make(), dimensions, "C"))
 
 
-def several(*types: object) -> object:
+def several(*types: Type) -> Type:
     """The type of several answers."""
-    return nb.types.Tuple(types)
+    return Type(make=lambda: _numba().types.Tuple([each.make() for each in types]))
 
 
-def fields(named_tuple: type, *types: object) -> object:
+def fields(named_tuple: Any, *types: Type) -> Type:
     """The type of a named tuple."""
-    return nb.types.BaseTuple.from_types(types, named_tuple)
-
-
-def jit(answer: object, *arguments: object) -> Callable[[_Function], _Function]:
-    """Compile a kernel for these types."""
-    compiled: Callable[[_Function], _Function] = nb.njit(
-        nb.core.typing.signature(answer, *arguments), nogil=True, cache=True, error_model="numpy"
+    return Type(
+        make=lambda: _numba().types.BaseTuple.from_types(
+            [each.make() for each in types], named_tuple
+        ),
+        fields=named_tuple._fields,
     )
 
-    def decorator(kernel: _Function) -> _Function:
-        kernel.__qualname__ += f"_{_taken_in(kernel, arguments)}"
-        return compiled(kernel)
+
+class Kernel:
+    """A compiled function, which is made ready when it is first called, or by `ready`.
+
+    Two threads that do so at once do it twice, one after the other (the compiler has a lock).
+    """
+
+    def __init__(self, function: Any, answer: Type, arguments: tuple[Type, ...]) -> None:
+        function.__qualname__ += f"_{_taken_in(function, arguments)}"
+        self.py_func = function
+        self._answer = answer
+        self._arguments = arguments
+
+    def __call__(self, *arguments: Any) -> Any:
+        """The answer of the compiled function."""
+        return self.ready(*arguments)
+
+    @cached_property
+    def ready(self) -> Any:
+        """Numba's dispatcher, with the machine code: from the cache, or compiled now."""
+        dispatcher = self._dispatcher
+        dispatcher.compile(self._signature)
+        dispatcher.disable_compile()
+        return dispatcher
+
+    @cached_property
+    def entry(self) -> Callable[..., Any]:
+        """The machine code itself."""
+        (compiled,) = self.ready.overloads.values()
+        entry: Callable[..., Any] = compiled.entry_point
+        return entry
+
+    @property
+    def is_cached(self) -> bool:
+        """Whether there is machine code of this source in the cache."""
+        file = self._dispatcher._cache._cache_file  # noqa: SLF001 - numba tells by loading only
+        return bool(file._load_index())  # noqa: SLF001
+
+    @cached_property
+    def _dispatcher(self) -> Any:
+        return _numba().njit(nogil=True, cache=True, error_model="numpy")(self.py_func)
+
+    @property
+    def _signature(self) -> Any:
+        arguments = [each.make() for each in self._arguments]
+        return _numba().core.typing.signature(self._answer.make(), *arguments)
+
+
+KERNELS: list[Kernel] = []
+"""All of the modules that have been imported, in order."""
+
+
+def jit(answer: Type, *arguments: Type) -> Callable[[_Function], _Function]:
+    """Make a function a kernel for these types."""
+
+    def decorator(function: _Function) -> _Function:
+        kernel: Any = Kernel(function, answer, arguments)
+        KERNELS.append(kernel)
+        made: _Function = kernel
+        return made
 
     return decorator
 
 
-def _taken_in(kernel: Callable[..., object], types: tuple[object, ...]) -> str:
+@cache
+def _numba() -> Any:
+    """The compiler, whose import takes longer than all else together."""
+    import numba  # noqa: PLC0415
+
+    @numba.extending.typeof_impl.register(Kernel)  # type: ignore[untyped-decorator]
+    def type_of(kernel: Kernel, context: Any) -> Any:
+        """A kernel that another one calls."""
+        return numba.extending.typeof_impl(kernel.ready, context)
+
+    return numba
+
+
+def _taken_in(function: Any, types: tuple[Type, ...]) -> str:
     """A digest of what a kernel takes from other files, and of what those it calls take."""
-    named: list[Any] = [kernel.__globals__.get(name) for name in kernel.__code__.co_names]
+    named: list[Any] = [function.__globals__.get(name) for name in function.__code__.co_names]
     taken = [
-        [getattr(each, "fields", None) for each in types],
+        [each.fields for each in types],
         [each for each in named if isinstance(each, (int, float))],
         [each.py_func.__qualname__ for each in named if hasattr(each, "py_func")],
     ]
@@ -70,6 +153,8 @@ def direct(kernel: Any) -> Callable[..., Any]:
 
     The caller answers for them: arrays are taken to be contiguous.
     """
-    (compiled,) = kernel.overloads.values()
-    entry: Callable[..., Any] = compiled.entry_point
-    return entry
+
+    def call(*arguments: Any) -> Any:
+        return kernel.entry(*arguments)
+
+    return call

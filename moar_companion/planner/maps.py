@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from ..vehicle import SafetyShape, SpeedLimits, Vehicle
 from . import geometry
 from .cells import horizontal_distances
 from .clearances import Clearances
+from .fence import PlaneFence
 from .grid import TOLERANCE, BoolArray, FloatArray, Grid
 from .reach import Reach
 
@@ -20,13 +21,14 @@ class Maps:
     """All maps of one site for one vehicle; arrays are (nx, nz), indexed `[ix, iz]`, read-only.
 
     position_uncertainty_m: what the occupied distance is widened by
+    fence:                  of the autopilot, as far as it cuts the site; None without one
     occupied:               never entered
     room_m:                 from the hull to where the nearest keep-out begins; inf without any
     obstacle_distance_m:    d_obs, to the nearest obstacle's surface
     hull_distance_m:        d_ch, to the obstacles' convex hull
     horizontal_distance_m:  d_hor, to the nearest obstacle below, after the 45 degree exclusion
     collision_cost, insertion_cost, damage_cost:  C of the three (Eq. 3)
-    safety_cost:            SC (Eq. 2)
+    safety_cost:            SC (Eq. 2), and the cost of places that are exposed (`with_exposed`)
     speed_limit_mps:        v_sat (Eq. 5)
     clearances, hull:       to the obstacles and to their hull, for repairs
     reach:                  where straight flights run into obstacles, also outside the workspace
@@ -34,6 +36,7 @@ class Maps:
 
     grid: Grid
     position_uncertainty_m: float
+    fence: PlaneFence | None
     occupied: BoolArray
     room_m: FloatArray
     obstacle_distance_m: FloatArray
@@ -54,10 +57,12 @@ def build_maps(
     vehicle: Vehicle,
     position_uncertainty_m: float = 0.0,
     *,
+    fence: PlaneFence | None = None,
     before: Maps | None = None,
 ) -> Maps:
     """The maps of a site for a vehicle whose position is known to `position_uncertainty_m`.
 
+    fence: what is outside is occupied, but no obstacle.
     before: those of the site with other obstacles, which are repaired.
     """
     space = site.workspace
@@ -70,6 +75,9 @@ def build_maps(
     occupied = room < -TOLERANCE
     if space.min_altitude_m is not None:
         occupied[:, z_m < space.min_altitude_m - TOLERANCE] = True
+    if fence is not None:
+        centres_m = np.stack(np.meshgrid(x_m, z_m, indexing="ij"), axis=-1).reshape(-1, 2)
+        occupied[~fence.holds(centres_m).reshape(occupied.shape)] = True
     horizontal = horizontal_distances(x_m, z_m, *geometry.rings(site.obstacles)[:2])
     hull = Clearances.over(
         grid, geometry.hull(site.obstacles), *(() if before is None else (before.hull,))
@@ -82,6 +90,7 @@ def build_maps(
     maps = Maps(
         grid=grid,
         position_uncertainty_m=position_uncertainty_m,
+        fence=fence,
         occupied=occupied,
         room_m=room,
         obstacle_distance_m=obstacle,
@@ -107,6 +116,13 @@ def build_maps(
         if isinstance(array, np.ndarray):
             array.flags.writeable = False
     return maps
+
+
+def with_exposed(maps: Maps, exposed: BoolArray, shape: SafetyShape) -> Maps:
+    """The maps, of which none is exposed, with cells (nx, nz) that are: they cost more."""
+    safety_cost = maps.safety_cost + shape.exposure * exposed
+    safety_cost.flags.writeable = False
+    return replace(maps, safety_cost=safety_cost)
 
 
 def distance_cost(distance_m: FloatArray, shape: SafetyShape) -> FloatArray:

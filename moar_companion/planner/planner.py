@@ -18,9 +18,10 @@ from ..errors import InputError
 from ..site import Obstacle, PlanePoint, Site, Target
 from ..types import Mission, RiskIndices, Weights
 from ..vehicle import Vehicle
+from .fence import PlaneFence
 from .graph import build_graph
-from .grid import STOP, IntArray
-from .maps import Maps, build_maps
+from .grid import STOP, BoolArray, IntArray
+from .maps import Maps, build_maps, with_exposed
 from .plan import Compute, Plan, PlanRequest, PlanStatus
 from .regions import Cell, GoalRegion, goal_region, landing_leg
 from .solver import Goal, Solver, walked
@@ -76,16 +77,18 @@ class Planner:
         vehicle: Vehicle,
         *,
         position_uncertainty_m: float = 0.0,
+        fence: PlaneFence | None = None,
         clock: Clock = time.perf_counter,
     ) -> None:
         """Builds the maps; `position_uncertainty_m` widens what counts as occupied.
 
+        fence: of the autopilot, as far as it cuts the site: nothing leads outside.
         clock: what tells the seconds of a plan's `compute`; no plan depends on it.
         """
         self.site = site
         self.vehicle = vehicle
         self.clock = clock
-        self._build(position_uncertainty_m, before=None)
+        self._build(position_uncertainty_m, fence, before=None)
         self._solver = Solver(self.graph)
 
     def prepare(self, *, mission: Mission | str, target: str | int | None = None) -> None:
@@ -132,13 +135,31 @@ class Planner:
         What is being prepared meanwhile is dropped, too.
         """
         self.site = replace(self.site, obstacles=obstacles)
-        self._build(self.maps.position_uncertainty_m, before=self.maps)
+        self._build(self.maps.position_uncertainty_m, self.maps.fence, before=self.maps)
         self._solver.graph = self.graph
 
-    def _build(self, position_uncertainty_m: float, *, before: Maps | None) -> None:
+    def set_exposed(self, exposed: BoolArray) -> None:
+        """Cells (nx, nz) from which a failsafe of the autopilot would hit something cost more.
+
+        Goals and tables are dropped, and what is being prepared meanwhile. Other obstacles end it.
+        """
         began = self.clock()
-        self.maps = build_maps(self.site, self.vehicle, position_uncertainty_m, before=before)
-        self.graph = build_graph(self.maps, self.vehicle)
+        self._take(with_exposed(self._unexposed, exposed, self.vehicle.safety), began)
+        self._solver.graph = self.graph
+
+    def _build(
+        self, position_uncertainty_m: float, fence: PlaneFence | None, *, before: Maps | None
+    ) -> None:
+        began = self.clock()
+        maps = build_maps(
+            self.site, self.vehicle, position_uncertainty_m, fence=fence, before=before
+        )
+        self._unexposed = maps
+        self._take(maps, began)
+
+    def _take(self, maps: Maps, began: float) -> None:
+        self.maps = maps
+        self.graph = build_graph(maps, self.vehicle)
         self._map_ms = 1e3 * (self.clock() - began)
         self._goals: dict[_Key, _Goal] = {}
         self._tables: dict[_Key, _Prepared] = {}
@@ -286,13 +307,19 @@ class Planner:
             PlanStatus.UNREACHABLE: "cannot be reached: no free way leads there",
         }
         place = "" if point_m is None else f" at ({point_m[0]:g}, {point_m[1]:g})"
+        fence, why = self.maps.fence, words[status]
+        crossed = None
+        if fence is not None and point_m is not None:
+            crossed = fence.crossed(np.array([point_m[:2]]))
+        if crossed is not None and fence is not None:
+            why = f"is outside the autopilot's fence, {crossed}, less {fence.margin_m:g} m"
         return Plan(
             request=request,
             site=self.site.name,
             graph=self.graph,
             maps=self.maps,
             status=status,
-            reason=f"{what}{place} {words[status]}",
+            reason=f"{what}{place} {why}",
             compute=Compute(map_ms=self._map_ms, search_ms=0.0, expanded=0),
             states=np.empty((0, len(self.graph.grid.shape) + 1), dtype=np.int64),
         )

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import numba as nb
 import numpy as np
 
 from .grid import FloatArray, IntArray
-from .jit import F8, jit, read, written
+from .jit import F8, U1, jit, read, written
 
 
-@jit(written(F8), read(nb.uint8, 2), read(F8, 2), read(F8, 2), F8)
+@jit(written(F8), read(U1, 2), read(F8, 2), read(F8, 2), F8)
 def free_ahead(
     blocked: IntArray, start: FloatArray, direction: FloatArray, farthest: float
 ) -> FloatArray:

@@ -171,6 +171,8 @@ def _visible_cells(
             return nowhere
         leg = np.stack([grid.centre_m(cell), above])
         clear = _legs_clear(site, vehicle, maps, leg[:1], above).all()
+        if maps.fence is not None:
+            clear &= maps.fence.holds_legs(leg[:1], above)[0]
         return (np.array([cell]), leg[None]) if clear else nowhere
     cells, edges = _border(grid.shape, lowest_row)
     free = ~maps.occupied[cells[:, 0], cells[:, 1]]
@@ -181,6 +183,8 @@ def _visible_cells(
     for leg_end in (end, above):
         seen &= _legs_clear(site, vehicle, maps, midpoints, leg_end)
     seen &= _legs_clear(site, vehicle, maps, above[None, :], end)
+    if maps.fence is not None:
+        seen &= maps.fence.holds_legs(centres, above)
     centres, midpoints = centres[seen], midpoints[seen]
     legs = np.stack([centres, midpoints, np.broadcast_to(above, centres.shape)], axis=1)
     return cells[seen], legs

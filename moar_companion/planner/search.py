@@ -273,13 +273,19 @@ def locate(
     roots: FloatArray, triangles: IntArray, safety: float, time: float, energy: float
 ) -> tuple[IntArray, FloatArray]:
     """The corners of the smallest triangle around weights and their shares in them, above 0."""
-    shares = np.empty(3)
+    # Number by number: whole rows at once take four times as long to compile.
+    share, shares = np.empty(3), np.empty(3)
     node, inmost = 0, -np.inf
     for root in range(len(roots)):
-        share = roots[root, :, 0] * safety + roots[root, :, 1] * time + roots[root, :, 2] * energy
-        if share.min() > inmost:
-            node, inmost = root, share.min()
-            shares[:] = share
+        least = np.inf
+        for at in range(3):
+            x, y, z = roots[root, at, 0], roots[root, at, 1], roots[root, at, 2]
+            share[at] = x * safety + y * time + z * energy
+            least = min(least, share[at])
+        if least > inmost:
+            node, inmost = root, least
+            for at in range(3):
+                shares[at] = share[at]
     while triangles[node, 3] >= 0:
         near = 0 if shares[0] >= shares[1] else 1
         half = shares[1 - near]

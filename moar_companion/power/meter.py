@@ -6,6 +6,8 @@ in the air is enough for all of them. Measured is, in this order,
     current   sum of U I of all batteries, where the file has their capacity
     charge    the flight between two steps of the charge that the autopilot tells
 
+A charge that falls clearly faster than the current says goes before it. A drain is believed however
+great it is, up to a limit where it is clamped: to ignore it would promise time that is not there.
 What is left is the charge of the emptiest battery: packs in parallel empty alike, and of two that
 do not one has failed. One that tells it no more is counted down by what is flown. Inputs: telemetry
 and time.
@@ -33,11 +35,23 @@ _MEASURING_S = 10.0
 """When the measured power and the one before count alike. By then the current has settled, and a
 step of the charge, seen 2 s late at worst, is known to a fifth: as well as the file."""
 _FORGETTING_S = 120.0
-"""Longer than a leg, so that all phases are in the mean; shorter than a battery."""
+"""Longer than a leg, so that all phases are in the mean; shorter than a battery. While much more is
+taken than that mean, what was before is forgotten as fast as a new power is measured."""
 _MARKS_S = 300.0
 _MOST_MARKS = 100
-_PLAUSIBLE = (0.2, 5.0)
-"""Measured over the file's power. Outside, a sensor is dead, or a charge was corrected."""
+_LEAST_RATIO = 0.2
+"""Measured over the file's power. Below, a sensor is dead."""
+_GREATEST_RATIO = 20.0
+"""Above, it is clamped: what flies at all has a file that is less wrong, and one wrong reading does
+not empty a battery by itself."""
+_SUDDEN_RATIO = 5.0
+"""Of one step of the charge over what was measured before: a charge was corrected. More such steps
+in a row than _MOST_SUDDEN are no corrections, and count."""
+_MOST_SUDDEN = 2
+"""One more may be a step that the one before it was late for."""
+_AT_ODDS = 2.0
+"""Of one measure over another, where the greater goes first: a gauge may have another capacity, or
+follow a voltage, but not by so much unless a battery fails."""
 _SWAPPED = 0.05
 """A charge that rises by more is another battery's; by less it wavers, as where the autopilot
 takes it from a voltage."""
@@ -48,10 +62,14 @@ _LONGEST_STEP_S = 1.0
 
 @dataclass(frozen=True, slots=True)
 class _Mark:
-    """A step down of a battery's charge. flown_wh: until then, as the file has it."""
+    """A step down of a battery's charge. flown_wh: until then, as the file has it.
+
+    sudden: how many in a row may be corrections; nothing is measured up to the last of them.
+    """
 
     charge: float
     flown_wh: float
+    sudden: int = 0
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +126,13 @@ class Meter:
             return None
         return self.left_wh / (self.factor * model.hover_w) * S_PER_H
 
+    def until_s(self, model: PowerModel, charge: float) -> float | None:
+        """How long, hovering, until a charge in [0, 1] is left; None where that is not known."""
+        if self.left_wh is None:
+            return None
+        usable_wh = max(0.0, self.left_wh - charge * model.capacity_wh)
+        return usable_wh / (self.factor * model.hover_w) * S_PER_H
+
     def left_after_s(self, model: PowerModel, need_wh: float | None) -> float | None:
         """How long what is left then lasts, hovering. need_wh: as the file has it."""
         flight_s = self.flight_s(model)
@@ -134,7 +159,10 @@ def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel)
     flown_wh = meter.flown_wh + flight_w * elapsed_s / S_PER_H
     before = {number: mean for number, mean in meter.mean_current_a.items() if number not in gone}
     currents = _mean_currents(before, batteries, elapsed_s)
-    used = meter.factor * (flown_wh - meter.flown_wh) / model.capacity_wh
+    drawn_w = _drawn_w(batteries, currents) if model.capacity_known else None
+    # The factor learns late of a power that has risen.
+    used_w = max(meter.factor * flight_w, min(drawn_w or 0.0, _GREATEST_RATIO * flight_w))
+    used = used_w * elapsed_s / S_PER_H / model.capacity_wh
     packs = {
         number: _Pack(pack.heard_s, pack.charge - used, pack.most - used, pack.told, pack.marks)
         for number, pack in meter.packs.items()
@@ -147,7 +175,7 @@ def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel)
         if pack is not None:
             packs[number] = pack
     emptiest = min(packs.values(), key=lambda pack: pack.left, default=None)
-    drawn_w, by_charge = _drawn_w(batteries, currents), _by_charge(packs, flown_wh, model)
+    by_charge = _by_charge(packs, flown_wh, model)
     measured = _measured(meter, drawn_w, by_charge, flight_w, elapsed_s, model)
     factor, source, prior, recent_wh, drawn_wh = measured
     return Meter(
@@ -267,9 +295,15 @@ def _steps(
         return pack.told, pack.marks
     mark, marks = _Mark(told, flown_wh), pack.marks
     if marks:
-        used_wh = (marks[-1].charge - told) * model.capacity_wh
-        if used_wh > _PLAUSIBLE[1] * (flown_wh - marks[-1].flown_wh):
-            return told, (mark,)  # nothing flies that takes so much
+        last, first = marks[-1], marks[0]
+        measured = 1.0
+        if last.flown_wh > first.flown_wh:
+            used_wh = (first.charge - last.charge) * model.capacity_wh
+            measured = max(1.0, used_wh / (last.flown_wh - first.flown_wh))
+        used_wh = (last.charge - told) * model.capacity_wh
+        sudden = used_wh > _SUDDEN_RATIO * measured * (flown_wh - last.flown_wh)
+        if sudden and last.sudden < _MOST_SUDDEN:
+            return told, (replace(mark, sudden=last.sudden + 1),)
     oldest_wh = flown_wh - model.hover_wh(_MARKS_S)
     return told, (*(old for old in marks[1 - _MOST_MARKS :] if old.flown_wh >= oldest_wh), mark)
 
@@ -291,7 +325,7 @@ def _drawn_w(batteries: Mapping[int, Battery], currents: Mapping[int, float]) ->
 def _measured(
     meter: Meter,
     drawn_w: float | None,
-    by_charge: tuple[float, float],
+    by_charge: tuple[float, float, float],
     flight_w: float,
     elapsed_s: float,
     model: PowerModel,
@@ -300,26 +334,29 @@ def _measured(
 
     With its source, the one before, and by the current what was flown and drawn: as in `Meter`.
 
-    While the current is not told, the greater of what it said and what the charge says.
+    While the current is not told, the greater of what it said and what the charge says; else the
+    charge only where it says much more.
     """
     if not flight_w or not elapsed_s:
         return meter.factor, meter.source, meter.prior, meter.recent_wh, meter.drawn_wh
     recent_wh, used_wh = meter.recent_wh, meter.drawn_wh
-    prior, measures = meter.prior, []
-    by_current = drawn_w is not None and model.capacity_known and _plausible(drawn_w, flight_w)
+    prior = meter.prior
+    by_current = drawn_w is not None and drawn_w >= _LEAST_RATIO * flight_w
     if drawn_w is not None and by_current:
         if not recent_wh:
             prior = meter.factor
-        kept = math.exp(-elapsed_s / _FORGETTING_S)
+        believed_w = min(drawn_w, _GREATEST_RATIO * flight_w)
+        more = believed_w * recent_wh > _AT_ODDS * flight_w * used_wh
+        kept = math.exp(-elapsed_s / (_MEASURING_S if more else _FORGETTING_S))
         recent_wh = kept * recent_wh + flight_w * elapsed_s / S_PER_H
-        used_wh = kept * used_wh + drawn_w * elapsed_s / S_PER_H
-    else:
+        used_wh = kept * used_wh + believed_w * elapsed_s / S_PER_H
+    measures = [(used_wh, recent_wh, used_wh, "current")]
+    if not by_current or by_charge[0] * recent_wh > _AT_ODDS * used_wh * by_charge[1]:
         measures.append((*by_charge, "charge"))
-    measures.append((used_wh, recent_wh, "current"))
     found = [
-        (_blended(prior, used, flown, model), source)
-        for used, flown, source in measures
-        if _plausible(used, flown)
+        (_blended(prior, used, flown, sure, model), source)
+        for used, flown, sure, source in measures
+        if flown > 0.0 and used >= _LEAST_RATIO * flown
     ]
     factor, source = max(found, default=(meter.factor, meter.source))
     return factor, source, prior if found else factor, recent_wh, used_wh
@@ -327,28 +364,38 @@ def _measured(
 
 def _by_charge(
     packs: Mapping[int, _Pack], flown_wh: float, model: PowerModel
-) -> tuple[float, float]:
-    """What the steps of the charge say was used, and what was flown between them; in the mean."""
+) -> tuple[float, float, float]:
+    """What the steps of the charge say was used, what was flown between them, what of that is sure.
+
+    One step alone may be early or late. Of the battery that falls fastest: where they do not empty
+    alike that one ends the flight.
+    """
     oldest_wh = flown_wh - model.hover_wh(_MARKS_S)
     marked = [
         pack.marks
         for pack in packs.values()
         if len(pack.marks) > 1 and pack.marks[-1].flown_wh >= oldest_wh
     ]
-    if not marked:
-        return 0.0, 0.0
-    used = sum(marks[0].charge - marks[-1].charge for marks in marked) / len(marked)
-    between_wh = sum(marks[-1].flown_wh - marks[0].flown_wh for marks in marked) / len(marked)
-    return used * model.capacity_wh, between_wh
+    measured = [
+        (
+            (marks[0].charge - marks[-1].charge) * model.capacity_wh,
+            flown_wh,
+            (marks[1].charge - marks[-1].charge) * model.capacity_wh,
+        )
+        for marks in marked
+        if (flown_wh := marks[-1].flown_wh - marks[0].flown_wh) > 0.0
+    ]
+    return max(measured, key=lambda of: of[0] / of[1], default=(0.0, 0.0, 0.0))
 
 
-def _plausible(used: float, flown: float) -> bool:
-    """Of powers, or of energies."""
-    return flown > 0.0 and _PLAUSIBLE[0] <= used / flown <= _PLAUSIBLE[1]
+def _blended(
+    prior: float, used_wh: float, flown_wh: float, sure_wh: float, model: PowerModel
+) -> float:
+    """The factor that was measured, as far as that is known, and the one before.
 
-
-def _blended(prior: float, used_wh: float, flown_wh: float, model: PowerModel) -> float:
-    """The factor that was measured, as far as that is known, and the one before."""
-    measured_s = flown_wh / model.hover_w * S_PER_H
+    Of much that was used in a short time as much is known as of a long one. sure_wh: of that.
+    """
+    measured = min(_GREATEST_RATIO, used_wh / flown_wh)
+    measured_s = max(flown_wh, sure_wh) / model.hover_w * S_PER_H
     part = measured_s**2 / (measured_s**2 + _MEASURING_S**2)
-    return prior + part * (used_wh / flown_wh - prior)
+    return prior + part * (measured - prior)

@@ -26,10 +26,10 @@ _OLDEST = {AutopilotKind.PX4: (1, 14), AutopilotKind.ARDUPILOT: (4, 3)}
 """Versions before these have other failsafes and other parameters for them."""
 _FAR_M = 500.0
 """Nobody takes off so far from the structure."""
-_HEIGHT_TOLERANCE_M = 3.0
-"""What a receiver's altitude is usually good for."""
-_SLOPE_M = 5.0
-"""The ground is not farther than this above or below all that the site says of heights."""
+_HEIGHT_ERROR_M = 1.0
+"""Of an altitude that was told as good: PX4's estimate was off by up to 0.83 m, once by 1.4 m."""
+_NO_KEEP_OUT_M = 3.0
+"""What a receiver's altitude is usually good for, where nothing is to be kept clear of."""
 _ENOUGH = 0.5
 """Of the wanted rate."""
 
@@ -276,12 +276,18 @@ def _place(sight: Sight, site: Site) -> Iterator[Finding]:
 
 
 def _height(z_m: float, site: Site) -> Finding:
-    """Of an aircraft on the ground, where the site's z should be that of the ground."""
+    """Of an aircraft on the ground, where the site's z should be that of the ground.
+
+    An error shifts the whole flight up or down: more than the least keep-out is a collision.
+    """
     altitude_m = site.frame.origin.altitude_amsl_m
     text = f"it stands at z = {z_m:+.1f} m by its own altitude and the site's ({altitude_m:g} m)"
-    if abs(z_m) <= _HEIGHT_TOLERANCE_M:
+    slack_m = max(
+        _HEIGHT_ERROR_M, min((item.keep_out_m for item in site.obstacles), default=_NO_KEEP_OUT_M)
+    )
+    if abs(z_m) <= slack_m:
         return Finding(level=Level.OK, subject="height", text=text)
-    lowest_m, highest_m = _ground_m(site)
+    lowest_m, highest_m = _ground_m(site, slack_m)
     remedy = (
         f"all would be flown {abs(z_m):.1f} m too {'low' if z_m > 0.0 else 'high'}: correct "
         "frame.origin.altitude_amsl_m, or wait for a better fix and restart the autopilot"
@@ -302,14 +308,13 @@ def _height(z_m: float, site: Site) -> Finding:
     )
 
 
-def _ground_m(site: Site) -> tuple[float, float]:
-    """The lowest and the highest z at which an aircraft may stand on a site's ground."""
-    space = site.workspace
-    landings_m = [z_m for points in site.landing_m.values() for _, z_m in points]
-    # The vehicle starts in the air, and the ground is no higher; where z = 0 is, it should be.
-    lowest_m = min(0.0, space.lower_m[1], *landings_m)
-    highest_m = max(0.0, site.start_m[1], *landings_m)
-    return lowest_m - _SLOPE_M, min(highest_m + _SLOPE_M, max(highest_m, space.upper_m[1]))
+def _ground_m(site: Site, slack_m: float) -> tuple[float, float]:
+    """The lowest and the highest z at which an aircraft may stand on a site's ground.
+
+    That is where z = 0 is, and where the landing points are.
+    """
+    grounds_m = [0.0, *(z_m for points in site.landing_m.values() for _, z_m in points)]
+    return min(grounds_m) - slack_m, max(grounds_m) + slack_m
 
 
 def _distance(distance_m: float) -> str:

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
+from ..power.cells import CELL_V
 from ..types import Battery, Telemetry
 from ..vehicle import RiskModel
 from .findings import Finding, Level
 
 _USB_V = 5.5
 """Below, it is no flight battery that feeds the autopilot."""
-_CELL_V = (3.0, 4.4)
-"""A lithium cell that is not ruined has a voltage between these."""
 _HIGH_CHARGE = 0.8
 _HIGH_CELL_V = 4.0
 """A lithium-polymer cell has it at rest at about that charge."""
@@ -64,7 +63,7 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
         )
     cell_v = voltage_v / cells
     text = f"{text}, {cell_v:.2f} V a cell"
-    if not _CELL_V[0] <= cell_v <= _CELL_V[1]:
+    if not CELL_V[0] <= cell_v <= CELL_V[1]:
         return Finding(
             level=Level.NO_GO,
             subject=subject,

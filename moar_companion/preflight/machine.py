@@ -7,7 +7,10 @@ parameters and the version. It never sends a setpoint, a mode or a parameter.
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
+from ..autopilots import failsafe_parameters, failsafes_of
+from ..autopilots.fence import fence_of, fence_parameters
 from ..config import CompanionConfig, LinkRole
 from ..mavlink.identity import Autopilot, AutopilotConflict
 from ..mavlink.session import Session, SystemStatus
@@ -15,6 +18,7 @@ from ..mission.conditions import Causes
 from ..planner.planner import Planner
 from ..power import PowerModel
 from ..risk import RiskEstimate, update
+from ..risk.holding import holding_parameters
 from ..service.causes import Seen, causes
 from ..service.loss import Loss, loss_parameters
 from ..service.surroundings import Surroundings
@@ -23,7 +27,10 @@ from ..vehicle import Vehicle
 from . import ardupilot, px4
 from .aircraft import Arrivals, Sight, aircraft_findings
 from .dead_companion import loss_findings, objection_level
+from .failsafes import failsafe_findings
+from .fence import fence_findings
 from .findings import Finding, Level
+from .held_wind import held_wind_finding
 from .rules import Case, parameter_findings
 
 WAIT_S = 10.0
@@ -44,7 +51,13 @@ _RULES = {
 def _parameters(kind: AutopilotKind) -> tuple[str, ...]:
     """What is asked of an autopilot, each once."""
     rules = (rule.parameter for rule in _RULES.get(kind, ()))
-    return tuple(dict.fromkeys((*rules, *loss_parameters(kind))))
+    asked = (
+        *loss_parameters(kind),
+        *fence_parameters(kind),
+        *failsafe_parameters(kind),
+        *holding_parameters(kind),
+    )
+    return tuple(dict.fromkeys((*rules, *asked)))
 
 
 class Preflight:
@@ -78,6 +91,11 @@ class Preflight:
         """Whether enough was heard, or nothing for too long."""
         return self._done
 
+    @property
+    def found(self) -> bool:
+        """Whether an autopilot was heard, and so the aircraft looked at."""
+        return self._session.telemetry.autopilot is not None
+
     def receive(self, link: str, data: bytes, now_s: float) -> None:
         """Takes bytes from a link, split anywhere."""
         before = self._session.telemetry
@@ -107,6 +125,7 @@ class Preflight:
         if self._found_s is None:
             self._found_s = now_s
             session.want_parameters(_parameters(session.autopilot.kind))
+            session.want_fence()
         self._surroundings.look(session.telemetry)
         if now_s >= self._risk_due_s:
             self._risk_due_s = now_s + _RISK_PERIOD_S
@@ -154,7 +173,10 @@ class Preflight:
         return [
             *aircraft_findings(sight, self._vehicle, self._site, self._limits),
             *parameter_findings(_RULES.get(autopilot.kind, ()), case),
+            *self._fence(autopilot.kind),
+            held_wind_finding(autopilot.kind, session.parameters, self._vehicle, self._limits),
             *self._if_we_die(autopilot.kind),
+            *self._failsafes(autopilot.kind),
         ]
 
     def _causes(self) -> Causes:
@@ -165,8 +187,22 @@ class Preflight:
             control_allowed=True,
             pose=self._surroundings.pose,
             position_moved_s=self._surroundings.position_moved_s,
+            azimuth_rad=None if self._site is None else math.radians(self._site.frame.azimuth_deg),
         )
         return causes(seen, self._limits, self._vehicle.guidance.off_path_m, self._now_s)
+
+    def _fence(self, kind: AutopilotKind) -> list[Finding]:
+        session, items = self._session, self._session.fence_items
+        fence = fence_of(kind, session.parameters, items or ())
+        if fence is None:
+            return []
+        return fence_findings(
+            self._planner,
+            fence,
+            self._surroundings.home_m,
+            self._limits.fence_margin_m,
+            told=items is not None,
+        )
 
     def _if_we_die(self, kind: AutopilotKind) -> list[Finding]:
         loss = Loss.of(kind, self._session.parameters)
@@ -175,11 +211,21 @@ class Preflight:
         home_m = self._surroundings.home_m
         return loss_findings(self._planner, loss, home_m, self._limits.loss_action)
 
+    def _failsafes(self, kind: AutopilotKind) -> list[Finding]:
+        names = failsafe_parameters(kind)
+        told = failsafes_of(kind, {**dict.fromkeys(names), **self._session.parameters})
+        if self._planner is None or told is None:
+            return []
+        told = replace(told, home_m=self._surroundings.home_m)
+        return failsafe_findings(self._planner, told, self._limits, self._power)
+
     def _all_told(self) -> bool:
         """Whether nothing that was asked for may still come."""
         session = self._session
         assert session.autopilot is not None
-        return session.telemetry.firmware is not None and all(
+        fence_told = session.fence_items is not None or session.fence_silent
+        known = session.telemetry.firmware is not None and fence_told
+        return known and all(
             name in session.parameters for name in _parameters(session.autopilot.kind)
         )
 

@@ -6,7 +6,8 @@ does when the companion dies, as measured.
 
 from __future__ import annotations
 
-from ..service.loss import LossAction, px4_action
+from ..autopilots.failsafe_actions import Action
+from ..autopilots.px4 import offboard_loss
 from ..types import AutopilotKind
 from .findings import Level
 from .rules import (
@@ -39,12 +40,12 @@ def _critical_battery(value: float, case: Case) -> Verdict:
     return (Level.OK if value < full else Level.WARNING), words
 
 
-_THEREFORE = {LossAction.RETURN: f", {CLIMBS}", LossAction.FALL: ": it falls"}
+_THEREFORE = {Action.RETURN: f", {CLIMBS}", Action.FALL: ": it falls"}
 
 
 def _dead_companion(value: float, case: Case) -> Verdict:
-    action, word = px4_action(value)
-    level = {LossAction.RETURN: Level.WARNING, LossAction.FALL: case.objection}
+    action, word = offboard_loss(value)
+    level = {Action.RETURN: Level.WARNING, Action.FALL: case.objection}
     return level.get(action, Level.OK), f"{value:g} ({word}{_THEREFORE.get(action, '')})"
 
 

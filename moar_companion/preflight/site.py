@@ -27,6 +27,9 @@ _LOST_SHARE = 0.5
 """Of what is to be kept clear, how much may be lost on the way between two cells."""
 _PX4_STRAY_S2 = 0.58
 """Metres that PX4 strays for each m/s^2 of the setpoint (`vehicle.Guidance`)."""
+_PX4_SEEN_M = 1.6
+"""What a real PX4 was off at most in calm air at 0.7 m/s: 1.15 m from its setpoint, 0.47 m of
+position that it did not tell."""
 _ENDURANCE_SHARE = 0.8
 """The rest is for take-off and landing, the wind and waiting."""
 
@@ -78,7 +81,7 @@ def _obstacles(planner: Planner) -> Iterator[Finding]:
     """What is kept clear of each obstacle, against the cells and against the autopilot."""
     vehicle, resolution_m = planner.vehicle, planner.maps.grid.resolution_m
     stray_m = vehicle.guidance.acceleration_mps2 * _PX4_STRAY_S2
-    astray = []
+    astray, narrow = [], []
     for obstacle in planner.site.obstacles:
         required_m = vehicle.radius_m + obstacle.keep_out_m
         least_m = _least_between_cells_m(obstacle, required_m, resolution_m)
@@ -92,6 +95,8 @@ def _obstacles(planner: Planner) -> Iterator[Finding]:
             )
         if obstacle.keep_out_m < stray_m:
             astray.append(f"{obstacle.name} ({obstacle.keep_out_m:g})")
+        elif obstacle.keep_out_m < _PX4_SEEN_M:
+            narrow.append(f"{obstacle.name} ({obstacle.keep_out_m:g})")
     if astray and vehicle.autopilot is not AutopilotKind.ARDUPILOT:
         yield Finding(
             level=Level.WARNING,
@@ -99,6 +104,14 @@ def _obstacles(planner: Planner) -> Iterator[Finding]:
             text=f"keep_out_m of {', '.join(astray)} is less than the {stray_m:.2f} m by which PX4 "
             f"strays at {vehicle.guidance.acceleration_mps2:g} m/s2",
             remedy="make it greater, or guidance.acceleration_mps2 of the vehicle less",
+        )
+
+    if narrow and vehicle.autopilot is not AutopilotKind.ARDUPILOT:
+        yield Finding(
+            level=Level.NOTE,
+            subject="obstacles",
+            text=f"keep_out_m of {', '.join(narrow)} is less than the {_PX4_SEEN_M:g} m that a PX4 "
+            "was seen off (1.15 m of tracking, 0.47 m of position), in height up to 2.5 m",
         )
 
 

@@ -12,7 +12,7 @@ the velocity over ground minus the velocity through the air.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from ..types import Telemetry, Wind
 from ..vehicle import Range, RiskModel
@@ -25,8 +25,10 @@ from .braking import (
     tells_of_wind,
 )
 from .drag import Level, air_velocity_mps, deceleration_mps2
+from .drag_learning import DragLearning, apart_from_own_motion
 from .inputs import InputReport, heard, heard_at
 
+MOTOR_OUTPUT = "motor output"
 REPORTED = "wind reported"
 FROM_TILT = "wind from tilt"
 _USUAL_DRAG = "default drag, not measured"
@@ -90,6 +92,8 @@ class WindMemory:
     samples: tuple[AirSample, ...] = ()
     wind_ne_mps: Level | None = None
     spread: Spread | None = None
+    learning: DragLearning = field(default_factory=DragLearning)
+    """Of the aircraft: it outlives a landing."""
 
 
 def remember(memory: WindMemory, telemetry: Telemetry, model: RiskModel) -> WindMemory:
@@ -97,20 +101,30 @@ def remember(memory: WindMemory, telemetry: Telemetry, model: RiskModel) -> Wind
     samples = extended(memory.samples, telemetry)
     if samples is memory.samples:
         return memory
-    air = braking(samples, model.drag_per_s)
+    learning = memory.learning
+    used = learning.used(model)
+    air = braking(samples, used.drag_per_s)
+    if air is None and not samples:
+        return WindMemory(learning=learning)
     if air is None:
-        return replace(memory, samples=samples, wind_ne_mps=None) if samples else WindMemory()
-    through = air_velocity_mps(air.deceleration_ne_mps2, model)
+        return replace(memory, samples=samples, wind_ne_mps=None)
+    mean = (0.0, 0.0) if memory.spread is None else memory.spread.mean_ne_mps
+    north, east = air.velocity_ne_mps
+    expected = deceleration_mps2((north - mean[0], east - mean[1]), used)
+    by_wind = apart_from_own_motion(air, expected, learning, used)
+    through = air_velocity_mps(by_wind, used)
+    learning = learning.then(air, model)
     wind = (air.velocity_ne_mps[0] - through[0], air.velocity_ne_mps[1] - through[1])
     speed_mps = math.hypot(*wind)
     if not math.isfinite(speed_mps):
-        return replace(memory, samples=samples, wind_ne_mps=None)
+        return replace(memory, samples=samples, wind_ne_mps=None, learning=learning)
     if speed_mps > _WIND_MAX_MPS:
         wind = (wind[0] / speed_mps * _WIND_MAX_MPS, wind[1] / speed_mps * _WIND_MAX_MPS)
     spread = memory.spread
     if spread is None:
         spread = Spread(time_s=air.time_s, mean_ne_mps=wind)
-    return WindMemory(samples=samples, wind_ne_mps=wind, spread=spread.then(air.time_s, wind))
+    spread = spread.then(air.time_s, wind)
+    return WindMemory(samples=samples, wind_ne_mps=wind, spread=spread, learning=learning)
 
 
 def inputs(
@@ -126,7 +140,8 @@ def inputs(
     is; None where others fly it.
     """
     told, wind, spread = telemetry.wind, memory.wind_ne_mps, memory.spread
-    hover = None if wind is None else math.hypot(*deceleration_mps2(wind, model))
+    used = memory.learning.used(model)
+    hover = None if wind is None else math.hypot(*deceleration_mps2(wind, used))
     report = heard(told, now_s, WIND_MAX_AGE_S)
     lean = heard_at(
         memory.samples[-1].attitude_s if memory.samples else None, now_s, ATTITUDE_MAX_AGE_S
@@ -143,7 +158,7 @@ def inputs(
             None if wind is None else math.hypot(*wind),
             "m/s",
             model.wind_mps.fraction,
-            remark=_USUAL_DRAG if model.drag_is_usual else "",
+            remark=_drag_remark(memory.learning, model),
         ),
         lean.says(
             "gusts",
@@ -159,6 +174,14 @@ def inputs(
         ),
     )
     return *others, *_effort(telemetry, now_s, model, others, tracking_error_m)
+
+
+def _drag_remark(learning: DragLearning, model: RiskModel) -> str:
+    """What the wind from tilt is worth, by how well the drag is known."""
+    if learning.known(model):
+        drag, error = learning.drag_per_s(model), learning.error_per_s
+        return f"drag {drag:.2f} ± {error:.2f} /s, of this flight"
+    return _USUAL_DRAG if model.drag_is_usual else ""
 
 
 def strongest(inputs: tuple[InputReport, ...]) -> InputReport | None:
@@ -201,7 +224,7 @@ def _effort(
     ours = heard_at(None if tracking_error_m is None else now_s, now_s, 0.0)
     return (
         heard(motors, now_s, MOTORS_MAX_AGE_S).says(
-            "motor output",
+            MOTOR_OUTPUT,
             outputs if outputs is None or outputs <= _OUTPUT_MAX else None,
             "of its range",
             trouble,

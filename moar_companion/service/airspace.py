@@ -13,6 +13,9 @@ import numpy as np
 
 from ..guidance.trajectory import FloatArray, PathPoints, Trajectory, make_trajectory
 from ..mission.gate import distance_m, refusal
+from ..planner.escape import recovery_leg
+from ..planner.fence import PlaneFence
+from ..planner.geometry import obstacle_distance_m
 from ..planner.maps import Maps
 from ..planner.reach import Reach
 from ..site import Site
@@ -20,7 +23,7 @@ from ..types import Vector
 from ..vehicle import Vehicle
 from .loss import Loss
 from .motion import Pose, Setpoint
-from .paths import CheckedLeg, vector
+from .paths import CheckedLeg, approach_m, vector
 
 _PER_CELL = 10
 """Samples of a straight that must be free, for each cell of its length."""
@@ -32,6 +35,7 @@ class Airspace:
 
     maps: of the site, with keep-outs as they are: what the gate widens by what is true now.
     reach: to obstacles as wide as the plan that is flown takes them; None: as on `maps`.
+    fence: of the autopilot, less its margin; None where there is none.
     """
 
     site: Site
@@ -39,11 +43,20 @@ class Airspace:
     maps: Maps
     loss: Loss
     reach: Reach | None = None
+    fence: PlaneFence | None = None
 
     @property
     def corridor_width_m(self) -> float:
         """How far from a checked leg a setpoint may be."""
         return self.maps.grid.resolution_m
+
+    def leg_mps(self, start_m: Vector) -> float:
+        """How fast a leg is flown that leads to a plan: from beside what is near v_MIN."""
+        x_m, _, z_m = start_m
+        workspace, speed = self.site.workspace, self.vehicle.speed
+        outside = workspace.outside_m((x_m, z_m)) > 0.0 and z_m >= workspace.lower_m[1]
+        recovers = outside and self._may_be_carried_to(start_m)
+        return speed.horizontal_mps if recovers else speed.min_mps
 
     def widened(self, reach: Reach | None) -> Airspace:
         """The same with obstacles as wide as another plan takes them."""
@@ -77,6 +90,8 @@ class Airspace:
         farthest_m = float(self.loss.way_m(np.array(self.vehicle.speed.max_mps)))
         reach = self.maps.reach if self.reach is None else self.reach
         free_m = reach.free_m(places, ways, farthest_m)
+        if self.fence is not None:
+            np.minimum(free_m, self.fence.free_m(places, ways), out=free_m)
         sinks = ways[:, 1] < 0.0
         down_m = places[sinks, 1] - self._lowest_m(places)[sinks]
         free_m[sinks] = np.minimum(free_m[sinks], down_m / -ways[sinks, 1])
@@ -104,19 +119,75 @@ class Airspace:
                 return False
         return True
 
+    def leaves_fence(self, places_m: FloatArray) -> str | None:
+        """The limit of the autopilot's fence that one of some places (n, 3) is outside of.
+
+        Within a cell, for cells are inside by their centres.
+        """
+        if self.fence is None:
+            return None
+        return self.fence.crossed(places_m[:, ::2], self.maps.grid.resolution_m)
+
+    def carried_m(self, setpoint_m: Vector, aircraft_m: Vector, leash_m: float) -> Vector | None:
+        """Where the setpoint is, at rest, that an aircraft takes along at a distance.
+
+        That is on the straight between the two, as near to the aircraft as `leash_m` allows, where
+        it may be; None where that is nowhere nearer than it is.
+        """
+        setpoint, aircraft = np.array(setpoint_m), np.array(aircraft_m)
+        line = setpoint - aircraft
+        length_m = float(np.sqrt(line @ line))
+        low_m = self.site.workspace.min_altitude_m
+        least_m = -math.inf if low_m is None else min(low_m, setpoint_m[2])
+        for at_m in np.arange(leash_m, length_m, 0.5 * self.maps.grid.resolution_m):
+            x_m, y_m, z_m = vector(aircraft + at_m / length_m * line)
+            place_m = (x_m, y_m, max(z_m, least_m))
+            if math.dist(place_m, aircraft_m) < length_m and self._may_be_carried_to(place_m):
+                return place_m
+        return None
+
+    def _may_be_carried_to(self, place_m: Vector) -> bool:
+        """Whether a place keeps every keep-out, also outside the workspace, and is not too low."""
+        x_m, _, z_m = place_m
+        cell, low_m = self.maps.grid.cell_of((x_m, z_m)), self.site.workspace.min_altitude_m
+        if cell is not None and self.maps.occupied[cell]:
+            return False
+        if low_m is not None and z_m < low_m:
+            return False
+        place = np.array([[x_m, z_m]])
+        return all(
+            float(obstacle_distance_m(item, place)[0]) - item.keep_out_m >= self.vehicle.radius_m
+            for item in self.site.obstacles
+        )
+
+    def way_back(self, place_m: Vector, widened_m: float) -> CheckedLeg | None:
+        """The recovery leg from outside the workspace, or straight back to the plane in it."""
+        x_m, y_m, z_m = place_m
+        if abs(y_m) > self.vehicle.guidance.recovery_m:
+            return None
+        points_m = [vector(point) for point in approach_m(place_m)]
+        if self.site.workspace.outside_m((x_m, z_m)):
+            end_m = recovery_leg(self.site, self.vehicle, self.maps, (x_m, z_m), widened_m)
+            if end_m is None:
+                return None
+            points_m.append((end_m[0], 0.0, end_m[1]))
+        return CheckedLeg(points_m=tuple(points_m), room_m=math.inf)
+
     def strays(self, pose: Pose, legs: tuple[CheckedLeg, ...]) -> str | None:
-        """How far the aircraft is too low, or outside the workspace; None where it may be.
+        """How far the aircraft is too low, or outside the workspace or plane; None where it may be.
 
         That is, no farther outside than it may lag behind, or no farther from a checked leg.
         """
-        x_m, _, z_m = pose.position_m
+        x_m, y_m, z_m = pose.position_m
         workspace, beside_m = self.site.workspace, self.vehicle.guidance.tracking_hold_m
         low_m = workspace.min_altitude_m
-        outside_m = math.dist((x_m, z_m), np.clip((x_m, z_m), workspace.lower_m, workspace.upper_m))
+        outside_m = workspace.outside_m((x_m, z_m))
         if low_m is not None and z_m < low_m - workspace.resolution_m:
-            words = f"too low at {z_m:.1f} m, the least is {low_m:g} m"
+            words = f"altitude {z_m:.1f} m < {low_m:g}"
         elif outside_m > beside_m:
             words = f"{outside_m:.1f} m outside the workspace"
+        elif abs(y_m) > self.vehicle.guidance.leash_m:
+            words = f"{abs(y_m):.1f} m from the plane"
         else:
             return None
         near = any(distance_m(pose.position_m, leg.points_m) <= beside_m for leg in legs)
@@ -129,15 +200,27 @@ class Airspace:
         *,
         plane_tolerance_m: float,
         widened_m: float,
+        carried: bool = False,
     ) -> str | None:
         """Why a setpoint must not be where it is; None when it may.
 
-        widened_m: what the distance from obstacles grows by for a setpoint that moves.
+        widened_m: what the distance from obstacles grows by for a setpoint that moves. carried:
+        at rest it may be wherever a wind can have carried it.
         """
         if any(setpoint.velocity_mps):
+            carried = False
             legs = tuple(leg for leg in legs if leg.has_room(widened_m))
+            crossed = self.leaves_fence(np.array([setpoint.position_m]))
+            if crossed is not None and not any(
+                leg.leads_in
+                and distance_m(setpoint.position_m, leg.points_m) <= self.corridor_width_m
+                for leg in legs
+            ):
+                return f"the setpoint is outside {crossed}"
         x_m, _, z_m = setpoint.position_m
         finite = math.isfinite(x_m) and math.isfinite(z_m)
+        if carried and finite and self._may_be_carried_to(setpoint.position_m):
+            return None
         return refusal(
             setpoint.position_m,
             setpoint.velocity_mps,
@@ -148,6 +231,7 @@ class Airspace:
             widened_m=widened_m,
             min_altitude_m=self.site.workspace.min_altitude_m,
             corridors_m=tuple(leg.points_m for leg in legs),
+            ways_back_m=tuple(leg.points_m for leg in legs if leg.begins_beside),
             corridor_width_m=self.corridor_width_m,
             plane_tolerance_m=plane_tolerance_m,
         )

@@ -1,7 +1,8 @@
-"""The asyncio shell around the companion: links, clock, planner thread, recorder, view.
+"""The asyncio shell around the companion: links, clock, planner, recorder, view.
 
 One loop thinks at the setpoint rate and sends what the machine gives it; bytes are handed over as
 they arrive; plans are made in one thread, whose compiled search does not hold the interpreter.
+The planner is made ready in that thread, too, while the loop hears and heartbeats already.
 Whatever may wait for a disk or for who reads the log has a thread of its own: the loop never does.
 """
 
@@ -14,13 +15,15 @@ import logging
 import signal
 import sys
 import time
-from collections.abc import Mapping
-from concurrent.futures import Future, ThreadPoolExecutor
+from collections.abc import Callable, Mapping
+from dataclasses import replace
 from functools import partial
+from operator import itemgetter
 from typing import Any
 
 from ..config import CompanionConfig, LinkRole
 from ..mavlink.link import Link, open_link
+from ..mavlink.link_basics import clock_s
 from ..mavlink.urls import parse_url
 from ..outlets.log import log_to_stderr
 from ..outlets.recorder import Recorder
@@ -28,13 +31,14 @@ from ..planner.planner import Planner
 from ..site import Site
 from ..types import AutopilotStatus
 from ..vehicle import Vehicle
+from .causes import Host
 from .companion import Companion
 from .host import HostWatch
-from .jobs import PlanAnswer, PlanJob, answer_job, preparations, prepare_for
 from .memory_file import MemoryFile
 from .notify import Watchdog, notify
 from .places import recorder_folder, state_folder, view_socket
-from .planners import Planners
+from .planner_worker import PlannerWorker
+from .priority import NICE, ahead_of_others, in_real_time
 from .status import LatestDecisions
 from .surroundings import Ground
 from .view_socket import open_view_socket
@@ -66,21 +70,20 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
     """
     vehicle = Vehicle.load(config.vehicle)
     site = None if config.site is None else Site.load(config.site)
-    planner = None if site is None else Planner(site, vehicle)
-    ground = None
-    if site is not None and planner is not None:
-        ground = Ground(site=site, maps=planner.maps)
-    with log_to_stderr(), contextlib.ExitStack() as stack:
+    with ahead_of_others() as ahead, log_to_stderr(), contextlib.ExitStack() as stack:
+        if not ahead:
+            _logger.info("no priority over other programs: nice %d not permitted", NICE)
         memory = _open_memory(config, stack)
         before = None if memory is None else memory.load(time.time() - _clock_s(speed))
-        companion = Companion(config, vehicle, ground, before=before)
-        asyncio.run(Service(config, companion, planner, memory, speed=speed).run())
+        companion = Companion(config, vehicle, None, before=before)
+        make_planner = None if site is None else partial(Planner, site, vehicle)
+        asyncio.run(Service(config, companion, make_planner, memory, speed=speed).run())
     return 0
 
 
 def _clock_s(speed: float) -> float:
     """The companion's clock: goes on evenly whatever is done to the host's, and in its sleep."""
-    return time.clock_gettime(time.CLOCK_BOOTTIME) * speed
+    return clock_s() * speed
 
 
 def _open_memory(config: CompanionConfig, stack: contextlib.ExitStack) -> MemoryFile | None:
@@ -102,14 +105,15 @@ class Service:
         self,
         config: CompanionConfig,
         companion: Companion,
-        planner: Planner | None,
+        make_planner: Callable[[], Planner] | None,
         memory: MemoryFile | None,
         *,
         speed: float = 1.0,
     ) -> None:
         self._config = config
         self._companion = companion
-        self._planners = None if planner is None else Planners(planner)
+        self._make_planner = make_planner
+        self._worker = PlannerWorker()
         self._memory = memory
         self._remembered = companion.memory
         self._speed = speed
@@ -117,12 +121,10 @@ class Service:
         self._latest = LatestDecisions()
         self._clock_offset_s = time.time() - self._now_s()
         self._links: Mapping[str, Link] = {}
-        self._thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
-        self._preparing = ThreadPoolExecutor(max_workers=1, thread_name_prefix="tables")
-        self._planning: Future[PlanAnswer] | None = None
         self._arrived: list[tuple[float, str, bytes]] = []
-        self._answered: list[tuple[bool, PlanAnswer]] = []
-        """Whether a contingency was planned, and its plan."""
+        self._host = Host()
+        self._read_late_s = 0.0
+        """How long what arrived has waited to be read, at most, since the last look."""
         self._recorder: Recorder | None = None
         self._heard: AutopilotStatus | None = None
 
@@ -134,8 +136,7 @@ class Service:
             loop.add_signal_handler(number, stopped.set)
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
         async with contextlib.AsyncExitStack() as stack:
-            for pool in (self._thread, self._preparing):
-                stack.callback(pool.shutdown, wait=False, cancel_futures=True)
+            stack.callback(self._worker.close)
             self._recorder = self._open_recorder(stack)
             host = HostWatch(None if self._recorder is None else self._recorder.folder)
             stack.callback(host.close)
@@ -149,12 +150,14 @@ class Service:
             self._links = links
             # What was imported lives as long as the process: no need to look through it again.
             gc.freeze()
-            if self._planners is not None:
-                for prepare in preparations(self._planners.exact):
-                    self._preparing.submit(prepare)
             notify("READY=1")
+            if self._make_planner is not None:
+                self._companion.await_planner()
+                self._worker.begin(self._make_planner)
+            if not stack.enter_context(in_real_time()):
+                _logger.info("the loop is not in real time: not permitted")
             loop.call_later(_SILENCE_S, self._say_if_nobody_is_heard)
-            thinking = asyncio.create_task(self._think_loop(loop, host), name="think")
+            thinking = asyncio.create_task(self._think_loop(host), name="think")
             stopping = asyncio.create_task(stopped.wait(), name="wait for a signal")
             await asyncio.wait({thinking, stopping}, return_when=asyncio.FIRST_COMPLETED)
             notify("STOPPING=1")
@@ -169,28 +172,45 @@ class Service:
             self._companion.shut_down(now_s)
             self._send(now_s)
 
+    def _look_after_planner(self) -> None:
+        """Take the planner when it is ready, and tell how far it is until then."""
+        planner, progress = self._worker.new_planner(), self._worker.new_progress()
+        if planner is not None:
+            self._companion.take_ground(Ground(site=planner.site, maps=planner.maps))
+            _logger.info("planner ready")
+            notify("STATUS=planner ready")
+        elif progress is not None:
+            words = "compiling planner: {} of {}".format(*progress)
+            self._companion.await_planner(words)
+            _logger.info("%s", words)
+            notify(f"STATUS={words}")
+
     def _now_s(self) -> float:
         return _clock_s(self._speed)
 
-    async def _think_loop(self, loop: asyncio.AbstractEventLoop, host: HostWatch) -> None:
+    async def _think_loop(self, host: HostWatch) -> None:
         """Think and send at the setpoint rate, by deadlines that do not drift."""
         period_s = 1.0 / self._config.setpoint_rate_hz
         due_s = look_s = self._now_s()
         while True:
             now_s = self._now_s()
             self._take_in(now_s)
+            self._note_late_reading()
+            self._look_after_planner()
             self._companion.tick(now_s)
             for job in self._companion.plan_jobs():
-                self._plan(loop, job)
+                self._worker.plan(job)
             for job in self._companion.contingency_jobs():
-                self._submit(loop, job, contingency=True)
+                self._worker.plan_contingency(job)
             if self._send(now_s):
                 self._watchdog.feed(now_s / self._speed)
             self._remember(now_s)
             if now_s >= look_s:
                 look_s = now_s + _LOOK_PERIOD_S
                 self._say_who_is_heard()
-                self._companion.note_host(host.look())
+                self._host = replace(host.look(), read_late_s=self._read_late_s)
+                self._companion.note_host(self._host)
+                self._read_late_s = 0.0
             due_s += period_s
             if due_s <= now_s:
                 # After a pause nothing is sent twice to catch up.
@@ -212,16 +232,23 @@ class Service:
             heard = len(self._arrived)
             await asyncio.sleep(_CATCHING_UP_S)
 
-    def _receive(self, url: str, data: bytes) -> None:
-        self._arrived.append((self._now_s(), url, data))
+    def _note_late_reading(self) -> None:
+        """Before the thought to which a position is old for that."""
+        if self._read_late_s > self._host.read_late_s:
+            self._host = replace(self._host, read_late_s=self._read_late_s)
+            self._companion.note_host(self._host)
+
+    def _receive(self, url: str, data: bytes, arrived_s: float) -> None:
+        self._arrived.append((arrived_s * self._speed, url, data))
+        self._read_late_s = max(self._read_late_s, self._now_s() - arrived_s * self._speed)
 
     def _take_in(self, now_s: float) -> None:
         """Hand over what has arrived: here, so that what fails ends the thinking, too."""
         arrived, self._arrived = self._arrived, []
-        for time_s, url, data in arrived:
+        # Of several links, in the order of arrival.
+        for time_s, url, data in sorted(arrived, key=itemgetter(0)):
             self._companion.receive(url, data, time_s)
-        answered, self._answered = self._answered, []
-        for contingency, answer in answered:
+        for contingency, answer in self._worker.answers():
             if contingency:
                 self._companion.contingency_answered(answer)
             else:
@@ -263,49 +290,6 @@ class Service:
         if self._memory is not None and memory is not None and memory != self._remembered:
             self._remembered = memory
             self._memory.save(memory, time.time() - now_s)
-
-    def _plan(self, loop: asyncio.AbstractEventLoop, job: PlanJob) -> None:
-        """Make a plan in the thread; one that has not begun yet is overtaken.
-
-        A contingency is not: of these there is one at a time, which is all that a plan waits for.
-        """
-        if self._planning is not None:
-            self._planning.cancel()
-        self._planning = self._submit(loop, job, contingency=False)
-        if self._planners is not None:
-            self._preparing.submit(prepare_for, self._planners, job)
-
-    def _submit(
-        self, loop: asyncio.AbstractEventLoop, job: PlanJob, *, contingency: bool
-    ) -> Future[PlanAnswer] | None:
-        if self._planners is None:
-            return None
-        planning = self._thread.submit(answer_job, self._planners, job)
-        planning.add_done_callback(partial(self._planned, loop, job, contingency))
-        return planning
-
-    def _planned(
-        self,
-        loop: asyncio.AbstractEventLoop,
-        job: PlanJob,
-        contingency: bool,
-        done: Future[PlanAnswer],
-    ) -> None:
-        """In the planner's thread: the answer goes to the loop, if that still runs."""
-        if done.cancelled():
-            return
-        error = done.exception()
-        if error is None:
-            answer = done.result()
-        else:
-            _logger.error("the planner failed: %s: %s", type(error).__name__, error)
-            reason = "the planner failed"
-            answer = PlanAnswer(job_id=job.job_id, plan=None, reason=reason, failed=True)
-        with contextlib.suppress(RuntimeError):
-            loop.call_soon_threadsafe(self._take_answer, contingency, answer)
-
-    def _take_answer(self, contingency: bool, answer: PlanAnswer) -> None:
-        self._answered.append((contingency, answer))
 
     def _status_now(self) -> dict[str, Any]:
         """The status for the view."""

@@ -34,8 +34,9 @@ class Awakening:
         self._told = True
         texts = []
         if before is not None and (before.streamed or flying):
-            offer = "; continue flies the rest" if may_continue else ""
-            texts.append(f"MOAR restarted; before: {before.words(now_s)}{offer}")
+            texts.append(f"restarted, was {before.words(now_s)}")
+            if may_continue:
+                texts.append("order continue to fly the rest")
         if flying and autopilot.ours:
-            texts.append(f"MOAR waits for an order, though {autopilot.mode} is on")
+            texts.append(f"{autopilot.mode} is on, waiting for an order")
         return texts

@@ -15,6 +15,7 @@ from ..config import Supervision
 from ..mission.conditions import Causes
 from ..power import BATTERY_MAX_AGE_S, is_powered
 from ..risk import IndexReport, RiskEstimate
+from ..risk.holding import MARGIN
 from ..risk.localization import (
     ESTIMATOR_ACCURACY,
     ESTIMATOR_HEIGHT_ACCURACY,
@@ -24,20 +25,42 @@ from ..risk.localization import (
 from ..risk.receivers import RECEIVER_ACCURACY, trouble
 from ..risk.wind import strongest
 from ..types import Battery, Mission, Telemetry
+from . import link_life
+from .autopilot_failsafe import battery_failsafe, holding_failsafe, took_mode
 from .motion import Pose
 from .surroundings import airborne, grounded
 
+_READ_LATE_S = 0.2
+"""What has waited for longer to be read is late by us, not by the network."""
 _ATTITUDE_TIMEOUT_S = 1.0
 """ATTITUDE comes at 100 Hz, at 10 Hz on a slow link."""
 _HOVER_MPS = 1.0
 """A hold is offered to an aircraft that is nearly at rest: one that the mode is given to in full
 flight would swing back to it. ArduPilot may be in GUIDED already, flying elsewhere."""
+_SATURATED_OFF_M = 1.5
+"""With lean or motors at their limits nothing brings an aircraft back from there: in calm air PX4
+strays by 1.15 m."""
 _CRITICAL = 3
 _FAILED = 5
 """MAV_BATTERY_CHARGE_STATE: critical, emergency, failed."""
 WAY_MAX_AGE_S = 15.0
 """Ways out are planned anew about every 2 s; in 15 s as much is flown as in a battery's longest
 silence."""
+_COMPASS = (
+    "north",
+    "north-east",
+    "east",
+    "south-east",
+    "south",
+    "south-west",
+    "west",
+    "north-west",
+)
+_MOST_NAMED = 2
+_WHOLE = 100.0
+"""From here on digits after the point tell nobody anything."""
+_MOST_SHOWN = 99_999.0
+_MOST_DIGITS = 3
 _SOON_S = 60.0
 """How long before it has to leave people are told."""
 _MB = 1e6
@@ -47,10 +70,14 @@ _HEIGHT = (ESTIMATOR_HEIGHT_ACCURACY, ODOMETRY_HEIGHT_ACCURACY)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Host:
-    """What the computer has left, in bytes; None where that is not known or not wanted."""
+    """What the computer has left, in bytes; None where that is not known or not wanted.
+
+    read_late_s: how long what arrived has waited to be read, at most, in the last second.
+    """
 
     disk_free: float | None = None
     memory_available: float | None = None
+    read_late_s: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,6 +93,8 @@ class WayOut:
     reserve_s: float
     age_s: float
     flown_left_s: float | None = None
+    exposed_s: float = 0.0
+    """Until the last place is behind from where a battery's action would hit something."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,10 +102,16 @@ class Seen:
     """What the causes are looked for in.
 
     faults: causes that are known as such. control_allowed: one autopilot and no other is heard.
-    jumped_m: how far the position has jumped of late. error_m: from the setpoint to the aircraft.
+    position_late_s: how much later than the fastest one it has come, by the clock in it.
+    jumped_m: how far it has jumped of late. error_m: from the setpoint to the aircraft.
+    escaping: an exit or evacuation is flown.
+    drifted_m: how far a wind has carried it off; None where it holds. saturated: lean or motors at
+    their limits. held_wind_mps: the wind in which it can hold.
     stands: whether the setpoint does not move although it is on its way.
     strays: how far it is outside the workspace and its checked legs, in words. room_m: from the
-    hull to the nearest keep-out. plan_awaited_s: how long a new plan of an inspection is awaited.
+    hull to the nearest keep-out. azimuth_rad: of +x, from north. misread: what is wrong with the
+    vehicle file's number of cells, in words. plan_awaited_s: how long a new plan of an inspection
+    is awaited. fence_silent: whether the autopilot does not tell the fence that was uploaded to it.
     """
 
     telemetry: Telemetry
@@ -84,15 +119,25 @@ class Seen:
     control_allowed: bool
     pose: Pose | None
     position_moved_s: float
+    position_late_s: float = math.inf
     jumped_m: float = 0.0
     room_m: float | None = None
+    azimuth_rad: float | None = None
+    misread: str | None = None
     in_control: bool = False
+    escaping: bool = False
     landing: bool = False
     error_m: float | None = None
+    drifted_m: float | None = None
+    saturated: bool = False
+    held_wind_mps: float | None = None
     stands: bool = False
     strays: str | None = None
     plan_awaited_s: float | None = None
+    fence_silent: bool = False
     way_out: WayOut | None = None
+    exposure: str | None = None
+    """Why it should leave before the autopilot acts by itself."""
     host: Host = field(default_factory=Host)
     faults: Causes = field(default_factory=Causes)
 
@@ -102,10 +147,11 @@ def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> 
     telemetry, faults = seen.telemetry, seen.faults
     return Causes(
         control=_control(seen),
-        heartbeat=_heartbeat(telemetry, limits, now_s),
+        heartbeat=link_life.silence(telemetry, limits, now_s),
+        mode_unconfirmed=link_life.mode_unconfirmed(telemetry, limits, now_s),
         position=_position(seen, limits, now_s),
         attitude=_attitude(telemetry, now_s),
-        origin="the origin of the local frame is unknown" if seen.pose is None else None,
+        origin="local origin unknown" if seen.pose is None else None,
         thinking=faults.thinking,
         restart=faults.restart,
         stream=faults.stream,
@@ -114,31 +160,38 @@ def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> 
         landing=_mode(seen, landing=True),
         pilot=_mode(seen, landing=False),
         battery_critical=_battery_critical(seen),
+        battery_failsafe=battery_failsafe(telemetry),
+        autopilot_failsafe=holding_failsafe(telemetry, escaping=seen.escaping),
         battery_reserve=_battery_reserve(seen, limits.battery_reserve),
-        no_return_evacuation=_no_return(seen.way_out, Mission.EVACUATION),
-        no_return_exit=_no_return(seen.way_out, Mission.EXIT),
+        no_return_evacuation=_no_return(seen, Mission.EVACUATION),
+        no_return_exit=_no_return(seen, Mission.EXIT),
         no_return_soon=_no_return_soon(seen.way_out),
+        failsafe_exposure=seen.exposure if seen.in_control else None,
         memory=_free("memory", seen.host.memory_available, limits.memory_free_mb),
         gate=faults.gate,
         narrow=faults.narrow,
-        jump=_above("the position jumped", seen.jumped_m, limits.jump_limit_m, "m"),
-        uncertainty=_above(
+        jump=exceeds("the position jumped", seen.jumped_m, limits.jump_limit_m, "m"),
+        uncertainty=exceeds(
             "position uncertainty",
             uncertainty_m(seen.risk),
             limits.position_uncertainty_limit_m,
             "m",
         ),
         gnss=trouble(seen.telemetry, seen.risk.localization.receivers, now_s),
-        localization=_above(
+        localization=exceeds(
             "localization risk", seen.risk.indices.localization, limits.localization_limit, ""
         ),
-        wind=_wind(seen.risk, limits.wind_limit_mps),
+        control_saturated=_saturated(seen),
+        wind=_wind(seen, limits.wind_limit_mps),
         ground_link=_ground_link(telemetry, limits, now_s),
+        fence=faults.fence if seen.in_control else None,
         geofence=seen.strays if seen.in_control else None,
-        off_path=_above("off the path", seen.error_m, off_path_m, "m") if seen.in_control else None,
+        off_path=exceeds("off the path", seen.error_m, off_path_m, "m")
+        if seen.in_control
+        else None,
         standing=_standing(seen),
         planner=_plan(seen, limits.plan_stale_s),
-        planner_late=_plan(seen, 0.5 * limits.plan_stale_s),
+        planner_late=_plan(seen, limits.plan_stale_s) or _plan(seen, 0.5 * limits.plan_stale_s),
         obstacle=_obstacle(seen, limits),
         plane=_plane(seen, limits),
         moving=_moving(seen),
@@ -184,23 +237,14 @@ def _control(seen: Seen) -> str | None:
     return None if autopilot.multirotor else "the vehicle is no multirotor"
 
 
-def _heartbeat(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
-    autopilot = telemetry.autopilot
-    if autopilot is None:
-        return "no heartbeat is heard"
-    age_s = now_s - autopilot.received_s
-    if age_s <= limits.heartbeat_timeout_s:
-        return None
-    return f"no heartbeat of the autopilot for {age_s:.1f} s"
-
-
 def _position(seen: Seen, limits: Supervision, now_s: float) -> str | None:
     if seen.telemetry.local_position is None:
         return "no local position is heard"
-    late_s = None if seen.telemetry.link is None else seen.telemetry.link.round_trip_s
-    # It has been under way for no longer than a question and its answer.
-    age_s = now_s - seen.position_moved_s + (late_s or 0.0)
-    return f"the position is {age_s:.1f} s old" if age_s > limits.position_timeout_s else None
+    under_way_s = link_life.delay_s(seen.telemetry.link, seen.position_late_s)
+    age_s = now_s - seen.position_moved_s + under_way_s
+    if seen.host.read_late_s > _READ_LATE_S:
+        return exceeds("position read late, age", age_s, limits.position_timeout_s, "s")
+    return exceeds("position age", age_s, limits.position_timeout_s, "s")
 
 
 def _attitude(telemetry: Telemetry, now_s: float) -> str | None:
@@ -211,8 +255,9 @@ def _attitude(telemetry: Telemetry, now_s: float) -> str | None:
 
 def _failsafe(telemetry: Telemetry) -> str | None:
     autopilot = telemetry.autopilot
-    failsafe = autopilot is not None and autopilot.failsafe
-    return "the autopilot is in failsafe" if failsafe else None
+    if autopilot is None or not took_mode(autopilot):
+        return None
+    return f"autopilot failsafe chose {autopilot.mode}"
 
 
 def _mode(seen: Seen, *, landing: bool) -> str | None:
@@ -243,7 +288,7 @@ def _battery_reserve(seen: Seen, reserve: float) -> str | None:
         if remaining is None:
             remaining = _told_before(seen, number, "remaining")
         if remaining is not None and remaining <= reserve:
-            return f"battery {number} at {remaining:.0%}, the reserve is {reserve:.0%}"
+            return f"battery {number} at {remaining:.0%}, reserve {reserve:.0%}"
     return None
 
 
@@ -254,7 +299,7 @@ def _battery_silent(seen: Seen, now_s: float) -> str | None:
             return f"battery {number} is silent for {age_s:.0f} s"
         last = _told_before(seen, number, "remaining")
         if last is not None and (battery.remaining is None or not powered):
-            return f"battery {number} was at {last:.0%} and tells it no more"
+            return f"battery {number} tells no charge (was {last:.0%})"
     return None
 
 
@@ -270,22 +315,38 @@ def _tells(battery: Battery) -> bool:
     return battery.remaining is not None or told
 
 
-def _wind(risk: RiskEstimate, limit_mps: float) -> str | None:
-    item = strongest(tuple(risk.last_known.get("wind", {}).values()))
+def _saturated(seen: Seen) -> str | None:
+    if seen.drifted_m is not None:
+        return f"wind too strong, drifting {max(1.0, seen.drifted_m):.0f} m"
+    off_m = seen.error_m
+    if not (seen.in_control and seen.saturated) or off_m is None or off_m <= _SATURATED_OFF_M:
+        return None
+    return f"wind too strong, {off_m:.1f} m off the path"
+
+
+def _wind(seen: Seen, limit_mps: float) -> str | None:
+    item = strongest(tuple(seen.risk.last_known.get("wind", {}).values()))
     if item is None:
         return None
-    words = _above(item.name, item.value, limit_mps, item.unit)
+    if seen.held_wind_mps is not None:
+        limit_mps = min(limit_mps, round(MARGIN * seen.held_wind_mps, 1))
+    words = exceeds(item.name, item.value, limit_mps, item.unit)
     return f"{words} ({item.remark})" if words and item.remark else words
 
 
-def _no_return(way: WayOut | None, mission: Mission) -> str | None:
+def _no_return(seen: Seen, mission: Mission) -> str | None:
+    words = _too_little_left(seen.way_out, mission)
+    return seen.misread if words and seen.misread and not seen.in_control else words
+
+
+def _too_little_left(way: WayOut | None, mission: Mission) -> str | None:
     if way is None or way.mission is not mission:
         return None
     if way.flown_left_s is not None:
-        return f"{_left(way.flown_left_s, Mission.EXIT)}, the {mission.value} takes less"
+        return f"{_left(way.flown_left_s, Mission.EXIT)} (the {mission.value} takes less)"
     if way.left_s is None or way.left_s > way.reserve_s:
         return None
-    return f"{_left(way.left_s, mission)}, the reserve is {way.reserve_s:.0f} s"
+    return f"{_left(way.left_s, mission)} <= {way.reserve_s:.0f}"
 
 
 def _no_return_soon(way: WayOut | None) -> str | None:
@@ -295,55 +356,60 @@ def _no_return_soon(way: WayOut | None) -> str | None:
 
 
 def _left(left_s: float, mission: Mission) -> str:
-    return f"{max(0.0, left_s):.0f} s of flight left after the {mission.value}"
+    return f"{mission.value} leaves {max(0.0, left_s):.0f} s"
 
 
 def _ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
     heard = telemetry.ground_station
     if heard is None or now_s - heard.received_s <= limits.ground_link_lost_s:
         return None
-    return f"no ground station is heard for {now_s - heard.received_s:.0f} s"
+    return f"no ground station for {now_s - heard.received_s:.0f} s"
 
 
 def _standing(seen: Seen) -> str | None:
     if not seen.stands:
         return None
-    error_m = "" if seen.error_m is None else f", {seen.error_m:.1f} m from its setpoint"
-    return f"it stands on its way{error_m}"
+    error = "" if seen.error_m is None else f", {_shown(seen.error_m)} m from setpoint"
+    return f"no progress{error}"
 
 
 def _plan(seen: Seen, limit_s: float) -> str | None:
     awaited_s = seen.plan_awaited_s
-    if awaited_s is None or awaited_s <= limit_s:
-        return None
-    return f"a new plan is awaited for {awaited_s:.1f} s"
+    return exceeds("no new plan for", awaited_s, limit_s, "s")
 
 
 def _obstacle(seen: Seen, limits: Supervision) -> str | None:
     least_m = widening_m(seen.risk, limits)
     if seen.room_m is None or seen.room_m >= least_m:
         return None
-    words = f"{least_m - seen.room_m:.1f} m too close to an obstacle"
+    words = f"{_shown(least_m - seen.room_m)} m too close to an obstacle"
     known_m = uncertainty_m(seen.risk)
-    return f"{words}, position uncertainty {known_m:.1f} m" if known_m and least_m else words
+    return f"{words} (position uncertainty {known_m:.1f} m)" if known_m and least_m else words
 
 
 def _plane(seen: Seen, limits: Supervision) -> str | None:
     if seen.pose is None or seen.in_control:
         return None  # what is flown goes on, and the way out stays open
-    if abs(seen.pose.position_m[1]) <= limits.plane_tolerance_m:
+    beside_m, limit_m = seen.pose.position_m[1], limits.plane_tolerance_m
+    if abs(beside_m) <= limit_m:
         return None
-    off_m, limit_m = abs(seen.pose.position_m[1]), limits.plane_tolerance_m
-    return f"{off_m:.1f} m from the plane, more than {limit_m:g} m"
+    shown = _shown(abs(beside_m), limit_m)
+    return f"{shown} m {_side(beside_m, seen.azimuth_rad)} of plane > {limit_m:g}"
+
+
+def _side(beside_m: float, azimuth_rad: float | None) -> str:
+    """Where that is, by compass; without one as seen along +x. beside_m: y, to the left of +x."""
+    if azimuth_rad is None:
+        return "left" if beside_m > 0.0 else "right"
+    towards_rad = azimuth_rad - math.copysign(0.5 * math.pi, beside_m)
+    return _COMPASS[round(towards_rad / (math.tau / len(_COMPASS))) % len(_COMPASS)]
 
 
 def _moving(seen: Seen) -> str | None:
     if seen.pose is None or seen.in_control:
         return None
-    speed_mps = math.hypot(*seen.pose.velocity_mps)
-    if speed_mps <= _HOVER_MPS:
-        return None
-    return f"moving at {speed_mps:.1f} m/s, more than {_HOVER_MPS:g} m/s: hover first"
+    words = exceeds("moving at", math.hypot(*seen.pose.velocity_mps), _HOVER_MPS, "m/s")
+    return None if words is None else f"{words}, hover first"
 
 
 def _unknown(seen: Seen, now_s: float) -> str | None:
@@ -357,21 +423,39 @@ def _unknown(seen: Seen, now_s: float) -> str | None:
                 "position accuracy",
                 _known_now(seen.risk.report.localization, (*_ESTIMATOR, RECEIVER_ACCURACY)),
             ),
+            ("uploaded fence", not seen.fence_silent),
             ("ground station", seen.telemetry.ground_station is not None),
             ("way out", seen.way_out is not None and seen.way_out.age_s <= WAY_MAX_AGE_S),
         )
         if not known
     ]
-    return f"not told, not supervised: {', '.join(missing)}" if missing else None
+    if len(missing) <= _MOST_NAMED:
+        return f"unknown: {' and '.join(missing)}" if missing else None
+    first, others = missing[0], missing[1:]
+    return f"unknown: {first} and {len(others)} more ({', '.join(others)})"
 
 
 def _free(what: str, left: float | None, limit_mb: float) -> str | None:
     if left is None or left >= limit_mb * _MB:
         return None
-    return f"{what}: {left / _MB:.0f} MB left, less than {limit_mb:g} MB"
+    return f"{what} {left / _MB:.0f} MB < {limit_mb:g}"
 
 
-def _above(what: str, value: float | None, limit: float, unit: str) -> str | None:
+def exceeds(what: str, value: float | None, limit: float, unit: str) -> str | None:
+    """A value above its limit for people: `wind 12.3 m/s > 10`; None where it is not above.
+
+    With so many digits that both differ.
+    """
     if value is None or value <= limit:
         return None
-    return f"{what} {value:.1f} {unit}".rstrip() + f", more than {limit:g} {unit}".rstrip()
+    return " ".join(filter(None, (what, _shown(value, limit), unit, ">", f"{limit:g}")))
+
+
+def _shown(value: float, limit: float = 0.0) -> str:
+    """A value above its limit, with so many digits that both differ, and it is not 0.0."""
+    value = min(value, _MOST_SHOWN)
+    if value >= _WHOLE and round(value) > limit:
+        return f"{value:.0f}"
+    digits = next((n for n in range(1, _MOST_DIGITS) if round(value, n) > limit), _MOST_DIGITS)
+    least = 10.0**-digits
+    return f"{max(value, limit + least):.{digits}f}"

@@ -24,9 +24,8 @@ _POWERED_V = 5.0
 _RISK_HIGH, _RISK_LOW = 0.6, 0.3
 """An index is told when it becomes high, and again only after it was low. High is above what an
 index is that knows nothing."""
-_MISSION_STATES = {state.value for state in MissionState}
-_MISSION_WORD = "MOAR"
-"""Before the state in the companion's texts."""
+_MISSION_WORD = "MOAR: "
+"""Before the companion's texts, which begin or end with a state: `holding`, `at target A`."""
 
 
 class Chronicle:
@@ -97,11 +96,10 @@ class Chronicle:
 
     def _take_text(self, said: TextSaid) -> None:
         text = said.heard.text
-        word, _, state = text.partition(" ")
-        name = state.replace(":", " ").partition(" ")[0]
-        if said.ours and word == _MISSION_WORD and name in _MISSION_STATES:
-            self.mission_state = name
-            self.tell("mission", state, again_after_s=_TWICE_S)
+        state = _mission_state(text) if said.ours else None
+        if state is not None:
+            self.mission_state = state.value
+            self.tell("mission", text.removeprefix(_MISSION_WORD), again_after_s=_TWICE_S)
             return
         speaker = "companion" if said.ours else "autopilot"
         self.tell("text", f"{speaker} {said.heard.severity}: {text}", again_after_s=_SAME_TEXT_S)
@@ -148,6 +146,22 @@ class Chronicle:
         if word != known:
             self.tell("battery", f"battery {number} {word or 'no longer low'}")
         self._battery_words[number] = word
+
+
+def _mission_state(text: str) -> MissionState | None:
+    """The state of which a text of the companion tells."""
+    if not text.startswith(_MISSION_WORD):
+        return None
+    words = text.removeprefix(_MISSION_WORD)
+    action = words.rpartition(", ")[2]
+    return next(
+        (
+            state
+            for state in MissionState
+            if action == state.words or f"{words} ".startswith(f"{state.words} ")
+        ),
+        None,
+    )
 
 
 def _order_words(order: Command) -> str:

@@ -12,6 +12,8 @@ from __future__ import annotations
 
 import math
 
+from ..autopilots import failsafe_parameters
+from ..autopilots.fence import fence_parameters
 from ..config import CompanionConfig
 from ..mavlink.commands import (
     CommandCancelled,
@@ -21,12 +23,15 @@ from ..mavlink.commands import (
     PauseContinue,
 )
 from ..mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
+from ..mavlink.ledger import stops
 from ..mavlink.listener import ModeLeft
 from ..mavlink.session import CommandAnswered, Session, Severity, SystemStatus
 from ..mission.states import STREAMING
 from ..mission.supervisor import Ruling
 from ..mission.values import MissionStatus, Verdict
+from ..power.cells import misread
 from ..risk import RiskEstimate
+from ..risk.holding import holding_parameters
 from ..types import Mission, Telemetry, Weights
 from ..vehicle import Vehicle
 from .awakening import Awakening
@@ -71,22 +76,13 @@ class Companion:
             component_id=config.component_id,
         )
         self._reports = Reports(self._session)
-        site = None if ground is None else ground.site
-        self._surroundings = Surroundings(site, vehicle.autopilot)
         self._orders = OrderBook(self._session, self._reports)
-        self._conduct = Conduct(
-            config,
-            vehicle,
-            ground,
-            session=self._session,
-            surroundings=self._surroundings,
-            orders=self._orders,
-            reports=self._reports,
-            before=before,
-        )
         self._before = before
-        self._first_status = self._conduct.status
+        self._begin(ground)
+        self._planner_awaited = False
+        self._compiling = ""
         self._awakening = Awakening(before)
+        self._misread_told = False
         self._thought_s: float | None = None
         self._followed_s: float | None = None
         """When the last thought began that was sent in time."""
@@ -94,6 +90,21 @@ class Companion:
         self._told: tuple[object, ...] = ()
         """Of the position's accuracy, when the risks were last judged."""
         self._report_due_s = -math.inf
+
+    def _begin(self, ground: Ground | None) -> None:
+        site = None if ground is None else ground.site
+        self._surroundings = Surroundings(site, self._vehicle.autopilot)
+        self._conduct = Conduct(
+            self._config,
+            self._vehicle,
+            ground,
+            session=self._session,
+            surroundings=self._surroundings,
+            orders=self._orders,
+            reports=self._reports,
+            before=self._before,
+        )
+        self._first_status = self._conduct.status
 
     @property
     def telemetry(self) -> Telemetry:
@@ -167,6 +178,25 @@ class Companion:
         """Takes bytes from a link, split anywhere."""
         self._session.receive(link, data, now_s)
 
+    def await_planner(self, compiling: str = "") -> None:
+        """The site's planner is being made ready; until `take_ground` telemetry and risk only.
+
+        Orders wait for it, which is soon; but while something has to be compiled, which takes
+        long, they are temporarily rejected. compiling: in words, how far that is.
+        """
+        self._planner_awaited = True
+        if compiling and not self._compiling:
+            self._reports.say(Severity.INFO, compiling, self._thought_s or 0.0)
+        self._compiling = compiling
+
+    def take_ground(self, ground: Ground) -> None:
+        """Takes the site when its planner is ready: from now on orders are carried out."""
+        if self._compiling:
+            self._reports.say(Severity.INFO, "the planner is ready", self._thought_s or 0.0)
+        self._ground = ground
+        self._planner_awaited, self._compiling = False, ""
+        self._begin(ground)
+
     def note_host(self, host: Host) -> None:
         """Takes what the computer has left."""
         self._conduct.host = host
@@ -199,11 +229,10 @@ class Companion:
             self._risk_due_s, self._told = now_s + _RISK_PERIOD_S, told
             self._conduct.judge(now_s)
         self._conduct.supervise(now_s)
-        may_continue = self.status == self._first_status and self.status.held
-        for text in self._awakening.texts(self.telemetry, now_s, may_continue=may_continue):
-            self._reports.say(Severity.WARNING, text, now_s)
-        for command in self._orders.heard():
-            self._conduct.order(command, now_s)
+        if self._planner_awaited:
+            self._put_off(now_s)
+        else:
+            self._listen(now_s)
         self._conduct.fly(now_s, step_s)
         state = self.status.state
         active = SystemStatus.ACTIVE if state in STREAMING else SystemStatus.STANDBY
@@ -211,6 +240,28 @@ class Companion:
         if now_s >= self._report_due_s:
             self._report_due_s = now_s + _REPORT_PERIOD_S
             self._report(now_s)
+
+    def _listen(self, now_s: float) -> None:
+        """Tell what was found at the start, and carry out orders."""
+        may_continue = self.status == self._first_status and self.status.held
+        for text in self._awakening.texts(self.telemetry, now_s, may_continue=may_continue):
+            self._reports.say(Severity.WARNING, text, now_s)
+        words = None if self._misread_told else misread(self.telemetry, self._vehicle.risk.cells)
+        if words is not None and self.status.state not in STREAMING:
+            self._misread_told = True
+            self._reports.say(Severity.WARNING, words, now_s)
+        for command in self._orders.heard():
+            self._conduct.order(command, now_s)
+
+    def _put_off(self, now_s: float) -> None:
+        """Carry out what ends motion; all else waits for the planner, or is given again later."""
+        for command in self._orders.heard():
+            if stops(command):
+                self._conduct.order(command, now_s)
+            elif self._compiling:
+                self._orders.reject(command, self._compiling, now_s)
+            else:
+                self._orders.hear(command)
 
     # Out
 
@@ -270,21 +321,36 @@ class Companion:
                 case DeniedCommand(reason=reason):
                     self._orders.tell_why(Verdict.DENIED, reason, now_s)
                 case CommandAnswered(result=result) if result != CommandResult.ACCEPTED:
-                    text = "MOAR: the autopilot refused the mode"
+                    text = "the autopilot refused the mode"
                     self._reports.say(Severity.WARNING, text, now_s)
                 case AutopilotFound(autopilot=autopilot):
-                    self._session.want_parameters(loss_parameters(autopilot.kind))
+                    kind = autopilot.kind
+                    self._session.want_parameters(loss_parameters(kind))
+                    self._session.want_parameters(fence_parameters(kind), changing=True)
+                    self._session.want_fence()
+                    self._session.want_parameters(failsafe_parameters(kind))
+                    self._session.want_parameters(holding_parameters(kind))
                 case ModeLeft(mode=mode):
                     self._conduct.faults.note_mode_left(mode)
                 case AutopilotRestarted():
                     self._conduct.faults.note_restart()
                 case AutopilotConflict(autopilot=autopilot, other=other):
-                    text = f"MOAR: two autopilots, no control: {autopilot}, {other}"
+                    ids = f"systems {autopilot.system_id} and {other.system_id}"
+                    text = f"two autopilots, {ids}, no control ({autopilot}, {other})"
                     self._reports.say(Severity.ERROR, text, now_s)
         if self._session.autopilot is not None:
             kind = self._session.autopilot.kind
+            parameters, home_m = self._session.parameters, self._surroundings.home_m
+            self._conduct.course.learn_loss(kind, parameters, home_m, now_s)
+            items = self._session.fence_items
+            if items is None and self._session.fence_silent:
+                items = ()
+            self._conduct.course.learn_fence(kind, parameters, items, home_m)
             self._conduct.course.learn_loss(
                 kind, self._session.parameters, self._surroundings.home_m, now_s
+            )
+            self._conduct.course.learn_failsafes(
+                kind, self._session.parameters, self._surroundings.home_m, self.telemetry, now_s
             )
 
     def _notice_pause(self, now_s: float) -> None:

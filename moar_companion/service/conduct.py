@@ -28,10 +28,11 @@ from ..mission.values import (
     Task,
     Verdict,
 )
+from ..power.cells import misread
 from ..risk import RiskEstimate
-from ..types import LandedState
+from ..types import LandedState, Mission
 from ..vehicle import Vehicle
-from .causes import Host, Seen, widening_m
+from .causes import Host, Seen, WayOut, widening_m
 from .contingencies import Scene
 from .course import Course
 from .engaging import Engaging
@@ -44,6 +45,7 @@ from .orders import OrderBook, Refused, understood, words
 from .overseer import Overseer
 from .planning import Awaited
 from .prospects import Prospects
+from .recovery import Recovery
 from .reports import Reports
 from .stream import Stream
 from .surroundings import Ground, Surroundings
@@ -82,6 +84,7 @@ class Conduct:
         self.setpoints = Stream(session, vehicle, config.supervision)
         pilot_may_fly = before is not None and before.state is not MissionState.IDLE
         self.engaging = Engaging(config.authority, session, reports, pilot_flies=pilot_may_fly)
+        self._recovery = Recovery(reports)
         self._overseer = Overseer(config.supervision, vehicle.guidance.off_path_m, reports)
         site = None if ground is None else ground.site
         self.status = machine.restarted(None if before is None else before.rest(site))
@@ -121,6 +124,13 @@ class Conduct:
         return autopilot is not None and autopilot.ours
 
     @property
+    def _escapes(self) -> bool:
+        """Whether an exit or evacuation is flown."""
+        task = self.status.task
+        in_control = self.status.state in IN_CONTROL
+        return in_control and task is not None and task.mission is not Mission.INSPECTION
+
+    @property
     def _pace(self) -> float:
         """The part of the planned speed that is flown."""
         return _SLOW_PACE if self.ruling.action is Action.SLOW else 1.0
@@ -132,7 +142,14 @@ class Conduct:
         telemetry, pose = self._session.telemetry, self._surroundings.pose
         place_m = None if pose is None else pose.position_m
         self.prospects.look_for_ways_out(telemetry, self._scene(), place_m, now_s)
-        self.prospects.judge(telemetry, self.tracking_error_m, now_s)
+        self.prospects.judge(telemetry, self._session.parameters, self.tracking_error_m, now_s)
+        airspace = self.course.airspace
+        if self.status.state in IN_CONTROL and airspace is not None:
+            watch, meter = self.course.watch, self.risk.meter
+            watch.look(place_m, airspace.maps.reach, telemetry, meter, now_s)
+            note = watch.note(self._exposure_limit_s, self.status.since_s, now_s)
+            if note is not None:
+                self._reports.say(Severity.NOTICE, note, now_s)
 
     def supervise(self, now_s: float) -> None:
         """One look at the world; what ends our control comes first."""
@@ -164,7 +181,7 @@ class Conduct:
             step = machine.command(self.status, order, order_id, world, now_s)
             self._carry_out(step, now_s)
             if self.status.order_id == order_id:
-                self.engaging.note_order(self._session.telemetry.autopilot, before)
+                self.engaging.note_order(self._session.telemetry.autopilot, before, now_s)
 
     def withdraw(self, command: Command, now_s: float) -> None:
         """An operator took an order back, which has been acknowledged."""
@@ -181,6 +198,8 @@ class Conduct:
         pose, task = self._surroundings.pose, self.status.task
         if self.status.state in _ON_THE_WAY and task is not None and pose is not None:
             self.course.replan(task, pose, self.risk.indices, now_s)
+        width_m = self.course.widening_m
+        self._recovery.act(self.course.flight, pose, self.status, self.ruling, width_m, now_s)
         self._stream(now_s, step_s)
         engaged = self.status.state in STREAMING or self.status.state is MissionState.PLANNING
         telemetry = self._session.telemetry
@@ -213,6 +232,8 @@ class Conduct:
     def _go_without(self, awaited: Awaited, answer: PlanAnswer, now_s: float) -> None:
         """There is no plan: what was ordered is denied, what is sought anyway waits for room."""
         reason = self.course.explained(answer)
+        if answer.detail:
+            self._reports.record("no_plan", now_s, reason=reason, detail=answer.detail)
         ordered = awaited.first and self.status.order_id is not None
         no_room = answer.too_wide and not ordered and self.ruling.action <= Action.HOLD
         if no_room:
@@ -222,7 +243,7 @@ class Conduct:
             step = machine.unplanned(self.status, reason, now_s, waits=waits, failed=answer.failed)
             self._carry_out(step, now_s)
         elif not no_room:
-            self._reports.say(Severity.NOTICE, f"Replan: {reason}", now_s)
+            self._reports.say(Severity.NOTICE, reason, now_s, action="path kept")
             if self.status.task is not None and self.course.braked:
                 # Another way out may lead on.
                 self.status = self.status.without(self.status.task, now_s=now_s)
@@ -251,6 +272,23 @@ class Conduct:
 
     # What the machine is shown
 
+    @property
+    def _exposure_limit_s(self) -> float:
+        """How long it may stay where a failsafe that nobody can forecast would hit something."""
+        dwell_s = 0.0 if self._ground is None else self._ground.dwell_s(self.status.task)
+        return self._config.supervision.exposure_limit_s + dwell_s
+
+    def _exposure(self, way_out: WayOut | None, now_s: float) -> str | None:
+        """Why it should leave before the autopilot acts by itself."""
+        return self.course.watch.reason(
+            self._session.telemetry,
+            self.risk.meter,
+            leaving_s=None if way_out is None else way_out.exposed_s,
+            limit_s=self._exposure_limit_s,
+            from_s=self.status.since_s,
+            now_s=now_s,
+        )
+
     def _scene(self) -> Scene | None:
         """What contingencies are planned from; None where nothing can be planned."""
         pose, airspace = self._surroundings.pose, self.course.airspace
@@ -270,6 +308,8 @@ class Conduct:
             airspace=airspace,
             risk=self.risk.indices,
             widening_m=self.course.widening_m,
+            fence=self.course.fence,
+            failsafes=self.course.watch.failsafes,
             pace=self._pace,
             meter=self.risk.meter,
             wind_mps=None
@@ -295,27 +335,38 @@ class Conduct:
         """What the supervisor is shown."""
         flight, pose, ground = self.course.flight, self._surroundings.pose, self._ground
         telemetry, ways = self._session.telemetry, self.prospects.ways
+        way_out = None if ways is None else ways.way_out(self.risk.meter)
         return Seen(
             telemetry=telemetry,
             risk=self.risk,
             control_allowed=self._session.control_allowed,
             pose=pose,
             position_moved_s=self._surroundings.position_moved_s,
+            position_late_s=self._surroundings.position_late_s,
             jumped_m=self._surroundings.jumped_m(now_s),
             room_m=None
             if ground is None or pose is None
             else ground.room_m(pose, self._vehicle.radius_m),
             in_control=self.status.state in IN_CONTROL,
+            escaping=self._escapes,
             landing=self.engaging.is_landing(telemetry.autopilot, now_s),
+            azimuth_rad=None if ground is None else math.radians(ground.site.frame.azimuth_deg),
+            misread=misread(telemetry, self._vehicle.risk.cells),
             error_m=flight.error_m(pose) if flight is not None and pose is not None else None,
+            drifted_m=flight.drifted_m(pose) if flight is not None and pose is not None else None,
+            saturated=self.prospects.saturated,
+            held_wind_mps=self.prospects.held_wind_mps,
             stands=flight is not None and flight.stands and self.status.state in _ON_THE_WAY,
             strays=flight.strays(pose) if flight is not None and pose is not None else None,
             plan_awaited_s=self.course.awaited_for_s(now_s),
-            way_out=None if ways is None else ways.way_out(self.risk.meter),
+            fence_silent=self._session.fence_silent,
+            way_out=way_out,
+            exposure=self._exposure(way_out, now_s),
             host=self.host,
             faults=replace(
                 self.faults.causes,
                 loss=self.course.reluctance,
+                fence=self.course.fence_objection(pose),
                 death=self.course.objection,
                 narrow=self.faults.causes.narrow or self.course.no_room,
             ),
@@ -346,9 +397,9 @@ class Conduct:
                     self._seek(task, now_s)
             case Answer(order_id, verdict, reason):
                 self._orders.answer(order_id, verdict, reason, now_s)
-            case Say(text, serious, news, condition):
+            case Say(text, action, serious, news, condition):
                 severity = Severity.WARNING if serious else Severity.NOTICE
-                self._reports.say(severity, text, now_s, news=news)
+                self._reports.say(severity, text, now_s, action=action, news=news)
                 if condition:
                     self._overseer.note_told(condition)
             case Do.BRAKE:

@@ -18,9 +18,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..autopilots.failsafe_actions import BATTERY, Failsafes
 from ..guidance.trajectory import FloatArray
 from ..mission.states import MissionState
 from ..mission.values import MissionStatus, Task
+from ..planner.fence import PlaneFence
 from ..planner.plan import PlanRequest
 from ..power import Demands, Meter, PowerModel, landing_s
 from ..risk.headway import least_s
@@ -98,6 +100,7 @@ class Scene:
     """What contingencies are planned from: the aircraft in the air, and what it flies.
 
     pace: the part of its planned speed at which that is flown. meter: of the batteries.
+    fence: of the autopilot, as far as it cuts the site.
     wind_mps: the mean wind over ground, in the site's frame; None where it is unknown.
     """
 
@@ -107,6 +110,8 @@ class Scene:
     airspace: Airspace
     risk: RiskIndices
     widening_m: float
+    fence: PlaneFence | None
+    failsafes: Failsafes
     pace: float
     meter: Meter
     wind_mps: Vector | None
@@ -130,6 +135,8 @@ class Contingencies:
         self._starts: dict[_Question, Vector] = {}
         """Where they begin."""
         self._now_s = -math.inf
+        self._failsafes = Failsafes()
+        """On which places count as exposed."""
         self._wind_mps: Vector | None = None
         """As last known in the air."""
         self.demands: Demands | None = None
@@ -147,6 +154,7 @@ class Contingencies:
         """See what is to be flown now."""
         self._now_s = now_s
         self._wind_mps = scene.wind_mps or self._wind_mps
+        self._failsafes = scene.failsafes.of(BATTERY)
         questions = tuple(self._questions(scene))
         self._ways = {
             question: way
@@ -212,6 +220,7 @@ class Contingencies:
             reserve_s=self._power.reserve_s,
             age_s=self._now_s - way.asked_s,
             flown_left_s=flown_left_s,
+            exposed_s=way.exposed_s,
         )
 
     def jobs(self) -> list[PlanJob]:
@@ -268,6 +277,8 @@ class Contingencies:
                 risk=scene.risk,
             ),
             widening_m=scene.widening_m,
+            fence=scene.fence,
+            failsafes=scene.failsafes,
         )
         self._asked = _Asked(question=question, job=job, start_m=(x_m, 0.0, z_m), asked_s=now_s)
         self._jobs.append(job)
@@ -276,11 +287,12 @@ class Contingencies:
         plan = answer.plan
         if plan is None:
             return None
-        path = flown(plan, asked.start_m, answer.escape_end_m, self._vehicle.speed.min_mps)
+        leg_mps = airspace.leg_mps(asked.start_m)
+        path = flown(plan, asked.start_m, answer.escape_end_m, leg_mps)
         trajectory = airspace.widened(answer.reach).trajectory(path)
         speed_mps = math.hypot(*asked.job.request.velocity_mps)
         rest = trajectory.rest(0.0, speed_mps, self._vehicle.guidance.acceleration_mps2)
-        way = self._way(*rest, asked.asked_s)
+        way = self._exposed(self._way(*rest, asked.asked_s), *rest, airspace)
         return (
             way
             if asked.question.mission is Mission.INSPECTION
@@ -298,6 +310,16 @@ class Contingencies:
             energy_wh=self._power.path_wh(position_m, duration_s),
             asked_s=asked_s,
         )
+
+    def _exposed(
+        self, way: Way, position_m: FloatArray, duration_s: FloatArray, airspace: Airspace
+    ) -> Way:
+        """The way with its exposed time, by its points (n, 3) and the times (n - 1,) between."""
+        if not self._failsafes.actions:
+            return way
+        exposed = self._failsafes.exposed(airspace.maps.reach, position_m[:, ::2])
+        last = int(np.flatnonzero(exposed)[-1]) if exposed.any() else 0
+        return replace(way, exposed_s=float(duration_s[:last].sum()))
 
     def _landing(self, airspace: Airspace) -> Way:
         height_m, kind = self._vehicle.guidance.landing_height_m, airspace.loss.kind
@@ -373,6 +395,7 @@ class Contingencies:
             return None
         position_m, duration_s = flight.rest()
         rest = self._way(position_m, duration_s / pace, self._now_s)
+        rest = self._exposed(rest, position_m, duration_s / pace, scene.airspace)
         return self._rest(task, rest, self._landing(scene.airspace), pace)
 
     def _rest(self, task: Task, rest: Way, landing: Way, pace: float) -> Way | None:

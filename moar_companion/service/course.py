@@ -9,18 +9,24 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+import numpy as np
+
 from ..config import CompanionConfig
 from ..mavlink.session import Severity
 from ..mission.replanning import replan_reason, stays
 from ..mission.values import Task
 from ..planner.comparison import path_difference
+from ..planner.fence import PlaneFence
 from ..planner.plan import Plan
+from ..power import PowerModel
 from ..risk import RiskEstimate
 from ..risk.explain import WeightsReason, risk_dict
-from ..types import AutopilotKind, Mission, RiskIndices, Vector
+from ..types import AutopilotKind, FenceItem, Mission, RiskIndices, Telemetry, Vector
 from ..vehicle import Vehicle
 from .airspace import Airspace
 from .causes import uncertainty_m, widening_m
+from .failsafe_watch import FailsafeWatch
+from .fences import FenceWatch, fenced
 from .flight import Flight
 from .jobs import PlanAnswer, PlanJob
 from .junction import Adoption
@@ -64,7 +70,13 @@ class Course:
         self._told_s = -math.inf
         self._flown_risk = RiskIndices()
         """Under which the path that is flown was planned."""
-        self._survival = Survival(ground, vehicle, config.supervision.loss_action, reports)
+        site = None if ground is None else ground.site
+        self._fences = FenceWatch(site, config.supervision.fence_margin_m)
+        self.fence: PlaneFence | None = None
+        """What of the autopilot's fence cuts the site: nothing is planned outside."""
+        self.watch = FailsafeWatch(config.supervision, PowerModel.of(vehicle))
+        """What the autopilot does by itself."""
+        self._survival = Survival(ground, vehicle, config.supervision, reports)
         self._uncertainty_m: float | None = None
         self._needed_m = 0.0
         """What obstacles are to be avoided by now, beyond their keep-outs."""
@@ -85,15 +97,57 @@ class Course:
     @property
     def reluctance(self) -> str | None:
         """Why nothing may be begun yet; None when what becomes of it without us is known."""
-        return None if self._survival.loss else "the autopilot's parameters are not read yet"
+        if not self._survival.loss:
+            return "autopilot parameters not read yet"
+        return None if self._ground is None else self._fences.reluctance
 
     @property
     def airspace(self) -> Airspace | None:
         """Where the vehicle may fly; None while nothing may be begun."""
         ground, loss = self._ground, self._survival.loss
-        if ground is None or loss is None:
+        if ground is None or loss is None or self._fences.reluctance is not None:
             return None
-        return Airspace(site=ground.site, vehicle=self._vehicle, maps=ground.maps, loss=loss)
+        return Airspace(
+            site=ground.site,
+            vehicle=self._vehicle,
+            maps=ground.maps,
+            loss=loss,
+            fence=self._fences.plane,
+        )
+
+    def learn_fence(
+        self,
+        kind: AutopilotKind,
+        parameters: Mapping[str, float | None],
+        items: tuple[FenceItem, ...] | None,
+        home_m: Vector | None,
+    ) -> None:
+        """Take in the autopilot's fence. items: as uploaded; None while that is not known."""
+        before = self._fences.plane
+        self._fences.learn(kind, parameters, items, home_m)
+        plane = self._fences.plane
+        if self._ground is None or plane == before:
+            return
+        height_m = self._vehicle.guidance.landing_height_m
+        self.fence = fenced(plane, self._ground.site, height_m)
+        if self.flight is not None:
+            self.flight.learn_fence(plane)
+
+    def fence_objection(self, pose: Pose | None) -> str | None:
+        """Why what is flown should not be, by the autopilot's fence as it is now.
+
+        The aircraft itself may be within the margin, where the wind pushes it.
+        """
+        plane = self._fences.plane
+        if plane is None or self.flight is None:
+            return None
+        if pose is not None:
+            place_m = np.array([pose.position_m])[:, ::2]
+            crossed = plane.crossed(place_m, plane.margin_m)
+            if crossed is not None:
+                return f"outside fence {crossed}"
+        crossed = self.flight.leaves_fence()
+        return None if crossed is None else f"path leaves {crossed}"
 
     @property
     def widening_m(self) -> float:
@@ -114,6 +168,19 @@ class Course:
     ) -> None:
         """Take in the autopilot's parameters and its home, (x, y, z) in the site's frame."""
         self._survival.learn(kind, parameters, home_m, self.flight, now_s)
+
+    def learn_failsafes(
+        self,
+        kind: AutopilotKind,
+        parameters: Mapping[str, float | None],
+        home_m: Vector | None,
+        telemetry: Telemetry,
+        now_s: float,
+    ) -> None:
+        """Take in what the autopilot does by itself; later plans avoid where that hits."""
+        before = self.watch.untold
+        if self.watch.learn(kind, parameters, home_m, telemetry) and self.watch.untold != before:
+            self._reports.record("failsafes", now_s, taken_as_by_default=list(self.watch.untold))
 
     @property
     def objection(self) -> str | None:
@@ -184,7 +251,16 @@ class Course:
         weights = self._vehicle.weights[task.mission].adjusted(risk)
         width_m = self._widening.width_m
         self._plans.ask(
-            task, junction, weights, risk, width_m, first=first, reason=reason, now_s=now_s
+            task,
+            junction,
+            weights,
+            risk,
+            width_m,
+            self.fence,
+            self.watch.failsafes,
+            first=first,
+            reason=reason,
+            now_s=now_s,
         )
         if not first:
             self._reports.record("replan", now_s, reason=reason)
@@ -194,7 +270,9 @@ class Course:
         self, awaited: Awaited, answer: PlanAnswer, now_s: float, *, ordered: bool
     ) -> PlanAnswer:
         """The answer; without its plan, where nobody should die on it. ordered: by an operator."""
-        return self._survival.checked(awaited, answer, self.flight, now_s, ordered=ordered)
+        return self._survival.checked(
+            awaited, answer, self.flight, self.watch.failsafes, now_s, ordered=ordered
+        )
 
     def adopt(
         self, awaited: Awaited, answer: PlanAnswer, estimate: RiskEstimate, now_s: float
@@ -254,8 +332,8 @@ class Course:
             and now_s - self._told_s >= _TOLD_EVERY_S
         ):
             self._told_s = now_s
-            change = f"{name} risk {before[name]:.2f} -> {after[name]:.2f}"
-            self._reports.say(Severity.INFO, f"MOAR: {change}, {difference.gist()}", now_s)
+            change = f"{name} risk {after[name]:.2f} (was {before[name]:.2f})"
+            self._reports.say(Severity.INFO, f"{change}, {difference.gist()}", now_s)
 
     def replan(self, task: Task, pose: Pose, risk: RiskIndices, now_s: float) -> None:
         """Ask for a new plan when there is a reason, while a path is flown.
@@ -282,7 +360,9 @@ class Course:
         age_s = now_s - self._plans.asked_s
         if flight.braked:
             # It is to be flown all the same: a way out goes before what has braked it.
-            reason = "it stands on its way" if age_s >= _STANDS_FOR_S else None
+            reason = "no progress" if age_s >= _STANDS_FOR_S else None
+        elif self._plans.asked_fence != self.fence:
+            reason = "the autopilot's fence is another"
         else:
             reason = replan_reason(
                 self._config.replanning,
@@ -344,7 +424,7 @@ class Course:
         """Why there is no plan, with the uncertainty where that is to blame."""
         if not answer.too_wide or self._uncertainty_m is None:
             return answer.reason
-        return f"{answer.reason}, position uncertainty {self._uncertainty_m:.1f} m"
+        return f"no way with uncertainty {self._uncertainty_m:.1f} m ({answer.reason})"
 
     def note_no_room(self, awaited: Awaited, reason: str) -> None:
         """No plan leads on with obstacles as wide as they are."""
@@ -360,4 +440,5 @@ class Course:
         self.flight = None
         self._in_vain = None
         self._survival.objection = None
+        self.watch.end()
         self._plans.forget()

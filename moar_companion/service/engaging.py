@@ -8,7 +8,8 @@ from ..config import Authority
 from ..mavlink.session import Session, Severity
 from ..mission.states import IN_CONTROL, MissionState
 from ..mission.values import MissionStatus
-from ..types import AutopilotStatus, Telemetry
+from ..types import AutopilotKind, AutopilotStatus, Telemetry
+from .autopilot_failsafe import took_mode
 from .reports import Reports
 from .surroundings import grounded
 
@@ -31,7 +32,8 @@ class Engaging:
     For its mode once. An order may take the mode that it was given in, and no other; not out of a
     failsafe, a return or a landing, which both autopilots would let it end; and not from a pilot
     who has taken over from us or from a failsafe, until he has given the mode himself or has
-    landed.
+    landed. A release that ends an offered hold takes nothing over: the mode was the pilot's all
+    along. Whoever orders where the mode will not be asked for is told so.
 
     For LAND a few times, since the link may lose it; not while the plan of another order is
     awaited, nor after one was carried out, a hold too.
@@ -46,6 +48,8 @@ class Engaging:
         self._reports = reports
         self._in_mode: str | None = None
         self._pilot_flies = pilot_flies
+        self._had_control = False
+        """Whether the mission has been in control since the aircraft was last on the ground."""
         self._landing_due = False
         self._landing_asked_s: float | None = None
         """In the last thought, which may not have been sent."""
@@ -59,12 +63,24 @@ class Engaging:
         asked = self._landings_sent > 0 and now_s - self._landing_sent_s <= _LAND_AGAIN_S
         return asked and autopilot is not None and autopilot.mode == _LAND
 
-    def note_order(self, autopilot: AutopilotStatus | None, before: MissionState) -> None:
+    def note_order(
+        self, autopilot: AutopilotStatus | None, before: MissionState, now_s: float
+    ) -> None:
         """A mission was ordered and is being planned. before: the state in which it was."""
         self._pilot_flies = self._pilot_flies or before is MissionState.OVERRIDDEN
         may = self._allowed and not self._pilot_flies
-        fit = autopilot is not None and not autopilot.failsafe and not autopilot.homeward
+        fit = autopilot is not None and not took_mode(autopilot) and not autopilot.homeward
         self._in_mode = autopilot.mode if may and fit and autopilot is not None else None
+        if self._allowed and self._in_mode is None:
+            self._tell_waiting(autopilot, now_s)
+
+    def _tell_waiting(self, autopilot: AutopilotStatus | None, now_s: float) -> None:
+        """Tell people that our mode will not be asked for: they must give it."""
+        if autopilot is None or autopilot.ours:
+            return
+        own = "OFFBOARD" if autopilot.kind is AutopilotKind.PX4 else "GUIDED"
+        reason = f"{autopilot.mode} is kept"
+        self._reports.say(Severity.WARNING, reason, now_s, action=f"waiting for {own}", news=True)
 
     def note_landing(self) -> None:
         """The mission ends above its landing point."""
@@ -96,13 +112,15 @@ class Engaging:
             self._landing_due, self._landings_sent = False, 0
         if autopilot is None:
             return
-        pilots = not (autopilot.ours or autopilot.homeward or autopilot.failsafe)
+        pilots = not (autopilot.ours or autopilot.homeward or took_mode(autopilot))
+        in_control = status.state in IN_CONTROL
         if status.state is MissionState.OVERRIDDEN:
             self._pilot_flies = True
         elif status.state is MissionState.RELEASED or self._lands:
-            self._pilot_flies = self._pilot_flies or pilots
-        if status.state in IN_CONTROL or grounded(telemetry):
+            self._pilot_flies = self._pilot_flies or (pilots and self._had_control)
+        if in_control or grounded(telemetry):
             self._pilot_flies = self._lands = False
+            self._had_control = in_control
         if now_s - autopilot.received_s > _FRESH_S:
             return
         if self._landing_due and autopilot.ours and at_end and status.sought is None:
@@ -118,7 +136,7 @@ class Engaging:
             self._landing_asked_s = now_s if self._session.request_land() else None
             return
         self._landing_due = False
-        words = "MOAR: the landing has not begun, choose LAND"
+        words = "the landing has not begun, choose LAND"
         self._reports.say(Severity.WARNING, words, now_s)
 
     def _may_take(self, status: MissionStatus, autopilot: AutopilotStatus, now_s: float) -> bool:
@@ -134,4 +152,7 @@ class Engaging:
         same = autopilot.mode == self._in_mode
         took_off = (self._in_mode, autopilot.mode) == ("TAKEOFF", "HOLD")
         self._in_mode = None
-        return (same or took_off) and not autopilot.failsafe
+        fit = (same or took_off) and not took_mode(autopilot)
+        if not fit:
+            self._tell_waiting(autopilot, now_s)
+        return fit

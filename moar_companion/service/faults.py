@@ -16,7 +16,7 @@ class Faults:
 
     def note_pause(self, paused_s: float) -> None:
         """For so long nothing was thought, and then sent in time."""
-        self.causes = replace(self.causes, thinking=f"thinking paused for {paused_s:.1f} s")
+        self.causes = replace(self.causes, thinking=f"control loop stalled {paused_s:.1f} s")
 
     def note_mode_left(self, mode: str) -> None:
         """The autopilot has left our mode, and may be back in it."""

@@ -19,16 +19,18 @@ from ..guidance.tracking import Reference, advanced, turned
 from ..guidance.trajectory import FloatArray, PathPoints
 from ..mission.gate import distance_m
 from ..planner.comparison import rest_of
+from ..planner.fence import PlaneFence
 from ..planner.plan import Plan
 from ..planner.reach import Reach
 from ..site import PlanePoint
 from ..types import Mission, Vector
 from .airspace import Airspace
+from .drift import Drift
 from .heading import wanted_yaw_rad
 from .junction import Adoption, Junction
 from .loss import Loss
 from .motion import Jump, Pose, Setpoint
-from .paths import CheckedLeg, checked_legs, flown, standing, vector
+from .paths import CheckedLeg, approach_m, checked_legs, flown, standing, vector
 
 _STANDS_MPS = 0.05
 """Slower than any plan is flown, even at half its pace: what is left where it only waits."""
@@ -64,6 +66,7 @@ class Flight:
         self._plan: Plan | None = None
         self._region_corner: int | None = None
         self._legs: tuple[CheckedLeg, ...] = ()
+        self._drift = Drift()
         self._yaw_rad = pose.yaw_rad
         self._reference = Reference.start(
             self._airspace.trajectory(standing(pose.position_m)), pose.position_m
@@ -72,7 +75,7 @@ class Flight:
     @property
     def arrived(self) -> bool:
         """Whether the plan's end is reached; where it was braked is not its end."""
-        return self._reference.arrived and not self.braked
+        return self._reference.arrived and not self.braked and not self.returns
 
     @property
     def braked(self) -> bool:
@@ -113,6 +116,49 @@ class Flight:
             return False
         return distance_m >= float(self._reference.trajectory.corner_m[corner])
 
+    @property
+    def blown_to_m(self) -> Vector | None:
+        """Where the aircraft is that has just taken its setpoint along; None where it has not."""
+        return self._drift.moved_to_m
+
+    @property
+    def returns(self) -> bool:
+        """Whether it comes back by a recovery leg, without a plan."""
+        return self._drift.returns
+
+    def drifted_m(self, pose: Pose) -> float | None:
+        """How far the aircraft was blown from where it would be; None where it is not."""
+        from_m = self._drift.from_m
+        return None if from_m is None else math.dist(from_m, pose.position_m)
+
+    @property
+    def outside_m(self) -> float:
+        """How far the setpoint is outside the workspace, or beside the plane."""
+        x_m, y_m, z_m = vector(self._reference.position_m)
+        return max(abs(y_m), self._airspace.site.workspace.outside_m((x_m, z_m)))
+
+    @property
+    def is_carried_off(self) -> bool:
+        """Whether it stands where only a recovery leg leads on, and the wind has let go of it."""
+        place_m = vector(self._reference.position_m)
+        beside = len(approach_m(place_m)) > 1
+        outside = self._airspace.site.workspace.outside_m((place_m[0], place_m[2])) > 0.0
+        return self._drift.carried and self._drift.from_m is None and (beside or outside)
+
+    def come_back(self, widened_m: float) -> bool:
+        """Begin the recovery leg from where the setpoint stands; whether there is one."""
+        place_m = vector(self._reference.position_m)
+        leg = self._airspace.way_back(place_m, widened_m)
+        if leg is None:
+            return False
+        points_m = np.array(leg.points_m)
+        speed_mps = np.full(len(points_m) - 1, self._vehicle.speed.horizontal_mps)
+        path = PathPoints(position_m=points_m, speed_mps=speed_mps)
+        self._reference = Reference.start(self._airspace.trajectory(path), place_m)
+        self._legs, self._region_corner = (leg,), None
+        self._drift = Drift(returns=True)
+        return True
+
     def shift(self, jump: Jump) -> None:
         """Take the setpoint along with an estimate that jumped, so that the jump is not chased."""
         reference = self._reference
@@ -127,12 +173,39 @@ class Flight:
         )
         self._reference = replace(self._reference, trajectory=trajectory)
 
+    def learn_fence(self, fence: PlaneFence | None) -> None:
+        """Take in where the autopilot's fence now is."""
+        self._airspace = replace(self._airspace, fence=fence)
+
+    def leaves_fence(self) -> str | None:
+        """The limit of the autopilot's fence that its path ahead crosses; None: none.
+
+        An escape leg leads in, wherever it begins.
+        """
+        reference, end_m = self._reference, self._reference.stop_m
+        trajectory = reference.trajectory
+        ahead = trajectory.distance_m >= reference.distance_m
+        if end_m is not None:
+            ahead &= trajectory.distance_m <= end_m
+        places_m = trajectory.position_m[ahead]
+        crossed, width_m = self._airspace.leaves_fence(places_m), self._airspace.corridor_width_m
+        inwards = [leg for leg in self._legs if leg.leads_in]
+        if crossed is None or not inwards:
+            return crossed
+        beside = [
+            all(distance_m(vector(place), leg.points_m) > width_m for leg in inwards)
+            for place in places_m
+        ]
+        return self._airspace.leaves_fence(places_m[beside])
+
     def error_m(self, pose: Pose) -> float:
         """How far the aircraft is from its setpoint."""
         return math.dist(self._reference.position_m, pose.position_m)
 
     def brake(self) -> None:
         """Come to rest as soon as the acceleration allows, and stay there."""
+        if self.returns:
+            self._drift = Drift(carried=True)
         if not self.braked:
             self._reference = self._reference.braked(self._vehicle.guidance.acceleration_mps2)
 
@@ -156,7 +229,8 @@ class Flight:
         stop_m = self._reference.stop_m
         if stop_m is None or not self._leaves_workspace_by(stop_m):
             return False
-        if not self._legs[-1].has_room(widened_m):
+        leg = self._legs[-1]
+        if not leg.has_room(widened_m) or self._airspace.leaves_fence(np.array(leg.points_m)):
             return False
         self._reference = replace(self._reference, stop_m=None)
         return True
@@ -243,6 +317,7 @@ class Flight:
         here, width_m = vector(reference.position_m), self._airspace.corridor_width_m
         still_in = [leg for leg in self._legs if distance_m(here, leg.points_m) <= width_m]
         self._legs = (*still_in, *checked_legs(plan, path, escape_end_m))
+        self._drift = Drift()
         self._airspace = airspace
         self._reference = moved
         self._plan = plan
@@ -265,6 +340,7 @@ class Flight:
             or junction.corner is None
             or junction.trajectory is not self._reference.trajectory
             or reach is not self._airspace.reach
+            or self.leaves_fence() is not None
             or (plan.mission, plan.request.target) != (newer.mission, newer.request.target)
         ):
             return None
@@ -283,7 +359,10 @@ class Flight:
         pace: the part of the planned speed that is flown. holds: nothing is to be flown; then, as
         when it was braked, the setpoint comes to rest where it is, and so its path begins there.
         """
-        stays = holds or self.braked
+        self._go_along(pose, step_s)
+        if self.returns and self._reference.arrived:
+            self.brake()
+        stays = (holds or self.braked) and not self.returns
         reference = advanced(
             self._reference,
             pose.position_m,
@@ -296,6 +375,23 @@ class Flight:
         beside = reference.offset_m.any() and not reference.speed_mps
         if stays and beside and not self.on_leg:
             self.stand(vector(reference.position_m))
+
+    def _go_along(self, pose: Pose, step_s: float) -> None:
+        """Take the setpoint along with an aircraft that is blown off, at rest, on a leash."""
+        leash_m = self._drift.leash_m(self._vehicle)
+        place_m, error_m = vector(self._reference.position_m), self.error_m(pose)
+        moved_m = None
+        if error_m > leash_m:
+            moved_m = self._airspace.carried_m(place_m, pose.position_m, leash_m)
+        if moved_m is None:
+            self._drift = self._drift.after(error_m, leash_m, pose, step_s)
+            return
+        self._reference = Reference.start(
+            self._airspace.trajectory(standing(moved_m)), moved_m
+        ).stood(moved_m)
+        self._legs, self._region_corner = (), None
+        from_m = place_m if self._drift.from_m is None else self._drift.from_m
+        self._drift = Drift(from_m=from_m, moved_to_m=pose.position_m, carried=True)
 
     def _fade_mps(self) -> float:
         """How fast the setpoint may come back to the path that was moved under it."""
@@ -349,12 +445,16 @@ class Flight:
 
     def strays(self, pose: Pose) -> str | None:
         """How far the aircraft is from both the workspace and its checked legs, if it is."""
-        return self._airspace.strays(pose, self._legs)
+        return self._airspace.strays(pose, () if self.returns else self._legs)
 
     def refusal(self, setpoint: Setpoint, plane_tolerance_m: float, widened_m: float) -> str | None:
         """Why a setpoint must not be where it is; None when it may."""
         return self._airspace.refusal(
-            setpoint, self._legs, plane_tolerance_m=plane_tolerance_m, widened_m=widened_m
+            setpoint,
+            self._legs,
+            plane_tolerance_m=plane_tolerance_m,
+            widened_m=widened_m,
+            carried=self._drift.carried,
         )
 
     def rests_m(
@@ -380,4 +480,6 @@ class Flight:
         return self._airspace.rests_m(self._airspace.trajectory(braking))
 
     def _path(self, plan: Plan, junction: Junction, escape_end_m: PlanePoint | None) -> PathPoints:
-        return flown(plan, junction.position_m, escape_end_m, self._vehicle.speed.min_mps)
+        return flown(
+            plan, junction.position_m, escape_end_m, self._airspace.leg_mps(junction.position_m)
+        )

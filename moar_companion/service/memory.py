@@ -10,6 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
+from ..mission.machine import state_words
 from ..mission.states import STREAMING, MissionState
 from ..mission.values import Task
 from ..site import Site
@@ -39,14 +40,12 @@ class Memory:
         return task if _fits(task, site) else None
 
     def words(self, now_s: float) -> str:
-        """For people: `flying inspection, splice-2 next, begun 12 s ago`."""
-        words = self.state.value
-        if self.task is not None:
-            words += f" {self.task.mission.value}"
-            if self.task.stops:
-                words += f", {self.task.stops[0]} next"
+        """For people: `flying inspection (to splice-2, begun 12 s ago)`, as in a text."""
+        words, to, goal = state_words(self.state, self.task).partition(" to ")
         # Across a step of the host's clock it may have begun in the future.
-        return words if self.since_s > now_s else f"{words}, begun {now_s - self.since_s:.0f} s ago"
+        begun = "" if self.since_s > now_s else f"begun {now_s - self.since_s:.0f} s ago"
+        details = ", ".join(filter(None, (f"{to}{goal}".strip(), begun)))
+        return f"{words} ({details})" if details else words
 
 
 def _fits(task: Task, site: Site) -> bool:

@@ -82,6 +82,10 @@ class OrderBook:
         heard, self._heard = self._heard, []
         return heard
 
+    def reject(self, command: Command, reason: str, now_s: float) -> None:
+        """Answer that a command may be given again later."""
+        self.answer(self.enter(command, now_s), Verdict.TEMPORARILY_REJECTED, reason, now_s)
+
     def enter(self, command: Command, now_s: float) -> int:
         """Note a command that will be answered; its number."""
         self._last_id += 1
@@ -106,8 +110,8 @@ class OrderBook:
 
     def tell_why(self, verdict: Verdict, reason: str, now_s: float) -> None:
         """An acknowledgement has no words: the reason goes to people as a text."""
-        text = f"MOAR {verdict.value}: {reason}"
-        self._reports.say(Severity.WARNING, text, now_s, news=True)
+        action = verdict.value.rpartition(" ")[2]
+        self._reports.say(Severity.WARNING, reason, now_s, action=action, news=True)
 
     def tell_progress(self, now_s: float) -> None:
         """Tell those that have waited for long, once each."""

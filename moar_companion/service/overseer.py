@@ -16,6 +16,14 @@ from .reports import Reports
 
 _LISTENS_AFTER_S = 1.0
 """Its first heartbeat is an answer to one of ours, before it is ready for texts."""
+_DOES = {
+    Action.SLOW: "slowing",
+    Action.HOLD: "holding",
+    Action.EXIT: "exiting",
+    Action.EVACUATION: "evacuating",
+    Action.RELEASE: "released",
+}
+"""What the companion does, for people."""
 
 
 class _Audience:
@@ -96,7 +104,7 @@ class Overseer:
             self._reports.record("condition", now_s, name=name, began=False, reason=reason)
             # Another condition may have begun for the same reason.
             if not self._told.get(name, True) and reason not in reasons:
-                self._reports.say(Severity.NOTICE, f"MOAR over: {reason}", now_s)
+                self._reports.say(Severity.NOTICE, reason, now_s, action="over")
         self._recorded = {name: item.reason for name, item in acting.items()}
         self._told = {name: told for name, told in self._told.items() if name in acting}
         if missed or not streaming:
@@ -108,8 +116,8 @@ class Overseer:
                 continue
             self._told[name] = False
             leads = item.condition.action is self._ruling.action is not Action.CONTINUE
-            word = self._ruling.action.name.lower() if leads else "note"
-            self._reports.say(Severity.WARNING, f"MOAR {word}: {item.reason}", now_s, news=missed)
+            action = _DOES[self._ruling.action] if leads else ""
+            self._reports.say(Severity.WARNING, item.reason, now_s, action=action, news=missed)
 
 
 def _is_past(item: Acting) -> bool:

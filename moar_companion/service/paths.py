@@ -17,14 +17,25 @@ from ..site import PlanePoint
 from ..types import Vector
 
 _TOLERANCE_M = 1e-6
+_BESIDE_M = 1.0
+"""An aircraft farther beside the plane comes back to it straight, before it goes anywhere else."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedLeg:
-    """A leg through what is not free. room_m: from the hull on it to the nearest keep-out."""
+    """A leg through what is not free. room_m: from the hull on it to the nearest keep-out.
+
+    leads_in: an escape leg, which may begin outside the autopilot's fence.
+    """
 
     points_m: Corridor
     room_m: float
+    leads_in: bool = False
+
+    @property
+    def begins_beside(self) -> bool:
+        """Whether it leads back from beside the plane."""
+        return abs(self.points_m[0][1]) > _BESIDE_M
 
     def has_room(self, widened_m: float) -> bool:
         """Whether it may be flown where the distance from obstacles has grown by so much."""
@@ -32,22 +43,31 @@ class CheckedLeg:
 
 
 def flown(
-    plan: Plan, start_m: Vector, escape_end_m: PlanePoint | None, slow_mps: float
+    plan: Plan, start_m: Vector, escape_end_m: PlanePoint | None, leg_mps: float
 ) -> PathPoints:
     """A plan's points from where it begins in flight, which is in its first cell.
 
     Any straight from within a cell to the centre of the next stays in cells that the plan may
-    pass; a plan of one state leads to its cell's centre. slow_mps: on an escape leg.
+    pass; a plan of one state leads to its cell's centre. leg_mps: on a leg that leads there.
     """
     points = _in_space(plan.waypoints.position_m)
     speed = plan.waypoints.speed_mps[1:]
-    start = np.array(start_m)[None]
-    if escape_end_m is not None or len(points) == 1:
-        return PathPoints(
-            position_m=np.concatenate([start, points]),
-            speed_mps=np.concatenate([[slow_mps], speed]),
-        )
-    return PathPoints(position_m=np.concatenate([start, points[1:]]), speed_mps=speed)
+    if escape_end_m is None and len(points) > 1:
+        points = points[1:]
+    else:
+        speed = np.concatenate([[leg_mps], speed])
+    start = approach_m(start_m)
+    return PathPoints(
+        position_m=np.concatenate([start, points]),
+        speed_mps=np.concatenate([np.full(len(start) - 1, leg_mps), speed]),
+    )
+
+
+def approach_m(start_m: Vector) -> FloatArray:
+    """The points (1, 3), or (2, 3) by which a way begins: from beside the plane, straight to it."""
+    x_m, y_m, z_m = start_m
+    points_m = [start_m, (x_m, 0.0, z_m)] if abs(y_m) > _BESIDE_M else [start_m]
+    return np.array(points_m)
 
 
 def standing(position_m: Vector) -> PathPoints:
@@ -58,14 +78,17 @@ def standing(position_m: Vector) -> PathPoints:
 def checked_legs(
     plan: Plan, path: PathPoints, escape_end_m: PlanePoint | None
 ) -> tuple[CheckedLeg, ...]:
-    """The escape leg and the landing leg of a plan that is flown by a path.
+    """The leg that leads to a plan that is flown by a path, and its landing leg.
 
-    An escape leg leads away from what is near: it has all the room there is.
+    An escape leg leads away from what is near: it has all the room there is. A recovery leg was
+    found by the room that it has.
     """
     points = [vector(point) for point in path.position_m]
     legs = []
-    if escape_end_m is not None:
-        legs.append(CheckedLeg(points_m=tuple(points[:2]), room_m=math.inf))
+    begins = len(approach_m(points[0])) + (escape_end_m is not None)
+    if begins > 1:
+        way = tuple(points[:begins])
+        legs.append(CheckedLeg(points_m=way, room_m=math.inf, leads_in=True))
     if plan.landing_leg is not None:
         landing = tuple(points[-1 - len(plan.landing_leg.points_m) :])
         legs.append(CheckedLeg(points_m=landing, room_m=plan.landing_leg.room_m))

@@ -1,15 +1,22 @@
-"""The planners of a site: one for keep-outs as they are, and some for obstacles that are wider.
+"""The planners of a site: one for keep-outs as they are, and some for what differs in flight.
 
-For the planning worker alone: what differs is built here when it is first asked for. Wider ones
-plan without tables: a width may be over before they are made, and a plan takes a millisecond.
+That is, obstacles that are wider, or a fence of the autopilot. For the planning worker alone: what
+differs is built here when it is first asked for. These plan without tables: a width may be over
+before they are made, and a plan takes a millisecond.
 """
 
 from __future__ import annotations
 
+import numpy as np
+
+from ..autopilots.failsafe_actions import Failsafes
+from ..planner.fence import PlaneFence
+from ..planner.grid import BoolArray
+from ..planner.maps import Maps
 from ..planner.planner import Planner
 
 _MOST = 4
-"""Wider ones that are kept: what the position's uncertainty comes by within a flight."""
+"""Of these are kept: what the position's uncertainty comes by within a flight."""
 _MOST_CELLS = 1_000_000
 """Of these together, 0.2 kB each; of a greater site one is kept."""
 
@@ -21,17 +28,49 @@ class Planners:
         """planner: the one for keep-outs as they are."""
         self.exact = planner
         self._most = max(1, min(_MOST, _MOST_CELLS // planner.maps.occupied.size))
-        self._wider: dict[float, Planner] = {}
+        self._others: dict[tuple[float, PlaneFence | None], Planner] = {}
+        self._failsafes = Failsafes()
 
-    def widened_by(self, width_m: float) -> Planner:
-        """The planner whose occupied distance is wider by so much, built once while it is used."""
-        if not width_m:
+    def expose(self, failsafes: Failsafes) -> None:
+        """What the autopilot does by itself; where it is another than before, maps change."""
+        if failsafes == self._failsafes:
+            return
+        self._failsafes = failsafes
+        self._others.clear()
+        self._mark(self.exact)
+
+    def _mark(self, planner: Planner) -> None:
+        planner.set_exposed(exposed_cells(planner.maps, self._failsafes))
+
+    def widened_by(self, width_m: float, fence: PlaneFence | None = None) -> Planner:
+        """The planner whose occupied distance is wider by so much, built once while it is used.
+
+        fence: what cuts the site; nothing is planned outside.
+        """
+        if not width_m and fence is None:
             return self.exact
-        planner = self._wider.pop(width_m, None)
+        planner = self._others.pop((width_m, fence), None)
         if planner is None:
-            while len(self._wider) >= self._most:
-                del self._wider[next(iter(self._wider))]
+            while len(self._others) >= self._most:
+                del self._others[next(iter(self._others))]
             site, vehicle = self.exact.site, self.exact.vehicle
-            planner = Planner(site, vehicle, position_uncertainty_m=width_m, clock=self.exact.clock)
-        self._wider[width_m] = planner
+            planner = Planner(
+                site,
+                vehicle,
+                position_uncertainty_m=width_m,
+                fence=fence,
+                clock=self.exact.clock,
+            )
+            if self._failsafes.actions:
+                self._mark(planner)
+        self._others[width_m, fence] = planner
         return planner
+
+
+def exposed_cells(maps: Maps, failsafes: Failsafes) -> BoolArray:
+    """Free cells from which a failsafe would hit something: (nx, nz)."""
+    exposed = np.zeros(maps.grid.shape, dtype=np.bool_)
+    free = np.argwhere(~maps.occupied)
+    centres_m = np.array(maps.grid.lower_m) + maps.grid.resolution_m * (free + 0.5)
+    exposed[tuple(free.T)] = failsafes.exposed(maps.reach, centres_m)
+    return exposed

@@ -8,7 +8,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from ..autopilots.failsafe_actions import Failsafes
 from ..mission.values import Task
+from ..planner.fence import PlaneFence
 from ..planner.plan import PlanRequest
 from ..types import RiskIndices, Weights
 from .jobs import PlanAnswer, PlanJob
@@ -39,7 +41,9 @@ class PlanDesk:
         self.asked_s = -math.inf
         self.asked_risk = RiskIndices()
         self.asked_widening_m = 0.0
-        """When the last plan was asked for, under which risks, and how wide obstacles were."""
+        self.asked_fence: PlaneFence | None = None
+        """When the last plan was asked for, under which risks, how wide obstacles were, and within
+        which fence."""
         self.wanting_since_s: float | None = None
         """When a new plan of what is flown was first asked for, of which none has come since."""
 
@@ -55,6 +59,8 @@ class PlanDesk:
         weights: Weights,
         risk: RiskIndices,
         widening_m: float,
+        fence: PlaneFence | None,
+        failsafes: Failsafes,
         *,
         first: bool,
         reason: str,
@@ -74,6 +80,8 @@ class PlanDesk:
                 risk=risk,
             ),
             widening_m=widening_m,
+            fence=fence,
+            failsafes=failsafes,
         )
         self._awaited = Awaited(job=job, junction=junction, first=first, reason=reason)
         if first:
@@ -81,7 +89,8 @@ class PlanDesk:
         elif self.wanting_since_s is None:
             self.wanting_since_s = now_s
         self._jobs.append(job)
-        self.asked_s, self.asked_risk, self.asked_widening_m = now_s, risk, widening_m
+        self.asked_s, self.asked_risk = now_s, risk
+        self.asked_widening_m, self.asked_fence = widening_m, fence
 
     def forget(self) -> None:
         """Nothing is awaited any more."""

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from ..power import PowerModel
 from ..risk import RiskEstimate, update
+from ..risk.holding import held_wind_mps, is_saturated, tilt_limit
+from ..risk.wind import MOTOR_OUTPUT
 from ..types import Telemetry, Vector
 from ..vehicle import Vehicle
 from .contingencies import Contingencies, Scene
@@ -18,6 +22,10 @@ class Prospects:
         self._power = PowerModel.of(vehicle)
         self.risk = RiskEstimate.unknown(vehicle.risk)
         """The risk indices of now."""
+        self.held_wind_mps: float | None = None
+        """The wind in which the aircraft can hold; None before an autopilot is heard."""
+        self.saturated = False
+        """Whether lean or motors are at their limits."""
         self.ways = None if ground is None else Contingencies(ground.site, vehicle, self._power)
         """The ways out; None without a site."""
 
@@ -37,7 +45,13 @@ class Prospects:
         else:
             self.ways.look(scene, now_s)
 
-    def judge(self, telemetry: Telemetry, tracking_error_m: float | None, now_s: float) -> None:
+    def judge(
+        self,
+        telemetry: Telemetry,
+        parameters: Mapping[str, float | None],
+        tracking_error_m: float | None,
+        now_s: float,
+    ) -> None:
         """Judge the risks anew. tracking_error_m: None where others fly it."""
         self.risk = update(
             self.risk,
@@ -48,4 +62,13 @@ class Prospects:
             tracking_error_m=tracking_error_m,
             power=self._power,
             demands=None if self.ways is None else self.ways.demands,
+        )
+        autopilot, model = telemetry.autopilot, self._vehicle.risk
+        if autopilot is None:
+            return
+        limit_rad, _ = tilt_limit(autopilot.kind, parameters, model)
+        self.held_wind_mps = held_wind_mps(self.risk.wind.learning.used(model), limit_rad)
+        output = self.risk.last_known.get("wind", {}).get(MOTOR_OUTPUT)
+        self.saturated = is_saturated(
+            telemetry, None if output is None else output.value, limit_rad, model
         )

@@ -6,6 +6,7 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from ..mavlink.session import Session, Severity
+from ..mavlink.texts import pilot_text
 from ..types import RiskIndices, Weights
 
 
@@ -25,10 +26,13 @@ class Reports:
         self._session = session
         self._decisions: list[Decision] = []
 
-    def say(self, severity: Severity, text: str, now_s: float, *, news: bool = False) -> None:
-        """A STATUSTEXT, recorded."""
+    def say(
+        self, severity: Severity, reason: str, now_s: float, *, action: str = "", news: bool = False
+    ) -> None:
+        """A STATUSTEXT of a reason and what the companion does, recorded with the whole reason."""
+        text = pilot_text(reason, action)
         self._session.send_text(severity, text, now_s, news=news)
-        self.record("text", now_s, text=text)
+        self.record("text", now_s, text=text, reason=reason)
 
     def send_values(self, risk: RiskIndices, weights: Weights, now_s: float) -> None:
         """Risk indices and weights as NAMED_VALUE_FLOAT (contract)."""

@@ -40,6 +40,7 @@ from .companion import Companion
 from .reports import Decision
 
 _NO_SOURCES = {
+    "failsafes_told",
     "batteries",
     "second_gnss_first",
     "better_gnss_taken",

@@ -51,12 +51,14 @@ class Stream:
         and else would fly on.
         """
         widened_m, tolerance_m = self.widened_m, self._limits.plane_tolerance_m
-        reason = flight.refusal(setpoint, tolerance_m, 0.0) or self._motion_refusal(setpoint, now_s)
+        reason = flight.refusal(setpoint, tolerance_m, 0.0) or self._motion_refusal(
+            setpoint, flight, now_s
+        )
         narrow = False
         if not reason and widened_m and flight.refusal(setpoint, tolerance_m, widened_m):
             narrow = True
             known_m = self._limits.position_uncertainty_m + widened_m
-            reason = f"position uncertainty {known_m:.1f} m leaves no room here"
+            reason = f"no room here, uncertainty {known_m:.1f} m"
         if reason is None:
             self._pass(setpoint, plane, now_s)
             return None
@@ -107,7 +109,7 @@ class Stream:
         """Nothing is streamed any more."""
         self._last = None
 
-    def _motion_refusal(self, setpoint: Setpoint, now_s: float) -> str | None:
+    def _motion_refusal(self, setpoint: Setpoint, flight: Flight, now_s: float) -> str | None:
         """Why it must not follow the one that was sent last, or begin."""
         last, speed = self._last, self._vehicle.speed
         return motion_refusal(
@@ -117,6 +119,7 @@ class Stream:
             greatest_mps=max(astuple(speed)),
             least_mps=speed.min_mps,
             acceleration_mps2=self._vehicle.guidance.acceleration_mps2,
+            blown_to_m=flight.blown_to_m,
         )
 
     def _pass(self, setpoint: Setpoint, plane: PlaneToLocal, now_s: float) -> None:

@@ -10,7 +10,8 @@ import math
 from collections.abc import Mapping
 from dataclasses import replace
 
-from ..config import LossCheck
+from ..autopilots.failsafe_actions import LINKS, Failsafes
+from ..config import LossCheck, Supervision
 from ..guidance.trajectory import FloatArray
 from ..mavlink.session import Severity
 from ..planner.reach import Reach
@@ -30,15 +31,16 @@ _HOME_MOVES_M = 1.0
 class Survival:
     """Remembers what the autopilot does without us, and what there is against it.
 
-    check: what is done about an objection; a way out is only warned about: to stay is no better.
+    limits: what is done about an objection; a way out is only warned about: to stay is no better.
     """
 
     def __init__(
-        self, ground: Ground | None, vehicle: Vehicle, check: LossCheck, reports: Reports
+        self, ground: Ground | None, vehicle: Vehicle, limits: Supervision, reports: Reports
     ) -> None:
         self._ground = ground
         self._vehicle = vehicle
-        self._check = check
+        self._check = limits.loss_action
+        self._failsafe_check = limits.failsafe_action
         self._reports = reports
         self._home_m: Vector | None = None
         """In the site's frame, as what is flown was last judged by it."""
@@ -64,7 +66,7 @@ class Survival:
             return
         if self.loss != before:
             if self.loss.assumption:
-                self._reports.say(Severity.WARNING, f"MOAR: {self.loss.assumption}", now_s)
+                self._reports.say(Severity.WARNING, self.loss.assumption, now_s)
             if flight is not None:
                 flight.learn_loss(self.loss)
         elif _near(home_m, self._home_m):
@@ -77,7 +79,7 @@ class Survival:
         if objection is not None and self._refuses(flight.mission):
             self.objection = objection
         elif objection is not None:
-            self._reports.say(Severity.WARNING, f"MOAR: {objection}", now_s)
+            self._reports.say(Severity.WARNING, objection, now_s)
 
     def reconsider(self, flight: Flight | None) -> None:
         """Obstacles are less wide: an objection stands where their keep-outs alone are reason.
@@ -92,6 +94,7 @@ class Survival:
         awaited: Awaited,
         answer: PlanAnswer,
         flight: Flight | None,
+        failsafes: Failsafes,
         now_s: float,
         *,
         ordered: bool,
@@ -106,6 +109,13 @@ class Survival:
             return answer
         rests_m = flight.rests_m(plan, awaited.junction, answer.escape_end_m, answer.reach)
         objection = self._objection_to(answer.reach, rests_m)
+        if awaited.first:
+            by_itself = self._by_itself(failsafes, answer.reach, rests_m)
+            refused = self._failsafe_check is LossCheck.REFUSE
+            if by_itself is not None and refused and plan.mission is Mission.INSPECTION:
+                return replace(answer, plan=None, reason=by_itself, deadly=True)
+            if by_itself is not None:
+                self._reports.say(Severity.NOTICE, by_itself, now_s)
         if objection is None:
             return answer
         if self._refuses(plan.mission):
@@ -115,8 +125,20 @@ class Survival:
                 self.objection = objection
             return replace(answer, plan=None, reason=objection, deadly=True)
         if awaited.first:
-            self._reports.say(Severity.WARNING, f"MOAR: {objection}", now_s)
+            self._reports.say(Severity.WARNING, objection, now_s)
         return answer
+
+    def _by_itself(
+        self, failsafes: Failsafes, reach: Reach | None, rests_m: FloatArray
+    ) -> str | None:
+        """What the autopilot would hit from some places (n, 2) when a link is lost, in words."""
+        if self._ground is None:
+            return None
+        found = failsafes.of(LINKS).hit(reach or self._ground.maps.reach, rests_m)
+        if found is None:
+            return None
+        action, hit = found
+        return f"{action.trigger.value}: {action.action.value} hits {hit.obstacle}"
 
     def _objection_to(self, reach: Reach | None, rests_m: FloatArray) -> str | None:
         """Why nobody should die at rest at any of some places (n, 2); None when all is well."""

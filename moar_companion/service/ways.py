@@ -16,12 +16,14 @@ _CLEARLY_LESS = 0.9
 class Way:
     """What a way takes. energy_wh: as the vehicle file has it.
 
-    asked_s: when it was asked for; of several parts, the oldest.
+    asked_s: when it was asked for; of several parts, the oldest. exposed_s: until the last place
+    is behind from where a battery's action of the autopilot would hit something; 0: there is none.
     """
 
     duration_s: float
     energy_wh: float
     asked_s: float
+    exposed_s: float = 0.0
 
     def then(self, other: Way) -> Way:
         """Both, one behind the other."""
@@ -30,11 +32,17 @@ class Way:
             duration_s=self.duration_s + other.duration_s,
             energy_wh=self.energy_wh + other.energy_wh,
             asked_s=min(self.asked_s, other.asked_s),
+            exposed_s=self.duration_s + other.exposed_s if other.exposed_s else self.exposed_s,
         )
 
     def paced(self, pace: float) -> Way:
         """The same at a part of its speeds; what is flown slower takes the power of a hover."""
-        return replace(self, duration_s=self.duration_s / pace, energy_wh=self.energy_wh / pace)
+        return replace(
+            self,
+            duration_s=self.duration_s / pace,
+            energy_wh=self.energy_wh / pace,
+            exposed_s=self.exposed_s / pace,
+        )
 
 
 def better_of(ways: Mapping[Mission, Way | None], before: Mission | None) -> Mission | None:

@@ -1,5 +1,6 @@
 """`moar-companion check` as a user runs it: files, links, exit status."""
 
+import argparse
 import contextlib
 import errno
 import os
@@ -10,6 +11,7 @@ import pytest
 import serial
 
 from moar_companion import cli
+from moar_companion.commands.service import configured, merged
 from moar_companion.config import shipped_configs
 from tests.processes import simulator
 
@@ -19,7 +21,9 @@ X500 = CONFIGS / "vehicles" / "x500.yaml"
 
 
 def check(*arguments):
-    return cli.main(["check", *map(str, arguments)])
+    """With no link the files alone."""
+    links = [] if "--connect" in arguments else ["--files"]
+    return cli.main(["check", *map(str, arguments), *links])
 
 
 def edited(tmp_path, source, *changes):
@@ -38,9 +42,73 @@ def test_the_shipped_configuration_is_a_go(capsys):
     out, err = capsys.readouterr()
     assert err == ""
     assert "Site 315 kV double circuit\n" in out
-    assert out.endswith("GO: the aircraft was not looked at (--connect URL)\n")
+    assert out.endswith("\nFILES OK: the aircraft was not looked at\n")
     findings = [line for line in out.splitlines() if line.startswith("  ")]
     assert {line.split()[0] for line in findings} == {"ok", "note"}
+
+
+def test_the_links_of_the_configuration_are_looked_at(capsys, tmp_path, unused_udp_port):
+    link = f"udp:127.0.0.1:{unused_udp_port}"
+    config = tmp_path / "companion.yaml"
+    config.write_text(f"vehicle: {X500}\nlinks: [{{url: '{link}'}}]\n")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as service:  # it runs, and owns the link
+        service.bind(("127.0.0.1", unused_udp_port))
+        assert cli.main(["check", "--config", str(config)]) == 1
+    out, err = capsys.readouterr()
+    assert err == ""
+    assert f"\nAircraft on {link}\n" in out
+    told = [line for line in out.splitlines() if line.startswith("  no-go")]
+    (line,) = told
+    assert line == (
+        f"  no-go    link: udpin:127.0.0.1:{unused_udp_port}: in use by another program; "
+        "stop the service: systemctl stop moar-companion, or what else uses it"
+    )
+    assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was looked at\n")
+
+
+def test_a_configuration_whose_links_nobody_speaks_on_is_no_go(
+    capsys, tmp_path, unused_udp_port, monkeypatch
+):
+    monkeypatch.setattr("moar_companion.preflight.machine.WAIT_S", 0.1)
+    config = tmp_path / "companion.yaml"
+    config.write_text(f"vehicle: {X500}\nlinks: [{{url: 'udp:127.0.0.1:{unused_udp_port}'}}]\n")
+    assert cli.main(["check", "--config", str(config)]) == 1
+    out = capsys.readouterr().out
+    assert "  no-go    autopilot: none heard on " in out
+    assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was looked at\n")
+
+
+@pytest.mark.parametrize("load", [merged, configured], ids=["check", "the service"])
+def test_both_find_the_installed_configuration(tmp_path, monkeypatch, load):
+    installed = tmp_path / "companion.yaml"
+    monkeypatch.setattr("moar_companion.commands.service.INSTALLED_CONFIG", installed)
+    arguments = argparse.Namespace(config=None, vehicle=None, site=None, connect=[])
+    assert load(arguments).file is None
+    installed.write_text(f"vehicle: {X500}\nlinks: [{{url: 'udp:127.0.0.1:14999'}}]\n")
+    found = load(arguments)
+    assert (found.file, found.links[0].url) == (installed, "udp:127.0.0.1:14999")
+    arguments.connect = ["udp:127.0.0.1:15000"]  # the command line goes before it
+    assert [link.url for link in load(arguments).links] == arguments.connect
+    arguments.config = str(CONFIGS / "companion.yaml")
+    assert load(arguments).file == CONFIGS / "companion.yaml"
+
+
+def test_it_tells_which_configuration_it_has_found(capsys, tmp_path, monkeypatch):
+    installed = tmp_path / "companion.yaml"
+    for module in ("service", "check"):
+        monkeypatch.setattr(f"moar_companion.commands.{module}.INSTALLED_CONFIG", installed)
+    assert check() == 0
+    assert f"  ok       configuration: none, nor {installed}" in capsys.readouterr().out
+    installed.write_text(f"vehicle: {X500}\n")
+    assert check() == 0
+    assert f"  ok       configuration: {installed}\n" in capsys.readouterr().out
+
+
+def test_files_alone_and_a_link_exclude_each_other(capsys):
+    assert cli.main(["check", "--files", "--connect", "udp::14540"]) == 2
+    assert capsys.readouterr().err == (
+        "moar-companion: --files: opens no link, must be given without --connect\n"
+    )
 
 
 def test_without_anything_it_tells_that_nothing_is_flown(capsys):
@@ -228,7 +296,8 @@ def test_an_aircraft_by_real_sockets_with_what_to_mend_and_status_1(capsys, unus
     assert "  ok       firmware: 1.17.0\n" in out
     assert "  warning  COM_OBL_RC_ACT: 0 (position mode" in out
     assert "set 5 (hold) or 4 (land)" in out
-    assert "if we died, PX4 would return through" in out
+    assert "PX4 would hit " in out
+    assert "it would return if we died" in " ".join(out.split())
     assert "\nNO-GO: " in out
 
 
@@ -240,14 +309,17 @@ def test_a_port_in_use_is_a_no_go_that_says_what_to_stop(capsys, unused_udp_port
     out, err = capsys.readouterr()
     assert err == ""
     assert "in use by another program; stop the service: systemctl stop moar-companion" in out
-    assert out.endswith("\nNO-GO: 1 finding, 0 warnings\n")
+    assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was looked at\n")
 
 
 @pytest.mark.parametrize(
     ("link", "words"),
     [
         ("serial:/dev/ttyNIX:921600", "no such file or directory; is it plugged in?"),
-        ("serial:/dev/null:57600", "is no serial port; correct --connect"),
+        (
+            "serial:/dev/null:57600",
+            "is no serial port; correct --connect, or the configuration's links",
+        ),
         ("udp:192.0.2.1:14540", "is no address of this computer; correct --connect"),
     ],
 )
@@ -257,7 +329,7 @@ def test_a_link_that_cannot_be_opened_is_a_no_go(capsys, link, words):
     assert err == ""
     assert "  no-go    link: " in out
     assert words in out
-    assert out.endswith("\nNO-GO: 1 finding, 0 warnings\n")
+    assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was looked at\n")
 
 
 @contextlib.contextmanager

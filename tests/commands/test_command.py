@@ -133,7 +133,7 @@ def test_an_order_is_one_command_to_the_companion(arguments, command, parameters
 
 
 def test_a_denial_is_told_with_its_reason_put_together_from_chunks():
-    reason = "MOAR denied: the goal cannot be reached: no free way leads there"
+    reason = "MOAR: a text of another version that is longer than one chunk, denied"
     answer = always(
         acknowledgement(DENIED),
         text(reason[:50], chunk=(7, 0)),
@@ -155,12 +155,13 @@ def test_a_denial_is_told_with_its_reason_put_together_from_chunks():
     ],
 )
 def test_all_that_is_not_accepted_is_status_1_and_waits_for_its_reason(result, word):
-    why = text(f"MOAR {word}: so it is")
+    said = f"MOAR: so it is, {word.rpartition(' ')[2]}"
+    why = text(said)
     with Aircraft(always(text("MOAR idle"), acknowledgement(result), why)) as aircraft:
         done = ordered("hold", "--connect", aircraft.url)
     name = word.upper().replace(" ", "_")
     assert (done.status, done.err) == (1, "")
-    assert done.out == f"MOAR idle\nhold: {name}\nMOAR {word}: so it is\n"
+    assert done.out == f"MOAR idle\nhold: {name}\n{said}\n"
 
 
 @pytest.mark.parametrize(

@@ -73,6 +73,7 @@ VEHICLE: dict[str, Any] = {
     "safety": {
         "d_min_m": 1.2,
         "d_max_m": 3.0,
+        "exposure": 0.2,
         "weights": {"collision": 0.3, "insertion": 0.2, "damage": 0.5},
     },
     "speed": {

@@ -86,6 +86,7 @@ OUTSIDE = {
     "vehicle.yaml": {
         "radius_m": (-0.1, FAR),
         **dict.fromkeys(("d_min_m", "d_max_m"), (0.0, FAR)),
+        "exposure": (-0.1, 10.1),
         **dict.fromkeys(
             ("collision", "insertion", "damage", "safety", "time", "energy"), (-0.1, FAR)
         ),
@@ -104,7 +105,10 @@ OUTSIDE = {
         "acceleration_mps2": (0.0, 20.1),
         "yaw_rate_deg_per_s": (0.0, 360.1),
         "fixed_yaw_deg": (-180.1, 360.1),
-        **dict.fromkeys(("tracking_slow_m", "tracking_hold_m", "off_path_m"), (0.0, FAR)),
+        **dict.fromkeys(
+            ("tracking_slow_m", "tracking_hold_m", "off_path_m", "leash_m", "recovery_m"),
+            (0.0, FAR),
+        ),
         "landing_height_m": (-0.1, FAR),
         **dict.fromkeys(
             (
@@ -161,8 +165,10 @@ OUTSIDE = {
                 "min_interval_s",
                 "position_timeout_s",
                 "heartbeat_timeout_s",
+                "mode_timeout_s",
                 "ready_timeout_s",
                 "ground_link_lost_s",
+                "exposure_limit_s",
                 "plan_stale_s",
             ),
             (0.0, 3600.1),
@@ -172,6 +178,8 @@ OUTSIDE = {
         "position_uncertainty_m": (-0.1, 100.1),
         "position_uncertainty_limit_m": (0.0, 100.1),
         "battery_reserve": (-0.1, 1.1),
+        "fence_margin_m": (-0.1, 100.1),
+        "exposure_reserve_s": (-0.1, 3600.1),
         "jump_limit_m": (0.0, 1000.1),
         **dict.fromkeys(("disk_free_mb", "memory_free_mb"), (-0.1, FAR)),
         "risk_change": (0.0, 1.1),

@@ -77,7 +77,10 @@ def test_a_disk_that_is_full_in_the_middle_leaves_no_half_file(tmp_path):
 
 
 def test_stdout_that_is_full_or_read_by_nobody(recording):
-    commands = {"check": ["check"], "replay --json": ["replay", recording, "--json", "-"]}
+    commands = {
+        "check": ["check", "--files"],
+        "replay --json": ["replay", recording, "--json", "-"],
+    }
     with contextlib.ExitStack() as stack:
         full = stack.enter_context(Path("/dev/full").open("w"))
         reading, writing = os.pipe()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from moar_companion.mavlink.texts import pilot_text
 from moar_companion.mission import machine, supervisor
 from moar_companion.mission.conditions import Causes
 from moar_companion.mission.states import IN_CONTROL, STREAMING, MissionState
@@ -33,7 +34,7 @@ NO_FAILSAFE = {"failsafe": None}
 ON_THE_GROUND = {"ground": "on the ground", "not_flying": "not in the air"}
 IN_THE_AIR = {"ground": None, "not_flying": None}
 NOBODY_KNOWS = {"ground": None, "not_flying": "not in the air"}
-STALE = {"position": "the position is 0.6 s old"}
+STALE = {"position": "position age 0.6 s"}
 
 
 class Story:
@@ -148,7 +149,8 @@ class Story:
 
     @property
     def said(self):
-        return [effect.text for effect in self.effects if isinstance(effect, Say)]
+        says = [effect for effect in self.effects if isinstance(effect, Say)]
+        return [pilot_text(say.text, say.action) for say in says]
 
     @property
     def farewell(self):

@@ -24,6 +24,7 @@ def reason(
     yaw_rad=0.0,
     cell=FREE,
     corridors=(),
+    ways_back=(),
     lowest_m=None,
     widened_m=0.0,
 ):
@@ -37,6 +38,7 @@ def reason(
         widened_m=widened_m,
         min_altitude_m=lowest_m,
         corridors_m=corridors,
+        ways_back_m=ways_back,
         corridor_width_m=0.3,
         plane_tolerance_m=2.0,
     )
@@ -52,10 +54,10 @@ def test_a_setpoint_in_a_free_cell_may_leave():
 def test_what_is_not_finite_is_refused_wherever_it_stands(bad, axis):
     values = [1.0, 0.0, 1.0]
     values[axis] = bad
-    assert reason(position=tuple(values), corridors=(LEG,)) == "the setpoint is not finite"
-    assert reason(velocity=tuple(values), corridors=(LEG,)) == "the setpoint is not finite"
-    assert reason(position=tuple(values), cell=None) == "the setpoint is not finite"
-    assert reason(yaw_rad=bad, corridors=(LEG,)) == "the setpoint is not finite"
+    assert reason(position=tuple(values), corridors=(LEG,)) == "setpoint not finite"
+    assert reason(velocity=tuple(values), corridors=(LEG,)) == "setpoint not finite"
+    assert reason(position=tuple(values), cell=None) == "setpoint not finite"
+    assert reason(yaw_rad=bad, corridors=(LEG,)) == "setpoint not finite"
 
 
 @pytest.mark.parametrize("y_m", [2.01, -2.01, 50.0])
@@ -64,18 +66,25 @@ def test_off_the_plane_is_refused_even_in_a_corridor(y_m):
     assert "from the plane" in reason(position=(1.0, y_m, 1.0), corridors=(corridor,))
 
 
+def test_beside_the_plane_only_a_way_back_to_it_is_allowed():
+    way = ((1.0, 20.0, 1.0), (1.0, 0.0, 1.0))
+    assert reason(position=(1.0, 12.0, 1.0), corridors=(way,), ways_back=(way,)) is None
+    beside = reason(position=(4.0, 12.0, 1.0), corridors=(way,), ways_back=(way,))
+    assert "from the plane" in beside
+
+
 def test_outside_the_workspace_is_refused():
-    assert reason(cell=None) == "the setpoint is outside the workspace"
+    assert reason(cell=None) == "setpoint outside the workspace"
 
 
 def test_an_occupied_cell_is_refused():
-    assert reason(cell=OCCUPIED) == "the setpoint is too close to an obstacle or too low"
+    assert reason(cell=OCCUPIED) == "setpoint too near an obstacle or too low"
 
 
 @pytest.mark.parametrize(("z_m", "allowed"), [(2.0, True), (2.0 - 1e-12, True), (1.99, False)])
 def test_below_the_least_altitude_is_refused_though_its_cell_is_free(z_m, allowed):
     low = reason(position=(1.0, 0.0, z_m), lowest_m=2.0)
-    assert low == (None if allowed else "the setpoint is too close to an obstacle or too low")
+    assert low == (None if allowed else "setpoint too near an obstacle or too low")
 
 
 def test_a_position_that_is_known_worse_widens_what_is_kept_free_for_what_moves():
@@ -101,20 +110,20 @@ def test_no_setpoint_moves_faster_than_the_vehicle_may(axis, speed_mps, allowed)
     velocity = [0.0, 0.0, 0.0]
     velocity[axis] = speed_mps
     refused = motion(velocity=tuple(velocity), before=None)
-    assert refused is None if allowed else refused.startswith("the setpoint moves at 2.6 m/s")
+    assert refused is None if allowed else refused.startswith("setpoint moves at 2.6")
 
 
 @pytest.mark.parametrize(("step_m", "allowed"), [(0.05, True), (0.06, False), (3.0, False)])
 def test_no_setpoint_lies_farther_from_the_last_one_than_it_can_have_moved(step_m, allowed):
     refused = motion(position=(0.0, 0.0, 5.0 + step_m))
-    assert refused is None if allowed else refused.startswith("the setpoint jumps by")
+    assert refused is None if allowed else refused.startswith("setpoint jumps by")
     assert motion(position=(0.0, 0.0, 5.0 + step_m), before=None) is None
 
 
 @pytest.mark.parametrize(("change_mps", "allowed"), [(0.6, True), (0.65, False), (1.9, False)])
 def test_no_setpoint_changes_its_speed_at_once(change_mps, allowed):
     refused = motion(velocity=(0.0, 0.0, change_mps))
-    assert refused is None if allowed else refused.startswith("the setpoint changes its speed")
+    assert refused is None if allowed else refused.startswith("setpoint speed jumps by")
 
 
 def test_a_landing_leg_leads_below_the_least_altitude():
@@ -174,3 +183,13 @@ def test_the_distance_from_a_corridor_is_the_least_to_its_points(point, corridor
         spacing = max(spacing, math.dist(start, end) / 199.0)
     least = float(np.linalg.norm(np.concatenate(sampled) - np.array(point), axis=1).min())
     assert least - spacing - 1e-9 <= distance_m(point, tuple(corridor)) <= least + 1e-9
+
+
+def test_an_aircraft_that_is_blown_off_takes_its_setpoint_along_at_rest_and_never_away_from_it():
+    def moved(position, velocity=(0.0, 0.0, 0.0)):
+        after = (position, velocity)
+        return motion_refusal(REST, after, 0.02, **LIMITS, blown_to_m=(9.0, 0.0, 5.0))
+
+    assert moved((6.0, 0.0, 5.0)) is None
+    assert moved((6.0, 0.0, 5.0), (0.5, 0.0, 0.0)).startswith("setpoint jumps")
+    assert "moves away" in moved((-1.0, 0.0, 5.0))

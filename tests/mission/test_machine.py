@@ -52,7 +52,7 @@ def test_an_inspection_of_two_targets_from_the_order_to_the_hold_at_its_end():
     assert flight.state == "at_target"
     flight.tick(5.1)
     assert flight.state == "holding"
-    assert "every target is done" in flight.said
+    assert "MOAR: every target is done, holding" in flight.said
     flight.order(Order.CONTINUE)
     assert flight.answers == [(2, "temporarily rejected")]
     assert flight.reasons == ["nothing is left to fly"]

@@ -112,7 +112,7 @@ def test_every_order_has_its_answer_in_every_state(state, word):
         (ON_THE_GROUND, "not in the air"),
         (NOBODY_KNOWS, "not in the air"),
         ({"position": "no local position is heard"}, "no local position is heard"),
-        ({"plane": "3.0 m from the plane, more than 2 m"}, "3.0 m from the plane"),
+        ({"plane": "3.0 m from the plane > 2"}, "3.0 m from the plane"),
     ],
 )
 def test_a_mission_is_not_begun_when_something_stands_against_it(change, reason):
@@ -125,7 +125,7 @@ def test_a_mission_is_not_begun_when_something_stands_against_it(change, reason)
 
 @pytest.mark.parametrize(
     "change",
-    [{"astray": True}, {"moving": "moving at 3.0 m/s, more than 1 m/s: hover first"}, NOBODY_KNOWS],
+    [{"astray": True}, {"moving": "moving at 3.0 m/s > 1, hover first"}, NOBODY_KNOWS],
 )
 def test_a_plan_is_not_begun_from_where_the_aircraft_is_no_more(change):
     flight = story(S.PLANNING).see(**change)
@@ -189,7 +189,7 @@ def test_a_hold_while_ready_streams_on_and_holds_when_the_mode_is_given():
     flight = story(S.READY).order(Order.HOLD)
     assert (flight.state, flight.answers) == ("ready", [(2, "accepted")])
     assert Do.BRAKE in flight.effects
-    assert flight.said == ["MOAR ready to hold"]
+    assert flight.said == ["MOAR: ready to hold"]
     flight.see(mode_ours=True)
     assert (flight.state, flight.sought) == ("holding", [])
     flight.tick(60.0)
@@ -246,7 +246,7 @@ def test_a_mode_given_while_another_mission_is_planned_flies_and_then_turns_to_i
 
 
 def test_planning_is_said():
-    assert story(S.PLANNING).said == ["MOAR planning inspection"]
+    assert story(S.PLANNING).said == ["MOAR: planning inspection"]
 
 
 def test_hold_brakes_and_continue_plans_what_is_left_from_there():

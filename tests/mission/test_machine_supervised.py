@@ -39,6 +39,28 @@ def test_an_order_that_crosses_the_letting_go_is_rejected_and_the_next_one_is_no
     assert flight.order(EXIT).state == "planning"
 
 
+@pytest.mark.parametrize("state", [S.PLANNING, S.FLYING])
+@pytest.mark.parametrize("change", [FAILSAFE, STALE])
+def test_a_plan_that_is_found_when_control_has_just_ended_is_not_accepted(state, change):
+    """Else *ready* and ACCEPTED would be told in the instant of *released*."""
+    flight = story(state)
+    if state is S.FLYING:
+        flight.order(EXIT)
+    flight.change(**change)
+    flight.rule()
+    flight.plan_found()
+    assert flight.state == "released"
+    assert flight.answers == [(flight.last_id, "failed")]
+    assert flight.reasons == list(change.values())
+    assert not any("ready" in text for text in flight.said)
+
+
+def test_an_order_that_is_overtaken_is_cancelled_with_its_reason():
+    flight = story(S.FLYING).order(EXIT).order(EVACUATION)
+    assert flight.answers == [(2, "cancelled")]
+    assert flight.reasons == ["overtaken by a newer order"]
+
+
 def test_a_pilot_who_lands_ends_the_overriding():
     flight = story(S.OVERRIDDEN, resume=True).see(**ON_THE_GROUND)
     assert flight.state == "idle"
@@ -95,13 +117,13 @@ def test_the_landing_that_we_asked_for_is_no_pilots():
     flight.see(mode_ours=False)
     assert flight.state == "idle"
     assert not flight.farewell
-    assert flight.said == ["MOAR idle: the autopilot has left our mode"]
+    assert flight.said == ["MOAR: the autopilot has left our mode, idle"]
 
 
 # Supervised -------------------------------------------------------------------------------------
 
-WIND = {"wind": "wind 13.2 m/s, more than 12 m/s"}
-RESERVE = {"battery_reserve": "battery 0 at 19%, the reserve is 20%"}
+WIND = {"wind": "wind 13.2 m/s > 12"}
+RESERVE = {"battery_reserve": "battery 0 at 19%, reserve 20%"}
 CRITICAL = {"battery_critical": "battery 0 is critical"}
 KNOWN_S = 0.6
 """What has acted for so long is known to whoever orders."""
@@ -116,7 +138,7 @@ def test_a_hold_of_the_supervisor_brakes_and_goes_on_by_itself(state):
     flight.tick(3.1)
     assert (flight.state, flight.said) == (
         "holding",
-        ["MOAR holding: wind 13.2 m/s, more than 12 m/s"],
+        ["MOAR: wind 13.2 m/s > 12, holding"],
     )
     assert Do.BRAKE in flight.effects
     flight.tick(60.0)
@@ -133,7 +155,7 @@ def test_a_hold_of_the_supervisor_that_cannot_go_on_waits_for_an_operator():
     flight = story(S.FLYING).see(**WIND).tick(3.1).see(wind=None).tick(5.1)
     assert flight.sought == [INSPECTION]
     flight.plan_failed()
-    assert flight.said[-1] == "No way to first: no free way leads there"
+    assert flight.said[-1] == "MOAR: no free way leads there, holding"
     for _ in range(20):
         flight.tick(1.0)
         assert (flight.state, flight.sought) == ("holding", [])
@@ -216,7 +238,7 @@ def test_what_is_not_flown_yet_is_given_up_with_the_reason(state, cause):
     flight = any_story(state).see(**cause).tick(3.1)
     assert flight.state == "idle"
     assert flight.farewell is (state is S.READY)
-    assert flight.said == [f"MOAR idle: {next(iter(cause.values()))}"]
+    assert flight.said == [f"MOAR: {next(iter(cause.values()))}, idle"]
 
 
 @pytest.mark.parametrize("state", [S.PLANNING, S.READY])
@@ -255,7 +277,7 @@ def test_without_any_way_out_it_holds_and_asks_again_every_two_seconds():
 def test_while_the_planner_fails_no_other_way_out_is_sought_but_the_same_one_later():
     flight = story(S.FLYING).see(**RESERVE).tick(3.1)
     flight.plan_failed("the planner does not answer", failed=True)
-    assert flight.said == ["No way to exit: the planner does not answer"]
+    assert flight.said == ["MOAR: the planner does not answer, no exit"]
     flight.tick(1.9)
     assert (flight.state, flight.sought) == ("holding", [])
     flight.tick(0.1)
@@ -280,7 +302,7 @@ def test_where_there_is_no_evacuation_an_exit_is_better_than_to_stay(state):
     flight = any_story(state).see(**CRITICAL).tick(1.1)
     assert flight.sought == [Task(mission=Mission.EVACUATION)]
     flight.plan_failed().tick()
-    assert (flight.sought, flight.said) == ([EXIT], ["MOAR exit: battery 0 is critical"])
+    assert (flight.sought, flight.said) == ([EXIT], ["MOAR: battery 0 is critical, exiting"])
     for _ in range(30):
         assert flight.tick(0.1).effects == []  # it is awaited
     assert flight.plan_found().state == "flying"
@@ -366,7 +388,7 @@ def test_a_hold_that_crosses_the_way_out_does_not_override_it():
 def test_an_order_to_fly_that_crosses_a_hold_is_told_so(order):
     flight = story(S.FLYING).see(jump="the position jumped 4.5 m").order(order)
     assert (flight.state, flight.answers) == ("holding", [(2, "temporarily rejected")])
-    assert flight.reasons == ["just begun: the position jumped 4.5 m"]
+    assert flight.reasons == ["the position jumped 4.5 m (just begun)"]
     flight.tick(KNOWN_S).order(order)
     assert flight.plan_found().answers == [(3, "accepted")]
     assert flight.tick().state == "flying"

@@ -7,9 +7,10 @@ import random
 
 import numpy as np
 import pytest
+import shapely
 from shapely.geometry import Point
 
-from moar_companion.planner.escape import escape_leg
+from moar_companion.planner.escape import escape_leg, recovery_leg
 from moar_companion.planner.maps import build_maps
 
 from . import oracle
@@ -105,3 +106,32 @@ def test_escape_legs_are_the_shortest_along_which_clearance_never_falls():
             centre = oracle.centre_of(space, other)
             if not occupied and math.dist(start, centre) < length - 1e-9:
                 assert falls(site, start, centre, 200, 0.0)
+
+
+def recovery(site, start, widened_m=0.0, **vehicle):
+    vehicle = make_vehicle(**vehicle)
+    return recovery_leg(site, vehicle, build_maps(site, vehicle), start, widened_m)
+
+
+def test_from_outside_the_way_back_is_the_nearest_free_cell_though_obstacles_come_nearer():
+    site = make_site(conductor(5.5, 4.5, 0.1))
+    assert escape(site, (-25.0, 2.5), radius=0.6) is None
+    assert recovery(site, (-25.0, 2.5), radius=0.6) == (0.5, 2.5)
+
+
+def test_the_way_back_keeps_every_keep_out_and_what_they_grow_by():
+    start = (-9.0, 2.5)
+    site = make_site(conductor(-4.0, 2.5, 0.1))
+    for widened_m in (0.0, 1.0):
+        end = recovery(site, start, widened_m, radius=0.6)
+        leg = shapely.LineString([start, end])
+        assert oracle.clearance(site.obstacles[0], leg) >= 0.6 + widened_m - 1e-6
+
+
+def test_there_is_no_way_back_from_too_far_from_below_or_from_within_a_keep_out():
+    assert recovery(make_site(), (-60.5, 2.5)) is None
+    assert recovery(make_site(), (3.0, -1.0)) is None
+    assert recovery(make_site(min_altitude=2.0), (-4.0, 1.0)) is None
+    site = make_site(conductor(-4.0, 2.5, 0.1))
+    assert recovery(site, (-4.3, 2.5), radius=0.6) is None
+    assert recovery(make_site(), (3.0, 3.0)) is None  # inside there is nothing to come back to

@@ -55,7 +55,7 @@ def test_the_check_says_before_what_the_service_says_then(policy, kind, name, va
         for item in found(kind, policy, **{name: value})
         if "to splice-inner" in item.text and item.level is (NO_GO if refused else WARNING)
     }
-    assert objection.startswith(("if we died, ", "ArduPilot follows with 0.5 m/s2 only"))
+    assert objection.startswith(("PX4 would ", "it would ", "ArduPilot brakes at 0.5 < "))
     assert desk.said(objection)
 
 
@@ -81,9 +81,10 @@ def test_what_was_not_told_is_said_as_the_service_says_it():
     *_, finding = found(AutopilotKind.PX4, RTL_MIN_DIST=None)
     assert (finding.level, finding.text) == (
         WARNING,
-        "not told, taken as by default: RTL_MIN_DIST",
+        "1 parameter not told (RTL_MIN_DIST), taken as default",
     )
-    assert desk.said(finding.text)
+    assert desk.said("MOAR: 1 parameter not told, taken as default")
+    assert finding.text in {text["reason"] for text in desk.decided("text")}
 
 
 def test_a_site_without_targets_has_no_ways_to_speak_of():

@@ -13,6 +13,7 @@ from moar_companion.site import Site
 from moar_companion.types import AutopilotKind, Mission
 from moar_companion.vehicle import Vehicle
 from sitl.autopilot import FakeAutopilot, Options
+from sitl.fence_areas import Item
 
 CONFIGS = shipped_configs()
 SITE = Site.load(CONFIGS / "sites" / "315kv_double_circuit.yaml")
@@ -62,6 +63,8 @@ class Look:
         self.connected = True
         self.lost = set()
         """Names of parameters whose values never arrive."""
+        self.deaf_to_fences = False
+        """Whether what is asked of the uploaded fence never arrives."""
         self._ground = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         self._ground_station = ground_station
         self.autopilot.step(age_s)
@@ -80,7 +83,9 @@ class Look:
         self.preflight.tick(self.now_s)
         for _, data in self.preflight.data_to_send():
             self.sent.append(data)
-            self.autopilot.receive("companion", data)
+            asks = any(item.get_type() == "MISSION_REQUEST_LIST" for item in messages([data]))
+            if not (asks and self.deaf_to_fences):
+                self.autopilot.receive("companion", data)
 
     def _is_lost(self, data):
         return any(name.encode() in data for name in self.lost)
@@ -165,6 +170,9 @@ def test_it_sends_heartbeats_and_questions_and_nothing_that_moves_the_aircraft()
         "PING",
         "COMMAND_LONG",
         "PARAM_REQUEST_READ",
+        "MISSION_REQUEST_LIST",
+        "MISSION_REQUEST_INT",
+        "MISSION_ACK",
     }
     asking = {mavlink.MAV_CMD_REQUEST_MESSAGE, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL}
     assert {item.command for item in sent if item.get_type() == "COMMAND_LONG"} <= asking
@@ -211,6 +219,74 @@ def test_another_autopilot_than_the_vehicle_file_says():
     assert (finding.level, "the vehicle file says ardupilot" in finding.text) == (NO_GO, True)
 
 
+def upload(look, corners_m):
+    """A polygon to stay in, by its corners (x, y) in the site's frame."""
+    places = [SITE.frame.to_geodetic((x, y, 0.0)) for x, y in corners_m]
+    look.autopilot.manner.areas.items = tuple(
+        Item(
+            command=5001,
+            value=len(places),
+            latitude_deg=place.latitude_deg,
+            longitude_deg=place.longitude_deg,
+        )
+        for place in places
+    )
+
+
+def test_a_fence_that_is_not_in_the_way_is_told():
+    found = Look(parameters={"GF_MAX_HOR_DIST": 100.0, "GF_ACTION": 2}).findings()
+    assert found["fence"].level is OK
+    assert found["fence"].text == "the whole site and its landing points are inside"
+
+
+def test_no_fence_is_told():
+    assert Look().findings()["fence"].text == "none"
+
+
+@pytest.mark.parametrize(
+    ("autopilot", "parameters", "name"),
+    [
+        ("px4", {"GF_MAX_HOR_DIST": 10.0}, "GF_MAX_HOR_DIST 10 m"),
+        (
+            "ardupilot",
+            {"FENCE_ENABLE": 1, "FENCE_RADIUS": 11.0, "FENCE_TYPE": 2},
+            "FENCE_RADIUS 11 m",
+        ),
+    ],
+)
+def test_targets_and_landing_points_outside_the_fence_are_a_no_go(autopilot, parameters, name):
+    age_s = 60.0 if autopilot == "ardupilot" else 10.0
+    vehicle = replace(VEHICLE, autopilot=None)
+    look = Look(autopilot=autopilot, age_s=age_s, vehicle=vehicle, parameters=parameters)
+    found = look.findings()
+    outside = {subject for subject, item in found.items() if name in item.text} - {"fence"}
+    assert {found[subject].level for subject in outside} == {NO_GO}
+    assert {"target splice-inner", "landing exit 0", "landing evacuation 0"} <= outside
+    assert "target splice-outer" not in outside
+
+
+def test_what_px4_does_with_a_landing_ordered_outside_is_told():
+    look = Look(parameters={"GF_MAX_HOR_DIST": 10.0, "GF_ACTION": 2})
+    while not look.preflight.done:
+        look.step()
+    texts = [item.text for item in look.preflight.findings() if item.subject == "fence"]
+    assert "take a LAND that is ordered there back to that hold" in texts[0]
+
+
+def test_an_uploaded_polygon_is_looked_at():
+    look = Look()
+    upload(look, [(15, -20), (35, -20), (35, 20), (15, 20)])
+    found = look.findings()
+    assert "outside inclusion polygon 1" in found["target splice-inner"].text
+    assert found["landing exit 0"].level is NO_GO
+
+
+def test_an_uploaded_fence_that_is_not_told_is_a_warning():
+    look = Look()
+    look.deaf_to_fences = True
+    assert look.findings()["uploaded fence"].level is WARNING
+
+
 def test_a_site_in_another_country():
     found = Look(latitude_deg=47.397742, longitude_deg=8.545594).findings()
     assert found["position"].level is NO_GO
@@ -223,7 +299,7 @@ def test_a_site_in_another_country():
 def test_a_stand_beside_the_plane(beside_m):
     finding = Look(at_m=(27.0, beside_m, 0.0)).findings()["position"]
     assert finding.level is WARNING
-    assert "m from the plane, more than 2 m" in finding.text
+    assert "m north of plane > 2" in finding.text
 
 
 def test_a_stand_kilometres_from_the_plane_is_another_site():
@@ -235,29 +311,29 @@ def test_a_stand_kilometres_from_the_plane_is_another_site():
 @pytest.mark.parametrize(
     ("height_m", "level", "words"),
     [
-        (6.0, WARNING, "m too low"),
-        (9.0, NO_GO, "m too low"),
+        (2.5, WARNING, "m too low"),
+        (4.0, NO_GO, "m too low"),
         (20.0, NO_GO, "m too low"),
-        (-4.0, WARNING, "m too high"),
-        (-7.0, NO_GO, "m too high"),
+        (-1.5, NO_GO, "m too high"),
+        (-4.0, NO_GO, "m too high"),
     ],
 )
 def test_an_altitude_that_is_not_the_sites(height_m, level, words):
+    """Keep-outs are 0.9 m, and the landing points are at 2.5 m."""
     finding = Look(at_m=(27.0, 0.0, height_m)).findings()["height"]
     assert finding.level is level
     assert f"z = {'+' if height_m > 0 else '-'}" in finding.text
     assert words in finding.remedy
-    assert ("within -5.0 to +7.5 m" in finding.text) is (level is NO_GO)
+    assert ("within -1.0 to +3.5 m" in finding.text) is (level is NO_GO)
 
 
 def test_ground_is_where_the_site_has_a_landing_point():
     hill = replace(SITE, landing_m={Mission.EXIT: ((40.0, 18.0),), Mission.EVACUATION: ()})
     at_m = (27.0, 0.0, 16.0)
     assert Look(site=hill, at_m=at_m).findings()["height"].level is WARNING
-    # Above the workspace nobody stands, however near the landing points.
     finding = Look(site=hill, at_m=(27.0, 0.0, 22.0)).findings()["height"]
     assert finding.level is NO_GO
-    assert "to +20.0 m" in finding.text
+    assert "to +19.0 m" in finding.text
 
 
 def test_without_a_site_there_is_no_place_to_judge():
@@ -304,7 +380,7 @@ def test_what_the_service_refuses_an_inspection_for_is_a_no_go_whatever_the_risk
     found = look.findings()
     assert found["battery risk"].level is WARNING
     assert found["battery reserve"].level is NO_GO
-    assert "%, the reserve is 20%: no inspection is flown so" in found["battery reserve"].text
+    assert "%, reserve 20%: no inspection is flown so" in found["battery reserve"].text
 
 
 @pytest.mark.parametrize("cells", [3, 6])

@@ -39,6 +39,19 @@ STANDBY, ACTIVE, CRITICAL = 3, 4, 5
 ARMED, DISARMED = 209, 81
 PARAMETERS = {
     "COM_OBL_RC_ACT": 5.0,
+    "FENCE_ACTION": 1.0,
+    "FENCE_ALT_MAX": 100.0,
+    "FENCE_ALT_MIN": -10.0,
+    "FENCE_AUTOENABLE": 0.0,
+    "FENCE_ENABLE": 0.0,
+    "FENCE_MARGIN": 2.0,
+    "FENCE_OPTIONS": 0.0,
+    "FENCE_RADIUS": 300.0,
+    "FENCE_TYPE": 7.0,
+    "GF_ACTION": 2.0,
+    "GF_MAX_HOR_DIST": 0.0,
+    "GF_MAX_VER_DIST": 0.0,
+    "GF_SOURCE": 0.0,
     "GUID_TIMEOUT": 0.5,
     "MPC_ACC_HOR": 3.0,
     "MPC_XY_P": 0.95,
@@ -192,6 +205,9 @@ class Desk:
                 self.sent.append((self.now_s, link, message))
                 if message.get_type() == "PARAM_REQUEST_READ":
                     self.tell_parameter(message.param_id)
+                if message.get_type() == "MISSION_REQUEST_LIST":
+                    none = mavlink.MAVLink_mission_count_message(1, 195, 0, message.mission_type)
+                    self.hear(self.autopilot.pack(none))
                 asked = message.get_type() == "TIMESYNC" and message.tc1 == 0
                 if asked and "TIMESYNC" not in self.mute:
                     clock_ns = round(self.boot_s * 1e9)
@@ -482,11 +498,13 @@ class Desk:
     def texts(self):
         texts = []
         for message in self.messages("STATUSTEXT"):
-            if message.id and message.chunk_seq:
-                texts[-1] += message.text
-            else:
-                texts.append(message.text)
+            assert message.id == 0, message.text  # one chunk carries it
+            texts.append(message.text)
         return texts
+
+    def reasons_told(self):
+        """Of the texts, with the details that only the record has."""
+        return [data["reason"] for data in self.decided("text")]
 
     def said(self, words):
         return any(words in text for text in self.texts())

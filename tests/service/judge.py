@@ -18,6 +18,7 @@ from ..flights.judging import cells_within, clearances_m, is_free, local_place
 from ..flights.operator import Manner
 from .desk import (
     ACCEPTED,
+    BRAKE,
     CANCELLED,
     CRITICAL,
     DO_SET_MODE,
@@ -27,6 +28,7 @@ from .desk import (
     INSPECTION,
     OFFBOARD,
     PAUSE_CONTINUE,
+    RTL,
     USER_1,
 )
 
@@ -48,6 +50,10 @@ _REPEAT_S = 2.0
 _CONFIRMED_REPEAT_S = 30.0
 """... with a confirmation above 0 within this."""
 
+
+_COPTER_LAND = 9
+_FAILSAFE_MODES = {RTL, _COPTER_LAND, BRAKE}
+"""ArduPilot's own."""
 
 _WITH_FAREWELL = {
     "an old heartbeat",
@@ -145,9 +151,9 @@ class Judge:
             if kind == "HEARTBEAT" and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
                 self.foreign_s = now_s
         elif kind == "HEARTBEAT":
-            begins = message.system_status >= CRITICAL and not self._failsafe()
+            before = self._failsafe()
             self.heartbeat, self.heartbeat_s = message, now_s
-            if begins:
+            if self._failsafe() and not before:
                 self.failsafe_known = False
                 self._forbid()
         elif kind == "GPS_GLOBAL_ORIGIN":
@@ -230,7 +236,11 @@ class Judge:
         return None if self.heartbeat is None else self.heartbeat.custom_mode
 
     def _failsafe(self):
-        return self.heartbeat is not None and self.heartbeat.system_status >= CRITICAL
+        """Whether a failsafe has taken the mode: ArduPilot also tells of one that has not."""
+        if self.heartbeat is None or self.heartbeat.system_status < CRITICAL:
+            return False
+        px4 = self.manner is Manner.PX4
+        return self._mode() != self.our_mode and (px4 or self._mode() in _FAILSAFE_MODES)
 
     def _ended(self, now_s):
         """Why nothing may be streamed now; None when it may, if an operator has ordered it."""
@@ -240,7 +250,7 @@ class Judge:
             "the pilot has taken over": self.controlled and self._mode() != self.our_mode,
             "disarmed": not self.heartbeat.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED,
             "on the ground": self.landed_state == 1,
-            "an old heartbeat": now_s - self.heartbeat_s > LIMITS.heartbeat_timeout_s,
+            "an old heartbeat": now_s - self.heartbeat_s > LIMITS.mode_timeout_s,
             "an old position": now_s - self.position_s > LIMITS.position_timeout_s,
             "an old attitude": now_s - self.attitude_s > _ATTITUDE_S,
             "a second autopilot": now_s - self.foreign_s < _SECOND_S,

@@ -145,8 +145,10 @@ def told(seen=IN_FLIGHT, **changes):
     return replace(seen, telemetry=replace(seen.telemetry, **changes))
 
 
-def flies(seen=IN_FLIGHT, **changes):
-    return told(seen, autopilot=replace(seen.telemetry.autopilot, **changes))
+def flies(seen=IN_FLIGHT, failsafes=(), **changes):
+    """What is seen in another status; failsafes: what texts have told."""
+    autopilot = replace(seen.telemetry.autopilot, **changes)
+    return told(seen, autopilot=autopilot, failsafes_told=frozenset(failsafes))
 
 
 def drains(**changes):

@@ -413,7 +413,7 @@ class AnyInput(RuleBasedStateMachine):
         leading = self.desk.companion.ruling.leading
         if self.judge.streaming and leading is not None and leading.condition.action > Action.SLOW:
             words = _without_numbers(leading.reason)
-            assert any(words in _without_numbers(text) for text in self.desk.texts()), words
+            assert any(words in _without_numbers(told) for told in self.desk.reasons_told()), words
 
 
 def _without_numbers(words):

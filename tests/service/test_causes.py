@@ -11,7 +11,7 @@ import pytest
 
 from moar_companion.mission.conditions import Causes
 from moar_companion.service.causes import Host
-from moar_companion.types import Landed, LandedState
+from moar_companion.types import AutopilotKind, Failsafe, Landed, LandedState, LinkStatistics
 
 from .seen import (
     BATTERY,
@@ -47,14 +47,30 @@ STORIES = [
     (
         "an older one",
         flies(received_s=96.94),
-        {"heartbeat": "no heartbeat of the autopilot for 3.1 s"},
+        {"heartbeat": "autopilot silent for 3.1 s", "mode_unconfirmed": "mode not told for 3.1 s"},
+    ),
+    (
+        "an older one, though other packets come",
+        replace(
+            flies(received_s=96.94),
+            telemetry=replace(
+                flies(received_s=96.94).telemetry,
+                link=LinkStatistics(received_s=99.9, packets_received=9, packets_lost=0),
+            ),
+        ),
+        {"mode_unconfirmed": "mode not told for 3.1 s"},
     ),
     ("no position", told(local_position=None), {"position": "no local position is heard"}),
     ("a position 0.5 s old", replace(IN_FLIGHT, position_moved_s=99.5), {}),
     (
         "an older one, though it was just received",
         replace(IN_FLIGHT, position_moved_s=99.4),
-        {"position": "the position is 0.6 s old"},
+        {"position": "position age 0.6 s > 0.5"},
+    ),
+    (
+        "an older one, which has waited to be read",
+        replace(IN_FLIGHT, position_moved_s=99.4, host=Host(read_late_s=0.3)),
+        {"position": "position read late, age 0.6 s > 0.5"},
     ),
     ("no attitude", told(attitude=None), {"attitude": "the attitude is unknown"}),
     (
@@ -70,13 +86,54 @@ STORIES = [
     (
         "no origin",
         replace(IN_FLIGHT, pose=None),
-        {"origin": "the origin of the local frame is unknown"},
+        {"origin": "local origin unknown"},
     ),
-    ("a failsafe", flies(failsafe=True), {"failsafe": "the autopilot is in failsafe"}),
     (
-        "a failsafe before control",
+        "a failsafe of unknown cause while the mode is ours",
+        flies(failsafe=True),
+        {"autopilot_failsafe": "autopilot failsafe, cause unknown"},
+    ),
+    ("the same on the way out", replace(flies(failsafe=True), escaping=True), {}),
+    (
+        "a failsafe by text",
+        flies(failsafe=True, failsafes={Failsafe.GROUND_STATION, Failsafe.REMOTE_CONTROL}),
+        {"autopilot_failsafe": "failsafe: GCS, RC"},
+    ),
+    (
+        "the same on the way out: it goes on",
+        replace(flies(failsafe=True, failsafes={Failsafe.GROUND_STATION}), escaping=True),
+        {},
+    ),
+    (
+        "an estimator in doubt on the way out",
+        replace(flies(failsafe=True, failsafes={Failsafe.ESTIMATOR}), escaping=True),
+        {"autopilot_failsafe": "failsafe: EKF"},
+    ),
+    (
+        "a battery's failsafe on the way out",
+        replace(flies(failsafe=True, failsafes={Failsafe.BATTERY}), escaping=True),
+        {"battery_failsafe": "autopilot battery failsafe"},
+    ),
+    (
+        "a failsafe before control, in a mode of its own",
         flies(HOVERING, failsafe=True),
-        {"failsafe": "the autopilot is in failsafe"},
+        {"failsafe": "autopilot failsafe chose HOLD"},
+    ),
+    (
+        "one that ArduPilot goes on to tell in the pilot's mode",
+        flies(
+            HOVERING,
+            failsafe=True,
+            kind=AutopilotKind.ARDUPILOT,
+            mode="LOITER",
+            failsafes={Failsafe.BATTERY},
+        ),
+        {"battery_failsafe": "autopilot battery failsafe"},
+    ),
+    (
+        "one that has taken ArduPilot's mode",
+        flies(HOVERING, failsafe=True, kind=AutopilotKind.ARDUPILOT, mode="LAND", homeward=True),
+        {"failsafe": "autopilot failsafe chose LAND"},
     ),
     ("disarmed", flies(armed=False), {"ground": "on the ground"}),
     (
@@ -141,17 +198,17 @@ STORIES = [
     (
         "a battery at its reserve",
         drains(remaining=0.2),
-        {"battery_reserve": "battery 0 at 20%, the reserve is 20%"},
+        {"battery_reserve": "battery 0 at 20%, reserve 20%"},
     ),
     (
         "an autopilot on USB power",
         drains(remaining=0.0, voltage_v=4.1, charge_state=3),
-        {"unknown": "not told, not supervised: battery"},
+        {"unknown": "unknown: battery"},
     ),
     (
         "a battery of which nothing is told but its voltage",
         drains(remaining=None, charge_state=None),
-        {"unknown": "not told, not supervised: battery"},
+        {"unknown": "unknown: battery"},
     ),
     ("a battery that tells no more than its state", drains(remaining=None), {}),
     (
@@ -159,17 +216,17 @@ STORIES = [
         drains(remaining=None, charge_state=3, summary=True),
         {
             "battery_critical": "battery 0 is critical",
-            "unknown": "not told, not supervised: battery",
+            "unknown": "unknown: battery",
         },
     ),
-    ("no battery", told(batteries={}), {"unknown": "not told, not supervised: battery"}),
+    ("no battery", told(batteries={}), {"unknown": "unknown: battery"}),
     ("a battery 15 s silent", drains(received_s=85.0), {}),
     (
         "silent for longer",
         drains(received_s=84.0),
         {
             "battery_silent": "battery 0 is silent for 16 s",
-            "unknown": "not told, not supervised: battery",
+            "unknown": "unknown: battery",
         },
     ),
     (
@@ -177,15 +234,15 @@ STORIES = [
         told(batteries={0: BATTERY, 1: replace(BATTERY, received_s=80.0)}),
         {
             "battery_silent": "battery 1 is silent for 20 s",
-            "unknown": "not told, not supervised: battery",
+            "unknown": "unknown: battery",
         },
     ),
     (
         "a battery that tells its voltage where it told its charge",
         replace(drains(remaining=None), risk=risk(wind(4.0), charge=0.22)),
         {
-            "battery_silent": "battery 0 was at 22% and tells it no more",
-            "unknown": "not told, not supervised: battery",
+            "battery_silent": "battery 0 tells no charge (was 22%)",
+            "unknown": "unknown: battery",
         },
     ),
     (
@@ -195,18 +252,18 @@ STORIES = [
         ),
         {
             "battery_critical": "battery 0 is critical",
-            "battery_reserve": "battery 0 at 20%, the reserve is 20%",
-            "battery_silent": "battery 0 was at 20% and tells it no more",
-            "unknown": "not told, not supervised: battery",
+            "battery_reserve": "battery 0 at 20%, reserve 20%",
+            "battery_silent": "battery 0 tells no charge (was 20%)",
+            "unknown": "unknown: battery",
         },
     ),
     (
         "one that was at its reserve, and seems to be on USB power",
         replace(drains(remaining=1.0, voltage_v=4.1), risk=risk(wind(4.0), charge=0.2)),
         {
-            "battery_reserve": "battery 0 at 20%, the reserve is 20%",
-            "battery_silent": "battery 0 was at 20% and tells it no more",
-            "unknown": "not told, not supervised: battery",
+            "battery_reserve": "battery 0 at 20%, reserve 20%",
+            "battery_silent": "battery 0 tells no charge (was 20%)",
+            "unknown": "unknown: battery",
         },
     ),
     (
@@ -214,17 +271,27 @@ STORIES = [
         replace(drains(), risk=risk(wind(4.0), charge=0.2, state=3)),
         {},
     ),
+    (
+        "a failsafe before control",
+        replace(IN_FLIGHT, in_control=False, exposure="RC loss hits wire: 121 s (120)"),
+        {},
+    ),
+    (
+        "a failsafe that would hit something",
+        replace(IN_FLIGHT, exposure="RC loss hits wire: 121 s (120)"),
+        {"failsafe_exposure": "RC loss hits wire: 121 s (120)"},
+    ),
     ("memory at its limit", replace(IN_FLIGHT, host=Host(memory_available=100e6)), {}),
     (
         "memory below it",
         replace(IN_FLIGHT, host=Host(memory_available=99e6)),
-        {"memory": "memory: 99 MB left, less than 100 MB"},
+        {"memory": "memory 99 MB < 100"},
     ),
     ("a disk at its limit", replace(IN_FLIGHT, host=Host(disk_free=200e6)), {}),
     (
         "a disk below it",
         replace(IN_FLIGHT, host=Host(disk_free=199e6)),
-        {"disk": "disk: 199 MB left, less than 200 MB"},
+        {"disk": "disk 199 MB < 200"},
     ),
     *[
         (f"the fault {name}", replace(IN_FLIGHT, faults=Causes(**{name: "words"})), {name: "words"})

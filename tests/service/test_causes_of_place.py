@@ -9,6 +9,7 @@ from dataclasses import replace
 import pytest
 
 from moar_companion.config import Supervision
+from moar_companion.mission.conditions import Causes
 from moar_companion.service.causes import uncertainty_m, widening_m
 from moar_companion.types import Heard, Landed, LandedState, Mission
 
@@ -32,34 +33,58 @@ STORIES = [
     (
         "jumps of more",
         replace(IN_FLIGHT, jumped_m=3.1),
-        {"jump": "the position jumped 3.1 m, more than 3 m"},
+        {"jump": "the position jumped 3.1 m > 3"},
+    ),
+    (
+        "blown off with its setpoint",
+        replace(IN_FLIGHT, drifted_m=12.4),
+        {"control_saturated": "wind too strong, drifting 12 m"},
+    ),
+    ("leaning at its limit, on its path", replace(IN_FLIGHT, saturated=True, error_m=1.5), {}),
+    (
+        "leaning at its limit, off its path",
+        replace(IN_FLIGHT, saturated=True, error_m=1.6),
+        {
+            "control_saturated": "wind too strong, 1.6 m off the path",
+            "off_path": "off the path 1.6 m > 1.5",
+        },
+    ),
+    (
+        "off its path, not leaning at its limit",
+        replace(IN_FLIGHT, error_m=1.9),
+        {"off_path": "off the path 1.9 m > 1.5"},
+    ),
+    (
+        "more wind than it holds with a margin, less than the limit",
+        replace(IN_FLIGHT, risk=risk(wind(10.4)), held_wind_mps=12.9),
+        {"wind": "wind reported 10.4 m/s > 10.3"},
     ),
     ("an uncertainty of 2 m", uncertain(2.0, 0.3, 0.9), {}),
     (
         "a greater one",
         uncertain(2.1, 0.3, 0.9),
-        {"uncertainty": "position uncertainty 2.1 m, more than 2 m"},
+        {"uncertainty": "position uncertainty 2.1 m > 2"},
     ),
     (
         "one that only the odometry tells yet",
         uncertain(0.3, 2.1, 0.9),
-        {"uncertainty": "position uncertainty 2.1 m, more than 2 m"},
+        {"uncertainty": "position uncertainty 2.1 m > 2"},
     ),
     ("a receiver that is worse than the estimator", uncertain(0.3, None, 5.0), {}),
     (
         "a receiver whose word is all there is",
         uncertain(None, None, 2.1),
-        {"uncertainty": "position uncertainty 2.1 m, more than 2 m"},
+        {"uncertainty": "position uncertainty 2.1 m > 2"},
     ),
     (
         "a height that is known worse than the place",
         uncertain(0.3, 0.3, 0.9, heights_m=(2.1, 0.3, 0.3)),
-        {"uncertainty": "position uncertainty 2.1 m, more than 2 m"},
+        {"uncertainty": "position uncertainty 2.1 m > 2"},
     ),
     (
         "one that only the odometry tells yet",
         uncertain(0.3, 0.3, 0.9, heights_m=(0.3, 2.1, 0.3)),
-        {"uncertainty": "position uncertainty 2.1 m, more than 2 m"},
+        {"uncertainty": "position uncertainty 2.1 m > 2"},
     ),
     (
         "a height that the receiver knows badly, and a barometer keeps",
@@ -70,14 +95,14 @@ STORIES = [
         "an uncertainty that is told no more",
         uncertain(None, None, 0.0, last=[accuracy("receiver", 2.4)]),
         {
-            "uncertainty": "position uncertainty 2.4 m, more than 2 m",
-            "unknown": "not told, not supervised: position accuracy",
+            "uncertainty": "position uncertainty 2.4 m > 2",
+            "unknown": "unknown: position accuracy",
         },
     ),
     (
         "an uncertainty that nobody tells",
         uncertain(None, None, 0.0),
-        {"unknown": "not told, not supervised: position accuracy"},
+        {"unknown": "unknown: position accuracy"},
     ),
     ("a receiver 3 s silent", receives(received_s=97.0), {}),
     (
@@ -109,7 +134,7 @@ STORIES = [
     (
         "a greater one",
         replace(IN_FLIGHT, risk=risk(wind(4.0), localization=0.96)),
-        {"localization": "localization risk 1.0, more than 0.9"},
+        {"localization": "localization risk 1.0 > 0.9"},
     ),
     (
         "a wind of 15 m/s",
@@ -119,24 +144,24 @@ STORIES = [
     (
         "the strongest measurement of more",
         replace(IN_FLIGHT, risk=risk(wind(15.1), wind(4.0, source="from tilt"))),
-        {"wind": "wind reported 15.1 m/s, more than 15 m/s"},
+        {"wind": "wind reported 15.1 m/s > 15"},
     ),
     (
         "a wind by a drag that nobody measured",
         replace(IN_FLIGHT, risk=risk(wind(16.0, source="from tilt")._replace(remark="default"))),
-        {"wind": "wind from tilt 16.0 m/s, more than 15 m/s (default)"},
+        {"wind": "wind from tilt 16.0 m/s > 15 (default)"},
     ),
     (
         "a wind that was too uncertain from the start",
         replace(IN_FLIGHT, risk=risk(wind(30.0, risk=None))),
-        {"unknown": "not told, not supervised: wind"},
+        {"unknown": "unknown: wind"},
     ),
     (
         "a wind that is measured no more",
         replace(IN_FLIGHT, risk=risk(wind(4.0, risk=None), last=[wind(25.0)])),
         {
-            "wind": "wind reported 25.0 m/s, more than 15 m/s",
-            "unknown": "not told, not supervised: wind",
+            "wind": "wind reported 25.0 m/s > 15",
+            "unknown": "unknown: wind",
         },
     ),
     (
@@ -152,44 +177,59 @@ STORIES = [
     (
         "silent for longer",
         told(ground_station=Heard(received_s=89.4, system_id=255)),
-        {"ground_link": "no ground station is heard for 11 s"},
+        {"ground_link": "no ground station for 11 s"},
     ),
     (
         "never heard",
         told(ground_station=None),
-        {"unknown": "not told, not supervised: ground station"},
+        {"unknown": "unknown: ground station"},
     ),
     ("outside", replace(IN_FLIGHT, strays="1.6 m outside"), {"geofence": "1.6 m outside"}),
+    (
+        "a path that leaves the autopilot's fence",
+        replace(IN_FLIGHT, faults=Causes(fence="path leaves FENCE_ALT_MAX 9 m")),
+        {"fence": "path leaves FENCE_ALT_MAX 9 m"},
+    ),
+    (
+        "before control another one is planned",
+        replace(HOVERING, faults=Causes(fence="path leaves FENCE_ALT_MAX 9 m")),
+        {},
+    ),
+    (
+        "an autopilot that does not tell its uploaded fence",
+        replace(IN_FLIGHT, fence_silent=True),
+        {"unknown": "unknown: uploaded fence"},
+    ),
     ("outside before control", replace(HOVERING, strays="1.6 m outside"), {}),
     ("1.5 m beside the path", replace(IN_FLIGHT, error_m=1.5), {}),
     (
         "farther",
         replace(IN_FLIGHT, error_m=1.6),
-        {"off_path": "off the path 1.6 m, more than 1.5 m"},
+        {"off_path": "off the path 1.6 m > 1.5"},
     ),
     (
         "a setpoint that stands, nobody knows how far from the aircraft",
         replace(IN_FLIGHT, stands=True, error_m=None),
-        {"standing": "it stands on its way"},
+        {"standing": "no progress"},
     ),
     (
         "one that waits for the aircraft",
         replace(IN_FLIGHT, stands=True, error_m=1.4),
-        {"standing": "it stands on its way, 1.4 m from its setpoint"},
+        {"standing": "no progress, 1.4 m from setpoint"},
     ),
     ("away from a hold that is offered", replace(HOVERING, error_m=1.6), {}),
     ("a plan awaited for 6 s", replace(IN_FLIGHT, plan_awaited_s=6.0), {}),
     (
         "for longer",
         replace(IN_FLIGHT, plan_awaited_s=12.0),
-        {"planner_late": "a new plan is awaited for 12.0 s"},
+        {"planner_late": "no new plan for 12.0 s > 6"},
     ),
     (
         "for more than 12 s",
         replace(IN_FLIGHT, plan_awaited_s=12.1),
         {
-            "planner_late": "a new plan is awaited for 12.1 s",
-            "planner": "a new plan is awaited for 12.1 s",
+            "planner_late": "no new plan for 12.1 s > 12",
+            "planner": "no new plan for 12.1 s > 12",
         },
     ),
     ("a keep-out touched", replace(IN_FLIGHT, room_m=0.0), {}),
@@ -202,34 +242,34 @@ STORIES = [
     (
         "too little room for it",
         replace(uncertain(1.4, None, None), room_m=0.3),
-        {"obstacle": "0.2 m too close to an obstacle, position uncertainty 1.4 m"},
+        {"obstacle": "0.2 m too close to an obstacle (position uncertainty 1.4 m)"},
     ),
     ("no obstacle anywhere", replace(IN_FLIGHT, room_m=None), {}),
     ("a way out with time to spare", leaves(Mission.EVACUATION, 90.1), {}),
     (
         "with little",
         leaves(Mission.EVACUATION, 90.0),
-        {"no_return_soon": "90 s of flight left after the evacuation, at 30 s it begins"},
+        {"no_return_soon": "evacuation leaves 90 s, at 30 s it begins"},
     ),
     (
         "with none",
         leaves(Mission.EVACUATION, 30.0),
         {
-            "no_return_evacuation": "30 s of flight left after the evacuation, the reserve is 30 s",
+            "no_return_evacuation": "evacuation leaves 30 s <= 30",
         },
     ),
     (
         "the exit with none",
         leaves(Mission.EXIT, -1.0),
         {
-            "no_return_exit": "0 s of flight left after the exit, the reserve is 30 s",
+            "no_return_exit": "exit leaves 0 s <= 30",
         },
     ),
     (
         "an exit with none that is flown, and an evacuation",
         leaves(Mission.EVACUATION, 200.0, flown_left_s=29.0),
         {
-            "no_return_evacuation": "29 s of flight left after the exit, the evacuation takes less",
+            "no_return_evacuation": "exit leaves 29 s (the evacuation takes less)",
         },
     ),
     ("a way out while nothing is known of the battery", leaves(Mission.EXIT, None), {}),
@@ -238,27 +278,27 @@ STORIES = [
         "one planned earlier",
         leaves(Mission.EXIT, 10.0, age_s=15.1),
         {
-            "no_return_exit": "10 s of flight left after the exit, the reserve is 30 s",
-            "unknown": "not told, not supervised: way out",
+            "no_return_exit": "exit leaves 10 s <= 30",
+            "unknown": "unknown: way out",
         },
     ),
     (
         "no way out, and no word of the landed state",
         replace(told(landed=None), way_out=None),
-        {"unknown": "not told, not supervised: way out"},
+        {"unknown": "unknown: way out"},
     ),
     ("2 m from the plane", moves(position_m=(5.0, -2.0, 5.0)), {}),
     (
         "farther",
         moves(position_m=(5.0, -2.1, 5.0)),
-        {"plane": "2.1 m from the plane, more than 2 m"},
+        {"plane": "2.1 m right of plane > 2"},
     ),
     ("farther in flight", moves(IN_FLIGHT, position_m=(5.0, 9.0, 5.0)), {}),
     ("moving at 1 m/s", moves(velocity_mps=(0.6, 0.0, 0.8)), {}),
     (
         "faster",
         moves(velocity_mps=(0.6, 0.9, 0.0)),
-        {"moving": "moving at 1.1 m/s, more than 1 m/s: hover first"},
+        {"moving": "moving at 1.1 m/s > 1, hover first"},
     ),
     ("faster in flight", moves(IN_FLIGHT, velocity_mps=(5.0, 0.0, 0.0)), {}),
     (
@@ -266,7 +306,7 @@ STORIES = [
         replace(
             told(batteries={}, gnss=None, estimator=None, odometry=None), risk=risk(accuracies=())
         ),
-        {"unknown": "not told, not supervised: wind, battery, position accuracy"},
+        {"unknown": "unknown: wind and 2 more (battery, position accuracy)"},
     ),
     (
         "nothing of it on the ground",

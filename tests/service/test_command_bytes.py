@@ -80,7 +80,7 @@ def test_bad_parameters_are_denied_with_one_text(pack, command, parameters):
     desk = Desk().run(1.2)
     desk.hear(pack(desk.operator, command, *parameters)).run(0.5)
     assert results(desk) == [DENIED]
-    assert len([text for text in desk.texts() if text.startswith("MOAR denied: ")]) == 1
+    assert len([text for text in desk.texts() if text.startswith("MOAR: ")]) == 1
     assert desk.state == "idle"
 
 

@@ -23,12 +23,14 @@ from .desk import (
     CRITICAL,
     DENIED,
     DO_SET_MODE,
+    EVACUATION,
     EXIT,
     GUIDED,
     HOLD,
     INSPECTION,
     LOITER,
     POSCTL,
+    RELEASE,
     RTL,
     STEP_S,
     TEMPORARILY_REJECTED,
@@ -106,7 +108,7 @@ def test_a_mission_ordered_while_overridden_takes_no_mode():
     autopilot = telemetry.autopilot
     for before, asked in ((MissionState.OVERRIDDEN, 0), (MissionState.IDLE, 1)):
         engaging = Engaging(Authority.ENGAGE, session, mock.Mock(), pilot_flies=False)
-        engaging.note_order(autopilot, before)
+        engaging.note_order(autopilot, before, autopilot.received_s)
         engaging.act(status, telemetry, at_end=False, now_s=autopilot.received_s)
         assert session.request_own_mode.call_count == asked
 
@@ -179,7 +181,7 @@ def test_after_a_hold_that_is_ordered_no_landing_is_asked_for(autopilot, hold):
     assert not desk.mode_requests()
     desk.order(HOLD).run(20.0)
     assert (desk.state, desk.answers()[-1]) == ("holding", ACCEPTED)
-    assert desk.said("MOAR landing_leg exit")
+    assert desk.said("MOAR: landing leg of the exit")
     assert not desk.mode_requests()
 
 
@@ -198,7 +200,7 @@ def test_a_mission_that_is_ordered_above_the_landing_point_is_not_ended_by_the_l
 def test_one_that_comes_to_nothing_leaves_the_landing_on():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT)
     desk.plan_delay_s = 2.5
-    desk.order(INSPECTION).run(2.4)
+    desk.set_parameters(COM_OBL_RC_ACT=7.0).order(INSPECTION).run(2.4)
     assert not desk.mode_requests()
     desk.run(1.2)
     assert desk.answers()[-1] == DENIED
@@ -231,7 +233,7 @@ def test_a_landing_that_has_begun_is_no_pilots():
     assert [(m.param2, m.param3) for m in desk.mode_requests()] == [(4, 6)]
     desk.say_heartbeat(LANDING).run(1.0)
     assert desk.state == "idle"
-    assert desk.said("MOAR idle: the autopilot is in LAND")
+    assert desk.said("MOAR: the autopilot is in LAND")
 
 
 @pytest.mark.parametrize("after_s", [4.0, 60.0])
@@ -341,3 +343,22 @@ def test_a_flight_that_is_resumed_takes_no_mode_from_a_pilot_who_has_overridden(
     desk.say_heartbeat(LOITER).run(6.0)
     assert desk.state == "ready"
     assert not desk.mode_requests()
+
+
+def test_a_release_while_a_hold_is_offered_takes_nothing_from_a_later_order():
+    """In the pilot's HOLD nobody has taken over: the next order asks for our mode again."""
+    desk = Desk(authority=Authority.ENGAGE).come_to("ready").run(0.5)
+    desk.order(RELEASE).run(1.0)
+    assert (desk.state, desk.mode) == ("released", AUTO_HOLD)
+    asked = len(desk.mode_requests())
+    desk.order(EVACUATION).run(5.0)
+    assert desk.answers()[-1] == ACCEPTED
+    assert len(desk.mode_requests()) == asked + 1
+
+
+def test_an_order_for_which_no_mode_is_asked_says_so():
+    desk = Desk(authority=Authority.ENGAGE).come_to("flying").run(1.0)
+    desk.say_heartbeat(POSCTL).run(3.0)
+    desk.order(EXIT).run(3.0)
+    assert desk.state == "ready"
+    assert desk.said("MOAR: POSCTL is kept, waiting for OFFBOARD")

@@ -18,6 +18,7 @@ from moar_companion.mission.states import STREAMING, MissionState
 
 from ..mavlink.peer import Peer
 from .desk import (
+    AUTO_HOLD,
     CRITICAL,
     EXIT,
     INSPECTION,
@@ -59,18 +60,19 @@ ORDERLY = {
     "the service is told to end": shut_down,
     # The supervisor's, by their names.
     "control": second_autopilot,
-    "heartbeat": muted("HEARTBEAT"),
+    "mode_unconfirmed": muted("HEARTBEAT"),
     "position": muted("LOCAL_POSITION_NED"),
     "attitude": muted("ATTITUDE"),
 }
 AT_ONCE = {
     "thinking": lambda desk: desk.step(1.5),
     "restart": lambda desk: desk.set(boot_s=1.0),
-    "failsafe": lambda desk: desk.say_heartbeat(desk.mode, CRITICAL),
+    "failsafe": lambda desk: desk.say_heartbeat(AUTO_HOLD, CRITICAL),
     "ground": lambda desk: desk.set(landed_state=1),
     "pilot": lambda desk: desk.say_heartbeat(POSCTL),
 }
 ELSEWHERE = {
+    "heartbeat": "of an autopilot that falls silent the position is stale long before",
     "origin": "once known, only a restart makes it unknown",
     "stream": "the last setpoint stands already when the supervisor hears of it: see below",
     "landing": "at rest already when the landing is asked for: see below",

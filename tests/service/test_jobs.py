@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import asyncio
-
 import pytest
 
-from moar_companion.config import CompanionConfig, shipped_configs
+from moar_companion.config import shipped_configs
 from moar_companion.planner import planner as planner_module
 from moar_companion.planner.plan import PlanRequest
 from moar_companion.planner.planner import Planner
-from moar_companion.service.app import Service
-from moar_companion.service.companion import Companion
 from moar_companion.service.jobs import PlanJob, preparations, prepare_for
+from moar_companion.service.planner_worker import PlannerWorker
 from moar_companion.service.planners import Planners
 from moar_companion.site import Site
 from moar_companion.types import Mission, RiskIndices, Weights
@@ -69,16 +66,9 @@ def test_nothing_is_made_ready_for_wider_obstacles_or_an_unknown_target(planner)
 
 
 def test_the_service_has_the_flown_goal_ready_whatever_made_room_before(planner):
-    config = CompanionConfig(vehicle=shipped_configs() / "vehicles" / "linedrone.yaml")
-    service = Service(config, Companion(config, planner.vehicle, None), planner, None)
-    for prepare in preparations(planner):
-        prepare()
+    worker = PlannerWorker()
+    worker.take(planner)
     target = planner.site.targets[1].name
-
-    async def order():
-        service._plan(asyncio.get_running_loop(), job(target))
-
-    asyncio.run(order())
-    service._preparing.shutdown(wait=True)
-    service._thread.shutdown(wait=True)
+    worker.plan(job(target))
+    worker.close(wait=True)
     assert goals(planner)[-1] == ("inspection", target)

@@ -61,7 +61,7 @@ def test_a_flight_ordered_just_as_the_position_jumps_is_told_so_and_not_begun(de
     order.run(2.1)
     answers = desk.answers() if mission else desk.answers(PAUSE_CONTINUE)
     assert (desk.state, answers[-1]) == ("holding", TEMPORARILY_REJECTED)
-    assert desk.said("temporarily rejected: just begun: the position jumped 4.5 m")
+    assert desk.said("the position jumped 4.5 m > 3, rejected")
     desk.go_on().run(0.5)  # now he knows
     assert (desk.state, desk.answers(PAUSE_CONTINUE)[-1]) == ("flying", ACCEPTED)
 
@@ -75,9 +75,9 @@ def test_the_way_out_that_the_supervisor_has_just_begun_may_be_ordered_as_well(d
 
 
 TROUBLE = {
-    "a jump": ({}, "MOAR hold: the position jumped 4.5 m, more than 3 m"),
-    "no fix": ({"fix_type": 0}, "MOAR hold: the receiver has no 3D fix"),
-    "wind": ({"wind_mps": 21.4}, "MOAR hold: wind reported 21.4 m/s, more than 15 m/s"),
+    "a jump": ({}, "MOAR: the position jumped 4.5 m > 3, holding"),
+    "no fix": ({"fix_type": 0}, "MOAR: the receiver has no 3D fix, holding"),
+    "wind": ({"wind_mps": 21.4}, "MOAR: wind reported 21.4 m/s > 15, holding"),
 }
 
 
@@ -94,25 +94,25 @@ def test_what_begins_while_an_operator_holds_is_told_once(desk, trouble):
 
 def test_what_is_over_while_an_operator_holds_is_told_too(desk):
     desk.pause().run(2.0).set(wind_mps=21.4).run(5.0).set(wind_mps=2.0).run(8.0)
-    assert desk.said("MOAR over: wind reported 21.4 m/s")
+    assert desk.said("MOAR: wind reported 21.4 m/s > 15, over")
 
 
 def test_what_the_mission_does_about_it_tells_of_it(desk):
     desk.set(wind_mps=21.4).run_until("holding").run(2.0).set(wind_mps=2.0).run_until("flying", 9.0)
     assert [text for text in desk.texts() if "wind" in text] == [
-        "MOAR holding: wind reported 21.4 m/s, more than 15 m/s"
+        "MOAR: wind reported 21.4 m/s > 15, holding"
     ]
 
 
 def test_what_a_way_out_goes_before_is_told(desk):
     desk.set(battery_percent=15).run_until_sought("exit").run(1.0).set(wind_mps=21.4).run(5.0)
     assert (desk.state, flown(desk)) == ("landing_leg", Mission.EXIT)
-    assert desk.said("MOAR note: wind reported 21.4 m/s")
+    assert desk.said("MOAR: wind reported 21.4 m/s")
 
 
 def test_what_holds_on_is_not_told_as_over(desk):
     desk.plan_delay_s = None
     desk.run_until("holding", 20.0).run(5.0)
-    assert desk.said("MOAR slow: a new plan is awaited for 6.0 s")
-    assert desk.said("MOAR holding: a new plan is awaited for 12.0 s")
-    assert not desk.said("MOAR over")
+    assert desk.said("MOAR: no new plan for")
+    assert desk.said("MOAR: no new plan for 12.001 s > 12, holding")
+    assert not desk.said(", over")

@@ -73,7 +73,7 @@ def test_too_narrow_for_a_moment_it_goes_on_along_the_leg(desk, battery_percent)
     place_m = along_m(desk)
     desk.set(accuracy_m=TOO_NARROW_M).run_to_heartbeat().run(0.1)
     assert moving(desk, 0.5) == 0.0
-    assert desk.said("position uncertainty 1.9 m leaves no room here")
+    assert desk.said("no room here, uncertainty 1.9 m")
     desk.set(accuracy_m=WELL_M).run_until("landing_leg", 4.0).run(2.5)
     assert moving(desk, 1.0) == 1.0
     assert along_m(desk) > place_m

@@ -35,7 +35,7 @@ def test_no_setpoint_is_sent_but_people_are_answered():
     desk.order(HOLD).run(0.1)
     assert len(desk.setpoints()) == sent
     assert desk.answers()[-1] == ACCEPTED
-    assert desk.said("MOAR holding inspection")
+    assert desk.said("MOAR: holding inspection")
 
 
 def test_one_late_thought_is_made_up_for_by_the_next():
@@ -54,7 +54,7 @@ def test_when_every_thought_is_late_control_is_let_go():
     desk = Desk().come_to("flying").run(1.0)
     come_late(desk)
     desk.run_until("released", 1.0)
-    assert desk.said("MOAR released: thinking paused for 0.5 s")
+    assert desk.said("MOAR: control loop stalled 0.5 s")
 
 
 def test_a_shell_takes_control_before_the_rest():
@@ -127,7 +127,7 @@ def test_a_farewell_that_comes_in_time_is_said_once():
 
 AFTER_ALL = {
     "the pilot has taken the mode": lambda desk: desk.say_heartbeat(POSCTL),
-    "the autopilot is in failsafe": lambda desk: desk.say_heartbeat(desk.mode, CRITICAL),
+    "a failsafe has taken the mode": lambda desk: desk.say_heartbeat(AUTO_HOLD, CRITICAL),
     "the aircraft is far away by now": lambda desk: desk.step(0.6),
 }
 

@@ -73,7 +73,7 @@ def test_an_inspection_without_an_evacuation_leaves_by_the_exit(planner):
     desk = desk_on_site(planner(), east_m=-9.0).come_to("flying", INSPECTION).run(3.0)
     desk.set(**CRITICAL).run(4.0)
     assert flown(desk) is Mission.EXIT
-    assert desk.said("MOAR exit: battery 0 is critical")
+    assert desk.said("MOAR: battery 0 is critical")
     desk.run_until("landing_leg", 60.0).run_until("holding", 60.0)
     assert desk.companion.status.task.flown
 
@@ -133,4 +133,4 @@ def test_a_dead_planner_stops_no_exit():
     desk._answers.clear()
     desk.run_until("landing_leg", 90.0).run_until("holding", 60.0)
     assert desk.companion.status.task.flown
-    assert desk.said("Replan: the planner does not answer")
+    assert desk.said("the planner does not answer, path kept")

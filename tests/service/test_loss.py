@@ -11,8 +11,9 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 from shapely.geometry import LineString, Point
 
+from moar_companion.autopilots.failsafe_actions import Action, first_hit
 from moar_companion.planner.reach import Reach
-from moar_companion.service.loss import Loss, LossAction, _first_hit, loss_parameters
+from moar_companion.service.loss import Loss, loss_parameters
 from moar_companion.types import AutopilotKind
 from sitl.autopilot import FakeAutopilot, Options
 
@@ -34,15 +35,15 @@ def loss(kind, **parameters):
 @pytest.mark.parametrize(
     ("value", "action"),
     [
-        (0, LossAction.RETURN),
-        (1, LossAction.RETURN),
-        (2, LossAction.RETURN),
-        (3, LossAction.RETURN),
-        (4, LossAction.LAND),
-        (5, LossAction.HOLD),
-        (6, LossAction.FALL),
-        (7, LossAction.FALL),
-        (99, LossAction.RETURN),
+        (0, Action.RETURN),
+        (1, Action.RETURN),
+        (2, Action.RETURN),
+        (3, Action.RETURN),
+        (4, Action.LAND),
+        (5, Action.HOLD),
+        (6, Action.FALL),
+        (7, Action.FALL),
+        (99, Action.RETURN),
     ],
 )
 def test_com_obl_rc_act_says_what_px4_does(value, action):
@@ -50,7 +51,7 @@ def test_com_obl_rc_act_says_what_px4_does(value, action):
 
 
 def test_ardupilot_holds_whatever_its_parameters():
-    assert loss(ARDUPILOT, GUID_TIMEOUT=0.5).action is LossAction.HOLD
+    assert loss(ARDUPILOT, GUID_TIMEOUT=0.5).action is Action.HOLD
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
@@ -64,7 +65,7 @@ def test_before_all_is_asked_nothing_is_known(kind):
 def test_what_is_never_told_is_taken_as_by_default_and_named(kind):
     untold = loss(kind)
     assert untold.untold == loss_parameters(kind)
-    assert untold.action is (LossAction.RETURN if kind is PX4 else LossAction.HOLD)
+    assert untold.action is (Action.RETURN if kind is PX4 else Action.HOLD)
     assert untold.timeout_s == (None if kind is PX4 else 3.0)
     assert loss(kind, **{loss_parameters(kind)[0]: 1.0}).untold == loss_parameters(kind)[1:]
 
@@ -278,13 +279,13 @@ def test_holding_is_fine_anywhere():
 def test_landing_is_fine_where_nothing_is_below():
     lands = loss(PX4, COM_OBL_RC_ACT=4.0)
     assert objection(lands, (5.5, 3.5), (8.5, 5.5)) is None
-    words = "if we died, PX4 would land through wire: set COM_OBL_RC_ACT 5"
+    words = "PX4 would hit wire (it would land if we died; set COM_OBL_RC_ACT 5)"
     assert objection(lands, (8.5, 5.5), (5.5, 7.5)) == words
 
 
 def test_a_return_climbs_flies_level_and_comes_down_at_home():
     returns = loss(PX4)
-    words = "if we died, PX4 would return through wire: set COM_OBL_RC_ACT 5"
+    words = "PX4 would hit wire (it would return if we died; set COM_OBL_RC_ACT 5)"
     assert objection(returns, (8.5, 5.5), (5.5, 5.5)) is None
     assert objection(returns, (5.5, 1.5)) == words  # climbs
     assert objection(returns, (8.5, 8.5), home=(5.5, 0.0, 0.0)) == words  # comes down
@@ -318,8 +319,7 @@ def test_the_height_of_a_return_is_px4s(parameters, distance_m, height_m, level_
 @pytest.mark.parametrize("value", [1.0, 2.0, 3.0])
 def test_a_return_that_leads_elsewhere_is_objected_to_anywhere(value):
     words = (
-        "if we died, PX4 would return by a way that is not known here, RTL_TYPE is not 0: "
-        "set COM_OBL_RC_ACT 5"
+        "PX4 would return by an unknown way (if we died; RTL_TYPE is not 0; set COM_OBL_RC_ACT 5)"
     )
     assert objection(loss(PX4, RTL_TYPE=value), (9.5, 9.5)) == words
     assert objection(loss(PX4, RTL_TYPE=value, COM_OBL_RC_ACT=5.0), (9.5, 9.5)) is None
@@ -331,14 +331,14 @@ def test_next_to_home_a_return_does_not_climb():
 
 def test_without_a_home_a_return_is_looked_at_as_far_as_it_climbs():
     assert objection(loss(PX4), (3.5, 1.5), home=None) is None
-    assert "through wire" in objection(loss(PX4), (5.5, 1.5), home=None)
+    assert "hit wire" in objection(loss(PX4), (5.5, 1.5), home=None)
 
 
 def test_a_home_beyond_the_ocean_is_looked_at_on_the_site_alone():
     """Cell by cell the way there would take minutes."""
     assert objection(loss(PX4), (8.5, 5.5), home=(-6e6, 2e6, -3e5)) is None
     low = loss(PX4, RTL_RETURN_ALT=4.5, RTL_MIN_DIST=0.0)
-    assert "through wire" in objection(low, (8.5, 1.5), home=(-6e6, 0.0, 0.0))
+    assert "hit wire" in objection(low, (8.5, 1.5), home=(-6e6, 0.0, 0.0))
     assert objection(low, (8.5, 1.5), home=(6e6, 0.0, 0.0)) is None
 
 
@@ -348,19 +348,22 @@ def test_what_is_hit_is_hit_wherever_the_grid_ends(data):
     start, end = data.draw(places), data.draw(places)
     line = LineString([start, end])
     wire = Point(5.5, 4.5)
-    hit = _first_hit(REACH, [(np.array([start]), np.array([end]))])
+    hit = first_hit(REACH, [(np.array([start]), np.array([end]))])
     if line.distance(wire) > 0.1 + 1.6:
         assert hit is None
     elif line.distance(wire) < 0.1 and min(wire.distance(Point(at)) for at in (start, end)) > 2.0:
-        assert hit == "wire"
+        assert hit is not None
+        assert hit.obstacle == "wire"
 
 
 def test_motors_that_stop_are_objected_to_anywhere():
-    assert "would stop its motors: set" in objection(loss(PX4, COM_OBL_RC_ACT=7.0), (9.5, 9.5))
+    assert "would stop its motors (if we died; set" in objection(
+        loss(PX4, COM_OBL_RC_ACT=7.0), (9.5, 9.5)
+    )
 
 
 def test_so_is_a_time_on_the_last_setpoint_that_leaves_no_speed():
-    words = "if we died, it would fly on for 60 s: set GUID_TIMEOUT 0.5"
+    words = "it would fly on for 60 s (if we died; set GUID_TIMEOUT 0.5)"
     assert objection(loss(ARDUPILOT, GUID_TIMEOUT=60.0), (9.5, 9.5)) == words
 
 
@@ -381,8 +384,8 @@ def test_an_autopilot_that_accelerates_less_than_its_setpoints_cannot_follow(par
     assert (lag is not None) is lags
     if lag is not None:
         assert lag == (
-            "ArduPilot follows with 0.99 m/s2 only, guidance.acceleration_mps2 is 1: "
-            "set WPNAV_ACCEL and WPNAV_ACCEL_Z 100"
+            "ArduPilot brakes at 0.99 < 1 m/s2 "
+            "(guidance.acceleration_mps2; set WPNAV_ACCEL and WPNAV_ACCEL_Z 100)"
         )
 
 

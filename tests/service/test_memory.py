@@ -86,6 +86,6 @@ def test_what_was_streamed_and_still_fits_the_site_can_be_continued(case, rememb
 
 
 def test_it_is_told_in_words():
-    assert memory().words(112.4) == f"flying inspection, {TARGETS[0]} next, begun 12 s ago"
-    assert memory(task=EXIT).words(100.0) == "flying exit, begun 0 s ago"
-    assert memory().words(99.0) == f"flying inspection, {TARGETS[0]} next"
+    assert memory().words(112.4) == f"flying inspection (to {TARGETS[0]}, begun 12 s ago)"
+    assert memory(task=EXIT).words(100.0) == "flying exit (begun 0 s ago)"
+    assert memory().words(99.0) == f"flying inspection (to {TARGETS[0]})"

@@ -182,9 +182,9 @@ def test_the_missions_state_is_what_the_companion_said():
     tape = Tape()
     tape.record(tape.autopilot.heartbeat())
     tape.run(1)
-    tape.say(b"MOAR planning inspection")
+    tape.say(b"MOAR: planning inspection")
     tape.run(2)
-    tape.say(b"MOAR released: the autopilot is in failsafe", 4)
+    tape.say(b"MOAR: the autopilot is in failsafe, released", 4)
     tape.say(b"MOAR is no state")
     tape.say(b":")
     replay = tape.end()
@@ -193,7 +193,7 @@ def test_the_missions_state_is_what_the_companion_said():
     assert replay.samples[-1].mission_state == "released"
     assert events(replay, "mission", "text") == [
         ("mission", "planning inspection"),
-        ("mission", "released: the autopilot is in failsafe"),
+        ("mission", "the autopilot is in failsafe, released"),
         ("text", "companion info: MOAR is no state"),
         ("text", "companion info: :"),
     ]

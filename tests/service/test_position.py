@@ -24,7 +24,7 @@ def test_a_position_whose_clock_stands_still_is_stale(state):
     assert desk.state == state
     desk.run(0.3)
     assert desk.state == "released"
-    assert desk.said("the position is 0.5")
+    assert desk.said("position age 0.5")
 
 
 @pytest.mark.parametrize("mission", [INSPECTION, EXIT])
@@ -34,9 +34,9 @@ def test_an_aircraft_that_follows_no_more_is_told_of_and_so_is_that_it_does_agai
     assert not desk.said("stands on its way")
     desk.run(10.0)
     assert desk.state == "flying"
-    assert desk.said("MOAR note: it stands on its way, 1.7 m from its setpoint")
+    assert desk.said("MOAR: no progress, 1.7 m from setpoint")
     desk.fall_behind(0.0, 0.0, 0.0).run(2.0)
-    assert desk.said("MOAR over: it stands on its way")
+    assert desk.said("MOAR: no progress")
 
 
 def test_a_position_that_stands_while_its_clock_runs_is_told_of():
@@ -44,7 +44,7 @@ def test_a_position_that_stands_while_its_clock_runs_is_told_of():
     frozen = desk.position_ned_m
     for _ in range(750):
         desk.set(position_ned_m=frozen).step()
-    assert desk.said("MOAR note: it stands on its way, 1.5 m from its setpoint")
+    assert desk.said("MOAR: no progress, 1.5 m from setpoint")
 
 
 @pytest.mark.parametrize("growth", [0.3, 0.02])
@@ -55,7 +55,7 @@ def test_a_position_on_a_link_that_falls_behind_is_stale(growth):
         if desk.late_s < 0.4:
             assert desk.state == "holding"
     assert desk.state == "released"
-    assert desk.said("the position is 0.5")
+    assert desk.said("position age 0.5")
 
 
 def test_so_it_is_on_one_that_falls_behind_when_its_answers_have_ceased():
@@ -63,7 +63,7 @@ def test_so_it_is_on_one_that_falls_behind_when_its_answers_have_ceased():
     while desk.late_s < 1.0:
         desk.set(late_s=desk.late_s + 0.3 * STEP_S).step()
     desk.run_until("released", 2.0)
-    assert desk.said("the position is 3.")
+    assert desk.said("position age 0.9") or desk.said("position age 1.0")
 
 
 def test_answers_that_are_lost_for_a_while_are_no_late_link():

@@ -23,7 +23,7 @@ def test_a_state_that_is_entered_again_is_told_again():
     desk = Desk().come_to("flying").run(1.0)
     desk.pause().run(1.0).go_on().run(1.0).pause().run(1.0).go_on().run(1.0)
     assert desk.state == "flying"
-    states = [text for text in desk.texts() if text.startswith(("MOAR flying", "MOAR holding"))]
-    assert states == ["MOAR flying inspection", "MOAR holding inspection"] * 2 + [
-        "MOAR flying inspection"
+    states = [text for text in desk.texts() if text.startswith(("MOAR: flying", "MOAR: holding"))]
+    assert states == ["MOAR: flying inspection to splice-outer", "MOAR: holding inspection"] * 2 + [
+        "MOAR: flying inspection to splice-outer"
     ]

@@ -25,7 +25,7 @@ from .desk import (
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 STARTED_S = 50.0
 REST = Task(mission=Mission.INSPECTION, stops=("splice-inner",))
-TOLD = "MOAR restarted; before: flying inspection, splice-inner next, begun 12 s ago"
+TOLD = "MOAR: restarted, was flying inspection"
 
 
 def desk_after(state=MissionState.FLYING, task=REST, mode=OFFBOARD, **config):
@@ -42,8 +42,9 @@ def test_after_a_crash_nothing_is_streamed_though_the_mode_is_still_on(resume):
     desk = desk_after(resume=resume).run(10.0)
     assert (desk.state, desk.setpoints(), desk.mode_requests()) == ("idle", [], [])
     assert desk.texts() == [
-        f"{TOLD}; continue flies the rest",
-        "MOAR waits for an order, though OFFBOARD is on",
+        TOLD,
+        "MOAR: order continue to fly the rest",
+        "MOAR: OFFBOARD is on, waiting for an order",
     ]
 
 
@@ -65,8 +66,8 @@ def test_continue_flies_the_rest_as_an_order():
 def test_what_was_not_being_flown_is_told_and_not_continued(case, state, task):
     desk = desk_after(state, task, AUTO_HOLD).run(1.2).go_on().run(0.2)
     assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]
-    assert desk.said(f"MOAR restarted; before: {state.value}")
-    assert not desk.said("continue flies the rest")
+    assert desk.said(f"MOAR: restarted, was {state.words}")
+    assert not desk.said("continue to fly the rest")
 
 
 def test_a_new_order_flies_and_the_rest_is_forgotten():
@@ -103,7 +104,7 @@ def test_a_landed_state_that_never_comes_is_waited_for_in_vain():
     desk = desk_after()
     desk.mute.add("EXTENDED_SYS_STATE")
     assert desk.run(2.5).texts() == []
-    assert desk.run(1.0).said("MOAR restarted; before: flying")
+    assert desk.run(1.0).said("MOAR: restarted, was flying")
 
 
 @pytest.mark.parametrize("state", [MissionState.FLYING, MissionState.OVERRIDDEN])

@@ -45,7 +45,7 @@ def test_in_flight_it_says_where_the_aircraft_is_and_what_is_flown():
     mission = status["mission"]
     assert (mission["state"], mission["mission"]) == ("flying", "inspection")
     assert mission["goal"] == desk.site.targets[0].name
-    assert mission["text"].startswith("MOAR flying inspection")
+    assert mission["text"].startswith("MOAR: flying inspection")
     assert mission["for_s"] == pytest.approx(0.5, abs=0.1)
     aircraft = status["aircraft"]
     assert aircraft["position_ned_m"] == pytest.approx(desk.position_ned_m, abs=0.1)
@@ -171,5 +171,5 @@ def test_the_text_is_the_last_one_that_people_were_told():
     desk.companion._reports.say(Severity.WARNING, "second", desk.now_s)
     desk.take_what_is_sent()
     mission = status_of(desk.run(1.0))["mission"]
-    assert mission["text"] == "second"
+    assert mission["text"] == "MOAR: second"
     assert mission["text_age_s"] == pytest.approx(1.0)

@@ -1,0 +1,28 @@
+"""Whether the vehicle file's number of cells fits the batteries: what was heard in, words out."""
+
+from __future__ import annotations
+
+from ..types import Telemetry
+from .meter import is_powered
+
+CELL_V = (3.0, 4.4)
+"""A lithium cell that is not ruined has a voltage between these."""
+
+
+def misread(telemetry: Telemetry, cells: int | None) -> str | None:
+    """What does not fit, for people; None where all does, or nothing tells.
+
+    With the wrong number an empty battery looks full, or a full one empty.
+    """
+    if cells is None:
+        return None
+    for number, battery in sorted(telemetry.batteries.items()):
+        if battery.voltage_v is None or not is_powered(battery):
+            continue
+        told = battery.cells
+        least_v, most_v = CELL_V
+        fits = least_v <= battery.voltage_v / cells <= most_v
+        if not fits or told not in (None, cells):
+            of = f"{told} cells" if fits else f"{battery.voltage_v:.1f} V"
+            return f"battery {number} of {of}, not {cells} cells (risk.cells of the vehicle file)"
+    return None

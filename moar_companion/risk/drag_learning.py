@@ -1,0 +1,127 @@
+"""The linear drag of a multirotor, learnt in flight from its speed and lean. Pure.
+
+    b - q |u| u = k v + c,    c: a random walk, of the wind
+
+b: deceleration by the air; v: velocity over ground; u: velocity through the air; k, q: of `drag`, q
+as the vehicle file has it. Recursive least squares (a Kalman filter of k, c north and east): a
+hover tells c, every change of the velocity k. The noise follows what the fit leaves unexplained, so
+that gusts make k less sure and not wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from ..vehicle import RiskModel
+from .braking import WINDOW_S, Braking
+from .drag import Level, air_velocity_mps
+
+LEAST_PER_S, GREATEST_PER_S = 0.05, 1.5
+"""Of the plausible: recorded quadrotors have 0.2 to 0.3, PX4's simulated one 1.0."""
+_PRIOR_PER_S = 0.4
+"""Standard error of the vehicle file's drag before the flight has told it."""
+_KNOWN = 0.15
+"""Relative standard error from which the drag of the flight is used."""
+_NOISE_MPS2, _WALK_MPS2 = 0.1, 0.05
+"""Least noise of a window, and least walk of the wind's deceleration in a second."""
+_NOISE_S = 20.0
+"""Time constant of what is left unexplained."""
+_GREATEST = 100.0
+"""In m/s and m/s^2: no multirotor flies or brakes so."""
+_PERIOD_S = 0.5 * WINDOW_S
+"""Between two windows that count: half of each is new."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class DragLearning:
+    """What a flight has told of the drag.
+
+    state: (3,), k and c; covariance: (3, 3); None before the first window. left_m2ps4: mean square
+    of what the fit leaves unexplained.
+    """
+
+    state: NDArray[np.float64] | None = None
+    covariance: NDArray[np.float64] | None = None
+    time_s: float = -math.inf
+    left_m2ps4: float = _NOISE_MPS2**2
+
+    @property
+    def error_per_s(self) -> float:
+        """Standard error of the drag."""
+        return _PRIOR_PER_S if self.covariance is None else math.sqrt(self.covariance[0, 0])
+
+    def drag_per_s(self, model: RiskModel) -> float:
+        """The best estimate of the drag."""
+        return model.drag_per_s if self.state is None else float(self.state[0])
+
+    def known(self, model: RiskModel) -> bool:
+        """Whether the flight tells the drag better than the vehicle file."""
+        return self.error_per_s <= _KNOWN * self.drag_per_s(model)
+
+    def used(self, model: RiskModel) -> RiskModel:
+        """The model with the drag of the flight, once it is known: with less drag, more wind."""
+        if not self.known(model):
+            return model
+        drag_per_s = max(LEAST_PER_S, self.drag_per_s(model) - self.error_per_s)
+        return replace(model, drag_per_s=drag_per_s)
+
+    def range_per_s(self, model: RiskModel) -> Level:
+        """Between what the drag may be."""
+        drag, error = self.drag_per_s(model), 2.0 * self.error_per_s
+        return max(LEAST_PER_S, drag - error), min(GREATEST_PER_S, drag + error)
+
+    def then(self, air: Braking, model: RiskModel) -> DragLearning:
+        """With a window, if it is not mostly the last one again."""
+        elapsed_s = air.time_s - self.time_s
+        greatest = max(map(abs, (*air.velocity_ne_mps, *air.deceleration_ne_mps2)))
+        if elapsed_s < _PERIOD_S or not greatest <= _GREATEST:
+            return self
+        through = air_velocity_mps(air.deceleration_ne_mps2, self.used(model))
+        square = model.drag_per_m * math.hypot(*through)
+        told = np.array(air.deceleration_ne_mps2) - square * np.array(through)
+        if self.state is None or self.covariance is None:
+            wind = told - model.drag_per_s * np.array(air.velocity_ne_mps)
+            first = np.diag([_PRIOR_PER_S**2, 1.0, 1.0])
+            state = np.array([model.drag_per_s, *wind])
+            return replace(self, state=state, covariance=first, time_s=air.time_s)
+        noise = max(_NOISE_MPS2**2, self.left_m2ps4)
+        walk = max(_WALK_MPS2**2, 0.2 * self.left_m2ps4) * min(elapsed_s, _NOISE_S)
+        covariance = self.covariance + np.diag([0.0, walk, walk])
+        north, east = air.velocity_ne_mps
+        seen = np.array([[north, 1.0, 0.0], [east, 0.0, 1.0]])
+        off = told - seen @ self.state
+        spread = seen @ covariance @ seen.T + noise * np.eye(2)
+        gain = covariance @ seen.T @ np.linalg.inv(spread)
+        state = self.state + gain @ off
+        state[0] = min(GREATEST_PER_S, max(LEAST_PER_S, state[0]))
+        left = told - seen @ state
+        part = min(1.0, elapsed_s / _NOISE_S)
+        covariance = covariance - gain @ seen @ covariance
+        return DragLearning(
+            state=state,
+            covariance=0.5 * (covariance + covariance.T),
+            time_s=air.time_s,
+            left_m2ps4=(1.0 - part) * self.left_m2ps4 + part * float(left @ left),
+        )
+
+
+def apart_from_own_motion(
+    air: Braking, expected_ne_mps2: Level, learning: DragLearning, model: RiskModel
+) -> Level:
+    """The deceleration without what another drag than the model's explains by the own motion.
+
+    Of all that the drag may be, the one is taken that comes nearest to what is expected: by the
+    mean wind so far and the model's drag. So a hover loses nothing, and a known wind stays.
+    """
+    (north, east), (b_north, b_east) = air.velocity_ne_mps, air.deceleration_ne_mps2
+    square = north * north + east * east
+    if not square > 0.0:
+        return air.deceleration_ne_mps2
+    least, greatest = learning.range_per_s(model)
+    off = (b_north - expected_ne_mps2[0]) * north + (b_east - expected_ne_mps2[1]) * east
+    more = min(greatest - model.drag_per_s, max(least - model.drag_per_s, off / square))
+    return b_north - more * north, b_east - more * east

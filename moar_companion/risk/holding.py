@@ -1,0 +1,83 @@
+"""The wind in which an aircraft can hold its place, and signs that it cannot. Pure.
+
+    (k + q u) u = g tan(limit),    cos(limit) >= hover thrust / greatest thrust
+
+u: the wind; k, q: of `drag`; limit: the lean that the autopilot allows, or that the motors can
+carry. Inputs: the autopilot's parameters, the vehicle's risk model, telemetry.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+from ..types import AutopilotKind, Telemetry
+from ..vehicle import RiskModel
+from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, tells_of_wind
+from .drag import air_velocity_mps
+
+_TILT_LIMITS = {
+    AutopilotKind.PX4: (("MPC_TILTMAX_AIR", 1.0),),
+    AutopilotKind.ARDUPILOT: (("PSC_ANGLE_MAX", 1.0), ("ANGLE_MAX", 0.01)),
+}
+"""The parameters that limit the lean in position control, with their units in degrees; the first
+that is above 0 counts (AC_PosControl: PSC_ANGLE_MAX 0 means ANGLE_MAX)."""
+_HOVER_THRUSTS = {AutopilotKind.PX4: "MPC_THR_HOVER", AutopilotKind.ARDUPILOT: "MOT_THST_HOVER"}
+"""Of the greatest thrust."""
+_THRUST_SHARE = 0.9
+"""Of the greatest thrust: the rest turns the aircraft."""
+_STEEPEST_RAD = math.radians(80.0)
+"""No limit is above: the tangent grows without bound."""
+_AT_LIMIT = 0.9
+"""Of the limit: from there on more error brings hardly more force."""
+MARGIN = 0.8
+"""Of the wind that is held: the rest is for gusts, and to come back."""
+
+
+def holding_parameters(kind: AutopilotKind) -> tuple[str, ...]:
+    """What tells how far an autopilot leans, and what its motors have left."""
+    names = tuple(name for name, _ in _TILT_LIMITS.get(kind, ()))
+    return (*names, _HOVER_THRUSTS[kind]) if kind in _HOVER_THRUSTS else names
+
+
+def tilt_limit(
+    kind: AutopilotKind, parameters: Mapping[str, float | None], model: RiskModel
+) -> tuple[float, str]:
+    """The greatest lean in rad, and the parameter or key that sets it."""
+    limit_rad, source = model.tilt_rad.high, "risk.tilt_deg"
+    for name, degrees in _TILT_LIMITS.get(kind, ()):
+        value = parameters.get(name)
+        if value is not None and value > 0.0:
+            limit_rad, source = math.radians(degrees * value), name
+            break
+    thrust = parameters.get(_HOVER_THRUSTS.get(kind, ""))
+    if thrust is not None and 0.0 < thrust < _THRUST_SHARE:
+        carried_rad = math.acos(thrust / _THRUST_SHARE)
+        if carried_rad < limit_rad:
+            return carried_rad, _HOVER_THRUSTS[kind]
+    return min(limit_rad, _STEEPEST_RAD), source
+
+
+def held_wind_mps(model: RiskModel, limit_rad: float) -> float:
+    """The wind against which an aircraft leans at its limit."""
+    u_mps, _ = air_velocity_mps((GRAVITY_MPS2 * math.tan(limit_rad), 0.0), model)
+    return u_mps
+
+
+def is_saturated(
+    telemetry: Telemetry, motor_output: float | None, limit_rad: float, model: RiskModel
+) -> bool:
+    """Whether the lean or the motors are at their limits; unknown is no sign of it.
+
+    motor_output: the greatest, of its range; None where it is not known.
+    """
+    attitude = telemetry.attitude
+    if not tells_of_wind(telemetry) or attitude is None:
+        return False
+    if motor_output is not None and motor_output >= model.motor_fraction.high:
+        return True
+    local = telemetry.local_position
+    if local is not None and abs(local.received_s - attitude.received_s) > ATTITUDE_MAX_AGE_S:
+        return False
+    upright = math.cos(attitude.roll_rad) * math.cos(attitude.pitch_rad)
+    return math.acos(max(-1.0, min(1.0, upright))) >= _AT_LIMIT * limit_rad

@@ -1,0 +1,73 @@
+"""Autopilot failsafes: which one is reported, and whether it has taken the mode. Pure.
+
+ArduPilot reports system_status 5 for any failsafe, also where its action is none and GUIDED goes
+on (ArduCopter 4.6.3, Copter::any_failsafe_triggered). What decides about control is the mode.
+"""
+
+from __future__ import annotations
+
+from ..power import is_powered
+from ..types import AutopilotKind, AutopilotStatus, Failsafe, Telemetry
+
+_LOW, _FAILED = 2, 5
+"""MAV_BATTERY_CHARGE_STATE: low, critical, emergency, failed."""
+_BATTERY = "battery"
+"""The battery's name in `Readiness.unhealthy`."""
+_WITHOUT_POSITION = frozenset({Failsafe.ESTIMATOR, Failsafe.DEAD_RECKONING})
+
+
+def took_mode(autopilot: AutopilotStatus | None) -> bool:
+    """Returns whether a failsafe, not a pilot, has chosen a mode that is not ours.
+
+    PX4 reports a failsafe only while the failsafe flies. ArduPilot goes on reporting it in a mode
+    that the pilot has chosen: there only a return, a landing or a stop is the failsafe's.
+    """
+    if autopilot is None or not autopilot.failsafe or autopilot.ours:
+        return False
+    return autopilot.kind is not AutopilotKind.ARDUPILOT or autopilot.homeward
+
+
+def reported(telemetry: Telemetry) -> frozenset[Failsafe] | None:
+    """Returns the failsafes that are on while the mode is not theirs; None: there is none.
+
+    Empty where none of texts, charge states, sensor health and estimator says which.
+    """
+    autopilot = telemetry.autopilot
+    if autopilot is None or not autopilot.failsafe or took_mode(autopilot):
+        return None
+    found, readiness = set(telemetry.failsafes_told), telemetry.readiness
+    charges = (item.charge_state for item in telemetry.batteries.values() if is_powered(item))
+    if any(charge is not None and _LOW <= charge <= _FAILED for charge in charges):
+        found.add(Failsafe.BATTERY)
+    if readiness is not None:
+        if _BATTERY in readiness.unhealthy:
+            found.add(Failsafe.BATTERY)
+        if readiness.remote_control_ok is False:
+            found.add(Failsafe.REMOTE_CONTROL)
+    if telemetry.estimator is not None and not telemetry.estimator.horizontal_position_ok:
+        found.add(Failsafe.ESTIMATOR)
+    return frozenset(found)
+
+
+def battery_failsafe(telemetry: Telemetry) -> str | None:
+    """Returns why the aircraft must leave by its battery's failsafe; None: it need not."""
+    found = reported(telemetry)
+    return "autopilot battery failsafe" if found and Failsafe.BATTERY in found else None
+
+
+def holding_failsafe(telemetry: Telemetry, *, escaping: bool) -> str | None:
+    """Returns why the aircraft must hold by another failsafe, or one of unknown cause.
+
+    escaping: an exit or evacuation is flown. It goes on, unless the position is in doubt.
+    """
+    found = reported(telemetry)
+    if found is None:
+        return None
+    others = found - {Failsafe.BATTERY}
+    if escaping:
+        others &= _WITHOUT_POSITION
+    elif not found:
+        return "autopilot failsafe, cause unknown"
+    if not others:
+        return None
+    return f"failsafe: {', '.join(sorted(item.value for item in others))}"

@@ -1,0 +1,244 @@
+"""The failsafe watch: what the autopilot does by itself, and whether that would hit something here.
+
+Inputs: the autopilot's parameters and home, who is heard, where the aircraft is, its batteries, the
+time. Outputs: the failsafes that count now, and why the aircraft should leave the place where it
+is: before a battery's action that would hit something, or after long enough where one would that
+nobody can forecast. Pure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..autopilots import failsafe_parameters, failsafes_of
+from ..autopilots.failsafe_actions import BATTERY, Action, FailsafeAction, Failsafes, Hit, Trigger
+from ..config import Supervision
+from ..planner.reach import Reach
+from ..power import Meter, PowerModel, is_powered
+from ..types import AutopilotKind, Telemetry, Vector
+
+_STAYS = frozenset({Action.NONE, Action.HOLD, Action.RETRACE})
+"""Actions on which the aircraft goes nowhere that it has not been."""
+_HOME_MOVES_M = 1.0
+"""Nearer to where it was a home leads home by the same way."""
+_NEAR_VOLTAGE = 1.03
+"""Of a threshold: a lithium cell sags by 0.1 V, 3 % of it, when a multirotor climbs."""
+_UNKNOWN_LEAVING_S = 60.0
+"""Time to leave where no escape route is known: that of the longest exit of the shipped sites."""
+_OVER_S = 2.0
+"""A place that is not exposed for shorter, as between two cells, does not interrupt."""
+NO_FAILSAFES = Failsafes()
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exposed:
+    """An action that would hit something from where the aircraft is. left_s: until a battery's.
+
+    left_s: None where that cannot be forecast.
+    """
+
+    action: FailsafeAction
+    hit: Hit
+    left_s: float | None
+
+
+class FailsafeWatch:
+    """Keeps what the autopilot does by itself, and since when it would hit something."""
+
+    def __init__(self, limits: Supervision, power: PowerModel) -> None:
+        self._limits = limits
+        self._power = power
+        self._told: tuple[object, ...] = ()
+        self._all = NO_FAILSAFES
+        self._heard: frozenset[Trigger] = frozenset()
+        self._exposed: tuple[Exposed, ...] = ()
+        self._since_s: float | None = None
+        self._seen_s = self._noted_s = -math.inf
+        self.failsafes = NO_FAILSAFES
+        """Those that lead somewhere, on links that were ever heard."""
+
+    @property
+    def untold(self) -> tuple[str, ...]:
+        """Parameters that the autopilot never told, taken at their defaults."""
+        return self._all.untold
+
+    def learn(
+        self,
+        kind: AutopilotKind,
+        parameters: Mapping[str, float | None],
+        home_m: Vector | None,
+        telemetry: Telemetry,
+    ) -> bool:
+        """Take in parameters and home, (x, y, z) in the site's frame; whether any is news."""
+        heard = self._heard | heard_links(kind, telemetry)
+        told = (kind, heard, *(parameters.get(name, "") for name in failsafe_parameters(kind)))
+        before_m = self._all.home_m
+        moved = home_m is not None and (
+            before_m is None or math.dist(home_m, before_m) > _HOME_MOVES_M
+        )
+        if told == self._told and not moved:
+            return False
+        self._told, self._heard = told, heard
+        found = failsafes_of(kind, parameters)
+        if found is None:
+            return False
+        self._all = replace(found, home_m=home_m if moved else before_m)
+        self.failsafes = moving(self._all, heard)
+        return True
+
+    def look(
+        self,
+        place_m: Vector | None,
+        reach: Reach | None,
+        telemetry: Telemetry,
+        meter: Meter,
+        now_s: float,
+    ) -> None:
+        """See what an action would hit from here; unknown places keep what was seen."""
+        if place_m is None or reach is None:
+            return
+        place = np.array([[place_m[0], place_m[2]]])
+        found = []
+        for item in self.failsafes.actions:
+            hit = replace(self.failsafes, actions=(item,)).hit(reach, place)
+            if hit is not None:
+                left_s = until_s(item, telemetry, meter, self._power)
+                found.append(Exposed(action=item, hit=hit[1], left_s=left_s))
+        self._exposed = tuple(found)
+        if any(item.left_s is None for item in found):
+            self._since_s = now_s if self._since_s is None else self._since_s
+            self._seen_s = now_s
+        elif now_s - self._seen_s > _OVER_S:
+            self._since_s = None
+
+    def end(self) -> None:
+        """Nothing is flown any more."""
+        self._exposed, self._since_s, self._seen_s = (), None, -math.inf
+
+    def reason(
+        self,
+        telemetry: Telemetry,
+        meter: Meter,
+        *,
+        leaving_s: float | None,
+        limit_s: float,
+        from_s: float,
+        now_s: float,
+    ) -> str | None:
+        """Why the aircraft should leave, in words with the number; None while it may stay.
+
+        leaving_s: to the last exposed place of the escape route; None: unknown. limit_s: of the
+        time where nobody can forecast an action, which counts from `from_s` at the earliest.
+        """
+        battery = self._battery_reason(telemetry, meter, leaving_s)
+        if battery is not None:
+            return battery
+        stayed_s = self._stayed_s(from_s, now_s)
+        if stayed_s is None or stayed_s <= limit_s:
+            return None
+        return f"{self._where()}: {stayed_s:.0f} s ({limit_s:.0f})"
+
+    def note(self, limit_s: float, from_s: float, now_s: float) -> str | None:
+        """What people are told once, halfway to the limit; None before."""
+        stayed_s = self._stayed_s(from_s, now_s)
+        if stayed_s is None or not 0.5 * limit_s <= stayed_s <= limit_s or self._noted_s >= from_s:
+            return None
+        self._noted_s = now_s
+        return f"{self._where()}, exit in {0.5 * limit_s:.0f} s"
+
+    def _stayed_s(self, from_s: float, now_s: float) -> float | None:
+        return None if self._since_s is None else now_s - max(self._since_s, from_s)
+
+    def _where(self) -> str:
+        unforeseen = [item for item in self._exposed if item.left_s is None]
+        if not unforeseen:
+            return "a failsafe hits an obstacle"
+        return f"{unforeseen[0].action.trigger.value} hits {unforeseen[0].hit.obstacle}"
+
+    def _battery_reason(
+        self, telemetry: Telemetry, meter: Meter, leaving_s: float | None
+    ) -> str | None:
+        """The battery's action that comes too soon to leave in time."""
+        here = {
+            item.action.trigger: item for item in self._exposed if item.action.trigger in BATTERY
+        }
+        if not here and not leaving_s:
+            return None
+        if leaving_s is None:
+            leaving_s = _UNKNOWN_LEAVING_S
+        for action in self.failsafes.of(BATTERY).actions:
+            left_s = until_s(action, telemetry, meter, self._power)
+            hits = action.trigger in here or leaving_s > 0.0
+            if left_s is None or not hits:
+                continue
+            if left_s - leaving_s >= self._limits.exposure_reserve_s:
+                continue
+            words = f"battery {action.action.value}"
+            if action.trigger in here:
+                return f"{words} hits {here[action.trigger].hit.obstacle}, {left_s:.0f} s left"
+            return f"{words} in {left_s:.0f} s, {leaving_s:.0f} s to leave"
+        return None
+
+
+def moving(failsafes: Failsafes, heard: frozenset[Trigger]) -> Failsafes:
+    """Those that lead somewhere; of links, which autopilots lose only once heard, those heard."""
+    return replace(
+        failsafes,
+        actions=tuple(
+            item
+            for item in failsafes.actions
+            if item.action not in _STAYS
+            and (item.trigger in heard or item.trigger not in (Trigger.RC_LOSS, Trigger.GCS_LOSS))
+        ),
+    )
+
+
+def heard_links(kind: AutopilotKind, telemetry: Telemetry) -> frozenset[Trigger]:
+    """The links that are heard now, by the trigger of their loss."""
+    readiness, remote = telemetry.readiness, telemetry.remote_control
+    if kind is AutopilotKind.ARDUPILOT and readiness is not None:
+        # It tells channels without any receiver, too.
+        remote = None if readiness.remote_control_ok is None else remote
+    return frozenset(
+        trigger
+        for trigger, heard in (
+            (Trigger.RC_LOSS, remote),
+            (Trigger.GCS_LOSS, telemetry.ground_station),
+        )
+        if heard is not None
+    )
+
+
+def until_s(
+    action: FailsafeAction, telemetry: Telemetry, meter: Meter, power: PowerModel
+) -> float | None:
+    """Flight time until a battery's action; None where it cannot be forecast."""
+    if action.trigger not in BATTERY:
+        return None
+    times_s = []
+    if action.charge is not None:
+        times_s.append(meter.until_s(power, action.charge))
+    if action.voltage_v is not None:
+        times_s.append(_until_voltage_s(action.voltage_v, telemetry, meter, power))
+    known_s = [time_s for time_s in times_s if time_s is not None]
+    return min(known_s) if known_s and len(known_s) == len(times_s) else None
+
+
+def _until_voltage_s(
+    voltage_v: float, telemetry: Telemetry, meter: Meter, power: PowerModel
+) -> float | None:
+    """Flight time until a pack's voltage; None without the number of cells, until it is near."""
+    volts = [
+        battery.voltage_v
+        for battery in telemetry.batteries.values()
+        if battery.voltage_v is not None and is_powered(battery)
+    ]
+    if volts and min(volts) <= _NEAR_VOLTAGE * voltage_v:
+        return 0.0
+    if power.cells is None:
+        return None
+    return meter.until_s(power, 1.0 - power.cell_voltage_v.fraction(voltage_v / power.cells))

@@ -1,0 +1,185 @@
+"""The autopilot's fence on a site: where it cuts the site's plane, and whether that is known.
+
+Inputs: the fence, home, the site's frame, the margin. Outputs: a `PlaneFence`; why it is not known.
+A circle and a polygon become intervals of x, less all that is nearer to their border than the
+margin; heights count from home. Pure.
+
+The fence is kept whatever its action: it is a limit that the operator has set.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterable, Mapping
+
+import numpy as np
+
+from ..autopilots.fence import Area, Fence, Limit, fence_of
+from ..frames import SiteFrame
+from ..planner.fence import Bound, Interval, PlaneFence
+from ..site import Site
+from ..types import AutopilotKind, FenceItem, Vector
+
+_UNREAD = "the autopilot's fence is not read yet"
+_NO_HOME = "the fence counts from home, which is unknown"
+_Intervals = tuple[Interval, ...]
+_Place = tuple[float, float]
+_EVERYWHERE: _Intervals = ((-math.inf, math.inf),)
+
+
+class FenceWatch:
+    """Remembers the fence as last told; what is only asked for again stays what it was."""
+
+    def __init__(self, site: Site | None, margin_m: float) -> None:
+        self._site = site
+        self._margin_m = margin_m
+        self._looked_at: tuple[Fence, Vector | None] | None = None
+        self.plane: PlaneFence | None = None
+        """In the site's plane; None where there is no fence, or none is known."""
+        self.reluctance: str | None = _UNREAD
+        """Why nothing may be begun yet; None once it is known where the fence is."""
+
+    def learn(
+        self,
+        kind: AutopilotKind,
+        parameters: Mapping[str, float | None],
+        items: tuple[FenceItem, ...] | None,
+        home_m: Vector | None,
+    ) -> None:
+        """Take in what is told. items: None while the uploaded fence is still asked for.
+
+        home_m: (x, y, z) in the site's frame; None where unknown.
+        """
+        if self._site is None or items is None:
+            return
+        fence = fence_of(kind, parameters, items)
+        if fence is None or (fence, home_m) == self._looked_at:
+            return
+        self._looked_at = (fence, home_m)
+        if fence.about_home and home_m is None:
+            self.reluctance = self.reluctance and _NO_HOME
+            return
+        self.reluctance = None
+        self.plane = plane_fence(fence, self._site.frame, home_m, self._margin_m)
+
+
+def plane_fence(
+    fence: Fence, frame: SiteFrame, home_m: Vector | None, margin_m: float
+) -> PlaneFence | None:
+    """A fence in the plane of a site; None where nothing is fenced.
+
+    home_m: needed where the fence is about it. margin_m: the least that is kept from it; where the
+    autopilot's own margin is greater, that.
+    """
+    margin_m = max(margin_m, fence.margin_m)
+    bounds: list[Bound] = []
+    if home_m is not None:
+        bounds += _about_home(fence, home_m, margin_m)
+    together: _Intervals = ()
+    for area in fence.areas:
+        x_m = _area_intervals(area, frame, margin_m)
+        if fence.union and area.inclusion:
+            together = _united(together, x_m)
+        else:
+            bounds.append(Bound(name=area.name, x_m=x_m))
+    if fence.union and any(area.inclusion for area in fence.areas):
+        bounds.append(Bound(name="inclusion areas", x_m=together))
+    return PlaneFence(bounds=tuple(bounds), margin_m=margin_m) if bounds else None
+
+
+def fenced(fence: PlaneFence | None, site: Site, landing_height_m: float) -> PlaneFence | None:
+    """What of a fence can be in the way of a plan on a site; None: nothing."""
+    if fence is None:
+        return None
+    space = site.workspace
+    landings = [point for points in site.landing_m.values() for point in points]
+    above = [(x_m, z_m + landing_height_m) for x_m, z_m in landings]
+    return fence.cutting(np.array([space.lower_m, space.upper_m, *above]))
+
+
+def _about_home(fence: Fence, home_m: Vector, margin_m: float) -> Iterable[Bound]:
+    x_m, y_m, z_m = home_m
+    if fence.circle is not None:
+        kept = _disk(x_m, y_m, fence.circle.value_m - margin_m)
+        yield Bound(name=str(fence.circle), x_m=kept)
+    for limit, low in ((fence.ceiling, False), (fence.floor, True)):
+        if limit is not None:
+            yield Bound(name=str(limit), z_m=_heights(limit, z_m, margin_m, low=low))
+
+
+def _heights(limit: Limit, home_z_m: float, margin_m: float, *, low: bool) -> Interval:
+    height_m = home_z_m + limit.value_m
+    return (height_m + margin_m, math.inf) if low else (-math.inf, height_m - margin_m)
+
+
+def _area_intervals(area: Area, frame: SiteFrame, margin_m: float) -> _Intervals:
+    """Where the plane's line (y = 0) is within an inclusion, or outside an exclusion."""
+    places = [frame.place_of(*vertex) for vertex in area.vertices_deg]
+    if area.radius_m is not None:
+        ((x_m, y_m),) = places
+        if area.inclusion:
+            return _disk(x_m, y_m, area.radius_m - margin_m)
+        return _without(_EVERYWHERE, _disk(x_m, y_m, area.radius_m + margin_m))
+    edges = list(zip(places, [*places[1:], places[0]], strict=True))
+    inside = _inside(edges)
+    kept = inside if area.inclusion else _without(_EVERYWHERE, inside)
+    for start, end in edges:
+        kept = _without(kept, _near_edge(start, end, margin_m))
+    return kept
+
+
+def _disk(x_m: float, y_m: float, radius_m: float) -> _Intervals:
+    """Where the line is within a circle."""
+    if radius_m <= abs(y_m):
+        return ()
+    half_m = math.sqrt(radius_m**2 - y_m**2)
+    return ((x_m - half_m, x_m + half_m),)
+
+
+def _inside(edges: Iterable[tuple[_Place, _Place]]) -> _Intervals:
+    """Where the line is inside a polygon (even-odd, as both autopilots count)."""
+    crossings = sorted(
+        x0 + (x1 - x0) * y0 / (y0 - y1) for (x0, y0), (x1, y1) in edges if (y0 > 0.0) != (y1 > 0.0)
+    )
+    return tuple(zip(crossings[::2], crossings[1::2], strict=True))
+
+
+def _near_edge(start: _Place, end: _Place, margin_m: float) -> _Intervals:
+    """Where the line is nearer to an edge than the margin: one interval, for that is convex."""
+    (x0, y0), (x1, y1) = start, end
+    reached = [x_m for x, y in (start, end) for part in _disk(x, y, margin_m) for x_m in part]
+    length_m = math.hypot(x1 - x0, y1 - y0)
+    if length_m > 0.0 and margin_m > 0.0:
+        across_x, across_y = (y0 - y1) / length_m * margin_m, (x1 - x0) / length_m * margin_m
+        corners = [
+            (x0 + across_x, y0 + across_y),
+            (x1 + across_x, y1 + across_y),
+            (x1 - across_x, y1 - across_y),
+            (x0 - across_x, y0 - across_y),
+        ]
+        sides = zip(corners, [*corners[1:], corners[0]], strict=True)
+        reached += itertools.chain.from_iterable(_inside(sides))
+    return ((min(reached), max(reached)),) if reached else ()
+
+
+def _without(kept: _Intervals, parts: _Intervals) -> _Intervals:
+    """Intervals less the open inside of others."""
+    for low, high in parts:
+        kept = tuple(
+            piece
+            for start, end in kept
+            for piece in ((start, min(end, low)), (max(start, high), end))
+            if piece[0] < piece[1]
+        )
+    return kept
+
+
+def _united(some: _Intervals, others: _Intervals) -> _Intervals:
+    united: list[Interval] = []
+    for low, high in sorted((*some, *others)):
+        if united and low <= united[-1][1]:
+            united[-1] = (united[-1][0], max(high, united[-1][1]))
+        else:
+            united.append((low, high))
+    return tuple(united)

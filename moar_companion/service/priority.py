@@ -1,0 +1,64 @@
+"""The priority of the service's threads over other programs, and of what it starts behind them."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Iterator
+
+NICE = -10
+"""As in the systemd unit: beside three busy processes on one core nine times their
+share; at 0 it is a quarter of the core, in slices."""
+_USUAL = 0
+_REAL_TIME = 1
+"""Of 1 to 99: ahead of whatever is not in real time. A nice value counts within a session or group
+only, where the kernel shares processors among those first."""
+
+
+@contextlib.contextmanager
+def ahead_of_others() -> Iterator[bool]:
+    """Puts the calling thread ahead of other programs, with those that it makes meanwhile.
+
+    All of them: one of less priority that holds the interpreter would hold up the others. Yields
+    False where that is not permitted.
+    """
+    before = os.getpriority(os.PRIO_PROCESS, 0)
+    try:
+        os.setpriority(os.PRIO_PROCESS, 0, min(before, NICE))
+    except OSError:
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        os.setpriority(os.PRIO_PROCESS, 0, before)
+
+
+@contextlib.contextmanager
+def in_real_time() -> Iterator[bool]:
+    """Gives the calling thread a processor as soon as it has something to do.
+
+    It alone: threads and processes that it makes meanwhile have no priority at all. Yields False
+    where that is not permitted.
+    """
+    before = os.sched_getscheduler(0)
+    try:
+        parameters = os.sched_param(_REAL_TIME)
+        os.sched_setscheduler(0, os.SCHED_RR | os.SCHED_RESET_ON_FORK, parameters)
+    except OSError:
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        try:
+            os.sched_setscheduler(0, before, os.sched_param(0))
+        except OSError:
+            # Without privileges it may give back all but what is made from now on.
+            os.sched_setscheduler(0, before | os.SCHED_RESET_ON_FORK, os.sched_param(0))
+
+
+def put_behind(process_id: int) -> None:
+    """Takes from a process of ours what it has inherited of that."""
+    if os.getpriority(os.PRIO_PROCESS, process_id) < _USUAL:
+        os.setpriority(os.PRIO_PROCESS, process_id, _USUAL)

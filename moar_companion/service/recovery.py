@@ -1,0 +1,81 @@
+"""Recovery: the way back of an aircraft that a wind has carried off, and what people are told.
+
+While it holds, and nothing else holds it, an aircraft that was carried out of the workspace or off
+the plane comes back by a recovery leg. The mission goes on when its conditions allow, not before.
+Inputs: the flight, the mission's state, the ruling; outputs: a flight on its way back, texts.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..mavlink.session import Severity
+from ..mission.conditions import Action
+from ..mission.states import IN_CONTROL, MissionState
+from ..mission.supervisor import Ruling
+from ..mission.values import MissionStatus
+from .flight import Flight
+from .motion import Pose
+from .reports import Reports
+
+_OUTSIDE = frozenset({"geofence", "off_path"})
+"""The conditions that a way back ends, and so do not stand against it."""
+_AGAIN_S = 5.0
+"""Between two searches for a way back."""
+_TOLD_AGAIN = 2.0
+"""People are told of a drift again when it has grown by this factor."""
+
+
+class Recovery:
+    """Remembers what people were told, and when a way back was last looked for."""
+
+    def __init__(self, reports: Reports) -> None:
+        self._reports = reports
+        self._told_m: float | None = None
+        self._due_s = -math.inf
+
+    def act(
+        self,
+        flight: Flight | None,
+        pose: Pose | None,
+        status: MissionStatus,
+        ruling: Ruling,
+        widened_m: float,
+        now_s: float,
+    ) -> None:
+        """One look: tell of a drift that grows, begin the way back, or end it."""
+        if flight is None or pose is None or status.state not in IN_CONTROL:
+            self._told_m = None
+            return
+        self._tell_drift(flight, pose, now_s)
+        if status.state is not MissionState.HOLDING or status.sought is not None:
+            return
+        held = any(
+            item.condition.action >= Action.HOLD and item.condition.name not in _OUTSIDE
+            for item in ruling.conditions
+        )
+        if flight.returns:
+            if held:
+                flight.brake()
+            return
+        if held or not flight.is_carried_off or now_s < self._due_s:
+            return
+        self._due_s = now_s + _AGAIN_S
+        place = f"{flight.outside_m:.0f} m outside"
+        if flight.come_back(widened_m):
+            reason = f"{place}, wind is less"
+            self._reports.say(Severity.WARNING, reason, now_s, action="returning")
+        else:
+            reason = f"{place}, no free way back: fly it back"
+            self._reports.say(Severity.WARNING, reason, now_s)
+
+    def _tell_drift(self, flight: Flight, pose: Pose, now_s: float) -> None:
+        drifted_m = flight.drifted_m(pose)
+        if drifted_m is None:
+            self._told_m = None
+        elif self._told_m is None:
+            self._told_m = drifted_m  # the condition tells it
+        elif drifted_m >= _TOLD_AGAIN * self._told_m:
+            self._told_m = drifted_m
+            reason = f"wind too strong, drifting {drifted_m:.0f} m"
+            self._reports.say(Severity.WARNING, reason, now_s)

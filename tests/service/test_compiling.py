@@ -1,0 +1,114 @@
+"""The first start: the service is heard while its planner is compiled, and orders wait for it."""
+
+from __future__ import annotations
+
+import socket
+import time
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from moar_companion.config import CompanionConfig, shipped_configs
+from moar_companion.planner.planner import Planner
+from moar_companion.service.companion import Companion
+from moar_companion.service.surroundings import Ground
+from moar_companion.site import Site
+from moar_companion.vehicle import Vehicle
+from tests.processes import companion as process
+
+SITE = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
+VEHICLE = shipped_configs() / "vehicles" / "linedrone_flight.yaml"
+LINK = CompanionConfig(vehicle=VEHICLE).links[0].url
+ACCEPTED, TEMPORARILY_REJECTED, DENIED, IN_PROGRESS = 0, 1, 2, 5
+INSPECTION, RELEASE = 1, 4
+
+
+class Station:
+    """A ground station on the companion's link."""
+
+    def __init__(self):
+        self.companion = Companion(
+            CompanionConfig(vehicle=VEHICLE), Vehicle.load(VEHICLE), None, before=None
+        )
+        self.now_s = 100.0
+        self._codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
+
+    def order(self, mission):
+        message = mavlink.MAVLink_command_long_message(1, 195, 31010, 0, mission, -1, *[0.0] * 5)
+        data = message.pack(self._codec)
+        self._codec.seq = (self._codec.seq + 1) % 256
+        self.companion.receive(LINK, data, self.now_s)
+
+    def run(self, seconds):
+        """The answers and texts of so long."""
+        heard = []
+        for _ in range(round(seconds / 0.02)):
+            self.now_s += 0.02
+            self.companion.tick(self.now_s)
+            for _, data in self.companion.data_to_send():
+                heard += self._codec.parse_buffer(data) or []
+        answers = [item.result for item in heard if item.get_type() == "COMMAND_ACK"]
+        texts = "".join(item.text for item in heard if item.get_type() == "STATUSTEXT")
+        return answers, texts
+
+
+def ready():
+    site = Site.load(SITE)
+    return Ground(site=site, maps=Planner(site, Vehicle.load(VEHICLE)).maps)
+
+
+def test_an_order_is_put_off_while_the_planner_is_compiled():
+    station = Station()
+    station.companion.await_planner("compiling planner: 3 of 19")
+    station.order(INSPECTION)
+    answers, texts = station.run(1.0)
+    assert answers == [TEMPORARILY_REJECTED]
+    assert "MOAR: compiling planner: 3 of 19" in texts
+    station.companion.take_ground(ready())
+    _, texts = station.run(1.0)
+    assert "MOAR: the planner is ready" in texts
+    assert "compiling" not in texts
+
+
+def test_an_order_waits_for_a_planner_that_is_only_loaded():
+    station = Station()
+    station.companion.await_planner()
+    station.order(INSPECTION)
+    assert station.run(0.5) == ([], "")
+    station.companion.take_ground(ready())
+    answers, texts = station.run(1.0)
+    assert answers == [TEMPORARILY_REJECTED]
+    assert "no autopilot is heard" in texts
+
+
+def test_what_ends_motion_waits_for_nothing():
+    station = Station()
+    station.companion.await_planner("compiling planner: 3 of 19")
+    station.order(RELEASE)
+    answers, texts = station.run(0.5)
+    assert len(answers) == 1
+    assert "rejected: compiling" not in texts
+
+
+@pytest.mark.slow
+def test_at_its_first_start_it_is_heard_at_once_and_tells_how_far_it_is(tmp_path):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as item:
+        item.bind(("127.0.0.1", 0))
+        item.settimeout(30)
+        began = time.monotonic()
+        with process(
+            *("--connect", f"udpout:127.0.0.1:{item.getsockname()[1]}", "--site", SITE),
+            environment={"NUMBA_CACHE_DIR": str(tmp_path)},
+        ) as running:
+            codec = mavlink.MAVLink(None)
+            first_s, texts = None, ""
+            while "planner is ready" not in texts:
+                for message in codec.parse_buffer(item.recv(4096)) or []:
+                    first_s = first_s or time.monotonic() - began
+                    if message.get_type() == "STATUSTEXT":
+                        texts += message.text
+            ready_s = time.monotonic() - began
+            running.terminate()
+            assert running.wait(10) == 0
+    assert "compiling planner: 0 of" in texts
+    assert first_s < 0.5 * ready_s

@@ -1,0 +1,96 @@
+"""The failsafe watch: it says in time that a place should be left, and why."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.autopilots import failsafe_parameters
+from moar_companion.autopilots.failsafe_actions import Trigger
+from moar_companion.config import Supervision
+from moar_companion.planner.reach import Reach
+from moar_companion.power import Meter, PowerModel
+from moar_companion.service.failsafe_watch import FailsafeWatch
+from moar_companion.types import AutopilotKind, Heard, Telemetry
+
+from ..planner.problems import conductor, make_site, make_vehicle
+
+REACH = Reach.over(make_site(conductor(5.5, 4.5, name="wire")), 0.5)
+ABOVE, BESIDE = (5.5, 0.0, 7.5), (9.5, 0.0, 7.5)
+POWER = PowerModel.of(make_vehicle())
+STATION = Telemetry(ground_station=Heard(system_id=255, received_s=0.0))
+LANDS = {"COM_LOW_BAT_ACT": 2.0, "BAT_CRIT_THR": 0.3, "BAT_EMERGEN_THR": 0.1}
+
+
+def watching(telemetry=STATION, **parameters):
+    kind = AutopilotKind.PX4
+    watch = FailsafeWatch(Supervision(), POWER)
+    told = {**dict.fromkeys(failsafe_parameters(kind)), **parameters}
+    assert watch.learn(kind, told, None, telemetry)
+    assert not watch.learn(kind, told, None, telemetry)
+    return watch
+
+
+def meter(charge):
+    return Meter(left_wh=charge * POWER.capacity_wh)
+
+
+def reason(watch, place_m, charge=1.0, *, leaving_s=0.0, now_s=0.0, limit_s=120.0, from_s=0.0):
+    watch.look(place_m, REACH, STATION, meter(charge), now_s)
+    return watch.reason(
+        STATION, meter(charge), leaving_s=leaving_s, limit_s=limit_s, from_s=from_s, now_s=now_s
+    )
+
+
+def test_a_batterys_action_is_left_before_by_the_reserve_and_the_time_to_leave():
+    watch = watching(**LANDS)
+    flight_s = POWER.capacity_wh / POWER.hover_w * 3600.0
+    at = 0.3 + 50.0 / flight_s
+    assert reason(watch, ABOVE, at) is None
+    assert reason(watch, ABOVE, at, leaving_s=25.0) == "battery land hits wire, 50 s left"
+    assert reason(watch, BESIDE, at, leaving_s=25.0) == "battery land in 50 s, 25 s to leave"
+    assert reason(watch, BESIDE, at) is None
+    assert reason(watch, ABOVE, 0.2) == "battery land hits wire, 0 s left"
+
+
+def test_where_no_escape_route_is_known_it_is_taken_for_long():
+    assert reason(watching(**LANDS), ABOVE, 0.36, leaving_s=None) is not None
+
+
+def test_a_place_that_a_lost_link_makes_dangerous_is_left_after_the_limit():
+    watch = watching(NAV_DLL_ACT=3.0)
+    assert reason(watch, ABOVE) is None
+    assert watch.note(120.0, 0.0, 50.0) is None
+    assert watch.note(120.0, 0.0, 61.0) == "GCS loss hits wire, exit in 60 s"
+    assert watch.note(120.0, 0.0, 62.0) is None
+    assert reason(watch, ABOVE, now_s=120.0) is None
+    assert reason(watch, ABOVE, now_s=121.0) == "GCS loss hits wire: 121 s (120)"
+    assert reason(watch, ABOVE, now_s=121.5, from_s=100.0) is None  # the next target
+
+
+def test_a_moment_beside_does_not_begin_it_anew_and_a_longer_one_does():
+    watch = watching(NAV_DLL_ACT=3.0)
+    for now_s, place_m in ((0.0, ABOVE), (1.0, BESIDE), (2.0, ABOVE)):
+        reason(watch, place_m, now_s=now_s)
+    assert reason(watch, ABOVE, now_s=121.0) is not None
+    reason(watch, BESIDE, now_s=124.0)
+    assert reason(watch, ABOVE, now_s=130.0) is None
+
+
+def test_links_that_were_never_heard_cannot_be_lost():
+    watch = watching(Telemetry(), NAV_DLL_ACT=3.0)
+    assert {item.trigger for item in watch.failsafes.actions} == {
+        Trigger.GPS_LOSS,
+        Trigger.COMPANION_LOSS,
+    }
+
+
+@pytest.mark.parametrize("moved_m", [0.5, 2.0])
+def test_a_home_that_moves_is_learnt(moved_m):
+    watch = watching(**LANDS)
+    told = {**dict.fromkeys(failsafe_parameters(AutopilotKind.PX4)), **LANDS}
+    assert watch.learn(AutopilotKind.PX4, told, (0.0, 0.0, 0.0), STATION)
+    moved = watch.learn(AutopilotKind.PX4, told, (moved_m, 0.0, 0.0), STATION)
+    assert moved is (moved_m > 1.0)
+    assert replace(watch.failsafes).home_m == ((moved_m if moved else 0.0), 0.0, 0.0)

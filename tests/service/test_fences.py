@@ -1,0 +1,195 @@
+"""Where a fence cuts the site's plane: against Shapely's distances, and by example."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+import shapely
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely.geometry import Polygon
+
+from moar_companion.autopilots.fence import Area, Fence, Limit
+from moar_companion.config import shipped_configs
+from moar_companion.planner.planner import Planner
+from moar_companion.service.fences import FenceWatch, fenced, plane_fence
+from moar_companion.service.jobs import PlanJob, answer_job
+from moar_companion.service.planners import Planners
+from moar_companion.site import Site
+from moar_companion.types import AutopilotKind, Mission
+from moar_companion.vehicle import Vehicle
+
+SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
+FRAME = SITE.frame
+ALONG_M = np.linspace(-60.0, 60.0, 1201)
+LINE_M = np.stack([ALONG_M, np.zeros_like(ALONG_M)], axis=1)
+HOME_M = (27.0, 0.0, 0.0)
+
+
+def on_map(places_m):
+    points = [FRAME.to_geodetic((x, y, 0.0)) for x, y in places_m]
+    return tuple((point.latitude_deg, point.longitude_deg) for point in points)
+
+
+def area(places_m, *, inclusion=True, radius_m=None, name="area"):
+    return Area(name=name, inclusion=inclusion, vertices_deg=on_map(places_m), radius_m=radius_m)
+
+
+def kept(fence, margin_m, home_m=HOME_M):
+    """Where along the line a fence is kept, (n,)."""
+    return plane_fence(fence, FRAME, home_m, margin_m).holds(LINE_M)
+
+
+def assert_same_but_at_borders(got, shape, expected):
+    """Within 1e-6 m of where the distance is just the margin either will do."""
+    doubtful = np.abs(shape) < 1e-6
+    assert (got == expected)[~doubtful].all()
+
+
+coordinates = st.floats(-50.0, 50.0)
+corner = st.tuples(coordinates, coordinates)
+
+
+@given(
+    centre=corner,
+    radius_m=st.floats(0.5, 60.0),
+    margin_m=st.floats(0.0, 5.0),
+    inclusion=st.booleans(),
+)
+def test_circles_keep_their_margin(centre, radius_m, margin_m, inclusion):
+    fence = Fence(areas=(area([centre], inclusion=inclusion, radius_m=radius_m),))
+    distance = np.hypot(ALONG_M - centre[0], centre[1])
+    left = radius_m - margin_m - distance if inclusion else distance - radius_m - margin_m
+    assert_same_but_at_borders(kept(fence, margin_m), left, left >= 0.0)
+
+
+@given(
+    corners=st.lists(corner, min_size=3, max_size=6),
+    margin_m=st.floats(0.01, 5.0),
+    inclusion=st.booleans(),
+)
+def test_polygons_keep_their_margin(corners, margin_m, inclusion):
+    shape = Polygon(corners)
+    if not shape.is_valid or shape.area < 1.0:
+        return
+    fence = Fence(areas=(area(corners, inclusion=inclusion),))
+    points = shapely.points(LINE_M)
+    left = shapely.distance(shape.exterior, points) - margin_m
+    inside = shapely.contains_properly(shape, points)
+    assert_same_but_at_borders(kept(fence, margin_m), left, (inside == inclusion) & (left >= 0.0))
+
+
+def test_without_the_union_all_inclusions_count_and_with_it_one_is_enough():
+    areas = (area([(0.0, 0.0)], radius_m=12.0), area([(18.0, 0.0)], radius_m=12.0))
+    both, one = kept(Fence(areas=areas), 1.0), kept(Fence(areas=areas, union=True), 1.0)
+    at = {round(x, 1): index for index, x in enumerate(ALONG_M.tolist())}
+    assert [both[at[x]] for x in (0.0, 9.0, 18.0)] == [False, True, False]
+    assert [one[at[x]] for x in (0.0, 9.0, 18.0, 40.0)] == [True, True, True, False]
+
+
+def test_limits_about_home_move_with_it():
+    fence = Fence(
+        circle=Limit(parameter="GF_MAX_HOR_DIST", value_m=10.0),
+        ceiling=Limit(parameter="GF_MAX_VER_DIST", value_m=20.0),
+    )
+    plane = plane_fence(fence, FRAME, (27.0, 6.0, 2.0), 1.0)
+    half_m = math.sqrt(9.0**2 - 6.0**2)
+    places_m = np.array([(27.0 + half_m - 0.01, 20.9), (27.0 + half_m + 0.01, 20.9), (27.0, 21.1)])
+    assert plane.holds(places_m).tolist() == [True, False, False]
+    assert plane.crossed(places_m[1:2]) == "GF_MAX_HOR_DIST 10 m"
+    assert plane.crossed(places_m[2:]) == "GF_MAX_VER_DIST 20 m"
+
+
+def test_a_home_too_far_beside_the_plane_leaves_nothing():
+    fence = Fence(circle=Limit(parameter="FENCE_RADIUS", value_m=30.0))
+    assert not kept(fence, 1.0, home_m=(27.0, 29.5, 0.0)).any()
+
+
+def test_the_greater_of_the_two_margins_is_kept():
+    fence = Fence(floor=Limit(parameter="FENCE_ALT_MIN", value_m=3.0), margin_m=2.0)
+    plane = plane_fence(fence, FRAME, HOME_M, 1.5)
+    assert plane.margin_m == 2.0
+    assert plane.holds(np.array([(0.0, 4.9), (0.0, 5.1)])).tolist() == [False, True]
+
+
+def test_how_far_it_is_to_the_fence():
+    fence = Fence(circle=Limit(parameter="FENCE_RADIUS", value_m=10.0))
+    plane = plane_fence(fence, FRAME, HOME_M, 1.0)
+    places_m = np.array([(30.0, 5.0), (30.0, 5.0), (30.0, 5.0), (50.0, 5.0)])
+    ways = np.array([(1.0, 0.0), (-0.6, 0.8), (0.0, 1.0), (1.0, 0.0)])
+    free_m = plane.free_m(places_m, ways)
+    assert free_m[:2] == pytest.approx([6.0, 12.0 / 0.6])
+    assert np.isinf(free_m[2:]).all()
+
+
+def test_a_fence_around_the_whole_site_is_in_nobodys_way():
+    wide = plane_fence(
+        Fence(circle=Limit(parameter="FENCE_RADIUS", value_m=300.0)), FRAME, HOME_M, 2.0
+    )
+    assert fenced(wide, SITE, 2.0) is None
+    near = plane_fence(
+        Fence(circle=Limit(parameter="FENCE_RADIUS", value_m=30.0)), FRAME, HOME_M, 2.0
+    )
+    assert fenced(near, SITE, 2.0) == near
+
+
+PARAMETERS = {"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 10.0, "GF_MAX_VER_DIST": 0.0, "GF_SOURCE": 0.0}
+
+
+def test_until_it_is_told_why_nothing_is_begun():
+    watch = FenceWatch(SITE, 1.5)
+    assert "not read yet" in watch.reluctance
+    watch.learn(AutopilotKind.PX4, PARAMETERS, None, HOME_M)
+    assert "not read yet" in watch.reluctance
+    watch.learn(AutopilotKind.PX4, PARAMETERS, (), None)
+    assert "home" in watch.reluctance
+    watch.learn(AutopilotKind.PX4, PARAMETERS, (), HOME_M)
+    assert watch.reluctance is None
+    assert watch.plane is not None
+
+
+def test_what_is_asked_for_again_stays_what_it_was():
+    watch = FenceWatch(SITE, 1.5)
+    watch.learn(AutopilotKind.PX4, PARAMETERS, (), HOME_M)
+    known = watch.plane
+    watch.learn(AutopilotKind.PX4, {}, (), HOME_M)
+    assert watch.plane is known
+    assert watch.reluctance is None
+    watch.learn(AutopilotKind.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), HOME_M)
+    assert watch.plane is None
+
+
+def test_a_wider_obstacle_within_a_fence_has_a_planner_of_its_own():
+    plane = plane_fence(
+        Fence(circle=Limit(parameter="GF_MAX_HOR_DIST", value_m=12.0)), FRAME, HOME_M, 1.5
+    )
+    planners = Planners(Planner(SITE, VEHICLE))
+    inner = planners.widened_by(0.0, plane)
+    assert inner is planners.widened_by(0.0, plane)
+    assert inner is not planners.widened_by(0.2, plane)
+    outside = ~plane.holds(
+        np.stack(np.meshgrid(*inner.maps.grid.axes_m, indexing="ij"), axis=-1).reshape(-1, 2)
+    ).reshape(inner.maps.occupied.shape)
+    exact = planners.exact.maps
+    assert (inner.maps.occupied == (exact.occupied | outside)).all()
+    assert (inner.maps.safety_cost == exact.safety_cost).all()
+    assert (inner.maps.room_m == exact.room_m).all()
+
+
+def test_a_start_outside_is_left_by_a_leg_that_leads_in():
+    plane = plane_fence(
+        Fence(ceiling=Limit(parameter="GF_MAX_VER_DIST", value_m=8.0)), FRAME, HOME_M, 1.5
+    )
+    planners = Planners(Planner(SITE, VEHICLE))
+    job = PlanJob(
+        job_id=1,
+        request=planners.exact.plan(mission=Mission.EXIT, start=(27.0, 9.0)).request,
+        fence=plane,
+    )
+    answer = answer_job(planners, job)
+    assert answer.escape_end_m is not None
+    assert answer.escape_end_m[1] <= 6.5
+    assert plane.holds(answer.plan.waypoints.position_m).all()

@@ -1,0 +1,80 @@
+"""The service goes ahead of other programs; who embeds it, and what it starts, do not."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+
+import pytest
+
+from moar_companion.service.priority import NICE, ahead_of_others, in_real_time, put_behind
+
+
+def nice():
+    return os.getpriority(os.PRIO_PROCESS, 0)
+
+
+@pytest.fixture(autouse=True)
+def _permitted():
+    with ahead_of_others() as permitted:
+        pass
+    if not permitted:
+        pytest.skip("no priority over other programs is permitted here")
+
+
+def test_it_is_of_the_thread_and_of_those_that_it_makes_and_ends():
+    before, seen = nice(), []
+    beside = threading.Thread(target=lambda: go.wait(10) and seen.append(nice()))
+    go = threading.Event()
+    beside.start()
+    with ahead_of_others():
+        assert nice() == NICE
+        made = threading.Thread(target=lambda: seen.append(nice()))
+        made.start()
+        made.join()
+        go.set()
+        beside.join()
+    assert seen == [NICE, before]
+    assert nice() == before
+
+
+def test_what_it_starts_is_put_behind():
+    with (
+        ahead_of_others(),
+        subprocess.Popen([sys.executable, "-c", "input()"], stdin=subprocess.PIPE) as child,
+    ):
+        assert os.getpriority(os.PRIO_PROCESS, child.pid) == NICE
+        put_behind(child.pid)
+        assert os.getpriority(os.PRIO_PROCESS, child.pid) == 0
+        child.communicate(b"\n")
+
+
+def test_real_time_is_of_the_thread_alone_and_ends():
+    def policy():
+        seen.append(os.sched_getscheduler(0))
+
+    seen = []
+    with in_real_time() as permitted:
+        if not permitted:
+            pytest.skip("no real time is permitted here")
+        assert os.sched_getscheduler(0) & ~os.SCHED_RESET_ON_FORK == os.SCHED_RR
+        made = threading.Thread(target=policy)
+        made.start()
+        made.join()
+    policy()
+    assert seen == [os.SCHED_OTHER, os.SCHED_OTHER]
+
+
+def test_where_it_is_not_permitted_nothing_changes(monkeypatch):
+    def refuse(*_):
+        raise PermissionError
+
+    monkeypatch.setattr(os, "setpriority", refuse)
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    before = nice()
+    with ahead_of_others() as ahead, in_real_time() as in_time:
+        assert not ahead
+        assert not in_time
+        assert nice() == before
