@@ -21,6 +21,7 @@ _READ = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT,
     mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
     mavlink.MAVLINK_MSG_ID_STATUSTEXT,
+    mavlink.MAVLINK_MSG_ID_MISSION_REQUEST_INT,
 }
 """An operator looks at these; an autopilot says a hundred times as much."""
 
@@ -66,6 +67,7 @@ class Operator:
         self._codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         self._codec.robust_parsing = True
         self._heartbeat_due_s = 0.0
+        self._fence: list[tuple[int, float, float, float]] = []
         self.silent = False
         """No heartbeats are sent."""
 
@@ -77,12 +79,34 @@ class Operator:
     def receive(self, data: bytes) -> None:
         for packet in packets(data):
             if packet_header(packet)[0] in _READ:
-                self.heard += self._codec.parse_buffer(packet) or []
+                heard = self._codec.parse_buffer(packet) or []
+                self.heard += heard
+                for message in heard:
+                    if message.get_type() == "MISSION_REQUEST_INT":
+                        self._send_item(message.seq)
 
     def send(self, message: mavlink.MAVLink_message) -> None:
         data = message.pack(self._codec)
         self._codec.seq = (self._codec.seq + 1) % 256
         self.autopilot.receive("gcs", data)
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """As a real; PX4 tells nobody else."""
+        self.send(self._codec.param_set_encode(1, 1, name.encode(), value, 9))
+
+    def upload_fence(self, items: list[tuple[int, float, float, float]]) -> None:
+        """Items: command, param1, latitude and longitude in degrees."""
+        self._fence = items
+        self.send(mavlink.MAVLink_mission_count_message(1, 1, len(items), 1))
+
+    def _send_item(self, seq: int) -> None:
+        command, value, latitude_deg, longitude_deg = self._fence[seq]
+        place = round(latitude_deg * 1e7), round(longitude_deg * 1e7), 0.0
+        self.send(
+            mavlink.MAVLink_mission_item_int_message(
+                1, 1, seq, 0, command, 0, 1, value, 0.0, 0.0, 0.0, *place, 1
+            )
+        )
 
     def command(self, command: int, *parameters: float, component: int = 1) -> None:
         padded = (*parameters, *[0.0] * (7 - len(parameters)))

@@ -68,7 +68,7 @@ def test_a_jump_beyond_the_limit_is_held_until_an_operator_has_looked(manner):
     flight.autopilot.jump(0.0, -3.4)
     flight.run(1.2)
     assert flight.state == "holding"
-    assert flight.operator.said("MOAR holding: the position jumped 3.4 m, more than 3 m")
+    assert flight.operator.said("MOAR: the position jumped 3.4 m > 3")
     judge_what_was_flown(flight, began_s)
     flight.run(11.0)
     assert flight.state == "holding"
@@ -104,10 +104,10 @@ def test_a_receiver_that_repeats_its_last_words_is_a_hold_until_the_autopilot_de
     flight.autopilot.conditions.gps_mode = GPS_SILENT
     flight.run_until_state("holding", 4.0)
     flight.run(0.2)
-    assert flight.operator.said("MOAR holding: the receiver stopped")
+    assert flight.operator.said("MOAR: the receiver stopped")
     flight.run_until_state("released", 20.0)
     flight.run(0.2)
-    assert flight.operator.said("MOAR released: the autopilot is in failsafe")
+    assert flight.operator.said("MOAR: autopilot failsafe chose LAND, released")
     assert_nothing_was_touched(flight)
 
 
@@ -115,7 +115,7 @@ def test_a_receiver_that_repeats_its_last_words_is_a_hold_until_the_autopilot_de
 def test_a_planner_that_falls_silent_slows_the_flight_and_then_holds_it(manner):
     flight = in_flight(manner, 1.0)
     flight.planning = False
-    flight.run_until(lambda: flight.operator.said("MOAR slow: a new plan is awaited"), 15.0)
+    flight.run_until(lambda: flight.operator.said("MOAR: no new plan"), 15.0)
     assert flight.state == "flying"
     flight.run_until_state("holding", 10.0)
     flight.run(5.0)

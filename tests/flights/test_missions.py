@@ -20,7 +20,7 @@ from .judging import (
 )
 from .lockstep import Lockstep, hovering
 from .marks import ARDUPILOT_FIRST
-from .operator import DENIED, EVACUATION, EXIT, INSPECTION, Manner
+from .operator import ACCEPTED, EVACUATION, EXIT, INSPECTION, Manner
 
 SITES = ["315kv_double_circuit", "120kv_single_circuit", "horizontal_three_conductors"]
 
@@ -96,7 +96,8 @@ def pairs():
     """Any two of site, vehicle, wind, mission and manner in all their combinations."""
     vehicles = ("x500", "linedrone_flight", "linedrone")
     for number, (site, vehicle) in enumerate(itertools.product(SITES, vehicles)):
-        winds_mps = (0.0, 8.0) if number % 2 else (8.0, 0.0)
+        # 6 m/s: the fake ArduPilot waits in winds above 8 m/s, 0.8 times what its lean holds.
+        winds_mps = (0.0, 6.0) if number % 2 else (6.0, 0.0)
         missions = ("exit", "evacuation") if number // 2 % 2 else ("evacuation", "exit")
         yield from zip((site,) * 2, (vehicle,) * 2, winds_mps, missions, Manner, strict=True)
 
@@ -137,7 +138,8 @@ def test_under_engage_one_command_flies_the_exit_and_lands(manner):
     assert math.hypot(x_m - 40.0, y_m) < 3.0
     flight.run(10.0)
     assert flight.state in {"idle", "overridden"}
-    assert not flight.operator.in_mode("ours")
+    # PX4 goes back to the mode at arming, or stays in OFFBOARD: the stream has ended all the same.
+    assert flight.last_setpoint_s < flight.now_s - 5.0
     judged(flight)
 
 
@@ -201,12 +203,16 @@ def held_on_the_landing_leg():
     return flight
 
 
-def test_a_hold_on_the_landing_leg_is_held_whatever_cannot_be_planned_from_there():
+def test_from_a_hold_on_the_landing_leg_an_inspection_begins_with_a_checked_leg_back():
     flight = held_on_the_landing_leg()
     flight.operator.mission(INSPECTION)
     flight.run(1.0)
-    assert (flight.state, flight.operator.answers()[-1]) == ("holding", DENIED)
+    assert (flight.state, flight.operator.answers()[-1]) == ("flying", ACCEPTED)
     assert flight.last_setpoint_s == flight.now_s
+    flight.run(10.0)
+    assert (
+        flight.site.workspace.outside_m(setpoint_places(flight, flight.setpoints[-1:])[0][::2]) == 0
+    )
     flight.land()
     judged(flight)
 

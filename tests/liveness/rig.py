@@ -173,7 +173,7 @@ class Rig:
         """Give the mode to a stream that waits for it."""
         self.watch(1.5)
         self.operator.give_mode()
-        self.wait_for_text("MOAR flying inspection")
+        self.wait_for_text("MOAR: flying inspection")
         self.operator.wait_for("moving", lambda: self.speed_mps() > 0.3, 10.0)
 
     def said(self):

@@ -22,7 +22,7 @@ def test_killed_in_flight_it_waits_for_an_order_when_it_is_started_again(rig):
     rig.operator.wait_for("the autopilot's hold", lambda: rig.operator.custom_mode == HOLD, 5.0)
     assert rig.service.remembered() == "flying"
     rig.start()
-    rig.wait_for_text("MOAR restarted; before: flying inspection, splice-")
+    rig.wait_for_text("MOAR: restarted, was flying inspection")
     rig.wait_for_text("continue flies the rest")
     rig.watch(3.0)
     assert rig.tap.since(killed_s) == []

@@ -22,7 +22,7 @@ def longest_pause_s(rig):
     A machine with other work to do may hold it up for longer than we do. What it does after a
     pause of any length is exact in lockstep (`tests/service/test_supervision.py`).
     """
-    said = re.search(r"MOAR released: thinking paused for ([\d.]+) s", rig.said())
+    said = re.search(r"MOAR: control loop stalled ([\d.]+) s", rig.said())
     return None if said is None else float(said[1])
 
 

@@ -22,7 +22,7 @@ pytestmark = pytest.mark.skipif(
 BUSY = "while True: pass"
 LOST_S = 0.5
 """The rig's COM_OF_LOSS_T."""
-LET_GO = ("MOAR released", "MOAR overridden")
+LET_GO = ("released", "overridden")
 RECOVERED_S = 10.0
 """The processor may have other work when the busy loops have ended."""
 

@@ -44,9 +44,11 @@ def watched(folder, **environment):
 def fed_s(hears, count):
     """When the watchdog was fed."""
     times_s = []
-    for _ in range(count):
-        assert hears.recv(64) == b"WATCHDOG=1"
-        times_s.append(clock_s())
+    while len(times_s) < count:
+        said = hears.recv(64)
+        if not said.startswith(b"STATUS="):
+            assert said == b"WATCHDOG=1"
+            times_s.append(clock_s())
     return times_s
 
 
@@ -81,7 +83,7 @@ def test_one_that_hangs_in_flight_is_started_anew_tells_what_was_flown_and_waits
         rig.operator.wait_for("the end", lambda: manager.statuses, 20.0)
         rig.operator.texts.clear()
         assert manager.statuses == [-signal.SIGABRT]
-        rig.wait_for_text("MOAR restarted; before: flying inspection, splice-", 30.0)
+        rig.wait_for_text("MOAR: restarted, was flying inspection", 30.0)
         rig.watch(2.0)
         assert len(manager.starts) == 2
         assert rig.operator.custom_mode == HOLD
