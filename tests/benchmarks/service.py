@@ -51,6 +51,9 @@ class Relay(threading.Thread):
         self.port = self._sockets[0].getsockname()[1]
         self.setpoints_s: list[float] = []
 
+    def passed(self, data: bytes) -> None:
+        """A datagram of the autopilot was passed on."""
+
     def run(self) -> None:
         autopilot, service = self._sockets
         waiting = selectors.DefaultSelector()
@@ -62,6 +65,7 @@ class Relay(threading.Thread):
                 if key.fileobj is autopilot:
                     self._autopilot = peer
                     service.sendto(data, self._service)
+                    self.passed(data)
                     continue
                 if int.from_bytes(data[7:10], "little") == SETPOINT:
                     seconds, nanoseconds = struct.unpack("qq", extra[0][2])
@@ -160,7 +164,7 @@ def fly(seconds: float) -> list[str]:
         operator.order("inspection", INSPECTION)
         operator.wait_until(lambda: False, 1.5)
         operator.give_mode()
-        operator.wait_for("flying", lambda: operator.said("MOAR flying"), 5)
+        operator.wait_for("flying", lambda: operator.said("MOAR: flying"), 5)
         queue: multiprocessing.Queue[list[float]] = multiprocessing.Queue()
         timer = multiprocessing.Process(target=bare_timer, args=(seconds, queue))
         watched = psutil.Process(service.pid)

@@ -1,0 +1,32 @@
+"""The service, whose thoughts note which position they go by: `served.py CONFIG AGES`.
+
+For `starved`, as a file, so that it serves whatever checkout comes first on the path. A line of
+AGES is a thought: when it began, and the autopilot's time of the position (milliseconds).
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from moar_companion.config import CompanionConfig
+from moar_companion.service.app import run_service
+from moar_companion.service.companion import Companion
+
+
+def main() -> None:
+    tick = Companion.tick
+    with Path(sys.argv[2]).open("w", buffering=1 << 16) as ages:
+
+        def noting(self: Companion, now_s: float) -> None:
+            tick(self, now_s)
+            position = self.telemetry.local_position
+            if position is not None:
+                ages.write(f"{now_s!r} {round(1e3 * position.boot_s)}\n")
+
+        Companion.tick = noting  # type: ignore[method-assign]
+        run_service(CompanionConfig.load(sys.argv[1]))
+
+
+if __name__ == "__main__":
+    main()

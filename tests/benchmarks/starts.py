@@ -1,0 +1,170 @@
+"""How long the service takes to start: `.venv/bin/python -m tests.benchmarks.starts DIR ...`.
+
+For each checkout, `--repeats` times: with an empty cache of kernels until the planner is
+ready; with a warm one until the first datagram, and until the autopilot is known (its heartbeats
+come at 10 Hz); killed in flight and started again, until `continue` is accepted (asked for each
+50 ms; the autopilot is `sitl`'s). In seconds from the start of the process.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+from pymavlink.dialects.v20 import all as mavlink
+
+from moar_companion.config import shipped_configs
+from moar_companion.site import Site
+from sitl.demonstration.manners import MANNERS
+from sitl.demonstration.operator import Operator, OperatorError
+
+from .service import ROOT, _configuration, free_port, process
+from .starved import _take_off, said
+
+SITE = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
+SYSTEM, COMPANION, PAUSE_CONTINUE = 7, 195, 193
+PATIENCE_S = 300.0
+
+
+@contextlib.contextmanager
+def service(code: Path, folder: Path, *arguments: str, **environment: str) -> Iterator[Path]:
+    """The service of a checkout as a process, killed in the end; its log."""
+    log = folder / "companion.log"
+    with (
+        log.open("wb") as file,
+        subprocess.Popen(
+            [sys.executable, "-m", "moar_companion", *arguments],
+            cwd=code,
+            env={**os.environ, "PYTHONPATH": str(code), **environment},
+            stdout=file,
+            stderr=file,
+        ) as running,
+    ):
+        try:
+            yield log
+        finally:
+            running.kill()
+
+
+def cold_s(code: Path) -> float:
+    with tempfile.TemporaryDirectory() as name, socket.socket(type=socket.SOCK_DGRAM) as peer:
+        peer.bind(("127.0.0.1", 0))
+        began_s = time.monotonic()
+        link = f"udpout:127.0.0.1:{peer.getsockname()[1]}"
+        # Before it was compiled beside the loop, the links were opened when it was ready.
+        beside = (code / "moar_companion" / "service" / "compiling.py").exists()
+        word = "planner ready" if beside else "link on"
+        folder = Path(name)
+        arguments = ("--connect", link, "--site", str(SITE))
+        with service(code, folder, *arguments, NUMBA_CACHE_DIR=str(folder / "cache")) as log:
+            _wait(lambda: word in log.read_text())
+            return time.monotonic() - began_s
+
+
+def warm_s(code: Path) -> tuple[float, float]:
+    """Until the first datagram, and until the autopilot is known."""
+    with tempfile.TemporaryDirectory() as name, socket.socket(type=socket.SOCK_DGRAM) as peer:
+        peer.bind(("127.0.0.1", 0))
+        peer.settimeout(PATIENCE_S)
+        codec = mavlink.MAVLink(None, srcSystem=SYSTEM, srcComponent=1)
+        beat = mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_PX4, 1, 0, 3, 3
+        )
+        link = f"udpout:127.0.0.1:{peer.getsockname()[1]}"
+        began_s = time.monotonic()
+        with service(code, Path(name), "--connect", link, "--site", str(SITE)):
+            data, place = peer.recvfrom(4096)
+            first_s = time.monotonic() - began_s
+            peer.settimeout(0.1)
+            while data[5] != SYSTEM:
+                peer.sendto(beat.pack(codec), place)
+                with contextlib.suppress(TimeoutError):
+                    data = peer.recv(4096)
+                    time.sleep(0.05)
+            return first_s, time.monotonic() - began_s
+
+
+def continue_s(code: Path, repeats: int) -> list[float]:
+    """Killed in flight and started again, so many times in one flight."""
+    home = (site := Site.load(SITE)).frame.to_geodetic((site.start_m[0], 0.0, 0.0))
+    port, operator_port = free_port(), free_port()
+    operator = Operator(operator_port, MANNERS["px4"], speed=1.0, meanwhile=lambda: None)
+    taken_s: list[float] = []
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        config = _configuration(folder, SITE, port)
+        with config.open("a") as file:
+            file.write(f"state: {{directory: {folder}}}\n")
+        with process(
+            "sitl",
+            *("--home", f"{home.latitude_deg},{home.longitude_deg},{home.altitude_amsl_m}"),
+            *("--link", f"companion=udpout:127.0.0.1:{port}"),
+            *("--link", f"gcs=udpout:127.0.0.1:{operator_port}"),
+            *("--param", "COM_OBL_RC_ACT=5"),
+        ):
+            try:
+                with service(code, folder, "--config", str(config)):
+                    _take_off(operator)
+                    operator.wait_until(lambda: False, 2.0)
+                for _ in range(repeats):
+                    began_s = time.monotonic()
+                    with service(code, folder, "--config", str(config)):
+                        _wait(lambda: _accepted(operator))
+                        taken_s.append(time.monotonic() - began_s)
+                        operator.texts.clear()
+                        operator.give_mode()
+                        operator.wait_for("flying", lambda: said(operator, ["flying"]), 10)
+                        operator.wait_until(lambda: False, 2.0)
+            finally:
+                operator.close()
+    return taken_s
+
+
+def _accepted(operator: Operator) -> bool:
+    number = PAUSE_CONTINUE
+    operator._answers.pop(number, None)
+    parameters = (1.0, *[0.0] * 6)
+    operator._send(mavlink.MAVLink_command_long_message(1, COMPANION, number, 0, *parameters))
+    operator.wait_until(lambda: number in operator._answers, 0.05)
+    return operator._answers.get(number) == mavlink.MAV_RESULT_ACCEPTED
+
+
+def _wait(reached: Callable[[], bool]) -> None:
+    end_s = time.monotonic() + PATIENCE_S
+    while not reached():
+        if time.monotonic() > end_s:
+            raise OperatorError(f"not within {PATIENCE_S:g} s")
+        time.sleep(0.005)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("code", type=Path, nargs="*", default=[ROOT])
+    parser.add_argument("--repeats", type=int, default=3)
+    parser.add_argument("--only", choices=("cold", "warm", "continue"))
+    given = parser.parse_args()
+    for code in given.code:
+        for _ in range(given.repeats):
+            if given.only in {None, "warm"}:
+                _tell(code, "first datagram, autopilot known", warm_s(code))
+            if given.only in {None, "cold"}:
+                _tell(code, "planner ready, empty cache", [cold_s(code)])
+        if given.only in {None, "continue"}:
+            _tell(code, "`continue` accepted", continue_s(code, given.repeats))
+
+
+def _tell(code: Path, what: str, seconds: Sequence[float]) -> None:
+    sys.stdout.write(f"| {code.name} | {what} | {' | '.join(f'{it:.2f}' for it in seconds)} |\n")
+    sys.stdout.flush()
+
+
+if __name__ == "__main__":
+    main()

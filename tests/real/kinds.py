@@ -1,0 +1,94 @@
+"""The four aircraft that a scenario is flown on, and what makes trouble for each of them.
+
+A real autopilot is one that the user has built; an environment variable says where. Trouble is made
+by parameters, as a ground station sets them; None is what a simulator cannot do.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from dataclasses import dataclass
+from pathlib import Path
+
+BASE = {
+    "px4": {
+        "COM_OBL_RC_ACT": 5,
+        "COM_OF_LOSS_T": 0.5,
+        "COM_RC_OVERRIDE": 3,
+        "NAV_RCL_ACT": 1,
+    },
+    "ardupilot": {"GUID_TIMEOUT": 0.5, "FS_THR_ENABLE": 7},
+}
+"""What the README asks for before a flight."""
+LOW_PERCENT, CRITICAL_PERCENT = 13.0, 6.0
+"""PX4 calls 15 % low and 7 % critical; ArduPilot by `battery_thresholds`."""
+CROSSING_PERCENT = 0.5
+"""ArduPilot acts on a threshold that is crossed, and BATTERY_RESET crosses none: 2 s of flight."""
+VARIABLES = {"px4": "MOAR_PX4_BUILD", "ardupilot": "MOAR_ARDUPILOT_BINARY"}
+
+
+@dataclass(frozen=True)
+class Kind:
+    """autopilot: "px4" or "ardupilot"; real: not the fake."""
+
+    autopilot: str
+    real: bool
+
+    @property
+    def name(self):
+        return f"{'real' if self.real else 'fake'}-{self.autopilot}"
+
+    @property
+    def path(self):
+        """Where the real one is; None where nobody said so, or for a fake one."""
+        text = os.environ.get(VARIABLES[self.autopilot]) if self.real else None
+        return Path(text).resolve() if text else None
+
+    @property
+    def missing(self):
+        """Why it cannot be flown here; None when it can."""
+        if self.real and self.path is None:
+            return f"{VARIABLES[self.autopilot]} is not set"
+        return None
+
+    def wind(self, speed_mps, from_deg):
+        """Parameters of a wind; PX4's simulator knows the vector towards which it blows."""
+        if self.real and self.autopilot == "px4":
+            towards = math.radians(from_deg + 180.0)
+            return {
+                "SIH_WIND_N": speed_mps * math.cos(towards),
+                "SIH_WIND_E": speed_mps * math.sin(towards),
+            }
+        return {"SIM_WIND_DIR": from_deg, "SIM_WIND_SPD": speed_mps}
+
+    def battery_thresholds(self, *, critical):
+        """Parameters, set before the flight, that make `LOW_PERCENT` low, or `CRITICAL_PERCENT` so.
+
+        ArduPilot is to land at critical.
+        """
+        if self.autopilot == "px4":
+            return {}
+        values = {"BATT_LOW_TIMER": 2, "BATT_FS_CRT_ACT": 1}
+        if self.real:
+            return {**values, "BATT_LOW_MAH": 429, "BATT_CRT_MAH": 198 if critical else 0}
+        return {**values, "BATT_LOW_VOLT": 11.0, "BATT_CRT_VOLT": 10.3 if critical else 0.0}
+
+    def gps(self, found):
+        """Parameters of a receiver that has a fix or not."""
+        if not self.real:
+            return {"SIM_GPS_MODE": 0 if found else 1}
+        if self.autopilot == "px4":
+            return {"SIM_GPS_USED": 10 if found else 0}
+        return {"SIM_GPS_DISABLE": 0 if found else 1}
+
+
+KINDS = {
+    kind.name: kind
+    for kind in (
+        Kind("px4", real=False),
+        Kind("ardupilot", real=False),
+        Kind("px4", real=True),
+        Kind("ardupilot", real=True),
+    )
+}

@@ -1,0 +1,75 @@
+"""The wire between autopilot and service: a tap that loses, delays and reorders datagrams."""
+
+from __future__ import annotations
+
+import contextlib
+import heapq
+import itertools
+import random
+import selectors
+import time
+
+from tests.liveness.tap import Tap
+
+_POLL_S = 0.01
+
+
+class Link(Tap):
+    """A tap whose datagrams may be lost or late; late ones overtake each other.
+
+    Seconds of delay are the simulator's, `speed` of them in a real one. The same seed draws the
+    same losses and delays.
+    """
+
+    def __init__(self, service_port, *, speed=1.0, seed=1):
+        self._speed = speed
+        self._random = random.Random(seed)
+        self._loss = 0.0
+        self._delay_s = (0.0, 0.0)
+        self._late = []
+        self._numbers = itertools.count()
+        super().__init__(service_port)
+
+    def impair(self, loss, least_delay_s, most_delay_s):
+        """From now on, both ways, so much is lost and the rest is so late."""
+        self._loss, self._delay_s = loss, (least_delay_s, most_delay_s)
+
+    def _carry(self):
+        with selectors.DefaultSelector() as selector:
+            for item in (self._inner, self._outer):
+                selector.register(item, selectors.EVENT_READ)
+            while not self._ending.is_set():
+                for key, _ in selector.select(self._wait_s()):
+                    with contextlib.suppress(ConnectionError):
+                        self._carry_one(key.fileobj)
+                while self._late and self._late[0][0] <= time.monotonic():
+                    _, _, inward, data = heapq.heappop(self._late)
+                    with contextlib.suppress(ConnectionError):
+                        self._send(inward, data)
+
+    def _wait_s(self):
+        if not self._late:
+            return _POLL_S
+        return min(_POLL_S, max(0.0, self._late[0][0] - time.monotonic()))
+
+    def _carry_one(self, source):
+        inward = source is self._inner
+        if inward:
+            data, self._autopilot = source.recvfrom(65536)
+        else:
+            data, stamps, _, _ = source.recvmsg(65536, 256)
+            self._note(data, stamps)
+        if self._random.random() < self._loss:
+            return
+        delay_s = self._random.uniform(*self._delay_s) / self._speed
+        if delay_s > 0.0:
+            due_s = time.monotonic() + delay_s
+            heapq.heappush(self._late, (due_s, next(self._numbers), inward, data))
+        else:
+            self._send(inward, data)
+
+    def _send(self, inward, data):
+        if inward:
+            self._outer.sendto(data, self._service)
+        elif self._autopilot is not None:
+            self._inner.sendto(data, self._autopilot)

@@ -1,0 +1,359 @@
+"""What is flown on every kind of aircraft. A scenario flies a rig, and says nothing.
+
+Its figures are taken afterwards (`figures.py`); OperatorError ends it where something did not
+happen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from sitl.demonstration.operator import EXIT, INSPECTION, OperatorError
+
+from .ground import EVACUATION
+from .kinds import CRITICAL_PERCENT, LOW_PERCENT, Kind
+from .rig import LET_GO, Rig
+
+OUTER, INNER = 0, 1
+"""Targets of the site: in the open, and between the circuits."""
+_INNER_REACHED_S = 200.0
+_WIND_MPS, _WIND_S = 13.0, 14.0
+_WIND_FROM_DEG = 250.0
+_FENCE_M = 11.0
+"""Around where it took off: the outer target is inside, both landing points are not."""
+_LOSS, _LEAST_DELAY_S, _MOST_DELAY_S = 0.3, 0.05, 0.2
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """fly: what is done. let_go: whether the companion is to let go of the aircraft in it.
+
+    parameters: set before the start. unable: why a kind cannot fly it; None where it can.
+    """
+
+    name: str
+    fly: Callable[[Rig], None]
+    vehicle: str = "x500"
+    let_go: bool = False
+    parameters: Callable[[Kind], dict[str, float]] = field(default=lambda _: {})
+    unable: Callable[[Kind], str | None] = field(default=lambda _: None)
+    speed: float = 2.0
+
+
+def nominal(rig):
+    """Both targets in turn, exit, LAND."""
+    rig.up_and_flying()
+    rig.wait_for_state("holding")
+    exit_and_land(rig)
+
+
+def exit_and_land(rig, mission=EXIT):
+    """Out to the landing point, and down."""
+    since = rig.count
+    rig.order(mission)
+    rig.wait_for_state("holding", since=since)
+    rig.land(above_landing_point=True)
+
+
+def to_the_inner_target(rig):
+    """Between the circuits, at rest."""
+    rig.up_and_flying(INNER)
+    rig.wait_for_state("at_target", "holding", timeout_s=_INNER_REACHED_S)
+    rig.watch(2.0)
+
+
+def exit_from_inside(rig):
+    to_the_inner_target(rig)
+    exit_and_land(rig)
+
+
+def evacuation_from_inside(rig):
+    to_the_inner_target(rig)
+    exit_and_land(rig, EVACUATION)
+
+
+def low_battery_inside(rig):
+    """The battery falls low between the circuits; the companion leads out by itself."""
+    to_the_inner_target(rig)
+    _lead_out(rig, LOW_PERCENT)
+
+
+def critical_battery_inside(rig):
+    """Critical at once: where the autopilot acts by itself, it is the autopilot's flight."""
+    to_the_inner_target(rig)
+    rig.expects_release = True
+    _lead_out(rig, CRITICAL_PERCENT)
+
+
+def _lead_out(rig, percent):
+    """Until it hovers above a landing point, or is down, or was let go of for a while."""
+    since = rig.count
+    rig.set_battery(percent)
+    rig.wait_for_state("landing_leg", *LET_GO, timeout_s=90.0, since=since)
+    rig.wait_for_state("holding", *LET_GO, timeout_s=120.0)
+    if rig.decisions.state in LET_GO:
+        rig.watch(25.0)
+        _down(rig)
+        return
+    rig.land(above_landing_point=True)
+
+
+def critical_battery_after_low(rig):
+    """Low between the circuits, critical above the landing point, where the autopilot then acts."""
+    to_the_inner_target(rig)
+    since = rig.count
+    rig.set_battery(LOW_PERCENT)
+    rig.wait_for_state("landing_leg", timeout_s=90.0, since=since)
+    rig.wait_for_state("holding", timeout_s=120.0)
+    rig.expects_release = True
+    rig.set_battery(CRITICAL_PERCENT)
+    rig.watch(25.0)
+    _down(rig)
+
+
+def wind_and_calm(rig):
+    """Blown off by more wind than it can hold; then calm, and back as far as it comes in 45 s."""
+    rig.up_and_flying(OUTER)
+    rig.watch(4.0)
+    rig.set(rig.kind.wind(_WIND_MPS, _WIND_FROM_DEG))
+    rig.watch(_WIND_S)
+    rig.set(rig.kind.wind(0.0, _WIND_FROM_DEG))
+    rig.watch(45.0)
+    rig.land()
+
+
+def kill_minus_nine(rig):
+    """The service dies in mid-flight, is started again, and continues."""
+    rig.up_and_flying(INNER)
+    rig.watch(5.0)
+    rig.kill_service()
+    rig.watch(4.0)
+    since = rig.count
+    rig.start_service()
+    rig.watch(2.0)
+    rig.operator.go_on()
+    rig.watch(2.0)
+    if not rig.ours():
+        rig.operator.give_mode()
+    rig.wait_for_state("at_target", "holding", timeout_s=_INNER_REACHED_S, since=since)
+    exit_and_land(rig)
+
+
+def takeover_by_mode(rig):
+    """HOLD or LOITER from the ground station; our mode is given back and nothing happens."""
+    rig.up_and_flying(INNER)
+    rig.watch(5.0)
+    rig.take_over(lambda: rig.operator.ask_for_mode(rig.takeover_mode()))
+    rig.operator.ask_for_mode((4, 0) if rig.kind.autopilot == "ardupilot" else (6, 0))
+    rig.watch(5.0)
+    rig.land()
+
+
+def takeover_by_sticks(rig):
+    """PX4: the stick to its end; ArduPilot: the remote control's mode switch."""
+    rig.up_and_flying(INNER)
+    if rig.kind.autopilot == "px4":
+        rig.operator.hold_sticks()
+        rig.watch(5.0)
+        rig.take_over(lambda: rig.operator.hold_sticks(roll=1.0))
+        rig.operator.hold_sticks()
+    else:
+        rig.watch(5.0)
+        rig.take_over(rig.operator.flip_mode_switch)
+    rig.watch(4.0)
+    rig.land()
+
+
+def gps_loss(rig):
+    """For 20 s there is no fix."""
+    rig.up_and_flying(INNER)
+    rig.watch(5.0)
+    rig.expects_release = True
+    rig.set(rig.kind.gps(found=False))
+    rig.watch(20.0)
+    rig.set(rig.kind.gps(found=True))
+    rig.watch(10.0)
+    _down(rig)
+
+
+def gcs_loss(rig):
+    """The ground station is silent for 20 s."""
+    rig.up_and_flying(INNER)
+    rig.watch(3.0)
+    rig.expects_release = True
+    rig.operator.fall_silent()
+    rig.watch(20.0)
+    rig.operator.speak_again()
+    rig.watch(4.0)
+    _down(rig)
+
+
+def rc_loss(rig):
+    """The pilot's sticks are lost for 10 s."""
+    rig.boot()
+    rig.start_service()
+    if rig.kind.autopilot == "px4":
+        rig.operator.hold_sticks()
+    rig.take_off()
+    rig.begin(INSPECTION, INNER)
+    rig.watch(5.0)
+    rig.expects_release = True
+    rig.operator.drop_sticks()
+    if rig.kind.autopilot == "ardupilot":
+        rig.set({"SIM_RC_FAIL": 1})
+    rig.watch(10.0)
+    if rig.kind.autopilot == "ardupilot":
+        rig.set({"SIM_RC_FAIL": 0})
+    rig.operator.hold_sticks()
+    rig.watch(3.0)
+    _down(rig)
+
+
+def _down(rig):
+    """LAND, unless the autopilot has brought it down already."""
+    if rig.operator.armed:
+        rig.land()
+
+
+def fence(rig):
+    """The autopilot's fence lies between the target and the landing point."""
+    rig.up_and_flying(OUTER)
+    rig.wait_for_state("at_target", "holding")
+    rig.watch(2.0)
+    since = rig.count
+    try:
+        rig.order(EXIT)
+    except OperatorError as error:
+        rig.notes.append(str(error))
+    else:
+        rig.wait_for_state("holding", timeout_s=90.0, since=since)
+    rig.land()
+
+
+def reboot(rig):
+    """Refused in the air; after the landing the autopilot is started again, and flies again."""
+    rig.up_and_flying(OUTER)
+    rig.watch(3.0)
+    try:
+        rig.operator.reboot()
+    except OperatorError as error:
+        rig.notes.append(str(error))
+    rig.wait_for_state("at_target", "holding")
+    rig.land()
+    rig.watch(3.0)
+    rig.restart_autopilot()
+    rig.expects_release = False
+    rig.operator.landing = False
+    rig.boot()
+    rig.take_off()
+    rig.begin(INSPECTION, OUTER)
+    rig.wait_for_state("at_target", "holding")
+    rig.land()
+
+
+def lossy_link(rig):
+    """The whole mission with 30 % lost, 50 to 200 ms late and out of order; then a takeover."""
+    rig.boot()
+    rig.start_service()
+    rig.take_off()
+    rig.link.impair(_LOSS, _LEAST_DELAY_S, _MOST_DELAY_S)
+    rig.watch(3.0)
+    for attempts_left in (3, 2, 1, 0):
+        try:
+            rig.begin(INSPECTION, -1)
+            break
+        except OperatorError as error:
+            if "let go" in str(error) or not attempts_left:
+                raise
+    rig.wait_for_state("holding")
+    since = rig.count
+    rig.order(EXIT)
+    rig.wait_for_state("landing_leg", since=since)
+    rig.take_over(lambda: rig.operator.ask_for_mode(rig.takeover_mode()))
+    rig.land()
+
+
+def started_in_the_air(rig):
+    """The service is started when the aircraft hovers, ends in flight, and is started again."""
+    rig.boot()
+    rig.take_off()
+    rig.start_service()
+    rig.watch(3.0)
+    rig.begin(INSPECTION, OUTER)
+    rig.wait_for_state("at_target", "holding")
+    exit_and_land(rig)
+
+
+def _fence_parameters(kind):
+    if kind.autopilot == "px4":
+        return {"GF_MAX_HOR_DIST": _FENCE_M, "GF_ACTION": 2}
+    return {"FENCE_ENABLE": 1, "FENCE_TYPE": 2, "FENCE_RADIUS": _FENCE_M, "FENCE_ACTION": 4}
+
+
+def _switch_parameters(kind):
+    """LOITER where the switch is turned to, and where it is when the override has expired."""
+    return {"FLTMODE4": 5, "FLTMODE6": 5} if kind.autopilot == "ardupilot" else {}
+
+
+def _gcs_parameters(kind):
+    if kind.autopilot == "px4":
+        return {"NAV_DLL_ACT": 1}
+    return {"FS_GCS_ENABLE": 7}
+
+
+def _windless(kind):
+    if kind.real and kind.autopilot == "px4":
+        return "PX4 v1.17's own simulator has no wind"
+    return None
+
+
+def _switchless(kind):
+    if not kind.real and kind.autopilot == "ardupilot":
+        return "the fake takes no RC_CHANNELS_OVERRIDE"
+    return None
+
+
+SCENARIOS = {
+    scenario.name: scenario
+    for scenario in (
+        Scenario("nominal", nominal),
+        Scenario("exit", exit_from_inside),
+        Scenario("evacuation", evacuation_from_inside),
+        Scenario(
+            "low_battery",
+            low_battery_inside,
+            parameters=lambda kind: kind.battery_thresholds(critical=False),
+        ),
+        Scenario(
+            "critical_battery",
+            critical_battery_inside,
+            let_go=True,
+            parameters=lambda kind: kind.battery_thresholds(critical=True),
+        ),
+        Scenario(
+            "critical_battery_after_low",
+            critical_battery_after_low,
+            let_go=True,
+            parameters=lambda kind: kind.battery_thresholds(critical=True),
+        ),
+        Scenario("wind_and_calm", wind_and_calm, vehicle="linedrone_flight", unable=_windless),
+        Scenario("kill_minus_nine", kill_minus_nine, speed=1.0),
+        Scenario("takeover_by_mode", takeover_by_mode, let_go=True, speed=1.0),
+        Scenario(
+            "takeover_by_sticks",
+            takeover_by_sticks,
+            let_go=True,
+            parameters=_switch_parameters,
+            unable=_switchless,
+            speed=1.0,
+        ),
+        Scenario("gps_loss", gps_loss, let_go=True),
+        Scenario("gcs_loss", gcs_loss, let_go=True, parameters=_gcs_parameters),
+        Scenario("rc_loss", rc_loss, let_go=True),
+        Scenario("fence", fence, parameters=_fence_parameters),
+        Scenario("reboot", reboot),
+        Scenario("lossy_link", lossy_link, speed=1.0),
+        Scenario("started_in_the_air", started_in_the_air),
+    )
+}

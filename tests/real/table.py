@@ -1,0 +1,66 @@
+"""Fly scenarios and write the table of real against fake.
+
+    python -m tests.real.table OUT --on fake-px4,real-px4 --scenario nominal,exit
+
+OUT is a folder: a folder for each flight, rows.jsonl, table.md. Flights that are in rows.jsonl
+already are flown again, and their rows replaced.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import shutil
+import sys
+from dataclasses import asdict
+from pathlib import Path
+
+from .figures import Row, flown, table
+from .kinds import KINDS
+from .scenarios import SCENARIOS
+
+
+def main():
+    """Exit status 0 when nothing is to be said against any flight that was flown."""
+    parser = argparse.ArgumentParser(prog="table")
+    parser.add_argument("out", type=Path)
+    parser.add_argument("--on", default=",".join(KINDS))
+    parser.add_argument("--scenario", default=",".join(SCENARIOS))
+    parser.add_argument("--speed", type=float)
+    arguments = parser.parse_args()
+    faults = 0
+    for scenario in arguments.scenario.split(","):
+        for name in arguments.on.split(","):
+            kind = KINDS[name]
+            if kind.missing:
+                sys.stdout.write(f"{name}: {kind.missing}\n")
+                continue
+            folder = arguments.out.resolve() / name / scenario
+            shutil.rmtree(folder, ignore_errors=True)
+            row = flown(kind, SCENARIOS[scenario], folder, speed=arguments.speed)
+            told = row.unable or "; ".join(row.faults) or "nothing against it"
+            sys.stdout.write(f"{name} {scenario}: {told}\n")
+            sys.stdout.flush()
+            faults += bool(row.faults) and not row.unable
+            keep(arguments.out, row)
+    return 1 if faults else 0
+
+
+def keep(out, row):
+    """Write a row into the file of rows, and all rows into the table."""
+    out.mkdir(parents=True, exist_ok=True)
+    file = out / "rows.jsonl"
+    rows = {}
+    if file.exists():
+        for line in file.read_text().splitlines():
+            known = Row(**json.loads(line))
+            rows[known.scenario, known.kind] = known
+    rows[row.scenario, row.kind] = row
+    order = [(scenario, kind) for scenario in SCENARIOS for kind in KINDS]
+    there = [rows[key] for key in order if key in rows]
+    file.write_text("".join(json.dumps(asdict(item)) + "\n" for item in there))
+    (out / "table.md").write_text(table(there))
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,23 @@
+"""The scenarios of the real autopilots hold on the fake ones, by the same figures."""
+
+from __future__ import annotations
+
+import pytest
+
+from tests.real_time import real_time
+
+from .figures import flown
+from .kinds import KINDS
+from .scenarios import SCENARIOS
+
+
+@real_time
+@pytest.mark.parametrize("name", ["fake-px4", "fake-ardupilot"])
+@pytest.mark.parametrize("scenario", ["nominal", "takeover_by_mode"])
+def test_a_fake_autopilot_flies(scenario, name, tmp_path):
+    row = flown(KINDS[name], SCENARIOS[scenario], tmp_path)
+    assert row.problem is None
+    assert row.landed
+    assert row.clearance_m > 0.0
+    assert row.error_mean_m < 1.0
+    assert row.let_go is None or row.expected_let_go

@@ -1,0 +1,89 @@
+"""What the figures of a flight say against it, and how they stand in the table."""
+
+from __future__ import annotations
+
+import pytest
+
+from sitl.demonstration.real import RealError, autopilot_at
+
+from .figures import Row, table
+from .kinds import KINDS
+from .scenarios import SCENARIOS
+from .table import keep
+
+FLOWN = Row(
+    "real-px4",
+    "nominal",
+    2.0,
+    None,
+    clearance_m=1.2,
+    keep_out_margin_m=0.3,
+    error_mean_m=0.5,
+    error_p95_m=0.9,
+    error_max_m=1.1,
+    speed_max_mps=3.0,
+    state="idle",
+    landed=True,
+)
+
+
+def changed(**values):
+    return Row(**{**{name: getattr(FLOWN, name) for name in FLOWN.__dataclass_fields__}, **values})
+
+
+def test_nothing_is_said_against_a_flight_that_went_well():
+    assert FLOWN.faults == []
+
+
+@pytest.mark.parametrize(
+    ("values", "fault"),
+    [
+        ({"keep_out_margin_m": -0.1}, "inside its keep-out"),
+        ({"let_go": "MOAR: position age 0.6 s > 0.5, released"}, "let go"),
+        ({"takeover_s": 0.9}, "noticed after 0.90 s"),
+        ({"landed": False}, "did not land"),
+        ({"problem": "flying: not within 5 s"}, "not within"),
+    ],
+)
+def test_what_went_wrong_is_told(values, fault):
+    (told,) = changed(**values).faults
+    assert fault in told
+
+
+def test_a_takeover_is_to_be_noticed_and_is_nothing_against_the_companion():
+    assert (
+        changed(
+            let_go="MOAR: the autopilot is in HOLD, overridden",
+            expected_let_go=True,
+            takeover_s=0.1,
+        ).faults
+        == []
+    )
+
+
+def test_the_table_has_a_line_for_each_flight_and_says_what_was_not_flown():
+    lines = table([FLOWN, changed(unable="no wind")]).splitlines()
+    assert len(lines) == 4
+    assert {line.count("|") for line in lines} == {lines[0].count("|")}
+    assert "not flown: no wind" in lines[3]
+
+
+def test_a_flight_that_is_flown_again_replaces_its_row(tmp_path):
+    keep(tmp_path, FLOWN)
+    keep(tmp_path, changed(kind="fake-px4"))
+    keep(tmp_path, changed(clearance_m=0.4))
+    rows = (tmp_path / "table.md").read_text().splitlines()[2:]
+    assert ["fake-px4" in row for row in rows] == [True, False]
+    assert "0.40 m" in rows[1]
+
+
+@pytest.mark.parametrize("kind", KINDS.values(), ids=lambda kind: kind.name)
+def test_every_scenario_is_flown_on_every_kind_or_says_why_not(kind):
+    for scenario in SCENARIOS.values():
+        assert all(isinstance(value, int | float) for value in scenario.parameters(kind).values())
+        assert scenario.unable(kind) is None or scenario.unable(kind)
+
+
+def test_a_path_that_is_no_autopilot_is_named(tmp_path):
+    with pytest.raises(RealError, match=str(tmp_path)):
+        autopilot_at(tmp_path)
