@@ -184,7 +184,7 @@ def test_a_landing_on_a_conductor_is_denied_with_the_remedy():
 def test_an_autopilot_that_cannot_follow_is_not_led():
     sweep = deaths("ArduPilot cannot follow", every_s=math.inf, vehicle="x500")
     assert not sweep.fly(INSPECTION, 1)
-    assert sweep.flight.operator.said("ArduPilot follows with ")
+    assert sweep.flight.operator.said("ArduPilot brakes at ")
 
 
 def test_where_it_is_configured_so_the_same_is_warned_about_and_flown():

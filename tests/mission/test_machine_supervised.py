@@ -310,19 +310,31 @@ def test_where_there_is_no_evacuation_an_exit_is_better_than_to_stay(state):
     assert flight.tick().sought == [Task(mission=Mission.EVACUATION)]  # by now, perhaps
 
 
-@pytest.mark.parametrize("failed", [False, True])
-@pytest.mark.parametrize("state", [S.FLYING, S.LANDING_LEG])
-@pytest.mark.parametrize("held", ["by wind", "by an operator"])
-def test_an_exit_that_is_held_goes_on_where_there_is_no_evacuation(held, state, failed):
-    """Along a landing leg no planner is needed for that."""
-    task = Task(mission=Mission.EXIT, landing=1)
-    flight = any_story(state, task)
+def an_exit_held(state, held):
+    flight = any_story(state, Task(mission=Mission.EXIT, landing=1))
     flight = flight.see(**WIND).tick(3.1) if held == "by wind" else flight.order(Order.HOLD)
     assert flight.state == "holding"
-    assert flight.see(**CRITICAL).tick(1.1).sought == [Task(mission=Mission.EVACUATION)]
+    return flight.see(**CRITICAL).tick(1.1)
+
+
+@pytest.mark.parametrize("failed", [False, True])
+@pytest.mark.parametrize("held", ["by wind", "by an operator"])
+def test_an_exit_that_is_held_goes_on_where_there_is_no_evacuation(held, failed):
+    flight = an_exit_held(S.FLYING, held)
+    task = flight.status.task
+    assert flight.sought == [Task(mission=Mission.EVACUATION)]
     assert flight.plan_failed(failed=failed).tick().sought == [task]
-    flight.plan_found().see(on_leg=state is S.LANDING_LEG).tick()
-    assert (flight.status.state, flight.status.task) == (state, task)
+    flight.plan_found().tick()
+    assert (flight.status.state, flight.status.task) == (S.FLYING, task)
+
+
+@pytest.mark.parametrize("held", ["by wind", "by an operator"])
+def test_a_landing_leg_that_is_held_goes_on_before_an_evacuation_is_sought(held):
+    flight = an_exit_held(S.LANDING_LEG, held)
+    task = flight.status.task
+    assert flight.sought == [task]
+    flight.plan_found().see(on_leg=True).tick()
+    assert (flight.status.state, flight.status.task) == (S.LANDING_LEG, task)
 
 
 def test_a_landing_leg_that_is_flown_is_not_left_for_an_evacuation():
