@@ -79,23 +79,29 @@ def judge(
     """Whether the aircraft flew, touched nothing, kept to its workspace and landed.
 
     landing_leg_m: the last planned way out of the workspace, from its last cell to above the
-    landing point; the way down from there belongs to it.
+    landing point; the way down from there belongs to it, as the climb from the ground into a
+    workspace that begins above it does to the take-off.
     """
     faults: list[str] = []
     obstacles = [_shape(obstacle) for obstacle in site.obstacles]
     space = site.workspace
     workspace = box(*space.lower_m, *space.upper_m)
-    leg: BaseGeometry = Point()
+    flown = [row for row in flight if not row.on_ground]
+    legs: list[LineString] = []
+    if flown and space.lower_m[1] > _GROUND_M:
+        x_m = flown[0].position_m[0]
+        legs.append(LineString([(x_m, _GROUND_M), (x_m, space.lower_m[1])]))
     if landing_leg_m:
         x_m, _ = landing_leg_m[-1]
-        leg = LineString([*landing_leg_m, (x_m, space.lower_m[1])])
-    flown = [row for row in flight if not row.on_ground]
+        legs.append(LineString([*landing_leg_m, (x_m, _GROUND_M)]))
     least_m = math.inf
     for row in flown:
         place = Point(row.position_m[0], row.position_m[2])
         least_m = min(least_m, *(shape.distance(place) for shape in obstacles), math.inf)
         above_ground = Point(place.x, max(place.y, _GROUND_M))
-        outside = workspace.distance(above_ground) > 0.0 and not _near(leg, above_ground)
+        outside = workspace.distance(above_ground) > 0.0 and not any(
+            leg.distance(above_ground) <= _LEG_TOLERANCE_M for leg in legs
+        )
         if not faults and (outside or abs(row.position_m[1]) > _OFF_PLANE_M):
             faults.append(
                 f"left the workspace at {row.time_s:.1f} s, x {place.x:.1f} m, z {place.y:.1f} m"
@@ -107,10 +113,6 @@ def judge(
     elif flight[-1].armed or not flight[-1].on_ground:
         faults.append("did not land")
     return Verdict(faults=tuple(faults), least_clearance_m=least_m - radius_m)
-
-
-def _near(leg: BaseGeometry, place: Point) -> bool:
-    return not leg.is_empty and bool(leg.distance(place) <= _LEG_TOLERANCE_M)
 
 
 def _shape(obstacle: Obstacle) -> BaseGeometry:

@@ -40,6 +40,7 @@ class FlightTasks:
         self.landing = False
         self.takeoff_complete = False
         self.return_altitude_m = 0.0
+        self._takeoff_z: float | None = None
         self._hold_x = self._hold_y = self._hold_z = 0.0
         self._yaw = 0.0
         self._vx = self._vy = self._vz = 0.0
@@ -53,6 +54,8 @@ class FlightTasks:
         self.takeoff_complete = False
         self._locked = False
         self._phase = ""
+        if mode is not Mode.TAKEOFF:
+            self._takeoff_z = None
         estimator = nav.estimator
         self._vx, self._vy, self._vz = estimator.vn, estimator.ve, estimator.vd
         speed = math.hypot(estimator.vn, estimator.ve)
@@ -95,7 +98,8 @@ class FlightTasks:
             self._return(dt, nav, target)
         elif self.mode is Mode.TAKEOFF:
             goal = nav.home_z - self._parameters.value("MIS_TAKEOFF_ALT")
-            goal = min(goal, self._hold_z) if self._phase == "higher" else goal
+            if self._takeoff_z is not None:
+                goal = min(goal, self._takeoff_z)
             target.x, target.y = self._hold_x, self._hold_y
             target.z = goal
             target.up_limit = self._parameters.value("MPC_TKO_SPEED")
@@ -105,9 +109,8 @@ class FlightTasks:
             target.z = self._hold_z
 
     def climb_to(self, z: float) -> None:
-        """Give the take-off another height (local z) than MIS_TAKEOFF_ALT."""
-        self._phase = "higher"
-        self._hold_z = z
+        """Give the take-off, also when armed later, a height (local z) above MIS_TAKEOFF_ALT."""
+        self._takeoff_z = z
 
     def _go(self, dt: float, nav: Navigation, target: Target, x: float, y: float) -> None:
         """Fly level to a point at cruise speed, then hold it."""

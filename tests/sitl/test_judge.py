@@ -35,6 +35,14 @@ def test_a_simulator_whose_ground_is_uneven_has_not_left_the_workspace_at_take_o
     assert judge(flight((27.0, -0.03), *GOOD), SITE, RADIUS_M, LEG).faults == ()
 
 
+def test_the_climb_into_a_workspace_that_begins_high_belongs_to_the_take_off():
+    high = replace(SITE, workspace=replace(SITE.workspace, lower_m=(0.0, 4.0)))
+    climb = (27.3, 2.0)
+    assert judge(flight(climb, *GOOD), high, RADIUS_M, LEG).faults == ()
+    aside = judge(flight(climb, (24.0, 1.5), *GOOD), high, RADIUS_M, LEG).faults
+    assert aside == ("left the workspace at 1.0 s, x 24.0 m, z 1.5 m",)
+
+
 @pytest.mark.parametrize(
     ("rows", "leg", "fault"),
     [

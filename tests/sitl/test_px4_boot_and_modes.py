@@ -126,6 +126,16 @@ def test_nav_land_lands_and_disarms_two_seconds_after_landing_detected(airborne)
     assert gap_s == pytest.approx(2.0, abs=0.15)
 
 
+def test_nav_takeoff_with_a_height_climbs_to_it_when_it_is_armed(flight):
+    flight.run(6.0)
+    above_m = flight.gcs.last("HOME_POSITION").altitude / 1e3 + 5.0
+    assert flight.ask(flight.gcs, 22, 0, 0, 0, math.nan, math.nan, math.nan, above_m) == [0]
+    assert flight.ask(flight.gcs, 400, 1) == [0]
+    flight.run(15.0)
+    assert flight.heartbeat().custom_mode == HOLD
+    assert flight.truth.position_ned_m[2] == pytest.approx(-5.0, abs=0.6)
+
+
 def test_after_landing_the_mode_at_arming_is_back_so_that_a_later_arm_takes_off_again(airborne):
     airborne.ask(airborne.companion, 21)
     assert airborne.run(40.0, until=lambda f: not f.truth.armed)
