@@ -127,6 +127,11 @@ def step(
         _watched(condition, watch, getattr(causes, condition.name), now_s)
         for condition, watch in zip(table, watches, strict=True)
     )
+    return after, ruling(after, table)
+
+
+def ruling(watches: Watches, table: tuple[Condition, ...] = CONDITIONS) -> Ruling:
+    """What these watches allow."""
     acting = [
         Acting(
             condition=condition,
@@ -135,11 +140,11 @@ def step(
             overridden=watch.overridden,
             lasts=watch.over_s is None,
         )
-        for condition, watch in zip(table, after, strict=True)
+        for condition, watch in zip(table, watches, strict=True)
         if watch.acting_s is not None
     ]
     acting.sort(key=lambda item: -item.condition.action)
-    return after, Ruling(conditions=tuple(acting))
+    return Ruling(conditions=tuple(acting))
 
 
 def overridden(

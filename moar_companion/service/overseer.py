@@ -76,6 +76,7 @@ class Overseer:
     def override(self, known: Collection[str]) -> None:
         """An operator has ordered, knowing that these conditions act."""
         self._watches = supervisor.overridden(self._watches, self._table, known=known)
+        self._ruling = supervisor.ruling(self._watches, self._table)
 
     def note_told(self, name: str) -> None:
         """The mission has told of this condition, by what it does about it."""

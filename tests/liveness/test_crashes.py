@@ -23,7 +23,7 @@ def test_killed_in_flight_it_waits_for_an_order_when_it_is_started_again(rig):
     assert rig.service.remembered() == "flying"
     rig.start()
     rig.wait_for_text("MOAR: restarted, was flying inspection")
-    rig.wait_for_text("continue flies the rest")
+    rig.wait_for_text("order continue to fly the rest")
     rig.watch(3.0)
     assert rig.tap.since(killed_s) == []
     rig.operator.command("continue", PAUSE_CONTINUE, 1, component=COMPANION)
@@ -71,7 +71,7 @@ def test_killed_at_any_moment_its_memory_is_whole_or_absent(rig):
         moment_s = 30.0 if waits else moments.uniform(0.0, 2.0 * start_s)
         heard = rig.operator.wait_until(lambda: rig.operator.companion_heard, moment_s)
         if heard:
-            rig.watch(moments.uniform(0.0, 1.0))
+            rig.watch(moments.uniform(0.0, 2.0))
             rig.ask_for_inspection()
             rig.watch(moments.uniform(0.0, 0.4))
         rig.service.end(signal.SIGKILL)
