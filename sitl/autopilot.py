@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 from sitl import simulation
 from sitl.battery import BatteryOptions
 from sitl.conditions import Conditions
-from sitl.links import Link, LinkOptions, Router
+from sitl.links import Air, Link, LinkOptions, Router
 from sitl.manner import Manner
 from sitl.manners import KINDS
 from sitl.quadrotor import Airframe
@@ -113,7 +113,7 @@ class FakeAutopilot:
         for name in options.parameters:
             simulation.apply(name, parameters, self._world.conditions)
         self._manner = kind.start(self._world, Router(list(self._links.values())), parameters)
-        self._inbox: list[tuple[str, bytes]] = []
+        self._to_autopilot = Air[tuple[str, bytes]]()
 
     @property
     def manner(self) -> Manner:
@@ -155,16 +155,16 @@ class FakeAutopilot:
     def receive(self, link: str, data: bytes) -> None:
         """Take bytes that arrived on a link.
 
-        They are handled in the next tick (10 ms), and lost while the autopilot boots.
+        They are handled in the next tick (10 ms), those of all links in the order of their arrival,
+        and lost while the autopilot boots.
         """
         if link not in self._links:
             raise KeyError(link)
         if not data:
             return
-        if self._links[link].profile == "onboard":
-            self._links[link].to_autopilot.send(data, self._arrival_us())
-        else:
-            self._inbox.append((link, data))
+        onboard = self._links[link].profile == "onboard"
+        due_us = self._arrival_us() if onboard else self._world.now_us
+        self._to_autopilot.send((link, data), due_us)
 
     def step(self, now_s: float) -> None:
         """Advance to `now_s` in ticks of 10 ms; earlier times do nothing."""
@@ -234,13 +234,10 @@ class FakeAutopilot:
         self._manner.reboot()
 
     def _take_inbox(self) -> None:
-        inbox, self._inbox = self._inbox, []
-        for link in self._links.values():
-            arrived = link.to_autopilot.arrived(self._world.now_us)
-            inbox += [(link.name, data) for data in arrived]
+        arrived = self._to_autopilot.arrived(self._world.now_us)
         if not self._manner.running:
             return
-        for name, data in inbox:
+        for name, data in arrived:
             link = self._links[name]
             if link.loss_fraction and self._world.random.random() < link.loss_fraction:
                 continue

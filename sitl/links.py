@@ -8,7 +8,7 @@ import heapq
 import random
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Final
+from typing import Any, Final, Generic, TypeVar
 
 from pymavlink.dialects.v20 import all as mavlink
 
@@ -20,6 +20,7 @@ RADIO_SYSTEM: Final = 51
 RADIO_COMPONENT: Final = 68
 _MAX_QUEUE_BYTES: Final = 4_000_000
 """A link that nobody drains keeps the last of its data."""
+Packet = TypeVar("Packet")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -30,20 +31,20 @@ class LinkOptions:
     profile: str = "onboard"
 
 
-class Air:
-    """Packets under way, in one direction of one link; those with less delay overtake others."""
+class Air(Generic[Packet]):
+    """Packets under way in one direction; those with less delay overtake others."""
 
     def __init__(self) -> None:
         """Nothing is under way."""
-        self._packets: list[tuple[float, int, bytes]] = []
+        self._packets: list[tuple[float, int, Packet]] = []
         self._count = 0
 
-    def send(self, packet: bytes, due_us: float) -> None:
+    def send(self, packet: Packet, due_us: float) -> None:
         """Send a packet that arrives then."""
         self._count += 1
         heapq.heappush(self._packets, (due_us, self._count, packet))
 
-    def arrived(self, now_us: int) -> list[bytes]:
+    def arrived(self, now_us: int) -> list[Packet]:
         """Return and forget the packets that have arrived."""
         arrived = []
         while self._packets and self._packets[0][0] <= now_us:
@@ -67,7 +68,7 @@ class Link:
         self.sent_bytes = 0
         self.received_bytes = 0
         self.loss_fraction = 0.0
-        self.to_autopilot, self.from_autopilot = Air(), Air()
+        self.from_autopilot = Air[bytes]()
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
         self._seq = 0

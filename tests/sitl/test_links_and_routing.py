@@ -5,6 +5,8 @@ from itertools import pairwise
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
+from .conftest import HOLD, LAND
+
 
 @pytest.fixture
 def both(flight):
@@ -135,6 +137,16 @@ def test_a_fading_link_loses_packets_as_gaps_in_the_sequence(flight):
     own = [m.get_seq() for _, m in flight.companion.heard if m.get_srcSystem() == 1]
     lost = sum((b - a - 1) % 256 for a, b in pairwise(own))
     assert lost / (lost + len(own)) == pytest.approx(0.2, abs=0.05)
+
+
+@pytest.mark.parametrize("first", ["companion", "ground station"])
+def test_of_two_orders_in_one_tick_the_later_one_counts_whatever_its_link(flight, first):
+    flight.run(6.0)
+    orders = [(flight.companion, LAND), (flight.gcs, HOLD)]
+    for peer, mode in orders if first == "companion" else reversed(orders):
+        peer.command(176, 1, *mode)
+    flight.run(0.5)
+    assert flight.truth.mode == ("AUTO.LOITER" if first == "companion" else "AUTO.LAND")
 
 
 def test_an_unknown_link_is_a_key_error(flight):
