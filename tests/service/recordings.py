@@ -110,6 +110,18 @@ RECORDED = {
     "ardupilot/m1_masks.gcs.tlog": Recorded(modes=("GUIDED",), armed_s=(0.0,), unknown=_BLIND),
     "ardupilot/m2_masks.companion.tlog": Recorded(modes=("GUIDED",), armed_s=(0.4,)),
     "ardupilot/m2_masks.gcs.tlog": Recorded(modes=("GUIDED",), armed_s=(0.0,), unknown=_BLIND),
+    "ardupilot/r_battery_inner.service.tlog.gz": Recorded(
+        modes=("STABILIZE", "GUIDED", "LAND"), armed_s=(38.0, 124.0)
+    ),
+    "ardupilot/r_gcsfs.service.tlog.gz": Recorded(
+        modes=("STABILIZE", "GUIDED", "LAND"), armed_s=(27.9, 75.0)
+    ),
+    "ardupilot/r_rcfail.service.tlog.gz": Recorded(
+        modes=("STABILIZE", "GUIDED", "BRAKE", "GUIDED"), armed_s=(15.9, 72.9)
+    ),
+    "ardupilot/r_windback.service.tlog.gz": Recorded(
+        modes=("STABILIZE", "GUIDED", "LAND"), armed_s=(33.8, 109.8)
+    ),
     "px4/a1_boot_offboard_takeoff.companion.tlog": Recorded(
         autopilot="px4", modes=("HOLD", "OFFBOARD", "HOLD", "OFFBOARD"), armed_s=(11.5, 14.6, 18.6)
     ),
@@ -157,6 +169,15 @@ RECORDED = {
     ),
     "px4/k1_nogcs_autopilot_restart.companion.tlog": Recorded(
         autopilot="px4", modes=("HOLD", "OFFBOARD", "HOLD"), armed_s=(7.3, 20.2)
+    ),
+    "px4/r_battery.service.tlog.gz": Recorded(
+        autopilot="px4", modes=("HOLD", "TAKEOFF", "HOLD", "OFFBOARD"), armed_s=(5.0, 154.4)
+    ),
+    "px4/r_fence.service.tlog.gz": Recorded(
+        autopilot="px4", modes=("HOLD", "TAKEOFF", "HOLD", "OFFBOARD"), armed_s=(4.4,)
+    ),
+    "px4/r_nominal.service.tlog.gz": Recorded(
+        autopilot="px4", modes=("HOLD", "TAKEOFF", "HOLD", "OFFBOARD"), armed_s=(4.5, 104.8)
     ),
     "mavlink_tlog/ardusub_small.tlog": Recorded(
         vehicle_type="submarine",
