@@ -242,8 +242,8 @@ def _speed_max_mps(places, speed):
 
 
 def _let_go(rig, companion):
-    """How it let go before LAND was given; None where it did not."""
-    for _, state in rig.decisions.states[: rig.states_at_landing]:
+    """How it let go by itself, before a pilot took over or gave LAND; None where it did not."""
+    for _, state in rig.decisions.states[: rig.states_in_charge]:
         if state in LET_GO:
             said = [text.text for text in companion if text.text.endswith(f", {state}")]
             return said[0] if said else state

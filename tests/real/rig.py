@@ -181,8 +181,8 @@ class Rig:
         self.expects_release = False
         self.judged = None
         """How many places are judged: all, or those before a LAND of the operator's."""
-        self.states_at_landing = None
-        """How many states there were when LAND was given."""
+        self.states_in_charge = None
+        """How many there were when the pilot took over, or LAND was given."""
         self.takeover_s = None
         self.notes = []
 
@@ -362,6 +362,7 @@ class Rig:
     def take_over(self, ask):
         """The pilot takes over by what `ask` does; when the stream ended is noted."""
         self.expects_release = True
+        self.states_in_charge = self.count
         asked_s = clock_s()
         ask()
         self.watch(3.0)
@@ -380,7 +381,8 @@ class Rig:
         if not above_landing_point and self.judged is None:
             self.judged = len(self.truth.places)
         self.watch(1.5 * self.speed)  # until what was decided before is written
-        self.states_at_landing = self.count
+        if self.states_in_charge is None:
+            self.states_in_charge = self.count
         self.operator.land()
         self.wait_down()
 

@@ -339,11 +339,10 @@ SCENARIOS = {
         ),
         Scenario("wind_and_calm", wind_and_calm, vehicle="linedrone_flight", unable=_windless),
         Scenario("kill_minus_nine", kill_minus_nine, speed=1.0),
-        Scenario("takeover_by_mode", takeover_by_mode, let_go=True, speed=1.0),
+        Scenario("takeover_by_mode", takeover_by_mode, speed=1.0),
         Scenario(
             "takeover_by_sticks",
             takeover_by_sticks,
-            let_go=True,
             parameters=_switch_parameters,
             unable=_switchless,
             speed=1.0,
