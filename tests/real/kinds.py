@@ -62,14 +62,14 @@ class Kind:
             }
         return {"SIM_WIND_DIR": from_deg, "SIM_WIND_SPD": speed_mps}
 
-    def battery_thresholds(self, *, critical):
+    def battery_thresholds(self, *, critical, acts=True):
         """Parameters, set before the flight, that make `LOW_PERCENT` low, or `CRITICAL_PERCENT` so.
 
-        ArduPilot is to land at critical.
+        acts: whether the autopilot is to land at critical by itself.
         """
         if self.autopilot == "px4":
-            return {}
-        values = {"BATT_LOW_TIMER": 2, "BATT_FS_CRT_ACT": 1}
+            return {"COM_LOW_BAT_ACT": 2 if acts else 0}
+        values = {"BATT_LOW_TIMER": 2, "BATT_FS_CRT_ACT": int(acts)}
         if self.real:
             return {**values, "BATT_LOW_MAH": 429, "BATT_CRT_MAH": 198 if critical else 0}
         return {**values, "BATT_LOW_VOLT": 11.0, "BATT_CRT_VOLT": 10.3 if critical else 0.0}

@@ -80,9 +80,8 @@ def low_battery_inside(rig):
 
 
 def critical_battery_inside(rig):
-    """Critical at once: where the autopilot acts by itself, it is the autopilot's flight."""
+    """Critical at once, where an autopilot that landed by itself would hit a conductor."""
     to_the_inner_target(rig)
-    rig.expects_release = True
     _lead_out(rig, CRITICAL_PERCENT)
 
 
@@ -328,8 +327,7 @@ SCENARIOS = {
         Scenario(
             "critical_battery",
             critical_battery_inside,
-            let_go=True,
-            parameters=lambda kind: kind.battery_thresholds(critical=True),
+            parameters=lambda kind: kind.battery_thresholds(critical=True, acts=False),
         ),
         Scenario(
             "critical_battery_after_low",
