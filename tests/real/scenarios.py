@@ -241,6 +241,7 @@ def reboot(rig):
     rig.wait_for_state("at_target", "holding")
     rig.land()
     rig.watch(3.0)
+    rig.operator.drop_sticks()  # a throttle in its middle is not armed
     rig.restart_autopilot()
     rig.expects_release = False
     rig.operator.landing = False
