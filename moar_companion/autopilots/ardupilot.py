@@ -58,6 +58,8 @@ _RADIO = {
 """FS_THR_ENABLE; any other value lands."""
 _GROUND_STATION = {**_RADIO, 3: Action.RETRACE, 5: Action.LAND}
 """FS_GCS_ENABLE; any other value returns."""
+_DRIFT_M = 5.3
+"""After the loss of GPS, until the estimator's failsafe has landed it; measured on 4.6.3."""
 _ESTIMATOR = {2: Action.HOLD}
 """FS_EKF_ACTION: ALT_HOLD keeps the height and drifts; any other value lands."""
 _LEAST_HEIGHT_M = 0.3
@@ -141,5 +143,6 @@ def actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
         trigger=Trigger.GPS_LOSS,
         action=down,
         setting=f"FS_EKF_ACTION {value['FS_EKF_ACTION']:g}",
+        drift_m=_DRIFT_M,
     )
     yield FailsafeAction(trigger=Trigger.COMPANION_LOSS, action=Action.HOLD, setting="GUID_TIMEOUT")

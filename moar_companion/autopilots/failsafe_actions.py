@@ -66,7 +66,8 @@ class FailsafeAction:
 
     setting: the parameter that decides, with its value, as people write it. remedy: what to set;
     empty where no parameter mends it. charge, voltage_v: thresholds of a battery, None where there
-    is none. home: heights of a return; None: it leads elsewhere.
+    is none. home: heights of a return; None: it leads elsewhere. drift_m: how far aside it has
+    been seen to come down.
     """
 
     trigger: Trigger
@@ -76,6 +77,7 @@ class FailsafeAction:
     charge: float | None = None
     voltage_v: float | None = None
     home: ReturnHeight | None = None
+    drift_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -99,7 +101,8 @@ class Failsafes:
     def hit(self, reach: Reach, places_m: FloatArray) -> tuple[FailsafeAction, Hit] | None:
         """The first action that would hit something from some places (n, 2), and where."""
         for item in self.actions:
-            found = first_hit(reach, paths(item.action, item.home, reach, places_m, self.home_m))
+            ways = paths(item.action, item.home, reach, places_m, self.home_m)
+            found = first_hit(reach, ways, from_within=True)
             if found is not None:
                 return item, found
         return None
@@ -115,7 +118,9 @@ class Failsafes:
                 continue
             looked_at.add(way)
             for starts_m, ends_m in paths(*way, reach, places_m, self.home_m):
-                free_m, length_m, *_, there = _looked_along(reach, starts_m, ends_m)
+                free_m, length_m, *_, there = _looked_along(
+                    reach, starts_m, ends_m, from_within=True
+                )
                 exposed[there] |= free_m < length_m
         return exposed
 
@@ -163,10 +168,15 @@ def paths(
     return [(places_m, above), (above, above_home), (above_home, down)]
 
 
-def first_hit(reach: Reach, ways: list[Path]) -> Hit | None:
-    """The first obstacle that is in the way, and of which place; None when there is none."""
+def first_hit(reach: Reach, ways: list[Path], *, from_within: bool = False) -> Hit | None:
+    """The first obstacle that is in the way, and of which place; None when there is none.
+
+    from_within: also the one in whose keep-out a path begins, unless it leads away from it.
+    """
     for starts_m, ends_m in ways:
-        free_m, length_m, starts, direction, there = _looked_along(reach, starts_m, ends_m)
+        free_m, length_m, starts, direction, there = _looked_along(
+            reach, starts_m, ends_m, from_within=from_within
+        )
         hits = np.flatnonzero(free_m < length_m)
         if len(hits):
             first = int(hits[0])
@@ -177,7 +187,7 @@ def first_hit(reach: Reach, ways: list[Path]) -> Hit | None:
 
 
 def _looked_along(
-    reach: Reach, starts_m: FloatArray, ends_m: FloatArray
+    reach: Reach, starts_m: FloatArray, ends_m: FloatArray, *, from_within: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
     """Of straight paths what is free, and what there is of them on the grid (both in metres).
 
@@ -197,4 +207,6 @@ def _looked_along(
     free_m = length_m
     if len(there):
         free_m = reach.free_m(starts, direction, float(length_m.max()))
+        if from_within:
+            free_m[reach.leads_inwards(starts, direction)] = 0.0
     return free_m, length_m, starts, direction, there

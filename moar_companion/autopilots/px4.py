@@ -29,22 +29,21 @@ DEFAULTS = {
     "RTL_TYPE": 0.0,
 }
 """Parameters and their defaults in v1.17; RTL_RETURN_ALT as `init.d/rc.mc_defaults` has it."""
+_DRIFT_M = 4.5
+"""After the loss of GPS in OFFBOARD, until it lands; measured on v1.17."""
 _OFFBOARD_BIT = 4
 """Of COM_RCL_EXCEPT and COM_DLL_EXCEPT."""
 _OFFBOARD_LOSS = {
-    0: (Action.RETURN, "position mode; without sticks: return"),
-    1: (Action.RETURN, "altitude mode; without sticks: return"),
-    2: (Action.RETURN, "stabilized mode; without sticks: return"),
+    0: (None, "position mode; without sticks by NAV_RCL_ACT"),
+    1: (None, "altitude mode; without sticks by NAV_RCL_ACT"),
+    2: (None, "stabilized mode; without sticks by NAV_RCL_ACT"),
     3: (Action.RETURN, "return"),
     4: (Action.LAND, "land"),
     5: (Action.HOLD, "hold"),
     6: (Action.FALL, "terminate"),
     7: (Action.FALL, "disarm"),
 }
-"""COM_OBL_RC_ACT: what comes of it, and PX4's own word.
-
-Without sticks 0 to 2 end as NAV_RCL_ACT says, which is a return by default.
-"""
+"""COM_OBL_RC_ACT: what comes of it, None as NAV_RCL_ACT says, and PX4's own word."""
 _UNKNOWN = (Action.RETURN, "not known here, taken for a return")
 _LINK_LOSS = {
     0: Action.NONE,
@@ -63,9 +62,12 @@ _BATTERY = {
 """COM_LOW_BAT_ACT: at BAT_CRIT_THR, at BAT_EMERGEN_THR; at BAT_LOW_THR it only warns."""
 
 
-def offboard_loss(value: float) -> tuple[Action, str]:
-    """What PX4 does for a value of COM_OBL_RC_ACT, and its own word for that."""
-    return _OFFBOARD_LOSS.get(int(value), _UNKNOWN)
+def offboard_loss(value: Mapping[str, float]) -> tuple[Action, str]:
+    """What PX4 does without setpoints and sticks, and its own word for COM_OBL_RC_ACT."""
+    action, word = _OFFBOARD_LOSS.get(int(value["COM_OBL_RC_ACT"]), _UNKNOWN)
+    if action is None:
+        action = _LINK_LOSS.get(int(value["NAV_RCL_ACT"]), Action.RETURN)
+    return (Action.RETURN if action is Action.NONE else action), word
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -139,13 +141,14 @@ def actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
             home=home,
         )
     offboard = f"COM_OBL_RC_ACT {value['COM_OBL_RC_ACT']:g}"
-    lost = offboard_loss(value["COM_OBL_RC_ACT"])[0]
+    lost, _ = offboard_loss(value)
     # Setpoints of a position need one: without it the loss of OFFBOARD acts, and whatever needs a
     # position, too, falls back to a descent, which ALTCTL without sticks is as well.
     yield FailsafeAction(
         trigger=Trigger.GPS_LOSS,
         action=Action.FALL if lost is Action.FALL else Action.DESCEND,
         setting=offboard,
+        drift_m=_DRIFT_M,
     )
     yield FailsafeAction(
         trigger=Trigger.COMPANION_LOSS,

@@ -16,7 +16,7 @@ import numpy.typing as npt
 from ..site import PlanePoint, Site
 from .clearances import Clearances
 from .geometry import obstacle_distance_m, rings
-from .grid import TOLERANCE, FloatArray, Grid
+from .grid import TOLERANCE, BoolArray, FloatArray, Grid, IntArray
 from .rays import free_ahead
 
 _AROUND_M = 20.0
@@ -67,6 +67,21 @@ class Reach:
             farthest_m,
         )
         return free
+
+    def leads_inwards(self, places_m: FloatArray, directions: FloatArray) -> BoolArray:
+        """Which places (n, 2) in a keep-out come no farther from it in a direction (n, 2): (n,)."""
+        rooms_m = []
+        for ahead in (0.0, self.grid.resolution_m):
+            cells = self._cells(places_m + ahead * directions)
+            rooms_m.append(self.clearances.room_m[cells])
+        inside: BoolArray = self.blocked[self._cells(places_m)].view(np.bool_)
+        return inside & (rooms_m[1] <= rooms_m[0])
+
+    def _cells(self, places_m: FloatArray) -> tuple[IntArray, IntArray]:
+        """The indices of the cells that places (n, 2) are in; those outside, of the nearest."""
+        cells = np.floor((places_m - np.array(self.grid.lower_m)) / self.grid.resolution_m)
+        x, z = np.clip(cells, 0, np.array(self.grid.shape) - 1).astype(np.int64).T
+        return x, z
 
     def nearest(self, place_m: PlanePoint) -> str:
         """The name of the obstacle whose keep-out is the nearest to a place."""

@@ -53,6 +53,10 @@ def failsafe_findings(
     if ways and not found:
         text = "no action of the autopilot's own would hit anything on any way of this site"
         found = [Finding(level=Level.OK, subject=SUBJECT, text=text)]
+    returns = any(item.action is Action.RETURN for item in failsafes.actions)
+    if returns and failsafes.home_m is None:
+        text = "home is unknown: returns were looked at as far as they climb"
+        found.append(Finding(level=Level.WARNING, subject=SUBJECT, text=text))
     if failsafes.untold:
         text = f"not told, taken as by default: {', '.join(failsafes.untold)}"
         found.append(Finding(level=Level.WARNING, subject=SUBJECT, text=text))
@@ -82,14 +86,17 @@ def _protection(item: FailsafeAction, limits: Supervision, power: PowerModel) ->
 def _hits(planner: Planner, failsafe: Failsafes, ways: list[tuple[str, Way]]) -> str:
     """Where on each way it would hit what; empty where it hits nothing."""
     reach, found = planner.maps.reach, []
+    drift_m = max(item.drift_m for item in failsafe.actions)
     for target, way in ways:
         waypoints = way.plan.waypoints
         places_m, time_s = waypoints.position_m, waypoints.time_s
-        hit = failsafe.hit(reach, places_m)
+        drifted_m = [places_m + (x_m, 0.0) for x_m in sorted({0.0, -drift_m, drift_m}, key=abs)]
+        hit = next(filter(None, (failsafe.hit(reach, ends_m) for ends_m in drifted_m)), None)
         if hit is None:
             continue
-        exposed = failsafe.exposed(reach, places_m)
+        exposed = np.any([failsafe.exposed(reach, ends_m) for ends_m in drifted_m], axis=0)
         from_share = float(time_s[np.argmax(exposed)]) / max(1e-9, float(time_s[-1]))
         name = f"to {target}" if way.name.startswith("from ") else f"{way.name} from {target}"
         found.append(f"{hit[1].obstacle} from {from_share:.0%} of the plan {name}")
-    return f"it would hit {', '.join(found)}" if found else ""
+    drifting = f"drifting up to {drift_m:g} m " if drift_m else ""
+    return f"{drifting}it would hit {', '.join(found)}" if found else ""

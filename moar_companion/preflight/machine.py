@@ -193,7 +193,8 @@ class Preflight:
 
     def _fence(self, kind: AutopilotKind) -> list[Finding]:
         session, items = self._session, self._session.fence_items
-        fence = fence_of(kind, session.parameters, items or ())
+        names = fence_parameters(kind)
+        fence = fence_of(kind, {**dict.fromkeys(names), **session.parameters}, items or ())
         if fence is None:
             return []
         return fence_findings(

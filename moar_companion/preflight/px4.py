@@ -7,7 +7,7 @@ does when the companion dies, as measured.
 from __future__ import annotations
 
 from ..autopilots.failsafe_actions import Action
-from ..autopilots.px4 import offboard_loss
+from ..autopilots.px4 import DEFAULTS, offboard_loss
 from ..types import AutopilotKind
 from .findings import Level
 from .rules import (
@@ -44,7 +44,8 @@ _THEREFORE = {Action.RETURN: f", {CLIMBS}", Action.FALL: ": it falls"}
 
 
 def _dead_companion(value: float, case: Case) -> Verdict:
-    action, word = offboard_loss(value)
+    known = {name: told for name, told in case.parameters.items() if told is not None}
+    action, word = offboard_loss({**DEFAULTS, **known, "COM_OBL_RC_ACT": value})
     level = {Action.RETURN: Level.WARNING, Action.FALL: case.objection}
     return level.get(action, Level.OK), f"{value:g} ({word}{_THEREFORE.get(action, '')})"
 

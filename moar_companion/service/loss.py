@@ -52,6 +52,7 @@ _DEFAULTS = {
         "MPC_XY_P": 0.95,
         "MPC_Z_P": 1.0,
         "NAV_ACC_RAD": px4.DEFAULTS["NAV_ACC_RAD"],
+        "NAV_RCL_ACT": px4.DEFAULTS["NAV_RCL_ACT"],
         "RTL_CONE_ANG": px4.DEFAULTS["RTL_CONE_ANG"],
         "RTL_MIN_DIST": px4.DEFAULTS["RTL_MIN_DIST"],
         "RTL_RETURN_ALT": px4.DEFAULTS["RTL_RETURN_ALT"],
@@ -136,7 +137,7 @@ class Loss:
         gain_per_s = max(0.1, min(value["MPC_XY_P"], value["MPC_Z_P"]))
         return cls(
             kind=AutopilotKind.PX4,
-            action=px4.offboard_loss(value["COM_OBL_RC_ACT"])[0],
+            action=px4.offboard_loss(value)[0],
             timeout_s=None,
             way_s=_PX4_OVERSHOOT / gain_per_s,
             way_s2pm=_PX4_S2PM + 0.5 / brakes_mps2 - 0.5 / _PX4_HARD_MPS2,

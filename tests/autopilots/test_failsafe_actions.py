@@ -49,6 +49,10 @@ def actions(kind, trigger, **parameters):
         (Trigger.GCS_LOSS, {"NAV_DLL_ACT": 3.0, "COM_DLL_EXCEPT": 4.0}, None),
         (Trigger.GPS_LOSS, {"COM_OBL_RC_ACT": 5.0}, Action.DESCEND),
         (Trigger.COMPANION_LOSS, {"COM_OBL_RC_ACT": 4.0}, Action.LAND),
+        (Trigger.COMPANION_LOSS, {}, Action.RETURN),
+        (Trigger.COMPANION_LOSS, {"NAV_RCL_ACT": 3.0}, Action.LAND),
+        (Trigger.COMPANION_LOSS, {"NAV_RCL_ACT": 5.0}, Action.FALL),
+        (Trigger.COMPANION_LOSS, {"NAV_RCL_ACT": 0.0}, Action.RETURN),
     ],
 )
 def test_px4_does_what_its_parameters_say(trigger, parameters, action):
@@ -138,3 +142,13 @@ def test_a_return_is_looked_at_to_its_home():
     rc = found.of([Trigger.RC_LOSS])
     assert not rc.exposed(REACH, beside).any()
     assert replace(rc, home_m=(9.5, 0.0, 0.0)).exposed(REACH, beside).all()
+
+
+def test_a_landing_from_within_a_keep_out_hits_what_it_is_above():
+    """The aircraft may sag into it; from beside or below the way down leads out."""
+    landing = failsafes(PX4, COM_LOW_BAT_ACT=2.0, COM_OBL_RC_ACT=5.0, NAV_RCL_ACT=1.0)
+    reach = Reach.over(make_site(conductor(5.5, 4.5, keep_out=0.9), resolution=0.1), 0.5)
+    above_m = np.array([(5.5, 4.6 + 0.1 * n) for n in range(20)])
+    beside_m = np.array([(5.5 + side_m, 4.2) for side_m in (-0.8, 0.8)])
+    assert landing.exposed(reach, above_m).all()
+    assert not landing.exposed(reach, beside_m).any()

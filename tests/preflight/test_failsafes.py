@@ -62,19 +62,29 @@ def test_a_lost_remote_control_over_a_conductor_is_as_bad_as_configured(policy, 
 
 
 def test_motors_that_stop_are_a_no_go():
-    by_level = {item.level: item.text for item in found(PX4, NAV_RCL_ACT=5.0)}
-    assert by_level[NO_GO].startswith("RC loss, NAV_RCL_ACT 5 (stop its motors): it would hit ")
+    stops = [item.text for item in found(PX4, NAV_RCL_ACT=5.0) if item.level is NO_GO]
+    assert any(
+        text.startswith("RC loss, NAV_RCL_ACT 5 (stop its motors): it would hit ") for text in stops
+    )
 
 
 def test_what_no_parameter_mends_is_a_note():
     (finding,) = found(PX4)
     assert finding.level is NOTE
-    assert finding.text.startswith("GPS loss, COM_OBL_RC_ACT 0 (descend without a position): ")
+    assert finding.text.startswith(
+        "GPS loss, COM_OBL_RC_ACT 0 (descend without a position): drifting up to 4.5 m it would hit"
+    )
 
 
 def test_an_autopilot_that_stays_hits_nothing():
     (finding,) = found(ARDUPILOT)
     assert finding.level is OK
+
+
+def test_without_a_home_a_return_is_not_taken_for_harmless():
+    *_, finding = found(PX4, NAV_RCL_ACT=2.0)
+    assert finding.level is WARNING
+    assert finding.text.startswith("home is unknown")
 
 
 def test_what_was_not_told_is_said():

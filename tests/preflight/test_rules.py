@@ -113,13 +113,7 @@ def test_what_may_be_a_no_go_is_one_while_it_was_not_told(rules, asked):
         ("half a second on the last setpoint", "COM_OF_LOSS_T", 0.5, OK, "8.8 m at 5 m/s"),
         ("PX4's default second", "COM_OF_LOSS_T", 1.0, WARNING, "8.8 m at 5 m/s"),
         ("two seconds are long", "COM_OF_LOSS_T", 2.0, WARNING, "companion; set 0.5"),
-        (
-            "a dead companion, PX4's default",
-            "COM_OBL_RC_ACT",
-            0.0,
-            WARNING,
-            "without sticks: return",
-        ),
+        ("a dead companion, as without sticks", "COM_OBL_RC_ACT", 0.0, OK, "by NAV_RCL_ACT"),
         ("a dead companion, return", "COM_OBL_RC_ACT", 3.0, WARNING, "climbs first"),
         ("a dead companion, land", "COM_OBL_RC_ACT", 4.0, OK, "4 (land)"),
         ("a dead companion, hold", "COM_OBL_RC_ACT", 5.0, OK, "5 (hold)"),
@@ -149,6 +143,16 @@ def test_what_may_be_a_no_go_is_one_while_it_was_not_told(rules, asked):
 def test_px4(title, name, value, level, words):
     finding = of_px4(name, value)
     assert (finding.level, words in str(finding)) == (level, True), str(finding)
+
+
+@pytest.mark.parametrize(
+    ("lost", "level", "words"),
+    [(2.0, WARNING, "climbs first"), (3.0, OK, "0 (position mode"), (6.0, NO_GO, "it falls")],
+)
+def test_px4s_default_for_a_dead_companion_is_what_a_lost_transmitter_does(lost, level, words):
+    finding = of_px4("COM_OBL_RC_ACT", 0.0, NAV_RCL_ACT=lost)
+    assert finding.level is level
+    assert words in str(finding)
 
 
 def test_what_px4_does_on_a_lost_transmitter_is_no_matter_where_it_does_not_count():

@@ -57,6 +57,7 @@ PARAMETERS = {
     "MPC_XY_P": 0.95,
     "MPC_Z_P": 1.0,
     "NAV_ACC_RAD": 2.0,
+    "NAV_RCL_ACT": 2.0,
     "PSC_JERK_XY": 5.0,
     "PSC_JERK_Z": 5.0,
     "RTL_CONE_ANG": 45.0,
