@@ -90,7 +90,8 @@ def _hits(planner: Planner, failsafe: Failsafes, ways: list[tuple[str, Way]]) ->
     for target, way in ways:
         waypoints = way.plan.waypoints
         places_m, time_s = waypoints.position_m, waypoints.time_s
-        drifted_m = [places_m + (x_m, 0.0) for x_m in sorted({0.0, -drift_m, drift_m}, key=abs)]
+        asides_m = np.array([(0.0, 0.0), (-drift_m, 0.0), (drift_m, 0.0)])
+        drifted_m = [places_m + aside_m for aside_m in asides_m]
         hit = next(filter(None, (failsafe.hit(reach, ends_m) for ends_m in drifted_m)), None)
         if hit is None:
             continue

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import socket
 import struct
@@ -16,6 +17,9 @@ from .manners import Manner
 _HEARTBEAT_S: Final = 1.0
 _ANSWER_TIMEOUT_S: Final = 5.0
 """Of real time: a plan takes as long as it takes, however fast the simulator is."""
+_RESENT_S: Final = 1.5
+_MOST_SENT: Final = 4
+"""As MAVLink's command protocol asks for, where a link loses commands or answers."""
 _COMPILING_S: Final = 600.0
 _AGAIN_S: Final = 3.0
 """Of real time, too: how long the companion may compile its planner at its first start, and how
@@ -29,6 +33,7 @@ _RESULTS: Final = {
     for number, entry in mavlink.enums["MAV_RESULT"].items()
 }
 
+HOLD: Final = 0
 INSPECTION: Final = 1
 EXIT: Final = 2
 EVACUATION: Final = 3
@@ -123,10 +128,15 @@ class Operator:
             self._take(message)
 
     def command(self, name: str, number: int, *parameters: float, component: int = 1) -> None:
-        """Send a command and wait for its answer; OperatorError when it is not ACCEPTED."""
+        """Send a command, again while it is not answered; OperatorError when it is not ACCEPTED."""
         padded = (*parameters, *[0.0] * (7 - len(parameters)))
         self._answers.pop(number, None)
-        self._send(mavlink.MAVLink_command_long_message(1, component, number, 0, *padded))
+        for confirmation in range(_MOST_SENT):
+            self._send(
+                mavlink.MAVLink_command_long_message(1, component, number, confirmation, *padded)
+            )
+            if self.wait_until(lambda: number in self._answers, _RESENT_S * max(1.0, self._speed)):
+                break
         self.wait_for(
             f"an answer to {name}",
             lambda: (
@@ -215,6 +225,14 @@ class Operator:
                 self.wait_until(lambda: False, _AGAIN_S * self._speed)
             else:
                 return
+
+    def wait_compiled(self) -> None:
+        """Wait until the companion's planner is compiled, as far as that takes less than minutes.
+
+        A hold on the ground is refused for another reason then.
+        """
+        with contextlib.suppress(OperatorError):
+            self.order("hold", HOLD)
 
     def said(self, text: str) -> bool:
         """Whether the companion said something that begins so."""

@@ -57,6 +57,7 @@ class Script:
         self._wait_for("the autopilot", lambda: operator.autopilot_heard, start_s)
         operator.request_messages()
         self._wait_for("the companion", lambda: operator.companion_heard, start_s)
+        operator.wait_compiled()
         ready_s = max(start_s, self.manner.ready_timeout_s)
         self._wait_for("ready to arm", lambda: operator.ready_to_arm, ready_s)
 
@@ -82,6 +83,8 @@ class Script:
             lambda: operator.said("MOAR: every target is done") or self._battery_is_low(),
             _LONGEST_INSPECTION_S,
         )
+        if not operator.said("MOAR: at target"):
+            raise OperatorError("no target was reached before the battery was low")
         if not self._battery_is_low():
             self.say("every target is done; holding until the battery falls")
             self._wait_until(self._battery_is_low, _LONGEST_HOLD_S)

@@ -339,6 +339,7 @@ class Rig:
         """From power-on to a flight that is under way."""
         self.boot()
         self.start_service()
+        self.operator.wait_compiled()
         self.take_off()
         self.begin(INSPECTION, index)
 
