@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cache, cached_property
+from functools import cache, cached_property, partial
 from typing import Any, TypeVar
 
 _Function = TypeVar("_Function", bound=Callable[..., object])
@@ -95,12 +95,17 @@ class Kernel:
     @property
     def is_cached(self) -> bool:
         """Whether there is machine code of this source in the cache."""
-        file = self._dispatcher._cache._cache_file  # noqa: SLF001 - numba tells by loading only
-        return bool(file._load_index())  # noqa: SLF001
+        cache = self._dispatcher._cache  # noqa: SLF001 - numba tells by loading only
+        file = getattr(cache, "_cache_file", None)
+        return file is not None and bool(file._load_index())  # noqa: SLF001
 
     @cached_property
     def _dispatcher(self) -> Any:
-        return _numba().njit(nogil=True, cache=True, error_model="numpy")(self.py_func)
+        compiled = partial(_numba().njit, nogil=True, error_model="numpy")
+        try:
+            return compiled(cache=True)(self.py_func)
+        except RuntimeError:  # there is no folder that may be written: it is compiled each time
+            return compiled()(self.py_func)
 
     @property
     def _signature(self) -> Any:

@@ -84,7 +84,8 @@ def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
 def _fenced_off(answer: PlanAnswer, plan: Plan, fence: PlaneFence) -> PlanAnswer:
     """The answer that the fence alone is in the way of a plan."""
     goal_m = plan.waypoints.position_m[-1:]
-    crossed = fence.crossed(goal_m) or fence.crossed(plan.waypoints.position_m)
+    all_limits = ", ".join(bound.name for bound in fence.bounds)
+    crossed = fence.crossed(goal_m) or fence.crossed(plan.waypoints.position_m) or all_limits
     request = plan.request
     goal = request.target if isinstance(request.target, str) else request.mission.value
     short = f"{goal} outside {crossed}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import math
 import socket
 import struct
@@ -33,7 +32,6 @@ _RESULTS: Final = {
     for number, entry in mavlink.enums["MAV_RESULT"].items()
 }
 
-HOLD: Final = 0
 INSPECTION: Final = 1
 EXIT: Final = 2
 EVACUATION: Final = 3
@@ -227,12 +225,10 @@ class Operator:
                 return
 
     def wait_compiled(self) -> None:
-        """Wait until the companion's planner is compiled, as far as that takes less than minutes.
-
-        A hold on the ground is refused for another reason then.
-        """
-        with contextlib.suppress(OperatorError):
-            self.order("hold", HOLD)
+        """Wait for the companion's planner, where the companion has said that it is compiled."""
+        if any("compiling planner" in text for text in self.texts):
+            ready = "MOAR: the planner is ready"
+            self.wait_for(ready, lambda: self.said(ready), _COMPILING_S * self._speed)
 
     def said(self, text: str) -> bool:
         """Whether the companion said something that begins so."""

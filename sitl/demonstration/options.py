@@ -18,7 +18,9 @@ class _Parser(argparse.ArgumentParser):
 def parser() -> argparse.ArgumentParser:
     """The parser; its complaints are one line, with status 2."""
     made = _Parser(prog="sitl/fly", description="Fly the demonstration.")
-    made.add_argument("--headless", action="store_true", help="neither live view nor picture")
+    made.add_argument(
+        "--headless", action="store_true", help="plain lines, and the picture is not opened"
+    )
     made.add_argument("--autopilot", choices=AUTOPILOTS, help="default: px4")
     made.add_argument(
         "--real",

@@ -57,9 +57,9 @@ class Script:
         self._wait_for("the autopilot", lambda: operator.autopilot_heard, start_s)
         operator.request_messages()
         self._wait_for("the companion", lambda: operator.companion_heard, start_s)
-        operator.wait_compiled()
         ready_s = max(start_s, self.manner.ready_timeout_s)
         self._wait_for("ready to arm", lambda: operator.ready_to_arm, ready_s)
+        operator.wait_compiled()
 
     def _take_off(self) -> None:
         operator = self.operator

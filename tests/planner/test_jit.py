@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import moar_companion
+from moar_companion.planner import jit
 
 ELSEWHERE = """
 from typing import NamedTuple
@@ -64,3 +65,22 @@ def test_kernels_are_compiled_anew_where_layouts_or_constants_of_other_files_cha
     assert sorted((tmp_path / "cache").rglob("*.nbc")) == compiled
     assert run(1.0, "second", "first") == 2.0, "the fields have changed places"
     assert run(3.0, "first", "second") == 0.0, "what a called kernel knows has changed"
+
+
+class Numba:
+    """Numba where no folder may be written."""
+
+    def njit(self, *, cache=False, **_options):
+        def compiled(function):
+            if cache:
+                raise RuntimeError("cannot cache function: no locator available")
+            return function
+
+        return compiled
+
+
+def test_where_nothing_can_be_kept_a_kernel_is_compiled_each_time(monkeypatch):
+    monkeypatch.setattr(jit, "_numba", Numba)
+    kernel = jit.Kernel.__new__(jit.Kernel)
+    kernel.py_func = abs
+    assert kernel._dispatcher is abs
