@@ -229,6 +229,15 @@ def test_a_drain_of_seven_times_the_files_is_not_ignored(tells, sensor, sudden):
     assert promised_s <= left_s + (3.0 if not sudden else 10.0)
 
 
+@pytest.mark.parametrize("takes", [2.0, 3.0, 4.0])
+def test_a_drain_that_begins_late_shows_within_half_a_minute(takes):
+    aircraft = Aircraft(model_of(), tells=("remaining",), charges=(1.0,)).fly(300.0)
+    aircraft.takes = takes
+    aircraft.fly(45.0)
+    left_s = aircraft.charges[0] * 1200.0 / takes
+    assert aircraft.meter.flight_s(aircraft.model) < 1.3 * left_s
+
+
 def test_a_battery_that_falls_faster_than_the_other_is_the_measure():
     aircraft = Aircraft(model_of(), tells=("remaining",), charges=(0.9, 0.9))
     for _ in range(20):

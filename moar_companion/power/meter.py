@@ -16,7 +16,7 @@ and time.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from ..types import Battery, LandedState, LocalPosition, Telemetry
@@ -39,6 +39,12 @@ _FORGETTING_S = 120.0
 taken than that mean, what was before is forgotten as fast as a new power is measured."""
 _MARKS_S = 300.0
 _MOST_MARKS = 100
+_RECENT_S = 20.0
+_RECENT_MARKS = 4
+"""A drain that has begun shows in so many steps and so long, at least: one late step or a small
+correction is no drain."""
+_DRAINS = 1.5
+"""Of the recent steps over all, where those go first."""
 _LEAST_RATIO = 0.2
 """Measured over the file's power. Below, a sensor is dead."""
 _GREATEST_RATIO = 20.0
@@ -377,15 +383,28 @@ def _by_charge(
         if len(pack.marks) > 1 and pack.marks[-1].flown_wh >= oldest_wh
     ]
     measured = [
-        (
-            (marks[0].charge - marks[-1].charge) * model.capacity_wh,
-            flown_wh,
-            (marks[1].charge - marks[-1].charge) * model.capacity_wh,
-        )
+        max(_over(marks, model), key=lambda of: of[0] / of[1])
         for marks in marked
-        if (flown_wh := marks[-1].flown_wh - marks[0].flown_wh) > 0.0
+        if marks[-1].flown_wh > marks[0].flown_wh
     ]
     return max(measured, key=lambda of: of[0] / of[1], default=(0.0, 0.0, 0.0))
+
+
+def _over(marks: tuple[_Mark, ...], model: PowerModel) -> Iterator[tuple[float, float, float]]:
+    """The same over all marks of a battery, and over the last ones where they fall much faster."""
+    last, recent = marks[-1], marks[: 1 - _RECENT_MARKS]
+    begins = [mark for mark in recent if last.flown_wh - mark.flown_wh >= model.hover_wh(_RECENT_S)]
+    steps = [(marks[0], marks[1])]
+    if begins:
+        first = len(begins) - 1
+        steps.append((marks[first], marks[first + 1]))
+    rate = 0.0
+    for begin, sure in steps:
+        used_wh, flown_wh = (begin.charge - last.charge), last.flown_wh - begin.flown_wh
+        if used_wh > _DRAINS * rate * flown_wh:
+            rate = used_wh / flown_wh
+            sure_wh = (sure.charge - last.charge) * model.capacity_wh
+            yield used_wh * model.capacity_wh, flown_wh, sure_wh
 
 
 def _blended(
