@@ -88,6 +88,15 @@ class Fence:
     untold: tuple[str, ...] = ()
 
     @property
+    def assumption(self) -> str | None:
+        """What is not known of it; None when all was told."""
+        if not self.untold:
+            return None
+        count, names = len(self.untold), ", ".join(self.untold)
+        what = "parameter" if count == 1 else "parameters"
+        return f"{count} fence {what} not told ({names}), taken as none"
+
+    @property
     def about_home(self) -> bool:
         """Whether home has to be known to know where the fence is."""
         return any((self.circle, self.ceiling, self.floor))

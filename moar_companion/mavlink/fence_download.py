@@ -37,7 +37,10 @@ class FenceDownload:
         self.items: tuple[FenceItem, ...] | None = None
         """As last read as a whole; None before the first time."""
         self.silent = False
-        """Whether the autopilot has not answered, when it was last asked."""
+        """Whether it has not answered, when it was last asked; not while areas are known of that
+        were never read."""
+        self._counted = False
+        """Whether it has ever told how many items there are."""
         self._due_s = -math.inf
         """When to ask next: for the list, or for the same once more."""
         self._asked = 0
@@ -59,7 +62,7 @@ class FenceDownload:
             return None
         name = message.get_type()
         if name == "MISSION_COUNT" and self._count is None:
-            self._count, self._read = int(message.count), []
+            self._count, self._read, self._counted = int(message.count), [], True
         elif name == "MISSION_ITEM_INT" and self._count and message.seq == len(self._read):
             self._read.append(
                 FenceItem(
@@ -89,7 +92,7 @@ class FenceDownload:
         if now_s < self._due_s:
             return None
         if self._asked == _MAX_REQUESTS:
-            self.silent = True
+            self.silent = self.items is not None or not self._counted
             self._end(now_s + _PERIOD_S)
             return None
         self._asked += 1

@@ -345,7 +345,7 @@ class Companion:
             items = self._session.fence_items
             if items is None and self._session.fence_silent:
                 items = ()
-            self._conduct.course.learn_fence(kind, parameters, items, home_m)
+            self._conduct.course.learn_fence(kind, parameters, items, home_m, now_s)
             self._conduct.course.learn_loss(
                 kind, self._session.parameters, self._surroundings.home_m, now_s
             )

@@ -121,11 +121,17 @@ class Course:
         parameters: Mapping[str, float | None],
         items: tuple[FenceItem, ...] | None,
         home_m: Vector | None,
+        now_s: float,
     ) -> None:
-        """Take in the autopilot's fence. items: as uploaded; None while that is not known."""
-        before = self._fences.plane
+        """Take in the autopilot's fence; say once which of its parameters were never told.
+
+        items: as uploaded; None while that is not known.
+        """
+        before, assumption = self._fences.plane, self._fences.assumption
         self._fences.learn(kind, parameters, items, home_m)
         plane = self._fences.plane
+        if self._fences.assumption and self._fences.assumption != assumption:
+            self._reports.say(Severity.WARNING, self._fences.assumption, now_s)
         if self._ground is None or plane == before:
             return
         height_m = self._vehicle.guidance.landing_height_m

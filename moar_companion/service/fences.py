@@ -39,6 +39,8 @@ class FenceWatch:
         """In the site's plane; None where there is no fence, or none is known."""
         self.reluctance: str | None = _UNREAD
         """Why nothing may be begun yet; None once it is known where the fence is."""
+        self.assumption: str | None = None
+        """What the autopilot has not told of it; None while it is still asked for, too."""
 
     def learn(
         self,
@@ -57,6 +59,7 @@ class FenceWatch:
         if fence is None or (fence, home_m) == self._looked_at:
             return
         self._looked_at = (fence, home_m)
+        self.assumption = fence.assumption
         if fence.about_home and home_m is None:
             self.reluctance = self.reluctance and _NO_HOME
             return

@@ -102,6 +102,25 @@ def test_an_autopilot_that_never_answers_is_silent_and_asked_again_later():
     assert not download.silent
 
 
+def test_one_that_tells_of_items_but_none_of_them_leaves_its_fence_unknown():
+    download = FenceDownload()
+    download.next_request(AUTOPILOT, 0.0)
+    download.hear(count(4), AUTOPILOT, 0.0)
+    for second in range(60):
+        download.next_request(AUTOPILOT, float(second))
+    assert download.items is None
+    assert not download.silent
+
+
+def test_one_that_falls_silent_after_it_was_read_is_silent_with_what_is_known():
+    download = FenceDownload()
+    read(download)
+    for second in range(10, 22):
+        download.next_request(AUTOPILOT, float(second))
+    assert download.silent
+    assert len(download.items) == 3
+
+
 def test_one_that_is_busy_is_asked_again_soon():
     download = FenceDownload()
     download.next_request(AUTOPILOT, 0.0)

@@ -93,6 +93,7 @@ class Desk:
         plan_delay_s=0.04,
         before=None,
         wind_mps=None,
+        fence_items=0,
         **config,
     ):
         self.planner = planner or usual_planner()
@@ -129,6 +130,8 @@ class Desk:
         self.position_boot_s = None
         """The clock in LOCAL_POSITION_NED when it stands still."""
         self.parameters = dict(PARAMETERS)
+        self.fence_items = fence_items
+        """How many the autopilot tells of; it sends none."""
         self.battery_percent, self.charge_state = 90, 1
         self.fix_type, self.receiver_accuracy_m = 3, 0.9
         self.accuracy_m, self.wind_mps = None, wind_mps
@@ -207,8 +210,10 @@ class Desk:
                 if message.get_type() == "PARAM_REQUEST_READ":
                     self.tell_parameter(message.param_id)
                 if message.get_type() == "MISSION_REQUEST_LIST":
-                    none = mavlink.MAVLink_mission_count_message(1, 195, 0, message.mission_type)
-                    self.hear(self.autopilot.pack(none))
+                    count = mavlink.MAVLink_mission_count_message(
+                        1, 195, self.fence_items, message.mission_type
+                    )
+                    self.hear(self.autopilot.pack(count))
                 asked = message.get_type() == "TIMESYNC" and message.tc1 == 0
                 if asked and "TIMESYNC" not in self.mute:
                     clock_ns = round(self.boot_s * 1e9)

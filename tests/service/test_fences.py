@@ -21,6 +21,8 @@ from moar_companion.site import Site
 from moar_companion.types import AutopilotKind, Mission
 from moar_companion.vehicle import Vehicle
 
+from .desk import INSPECTION, TEMPORARILY_REJECTED, Desk
+
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
 FRAME = SITE.frame
@@ -160,6 +162,24 @@ def test_what_is_asked_for_again_stays_what_it_was():
     assert watch.reluctance is None
     watch.learn(AutopilotKind.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), HOME_M)
     assert watch.plane is None
+
+
+def test_a_fence_whose_parameters_were_never_told_is_taken_as_none_and_told_once():
+    desk = Desk()
+    for name in ("GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"):
+        del desk.parameters[name]
+    desk.run(2.0).order(INSPECTION).run(0.5)
+    assert desk.answers() == [TEMPORARILY_REJECTED]
+    assert not desk.said("fence parameters")
+    desk.run(10.0)
+    assert desk.texts().count("MOAR: 2 fence parameters not told, taken as none") == 1
+
+
+def test_a_fence_with_items_that_cannot_be_read_is_not_taken_as_none():
+    desk = Desk(fence_items=4)
+    desk.run(20.0).order(INSPECTION).run(0.5)
+    assert desk.answers() == [TEMPORARILY_REJECTED]
+    assert desk.said("the autopilot's fence is not read, rejected")
 
 
 def test_a_wider_obstacle_within_a_fence_has_a_planner_of_its_own():
