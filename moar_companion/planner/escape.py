@@ -13,6 +13,7 @@ import numpy as np
 
 from ..site import PlanePoint, Site
 from ..vehicle import Vehicle
+from .fence import PlaneFence
 from .geometry import rings
 from .grid import TOLERANCE, FloatArray
 from .legs import leg_clearances
@@ -42,18 +43,23 @@ def escape_leg(site: Site, maps: Maps, start_m: PlanePoint) -> PlanePoint | None
         clearance = obstacle_clearance_m(site, places_m)
         # Infinite without obstacles: then nothing decreases.
         away = (clearance[1:] >= clearance[:-1] - TOLERANCE).all()
-        if away and _stays_inside(maps, places_m):
+        if away and _stays_inside(maps.fence, places_m):
             return float(centres[index, 0]), float(centres[index, 1])
     return None
 
 
 def recovery_leg(
-    site: Site, vehicle: Vehicle, maps: Maps, start_m: PlanePoint, widened_m: float = 0.0
+    site: Site,
+    vehicle: Vehicle,
+    maps: Maps,
+    start_m: PlanePoint,
+    widened_m: float = 0.0,
+    fence: PlaneFence | None = None,
 ) -> PlanePoint | None:
     """The centre of the free cell at the end of the recovery leg; None if there is no such leg.
 
     start_m: outside the workspace, no farther than `recovery_m`, and not below it.
-    widened_m: what the distance from obstacles grows by.
+    widened_m: what the distance from obstacles grows by. fence: where the maps are without one.
     """
     workspace, low_m = site.workspace, site.workspace.min_altitude_m
     if start_m[1] < workspace.lower_m[1]:
@@ -65,6 +71,9 @@ def recovery_leg(
     grid, start = maps.grid, np.array(start_m)
     cells = np.argwhere(~maps.occupied & (maps.room_m >= widened_m))
     centres = np.array(grid.lower_m) + (cells + 0.5) * grid.resolution_m
+    fence = fence or maps.fence
+    if fence is not None:
+        centres = centres[fence.holds(centres)]
     nearest = np.argsort(np.hypot(*(centres - start).T), kind="stable")
     vertices_m, first, radius_m, keep_out_m = rings(site.obstacles)
     for begin in range(0, len(nearest), _BATCH):
@@ -72,7 +81,7 @@ def recovery_leg(
         room_m = leg_clearances(ends, start, vertices_m, first, radius_m) - keep_out_m
         free = room_m.min(axis=1, initial=np.inf) >= vehicle.radius_m + widened_m - TOLERANCE
         for end in ends[free]:
-            if _stays_inside(maps, _samples(maps, start, end)):
+            if _stays_inside(fence, _samples(maps, start, end)):
                 return float(end[0]), float(end[1])
     return None
 
@@ -85,9 +94,9 @@ def _samples(maps: Maps, start_m: FloatArray, end_m: FloatArray) -> FloatArray:
     return along
 
 
-def _stays_inside(maps: Maps, places_m: FloatArray) -> bool:
+def _stays_inside(fence: PlaneFence | None, places_m: FloatArray) -> bool:
     """Returns whether a way through places (n, 2) never leads out of the autopilot's fence."""
-    if maps.fence is None:
+    if fence is None:
         return True
-    inside = maps.fence.holds(places_m)
+    inside = fence.holds(places_m)
     return bool((inside[1:] >= inside[:-1]).all())

@@ -167,11 +167,14 @@ class Airspace:
             return None
         points_m = [vector(point) for point in approach_m(place_m)]
         if self.site.workspace.outside_m((x_m, z_m)):
-            end_m = recovery_leg(self.site, self.vehicle, self.maps, (x_m, z_m), widened_m)
+            start_m = (x_m, z_m)
+            end_m = recovery_leg(
+                self.site, self.vehicle, self.maps, start_m, widened_m, self.fence
+            )
             if end_m is None:
                 return None
             points_m.append((end_m[0], 0.0, end_m[1]))
-        return CheckedLeg(points_m=tuple(points_m), room_m=math.inf)
+        return CheckedLeg(points_m=tuple(points_m), room_m=math.inf, leads_in=True)
 
     def strays(self, pose: Pose, legs: tuple[CheckedLeg, ...]) -> str | None:
         """How far the aircraft is too low, or outside the workspace or plane; None where it may be.

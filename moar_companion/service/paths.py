@@ -25,7 +25,7 @@ _BESIDE_M = 1.0
 class CheckedLeg:
     """A leg through what is not free. room_m: from the hull on it to the nearest keep-out.
 
-    leads_in: an escape leg, which may begin outside the autopilot's fence.
+    leads_in: an escape or recovery leg, which may begin outside the autopilot's fence.
     """
 
     points_m: Corridor

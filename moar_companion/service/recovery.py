@@ -18,7 +18,7 @@ from .flight import Flight
 from .motion import Pose
 from .reports import Reports
 
-_OUTSIDE = frozenset({"geofence", "off_path"})
+_OUTSIDE = frozenset({"fence", "geofence", "off_path"})
 """The conditions that a way back ends, and so do not stand against it."""
 _AGAIN_S = 5.0
 """Between two searches for a way back."""
@@ -53,6 +53,7 @@ class Recovery:
         held = any(
             item.condition.action >= Action.HOLD and item.condition.name not in _OUTSIDE
             for item in ruling.conditions
+            if not item.overridden
         )
         if flight.returns:
             if held:

@@ -1,0 +1,99 @@
+"""Blown off: what the setpoint does, and the way back, without an aircraft that flies."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from moar_companion.mission.conditions import CONDITIONS
+from moar_companion.mission.states import MissionState
+from moar_companion.mission.supervisor import Acting, Ruling
+from moar_companion.mission.values import MissionStatus
+from moar_companion.planner.fence import Bound, PlaneFence
+from moar_companion.service.airspace import Airspace
+from moar_companion.service.flight import Flight
+from moar_companion.service.loss import Loss, loss_parameters
+from moar_companion.service.motion import Pose
+from moar_companion.service.recovery import Recovery
+from moar_companion.types import AutopilotKind
+
+from .desk import STEP_S, usual_planner
+
+PX4 = Loss.told(AutopilotKind.PX4, dict.fromkeys(loss_parameters(AutopilotKind.PX4)))
+RIGHT_M = usual_planner().site.workspace.upper_m[0]
+FENCE = PlaneFence(
+    bounds=(Bound(name="GF_MAX_HOR_DIST 14 m", x_m=((-1e3, RIGHT_M - 3.0),)),), margin_m=1.5
+)
+
+
+class Silent:
+    """Reports that nobody reads."""
+
+    def say(self, *_, **__):
+        pass
+
+
+def airspace(**changes):
+    planner = usual_planner()
+    plain = Airspace(site=planner.site, vehicle=planner.vehicle, maps=planner.maps, loss=PX4)
+    return replace(plain, **changes)
+
+
+def pose(x_m, z_m, speed_mps=0.0):
+    return Pose(position_m=(x_m, 0.0, z_m), velocity_mps=(speed_mps, 0.0, 0.0), yaw_rad=0.0)
+
+
+def place_m(flight):
+    return tuple(flight._reference.position_m.tolist())
+
+
+def at_rest(flight, seconds=1.6):
+    """The aircraft stands at its setpoint for a while."""
+    here = replace(pose(0.0, 0.0), position_m=place_m(flight))
+    for _ in range(round(seconds / STEP_S)):
+        flight.advance(here, STEP_S, holds=True)
+    return here
+
+
+def blown_off(fence):
+    flight = Flight(airspace(fence=fence), pose(RIGHT_M - 6.0, 10.0))
+    flight.advance(pose(RIGHT_M + 8.0, 10.0, 3.0), STEP_S, holds=True)
+    here = at_rest(flight)
+    assert flight.is_carried_off
+    return flight, here
+
+
+def acting(name, *, overridden=False):
+    row = next(item for item in CONDITIONS if item.name == name)
+    return Acting(condition=row, since_s=0.0, reason="", overridden=overridden, lasts=True)
+
+
+@pytest.mark.parametrize("fence", [None, FENCE])
+@pytest.mark.parametrize(
+    ("conditions", "returns"),
+    [
+        ((), True),
+        ((acting("fence"), acting("geofence")), True),
+        ((acting("wind", overridden=True),), True),
+        ((acting("wind"),), False),
+    ],
+)
+def test_it_comes_back_where_nothing_but_its_place_stands_against_it(fence, conditions, returns):
+    flight, here = blown_off(fence)
+    status = MissionStatus(state=MissionState.HOLDING)
+    Recovery(Silent()).act(flight, here, status, Ruling(conditions=conditions), 0.0, 100.0)
+    assert flight.returns is returns
+
+
+def test_the_way_back_leads_into_the_fence_and_the_gate_lets_it_pass():
+    flight, here = blown_off(FENCE)
+    assert flight.come_back(0.0)
+    assert flight.leaves_fence() is None
+    for _ in range(round(90.0 / STEP_S)):
+        flight.advance(here, STEP_S, holds=True)
+        setpoint = flight._setpoint()
+        assert flight.refusal(setpoint, 1.0, 0.0) is None
+        here = replace(here, position_m=setpoint.position_m)
+    assert FENCE.holds(np.array([place_m(flight)])[:, ::2]).all()
