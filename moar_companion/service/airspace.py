@@ -55,7 +55,7 @@ class Airspace:
         x_m, _, z_m = start_m
         workspace, speed = self.site.workspace, self.vehicle.speed
         outside = workspace.outside_m((x_m, z_m)) > 0.0 and z_m >= workspace.lower_m[1]
-        recovers = outside and self._may_be_carried_to(start_m)
+        recovers = outside and self._may_be_carried_to(start_m, math.inf)
         return speed.horizontal_mps if recovers else speed.min_mps
 
     def widened(self, reach: Reach | None) -> Airspace:
@@ -137,22 +137,34 @@ class Airspace:
         setpoint, aircraft = np.array(setpoint_m), np.array(aircraft_m)
         line = setpoint - aircraft
         length_m = float(np.sqrt(line @ line))
-        low_m = self.site.workspace.min_altitude_m
-        least_m = -math.inf if low_m is None else min(low_m, setpoint_m[2])
+        least_m = self._least_m(setpoint_m[2])
         for at_m in np.arange(leash_m, length_m, 0.5 * self.maps.grid.resolution_m):
             x_m, y_m, z_m = vector(aircraft + at_m / length_m * line)
             place_m = (x_m, y_m, max(z_m, least_m))
-            if math.dist(place_m, aircraft_m) < length_m and self._may_be_carried_to(place_m):
+            if math.dist(place_m, aircraft_m) < length_m and self._may_be_carried_to(
+                place_m, least_m
+            ):
                 return place_m
         return None
 
-    def _may_be_carried_to(self, place_m: Vector) -> bool:
-        """Whether a place keeps every keep-out, also outside the workspace, and is not too low."""
+    def _least_m(self, from_z_m: float) -> float:
+        """How low a setpoint may be carried from a height: no lower, where that is too low."""
+        low_m = self.site.workspace.min_altitude_m
+        return -math.inf if low_m is None else min(low_m, from_z_m)
+
+    def _may_be_carried_to(self, place_m: Vector, from_z_m: float) -> bool:
+        """Whether a place keeps every keep-out, also outside the workspace, and is not too low.
+
+        from_z_m: the height from which it is carried.
+        """
         x_m, _, z_m = place_m
-        cell, low_m = self.maps.grid.cell_of((x_m, z_m)), self.site.workspace.min_altitude_m
-        if cell is not None and self.maps.occupied[cell]:
+        if z_m < self._least_m(from_z_m):
             return False
-        if low_m is not None and z_m < low_m:
+        grid, low_m = self.maps.grid, self.site.workspace.min_altitude_m
+        cell = grid.cell_of((x_m, z_m))
+        # Cells whose centres are too low are occupied, too.
+        low = low_m is not None and z_m < low_m + 0.5 * grid.resolution_m
+        if cell is not None and self.maps.occupied[cell] and not low:
             return False
         place = np.array([[x_m, z_m]])
         return all(
@@ -203,15 +215,16 @@ class Airspace:
         *,
         plane_tolerance_m: float,
         widened_m: float,
-        carried: bool = False,
+        carried_from_z_m: float | None = None,
     ) -> str | None:
         """Why a setpoint must not be where it is; None when it may.
 
-        widened_m: what the distance from obstacles grows by for a setpoint that moves. carried:
-        at rest it may be wherever a wind can have carried it.
+        widened_m: what the distance from obstacles grows by for a setpoint that moves.
+        carried_from_z_m: at rest it may be wherever a wind can have carried it from that height;
+        None where none has.
         """
         if any(setpoint.velocity_mps):
-            carried = False
+            carried_from_z_m = None
             legs = tuple(leg for leg in legs if leg.has_room(widened_m))
             crossed = self.leaves_fence(np.array([setpoint.position_m]))
             if crossed is not None and not any(
@@ -222,7 +235,11 @@ class Airspace:
                 return f"the setpoint is outside {crossed}"
         x_m, _, z_m = setpoint.position_m
         finite = math.isfinite(x_m) and math.isfinite(z_m)
-        if carried and finite and self._may_be_carried_to(setpoint.position_m):
+        if (
+            finite
+            and carried_from_z_m is not None
+            and self._may_be_carried_to(setpoint.position_m, carried_from_z_m)
+        ):
             return None
         return refusal(
             setpoint.position_m,

@@ -24,12 +24,14 @@ class Drift:
 
     from_m: where the setpoint was when the aircraft began to take it along; None while it holds.
     moved_to_m: where the aircraft is that has just moved it. carried: it stands where it was taken.
-    returns: it comes back by a recovery leg. rested_s: how long the aircraft is at rest.
+    lowest_m: the height from which it was taken, and below which it is taken nowhere that is too
+    low. returns: it comes back by a recovery leg. rested_s: how long the aircraft is at rest.
     """
 
     from_m: Vector | None = None
     moved_to_m: Vector | None = None
     carried: bool = False
+    lowest_m: float = math.inf
     returns: bool = False
     rested_s: float = 0.0
 

@@ -390,8 +390,13 @@ class Flight:
             self._airspace.trajectory(standing(moved_m)), moved_m
         ).stood(moved_m)
         self._legs, self._region_corner = (), None
-        from_m = place_m if self._drift.from_m is None else self._drift.from_m
-        self._drift = Drift(from_m=from_m, moved_to_m=pose.position_m, carried=True)
+        drift = self._drift
+        self._drift = Drift(
+            from_m=place_m if drift.from_m is None else drift.from_m,
+            moved_to_m=pose.position_m,
+            carried=True,
+            lowest_m=min(drift.lowest_m, place_m[2]),
+        )
 
     def _fade_mps(self) -> float:
         """How fast the setpoint may come back to the path that was moved under it."""
@@ -454,7 +459,7 @@ class Flight:
             self._legs,
             plane_tolerance_m=plane_tolerance_m,
             widened_m=widened_m,
-            carried=self._drift.carried,
+            carried_from_z_m=self._drift.lowest_m if self._drift.carried else None,
         )
 
     def rests_m(

@@ -12,6 +12,7 @@ from moar_companion.mission.states import MissionState
 from moar_companion.mission.supervisor import Acting, Ruling
 from moar_companion.mission.values import MissionStatus
 from moar_companion.planner.fence import Bound, PlaneFence
+from moar_companion.planner.planner import Planner
 from moar_companion.service.airspace import Airspace
 from moar_companion.service.flight import Flight
 from moar_companion.service.loss import Loss, loss_parameters
@@ -26,6 +27,14 @@ RIGHT_M = usual_planner().site.workspace.upper_m[0]
 FENCE = PlaneFence(
     bounds=(Bound(name="GF_MAX_HOR_DIST 14 m", x_m=((-1e3, RIGHT_M - 3.0),)),), margin_m=1.5
 )
+
+
+def within(min_altitude_m):
+    """The usual airspace with a least altitude."""
+    planner = usual_planner()
+    workspace = replace(planner.site.workspace, min_altitude_m=min_altitude_m)
+    site = replace(planner.site, workspace=workspace)
+    return airspace(site=site, maps=Planner(site, planner.vehicle).maps)
 
 
 class Silent:
@@ -97,3 +106,27 @@ def test_the_way_back_leads_into_the_fence_and_the_gate_lets_it_pass():
         assert flight.refusal(setpoint, 1.0, 0.0) is None
         here = replace(here, position_m=setpoint.position_m)
     assert FENCE.holds(np.array([place_m(flight)])[:, ::2]).all()
+
+
+@pytest.mark.parametrize("x_m", [RIGHT_M - 4.0, RIGHT_M + 8.0])
+@pytest.mark.parametrize(("blown_z_m", "carried_z_m"), [(4.5, 4.5), (3.0, 4.5), (6.0, 6.0)])
+def test_below_the_least_altitude_it_is_taken_along_no_lower(x_m, blown_z_m, carried_z_m):
+    """As from the end of a landing leg."""
+    flight = Flight(within(5.0), pose(x_m, 4.5))
+    flight.advance(pose(x_m + 4.0, blown_z_m, 3.0), STEP_S, holds=True)
+    for step in range(200):
+        flight.advance(pose(x_m + 4.0 + 0.05 * step, blown_z_m, 3.0), STEP_S, holds=True)
+        assert flight.refusal(flight._setpoint(), 1.0, 0.0) is None
+    assert flight.error_m(pose(x_m + 13.95, blown_z_m)) <= 2.0
+    assert place_m(flight)[2] == pytest.approx(carried_z_m, abs=0.5)
+    assert place_m(flight)[2] >= 4.5
+    at_rest(flight)
+    assert flight.refusal(flight._setpoint(), 1.0, 0.0) is None
+
+
+def test_what_is_carried_from_above_the_least_altitude_is_refused_below_it():
+    flight = Flight(within(5.0), pose(RIGHT_M - 6.0, 8.0))
+    flight.advance(pose(RIGHT_M + 8.0, 3.0, 3.0), STEP_S, holds=True)
+    assert place_m(flight)[2] >= 5.0
+    lower = replace(flight._setpoint(), position_m=(RIGHT_M + 8.0, 0.0, 4.5))
+    assert flight.refusal(lower, 1.0, 0.0) is not None
