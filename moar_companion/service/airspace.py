@@ -15,7 +15,9 @@ from ..guidance.trajectory import FloatArray, PathPoints, Trajectory, make_traje
 from ..mission.gate import distance_m, refusal
 from ..planner.escape import recovery_leg
 from ..planner.fence import PlaneFence
-from ..planner.geometry import obstacle_distance_m
+from ..planner.geometry import obstacle_distance_m, rings
+from ..planner.grid import TOLERANCE, BoolArray
+from ..planner.legs import leg_clearances
 from ..planner.maps import Maps
 from ..planner.reach import Reach
 from ..site import Site
@@ -132,20 +134,35 @@ class Airspace:
         """Where the setpoint is, at rest, that an aircraft takes along at a distance.
 
         That is on the straight between the two, as near to the aircraft as `leash_m` allows, where
-        it may be; None where that is nowhere nearer than it is.
+        it may be and from where the way back to it is free; else nearer, at last where the aircraft
+        is. None where that is nowhere nearer than it is.
         """
         setpoint, aircraft = np.array(setpoint_m), np.array(aircraft_m)
         line = setpoint - aircraft
         length_m = float(np.sqrt(line @ line))
-        least_m = self._least_m(setpoint_m[2])
-        for at_m in np.arange(leash_m, length_m, 0.5 * self.maps.grid.resolution_m):
-            x_m, y_m, z_m = vector(aircraft + at_m / length_m * line)
-            place_m = (x_m, y_m, max(z_m, least_m))
+        step_m, least_m = 0.5 * self.maps.grid.resolution_m, self._least_m(setpoint_m[2])
+        nearer_m = np.arange(leash_m - step_m, 0.0, -step_m)
+        at_m = np.concatenate([np.arange(leash_m, length_m, step_m), nearer_m, [0.0]])
+        places = aircraft + (at_m / length_m)[:, None] * line
+        places[:, 2] = np.maximum(places[:, 2], least_m)
+        for place_m in map(vector, places[self._leads_back(places, aircraft)]):
             if math.dist(place_m, aircraft_m) < length_m and self._may_be_carried_to(
                 place_m, least_m
             ):
                 return place_m
         return None
+
+    def _leads_back(self, places_m: FloatArray, aircraft_m: FloatArray) -> BoolArray:
+        """From which places (n, 3) the straight to the aircraft keeps every keep-out: (n,).
+
+        Of one in which the aircraft is, it comes no nearer to the obstacle.
+        """
+        vertices_m, first, radius_m, keep_out_m = rings(self.site.obstacles)
+        least_m = keep_out_m + self.vehicle.radius_m
+        ends_m = np.stack([aircraft_m[::2], *places_m[:, ::2]])
+        clear_m = leg_clearances(ends_m, ends_m[0], vertices_m, first, radius_m)
+        kept = clear_m[1:] >= np.minimum(clear_m[0], least_m) - TOLERANCE
+        return np.asarray(kept.all(axis=1))
 
     def _least_m(self, from_z_m: float) -> float:
         """How low a setpoint may be carried from a height: no lower, where that is too low."""

@@ -20,6 +20,7 @@ from moar_companion.service.motion import Pose
 from moar_companion.service.recovery import Recovery
 from moar_companion.types import AutopilotKind
 
+from ..planner.problems import conductor
 from .desk import STEP_S, usual_planner
 
 PX4 = Loss.told(AutopilotKind.PX4, dict.fromkeys(loss_parameters(AutopilotKind.PX4)))
@@ -130,3 +131,34 @@ def test_what_is_carried_from_above_the_least_altitude_is_refused_below_it():
     assert place_m(flight)[2] >= 5.0
     lower = replace(flight._setpoint(), position_m=(RIGHT_M + 8.0, 0.0, 4.5))
     assert flight.refusal(lower, 1.0, 0.0) is not None
+
+
+WIRE_M = (2.0, 10.0)
+
+
+def past_a_wire():
+    planner = usual_planner()
+    wire = conductor(*WIRE_M, radius=0.0175, keep_out=0.9, name="wire")
+    site = replace(planner.site, obstacles=(wire,))
+    return airspace(site=site, maps=Planner(site, planner.vehicle).maps)
+
+
+@pytest.mark.parametrize(
+    ("aircraft_x_m", "carried_x_m"), [(8.0, 5.0), (5.0, 4.25), (-10.0, -7.0), (-1.0, -0.25)]
+)
+def test_the_way_back_to_the_aircraft_passes_no_conductor(aircraft_x_m, carried_x_m):
+    """Blown past it by a little more or less than the leash of 3 m."""
+    space = past_a_wire()
+    from_x_m = 2.0 * WIRE_M[0] - aircraft_x_m
+    place = space.carried_m((from_x_m, 0.0, 10.0), (aircraft_x_m, 0.0, 10.0), 3.0)
+    least_m = 0.9 + 0.0175 + space.vehicle.radius_m
+    assert abs(place[0] - WIRE_M[0]) >= least_m
+    assert place[0] == pytest.approx(carried_x_m, abs=1.0)
+    assert (place[0] - WIRE_M[0]) * (aircraft_x_m - WIRE_M[0]) > 0.0
+
+
+def test_out_of_a_keep_out_it_is_carried_on_the_aircrafts_side_alone():
+    space = past_a_wire()
+    inside = (WIRE_M[0] + 0.9, 0.0, 10.0)
+    assert space.carried_m((12.0, 0.0, 10.0), inside, 3.0) == pytest.approx((5.9, 0.0, 10.0))
+    assert space.carried_m((-8.0, 0.0, 10.0), inside, 3.0) is None
