@@ -233,18 +233,19 @@ class Airspace:
         plane_tolerance_m: float,
         widened_m: float,
         carried_from_z_m: float | None = None,
+        brakes: bool = False,
     ) -> str | None:
         """Why a setpoint must not be where it is; None when it may.
 
         widened_m: what the distance from obstacles grows by for a setpoint that moves.
         carried_from_z_m: at rest it may be wherever a wind can have carried it from that height;
-        None where none has.
+        None where none has. brakes: it comes to rest, which it may outside the fence, too.
         """
         if any(setpoint.velocity_mps):
             carried_from_z_m = None
             legs = tuple(leg for leg in legs if leg.has_room(widened_m))
             crossed = self.leaves_fence(np.array([setpoint.position_m]))
-            if crossed is not None and not any(
+            if crossed is not None and not brakes and not any(
                 leg.leads_in
                 and distance_m(setpoint.position_m, leg.points_m) <= self.corridor_width_m
                 for leg in legs

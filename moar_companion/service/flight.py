@@ -167,15 +167,19 @@ class Flight:
 
     def learn_loss(self, loss: Loss) -> None:
         """Go on no faster than what the autopilot now does without us allows."""
-        self._airspace = airspace = replace(self._airspace, loss=loss)
+        self._go_on_in(replace(self._airspace, loss=loss))
+
+    def learn_fence(self, fence: PlaneFence | None) -> None:
+        """Take in where the autopilot's fence now is, and go on no faster than it allows."""
+        self._go_on_in(replace(self._airspace, fence=fence))
+
+    def _go_on_in(self, airspace: Airspace) -> None:
+        """Fly the same path in an airspace that may allow less speed."""
+        self._airspace = airspace
         trajectory = self._reference.trajectory.capped(
             airspace.speed_cap_mps, self._vehicle.guidance.acceleration_mps2
         )
         self._reference = replace(self._reference, trajectory=trajectory)
-
-    def learn_fence(self, fence: PlaneFence | None) -> None:
-        """Take in where the autopilot's fence now is."""
-        self._airspace = replace(self._airspace, fence=fence)
 
     def leaves_fence(self) -> str | None:
         """The limit of the autopilot's fence that its path ahead crosses; None: none.
@@ -460,6 +464,7 @@ class Flight:
             plane_tolerance_m=plane_tolerance_m,
             widened_m=widened_m,
             carried_from_z_m=self._drift.lowest_m if self._drift.carried else None,
+            brakes=self.braked,
         )
 
     def rests_m(

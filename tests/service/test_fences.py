@@ -13,6 +13,7 @@ from shapely.geometry import Polygon
 
 from moar_companion.autopilots.fence import Area, Fence, Limit
 from moar_companion.config import shipped_configs
+from moar_companion.planner.fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
 from moar_companion.service.fences import FenceWatch, fenced, plane_fence
 from moar_companion.service.jobs import PlanJob, answer_job
@@ -21,7 +22,7 @@ from moar_companion.site import Site
 from moar_companion.types import AutopilotKind, Mission
 from moar_companion.vehicle import Vehicle
 
-from .desk import INSPECTION, TEMPORARILY_REJECTED, Desk
+from .desk import INSPECTION, STEP_S, TEMPORARILY_REJECTED, Desk
 
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
@@ -180,6 +181,42 @@ def test_a_fence_with_items_that_cannot_be_read_is_not_taken_as_none():
     desk.run(20.0).order(INSPECTION).run(0.5)
     assert desk.answers() == [TEMPORARILY_REJECTED]
     assert desk.said("the autopilot's fence is not read, rejected")
+
+
+def flown_with_a_fence(**fence):
+    """In an inspection, flying, when the fence is set."""
+    desk = Desk(height_m=5.0, wind_mps=2.0).set(accuracy_m=0.3)
+    desk.run(1.0).tell_home(27.0).come_to("flying").run(3.0)
+    assert any((desk.setpoints()[-1].vx, desk.setpoints()[-1].vy, desk.setpoints()[-1].vz))
+    return desk.set_parameters(**fence)
+
+
+def test_a_fence_that_is_tightened_behind_the_aircraft_holds_it_until_it_is_widened():
+    """At rest within the acceleration, and not by the gate, which would wait for an order."""
+    desk = flown_with_a_fence(GF_MAX_VER_DIST=5.0)
+    began_s = desk.now_s
+    desk.run(3.0)
+    assert desk.state == "holding"
+    assert desk.said("fence GF_MAX_VER_DIST 5 m, holding")
+    assert not desk.said("setpoint")
+    speeds = [np.hypot(m.vx, np.hypot(m.vy, m.vz)) for m in desk.setpoints(began_s)]
+    assert speeds[-1] == 0.0
+    braking_mps2 = desk.vehicle.guidance.acceleration_mps2
+    assert max(-np.diff(speeds)) <= 2.0 * braking_mps2 * STEP_S
+    desk.set_parameters(GF_MAX_VER_DIST=0.0).run_until("flying", 5.0)
+
+
+def test_towards_a_fence_that_is_drawn_nearer_it_slows_down():
+    desk = flown_with_a_fence(GF_ACTION=2.0)
+    flight = desk.companion._conduct.course.flight
+    rest_m, _ = flight.rest()
+    ahead_m = float(rest_m[:, 2].max())
+    before = flight._reference.trajectory.speed_mps.copy()
+    bound = Bound(name="near", z_m=(0.0, ahead_m - 0.2))
+    flight.learn_fence(PlaneFence(bounds=(bound,), margin_m=0.0))
+    after = flight._reference.trajectory.speed_mps
+    assert (after <= before).all()
+    assert (after < before - 0.05).any()
 
 
 def test_a_wider_obstacle_within_a_fence_has_a_planner_of_its_own():
