@@ -111,11 +111,16 @@ def motion_refusal(
 
 def distance_m(point_m: Vector, corridor_m: Corridor) -> float:
     """Distance from a point to a line through points, of which there is at least one."""
-    point, line = np.array(point_m), np.array(corridor_m)
+    return float(distances_m(np.array([point_m]), corridor_m)[0])
+
+
+def distances_m(points_m: Distances, corridor_m: Corridor) -> Distances:
+    """The same from points (n, 3): (n,)."""
+    points, line = points_m[:, None], np.array(corridor_m)
+    if len(line) == 1:
+        line = np.concatenate([line, line])
     starts, along = line[:-1], np.diff(line, axis=0)
-    if not len(along):
-        return math.dist(point_m, corridor_m[0])
     squares = (along**2).sum(axis=1)
-    part = ((point - starts) * along).sum(axis=1) / np.where(squares > 0.0, squares, 1.0)
-    nearest = starts + np.clip(part, 0.0, 1.0)[:, None] * along
-    return float(np.sqrt(((nearest - point) ** 2).sum(axis=1)).min())
+    part = ((points - starts) * along).sum(axis=2) / np.where(squares > 0.0, squares, 1.0)
+    nearest = starts + np.clip(part, 0.0, 1.0)[..., None] * along
+    return np.asarray(np.sqrt(((nearest - points) ** 2).sum(axis=2)).min(axis=1))

@@ -20,11 +20,10 @@ from ..config import Supervision
 from ..planner.reach import Reach
 from ..power import Meter, PowerModel, is_powered
 from ..types import AutopilotKind, Telemetry, Vector
+from .motion import home_moved
 
 _STAYS = frozenset({Action.NONE, Action.HOLD, Action.RETRACE})
 """Actions on which the aircraft goes nowhere that it has not been."""
-_HOME_MOVES_M = 1.0
-"""Nearer to where it was a home leads home by the same way."""
 _NEAR_VOLTAGE = 1.03
 """Of a threshold: a lithium cell sags by 0.1 V, 3 % of it, when a multirotor climbs."""
 _UNKNOWN_LEAVING_S = 60.0
@@ -77,9 +76,7 @@ class FailsafeWatch:
         heard = self._heard | heard_links(kind, telemetry)
         told = (kind, heard, *(parameters.get(name, "") for name in failsafe_parameters(kind)))
         before_m = self._all.home_m
-        moved = home_m is not None and (
-            before_m is None or math.dist(home_m, before_m) > _HOME_MOVES_M
-        )
+        moved = home_moved(home_m, before_m)
         if told == self._told and not moved:
             return False
         self._told, self._heard = told, heard

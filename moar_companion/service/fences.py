@@ -15,14 +15,18 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from ..autopilots.fence import Area, Fence, Limit, fence_of
+from ..autopilots.fence import Area, Fence, Limit, fence_of, fence_parameters
 from ..frames import SiteFrame
 from ..planner.fence import Bound, Interval, PlaneFence
 from ..site import Site
 from ..types import AutopilotKind, FenceItem, Vector
+from .motion import home_moved
 
 _UNREAD = "the autopilot's fence is not read yet"
 _NO_HOME = "the fence counts from home, which is unknown"
+_HOME_MOVES_M = 0.1
+"""Less of a home that moves, as its estimate does, is within what the fence's margin allows for; a
+metre, by which a way home may change, would be most of that."""
 _Intervals = tuple[Interval, ...]
 _Place = tuple[float, float]
 _EVERYWHERE: _Intervals = ((-math.inf, math.inf),)
@@ -34,7 +38,9 @@ class FenceWatch:
     def __init__(self, site: Site | None, margin_m: float) -> None:
         self._site = site
         self._margin_m = margin_m
-        self._looked_at: tuple[Fence, Vector | None] | None = None
+        self._told: tuple[object, ...] = ()
+        self._home_m: Vector | None = None
+        """As the fence was last looked at with it."""
         self.plane: PlaneFence | None = None
         """In the site's plane; None where there is no fence, or none is known."""
         self.reluctance: str | None = _UNREAD
@@ -55,10 +61,14 @@ class FenceWatch:
         """
         if self._site is None or items is None:
             return
-        fence = fence_of(kind, parameters, items)
-        if fence is None or (fence, home_m) == self._looked_at:
+        told = (kind, items, *(parameters.get(name, "") for name in fence_parameters(kind)))
+        before, self._told = self._told, told
+        if told == before and not home_moved(home_m, self._home_m, _HOME_MOVES_M):
             return
-        self._looked_at = (fence, home_m)
+        fence = fence_of(kind, parameters, items)
+        if fence is None:
+            return
+        self._home_m = home_m
         self.assumption = fence.assumption
         if fence.about_home and home_m is None:
             self.reluctance = self.reluctance and _NO_HOME

@@ -17,7 +17,7 @@ import numpy as np
 from ..frames import PlaneToLocal
 from ..guidance.tracking import Reference, advanced, turned
 from ..guidance.trajectory import FloatArray, PathPoints
-from ..mission.gate import distance_m
+from ..mission.gate import distance_m, distances_m
 from ..planner.comparison import rest_of
 from ..planner.fence import PlaneFence
 from ..planner.plan import Plan
@@ -196,11 +196,8 @@ class Flight:
         inwards = [leg for leg in self._legs if leg.leads_in]
         if crossed is None or not inwards:
             return crossed
-        beside = [
-            all(distance_m(vector(place), leg.points_m) > width_m for leg in inwards)
-            for place in places_m
-        ]
-        return self._airspace.leaves_fence(places_m[beside])
+        from_legs_m = [distances_m(places_m, leg.points_m) for leg in inwards]
+        return self._airspace.leaves_fence(places_m[np.min(from_legs_m, axis=0) > width_m])
 
     def error_m(self, pose: Pose) -> float:
         """How far the aircraft is from its setpoint."""

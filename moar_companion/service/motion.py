@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from ..types import Vector
+
+
+_HOME_MOVES_M = 1.0
+"""Nearer to where it was a home leads home by the same way."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -32,3 +37,12 @@ class Setpoint:
     position_m: Vector
     velocity_mps: Vector
     yaw_rad: float
+
+
+def home_moved(
+    home_m: Vector | None, before_m: Vector | None, by_m: float = _HOME_MOVES_M
+) -> bool:
+    """Whether a home is known that was not before, or has moved by more than so much."""
+    if home_m is None:
+        return False
+    return before_m is None or math.dist(home_m, before_m) > by_m

@@ -6,7 +6,6 @@ refuse a plan or to hold, and warnings for people.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import replace
 
@@ -20,12 +19,10 @@ from ..vehicle import Vehicle
 from .flight import Flight
 from .jobs import PlanAnswer
 from .loss import Loss
+from .motion import home_moved
 from .planning import Awaited
 from .reports import Reports
 from .surroundings import Ground
-
-_HOME_MOVES_M = 1.0
-"""Nearer to where it was a home leads home by the same way."""
 
 
 class Survival:
@@ -69,7 +66,7 @@ class Survival:
                 self._reports.say(Severity.WARNING, self.loss.assumption, now_s)
             if flight is not None:
                 flight.learn_loss(self.loss)
-        elif _near(home_m, self._home_m):
+        elif not home_moved(home_m, self._home_m):
             return
         self._home_m = home_m
         self.objection = None
@@ -151,10 +148,3 @@ class Survival:
     def _refuses(self, mission: Mission) -> bool:
         """Whether an objection forbids a mission."""
         return self._check is LossCheck.REFUSE and mission is Mission.INSPECTION
-
-
-def _near(home_m: Vector | None, before_m: Vector | None) -> bool:
-    """Whether a home is where it was, or still unknown."""
-    if home_m is None or before_m is None:
-        return home_m is before_m
-    return math.dist(home_m, before_m) <= _HOME_MOVES_M

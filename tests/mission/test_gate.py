@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.mission.gate import distance_m, motion_refusal, refusal
+from moar_companion.mission.gate import distance_m, distances_m, motion_refusal, refusal
 
 FREE, OCCUPIED = (0, 0), (0, 1)
 OCCUPANCY = np.array([[False, True]])
@@ -193,3 +193,17 @@ def test_an_aircraft_that_is_blown_off_takes_its_setpoint_along_at_rest_and_neve
     assert moved((6.0, 0.0, 5.0)) is None
     assert moved((6.0, 0.0, 5.0), (0.5, 0.0, 0.0)).startswith("setpoint jumps")
     assert "moves away" in moved((-1.0, 0.0, 5.0))
+
+
+@given(
+    points=st.lists(st.tuples(*[st.floats(-20.0, 20.0)] * 3), min_size=1, max_size=5),
+    corridor=st.lists(st.tuples(*[st.floats(-20.0, 20.0)] * 3), min_size=1, max_size=4),
+)
+def test_many_distances_are_those_of_each_and_no_sample_of_the_line_is_nearer(points, corridor):
+    found = distances_m(np.array(points), tuple(corridor))
+    for point, distance in zip(points, found, strict=True):
+        assert distance == distance_m(point, tuple(corridor))
+        line = np.array([*corridor, corridor[-1]])
+        parts = np.linspace(0.0, 1.0, 11)[:, None, None]
+        samples = line[:-1] + parts * np.diff(line, axis=0)
+        assert distance <= np.sqrt(((samples - point) ** 2).sum(axis=2)).min() + 1e-6

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from unittest import mock
 
 import numpy as np
 import pytest
@@ -15,11 +16,12 @@ from moar_companion.autopilots.fence import Area, Fence, Limit
 from moar_companion.config import shipped_configs
 from moar_companion.planner.fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
+from moar_companion.service import fences
 from moar_companion.service.fences import FenceWatch, fenced, plane_fence
 from moar_companion.service.jobs import PlanJob, answer_job
 from moar_companion.service.planners import Planners
 from moar_companion.site import Site
-from moar_companion.types import AutopilotKind, Mission
+from moar_companion.types import AutopilotKind, FenceItem, Mission
 from moar_companion.vehicle import Vehicle
 
 from .desk import INSPECTION, STEP_S, TEMPORARILY_REJECTED, Desk
@@ -181,6 +183,36 @@ def test_a_fence_with_items_that_cannot_be_read_is_not_taken_as_none():
     desk.run(20.0).order(INSPECTION).run(0.5)
     assert desk.answers() == [TEMPORARILY_REJECTED]
     assert desk.said("the autopilot's fence is not read, rejected")
+
+
+def test_the_fence_is_made_anew_only_when_something_has_changed():
+    """It is looked at with every thought, fifty times a second."""
+    watch, items = FenceWatch(SITE, 1.5), corners(3)
+    with mock.patch.object(fences, "fence_of", wraps=fences.fence_of) as made:
+        for _ in range(3):
+            watch.learn(AutopilotKind.PX4, PARAMETERS, items, HOME_M)
+        assert made.call_count == 1
+        watch.learn(AutopilotKind.PX4, PARAMETERS, corners(3), HOME_M)  # the same, read again
+        assert made.call_count == 1
+        watch.learn(AutopilotKind.PX4, PARAMETERS, corners(4), HOME_M)
+        watch.learn(AutopilotKind.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 9.0}, corners(4), HOME_M)
+        assert made.call_count == 3
+
+
+def corners(number):
+    return tuple(
+        FenceItem(command=5002, parameter=number, latitude_deg=45.0, longitude_deg=-71.0 + n)
+        for n in range(number)
+    )
+
+
+def test_a_home_that_moves_by_less_than_it_is_known_makes_no_new_fence():
+    watch = FenceWatch(SITE, 1.5)
+    watch.learn(AutopilotKind.PX4, PARAMETERS, (), HOME_M)
+    known = watch.plane
+    for x_m, same in ((27.001, True), (27.05, True), (27.5, False)):
+        watch.learn(AutopilotKind.PX4, PARAMETERS, (), (x_m, 0.0, 0.0))
+        assert (watch.plane is known) is same
 
 
 def flown_with_a_fence(**fence):
