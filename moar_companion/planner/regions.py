@@ -140,6 +140,15 @@ def obstacle_clearance_m(site: Site, points_m: FloatArray) -> FloatArray:
     return clearance
 
 
+def obstacle_room_m(site: Site, points_m: FloatArray) -> FloatArray:
+    """From any points (..., 2) to the nearest keep-out: (...); inf without obstacles."""
+    room = np.full(points_m.shape[:-1], np.inf)
+    for obstacle in site.obstacles:
+        distance = geometry.obstacle_distance_m(obstacle, points_m)
+        np.minimum(room, distance - obstacle.keep_out_m, out=room)
+    return room
+
+
 def _leg_room_m(site: Site, vehicle: Vehicle, start_m: FloatArray, end_m: FloatArray) -> float:
     """From the hull on a straight leg to the nearest keep-out."""
     vertices_m, first, radius_m, keep_out_m = geometry.rings(site.obstacles)

@@ -15,11 +15,12 @@ from ..guidance.trajectory import FloatArray, PathPoints, Trajectory, make_traje
 from ..mission.gate import distance_m, refusal
 from ..planner.escape import recovery_leg
 from ..planner.fence import PlaneFence
-from ..planner.geometry import obstacle_distance_m, rings
+from ..planner.geometry import rings
 from ..planner.grid import TOLERANCE, BoolArray
 from ..planner.legs import leg_clearances
 from ..planner.maps import Maps
 from ..planner.reach import Reach
+from ..planner.regions import obstacle_room_m
 from ..site import Site
 from ..types import Vector
 from ..vehicle import Vehicle
@@ -183,11 +184,8 @@ class Airspace:
         low = low_m is not None and z_m < low_m + 0.5 * grid.resolution_m
         if cell is not None and self.maps.occupied[cell] and not low:
             return False
-        place = np.array([[x_m, z_m]])
-        return all(
-            float(obstacle_distance_m(item, place)[0]) - item.keep_out_m >= self.vehicle.radius_m
-            for item in self.site.obstacles
-        )
+        room_m = float(obstacle_room_m(self.site, np.array([x_m, z_m])))
+        return room_m >= self.vehicle.radius_m
 
     def way_back(self, place_m: Vector, widened_m: float) -> CheckedLeg | None:
         """The recovery leg from outside the workspace, or straight back to the plane in it."""
@@ -197,9 +195,7 @@ class Airspace:
         points_m = [vector(point) for point in approach_m(place_m)]
         if self.site.workspace.outside_m((x_m, z_m)):
             start_m = (x_m, z_m)
-            end_m = recovery_leg(
-                self.site, self.vehicle, self.maps, start_m, widened_m, self.fence
-            )
+            end_m = recovery_leg(self.site, self.vehicle, self.maps, start_m, widened_m, self.fence)
             if end_m is None:
                 return None
             points_m.append((end_m[0], 0.0, end_m[1]))
@@ -245,10 +241,14 @@ class Airspace:
             carried_from_z_m = None
             legs = tuple(leg for leg in legs if leg.has_room(widened_m))
             crossed = self.leaves_fence(np.array([setpoint.position_m]))
-            if crossed is not None and not brakes and not any(
-                leg.leads_in
-                and distance_m(setpoint.position_m, leg.points_m) <= self.corridor_width_m
-                for leg in legs
+            if (
+                crossed is not None
+                and not brakes
+                and not any(
+                    leg.leads_in
+                    and distance_m(setpoint.position_m, leg.points_m) <= self.corridor_width_m
+                    for leg in legs
+                )
             ):
                 return f"the setpoint is outside {crossed}"
         x_m, _, z_m = setpoint.position_m

@@ -346,12 +346,7 @@ class Companion:
             if items is None and self._session.fence_silent:
                 items = ()
             self._conduct.course.learn_fence(kind, parameters, items, home_m, now_s)
-            self._conduct.course.learn_loss(
-                kind, self._session.parameters, self._surroundings.home_m, now_s
-            )
-            self._conduct.course.learn_failsafes(
-                kind, self._session.parameters, self._surroundings.home_m, self.telemetry, now_s
-            )
+            self._conduct.course.learn_failsafes(kind, parameters, home_m, self.telemetry, now_s)
 
     def _notice_pause(self, now_s: float) -> None:
         """When the last thought that was sent in time is long ago, control has ended."""

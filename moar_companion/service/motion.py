@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 from ..types import Vector
 
-
 _HOME_MOVES_M = 1.0
 """Nearer to where it was a home leads home by the same way."""
 
@@ -39,9 +38,7 @@ class Setpoint:
     yaw_rad: float
 
 
-def home_moved(
-    home_m: Vector | None, before_m: Vector | None, by_m: float = _HOME_MOVES_M
-) -> bool:
+def home_moved(home_m: Vector | None, before_m: Vector | None, by_m: float = _HOME_MOVES_M) -> bool:
     """Whether a home is known that was not before, or has moved by more than so much."""
     if home_m is None:
         return False

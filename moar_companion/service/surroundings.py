@@ -10,8 +10,8 @@ import numpy as np
 
 from ..frames import PlaneToLocal
 from ..mission.values import Task
-from ..planner.geometry import obstacle_distance_m
 from ..planner.maps import Maps
+from ..planner.regions import obstacle_clearance_m, obstacle_room_m
 from ..site import Site
 from ..types import (
     Attitude,
@@ -53,23 +53,16 @@ class Ground:
 
     def clearance_m(self, pose: Pose, radius_m: float) -> float | None:
         """From a hull at a place to the nearest obstacle; None where there is none."""
-        x_m, _, z_m = pose.position_m
-        place = np.array([[x_m, z_m]])
-        distances = [float(obstacle_distance_m(item, place)[0]) for item in self.site.obstacles]
-        return min(distances) - radius_m if distances else None
+        clearance_m = float(obstacle_clearance_m(self.site, np.array(pose.position_m[::2])))
+        return clearance_m - radius_m if self.site.obstacles else None
 
     def room_m(self, pose: Pose, radius_m: float) -> float | None:
         """From a hull at a place to the nearest keep-out; None where there is no obstacle.
 
         By the place itself: on the border of two cells theirs would alternate.
         """
-        x_m, _, z_m = pose.position_m
-        place = np.array([[x_m, z_m]])
-        rooms = [
-            float(obstacle_distance_m(item, place)[0]) - item.keep_out_m
-            for item in self.site.obstacles
-        ]
-        return min(rooms) - radius_m if rooms else None
+        room_m = float(obstacle_room_m(self.site, np.array(pose.position_m[::2])))
+        return room_m - radius_m if self.site.obstacles else None
 
     def dwell_s(self, task: Task | None) -> float:
         """How long to stay at a task's present target."""
