@@ -50,6 +50,8 @@ class Engaging:
         self._pilot_flies = pilot_flies
         self._had_control = False
         """Whether the mission has been in control since the aircraft was last on the ground."""
+        self._autopilots = False
+        """Whether a failsafe, a return or a landing was seen since then, while nothing was flown."""
         self._landing_due = False
         self._landing_asked_s: float | None = None
         """In the last thought, which may not have been sent."""
@@ -116,10 +118,13 @@ class Engaging:
         in_control = status.state in IN_CONTROL
         if status.state is MissionState.OVERRIDDEN:
             self._pilot_flies = True
-        elif status.state is MissionState.RELEASED or self._lands:
-            self._pilot_flies = self._pilot_flies or (pilots and self._had_control)
+        elif status.state in _OFFERING or status.state is MissionState.RELEASED or self._lands:
+            released = status.state not in _OFFERING or self._lands
+            self._autopilots = self._autopilots or not (pilots or autopilot.ours)
+            taken_over = self._autopilots or (released and self._had_control)
+            self._pilot_flies = self._pilot_flies or (pilots and taken_over)
         if in_control or grounded(telemetry):
-            self._pilot_flies = self._lands = False
+            self._pilot_flies = self._lands = self._autopilots = False
             self._had_control = in_control
         if now_s - autopilot.received_s > _FRESH_S:
             return
@@ -152,7 +157,7 @@ class Engaging:
         same = autopilot.mode == self._in_mode
         took_off = (self._in_mode, autopilot.mode) == ("TAKEOFF", "HOLD")
         self._in_mode = None
-        fit = (same or took_off) and not took_mode(autopilot)
+        fit = (same or took_off) and not took_mode(autopilot) and not self._pilot_flies
         if not fit:
             self._tell_waiting(autopilot, now_s)
         return fit

@@ -332,6 +332,33 @@ def test_a_pilot_who_takes_over_from_a_failsafe_keeps_the_aircraft(autopilot, pi
     assert not desk.mode_requests(asked)
 
 
+@pytest.mark.parametrize(
+    ("autopilot", "pilots"), [(PX4, POSCTL), (ARDUPILOT, LOITER)], ids=["px4", "ardupilot"]
+)
+def test_a_pilot_who_takes_over_from_a_failsafe_before_the_first_flight_keeps_it(autopilot, pilots):
+    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("ready").run(0.5)
+    desk.say_heartbeat(RTL if autopilot == ARDUPILOT else LANDING, CRITICAL).run(1.0)
+    desk.say_heartbeat(pilots).run(5.0)
+    desk.order(EVACUATION).run(5.0)
+    assert desk.state == "ready"
+    assert not desk.mode_requests()
+
+
+def test_a_failsafe_that_gives_the_mode_of_the_order_back_leaves_it_to_the_pilot():
+    """HOLD, LAND, HOLD before the mode may be asked for."""
+    desk = Desk(authority=Authority.ENGAGE).come_to("idle").run_to_heartbeat()
+    session, telemetry = mock.Mock(), desk.companion.telemetry
+    autopilot = telemetry.autopilot
+    engaging = Engaging(Authority.ENGAGE, session, mock.Mock(), pilot_flies=False)
+    engaging.note_order(autopilot, MissionState.IDLE, autopilot.received_s)
+    lands = replace(autopilot, mode="LAND", homeward=True, failsafe=True)
+    for since_s, told in ((0.0, lands), (-2.0, autopilot)):
+        status = MissionStatus(state=MissionState.READY, since_s=autopilot.received_s + since_s)
+        seen = replace(telemetry, autopilot=told)
+        engaging.act(status, seen, at_end=False, now_s=autopilot.received_s)
+    assert not session.request_own_mode.called
+
+
 def test_a_flight_that_is_resumed_takes_no_mode_from_a_pilot_who_has_overridden():
     """GUIDED was given by hand, so that the order it began with has asked for nothing."""
     desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE, resume=True)
