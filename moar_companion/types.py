@@ -433,8 +433,9 @@ class Telemetry:
     """The last word of every source; `None` where nothing was ever heard."""
 
     autopilot: AutopilotStatus | None = None
-    failsafes_told: frozenset[Failsafe] = frozenset()
-    """Failsafes that the autopilot's texts have named and not cleared."""
+    failsafes_told: dict[Failsafe, float] = field(default_factory=dict)
+    """Failsafes that the autopilot's texts have named and not cleared, with the time of the last
+    sign of each."""
     attitude: Attitude | None = None
     local_position: LocalPosition | None = None
     odometry: Odometry | None = None

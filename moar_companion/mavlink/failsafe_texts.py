@@ -1,16 +1,19 @@
 """Failsafes by ArduPilot's own texts: STATUSTEXT to `Telemetry`. Pure.
 
-HEARTBEAT tells only that there is a failsafe; its text says which. Texts of ArduCopter 4.6.3
+HEARTBEAT tells only that there is a failsafe; its text says which. That one is over is told by one
+text, which a link may lose, so that each ends without a sign of it, too: all but that of a battery,
+which does not recover. Texts of ArduCopter 4.6.3
 (events.cpp, ekf_check.cpp, fence.cpp, AP_BattMonitor.cpp), the first of which is too long for one
 chunk: the words that matter are in the first chunk.
 """
 
 from __future__ import annotations
 
+import math
 import re
 from dataclasses import replace
 
-from ..types import Failsafe, Telemetry
+from ..types import Estimator, Failsafe, Telemetry
 from .dialect import Message
 
 _BEGINS = (
@@ -27,16 +30,59 @@ _ENDS = {
     "EKF Failsafe Cleared": Failsafe.ESTIMATOR,
     "Dead Reckoning stopped": Failsafe.DEAD_RECKONING,
 }
+_LASTS_S = {
+    Failsafe.BATTERY: math.inf,
+    Failsafe.REMOTE_CONTROL: 60.0,
+    Failsafe.GROUND_STATION: 60.0,
+    Failsafe.ESTIMATOR: 5.0,
+    Failsafe.DEAD_RECKONING: 5.0,
+    Failsafe.FENCE: 60.0,
+}
+"""After the last sign: ArduPilot ends one of the estimator after a second without its cause."""
+_FRESH_S = 2.5
+"""Of two heartbeats, of EKF_STATUS_REPORT at 2 Hz, of GPS_RAW_INT: one may be lost."""
+_MOST_INNOVATION = 0.8
+"""FS_EKF_THRESH by default; ArduPilot keeps flags good while innovations are above it."""
+_FIX_3D = 3
+"""Dead reckoning by the wind claims an absolute position, too."""
 
 
-def read(telemetry: Telemetry, message: Message, _now_s: float) -> Telemetry:
+def read(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     """The telemetry with the failsafe that a text begins or ends."""
     text, told = message.text, telemetry.failsafes_told
-    ended = _ENDS.get(text)
-    if ended is not None:
-        told -= {ended}
-    else:
-        told |= {failsafe for words, failsafe in _BEGINS if words.match(text)}
-    return (
-        telemetry if told == telemetry.failsafes_told else replace(telemetry, failsafes_told=told)
+    begun = {failsafe: now_s for words, failsafe in _BEGINS if words.match(text)}
+    left = {failsafe: sign_s for failsafe, sign_s in told.items() if failsafe != _ENDS.get(text)}
+    after = {**left, **begun}
+    return telemetry if after == told else replace(telemetry, failsafes_told=after)
+
+
+def lasting(telemetry: Telemetry, now_s: float) -> dict[Failsafe, float]:
+    """The failsafes told that still count, with the times of their last signs; at each heartbeat.
+
+    A doubtful position is a sign of a failsafe of the estimator.
+    """
+    autopilot, gnss = telemetry.autopilot, telemetry.gnss
+    sure = (
+        autopilot is not None
+        and now_s - autopilot.received_s <= _FRESH_S
+        and _position_sure(telemetry.estimator, now_s)
     )
+    fixed = gnss is not None and now_s - gnss.received_s <= _FRESH_S and gnss.fix_type >= _FIX_3D
+    signs = {Failsafe.ESTIMATOR: not sure, Failsafe.DEAD_RECKONING: not (sure and fixed)}
+    return {
+        failsafe: now_s if signs.get(failsafe) else sign_s
+        for failsafe, sign_s in telemetry.failsafes_told.items()
+        if signs.get(failsafe) or now_s - sign_s <= _LASTS_S[failsafe]
+    }
+
+
+def _position_sure(estimator: Estimator | None, now_s: float) -> bool:
+    if estimator is None or now_s - estimator.received_s > _FRESH_S:
+        return False
+    innovations = (
+        estimator.velocity_innovation,
+        estimator.position_innovation,
+        estimator.compass_innovation,
+    )
+    usual = all(value is None or value < _MOST_INNOVATION for value in innovations)
+    return estimator.horizontal_position_ok and usual

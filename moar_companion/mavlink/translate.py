@@ -95,7 +95,7 @@ def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetr
     cleared = before is not None and before.failsafe and not failsafe
     return replace(
         telemetry,
-        failsafes_told=frozenset() if cleared else telemetry.failsafes_told,
+        failsafes_told={} if cleared else failsafe_texts.lasting(telemetry, now_s),
         autopilot=AutopilotStatus(
             received_s=now_s,
             system_id=message.get_srcSystem(),

@@ -8,13 +8,15 @@ from moar_companion.mavlink import translate
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.types import Failsafe, Telemetry
 
+GOOD, CONST_POSITION = 0x33F, 0x0A7
+
 
 def told(*texts, telemetry=None):
     telemetry = telemetry or Telemetry()
     for text in texts:
         message = mavlink.MAVLink_statustext_message(4, text.encode())
         telemetry = translate.update(telemetry, message, 1.0)
-    return telemetry.failsafes_told
+    return set(telemetry.failsafes_told)
 
 
 @pytest.mark.parametrize(
@@ -60,3 +62,46 @@ def test_a_status_that_is_no_failsafe_again_ends_them_all():
         ):
             telemetry = translate.update(telemetry, message, 1.0)
         assert bool(telemetry.failsafes_told) is (status == 5)
+
+
+def after(text, seconds, *, flags=GOOD, compass=0.1, fix_type=3, heartbeats_s=1.0, reports=True):
+    """The failsafes told so long after a text, with heartbeats of status 5 and other witnesses."""
+    message = mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 5, 3)
+    telemetry = translate.update(Telemetry(), message, 0.0)
+    words = mavlink.MAVLink_statustext_message(2, text.encode())
+    telemetry, now_s = translate.update(telemetry, words, 0.0), 0.0
+    while now_s < seconds:
+        now_s += heartbeats_s
+        if reports:
+            report = mavlink.MAVLink_ekf_status_report_message(flags, 0.1, 0.1, 0.1, compass, 0.0)
+            telemetry = translate.update(telemetry, report, now_s)
+        gnss = mavlink.MAVLink_gps_raw_int_message(0, fix_type, 0, 0, 0, 90, 90, 0, 0, 12)
+        for heard in (gnss, message):
+            telemetry = translate.update(telemetry, heard, now_s)
+    return set(telemetry.failsafes_told)
+
+
+def test_one_of_the_estimator_ends_by_a_position_that_is_sure_for_some_seconds():
+    """Its own text may be lost, and a battery's failsafe keeps the status."""
+    told = {Failsafe.ESTIMATOR}
+    assert after("EKF variance: compass", 4.0) == told
+    assert after("EKF variance: compass", 7.0) == set()
+    assert after("EKF variance: compass", 60.0, flags=CONST_POSITION) == told
+    assert after("EKF variance: compass", 60.0, compass=0.9) == told
+    assert after("EKF variance: compass", 60.0, reports=False) == told
+    assert after("EKF variance: compass", 10.0, heartbeats_s=10.0) == told
+
+
+def test_dead_reckoning_lasts_until_there_is_a_fix():
+    assert after("Dead Reckoning started", 60.0, fix_type=1) == {Failsafe.DEAD_RECKONING}
+    assert after("Dead Reckoning started", 7.0) == set()
+
+
+@pytest.mark.parametrize("text", ["Radio Failsafe", "GCS Failsafe", "Max Alt fence breached"])
+def test_one_that_only_a_text_names_has_an_age(text):
+    assert after(text, 59.0)
+    assert not after(text, 62.0)
+
+
+def test_that_of_a_battery_stays():
+    assert after("Battery Failsafe", 600.0) == {Failsafe.BATTERY}

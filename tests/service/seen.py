@@ -148,7 +148,7 @@ def told(seen=IN_FLIGHT, **changes):
 def flies(seen=IN_FLIGHT, failsafes=(), **changes):
     """What is seen in another status; failsafes: what texts have told."""
     autopilot = replace(seen.telemetry.autopilot, **changes)
-    return told(seen, autopilot=autopilot, failsafes_told=frozenset(failsafes))
+    return told(seen, autopilot=autopilot, failsafes_told=dict.fromkeys(failsafes, 0.0))
 
 
 def drains(**changes):
