@@ -35,14 +35,14 @@ NO_FAILSAFES = Failsafes()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exposed:
-    """An action that would hit something from where the aircraft is. left_s: until a battery's.
+    """An action that would hit something from where the aircraft is.
 
-    left_s: None where that cannot be forecast.
+    forecast: whether the time until it is known, not only a bound of it.
     """
 
     action: FailsafeAction
     hit: Hit
-    left_s: float | None
+    forecast: bool
 
 
 class FailsafeWatch:
@@ -103,10 +103,11 @@ class FailsafeWatch:
         for item in self.failsafes.actions:
             hit = replace(self.failsafes, actions=(item,)).hit(reach, place)
             if hit is not None:
-                left_s = until_s(item, telemetry, meter, self._power)
-                found.append(Exposed(action=item, hit=hit[1], left_s=left_s))
+                times_s = _times_s(item, telemetry, meter, self._power)
+                forecast = bool(times_s) and None not in times_s
+                found.append(Exposed(action=item, hit=hit[1], forecast=forecast))
         self._exposed = tuple(found)
-        if any(item.left_s is None for item in found):
+        if not all(item.forecast for item in found):
             self._since_s = now_s if self._since_s is None else self._since_s
             self._seen_s = now_s
         elif now_s - self._seen_s > _OVER_S:
@@ -151,7 +152,7 @@ class FailsafeWatch:
         return None if self._since_s is None else now_s - max(self._since_s, from_s)
 
     def _where(self) -> str:
-        unforeseen = [item for item in self._exposed if item.left_s is None]
+        unforeseen = [item for item in self._exposed if not item.forecast]
         if not unforeseen:
             return "a failsafe hits an obstacle"
         return f"{unforeseen[0].action.trigger.value} hits {unforeseen[0].hit.obstacle}"
@@ -213,16 +214,23 @@ def heard_links(kind: AutopilotKind, telemetry: Telemetry) -> frozenset[Trigger]
 def until_s(
     action: FailsafeAction, telemetry: Telemetry, meter: Meter, power: PowerModel
 ) -> float | None:
-    """Flight time until a battery's action; None where it cannot be forecast."""
+    """Flight time until a battery's action at the latest; None where nothing is forecast."""
+    times_s = _times_s(action, telemetry, meter, power)
+    return min((time_s for time_s in times_s if time_s is not None), default=None)
+
+
+def _times_s(
+    action: FailsafeAction, telemetry: Telemetry, meter: Meter, power: PowerModel
+) -> list[float | None]:
+    """Flight times until the thresholds of a battery's action; None: cannot be forecast."""
     if action.trigger not in BATTERY:
-        return None
-    times_s = []
+        return []
+    times_s: list[float | None] = []
     if action.charge is not None:
         times_s.append(meter.until_s(power, action.charge))
     if action.voltage_v is not None:
         times_s.append(_until_voltage_s(action.voltage_v, telemetry, meter, power))
-    known_s = [time_s for time_s in times_s if time_s is not None]
-    return min(known_s) if known_s and len(known_s) == len(times_s) else None
+    return times_s
 
 
 def _until_voltage_s(

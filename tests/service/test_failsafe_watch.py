@@ -23,8 +23,7 @@ STATION = Telemetry(ground_station=Heard(system_id=255, received_s=0.0))
 LANDS = {"COM_LOW_BAT_ACT": 2.0, "BAT_CRIT_THR": 0.3, "BAT_EMERGEN_THR": 0.1}
 
 
-def watching(telemetry=STATION, **parameters):
-    kind = AutopilotKind.PX4
+def watching(telemetry=STATION, kind=AutopilotKind.PX4, **parameters):
     watch = FailsafeWatch(Supervision(), POWER)
     told = {**dict.fromkeys(failsafe_parameters(kind)), **parameters}
     assert watch.learn(kind, told, None, telemetry)
@@ -94,3 +93,14 @@ def test_a_home_that_moves_is_learnt(moved_m):
     moved = watch.learn(AutopilotKind.PX4, told, (moved_m, 0.0, 0.0), STATION)
     assert moved is (moved_m > 1.0)
     assert replace(watch.failsafes).home_m == ((moved_m if moved else 0.0), 0.0, 0.0)
+
+
+def test_a_threshold_that_can_be_forecast_counts_beside_one_that_cannot():
+    """ArduPilot's charge and voltage: without a number of cells only the first has a time."""
+    assert POWER.cells is None
+    capacity = {"BATT_CAPACITY": 5000.0, "BATT_LOW_MAH": 1500.0, "BATT_LOW_VOLT": 19.8}
+    watch = watching(kind=AutopilotKind.ARDUPILOT, BATT_FS_LOW_ACT=1.0, **capacity)
+    at = 0.3 + 20.0 / (POWER.capacity_wh / POWER.hover_w * 3600.0)
+    assert reason(watch, ABOVE, at) == "battery land hits wire, 20 s left"
+    assert reason(watch, ABOVE, 1.0) is None
+    assert reason(watch, ABOVE, 1.0, now_s=121.0) == "low battery hits wire: 121 s (120)"
