@@ -2,7 +2,8 @@
 
 A link that delays each packet by another time delivers some after their successors. What such a
 packet says is older than what is known, and must not replace it: the mode above all, for neither
-HEARTBEAT nor CURRENT_MODE carries a time.
+HEARTBEAT nor CURRENT_MODE carries a time. Only a state is replaced by its successor, and only that
+of the same instance: events count whenever they arrive.
 """
 
 from __future__ import annotations
@@ -10,13 +11,24 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from .dialect import Message
+from .dialect import ESC_STATUS_ID, Message, mavlink
 
 _ROUND = 256
 """Sequence numbers have 8 bits."""
 _SILENT_S = 0.2
 """After a longer silence nobody knows how many packets were lost (PX4 sends half a round in
 0.3 s): the first packet then begins a new order."""
+_EVENTS = {
+    int(mavlink.MAVLINK_MSG_ID_STATUSTEXT),
+    int(mavlink.MAVLINK_MSG_ID_PARAM_VALUE),
+}
+_INSTANCES = {
+    int(mavlink.MAVLINK_MSG_ID_BATTERY_STATUS): "id",
+    int(mavlink.MAVLINK_MSG_ID_SERVO_OUTPUT_RAW): "port",
+    int(mavlink.MAVLINK_MSG_ID_HIGHRES_IMU): "id",
+    ESC_STATUS_ID: "index",
+}
+"""The field that says of which battery, port, sensor or motors a message tells the state."""
 
 
 class PacketOrder:
@@ -29,14 +41,14 @@ class PacketOrder:
         self._same = dict(same)
         self._newest = 0
         self._received_s = -math.inf
-        self._latest: dict[int, int] = {}
+        self._latest: dict[tuple[int, int], int] = {}
 
     def restart(self) -> None:
         """The source has restarted: nothing before counts."""
         self._received_s = -math.inf
 
     def is_late(self, message: Message, now_s: float) -> bool:
-        """Whether a later packet of the same message was taken before this one."""
+        """Whether a later packet of the same message and instance was taken before this one."""
         ahead = (message.get_seq() - self._newest) % _ROUND
         if now_s - self._received_s > _SILENT_S:
             self._newest += _ROUND + ahead
@@ -46,7 +58,11 @@ class PacketOrder:
             self._newest = max(self._newest, place)
         self._received_s = now_s
         message_id = message.get_msgId()
-        kind = self._same.get(message_id, message_id)
+        if message_id in _EVENTS:
+            return False
+        field = _INSTANCES.get(message_id)
+        instance = 0 if field is None else getattr(message, field)
+        kind = self._same.get(message_id, message_id), instance
         if place < self._latest.get(kind, place):
             return True
         self._latest[kind] = place

@@ -10,6 +10,7 @@ from moar_companion.config import LinkRole
 from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.listener import Listener
 from moar_companion.mavlink.packet_order import PacketOrder
+from moar_companion.types import Failsafe
 
 HEARTBEAT, CURRENT_MODE, ATTITUDE = 0, 436, 30
 HOLD, OFFBOARD = 0x03040000, 0x00060000
@@ -90,3 +91,37 @@ def test_a_mode_that_was_not_asked_for_is_a_failsafes():
     assert listener.telemetry.autopilot.failsafe  # the heartbeat says when it is over
     heard(listener, heartbeat(HOLD), 4, 0.3)
     assert not listener.telemetry.autopilot.failsafe
+
+
+def test_events_and_states_of_other_instances_are_never_late():
+    def parameter(name, value):
+        return mavlink.MAVLink_param_value_message(name, value, 9, 1, 0)
+
+    def battery(number, percent):
+        cells = [16000, *[65535] * 9]
+        return mavlink.MAVLink_battery_status_message(
+            number, 0, 0, 0, cells, 100, -1, -1, percent, 0, 1
+        )
+
+    def text(words):
+        return mavlink.MAVLink_statustext_message(4, words)
+
+    listener = Listener()
+    heard(listener, mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 4, 3), 1, 0.0)
+    for message, sequence in (
+        (parameter(b"MOT_PWM_MAX", 2000.0), 3),
+        (parameter(b"MOT_PWM_MIN", 1000.0), 2),
+        (text(b"hello"), 5),
+        (text(b"GCS Failsafe"), 4),
+        (battery(1, 80), 8),
+        (battery(0, 20), 6),
+        (battery(1, 81), 7),
+    ):
+        heard(listener, message, sequence, 0.1)
+    telemetry = listener.telemetry
+    assert (telemetry.motor_min_us, telemetry.motor_max_us) == (1000.0, 2000.0)
+    assert Failsafe.GROUND_STATION in telemetry.failsafes_told
+    assert {number: item.remaining for number, item in telemetry.batteries.items()} == {
+        0: pytest.approx(0.2),
+        1: pytest.approx(0.8),
+    }
