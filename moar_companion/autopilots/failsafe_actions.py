@@ -125,6 +125,9 @@ class Failsafes:
         return exposed
 
 
+NO_FAILSAFES = Failsafes()
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hit:
     """An obstacle in the way. index: of the first place from where it is."""

@@ -18,7 +18,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..autopilots.failsafe_actions import BATTERY, Failsafes
+from ..autopilots.failsafe_actions import BATTERY, NO_FAILSAFES, Failsafes
 from ..guidance.trajectory import FloatArray
 from ..mission.states import MissionState
 from ..mission.values import MissionStatus, Task
@@ -135,7 +135,7 @@ class Contingencies:
         self._starts: dict[_Question, Vector] = {}
         """Where they begin."""
         self._now_s = -math.inf
-        self._failsafes = Failsafes()
+        self._failsafes = NO_FAILSAFES
         """On which places count as exposed."""
         self._wind_mps: Vector | None = None
         """As last known in the air."""

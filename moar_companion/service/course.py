@@ -97,7 +97,7 @@ class Course:
     @property
     def reluctance(self) -> str | None:
         """Why nothing may be begun yet; None when what becomes of it without us is known."""
-        if not self._survival.loss:
+        if not self._survival.loss or not self.watch.known:
             return "autopilot parameters not read yet"
         return None if self._ground is None else self._fences.reluctance
 
@@ -185,7 +185,10 @@ class Course:
     ) -> None:
         """Take in what the autopilot does by itself; later plans avoid where that hits."""
         before = self.watch.untold
-        if self.watch.learn(kind, parameters, home_m, telemetry) and self.watch.untold != before:
+        if not self.watch.learn(kind, parameters, home_m, telemetry):
+            return
+        self._survival.reconsider(self.flight)
+        if self.watch.untold != before:
             self._reports.record("failsafes", now_s, taken_as_by_default=list(self.watch.untold))
 
     @property
@@ -369,6 +372,8 @@ class Course:
             reason = "no progress" if age_s >= _STANDS_FOR_S else None
         elif self._plans.asked_fence != self.fence:
             reason = "the autopilot's fence is another"
+        elif self._plans.asked_failsafes != self.watch.failsafes:
+            reason = "the autopilot's failsafes are others"
         else:
             reason = replan_reason(
                 self._config.replanning,

@@ -51,7 +51,7 @@ class Engaging:
         self._had_control = False
         """Whether the mission has been in control since the aircraft was last on the ground."""
         self._autopilots = False
-        """Whether a failsafe, a return or a landing was seen since then, while nothing was flown."""
+        """Whether a failsafe, a return or a landing was seen since then while nothing was flown."""
         self._landing_due = False
         self._landing_asked_s: float | None = None
         """In the last thought, which may not have been sent."""

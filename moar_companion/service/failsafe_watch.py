@@ -15,7 +15,15 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..autopilots import failsafe_parameters, failsafes_of
-from ..autopilots.failsafe_actions import BATTERY, Action, FailsafeAction, Failsafes, Hit, Trigger
+from ..autopilots.failsafe_actions import (
+    BATTERY,
+    NO_FAILSAFES,
+    Action,
+    FailsafeAction,
+    Failsafes,
+    Hit,
+    Trigger,
+)
 from ..config import Supervision
 from ..planner.reach import Reach
 from ..power import Meter, PowerModel, is_powered
@@ -30,7 +38,6 @@ _UNKNOWN_LEAVING_S = 60.0
 """Time to leave where no escape route is known: that of the longest exit of the shipped sites."""
 _OVER_S = 2.0
 """A place that is not exposed for shorter, as between two cells, does not interrupt."""
-NO_FAILSAFES = Failsafes()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -53,6 +60,8 @@ class FailsafeWatch:
         self._power = power
         self._told: tuple[object, ...] = ()
         self._all = NO_FAILSAFES
+        self.known = False
+        """Whether all parameters were told, or asked for often enough."""
         self._heard: frozenset[Trigger] = frozenset()
         self._exposed: tuple[Exposed, ...] = ()
         self._since_s: float | None = None
@@ -81,6 +90,7 @@ class FailsafeWatch:
             return False
         self._told, self._heard = told, heard
         found = failsafes_of(kind, parameters)
+        self.known = found is not None
         if found is None:
             return False
         self._all = replace(found, home_m=home_m if moved else before_m)

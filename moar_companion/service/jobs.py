@@ -11,7 +11,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
-from ..autopilots.failsafe_actions import Failsafes
+from ..autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
 from ..errors import InputError
 from ..mavlink.texts import short_name
 from ..planner.escape import escape_leg, recovery_leg
@@ -26,7 +26,6 @@ from .planners import Planners
 
 _REASON_LENGTH = 36
 """Of a text's 50 characters, what is left between "MOAR: " and ", denied"."""
-_NO_FAILSAFES = Failsafes()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -42,7 +41,7 @@ class PlanJob:
     request: PlanRequest
     widening_m: float = 0.0
     fence: PlaneFence | None = None
-    failsafes: Failsafes = _NO_FAILSAFES
+    failsafes: Failsafes = NO_FAILSAFES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

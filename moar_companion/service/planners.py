@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from ..autopilots.failsafe_actions import Failsafes
+from ..autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
 from ..planner.fence import PlaneFence
 from ..planner.grid import BoolArray
 from ..planner.maps import Maps
@@ -29,7 +29,7 @@ class Planners:
         self.exact = planner
         self._most = max(1, min(_MOST, _MOST_CELLS // planner.maps.occupied.size))
         self._others: dict[tuple[float, PlaneFence | None], Planner] = {}
-        self._failsafes = Failsafes()
+        self._failsafes = NO_FAILSAFES
 
     def expose(self, failsafes: Failsafes) -> None:
         """What the autopilot does by itself; where it is another than before, maps change."""

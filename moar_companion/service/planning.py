@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ..autopilots.failsafe_actions import Failsafes
+from ..autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
 from ..mission.values import Task
 from ..planner.fence import PlaneFence
 from ..planner.plan import PlanRequest
@@ -42,8 +42,9 @@ class PlanDesk:
         self.asked_risk = RiskIndices()
         self.asked_widening_m = 0.0
         self.asked_fence: PlaneFence | None = None
-        """When the last plan was asked for, under which risks, how wide obstacles were, and within
-        which fence."""
+        self.asked_failsafes = NO_FAILSAFES
+        """When the last plan was asked for, under which risks, how wide obstacles were, within
+        which fence, and with which failsafes."""
         self.wanting_since_s: float | None = None
         """When a new plan of what is flown was first asked for, of which none has come since."""
 
@@ -91,6 +92,7 @@ class PlanDesk:
         self._jobs.append(job)
         self.asked_s, self.asked_risk = now_s, risk
         self.asked_widening_m, self.asked_fence = widening_m, fence
+        self.asked_failsafes = failsafes
 
     def forget(self) -> None:
         """Nothing is awaited any more."""

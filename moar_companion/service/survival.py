@@ -79,7 +79,7 @@ class Survival:
             self._reports.say(Severity.WARNING, objection, now_s)
 
     def reconsider(self, flight: Flight | None) -> None:
-        """Obstacles are less wide: an objection stands where their keep-outs alone are reason.
+        """Obstacles are less wide, or failsafes others: what the companion's own loss does counts.
 
         The next plan is judged by all of their width.
         """
@@ -110,6 +110,8 @@ class Survival:
             by_itself = self._by_itself(failsafes, answer.reach, rests_m)
             refused = self._failsafe_check is LossCheck.REFUSE
             if by_itself is not None and refused and plan.mission is Mission.INSPECTION:
+                if not ordered:
+                    self.objection = by_itself
                 return replace(answer, plan=None, reason=by_itself, deadly=True)
             if by_itself is not None:
                 self._reports.say(Severity.NOTICE, by_itself, now_s)

@@ -13,6 +13,8 @@ from collections import deque
 
 from pymavlink.dialects.v20 import all as mavlink
 
+from moar_companion.autopilots import ardupilot as ardupilot_file
+from moar_companion.autopilots import px4 as px4_file
 from moar_companion.config import Authority, CompanionConfig, LinkConfig, shipped_configs
 from moar_companion.mavlink.dialect import create
 from moar_companion.planner.planner import Planner
@@ -129,7 +131,7 @@ class Desk:
         """Of ODOMETRY; None where the autopilot sends none."""
         self.position_boot_s = None
         """The clock in LOCAL_POSITION_NED when it stands still."""
-        self.parameters = dict(PARAMETERS)
+        self.parameters = {**(px4_file if px4 else ardupilot_file).DEFAULTS, **PARAMETERS}
         self.fence_items = fence_items
         """How many the autopilot tells of; it sends none."""
         self.battery_percent, self.charge_state = 90, 1

@@ -8,6 +8,7 @@ from __future__ import annotations
 from unittest import mock
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import LossCheck, Supervision
 
@@ -37,6 +38,16 @@ def test_nothing_is_begun_before_the_parameters_are_told_or_given_up_on():
     desk.run(14.0).order(INSPECTION, 0.0).run(0.5)
     assert desk.answers() == [TEMPORARILY_REJECTED, ACCEPTED]
     assert desk.said(" parameters not told, taken as default")
+
+
+def test_nor_before_those_of_the_failsafes_are():
+    desk = Desk()
+    del desk.parameters["NAV_DLL_ACT"]
+    desk.run(1.2).order(INSPECTION).run(0.5)
+    assert desk.answers() == [TEMPORARILY_REJECTED]
+    assert desk.said("parameters not read yet")
+    desk.run(14.0).order(INSPECTION, 0.0).run(0.5)
+    assert desk.answers() == [TEMPORARILY_REJECTED, ACCEPTED]
 
 
 def test_a_parameter_that_is_changed_counts_from_the_next_order_on():
@@ -185,3 +196,36 @@ def test_a_plan_that_is_refused_on_the_way_leaves_the_one_that_is_flown_unless_i
     with mock.patch.object(survival, "_objection_to", return_value="it would land on a roof"):
         desk.run_until("holding", 8.0)
     assert desk.said("MOAR: it would land on a roof, holding")
+
+
+# Failsafes ---------------------------------------------------------------------------------------
+
+
+def watched(desk, seconds):
+    """So many seconds with a ground station, whose loss the autopilot can notice."""
+    for _ in range(round(seconds)):
+        desk.hear(desk.operator.pack(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))).run(1.0)
+    return desk
+
+
+def test_one_that_refuses_an_inspection_that_nobody_ordered_holds_it_until_it_is_changed():
+    desk = watched(Desk(supervision=Supervision(failsafe_action=LossCheck.REFUSE)), 2)
+    desk.order(INSPECTION, INNER).run_until("ready").run(1.1).say_heartbeat(desk.ours)
+    watched(desk.run_until("flying", 0.1), 2).set_parameters(NAV_DLL_ACT=3.0)
+    watched(desk, 1).set_parameters(COM_OBL_RC_ACT=7.0)
+    assert watched(desk, 2).state == "holding"
+    desk.set_parameters(COM_OBL_RC_ACT=5.0)
+    watched(desk, 10)
+    refusals = [text for text in desk.texts() if "GCS loss: land hits" in text]
+    assert (desk.state, len(refusals)) == ("holding", 1)
+    desk.set_parameters(NAV_DLL_ACT=0.0)
+    assert watched(desk, 4).state == "flying"
+
+
+def test_failsafes_that_change_in_flight_are_planned_with():
+    desk = watched(Desk(), 2)
+    desk.order(INSPECTION, INNER).run_until("ready").run(1.1).say_heartbeat(desk.ours)
+    watched(desk.run_until("flying", 0.1), 1).set_parameters(NAV_DLL_ACT=3.0)
+    watched(desk, 2)
+    reasons = [decision.data["reason"] for decision in desk.decisions if decision.kind == "replan"]
+    assert reasons.count("the autopilot's failsafes are others") == 1
