@@ -30,14 +30,18 @@ class ModeRequests:
 
     def __init__(self) -> None:
         self._requested_s = -math.inf
+        self.unanswered = False
+        """Whether no COMMAND_ACK has come to the last request."""
 
     def note_request(self, now_s: float) -> None:
         """A mode is asked for now."""
         self._requested_s = now_s
+        self.unanswered = True
 
     def answered(self, message: Message, now_s: float) -> CommandAnswered | None:
         """What a COMMAND_ACK that was addressed to us, or to everybody, says of the mode."""
         ours = message.command == DO_SET_MODE and now_s - self._requested_s <= _ANSWER_S
+        self.unanswered = self.unanswered and not ours
         if not ours or message.result == CommandResult.IN_PROGRESS:
             return None
         return CommandAnswered(command=DO_SET_MODE, result=message.result)

@@ -145,6 +145,11 @@ class Session:
         """Whether the autopilot does not answer when it is asked for its uploaded fence."""
         return self._fence is not None and self._fence.silent
 
+    @property
+    def mode_unanswered(self) -> bool:
+        """Whether the autopilot has not answered the last request for a mode."""
+        return self._modes.unanswered
+
     def events_received(self) -> list[Event]:
         """What has happened since the last call, in order."""
         events, self._events = self._events, []

@@ -19,6 +19,9 @@ _OFFERING = {MissionState.PLANNING, MissionState.READY}
 """What an order is in until its flight begins."""
 _FRESH_S = 0.1
 """A mode that was told longer ago may not be the mode any more: PX4 tells it once a second."""
+_AGAIN_S = 1.0
+"""Both autopilots answer within milliseconds, and PX4 tells its mode once a second."""
+_MOST_REQUESTS = 3
 _LAND = "LAND"
 _LAND_AGAIN_S = 3.0
 """A landing that the link has carried is told by the heartbeat of the next second."""
@@ -29,10 +32,10 @@ _MOST_LANDINGS = 3
 class Engaging:
     """Asks only while a heartbeat has just shown the mode that may be taken.
 
-    For its mode once. An order may take the mode that it was given in, and no other; not out of a
-    failsafe, a return or a landing, which both autopilots would let it end; and not from a pilot
-    who has taken over from us or from a failsafe, until he has given the mode himself or has
-    landed. A release that ends an offered hold takes nothing over: the mode was the pilot's all
+    For its mode once, and twice more while nothing answers, since the link may lose it. An order
+    may take the mode that it was given in, and no other; not out of a failsafe, a return or a
+    landing, which both autopilots would let it end; and not from a pilot who has taken over from us
+    or from a failsafe, until he has given the mode himself or has landed. A release that ends an offered hold takes nothing over: the mode was the pilot's all
     along. Whoever orders where the mode will not be asked for is told so.
 
     For LAND a few times, since the link may lose it; not while the plan of another order is
@@ -47,6 +50,9 @@ class Engaging:
         self._session = session
         self._reports = reports
         self._in_mode: str | None = None
+        self._requests = 0
+        """For the mode of the order, the last of them at `_requested_s`."""
+        self._requested_s = -math.inf
         self._pilot_flies = pilot_flies
         self._had_control = False
         """Whether the mission has been in control since the aircraft was last on the ground."""
@@ -69,6 +75,7 @@ class Engaging:
         self, autopilot: AutopilotStatus | None, before: MissionState, now_s: float
     ) -> None:
         """A mission was ordered and is being planned. before: the state in which it was."""
+        self._requests, self._requested_s = 0, -math.inf
         self._pilot_flies = self._pilot_flies or before is MissionState.OVERRIDDEN
         may = self._allowed and not self._pilot_flies
         fit = autopilot is not None and not took_mode(autopilot) and not autopilot.homeward
@@ -131,6 +138,7 @@ class Engaging:
         if self._landing_due and autopilot.ours and at_end and status.sought is None:
             self._ask_for_landing(now_s)
         if self._may_take(status, autopilot, now_s):
+            self._requests, self._requested_s = self._requests + 1, now_s
             self._session.request_own_mode()
 
     def _ask_for_landing(self, now_s: float) -> None:
@@ -145,7 +153,7 @@ class Engaging:
         self._reports.say(Severity.WARNING, words, now_s)
 
     def _may_take(self, status: MissionStatus, autopilot: AutopilotStatus, now_s: float) -> bool:
-        """Whether to ask for our mode now; at most once for an order."""
+        """Whether to ask for our mode now: once for an order, and again while none answers."""
         if (
             self._in_mode is None
             or status.state is not MissionState.READY
@@ -156,8 +164,12 @@ class Engaging:
         # After a take-off PX4 goes over to HOLD by itself, and says so up to a second later.
         same = autopilot.mode == self._in_mode
         took_off = (self._in_mode, autopilot.mode) == ("TAKEOFF", "HOLD")
-        self._in_mode = None
         fit = (same or took_off) and not took_mode(autopilot) and not self._pilot_flies
-        if not fit:
-            self._tell_waiting(autopilot, now_s)
-        return fit
+        waits = now_s - self._requested_s < _AGAIN_S
+        answered = self._requests > 0 and not self._session.mode_unanswered
+        if answered or not fit or (self._requests == _MOST_REQUESTS and not waits):
+            self._in_mode = None
+            if not answered:
+                self._tell_waiting(autopilot, now_s)
+            return False
+        return not waits

@@ -221,6 +221,10 @@ class Desk:
                     clock_ns = round(self.boot_s * 1e9)
                     answer = mavlink.MAVLink_timesync_message(clock_ns, message.ts1)
                     self._in_the_air.append((self.now_s, self.autopilot.pack(answer)))
+                for_mode = message.get_type() == "COMMAND_LONG" and message.command == DO_SET_MODE
+                if for_mode and "COMMAND_ACK" not in self.mute:
+                    ack = mavlink.MAVLink_command_ack_message(DO_SET_MODE, ACCEPTED, 0, 0, 1, 195)
+                    self._in_the_air.append((self.now_s, self.autopilot.pack(ack)))
                 setpoint = message.get_type() == "SET_POSITION_TARGET_LOCAL_NED"
                 if setpoint and self.mode == self.ours:
                     self.position_ned_m = tuple(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 from unittest import mock
 
 import pytest
@@ -149,6 +150,29 @@ def test_ardupilots_guided_is_asked_for_once():
 def test_ardupilots_landing_is_asked_for_above_the_landing_point():
     desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE).come_to("holding", EXIT).run(2.0)
     assert [(m.param1, m.param2) for m in desk.mode_requests()] == [(1, 9)]
+
+
+@pytest.mark.parametrize("autopilot", [PX4, ARDUPILOT])
+def test_a_mode_that_nothing_answers_is_asked_for_twice_more_and_then_left_to_people(autopilot):
+    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE)
+    desk.mute = {"COMMAND_ACK"}
+    desk.come_to("ready").run(20.0)
+    asked = [time_s for time_s, _, message in desk.sent if message in desk.mode_requests()]
+    assert len(asked) == 3
+    assert min(later - before for before, later in pairwise(asked)) >= 1.0
+    assert desk.said(" is kept, waiting for ")
+
+
+@pytest.mark.parametrize("status", [ACTIVE, CRITICAL])
+def test_nor_is_it_asked_for_again_once_another_mode_or_a_failsafe_was_told(status):
+    desk = Desk(authority=Authority.ENGAGE)
+    desk.mute = {"COMMAND_ACK"}
+    desk.come_to("ready")
+    while not desk.mode_requests():
+        desk.step()
+    desk.say_heartbeat(POSCTL if status == ACTIVE else AUTO_HOLD, status).run(0.5)
+    desk.say_heartbeat(AUTO_HOLD).run(10.0)
+    assert len(desk.mode_requests()) == 1
 
 
 def test_a_mode_that_is_refused_is_told():
