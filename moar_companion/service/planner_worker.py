@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
-from ..autopilots.failsafe_actions import Failsafes
+from ..autopilots.failsafe_actions import NO_FAILSAFES
 from ..planner.planner import Planner
 from .compiling import make_ready
 from .jobs import PlanAnswer, PlanJob, answer_job, preparations, prepare_for
@@ -32,7 +32,7 @@ class PlannerWorker:
         for pool in (self._planning_thread, self._tables_thread):
             pool.submit(int)
         self._planning: Future[None] | None = None
-        self._failsafes = Failsafes()
+        self._failsafes = NO_FAILSAFES
         self._answers: queue.SimpleQueue[tuple[bool, PlanAnswer]] = queue.SimpleQueue()
         self._ready: Future[Planner | None] | None = None
         self._progress: tuple[int, int] | None = None
@@ -114,11 +114,6 @@ class PlannerWorker:
     def _submit(self, job: PlanJob, *, contingency: bool) -> Future[None] | None:
         if self._planners is None:
             return None
-        if job.failsafes != self._failsafes:
-            # Their places cost more in all plans: the thread drops the tables, made anew here.
-            self._failsafes = job.failsafes
-            exposing = self._planning_thread.submit(self._planners.expose, job.failsafes)
-            exposing.add_done_callback(lambda _: self._prepare())
         return self._planning_thread.submit(self._answer, self._planners, job, contingency)
 
     def _answer(self, planners: Planners, job: PlanJob, contingency: bool) -> None:
@@ -130,3 +125,7 @@ class PlannerWorker:
             reason = "the planner failed"
             answer = PlanAnswer(job_id=job.job_id, plan=None, reason=reason, failed=True)
         self._answers.put((contingency, answer))
+        if job.failsafes != self._failsafes:
+            # Their places cost more in all plans: the tables were dropped, and are made anew.
+            self._failsafes = job.failsafes
+            self._prepare()

@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+from unittest import mock
+
 import pytest
 
+from moar_companion.autopilots.failsafe_actions import Action, FailsafeAction, Failsafes, Trigger
 from moar_companion.config import shipped_configs
 from moar_companion.planner import planner as planner_module
 from moar_companion.planner.plan import PlanRequest
@@ -72,3 +75,19 @@ def test_the_service_has_the_flown_goal_ready_whatever_made_room_before(planner)
     worker.plan(job(target))
     worker.close(wait=True)
     assert goals(planner)[-1] == ("inspection", target)
+
+
+def test_failsafes_that_change_are_marked_once_and_the_tables_made_anew(planner):
+    lands = FailsafeAction(trigger=Trigger.GCS_LOSS, action=Action.LAND, setting="")
+    failsafes, target = Failsafes(actions=(lands,)), planner.site.targets[0].name
+    worker = PlannerWorker()
+    worker.take(planner)
+    with (
+        mock.patch.object(Planners, "expose", autospec=True) as expose,
+        mock.patch.object(worker, "_prepare") as prepare,
+    ):
+        for _ in range(2):
+            worker.plan_contingency(job(target, failsafes=failsafes))
+        worker.close(wait=True)
+    assert [call.args[1] for call in expose.call_args_list] == [failsafes, failsafes]
+    assert prepare.call_count == 1
