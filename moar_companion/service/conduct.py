@@ -148,7 +148,7 @@ class Conduct:
             watch, meter = self.course.watch, self.risk.meter
             watch.look(place_m, airspace.maps.reach, telemetry, meter, now_s)
             note = watch.note(self._exposure_limit_s, self.status.since_s, now_s)
-            if note is not None:
+            if note is not None and not self._escapes:
                 self._reports.say(Severity.NOTICE, note, now_s)
 
     def supervise(self, now_s: float) -> None:

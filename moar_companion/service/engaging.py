@@ -35,8 +35,9 @@ class Engaging:
     For its mode once, and twice more while nothing answers, since the link may lose it. An order
     may take the mode that it was given in, and no other; not out of a failsafe, a return or a
     landing, which both autopilots would let it end; and not from a pilot who has taken over from us
-    or from a failsafe, until he has given the mode himself or has landed. A release that ends an offered hold takes nothing over: the mode was the pilot's all
-    along. Whoever orders where the mode will not be asked for is told so.
+    or from a failsafe, until he has given the mode himself or has landed. A release that ends an
+    offered hold takes nothing over: the mode was the pilot's all along. Whoever orders where the
+    mode will not be asked for is told so.
 
     For LAND a few times, since the link may lose it; not while the plan of another order is
     awaited, nor after one was carried out, a hold too.

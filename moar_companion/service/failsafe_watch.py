@@ -156,7 +156,7 @@ class FailsafeWatch:
         if stayed_s is None or not 0.5 * limit_s <= stayed_s <= limit_s or self._noted_s >= from_s:
             return None
         self._noted_s = now_s
-        return f"{self._where()}, exit in {0.5 * limit_s:.0f} s"
+        return f"{self._where()}, exit in {limit_s - stayed_s:.0f} s"
 
     def _stayed_s(self, from_s: float, now_s: float) -> float | None:
         return None if self._since_s is None else now_s - max(self._since_s, from_s)

@@ -61,7 +61,7 @@ def test_a_place_that_a_lost_link_makes_dangerous_is_left_after_the_limit():
     watch = watching(NAV_DLL_ACT=3.0)
     assert reason(watch, ABOVE) is None
     assert watch.note(120.0, 0.0, 50.0) is None
-    assert watch.note(120.0, 0.0, 61.0) == "GCS loss hits wire, exit in 60 s"
+    assert watch.note(120.0, 0.0, 61.0) == "GCS loss hits wire, exit in 59 s"
     assert watch.note(120.0, 0.0, 62.0) is None
     assert reason(watch, ABOVE, now_s=120.0) is None
     assert reason(watch, ABOVE, now_s=121.0) == "GCS loss hits wire: 121 s (120)"

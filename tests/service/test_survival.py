@@ -229,3 +229,12 @@ def test_failsafes_that_change_in_flight_are_planned_with():
     watched(desk, 2)
     reasons = [decision.data["reason"] for decision in desk.decisions if decision.kind == "replan"]
     assert reasons.count("the autopilot's failsafes are others") == 1
+
+
+@pytest.mark.parametrize("mission", [INSPECTION, EXIT])
+def test_the_end_of_a_stay_is_told_unless_an_exit_is_flown(mission):
+    desk = Desk().come_to("flying", mission)
+    watch = desk.companion._conduct.course.watch
+    with mock.patch.object(watch, "note", return_value="GCS loss hits wire, exit in 9 s"):
+        desk.run(0.1)
+    assert desk.said("GCS loss hits wire, exit in 9 s") is (mission == INSPECTION)
