@@ -54,6 +54,11 @@ class DragLearning:
         """Standard error of the drag."""
         return _PRIOR_PER_S if self.covariance is None else math.sqrt(self.covariance[0, 0])
 
+    @property
+    def wind_ne_mps2(self) -> Level:
+        """The deceleration by the wind of an aircraft at rest, c; none before it is told."""
+        return (0.0, 0.0) if self.state is None else (float(self.state[1]), float(self.state[2]))
+
     def drag_per_s(self, model: RiskModel) -> float:
         """The best estimate of the drag."""
         return model.drag_per_s if self.state is None else float(self.state[0])
@@ -80,9 +85,7 @@ class DragLearning:
         greatest = max(map(abs, (*air.velocity_ne_mps, *air.deceleration_ne_mps2)))
         if elapsed_s < _PERIOD_S or not greatest <= _GREATEST:
             return self
-        through = air_velocity_mps(air.deceleration_ne_mps2, self.used(model))
-        square = model.drag_per_m * math.hypot(*through)
-        told = np.array(air.deceleration_ne_mps2) - square * np.array(through)
+        told = np.array(_linear_mps2(air, self.used(model)))
         if self.state is None or self.covariance is None:
             wind = told - model.drag_per_s * np.array(air.velocity_ne_mps)
             first = np.diag([_PRIOR_PER_S**2, 1.0, 1.0])
@@ -109,19 +112,28 @@ class DragLearning:
         )
 
 
-def apart_from_own_motion(
-    air: Braking, expected_ne_mps2: Level, learning: DragLearning, model: RiskModel
-) -> Level:
+def apart_from_own_motion(air: Braking, learning: DragLearning, model: RiskModel) -> Level:
     """The deceleration without what another drag than the model's explains by the own motion.
 
     Of all that the drag may be, the one is taken that comes nearest to what is expected: by the
-    mean wind so far and the model's drag. So a hover loses nothing, and a known wind stays.
+    model's drag and c, which a hover tells within seconds. So a hover loses nothing, and the wind
+    that it told stays.
     """
     (north, east), (b_north, b_east) = air.velocity_ne_mps, air.deceleration_ne_mps2
     square = north * north + east * east
     if not square > 0.0:
         return air.deceleration_ne_mps2
+    linear_north, linear_east = _linear_mps2(air, model)
+    c_north, c_east = learning.wind_ne_mps2
+    along = (linear_north - c_north) * north + (linear_east - c_east) * east
     least, greatest = learning.range_per_s(model)
-    off = (b_north - expected_ne_mps2[0]) * north + (b_east - expected_ne_mps2[1]) * east
-    more = min(greatest - model.drag_per_s, max(least - model.drag_per_s, off / square))
+    more = min(greatest, max(least, along / square)) - model.drag_per_s
     return b_north - more * north, b_east - more * east
+
+
+def _linear_mps2(air: Braking, model: RiskModel) -> Level:
+    """The deceleration less that by the quadratic drag."""
+    (b_north, b_east), q = air.deceleration_ne_mps2, model.drag_per_m
+    u_north, u_east = air_velocity_mps(air.deceleration_ne_mps2, model)
+    factor = q * math.hypot(u_north, u_east)
+    return b_north - factor * u_north, b_east - factor * u_east

@@ -108,11 +108,7 @@ def remember(memory: WindMemory, telemetry: Telemetry, model: RiskModel) -> Wind
         return WindMemory(learning=learning)
     if air is None:
         return replace(memory, samples=samples, wind_ne_mps=None)
-    mean = (0.0, 0.0) if memory.spread is None else memory.spread.mean_ne_mps
-    north, east = air.velocity_ne_mps
-    expected = deceleration_mps2((north - mean[0], east - mean[1]), used)
-    by_wind = apart_from_own_motion(air, expected, learning, used)
-    through = air_velocity_mps(by_wind, used)
+    through = air_velocity_mps(apart_from_own_motion(air, learning, used), used)
     learning = learning.then(air, model)
     wind = (air.velocity_ne_mps[0] - through[0], air.velocity_ne_mps[1] - through[1])
     speed_mps = math.hypot(*wind)

@@ -71,20 +71,37 @@ def still(velocity_mps, drag_per_s):
 
 @pytest.mark.parametrize("drag_per_s", [0.1, 0.3, 0.9])
 def test_what_the_own_motion_explains_is_not_told_as_wind(drag_per_s):
-    expected = (MODEL.drag_per_s * 0.7, 0.0)
-    rest, _ = apart_from_own_motion(still(0.7, drag_per_s), expected, DragLearning(), MODEL)
+    rest, _ = apart_from_own_motion(still(0.7, drag_per_s), DragLearning(), MODEL)
     assert rest == pytest.approx(MODEL.drag_per_s * 0.7)
 
 
 def test_a_hover_in_wind_and_a_lean_across_the_way_are_told_in_full():
     hover = Braking(time_s=0.0, velocity_ne_mps=(0.0, 0.0), deceleration_ne_mps2=(2.0, 0.0))
-    assert apart_from_own_motion(hover, (0.0, 0.0), DragLearning(), MODEL) == (2.0, 0.0)
+    assert apart_from_own_motion(hover, DragLearning(), MODEL) == (2.0, 0.0)
     across = Braking(time_s=0.0, velocity_ne_mps=(0.7, 0.0), deceleration_ne_mps2=(0.14, 2.0))
-    _, east = apart_from_own_motion(across, (0.14, 0.0), DragLearning(), MODEL)
+    _, east = apart_from_own_motion(across, DragLearning(), MODEL)
     assert east == pytest.approx(2.0)
 
 
+@pytest.mark.parametrize("speed_mps", [2.0, -2.0])
+def test_the_wind_that_a_hover_has_told_stays_on_a_leg_along_it(speed_mps):
+    """It rises after 20 s of calm, and is hovered in for 5 s; the drag is the file's."""
+    learning, wind_mps = DragLearning(), 4.0
+    for step in range(33):
+        through_mps = 0.0 if step < 26 else -wind_mps
+        braked = (MODEL.drag_per_s * through_mps, 0.0)
+        air = Braking(time_s=0.75 * step, velocity_ne_mps=(0.0, 0.0), deceleration_ne_mps2=braked)
+        learning = learning.then(air, MODEL)
+    along = Braking(
+        time_s=25.0,
+        velocity_ne_mps=(speed_mps, 0.0),
+        deceleration_ne_mps2=(MODEL.drag_per_s * (speed_mps - wind_mps), 0.0),
+    )
+    north, _ = apart_from_own_motion(along, learning, MODEL)
+    assert speed_mps - north / MODEL.drag_per_s == pytest.approx(wind_mps, rel=0.15)
+
+
 def test_a_lean_that_no_plausible_drag_explains_is_wind():
-    rest, _ = apart_from_own_motion(still(0.7, 8.0), (0.14, 0.0), DragLearning(), MODEL)
+    rest, _ = apart_from_own_motion(still(0.7, 8.0), DragLearning(), MODEL)
     assert rest > 4.0
     assert math.isfinite(rest)
