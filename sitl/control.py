@@ -4,7 +4,8 @@
     acceleration  = P_v (velocity wish - velocity) + I - D acceleration + feed-forward
 
 The velocity wish is limited only by the gains' speeds: a far position with a small feed-forward is
-flown fast. PX4 hands it raw setpoints (measured on v1.17.0), ArduPilot shaped ones.
+flown fast. PX4 hands it raw setpoints (measured on v1.17.0), ArduPilot shaped ones. While the lean
+is at its limit I grows no more in its direction, as in ArduPilot (AC_PID_2D); PX4 even unwinds it.
 """
 
 import math
@@ -56,6 +57,11 @@ class Gains:
     tilt_rad: float
     thrust_min: float
     thrust_max: float
+
+    @property
+    def lean_mps2(self) -> float:
+        """The acceleration at the limit of the lean."""
+        return GRAVITY_MPS2 * math.tan(self.tilt_rad)
 
 
 class Target:
@@ -141,7 +147,7 @@ class PositionControl:
             forward = ax * cos_y + ay * sin_y
             right = -ax * sin_y + ay * cos_y
             tilt_acc = math.hypot(forward, right)
-            limit = GRAVITY_MPS2 * math.tan(gains.tilt_rad)
+            limit = gains.lean_mps2
             if tilt_acc > limit:
                 forward *= limit / tilt_acc
                 right *= limit / tilt_acc
@@ -180,6 +186,7 @@ class PositionControl:
             vy *= gains.speed_mps / speed
         ax = target.ax if _isfinite(target.ax) else 0.0
         ay = target.ay if _isfinite(target.ay) else 0.0
+        ix, iy = self._ix, self._iy
         if _isfinite(vx):
             error = vx - estimator.vn
             self._ix += gains.integral_xy * error * dt
@@ -191,6 +198,11 @@ class PositionControl:
             self._iy = max(-_INTEGRAL_LIMIT_MPS2, min(_INTEGRAL_LIMIT_MPS2, self._iy))
             ay += gains.velocity_xy * error + self._iy - gains.derivative_xy * quad.acc_e
         self.wish_vx, self.wish_vy = vx, vy
+        before, after = math.hypot(ix, iy), math.hypot(self._ix, self._iy)
+        outwards = (self._ix - ix) * ax + (self._iy - iy) * ay > 0.0
+        if outwards and after > before and math.hypot(ax, ay) > gains.lean_mps2:
+            self._ix *= before / after
+            self._iy *= before / after
         return ax, ay
 
     def _heading(self, dt: float, target: Target) -> None:
