@@ -81,6 +81,11 @@ class Spread:
             span_s=span_s,
         )
 
+    def told_by(self, before: RiskModel, after: RiskModel) -> Spread:
+        """The spread of the same leans by another drag: what is learnt of it is no gust."""
+        mean = air_velocity_mps(deceleration_mps2(self.mean_ne_mps, before), after)
+        return replace(self, mean_ne_mps=mean)
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindMemory:
@@ -119,7 +124,7 @@ def remember(memory: WindMemory, telemetry: Telemetry, model: RiskModel) -> Wind
     spread = memory.spread
     if spread is None:
         spread = Spread(time_s=air.time_s, mean_ne_mps=wind)
-    spread = spread.then(air.time_s, wind)
+    spread = spread.then(air.time_s, wind).told_by(used, learning.used(model))
     return WindMemory(samples=samples, wind_ne_mps=wind, spread=spread, learning=learning)
 
 

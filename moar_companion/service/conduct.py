@@ -315,6 +315,7 @@ class Conduct:
             wind_mps=None
             if plane is None or spread is None
             else plane.velocity_from_ned((*spread.mean_ne_mps, 0.0)),
+            model=self.risk.wind.learning.used(self._vehicle.risk),
         )
 
     def _situation(self, now_s: float) -> Situation:

@@ -28,7 +28,7 @@ from ..power import Demands, Meter, PowerModel, landing_s
 from ..risk.headway import least_s
 from ..site import Site
 from ..types import Mission, RiskIndices, Vector
-from ..vehicle import Vehicle
+from ..vehicle import RiskModel, Vehicle
 from .airspace import Airspace
 from .causes import WayOut
 from .flight import Flight
@@ -101,7 +101,8 @@ class Scene:
 
     pace: the part of its planned speed at which that is flown. meter: of the batteries.
     fence: of the autopilot, as far as it cuts the site.
-    wind_mps: the mean wind over ground, in the site's frame; None where it is unknown.
+    wind_mps: the mean wind over ground, in the site's frame; None where it is unknown. model: the
+    vehicle's, with the drag by which that is told.
     """
 
     pose: Pose
@@ -115,6 +116,7 @@ class Scene:
     pace: float
     meter: Meter
     wind_mps: Vector | None
+    model: RiskModel
 
 
 class Contingencies:
@@ -139,6 +141,8 @@ class Contingencies:
         """On which places count as exposed."""
         self._wind_mps: Vector | None = None
         """As last known in the air."""
+        self._in_wind = vehicle
+        """The vehicle with the drag by which the wind is told."""
         self.demands: Demands | None = None
         """What is still to be flown; None on the ground."""
         self._finish: Way | None = None
@@ -154,6 +158,7 @@ class Contingencies:
         """See what is to be flown now."""
         self._now_s = now_s
         self._wind_mps = scene.wind_mps or self._wind_mps
+        self._in_wind = replace(self._vehicle, risk=scene.model)
         self._failsafes = scene.failsafes.of(BATTERY)
         questions = tuple(self._questions(scene))
         self._ways = {
@@ -303,7 +308,7 @@ class Contingencies:
         """What points (n, 3) in times (n - 1,) take, where the wind lets it be as fast."""
         if self._wind_mps is not None:
             steps_m = np.diff(position_m, axis=0)
-            against_s = least_s(steps_m, self._wind_mps[:2], self._vehicle)
+            against_s = least_s(steps_m, self._wind_mps[:2], self._in_wind)
             duration_s = np.maximum(duration_s, against_s)
         return Way(
             duration_s=float(duration_s.sum()),

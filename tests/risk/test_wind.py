@@ -199,6 +199,18 @@ def test_the_first_seconds_spread_is_the_plain_one(winds):
     assert spread.deviation_mps == pytest.approx(expected, abs=1e-6)
 
 
+def test_a_drag_that_is_learnt_tells_another_mean_of_the_same_lean():
+    before, after = RiskModel(drag_per_s=0.2), RiskModel(drag_per_s=1.0)
+    spread = Spread(time_s=0.0, mean_ne_mps=(3.0, -6.0), variance_m2ps2=0.5)
+    told = spread.told_by(before, after)
+    leans = [
+        deceleration_mps2(spread.mean_ne_mps, before),
+        deceleration_mps2(told.mean_ne_mps, after),
+    ]
+    assert leans[1] == pytest.approx(leans[0])
+    assert math.hypot(*told.mean_ne_mps) < 0.5 * math.hypot(*spread.mean_ne_mps)
+
+
 def test_the_spread_forgets_in_half_a_minute():
     spread = Spread(time_s=0.0, mean_ne_mps=(0.0, 0.0))
     for step in range(1, 601):

@@ -389,6 +389,16 @@ def test_a_way_against_the_wind_takes_as_long_as_the_wind_lets_it():
     assert against_s > exit_s(ways, scene, desk.now_s, -18.4) > calm_s
 
 
+def test_the_wind_is_flown_against_with_the_drag_by_which_it_is_told():
+    """Of a lean nearly at its limit little headway is left, whatever drag makes a wind of it."""
+    desk, ways, scene = exit_is_flown()
+    expected_s = exit_s(ways, scene, desk.now_s, -18.5)
+    learnt = replace(scene, model=replace(scene.model, drag_per_s=1.0))
+    # (1 + 0.005 u) u = 5.61 m/s^2 at u = 5.46 m/s.
+    assert exit_s(ways, learnt, desk.now_s, -4.93) == pytest.approx(expected_s, rel=0.02)
+    assert exit_s(ways, scene, desk.now_s, -4.93) < 0.8 * expected_s
+
+
 def test_a_wind_that_is_told_no_more_still_blows():
     desk, ways, scene = exit_is_flown()
     against_s = exit_s(ways, scene, desk.now_s, -18.5)
