@@ -4,19 +4,23 @@ N lockstep flights (200) of all sites, missions and vehicles, by both autopilots
 8 m/s with gusts. The fake battery knows nothing of hovering or climbing: its power goes with the
 thrust, and up to 15 % more or less than the vehicle file says. After a minute in the air, hovering
 or on an inspection, a mission is ordered: what the companion says then of all that is still to be
-flown is compared with what the pack has lost when the motors stop.
+flown is compared with what the pack has lost when the motors stop. No flight waits for less wind:
+a wait is not foretold, and would end it short of its landing point.
 """
 
 from __future__ import annotations
 
+import math
 import random
 import sys
 from dataclasses import dataclass, replace
 from functools import cache
+from unittest.mock import patch
 
 import numpy as np
 
 from moar_companion.config import shipped_configs
+from moar_companion.service import causes
 from moar_companion.site import Site
 from moar_companion.types import Mission, Weights
 from moar_companion.vehicle import Power, Vehicle
@@ -98,6 +102,7 @@ def _file(name: str) -> Vehicle:
     return Vehicle.load(shipped_configs() / "vehicles" / f"{name}.yaml")
 
 
+@patch.object(causes, "MARGIN", math.inf)
 def fly(case: Case) -> Result:
     kind = KINDS[case.manner.value]
     capacity_wh, airframe = kind.battery.capacity_wh, kind.airframe
@@ -131,6 +136,7 @@ def fly(case: Case) -> Result:
         flight.operator.mission(ORDERS[_outlook(flight).better])
         flight.run_until_state("landing_leg", 400.0)
         flight.run_until_state("holding", 400.0)
+    assert flight.companion.status.task.done
     flight.land()
     # PX4's simulated battery is full again once it is disarmed.
     after = next(truth.battery_fraction for truth in reversed(flight.truths) if truth.armed)
