@@ -352,7 +352,7 @@ CONDITIONS = (
         name="geofence",
         starts="the aircraft is outside the workspace by more than the vehicle's "
         "`tracking_hold_m`, too low, or farther from the plane than `leash_m`, and beside its "
-        "checked legs",
+        "checked legs; or on its way back from there",
         action=Action.HOLD,
         after_s=1.0,
         over_s=1.0,

@@ -138,6 +138,11 @@ class Flight:
         return max(abs(y_m), self._airspace.site.workspace.outside_m((x_m, z_m)))
 
     @property
+    def why_it_returns(self) -> str:
+        """For people, where it comes back by a recovery leg."""
+        return f"{self.outside_m:.0f} m outside, wind is less"
+
+    @property
     def is_carried_off(self) -> bool:
         """Whether it stands where only a recovery leg leads on, and the wind has let go of it."""
         place_m = vector(self._reference.position_m)
@@ -450,8 +455,13 @@ class Flight:
         )
 
     def strays(self, pose: Pose) -> str | None:
-        """How far the aircraft is from both the workspace and its checked legs, if it is."""
-        return self._airspace.strays(pose, () if self.returns else self._legs)
+        """How far the aircraft is from both the workspace and its checked legs, if it is.
+
+        One that comes back does so until its recovery leg is over.
+        """
+        if self.returns:
+            return self.why_it_returns
+        return self._airspace.strays(pose, self._legs)
 
     def refusal(self, setpoint: Setpoint, plane_tolerance_m: float, widened_m: float) -> str | None:
         """Why a setpoint must not be where it is; None when it may."""

@@ -62,12 +62,10 @@ class Recovery:
         if held or not flight.is_carried_off or now_s < self._due_s:
             return
         self._due_s = now_s + _AGAIN_S
-        place = f"{flight.outside_m:.0f} m outside"
         if flight.come_back(widened_m):
-            reason = f"{place}, wind is less"
-            self._reports.say(Severity.WARNING, reason, now_s, action="returning")
+            self._reports.say(Severity.WARNING, flight.why_it_returns, now_s, action="returning")
         else:
-            reason = f"{place}, no free way back: fly it back"
+            reason = f"{flight.outside_m:.0f} m outside, no free way back: fly it back"
             self._reports.say(Severity.WARNING, reason, now_s)
 
     def _tell_drift(self, flight: Flight, pose: Pose, now_s: float) -> None:

@@ -2,7 +2,7 @@
 
 As in the source of v1.17 (`navigator/geofence.cpp`, `failsafe.cpp`: a hold, a return and a landing
 last until the mode is changed), and as recorded (r_fence): 0.1 s after the breach the failsafe's
-mode with system_status 5; a mode that is ordered outside is flown for 3 s, then overruled, LAND
+mode with system_status 5; a mode that is ordered outside is flown for 3.1 s, then overruled, LAND
 too. Texts are said twice, 2.1 s apart.
 """
 
@@ -16,7 +16,7 @@ _PERIOD_US: Final = 100_000
 _AGAIN_US: Final = 2_100_000
 _TIMES: Final = 2
 """That often a breach was told, in a minute and a half outside."""
-_ORDERED_US: Final = 3_000_000
+_ORDERED_US: Final = 3_100_000
 """How long a mode that was ordered outside is left alone."""
 NONE, WARN, HOLD, RETURN, TERMINATE, LAND = range(6)
 """GF_ACTION."""
