@@ -136,11 +136,13 @@ class Airspace:
 
         That is on the straight between the two, as near to the aircraft as `leash_m` allows, where
         it may be and from where the way back to it is free; else nearer, at last where the aircraft
-        is. None where that is nowhere nearer than it is.
+        is. None where that is nowhere nearer than it is, and where it is no farther than that.
         """
         setpoint, aircraft = np.array(setpoint_m), np.array(aircraft_m)
         line = setpoint - aircraft
         length_m = float(np.sqrt(line @ line))
+        if length_m <= leash_m + TOLERANCE:
+            return None
         step_m, least_m = 0.5 * self.maps.grid.resolution_m, self._least_m(setpoint_m[2])
         nearer_m = np.arange(leash_m - step_m, 0.0, -step_m)
         at_m = np.concatenate([np.arange(leash_m, length_m, step_m), nearer_m, [0.0]])

@@ -6,6 +6,7 @@ autopilot's local frame is the simulator's.
 
 from __future__ import annotations
 
+import enum
 import functools
 import itertools
 import math
@@ -14,6 +15,7 @@ import numpy as np
 import shapely
 from shapely.geometry import Point, Polygon
 
+from moar_companion.config import Supervision
 from moar_companion.site import Conductor
 from sitl.geodesy import FlatProjection, Geodetic, SphereProjection, TrueFrame
 
@@ -23,6 +25,10 @@ PROJECTIONS = {Manner.PX4: SphereProjection, Manner.ARDUPILOT: FlatProjection}
 """Of each autopilot's local frame."""
 OUTWARD_STATES = {"landing_leg"}
 """In these the setpoint may be outside the workspace."""
+_SECOND_S = 1.0
+"""A setpoint that is taken along is as far away as the aircraft flies in this."""
+_FORGIVEN_M = 2e-3
+"""Of the way to and fro between the frames."""
 
 
 def in_plane(site, latitude_deg, longitude_deg, altitude_amsl_m):
@@ -126,7 +132,10 @@ def streaks(flight):
 
 
 def assert_setpoints_never_jump(flight):
-    """Between two setpoints lies no more than the speed allows; nor do speeds or headings jump."""
+    """Between two setpoints lies no more than the speed allows; nor do speeds or headings jump.
+
+    But for those that an aircraft takes along which is blown off.
+    """
     speed, guidance = flight.vehicle.speed, flight.vehicle.guidance
     greatest_mps = max(
         speed.horizontal_mps,
@@ -135,11 +144,16 @@ def assert_setpoints_never_jump(flight):
         speed.diagonal_up_mps,
         speed.diagonal_down_mps,
     )
+    blown = blown_setpoints(flight)
     for streak in streaks(flight):
         for before, after in itertools.pairwise(streak):
             step_s = after.time_s - before.time_s
             assert step_s < 0.05
             one, two = before.message, after.message
+            turned = abs(math.remainder(two.yaw - one.yaw, math.tau))
+            assert turned <= guidance.yaw_rate_radps * step_s + 1e-4
+            if blown.get(after.time_s) is Blown.TAKEN:
+                continue
             moved_m = math.dist((one.x, one.y, one.z), (two.x, two.y, two.z))
             assert moved_m <= (greatest_mps + 0.05) * step_s + 1e-4, before
             # What the setpoints say of their speed is how they move.
@@ -151,35 +165,37 @@ def assert_setpoints_never_jump(flight):
                 small_mps = max(speed.min_mps, 0.15 * greatest_mps)
                 most_mps = 4.0 * guidance.acceleration_mps2 * step_s + small_mps
                 assert changed_mps <= most_mps, before
-            turned = abs(math.remainder(two.yaw - one.yaw, math.tau))
-            assert turned <= guidance.yaw_rate_radps * step_s + 1e-4
 
 
 def assert_setpoints_keep_to_free_space(flight, *, escape=False):
     """In the workspace, above the least altitude, in cells that are free by our own reckoning.
 
-    But for the landing leg, and, with `escape`, the leg that leads out of an occupied cell.
+    But for the landing leg, and, with `escape`, the leg that leads out of an occupied cell; and
+    what a wind may do to a setpoint, which keeps the keep-outs.
     """
     site, radius_m = flight.site, flight.vehicle.radius_m
     space = site.workspace
     places = setpoint_places(flight)
     clearances = clearances_m(site, places)
+    blown = blown_setpoints(flight)
     left = False
     free = {}
     for item, place, clearance in zip(flight.setpoints, places, clearances, strict=True):
         x, y, z = place
-        assert abs(y) <= 2.0
         assert clearance > radius_m
+        if item.time_s in blown:
+            continue
+        assert abs(y) <= 2.0
         left = left or item.state in OUTWARD_STATES
         if left or (escape and z < (space.min_altitude_m or 0.0) + space.resolution_m):
             continue
         # On a border two cells will do: of conversions to and fro a millimetre is forgiven.
-        near = cells_within(place, space, 2e-3)
+        near = cells_within(place, space, _FORGIVEN_M)
         for cell in near - free.keys():
             free[cell] = is_free(site, cell, radius_m)
         assert any(free[cell] for cell in near), (item.time_s, place)
-        assert space.lower_m[0] - 2e-3 <= x <= space.upper_m[0] + 2e-3
-        assert z <= space.upper_m[1] + 2e-3
+        assert space.lower_m[0] - _FORGIVEN_M <= x <= space.upper_m[0] + _FORGIVEN_M
+        assert z <= space.upper_m[1] + _FORGIVEN_M
 
 
 def cells_within(place, space, tolerance_m):
@@ -214,3 +230,131 @@ def is_free(site, centre, radius_m, widened_m=0.0):
         return False
     place = (centre[0], 0.0, centre[1])
     return clearances_m(site, [place], keep_out=True)[0] >= radius_m + widened_m - 1e-6
+
+
+class Blown(enum.Enum):
+    """What the wind has to do with a setpoint."""
+
+    TAKEN = "taken along by the aircraft"
+    STANDS = "at rest where the aircraft has left it"
+    RETURNS = "on its way back"
+
+
+class Leash:
+    """What a wind may do to the setpoints of a stream, as `configs/README.md` promises ("Wind").
+
+    By places in the site's frame. Those that it may, and no others, may be off the plane or outside
+    the workspace.
+    """
+
+    def __init__(self, site, vehicle):
+        guidance = vehicle.guidance
+        self._site, self._radius_m = site, vehicle.radius_m
+        self._longest_m = max(guidance.leash_m, guidance.off_path_m)
+        self._drawn_m = min(self._longest_m, vehicle.speed.horizontal_mps * _SECOND_S)
+        self._drifts = False
+        self._at_m = None
+        """Where the last setpoint was, since one was taken along."""
+        self._least_m = None
+        """How far beside the plane and outside the workspace it has come, on its way back."""
+        self._jumped_m = 0.0
+        """How far from its way back a jump has put it, to which it moves over."""
+
+    def look(self, before_m, after_m, aircraft_m, *, moves, jumped_m=0.0):
+        """Whether and how a setpoint is where only a wind may have it; None where it has not.
+
+        before_m: of the one before; None where the stream has just begun. aircraft_m: as the
+        autopilot told it last. moves: whether the setpoint has a velocity. jumped_m: how far the
+        estimate has just jumped, which takes the setpoint along.
+        """
+        found = None
+        if before_m is not None:
+            found = self._judged(before_m, after_m, aircraft_m, moves, jumped_m)
+        self._drifts = found is Blown.TAKEN or (self._drifts and found is Blown.STANDS)
+        self._at_m = None if found is None else after_m
+        if found in {None, Blown.TAKEN}:
+            self._least_m = None if found is None else self._away_m(after_m)
+            self._jumped_m = 0.0
+        return found
+
+    def _judged(self, before_m, after_m, aircraft_m, moves, jumped_m):
+        if not moves and self._is_taken(before_m, after_m, aircraft_m):
+            return Blown.TAKEN
+        if self._at_m is None or (jumped_m and not self._keeps(after_m)):
+            return None
+        if not moves:
+            stands = math.dist(after_m, self._at_m) <= _FORGIVEN_M + jumped_m
+            return Blown.STANDS if stands else None
+        return Blown.RETURNS if self._comes_back(after_m, jumped_m) else None
+
+    def _is_taken(self, before_m, after_m, aircraft_m):
+        """Towards the aircraft, when that is too far away, and never quite to it."""
+        was_m, is_m = math.dist(before_m, aircraft_m), math.dist(after_m, aircraft_m)
+        leash_m = self._drawn_m if self._drifts else self._longest_m
+        return (
+            was_m > leash_m - _FORGIVEN_M
+            and self._drawn_m - _FORGIVEN_M <= is_m < was_m
+            and self._is_between(before_m, after_m, aircraft_m)
+            and self._keeps(after_m)
+        )
+
+    def _is_between(self, before_m, after_m, aircraft_m):
+        """On the straight from the setpoint to the aircraft, or above it where that is too low."""
+        low_m = self._site.workspace.min_altitude_m
+        for axes in (slice(3), slice(2)):
+            line, come = np.subtract(before_m, aircraft_m), np.subtract(after_m, aircraft_m)
+            square = float(line[axes] @ line[axes])
+            part = float(line[axes] @ come[axes]) / square if square else 0.0
+            x_m, y_m, z_m = aircraft_m + part * line
+            raised_m = z_m if low_m is None else max(z_m, low_m)
+            if 0.0 <= part <= 1.0 and math.dist(after_m, (x_m, y_m, raised_m)) <= _FORGIVEN_M:
+                return True
+        return False
+
+    def _comes_back(self, place_m, jumped_m):
+        """Never farther from plane and workspace than it has come, until it may be anywhere."""
+        if self._is_back(place_m) or not self._keeps(place_m):
+            return False
+        away_m, least_m = self._away_m(place_m), self._least_m
+        self._jumped_m = forgiven_m = max(jumped_m, self._jumped_m)
+        self._least_m = tuple(map(min, away_m, least_m))
+        forgiven_m += _FORGIVEN_M
+        return all(now <= least + forgiven_m for now, least in zip(away_m, least_m, strict=True))
+
+    def _away_m(self, place_m):
+        """How far it is beside the plane, and outside the workspace."""
+        x_m, y_m, z_m = place_m
+        space = self._site.workspace
+        limits = zip((x_m, z_m), space.lower_m, space.upper_m, strict=True)
+        return abs(y_m), math.hypot(*(max(low - at, at - high, 0.0) for at, low, high in limits))
+
+    def _is_back(self, place_m):
+        return abs(place_m[1]) <= Supervision().plane_tolerance_m and any(
+            is_free(self._site, cell, self._radius_m)
+            for cell in cells_within(place_m, self._site.workspace, _FORGIVEN_M)
+        )
+
+    def _keeps(self, place_m):
+        """Every keep-out, also outside the workspace, and the least altitude."""
+        low_m = self._site.workspace.min_altitude_m
+        high = low_m is None or place_m[2] >= low_m - _FORGIVEN_M
+        room_m = clearances_m(self._site, [place_m], keep_out=True)[0]
+        return high and room_m >= self._radius_m - _FORGIVEN_M
+
+
+def blown_setpoints(flight):
+    """The setpoints with which the wind has to do, by their time."""
+    leash, manner = Leash(flight.site, flight.vehicle), flight.operator.manner
+    blown, before_m, before_s = {}, None, -math.inf
+    for item, place_m in zip(flight.setpoints, setpoint_places(flight), strict=True):
+        message = item.message
+        found = leash.look(
+            before_m if item.time_s - before_s <= 0.1 else None,
+            place_m,
+            local_place(flight.site, manner, item.origin, item.aircraft),
+            moves=any((message.vx, message.vy, message.vz)),
+        )
+        if found is not None:
+            blown[item.time_s] = found
+        before_m, before_s = place_m, item.time_s
+    return blown

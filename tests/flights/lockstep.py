@@ -24,6 +24,7 @@ from moar_companion.site import Site
 from moar_companion.vehicle import Vehicle
 from sitl.autopilot import FakeAutopilot, Options, Truth
 from sitl.manners import KINDS
+from sitl.wire import packet_header, packets
 
 from ..copies import flown_once
 from .operator import Manner, Operator
@@ -52,11 +53,15 @@ def as_simulated(vehicle: Vehicle, manner: Manner) -> Vehicle:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setpoint:
-    """A SET_POSITION_TARGET_LOCAL_NED that was sent, and what its frame was then."""
+    """A SET_POSITION_TARGET_LOCAL_NED that was sent, and what its frame was then.
+
+    aircraft: the LOCAL_POSITION_NED that the companion heard last.
+    """
 
     time_s: float
     state: str
     message: Any
+    aircraft: Any
     origin: tuple[float, float, float]
     """The local frame's: latitude and longitude in degrees, altitude AMSL in metres."""
 
@@ -121,6 +126,9 @@ class Lockstep:
         self.planning = True
         self.plan_delay_s = PLAN_DELAY_S
         self._setpoint_codec = mavlink.MAVLink(None)
+        self._position_codec = mavlink.MAVLink(None)
+        self._position_codec.robust_parsing = True
+        self._position: Any = None
         self._answers: list[tuple[float, PlanAnswer]] = []
 
     def __deepcopy__(self, memo):
@@ -187,6 +195,9 @@ class Lockstep:
     def hear(self, data: bytes) -> None:
         """Bytes for the companion, from whomever."""
         self.inputs.append(("bytes", self.now_s, data))
+        for packet in packets(data):
+            if packet_header(packet)[0] == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED:
+                (self._position,) = self._position_codec.parse_buffer(packet)
         self.companion.receive(COMPANION_LINK, data, self.now_s)
 
     def _note_setpoint(self, data: bytes) -> None:
@@ -199,6 +210,7 @@ class Lockstep:
                         time_s=self.now_s,
                         state=self.state,
                         message=message,
+                        aircraft=self._position,
                         origin=(
                             origin.point.latitude_deg,
                             origin.point.longitude_deg,

@@ -11,7 +11,11 @@ from sitl.conditions import Conditions
 
 from ..copies import flown_once
 from . import lockstep
-from .judging import assert_nothing_was_touched
+from .judging import (
+    assert_nothing_was_touched,
+    assert_setpoints_keep_to_free_space,
+    assert_setpoints_never_jump,
+)
 from .lockstep import Lockstep, hovering
 from .marks import BOTH
 from .operator import ACCEPTED, DENIED, EVACUATION, EXIT, INSPECTION, Manner
@@ -36,6 +40,12 @@ def blown_off(manner: Manner, from_deg: float = 250.0) -> Lockstep:
     conditions.wind_mps, conditions.wind_from_deg = 13.0, from_deg
     flight.run(14.0)
     return flight
+
+
+def judge(flight):
+    assert_nothing_was_touched(flight)
+    assert_setpoints_never_jump(flight)
+    assert_setpoints_keep_to_free_space(flight)
 
 
 def error_m(flight) -> float:
@@ -89,7 +99,7 @@ def test_when_the_wind_falls_it_comes_back_at_its_own_speed_and_goes_on_once_it_
     assert outside_m(flight) == 0.0
     assert flight.now_s - calmed_s > 5.0
     flight.run_until_state("at_target", 120.0)
-    assert_nothing_was_touched(flight)
+    judge(flight)
 
 
 @BOTH
@@ -105,7 +115,7 @@ def test_a_way_out_is_flown_from_where_it_was_blown(manner, mission):
     errors = watched(flight, 60.0, lambda: error_m(flight))
     assert max(errors) <= flight.vehicle.guidance.leash_m
     flight.run_until_state("landing_leg", 180.0)
-    assert_nothing_was_touched(flight)
+    judge(flight)
 
 
 @BOTH
@@ -142,7 +152,7 @@ def test_across_the_plane_it_comes_straight_back_to_it():
     assert abs(flight.companion.pose.position_m[1]) < flight.vehicle.guidance.leash_m
     flight.run(10.0)
     assert abs(flight.companion.pose.position_m[1]) < 1.0
-    assert_nothing_was_touched(flight)
+    judge(flight)
 
 
 @pytest.mark.parametrize("drag_per_s", [0.1, 0.3, 1.0])
