@@ -203,7 +203,9 @@ class Conduct:
         self._stream(now_s, step_s)
         engaged = self.status.state in STREAMING or self.status.state is MissionState.PLANNING
         telemetry = self._session.telemetry
-        self._overseer.tell(telemetry.ground_station, now_s, streaming=engaged)
+        known = self.status.known if self.status.order_id is not None else ()
+        station = telemetry.ground_station
+        self._overseer.tell(station, now_s, streaming=engaged, known=known)
         at_end = self.course.arrived(pose, now_s)
         self.engaging.act(self.status, telemetry, at_end=at_end, now_s=now_s)
 

@@ -82,14 +82,23 @@ class Overseer:
         """The mission has told of this condition, by what it does about it."""
         self._told[name] = True
 
-    def tell(self, station: Heard | None, now_s: float, *, streaming: bool) -> None:
+    def tell(
+        self,
+        station: Heard | None,
+        now_s: float,
+        *,
+        streaming: bool,
+        known: Collection[str] = (),
+    ) -> None:
         """Record what has begun and what is over; to people what the mission does not tell.
 
         That is, while something is streamed, whatever stands against it; and to a ground station
-        that was not there before, all that does.
+        that was not there before, all that does. known: what does not stand against the order that
+        a plan is awaited for, as who gave it knew of it.
         """
         missed = self._audience.has_grown(station, now_s)
-        acting = {item.condition.name: item for item in self._ruling.conditions}
+        ruling = self._ruling.apart_from(known)
+        acting = {item.condition.name: item for item in ruling.conditions}
         reasons = {item.reason for item in acting.values()}
         for name in acting.keys() - self._recorded.keys():
             self._reports.record(
@@ -116,8 +125,8 @@ class Overseer:
             if name in self._told or _before_control(item) or _is_past(item):
                 continue
             self._told[name] = False
-            leads = item.condition.action is self._ruling.action is not Action.CONTINUE
-            action = _DOES[self._ruling.action] if leads else ""
+            leads = item.condition.action is ruling.action is not Action.CONTINUE
+            action = _DOES[ruling.action] if leads else ""
             self._reports.say(Severity.WARNING, item.reason, now_s, action=action, news=missed)
 
 
