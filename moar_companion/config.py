@@ -107,9 +107,9 @@ class Supervision:
     is a good limit once the vehicle's drag is measured (`replay --fit-drag`)."""
     localization_limit: Annotated[float, Field(gt=0.0, le=1.0)] = 0.9
     """Of the localization risk: nearly at its worst."""
-    position_uncertainty_m: Annotated[float, Field(ge=0.0, le=100.0)] = 0.9
-    """What the site's keep-outs allow for. PX4's receiver tells 0.9 m under an open sky, its
-    estimator 0.3 m; ArduPilot's receiver 0.3 m."""
+    position_uncertainty_m: Annotated[float | None, Field(ge=0.0, le=100.0)] = None
+    """The position's error that distances from obstacles allow for, even where less is told; None:
+    what the vehicle's autopilot was seen to have (`margin.SEEN`)."""
     position_uncertainty_limit_m: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
     """Above it the mission is held; between the two, obstacles grow by what there is too much."""
     battery_reserve: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2
@@ -282,6 +282,6 @@ def _findings(file: _CompanionFile) -> Iterator[Finding]:
         )
     allowed_m = file.supervision.position_uncertainty_m
     limit_m = file.supervision.position_uncertainty_limit_m
-    if limit_m < allowed_m:
+    if allowed_m is not None and limit_m < allowed_m:
         problem = f"is {limit_m:g}, must be at least position_uncertainty_m ({allowed_m:g})"
         yield Finding(("supervision", "position_uncertainty_limit_m"), problem)

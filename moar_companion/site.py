@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from os import PathLike
 from typing import Annotated, Literal
 
@@ -91,6 +91,25 @@ class Target:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Margin:
+    """What an aircraft strays by from where it is thought, and told, to be.
+
+    position_m: from its true place to the one that is told. tracking_m: from there to the setpoint.
+    """
+
+    position_m: float = 0.0
+    tracking_m: float = 0.0
+
+    @property
+    def total_m(self) -> float:
+        """From the true place to the setpoint. The same wind makes both: they add up."""
+        return self.position_m + self.tracking_m
+
+    def __str__(self) -> str:
+        return f"position error {self.position_m:g} m, tracking error {self.tracking_m:g} m"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Site:
     """A site as planned and flown; arrays of it are built by the planner."""
 
@@ -103,6 +122,8 @@ class Site:
     """In file order, in which they are visited."""
     landing_m: Mapping[Mission, tuple[PlanePoint, ...]]
     """Landing points of the exit and of the evacuation; a mission without any is absent."""
+    margin: Margin = Margin()
+    """What its keep-outs contain beyond those of the file; nothing where it is only planned."""
 
     def target(self, name: str) -> Target:
         """The target of this name; KeyError without it."""
@@ -110,6 +131,13 @@ class Site:
             if target.name == name:
                 return target
         raise KeyError(name)
+
+    def flown_with(self, margin: Margin) -> Site:
+        """The site as it is flown: from every obstacle its keep-out and the margin are kept."""
+        obstacles = tuple(
+            replace(item, keep_out_m=item.keep_out_m + margin.total_m) for item in self.obstacles
+        )
+        return replace(self, obstacles=obstacles, margin=margin)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Site:

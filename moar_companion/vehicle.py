@@ -85,6 +85,9 @@ class Guidance:
     """Tracking error, not below `off_path_m`, from which the setpoint goes along with an aircraft
     that is blown off: autopilots fly to a far point at about its distance a second (MPC_XY_P,
     PSC_POSXY_P). In calm air PX4 strays by up to 1.15 m."""
+    tracking_margin_m: Annotated[float | None, Field(ge=0.0, le=100.0)] = None
+    """Tracking error that distances from obstacles allow for; None: what the autopilot was seen to
+    have (`margin.SEEN`)."""
     recovery_m: Annotated[float, _Positive] = 60.0
     """Farther outside the workspace nothing is flown: 13 m/s blew a quadrotor 41 m off in 14 s, and
     the site does not know what is out there."""

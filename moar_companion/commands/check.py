@@ -78,7 +78,7 @@ def run(arguments: argparse.Namespace) -> int:
         raise InputError(first.source, first.key, problem)
     found = _files(config, vehicle, site)
     _tell("Files", found)
-    planner = None if site is None else _planner(site, vehicle)
+    planner = None if site is None else _planner(site, vehicle, config)
     if planner is not None:
         found += _tell(f"Site {planner.site.name}", _looked_at(planner))
     seen = False
@@ -246,10 +246,12 @@ def _socket_problem(path: Path) -> str | None:
     return None if writable else f"{folder} is no folder that can be written"
 
 
-def _planner(site: Site, vehicle: Vehicle) -> Planner:
+def _planner(site: Site, vehicle: Vehicle, config: CompanionConfig) -> Planner:
+    """As the service flies."""
+    from ..margin import flown_site  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
 
-    return Planner(site, vehicle)
+    return Planner(flown_site(site, vehicle, config.supervision), vehicle)
 
 
 def _looked_at(planner: Planner) -> list[Finding]:

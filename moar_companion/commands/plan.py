@@ -90,6 +90,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "vehicle's for the mission)",
     )
     parser.add_argument(
+        "--as-flown",
+        action="store_true",
+        help="keep the margin, too, that the service keeps from obstacles where no other is "
+        "configured (`check` tells it)",
+    )
+    parser.add_argument(
         "--explain",
         action="store_true",
         help="tell what the risks did to the weights and, against the path without them, to it",
@@ -119,7 +125,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Plan, write, tell."""
-    from ..config import shipped_configs  # noqa: PLC0415
+    from ..config import Supervision, shipped_configs  # noqa: PLC0415
+    from ..margin import flown_site  # noqa: PLC0415
     from ..planner.alternatives import alternatives  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
@@ -128,6 +135,8 @@ def run(arguments: argparse.Namespace) -> int:
     vehicle_file = arguments.vehicle or str(shipped_configs() / "vehicles" / "linedrone.yaml")
     site = Site.load(arguments.site)
     vehicle = Vehicle.load(vehicle_file)
+    if arguments.as_flown:
+        site = flown_site(site, vehicle, Supervision())
     mission: Mission = arguments.mission
     target = _target(site, arguments.site, mission, arguments.target)
     formats = {

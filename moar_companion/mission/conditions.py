@@ -277,7 +277,8 @@ CONDITIONS = (
     ),
     Condition(
         name="jump",
-        starts="the position has jumped by more than `jump_limit_m` within 10 s",
+        starts="the position has jumped within 10 s by more than `jump_limit_m`, or than the "
+        "margin's position error and what is free beyond the margin",
         action=Action.HOLD,
         latched=True,
         override=Override.ORDER,

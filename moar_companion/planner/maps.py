@@ -82,9 +82,11 @@ def build_maps(
     hull = Clearances.over(
         grid, geometry.hull(site.obstacles), *(() if before is None else (before.hull,))
     )
+    # Where the aircraft may really be: of a site that is only planned, where it is.
+    nearest = obstacle - site.margin.total_m
     collision, insertion, damage = (
         distance_cost(distance, vehicle.safety)
-        for distance in (obstacle, hull.distance_m, horizontal)
+        for distance in (nearest, hull.distance_m, horizontal)
     )
     shape = vehicle.safety
     maps = Maps(
@@ -102,7 +104,7 @@ def build_maps(
         safety_cost=shape.collision * collision
         + shape.insertion * insertion
         + shape.damage * damage,
-        speed_limit_mps=speed_limit_mps(obstacle, vehicle.safety, vehicle.speed),
+        speed_limit_mps=speed_limit_mps(nearest, vehicle.safety, vehicle.speed),
         clearances=clearances,
         hull=hull,
         reach=Reach.over(

@@ -119,7 +119,7 @@ def landing_leg(
     steps = np.diff(path, axis=0)
     clearance = obstacle_clearance_m(site, path[1:])
     speed = np.minimum(
-        speed_limit_mps(clearance, vehicle.safety, vehicle.speed),
+        speed_limit_mps(clearance - site.margin.total_m, vehicle.safety, vehicle.speed),
         elevation_speed_mps(vehicle.speed, steps),
     )
     return LandingLeg(

@@ -278,13 +278,11 @@ def _place(sight: Sight, site: Site) -> Iterator[Finding]:
 def _height(z_m: float, site: Site) -> Finding:
     """Of an aircraft on the ground, where the site's z should be that of the ground.
 
-    An error shifts the whole flight up or down: more than the least keep-out is a collision.
+    An error shifts the whole flight up or down, in addition to what the margin allows for.
     """
     altitude_m = site.frame.origin.altitude_amsl_m
     text = f"it stands at z = {z_m:+.1f} m by its own altitude and the site's ({altitude_m:g} m)"
-    slack_m = max(
-        _HEIGHT_ERROR_M, min((item.keep_out_m for item in site.obstacles), default=_NO_KEEP_OUT_M)
-    )
+    slack_m = _HEIGHT_ERROR_M if site.obstacles else _NO_KEEP_OUT_M
     if abs(z_m) <= slack_m:
         return Finding(level=Level.OK, subject="height", text=text)
     lowest_m, highest_m = _ground_m(site, slack_m)

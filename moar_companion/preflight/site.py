@@ -8,9 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
+from ..margin import seen_margin
 from ..planner.plan import PlanStatus
 from ..planner.planner import Planner
 from ..power import PowerModel
@@ -27,9 +29,6 @@ _LOST_SHARE = 0.5
 """Of what is to be kept clear, how much may be lost on the way between two cells."""
 _PX4_STRAY_S2 = 0.58
 """Metres that PX4 strays for each m/s^2 of the setpoint (`vehicle.Guidance`)."""
-_PX4_SEEN_M = 1.6
-"""What a real PX4 was off at most in calm air at 0.7 m/s: 1.15 m from its setpoint, 0.47 m of
-position that it did not tell."""
 _ENDURANCE_SHARE = 0.8
 """The rest is for take-off and landing, the wind and waiting."""
 
@@ -40,6 +39,7 @@ def site_findings(planner: Planner) -> list[Finding]:
         _size(planner),
         _speed(planner),
         *_obstacles(planner),
+        _margin(planner),
         _start(planner),
         *_landings(planner),
         *_targets(planner),
@@ -78,10 +78,8 @@ _GRAPH_ARRAYS = ("allowed", "safety", "speed")
 
 
 def _obstacles(planner: Planner) -> Iterator[Finding]:
-    """What is kept clear of each obstacle, against the cells and against the autopilot."""
+    """What is kept clear of each obstacle, against the cells."""
     vehicle, resolution_m = planner.vehicle, planner.maps.grid.resolution_m
-    stray_m = vehicle.guidance.acceleration_mps2 * _PX4_STRAY_S2
-    astray, narrow = [], []
     for obstacle in planner.site.obstacles:
         required_m = vehicle.radius_m + obstacle.keep_out_m
         least_m = _least_between_cells_m(obstacle, required_m, resolution_m)
@@ -93,26 +91,27 @@ def _obstacles(planner: Planner) -> Iterator[Finding]:
                 f"{resolution_m:g} m it may be {least_m:.2f} m",
                 remedy="make workspace.resolution_m finer, or its keep_out_m greater",
             )
-        if obstacle.keep_out_m < stray_m:
-            astray.append(f"{obstacle.name} ({obstacle.keep_out_m:g})")
-        elif obstacle.keep_out_m < _PX4_SEEN_M:
-            narrow.append(f"{obstacle.name} ({obstacle.keep_out_m:g})")
-    if astray and vehicle.autopilot is not AutopilotKind.ARDUPILOT:
-        yield Finding(
-            level=Level.WARNING,
-            subject="obstacles",
-            text=f"keep_out_m of {', '.join(astray)} is less than the {stray_m:.2f} m by which PX4 "
-            f"strays at {vehicle.guidance.acceleration_mps2:g} m/s2",
-            remedy="make it greater, or guidance.acceleration_mps2 of the vehicle less",
-        )
 
-    if narrow and vehicle.autopilot is not AutopilotKind.ARDUPILOT:
-        yield Finding(
-            level=Level.NOTE,
-            subject="obstacles",
-            text=f"keep_out_m of {', '.join(narrow)} is less than the {_PX4_SEEN_M:g} m that a PX4 "
-            "was seen off (1.15 m of tracking, 0.47 m of position), in height up to 2.5 m",
-        )
+
+def _margin(planner: Planner) -> Finding:
+    """What is kept clear beyond keep-outs, against what the autopilot was seen to need."""
+    vehicle, margin = planner.vehicle, planner.site.margin
+    seen, whose = seen_margin(vehicle.autopilot), "PX4"
+    if vehicle.autopilot is AutopilotKind.ARDUPILOT:
+        whose = "ArduPilot"
+    else:
+        stray_m = vehicle.guidance.acceleration_mps2 * _PX4_STRAY_S2
+        seen = replace(seen, tracking_m=max(seen.tracking_m, stray_m))
+    text = f"{margin.total_m:.2f} m beyond every keep_out_m: {margin}"
+    if margin.position_m >= seen.position_m and margin.tracking_m >= seen.tracking_m:
+        return Finding(level=Level.OK, subject="margin", text=text)
+    return Finding(
+        level=Level.WARNING,
+        subject="margin",
+        text=f"{text}; {whose} was seen with {seen}",
+        remedy="only what was measured in flight, with RTK say, should be less: "
+        "supervision.position_uncertainty_m, guidance.tracking_margin_m of the vehicle",
+    )
 
 
 def _least_between_cells_m(obstacle: Obstacle, required_m: float, resolution_m: float) -> float:

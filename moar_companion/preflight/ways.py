@@ -12,6 +12,7 @@ import numpy as np
 
 from ..errors import InputError
 from ..planner import geometry
+from ..planner.grid import TOLERANCE
 from ..planner.plan import Plan, PlanStatus
 from ..planner.planner import Planner
 from ..planner.regions import goal_region
@@ -19,8 +20,9 @@ from ..service.airspace import Airspace
 from ..service.flight import Flight
 from ..service.loss import Loss
 from ..service.motion import Pose
-from ..site import PlanePoint
+from ..site import Obstacle, PlanePoint, Site
 from ..types import AutopilotKind, Mission, Vector
+from ..vehicle import Vehicle
 
 _STEP_S = 0.1
 """Of a flight that is tried."""
@@ -128,6 +130,17 @@ def place_problem(planner: Planner, point_m: PlanePoint) -> str | None:
     return too_near(planner, point_m) or too_near(planner, (x_m, z_m)) or "occupied"
 
 
+def requirement(site: Site, vehicle: Vehicle, obstacle: Obstacle) -> str:
+    """What the distance from an obstacle is made of, in words."""
+    parts = [f"vehicle radius {vehicle.radius_m:g}"]
+    own_m = obstacle.keep_out_m - site.margin.total_m
+    if own_m > TOLERANCE:
+        parts.append(f"keep_out_m {own_m:.4g}")
+    if site.margin.total_m:
+        parts.append(str(site.margin))
+    return ", ".join(parts)
+
+
 def too_near(planner: Planner, point_m: PlanePoint) -> str | None:
     """The first obstacle that a place is too near to, with the distances."""
     for obstacle in planner.site.obstacles:
@@ -135,7 +148,7 @@ def too_near(planner: Planner, point_m: PlanePoint) -> str | None:
         required_m = planner.vehicle.radius_m + obstacle.keep_out_m
         if distance_m < required_m:
             return (
-                f"{distance_m:.2f} m from {obstacle.name}, must be at least {required_m:g} m "
-                "(vehicle radius and keep_out_m)"
+                f"{distance_m:.2f} m from {obstacle.name}, must be at least {required_m:.2f} m "
+                f"({requirement(planner.site, planner.vehicle, obstacle)})"
             )
     return None

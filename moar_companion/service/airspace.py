@@ -161,7 +161,7 @@ class Airspace:
         Of one in which the aircraft is, it comes no nearer to the obstacle.
         """
         vertices_m, first, radius_m, keep_out_m = rings(self.site.obstacles)
-        least_m = keep_out_m + self.vehicle.radius_m
+        least_m = keep_out_m + self.vehicle.radius_m - self.site.margin.total_m
         ends_m = np.stack([aircraft_m[::2], *places_m[:, ::2]])
         clear_m = leg_clearances(ends_m, ends_m[0], vertices_m, first, radius_m)
         kept = clear_m[1:] >= np.minimum(clear_m[0], least_m) - TOLERANCE
@@ -175,19 +175,19 @@ class Airspace:
     def _may_be_carried_to(self, place_m: Vector, from_z_m: float) -> bool:
         """Whether a place keeps every keep-out, also outside the workspace, and is not too low.
 
+        Of a keep-out that is the obstacle's own: to draw an aircraft back through the margin is
+        worse than to leave it there.
         from_z_m: the height from which it is carried.
         """
         x_m, _, z_m = place_m
         if z_m < self._least_m(from_z_m):
             return False
-        grid, low_m = self.maps.grid, self.site.workspace.min_altitude_m
-        cell = grid.cell_of((x_m, z_m))
-        # Cells whose centres are too low are occupied, too.
-        low = low_m is not None and z_m < low_m + 0.5 * grid.resolution_m
-        if cell is not None and self.maps.occupied[cell] and not low:
+        margin_m = self.site.margin.total_m
+        cell = self.maps.grid.cell_of((x_m, z_m))
+        if cell is not None and self.maps.room_m[cell] < -margin_m - TOLERANCE:
             return False
         room_m = float(obstacle_room_m(self.site, np.array([x_m, z_m])))
-        return room_m >= self.vehicle.radius_m
+        return room_m >= self.vehicle.radius_m - margin_m
 
     def way_back(self, place_m: Vector, widened_m: float) -> CheckedLeg | None:
         """The recovery leg from outside the workspace, or straight back to the plane in it."""
@@ -269,6 +269,7 @@ class Airspace:
             occupied=self.maps.occupied,
             room_m=self.maps.room_m,
             widened_m=widened_m,
+            margin_m=self.site.margin.total_m,
             min_altitude_m=self.site.workspace.min_altitude_m,
             corridors_m=tuple(leg.points_m for leg in legs),
             ways_back_m=tuple(leg.points_m for leg in legs if leg.begins_beside),

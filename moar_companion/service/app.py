@@ -22,6 +22,7 @@ from operator import itemgetter
 from typing import Any
 
 from ..config import CompanionConfig, LinkRole
+from ..margin import flown_site
 from ..mavlink.link import Link, open_link
 from ..mavlink.link_basics import clock_s
 from ..mavlink.urls import parse_url
@@ -69,7 +70,9 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
     Raises InputError for files that cannot be used, LinkError for links that cannot be opened.
     """
     vehicle = Vehicle.load(config.vehicle)
-    site = None if config.site is None else Site.load(config.site)
+    site = None
+    if config.site is not None:
+        site = flown_site(Site.load(config.site), vehicle, config.supervision)
     with ahead_of_others() as ahead, log_to_stderr(), contextlib.ExitStack() as stack:
         if not ahead:
             _logger.info("no priority over other programs: nice %d not permitted", NICE)

@@ -24,6 +24,7 @@ from ..risk.localization import (
 )
 from ..risk.receivers import RECEIVER_ACCURACY, trouble
 from ..risk.wind import strongest
+from ..site import Margin
 from ..types import Battery, Mission, Telemetry
 from . import link_life
 from .autopilot_failsafe import battery_failsafe, holding_failsafe, took_mode
@@ -103,15 +104,17 @@ class Seen:
 
     faults: causes that are known as such. control_allowed: one autopilot and no other is heard.
     position_late_s: how much later than the fastest one it has come, by the clock in it.
-    jumped_m: how far it has jumped of late. error_m: from the setpoint to the aircraft.
+    jumped_m: how far it has jumped of late. jump_margin_m: how far it may be wrong where it is.
+    error_m: from the setpoint to the aircraft.
     escaping: an exit or evacuation is flown.
     drifted_m: how far a wind has carried it off; None where it holds. saturated: lean or motors at
     their limits. held_wind_mps: the wind in which it can hold.
     stands: whether the setpoint does not move although it is on its way.
     strays: how far it is outside the workspace and its checked legs, in words. room_m: from the
-    hull to the nearest keep-out. azimuth_rad: of +x, from north. misread: what is wrong with the
-    vehicle file's number of cells, in words. plan_awaited_s: how long a new plan of an inspection
-    is awaited. fence_silent: whether the autopilot does not tell the fence that was uploaded to it.
+    hull to the nearest keep-out. widening_m: what keep-outs have to grow by. azimuth_rad: of +x,
+    from north. misread: what is wrong with the vehicle file's number of cells, in words.
+    plan_awaited_s: how long a new plan of an inspection is awaited. fence_silent: whether the
+    autopilot does not tell the fence that was uploaded to it.
     """
 
     telemetry: Telemetry
@@ -121,7 +124,9 @@ class Seen:
     position_moved_s: float
     position_late_s: float = math.inf
     jumped_m: float = 0.0
+    jump_margin_m: float = math.inf
     room_m: float | None = None
+    widening_m: float = 0.0
     azimuth_rad: float | None = None
     misread: str | None = None
     in_control: bool = False
@@ -170,7 +175,12 @@ def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> 
         memory=_free("memory", seen.host.memory_available, limits.memory_free_mb),
         gate=faults.gate,
         narrow=faults.narrow,
-        jump=exceeds("the position jumped", seen.jumped_m, limits.jump_limit_m, "m"),
+        jump=exceeds(
+            "the position jumped",
+            seen.jumped_m,
+            min(limits.jump_limit_m, round(seen.jump_margin_m, 1)),
+            "m",
+        ),
         uncertainty=exceeds(
             "position uncertainty",
             uncertainty_m(seen.risk),
@@ -192,7 +202,7 @@ def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> 
         standing=_standing(seen),
         planner=_plan(seen, limits.plan_stale_s),
         planner_late=_plan(seen, limits.plan_stale_s) or _plan(seen, 0.5 * limits.plan_stale_s),
-        obstacle=_obstacle(seen, limits),
+        obstacle=_obstacle(seen),
         plane=_plane(seen, limits),
         moving=_moving(seen),
         loss=faults.loss,
@@ -219,9 +229,9 @@ def uncertainty_m(risk: RiskEstimate) -> float | None:
     return max((told[name].value or 0.0 for name in sources if name in told), default=None)
 
 
-def widening_m(risk: RiskEstimate, limits: Supervision) -> float:
-    """What the distance from obstacles has to grow by."""
-    return max(0.0, (uncertainty_m(risk) or 0.0) - limits.position_uncertainty_m)
+def widening_m(risk: RiskEstimate, margin: Margin) -> float:
+    """What the distance from obstacles has to grow by, for the position is known worse."""
+    return max(0.0, (uncertainty_m(risk) or 0.0) - margin.position_m)
 
 
 def _known_now(index: IndexReport, names: Collection[str]) -> bool:
@@ -378,8 +388,8 @@ def _plan(seen: Seen, limit_s: float) -> str | None:
     return exceeds("no new plan for", awaited_s, limit_s, "s")
 
 
-def _obstacle(seen: Seen, limits: Supervision) -> str | None:
-    least_m = widening_m(seen.risk, limits)
+def _obstacle(seen: Seen) -> str | None:
+    least_m = seen.widening_m
     if seen.room_m is None or seen.room_m >= least_m:
         return None
     words = f"{_shown(least_m - seen.room_m)} m too close to an obstacle"

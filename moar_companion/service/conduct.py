@@ -10,6 +10,7 @@ import math
 from dataclasses import replace
 
 from ..config import CompanionConfig
+from ..margin import margin_of
 from ..mavlink.commands import Command, MissionCommand, PauseContinue
 from ..mavlink.session import Session, Severity
 from ..mission import machine
@@ -75,13 +76,14 @@ class Conduct:
     ) -> None:
         self._config = config
         self._vehicle = vehicle
+        self._margin = margin_of(vehicle, config.supervision)
         self._ground = ground
         self._session = session
         self._surroundings = surroundings
         self._orders = orders
         self._reports = reports
-        self.course = Course(ground, vehicle, config, reports)
-        self.setpoints = Stream(session, vehicle, config.supervision)
+        self.course = Course(ground, vehicle, config, reports, self._margin)
+        self.setpoints = Stream(session, vehicle, config.supervision, self._margin)
         pilot_may_fly = before is not None and before.state is not MissionState.IDLE
         self.engaging = Engaging(config.authority, session, reports, pilot_flies=pilot_may_fly)
         self._recovery = Recovery(reports)
@@ -153,8 +155,8 @@ class Conduct:
 
     def supervise(self, now_s: float) -> None:
         """One look at the world; what ends our control comes first."""
-        self.setpoints.widened_m = widening_m(self.risk, self._config.supervision)
-        if self.course.look(self.risk, now_s):
+        self.setpoints.widened_m = widening_m(self.risk, self._margin)
+        if self.course.look(self.risk, self.tracking_error_m, now_s):
             # What was sought in vain may be found now.
             self.status = replace(self.status, no_way=frozenset())
         step = machine.tick(
@@ -339,6 +341,9 @@ class Conduct:
         flight, pose, ground = self.course.flight, self._surroundings.pose, self._ground
         telemetry, ways = self._session.telemetry, self.prospects.ways
         way_out = None if ways is None else ways.way_out(self.risk.meter)
+        room_m = None
+        if ground is not None and pose is not None:
+            room_m = ground.room_m(pose, self._vehicle.radius_m)
         return Seen(
             telemetry=telemetry,
             risk=self.risk,
@@ -347,9 +352,9 @@ class Conduct:
             position_moved_s=self._surroundings.position_moved_s,
             position_late_s=self._surroundings.position_late_s,
             jumped_m=self._surroundings.jumped_m(now_s),
-            room_m=None
-            if ground is None or pose is None
-            else ground.room_m(pose, self._vehicle.radius_m),
+            jump_margin_m=math.inf if room_m is None else self._jump_margin_m(room_m, now_s),
+            room_m=room_m,
+            widening_m=widening_m(self.risk, self._margin),
             in_control=self.status.state in IN_CONTROL,
             escaping=self._escapes,
             landing=self.engaging.is_landing(telemetry.autopilot, now_s),
@@ -374,6 +379,14 @@ class Conduct:
                 narrow=self.faults.causes.narrow or self.course.no_room,
             ),
         )
+
+    def _jump_margin_m(self, room_m: float, now_s: float) -> float:
+        """How far the position may be wrong, here or where it was before it jumped.
+
+        room_m: what the aircraft has beyond keep-outs.
+        """
+        least_m = room_m - self._margin.tracking_m - self._surroundings.jumped_m(now_s)
+        return self._margin.position_m + max(0.0, least_m)
 
     # What follows
 

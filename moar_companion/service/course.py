@@ -21,6 +21,7 @@ from ..planner.plan import Plan
 from ..power import PowerModel
 from ..risk import RiskEstimate
 from ..risk.explain import WeightsReason, risk_dict
+from ..site import Margin
 from ..types import AutopilotKind, FenceItem, Mission, RiskIndices, Telemetry, Vector
 from ..vehicle import Vehicle
 from .airspace import Airspace
@@ -53,13 +54,19 @@ class Course:
     """An aircraft's way on a site. ground: None without a site, where nothing can be planned."""
 
     def __init__(
-        self, ground: Ground | None, vehicle: Vehicle, config: CompanionConfig, reports: Reports
+        self,
+        ground: Ground | None,
+        vehicle: Vehicle,
+        config: CompanionConfig,
+        reports: Reports,
+        margin: Margin,
     ) -> None:
         self.flight: Flight | None = None
         """What is flown or offered; None while nothing is."""
         self._ground = ground
         self._vehicle = vehicle
         self._config = config
+        self._margin = margin
         self._reports = reports
         self._plans = PlanDesk()
         self._near_path_s = -math.inf
@@ -162,8 +169,8 @@ class Course:
         Above the limit of the uncertainty nothing is begun: ways out are measured as at the limit.
         """
         limits = self._config.supervision
-        most_m = limits.position_uncertainty_limit_m - limits.position_uncertainty_m
-        return min(self._widening.width_m, most_m)
+        most_m = limits.position_uncertainty_limit_m - self._margin.position_m
+        return min(self._widening.width_m, max(0.0, most_m))
 
     def learn_loss(
         self,
@@ -209,12 +216,16 @@ class Course:
         over = self._widening.width_m < width_m or self._uncertainty_m > limit_m
         return None if over else reason
 
-    def look(self, risk: RiskEstimate, now_s: float) -> bool:
-        """Take in how well the position is known; whether obstacles are less wide than before."""
-        limits, before = self._config.supervision, self._widening
+    def look(self, risk: RiskEstimate, tracking_error_m: float | None, now_s: float) -> bool:
+        """Take in how well position and setpoint are kept; whether obstacles are less wide now.
+
+        tracking_error_m: None where others fly. Beyond `tracking_hold_m` the setpoint waits.
+        """
+        before, most_m = self._widening, self._vehicle.guidance.tracking_hold_m
         self._uncertainty_m = uncertainty_m(risk)
-        self._needed_m = widening_m(risk, limits)
-        self._widening = before.followed(self._needed_m, now_s)
+        self._needed_m = widening_m(risk, self._margin)
+        strays_m = min(tracking_error_m or 0.0, most_m) - self._margin.tracking_m
+        self._widening = before.followed(self._needed_m + max(0.0, strays_m), now_s)
         less_wide = self._widening.width_m < before.width_m
         if less_wide:
             self._survival.reconsider(self.flight)

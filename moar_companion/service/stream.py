@@ -9,6 +9,7 @@ from ..config import Supervision
 from ..frames import PlaneToLocal
 from ..mavlink.session import Session
 from ..mission.gate import motion_refusal
+from ..site import Margin
 from ..vehicle import Vehicle
 from .flight import Flight
 from .motion import Jump, Setpoint
@@ -30,10 +31,13 @@ class Refusal:
 class Stream:
     """Looks at every setpoint, sends it, and remembers the last one."""
 
-    def __init__(self, session: Session, vehicle: Vehicle, limits: Supervision) -> None:
+    def __init__(
+        self, session: Session, vehicle: Vehicle, limits: Supervision, margin: Margin
+    ) -> None:
         self._session = session
         self._vehicle = vehicle
         self._limits = limits
+        self._margin = margin
         self.widened_m = 0.0
         """What the distance from obstacles has to grow by now."""
         self._last: Setpoint | None = None
@@ -57,7 +61,7 @@ class Stream:
         narrow = False
         if not reason and widened_m and flight.refusal(setpoint, tolerance_m, widened_m):
             narrow = True
-            known_m = self._limits.position_uncertainty_m + widened_m
+            known_m = self._margin.position_m + widened_m
             reason = f"no room here, uncertainty {known_m:.1f} m"
         if reason is None:
             self._pass(setpoint, plane, now_s)

@@ -59,10 +59,11 @@ class Ground:
     def room_m(self, pose: Pose, radius_m: float) -> float | None:
         """From a hull at a place to the nearest keep-out; None where there is no obstacle.
 
-        By the place itself: on the border of two cells theirs would alternate.
+        The place is the aircraft's own, with which tracking has nothing to do. By the place itself:
+        on the border of two cells theirs would alternate.
         """
         room_m = float(obstacle_room_m(self.site, np.array(pose.position_m[::2])))
-        return room_m - radius_m if self.site.obstacles else None
+        return room_m + self.site.margin.tracking_m - radius_m if self.site.obstacles else None
 
     def dwell_s(self, task: Task | None) -> float:
         """How long to stay at a task's present target."""

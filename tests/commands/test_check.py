@@ -156,7 +156,7 @@ def test_files_of_the_command_line_are_read_even_when_the_configuration_cannot_b
 
 def test_a_site_that_cannot_be_flown_is_a_no_go_with_status_1(capsys, tmp_path):
     site = edited(
-        tmp_path, SITE, ("side: right", "side: left"), ("standoff_m: 2.0", "standoff_m: 1.0")
+        tmp_path, SITE, ("side: right", "side: left"), ("standoff_m: 4.0", "standoff_m: 1.0")
     )
     assert check("--site", site) == 1
     out, err = capsys.readouterr()

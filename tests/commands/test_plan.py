@@ -204,7 +204,7 @@ def test_the_explanation_is_what_the_risks_did_to_weights_and_path(plan):
     assert path["mean_clearance_m"] == pytest.approx(
         [calm["metrics"]["mean_clearance_m"], risky["metrics"]["mean_clearance_m"]]
     )
-    assert path["words"].startswith(f"path {path['greatest_m']:.1f} m outwards")
+    assert path["words"].startswith(f"path {path['greatest_m']:.1f} m inwards")
 
 
 def test_the_explanation_is_told_in_the_summary(site, capsys):

@@ -104,7 +104,7 @@ COMPANION: dict[str, Any] = {
     "setpoint_rate_hz": 50.0,
     "resume": False,
     "replanning": section(Replanning()),
-    "supervision": section(Supervision()),
+    "supervision": section(Supervision(position_uncertainty_m=1.4)),
     "recorder": {"directory": "flights"},
     "state": {"directory": "state"},
     "view": {"socket": "view.sock"},
@@ -145,9 +145,12 @@ EMPTY_IS_NONE = {
     "site.yaml": {"workspace.min_altitude_m", "targets.splice-1.yaw_deg"},
     "vehicle.yaml": {
         "autopilot", "speed.max_mps", "power.cruise_w", "power.climb_w", "power.descent_w",
-        "power.capacity_wh", "risk.cells",
+        "power.capacity_wh", "risk.cells", "guidance.tracking_margin_m",
     },
-    "companion.yaml": {"site", "recorder.directory", "state.directory", "view.socket"},
+    "companion.yaml": {
+        "site", "recorder.directory", "state.directory", "view.socket",
+        "supervision.position_uncertainty_m",
+    },
 }  # fmt: skip
 """Keys whose default is nothing; `key:` without a value says the same."""
 

@@ -109,6 +109,7 @@ OUTSIDE = {
             ("tracking_slow_m", "tracking_hold_m", "off_path_m", "leash_m", "recovery_m"),
             (0.0, FAR),
         ),
+        "tracking_margin_m": (-0.1, 100.1),
         "landing_height_m": (-0.1, FAR),
         **dict.fromkeys(
             (

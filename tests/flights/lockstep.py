@@ -13,7 +13,14 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.config import Authority, CompanionConfig, LinkConfig, shipped_configs
+from moar_companion.config import (
+    Authority,
+    CompanionConfig,
+    LinkConfig,
+    Supervision,
+    shipped_configs,
+)
+from moar_companion.margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.service.companion import Companion
 from moar_companion.service.jobs import PlanAnswer, answer_job
@@ -21,6 +28,7 @@ from moar_companion.service.planners import Planners
 from moar_companion.service.reports import Decision
 from moar_companion.service.surroundings import Ground
 from moar_companion.site import Site
+from moar_companion.types import AutopilotKind
 from moar_companion.vehicle import Vehicle
 from sitl.autopilot import FakeAutopilot, Options, Truth
 from sitl.manners import KINDS
@@ -40,7 +48,7 @@ PLAN_DELAY_S = 0.04
 
 
 def as_simulated(vehicle: Vehicle, manner: Manner) -> Vehicle:
-    """The vehicle with the drag and the pack of the simulated aircraft, as if it were measured."""
+    """The vehicle with autopilot, drag and pack of the simulated aircraft, as if measured."""
     kind = KINDS[manner.value]
     risk = replace(
         vehicle.risk,
@@ -48,7 +56,7 @@ def as_simulated(vehicle: Vehicle, manner: Manner) -> Vehicle:
         drag_per_m=kind.airframe.drag_per_m,
         cells=None if vehicle.risk.cells is None else kind.battery.cells,
     )
-    return replace(vehicle, risk=risk)
+    return replace(vehicle, autopilot=AutopilotKind(manner.value), risk=risk)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -87,7 +95,9 @@ class Lockstep:
         if isinstance(vehicle, str):
             vehicle = Vehicle.load(shipped_configs() / "vehicles" / f"{vehicle}.yaml")
         self.vehicle = as_simulated(vehicle, manner)
-        self.planner = Planner(self.site, self.vehicle)
+        limits = config.get("supervision", Supervision())
+        self.flown_site = flown_site(site, self.vehicle, limits)
+        self.planner = Planner(self.flown_site, self.vehicle)
         self.planners = Planners(self.planner)
         x_m, y_m = (self.site.start_m[0], 0.0) if start_m is None else start_m
         options = dict(options or {})
@@ -133,7 +143,14 @@ class Lockstep:
 
     def __deepcopy__(self, memo):
         """To be moved on by itself; what never changes, and what is past, is the same."""
-        ground = (self.site, self.vehicle, self.planner.maps, self.planner, self.planners)
+        ground = (
+            self.site,
+            self.flown_site,
+            self.vehicle,
+            self.planner.maps,
+            self.planner,
+            self.planners,
+        )
         memo |= {id(item): item for item in (self.config, *ground, *self.operator.heard)}
         twin = memo[id(self)] = copy.copy(self)
         for name, value in vars(self).items():
@@ -143,7 +160,9 @@ class Lockstep:
 
     def new_companion(self) -> Companion:
         """A companion that knows nothing yet, of this site and vehicle."""
-        return Companion(self.config, self.vehicle, Ground(site=self.site, maps=self.planner.maps))
+        return Companion(
+            self.config, self.vehicle, Ground(site=self.flown_site, maps=self.planner.maps)
+        )
 
     @property
     def state(self) -> str:

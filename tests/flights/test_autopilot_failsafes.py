@@ -141,7 +141,7 @@ def test_guided_taken_out_of_a_landing_is_the_air_although_the_landing_is_still_
     """EXTENDED_SYS_STATE tells a landing for 40 to 110 ms after it was ended."""
     flight = guided()
     flight.begin(INSPECTION)
-    flight.run(8.0)
+    flight.run(4.0)
     flight.operator.mode("land")
     flight.run(1.5)
     flight.operator.mode("ours")

@@ -7,6 +7,9 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion.config import Supervision, shipped_configs
+from moar_companion.vehicle import Vehicle
+
 from ..copies import flown_once
 from .judging import assert_nothing_was_touched, in_plane, true_places
 from .lockstep import Lockstep, hovering
@@ -33,6 +36,8 @@ NAMES = {
 }
 BOTH = pytest.mark.parametrize("manner", list(Manner), ids=lambda manner: manner.value)
 HOME_X_M = 27.0
+LINEDRONE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
+EXACT = replace(LINEDRONE, guidance=replace(LINEDRONE.guidance, tracking_margin_m=0.0))
 
 
 @flown_once
@@ -84,12 +89,18 @@ def past_two_conductors_m(manner, parameters):
     """How high it is flown past two conductors: above both it is safer than between them."""
     base = Lockstep().site
     conductors = tuple(
-        replace(base.obstacles[0], name=name, position_m=(15.0, z_m))
+        replace(base.obstacles[0], name=name, position_m=(15.0, z_m), keep_out_m=0.0)
         for name, z_m in (("lower", 3.0), ("upper", 7.5))
     )
     target = replace(base.targets[0], position_m=(4.0, 7.0))
     site = replace(base, obstacles=conductors, targets=(target,))
-    flight = Lockstep(site=site, manner=manner, options={"parameters": parameters})
+    flight = Lockstep(
+        site=site,
+        vehicle=EXACT,
+        manner=manner,
+        options={"parameters": parameters},
+        supervision=Supervision(position_uncertainty_m=0.9),
+    )
     flight.take_off(7.0)
     flight.operator.mission(INSPECTION, 0)
     flight.give_mode()

@@ -46,7 +46,7 @@ WRONG = {
     "beside the way": {"after_m": (30.0, 0.3, 9.0)},
     "below the way": {"after_m": (30.0, 0.0, 8.7)},
     "into a keep-out": {
-        "after_m": (22.68, 0.0, 9.8),
+        "after_m": (22.68, 0.0, 10.3),
         "before_m": before_m,
         "aircraft_m": (22.68, 0.0, 12.5),
     },

@@ -27,6 +27,7 @@ def reason(
     ways_back=(),
     lowest_m=None,
     widened_m=0.0,
+    margin_m=0.0,
 ):
     return refusal(
         position,
@@ -36,6 +37,7 @@ def reason(
         occupied=OCCUPANCY,
         room_m=ROOM_M,
         widened_m=widened_m,
+        margin_m=margin_m,
         min_altitude_m=lowest_m,
         corridors_m=corridors,
         ways_back_m=ways_back,
@@ -94,6 +96,14 @@ def test_a_position_that_is_known_worse_widens_what_is_kept_free_for_what_moves(
     assert reason(velocity=(0.0, 0.0, 0.0), widened_m=5.0) is None  # it may stay
     # The legs that were checked lead away from obstacles.
     assert reason(position=(5.0, 0.0, 5.0), cell=None, corridors=(LEG,), widened_m=5.0) is None
+
+
+def test_within_the_margin_it_may_come_to_rest_and_not_move():
+    assert reason(cell=OCCUPIED, margin_m=0.1) is None
+    assert reason(cell=OCCUPIED, margin_m=0.05) is not None  # that is the obstacle's own keep-out
+    assert reason(cell=OCCUPIED, margin_m=0.1, velocity=(0.1, 0.0, 0.0)) is not None
+    low = reason(position=(1.0, 0.0, 1.9), cell=OCCUPIED, margin_m=0.1, lowest_m=2.0)
+    assert low == "setpoint too near an obstacle or too low"
 
 
 LIMITS = {"greatest_mps": 2.0, "least_mps": 0.5, "acceleration_mps2": 1.0}

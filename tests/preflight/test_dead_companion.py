@@ -5,6 +5,7 @@ from dataclasses import replace
 import pytest
 
 from moar_companion.config import LossCheck, Supervision, shipped_configs
+from moar_companion.margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.preflight.dead_companion import SUBJECT, loss_findings
 from moar_companion.preflight.findings import Level
@@ -22,7 +23,7 @@ KINDS = {
 }
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
-PLANNER = Planner(SITE, VEHICLE)
+PLANNER = Planner(flown_site(SITE, VEHICLE, Supervision()), VEHICLE)
 
 
 def found(kind, policy=LossCheck.REFUSE, *, planner=PLANNER, **parameters):

@@ -6,6 +6,7 @@ import pytest
 
 from moar_companion.autopilots import failsafe_parameters, failsafes_of
 from moar_companion.config import LossCheck, Supervision, shipped_configs
+from moar_companion.margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.power import PowerModel
 from moar_companion.preflight.failsafes import SUBJECT, failsafe_findings
@@ -18,7 +19,7 @@ OK, NOTE, WARNING, NO_GO = Level
 PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
-PLANNER = Planner(SITE, VEHICLE)
+PLANNER = Planner(flown_site(SITE, VEHICLE, Supervision()), VEHICLE)
 SAFE = {
     PX4: {"NAV_RCL_ACT": 1.0},
     ARDUPILOT: {"FS_THR_ENABLE": 7.0, "FS_EKF_ACTION": 2.0},

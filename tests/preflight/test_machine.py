@@ -4,7 +4,14 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.config import CompanionConfig, LinkConfig, LinkRole, shipped_configs
+from moar_companion.config import (
+    CompanionConfig,
+    LinkConfig,
+    LinkRole,
+    Supervision,
+    shipped_configs,
+)
+from moar_companion.margin import flown_site
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.planner.planner import Planner
 from moar_companion.preflight.findings import Level
@@ -18,7 +25,7 @@ from sitl.fence_areas import Item
 CONFIGS = shipped_configs()
 SITE = Site.load(CONFIGS / "sites" / "315kv_double_circuit.yaml")
 VEHICLE = Vehicle.load(CONFIGS / "vehicles" / "x500.yaml")
-PLANNER = Planner(SITE, VEHICLE)
+PLANNER = Planner(flown_site(SITE, VEHICLE, Supervision()), VEHICLE)
 LINK = "udp:127.0.0.1:14540"
 STEP_S = 0.02
 OK, NOTE, WARNING, NO_GO = Level
@@ -32,7 +39,7 @@ PX4_AS_ASKED = {
 
 def planner_of(site, vehicle):
     same = (site, vehicle) == (SITE, VEHICLE)
-    return PLANNER if same else Planner(site, vehicle)
+    return PLANNER if same else Planner(flown_site(site, vehicle, Supervision()), vehicle)
 
 
 class Look:

@@ -10,12 +10,19 @@ from __future__ import annotations
 import functools
 import math
 from collections import deque
+from dataclasses import replace
 
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.autopilots import ardupilot as ardupilot_file
 from moar_companion.autopilots import px4 as px4_file
-from moar_companion.config import Authority, CompanionConfig, LinkConfig, shipped_configs
+from moar_companion.config import (
+    Authority,
+    CompanionConfig,
+    LinkConfig,
+    Supervision,
+    shipped_configs,
+)
 from moar_companion.mavlink.dialect import create
 from moar_companion.planner.planner import Planner
 from moar_companion.service.companion import Companion
@@ -72,11 +79,22 @@ PARAMETERS = {
 """Of the autopilot: as the manual asks for, else as by default."""
 
 
+KEEP_OUT_M = 0.9
+"""All of it is for the position's error."""
+
+
 @functools.cache
 def usual_planner():
+    """Of a narrow site: targets 2 m beside their conductors, with a margin of 0.9 m in all."""
     configs = shipped_configs()
+    site = Site.load(configs / "sites" / "315kv_double_circuit.yaml")
+    obstacles = tuple(replace(item, keep_out_m=KEEP_OUT_M) for item in site.obstacles)
+    targets = tuple(
+        replace(target, position_m=(target.position_m[0] - 2.0, target.position_m[1]))
+        for target in site.targets
+    )
     return Planner(
-        Site.load(configs / "sites" / "315kv_double_circuit.yaml"),
+        replace(site, obstacles=obstacles, targets=targets),
         Vehicle.load(configs / "vehicles" / "linedrone_flight.yaml"),
     )
 
@@ -102,6 +120,10 @@ class Desk:
         self.planners = Planners(self.planner)
         self.site, self.vehicle = self.planner.site, self.planner.vehicle
         config.setdefault("authority", Authority.STREAM)
+        limits = config.pop("supervision", Supervision())
+        if limits.position_uncertainty_m is None:
+            limits = replace(limits, position_uncertainty_m=KEEP_OUT_M)
+        config["supervision"] = limits
         links = config.pop("links", (LinkConfig(url=LINK),))
         self.companion = Companion(
             CompanionConfig(vehicle=shipped_configs(), links=links, **config),

@@ -13,6 +13,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from shapely.geometry import LineString, Point
 
 from moar_companion.config import Authority, Supervision
+from moar_companion.margin import margin_of
 
 from ..flights.judging import cells_within, clearances_m, is_free, local_place
 from ..flights.operator import Manner
@@ -26,13 +27,14 @@ from .desk import (
     EXIT,
     GUIDED,
     INSPECTION,
+    KEEP_OUT_M,
     OFFBOARD,
     PAUSE_CONTINUE,
     RTL,
     USER_1,
 )
 
-LIMITS = Supervision()
+LIMITS = Supervision(position_uncertainty_m=KEEP_OUT_M)
 _ATTITUDE_S = 1.0
 _SECOND_S = 1.0
 """A second autopilot is remembered at least for so long."""
@@ -348,4 +350,8 @@ class Judge:
             if accuracy_m and math.isfinite(accuracy_m)
         }
         level_m = known.get("estimator", known.get("receiver", 0.0))
-        return max(0.0, max(level_m, known.get("height", 0.0)) - LIMITS.position_uncertainty_m)
+        return max(
+            0.0,
+            max(level_m, known.get("height", 0.0))
+            - margin_of(self.desk.vehicle, LIMITS).position_m,
+        )

@@ -8,9 +8,9 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.config import Supervision
 from moar_companion.mission.conditions import Causes
 from moar_companion.service.causes import uncertainty_m, widening_m
+from moar_companion.site import Margin
 from moar_companion.types import Heard, Landed, LandedState, Mission
 
 from .seen import (
@@ -238,10 +238,14 @@ STORIES = [
         replace(IN_FLIGHT, room_m=-0.3),
         {"obstacle": "0.3 m too close to an obstacle"},
     ),
-    ("room for the uncertainty", replace(uncertain(1.4, None, None), room_m=0.51), {}),
+    (
+        "room for the uncertainty",
+        replace(uncertain(1.4, None, None), room_m=0.51, widening_m=0.5),
+        {},
+    ),
     (
         "too little room for it",
-        replace(uncertain(1.4, None, None), room_m=0.3),
+        replace(uncertain(1.4, None, None), room_m=0.3, widening_m=0.5),
         {"obstacle": "0.2 m too close to an obstacle (position uncertainty 1.4 m)"},
     ),
     ("no obstacle anywhere", replace(IN_FLIGHT, room_m=None), {}),
@@ -342,7 +346,7 @@ def test_this_and_nothing_else_stands_against_a_flight(case, seen, expected):
 def test_obstacles_grow_by_what_the_keep_outs_do_not_allow_for(known, uncertainty, widening):
     estimate = uncertain(*known).risk
     assert uncertainty_m(estimate) == uncertainty
-    assert widening_m(estimate, Supervision()) == pytest.approx(widening)
+    assert widening_m(estimate, Margin(position_m=0.9, tracking_m=1.0)) == pytest.approx(widening)
 
 
 @pytest.mark.parametrize(

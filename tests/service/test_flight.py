@@ -23,11 +23,11 @@ from moar_companion.service.junction import Adoption
 from moar_companion.service.loss import Loss, loss_parameters
 from moar_companion.service.motion import Jump, Pose
 from moar_companion.service.planners import Planners
-from moar_companion.site import Site
 from moar_companion.types import AutopilotKind, Mission, RiskIndices, Weights
 from moar_companion.vehicle import Vehicle
 
 from ..planner.problems import conductor, make_site
+from .desk import usual_planner
 
 STEP_S = 0.02
 WEIGHTS = Weights(safety=0.4, time=0.4, energy=0.2)
@@ -41,7 +41,7 @@ class Flown:
     """A flight whose aircraft is wherever its setpoint is."""
 
     def __init__(self, vehicle, loss=SHORT):
-        self.site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+        self.site = usual_planner().site
         self.vehicle = Vehicle.load(shipped_configs() / "vehicles" / f"{vehicle}.yaml")
         self.planner = Planner(self.site, self.vehicle)
         x_m, z_m = self.site.start_m

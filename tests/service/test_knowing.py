@@ -61,7 +61,7 @@ def test_a_flight_ordered_just_as_the_position_jumps_is_told_so_and_not_begun(de
     order.run(2.1)
     answers = desk.answers() if mission else desk.answers(PAUSE_CONTINUE)
     assert (desk.state, answers[-1]) == ("holding", TEMPORARILY_REJECTED)
-    assert desk.said("the position jumped 4.5 m > 3, rejected")
+    assert desk.said("the position jumped 4.5 m > 0.9, rejected")
     desk.go_on().run(0.5)  # now he knows
     assert (desk.state, desk.answers(PAUSE_CONTINUE)[-1]) == ("flying", ACCEPTED)
 
@@ -75,7 +75,7 @@ def test_the_way_out_that_the_supervisor_has_just_begun_may_be_ordered_as_well(d
 
 
 TROUBLE = {
-    "a jump": ({}, "MOAR: the position jumped 4.5 m > 3, holding"),
+    "a jump": ({}, "MOAR: the position jumped 4.5 m > 0.9, holding"),
     "no fix": ({"fix_type": 0}, "MOAR: the receiver has no 3D fix, holding"),
     "wind": ({"wind_mps": 21.4}, "MOAR: wind reported 21.4 m/s > 15, holding"),
 }

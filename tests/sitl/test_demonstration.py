@@ -17,7 +17,7 @@ import pytest
 from PIL import Image
 from pymavlink import mavutil
 
-from moar_companion import Mission, Planner, RiskIndices, Site, Vehicle
+from moar_companion import Site
 from moar_companion.config import shipped_configs
 from sitl.demonstration import fly as demonstration
 from sitl.demonstration.judge import read_truth
@@ -169,22 +169,6 @@ def test_a_user_sees_that_line_and_status(tmp_path):
     assert (flown.returncode, flown.stdout) == (2, "")
     assert flown.stderr.startswith("sitl/fly: ")
     assert flown.stderr.endswith("missing.yaml: no such file\n")
-
-
-def test_the_wind_of_the_demonstration_moves_its_path_away_from_the_conductors():
-    site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
-    vehicle = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
-    planner = Planner(site, vehicle)
-    clearance_m = [
-        planner.plan(
-            mission="inspection",
-            target="splice-inner",
-            start=site.target("splice-outer").position_m,
-            weights=vehicle.weights[Mission.INSPECTION].adjusted(RiskIndices(wind=wind)),
-        ).metrics.mean_clearance_m
-        for wind in (0.0, 0.8)
-    ]
-    assert clearance_m[1] > clearance_m[0] + 0.2
 
 
 def test_a_folder_that_holds_a_flight_is_not_flown_into_again(tmp_path, capsys):

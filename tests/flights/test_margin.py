@@ -1,0 +1,52 @@
+"""The margin in flight: by truth nothing is touched, whatever wind and estimator make of it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.config import shipped_configs
+from moar_companion.site import Polygon, Site, Target
+
+from .judging import assert_nothing_was_touched, assert_setpoints_keep_to_free_space
+from .lockstep import hovering
+from .marks import BOTH
+from .operator import INSPECTION, Manner
+
+BESIDE_M = 3.6
+"""From the target to the wall: the margin of PX4, an X500, and a cell."""
+
+
+def site_with_a_wall():
+    """A target beside a wall without a keep-out of its own."""
+    site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+    wall = Polygon(name="wall", vertices_m=((10.0, 0.0), (16.0, 0.0), (16.0, 14.0), (10.0, 14.0)))
+    target = Target(name="crack", position_m=(16.0 + BESIDE_M, 8.0), dwell_s=20.0)
+    return replace(site, obstacles=(wall,), targets=(target,))
+
+
+@pytest.mark.parametrize("wind_mps", [4.5, 6.3])
+@BOTH
+def test_beside_a_wall_without_a_keep_out_plain_wind_touches_nothing(manner, wind_mps):
+    flight = hovering(site=site_with_a_wall(), vehicle="x500", manner=manner)
+    flight.autopilot.conditions.wind_mps = wind_mps
+    flight.autopilot.conditions.wind_from_deg = 90.0  # towards the wall
+    flight.begin(INSPECTION, 0)
+    flight.run_until_state("at_target", 90.0)
+    flight.run(15.0)
+    assert_nothing_was_touched(flight)
+    assert_setpoints_keep_to_free_space(flight)
+
+
+@pytest.mark.parametrize("east_m", [2.5, -2.5])
+def test_an_estimator_jump_that_is_greater_than_the_margin_left_is_a_hold(east_m):
+    flight = hovering(site=site_with_a_wall(), vehicle="x500", manner=Manner.PX4)
+    flight.begin(INSPECTION, 0)
+    flight.run_until_state("at_target", 90.0)
+    flight.autopilot.jump(0.0, east_m)
+    flight.run(1.0)
+    assert flight.state == "holding"
+    assert flight.operator.said("MOAR: the position jumped 2.5 m > ")
+    flight.run(10.0)
+    assert_nothing_was_touched(flight)
