@@ -11,6 +11,7 @@ another's, as they are in the name that it is kept under.
 from __future__ import annotations
 
 import hashlib
+import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
@@ -134,12 +135,32 @@ def _numba() -> Any:
     """The compiler, whose import takes longer than all else together."""
     import numba  # noqa: PLC0415
 
+    _load_without_blas()
+
     @numba.extending.typeof_impl.register(Kernel)  # type: ignore[untyped-decorator]
     def type_of(kernel: Kernel, context: Any) -> Any:
         """A kernel that another one calls."""
         return numba.extending.typeof_impl(kernel.ready, context)
 
     return numba
+
+
+def _load_without_blas() -> None:
+    """Load numba's arrays without looking for a BLAS, for which all of scipy.linalg is imported.
+
+    That takes as long as numba itself. No kernel multiplies matrices; what does so elsewhere looks
+    for a BLAS by itself, when it is compiled.
+    """
+    from numba.np import linalg  # noqa: PLC0415
+
+    def ensure_blas() -> None:
+        raise ImportError
+
+    ensure_usual_blas, linalg.ensure_blas = linalg.ensure_blas, ensure_blas
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        linalg.ensure_blas = ensure_usual_blas
 
 
 def _taken_in(function: Any, types: tuple[Type, ...]) -> str:

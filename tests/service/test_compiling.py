@@ -90,6 +90,17 @@ def test_what_ends_motion_waits_for_nothing():
     assert "rejected: compiling" not in texts
 
 
+def test_what_ends_motion_cancels_what_waits():
+    station = Station()
+    station.companion.await_planner()
+    station.order(INSPECTION)
+    station.run(0.5)
+    station.order(RELEASE)
+    assert station.run(0.5)[0] == [ACCEPTED]  # of two commands of one number the newer is answered
+    station.companion.take_ground(ready())
+    assert station.run(2.0)[0] == []
+
+
 @pytest.mark.slow
 def test_at_its_first_start_it_is_heard_at_once_and_tells_how_far_it_is(tmp_path):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as item:
