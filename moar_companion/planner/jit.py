@@ -69,6 +69,8 @@ class Kernel:
     """
 
     def __init__(self, function: Any, answer: Type, arguments: tuple[Type, ...]) -> None:
+        self.is_helper = function.__name__.startswith("_")
+        """Whether kernels alone call it: machine code of these has it within."""
         function.__qualname__ += f"_{_taken_in(function, arguments)}"
         self.py_func = function
         self._answer = answer
@@ -102,7 +104,14 @@ class Kernel:
 
     @cached_property
     def _dispatcher(self) -> Any:
-        compiled = partial(_numba().njit, nogil=True, error_model="numpy")
+        compiled = partial(
+            _numba().njit,
+            nogil=True,
+            error_model="numpy",
+            # The ways in, for C and for Python, would be a tenth of the compiling.
+            no_cfunc_wrapper=True,
+            no_cpython_wrapper=self.is_helper,
+        )
         try:
             return compiled(cache=True)(self.py_func)
         except RuntimeError:  # there is no folder that may be written: it is compiled each time
