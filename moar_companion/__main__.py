@@ -13,6 +13,8 @@ def main() -> int:
     An interrupt ends it at once with status 1, unless a command has something to put in order.
     """
     signal.signal(signal.SIGINT, _end)
+    # There are none, and pydantic would look for them in all that is installed.
+    os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from .cli import main as run  # noqa: PLC0415
 
     status = run()

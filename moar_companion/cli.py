@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import importlib
-import importlib.metadata
 import io
 import logging
 import os
@@ -259,11 +258,23 @@ def _service_parser() -> _Parser:
         f"commands ({PROGRAM} COMMAND --help):\n{commands}\n\n{parser.epilog}\n\n"
         "exit status: 0 done; 2 usage or bad input; 1 anything else"
     )
-    parser.add_argument("--version", action="version", version=f"{PROGRAM} {_version()}")
+    parser.add_argument(
+        "--version", action=_Version, nargs=0, help="show program's version number and exit"
+    )
     return parser
 
 
+class _Version(argparse.Action):
+    """Prints the version, which is looked up only then: that takes longer than argparse."""
+
+    def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
+        sys.stdout.write(f"{PROGRAM} {_version()}\n")
+        parser.exit()
+
+
 def _version() -> str:
+    import importlib.metadata  # noqa: PLC0415
+
     try:
         return importlib.metadata.version(PROGRAM)
     except importlib.metadata.PackageNotFoundError:

@@ -33,7 +33,14 @@ _FAR_M = 1e6
 class FileModel(BaseModel):
     """What a mapping in a file must look like."""
 
-    model_config = ConfigDict(strict=True, extra="forbid", allow_inf_nan=False, frozen=True)
+    model_config = ConfigDict(
+        strict=True,
+        extra="forbid",
+        allow_inf_nan=False,
+        frozen=True,
+        # When a file is first read: what is nested is a part of that, and not built for itself.
+        defer_build=True,
+    )
 
 
 def _printable(text: str) -> str:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import os
 from collections.abc import Iterator
 from dataclasses import replace
@@ -41,6 +42,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Run the service until it is told to end."""
+    # Until the service has loaded all: what is imported lives as long as the process.
+    gc.disable()
     config = configured(arguments)
     from ..service.app import run_service  # noqa: PLC0415
 

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 import struct
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from operator import itemgetter
 from types import MappingProxyType
 
@@ -70,6 +70,13 @@ class ParameterRequests:
         if name in self._asked or name in self._values:
             self._asked.pop(name, None)
             self._values[name] = parameter_value(message, kind)
+
+    def requests(self, now_s: float) -> Iterator[str]:
+        """The names to ask for now: of those not known yet all that may be under way."""
+        while (name := self.next_request(now_s)) is not None:
+            yield name
+            if name in self._values:  # asked for again: there is time
+                return
 
     def next_request(self, now_s: float) -> str | None:
         """The name to ask for now; at most one per call."""

@@ -306,8 +306,7 @@ class Session:
             self._parameters.want(GNSS_PARAMETERS)
         if self.telemetry.motors is not None:
             self._parameters.want(MOTOR_PARAMETERS.get(autopilot.kind, ()))
-        parameter = self._parameters.next_request(now_s)
-        if parameter is not None:
+        for parameter in self._parameters.requests(now_s):
             request = translate_outgoing.parameter_request_message(
                 target=_address(autopilot), name=parameter
             )

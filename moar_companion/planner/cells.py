@@ -1,5 +1,7 @@
 """The compiled loops over all cells: distances to obstacles, and the steps between cells.
 
+Number by number: whole rows at once, and arrays that are filled, take much longer to compile.
+
 Obstacles come as rings of vertices, one behind the other: of ring k those from `first[k]` to
 `first[k + 1]`. A ring of one vertex is a point, a disc with its radius; of two, a segment.
 """
@@ -61,14 +63,14 @@ def nearest_rings(
             begin = np.uint64(0 if is_new[ring] else lost_begin)
             end = np.uint64(len(z_m) if is_new[ring] else lost_end)
             count = first[ring + 1] - first[ring]
-            squared[begin:end] = np.inf
-            inside[begin:end] = 0
+            for row in range(begin, end):
+                squared[row], inside[row] = np.inf, 0
             for corner in range(count):
-                start = vertices_m[first[ring] + corner]
-                stop = vertices_m[first[ring] + (corner + 1) % count]
-                start_x, start_z = start[0], start[1]
-                along_x, along_z = stop[0] - start_x, stop[1] - start_z
-                length_squared = along_x**2 + along_z**2
+                here, there = first[ring] + corner, first[ring] + (corner + 1) % count
+                start_x, start_z = vertices_m[here, 0], vertices_m[here, 1]
+                stop_x, stop_z = vertices_m[there, 0], vertices_m[there, 1]
+                along_x, along_z = stop_x - start_x, stop_z - start_z
+                length_squared = along_x * along_x + along_z * along_z
                 scale = 1.0 / length_squared if length_squared > 0.0 else 0.0
                 dx = x - start_x
                 for row in range(begin, end):
@@ -80,7 +82,7 @@ def nearest_rings(
                     slope = along_x / along_z
                     for row in range(begin, end):
                         z = z_m[row]
-                        crosses = (start_z > z) != (stop[1] > z)
+                        crosses = (start_z > z) != (stop_z > z)
                         inside[row] ^= crosses and x < start_x + (z - start_z) * slope
             radius, keep_out, index = radius_m[ring], keep_out_m[ring], float(ring)
             for row in range(begin, end):
@@ -107,22 +109,27 @@ def horizontal_distances(
     At any x the lowest point of a filled shape is on its outline, so the edges below serve. The
     paper's exclusion: below a 45 degree slope from the lowest obstacle a fall does no damage.
     """
-    lowest = vertices_m[:, 1].min() if len(vertices_m) else np.inf
-    distance = np.full((len(x_m), len(z_m)), np.inf)
+    lowest = np.inf
+    for vertex in range(len(vertices_m)):
+        lowest = min(lowest, vertices_m[vertex, 1])
+    distance = np.empty((len(x_m), len(z_m)))
+    for column in range(len(x_m)):
+        for row in range(len(z_m)):
+            distance[column, row] = np.inf
     for ring in range(len(first) - 1):
         count = first[ring + 1] - first[ring]
         for corner in range(count):
-            low = vertices_m[first[ring] + corner]
-            high = vertices_m[first[ring] + (corner + 1) % count]
-            if low[1] > high[1]:
+            low, high = first[ring] + corner, first[ring] + (corner + 1) % count
+            if vertices_m[low, 1] > vertices_m[high, 1]:
                 low, high = high, low
-            rise = high[1] - low[1]
+            low_x, low_z = vertices_m[low, 0], vertices_m[low, 1]
+            high_x, rise = vertices_m[high, 0], vertices_m[high, 1] - low_z
             for row in range(len(z_m)):
-                if not low[1] < z_m[row] - TOLERANCE:
+                if not low_z < z_m[row] - TOLERANCE:
                     continue
-                share = min((z_m[row] - low[1]) / rise, 1.0) if rise > 0.0 else 1.0
-                cut = low[0] + share * (high[0] - low[0])
-                left, right = min(low[0], cut), max(low[0], cut)
+                share = min((z_m[row] - low_z) / rise, 1.0) if rise > 0.0 else 1.0
+                cut = low_x + share * (high_x - low_x)
+                left, right = min(low_x, cut), max(low_x, cut)
                 for column in range(len(x_m)):
                     gap = max(left - x_m[column], x_m[column] - right, 0.0)
                     distance[column, row] = min(distance[column, row], gap)
@@ -148,13 +155,14 @@ def steps_of(
     needed: (H,) bit h: for this move, the cell that move h leads to has to be free, too.
     """
     cells, headings = len(free), len(offset)
-    allowed = np.zeros(cells, dtype=np.uint32)
+    allowed = np.empty(cells, dtype=np.uint32)
     speed = np.empty((cells, headings))
     every = np.uint32((1 << headings) - 2)
     for cell in range(cells):
         limit = limit_mps[cell]
         for heading in range(headings):
             speed[cell, heading] = min(limit, heading_speed_mps[heading])
+        allowed[cell] = 0
         if free[cell]:
             around = np.uint32(0)
             for heading in range(1, headings):

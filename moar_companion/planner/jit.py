@@ -11,6 +11,7 @@ another's, as they are in the name that it is kept under.
 from __future__ import annotations
 
 import hashlib
+import importlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
@@ -68,6 +69,8 @@ class Kernel:
     """
 
     def __init__(self, function: Any, answer: Type, arguments: tuple[Type, ...]) -> None:
+        self.is_helper = function.__name__.startswith("_")
+        """Whether kernels alone call it: machine code of these has it within."""
         function.__qualname__ += f"_{_taken_in(function, arguments)}"
         self.py_func = function
         self._answer = answer
@@ -101,7 +104,14 @@ class Kernel:
 
     @cached_property
     def _dispatcher(self) -> Any:
-        compiled = partial(_numba().njit, nogil=True, error_model="numpy")
+        compiled = partial(
+            _numba().njit,
+            nogil=True,
+            error_model="numpy",
+            # The ways in, for C and for Python, would be a tenth of the compiling.
+            no_cfunc_wrapper=True,
+            no_cpython_wrapper=self.is_helper,
+        )
         try:
             return compiled(cache=True)(self.py_func)
         except RuntimeError:  # there is no folder that may be written: it is compiled each time
@@ -134,12 +144,32 @@ def _numba() -> Any:
     """The compiler, whose import takes longer than all else together."""
     import numba  # noqa: PLC0415
 
+    _load_without_blas()
+
     @numba.extending.typeof_impl.register(Kernel)  # type: ignore[untyped-decorator]
     def type_of(kernel: Kernel, context: Any) -> Any:
         """A kernel that another one calls."""
         return numba.extending.typeof_impl(kernel.ready, context)
 
     return numba
+
+
+def _load_without_blas() -> None:
+    """Load numba's arrays without looking for a BLAS, for which all of scipy.linalg is imported.
+
+    That takes as long as numba itself. No kernel multiplies matrices; what does so elsewhere looks
+    for a BLAS by itself, when it is compiled.
+    """
+    from numba.np import linalg  # noqa: PLC0415
+
+    def ensure_blas() -> None:
+        raise ImportError
+
+    ensure_usual_blas, linalg.ensure_blas = linalg.ensure_blas, ensure_blas
+    try:
+        importlib.import_module("numba.np.arraymath")
+    finally:
+        linalg.ensure_blas = ensure_usual_blas
 
 
 def _taken_in(function: Any, types: tuple[Type, ...]) -> str:

@@ -14,13 +14,13 @@ def _to_segment(
 ) -> float:
     """Distance from a point to a segment."""
     along_x, along_z = end_x - start_x, end_z - start_z
-    length_squared = along_x**2 + along_z**2
+    length_squared = along_x * along_x + along_z * along_z
     share = 0.0
     if length_squared > 0.0:
         share = ((x - start_x) * along_x + (z - start_z) * along_z) / length_squared
         share = min(max(share, 0.0), 1.0)
     off_x, off_z = x - start_x - share * along_x, z - start_z - share * along_z
-    return float(np.sqrt(off_x**2 + off_z**2))
+    return float(np.sqrt(off_x * off_x + off_z * off_z))
 
 
 @jit(F8, F8, F8, F8, F8, F8, F8)
@@ -54,7 +54,7 @@ def leg_clearances(
 ) -> FloatArray:
     """Least distance, (n, rings), of the straight legs from starts (n, 2) to an end; 0 inside."""
     x1, z1 = end_m[0], end_m[1]
-    clearance = np.full((len(starts_m), len(radius_m)), np.inf)
+    clearance = np.empty((len(starts_m), len(radius_m)))
     for leg in range(len(starts_m)):
         x0, z0 = starts_m[leg, 0], starts_m[leg, 1]
         for ring in range(len(radius_m)):

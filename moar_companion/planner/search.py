@@ -259,7 +259,9 @@ def follow(
         length += 1
         cell += offset[heading]
         heading = policy[cell, heading - 1]
-    headings = np.zeros(length + (1 if ends_at_rest else 0), dtype=np.int64)
+    headings = np.empty(length + (1 if ends_at_rest else 0), dtype=np.int64)
+    if ends_at_rest:
+        headings[length] = 0
     cell, heading = start, first
     for at in range(length):
         headings[at] = heading
@@ -414,7 +416,9 @@ def forward(
         state = cell * moves + heading - 1
         cell -= steps.offset[heading]
         heading = memory.came_by[state]
-    headings = np.zeros(length + (1 if ends_at_rest else 0), dtype=np.int64)
+    headings = np.empty(length + (1 if ends_at_rest else 0), dtype=np.int64)
+    if ends_at_rest:
+        headings[length] = 0
     for at in range(length):
         headings[at] = memory.items[length - 1 - at]
     return headings, lower, expanded

@@ -50,8 +50,10 @@ def policy_sums(
     A state is `cell * M + heading - 1`.
     """
     moves = steps.offset.size - 1
-    sums = np.zeros((len(states), 3))
+    sums = np.empty((len(states), 3))
     for at in range(len(states)):
+        for axis in range(3):
+            sums[at, axis] = 0.0
         cell, heading = states[at] // moves, states[at] % moves + 1
         while heading > 0:
             after = policy[cell, heading - 1]

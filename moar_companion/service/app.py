@@ -153,6 +153,7 @@ class Service:
             self._links = links
             # What was imported lives as long as the process: no need to look through it again.
             gc.freeze()
+            gc.enable()
             notify("READY=1")
             if self._make_planner is not None:
                 self._companion.await_planner()

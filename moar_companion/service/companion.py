@@ -49,6 +49,9 @@ from .surroundings import Ground, Surroundings
 
 _RISK_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 0.5
+_READING_S = 1.0
+"""So long after the start an order waits for the autopilot, whose heartbeat comes each second, and
+as long again for its parameters: over UDP they are read within 0.3 s."""
 _LONGEST_STEP_S = 0.1
 """After a longer pause of the shell the reference moves on as if only this had passed."""
 
@@ -83,6 +86,8 @@ class Companion:
         self._compiling = ""
         self._awakening = Awakening(before)
         self._misread_told = False
+        self._read_by_s = -math.inf
+        """Until then an order waits for the autopilot, and for what must be known of it."""
         self._thought_s: float | None = None
         self._followed_s: float | None = None
         """When the last thought began that was sent in time."""
@@ -220,6 +225,8 @@ class Companion:
         """Think: what was heard, what it means, what is to be streamed now."""
         self._notice_pause(now_s)
         step_s = 0.0 if self._thought_s is None else min(_LONGEST_STEP_S, now_s - self._thought_s)
+        if self._thought_s is None:
+            self._read_by_s = now_s + _READING_S
         self._thought_s = now_s
         self._hear(now_s)
         telemetry = self.telemetry
@@ -229,10 +236,13 @@ class Companion:
             self._risk_due_s, self._told = now_s + _RISK_PERIOD_S, told
             self._conduct.judge(now_s)
         self._conduct.supervise(now_s)
-        if self._planner_awaited:
+        if not self._planner_awaited:
+            self._tell(now_s)
+        if self._planner_awaited or self._is_reading(now_s):
             self._put_off(now_s)
         else:
-            self._listen(now_s)
+            for command in self._orders.heard():
+                self._conduct.order(command, now_s)
         self._conduct.fly(now_s, step_s)
         state = self.status.state
         active = SystemStatus.ACTIVE if state in STREAMING else SystemStatus.STANDBY
@@ -241,8 +251,8 @@ class Companion:
             self._report_due_s = now_s + _REPORT_PERIOD_S
             self._report(now_s)
 
-    def _listen(self, now_s: float) -> None:
-        """Tell what was found at the start, and carry out orders."""
+    def _tell(self, now_s: float) -> None:
+        """Tell what was found at the start."""
         may_continue = self.status == self._first_status and self.status.held
         for text in self._awakening.texts(self.telemetry, now_s, may_continue=may_continue):
             self._reports.say(Severity.WARNING, text, now_s)
@@ -250,18 +260,35 @@ class Companion:
         if words is not None and self.status.state not in STREAMING:
             self._misread_told = True
             self._reports.say(Severity.WARNING, words, now_s)
-        for command in self._orders.heard():
-            self._conduct.order(command, now_s)
+
+    def _is_reading(self, now_s: float) -> bool:
+        """Whether the autopilot may be found, and what must be known of it read, any moment now.
+
+        An order that were rejected for that would stay so for all its repeats.
+        """
+        if self._ground is None or now_s > self._read_by_s:
+            return False
+        return self._session.autopilot is None or self._conduct.course.reluctance is not None
 
     def _put_off(self, now_s: float) -> None:
-        """Carry out what ends motion; all else waits for the planner, or is given again later."""
+        """Carry out what ends motion; all else waits, or is given again later.
+
+        What waits is cancelled by what ends motion, as if it had been carried out before.
+        """
+        waiting: list[MissionCommand | PauseContinue] = []
         for command in self._orders.heard():
             if stops(command):
+                for earlier in waiting:
+                    order_id = self._orders.enter(earlier, now_s)
+                    self._orders.answer(order_id, Verdict.CANCELLED, "", now_s)
+                waiting = []
                 self._conduct.order(command, now_s)
             elif self._compiling:
                 self._orders.reject(command, self._compiling, now_s)
             else:
-                self._orders.hear(command)
+                waiting.append(command)
+        for command in waiting:
+            self._orders.hear(command)
 
     # Out
 
@@ -324,6 +351,7 @@ class Companion:
                     text = "the autopilot refused the mode"
                     self._reports.say(Severity.WARNING, text, now_s)
                 case AutopilotFound(autopilot=autopilot):
+                    self._read_by_s = now_s + _READING_S
                     kind = autopilot.kind
                     self._session.want_parameters(loss_parameters(kind))
                     self._session.want_parameters(fence_parameters(kind), changing=True)

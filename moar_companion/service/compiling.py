@@ -7,14 +7,16 @@ service has the same done beside it at its first start, and goes on meanwhile.
 from __future__ import annotations
 
 import contextlib
+import itertools
 import os
 import subprocess
 import sys
 import threading
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 
-from ..planner.jit import KERNELS
+from ..planner.jit import KERNELS, Kernel
 from . import companion as _all_that_flies  # noqa: F401 - with it come all kernels that are needed
+from . import compiler
 from .priority import put_behind
 
 _LOOK_PERIOD_S = 0.2
@@ -28,11 +30,13 @@ def make_ready(tell: Told, stopped: threading.Event) -> bool:
 
     tell: called while something has to be compiled. Returns False when `stopped` was set before.
     """
-    kernels = list(KERNELS)
-    if not all(kernel.is_cached for kernel in kernels):
-        with _compilers() as compilers:
+    kernels = [kernel for kernel in KERNELS if not kernel.is_helper]
+    missing = [kernel for kernel in kernels if not kernel.is_cached]
+    if missing:
+        with _compilers(missing) as compilers:
             while any(compiler.poll() is None for compiler in compilers):
-                tell(sum(kernel.is_cached for kernel in kernels), len(kernels))
+                missing = [kernel for kernel in missing if not kernel.is_cached]
+                tell(len(kernels) - len(missing), len(kernels))
                 if stopped.wait(_LOOK_PERIOD_S):
                     return False
     for kernel in kernels:
@@ -43,19 +47,33 @@ def make_ready(tell: Told, stopped: threading.Event) -> bool:
     return True
 
 
+def _shares(kernels: Sequence[Kernel], count: int) -> Iterator[list[str]]:
+    """The names of kernels in so many shares of about as much code.
+
+    One after the other: those of one file call the same helpers, which each process compiles.
+    """
+    ends = list(itertools.accumulate(len(kernel.py_func.__code__.co_code) for kernel in kernels))
+    shares: list[list[str]] = [[] for _ in range(count)]
+    for kernel, end, begin in zip(kernels, ends, [0, *ends], strict=False):
+        function = kernel.py_func
+        name = f"{function.__module__}:{function.__name__}"
+        shares[(begin + end) * count // (2 * ends[-1])].append(name)
+    return filter(None, shares)
+
+
 @contextlib.contextmanager
-def _compilers() -> Iterator[list[subprocess.Popen[bytes]]]:
+def _compilers(kernels: Sequence[Kernel]) -> Iterator[list[subprocess.Popen[bytes]]]:
     """A process for each processor that we may use, behind whatever else runs; killed at last."""
-    count = len(os.sched_getaffinity(0))
+    isolated = ["-I"] if sys.flags.isolated else []
     running = [
         subprocess.Popen(  # noqa: S603 - ourselves
-            [sys.executable, "-m", __name__, str(share), str(count)],
+            [sys.executable, *isolated, "-m", compiler.__name__, *share],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.DEVNULL,
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
-        for share in range(count)
+        for share in _shares(kernels, len(os.sched_getaffinity(0)))
     ]
     try:
         for process in running:
@@ -67,12 +85,5 @@ def _compilers() -> Iterator[list[subprocess.Popen[bytes]]]:
             process.wait()
 
 
-def main(share: int = 0, count: int = 1) -> None:
-    """Compile a share of the kernels into the cache."""
-    for kernel in KERNELS[share::count]:
-        if not kernel.is_cached:
-            _ = kernel.ready
-
-
 if __name__ == "__main__":
-    main(*map(int, sys.argv[1:]))
+    make_ready(lambda _count, _of: None, threading.Event())

@@ -13,7 +13,7 @@ import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 
-from ..autopilots.failsafe_actions import NO_FAILSAFES
+from ..autopilots.failsafe_actions import Failsafes
 from ..planner.planner import Planner
 from .compiling import make_ready
 from .jobs import PlanAnswer, PlanJob, answer_job, preparations, prepare_for
@@ -32,7 +32,8 @@ class PlannerWorker:
         for pool in (self._planning_thread, self._tables_thread):
             pool.submit(int)
         self._planning: Future[None] | None = None
-        self._failsafes = NO_FAILSAFES
+        self._failsafes: Failsafes | None = None
+        """Those of the tables; None: these have not been begun."""
         self._answers: queue.SimpleQueue[tuple[bool, PlanAnswer]] = queue.SimpleQueue()
         self._ready: Future[Planner | None] | None = None
         self._progress: tuple[int, int] | None = None
@@ -61,9 +62,8 @@ class PlannerWorker:
         return planner
 
     def take(self, planner: Planner) -> None:
-        """Plan with this one, and have whatever is precomputed made ready."""
+        """Plan with this one; tables are made behind the first plan, which would wait for them."""
         self._planners = Planners(planner)
-        self._prepare()
 
     def new_progress(self) -> tuple[int, int] | None:
         """How many of how many kernels are compiled, whenever that has changed."""
@@ -125,7 +125,7 @@ class PlannerWorker:
             reason = "the planner failed"
             answer = PlanAnswer(job_id=job.job_id, plan=None, reason=reason, failed=True)
         self._answers.put((contingency, answer))
-        if job.failsafes != self._failsafes:
+        if job.failsafes != self._failsafes and (self._failsafes is not None or not contingency):
             # Their places cost more in all plans: the tables were dropped, and are made anew.
             self._failsafes = job.failsafes
             self._prepare()

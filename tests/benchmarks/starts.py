@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import itertools
 import os
 import socket
 import subprocess
@@ -43,7 +44,13 @@ def service(code: Path, folder: Path, *arguments: str, **environment: str) -> It
         subprocess.Popen(
             [sys.executable, "-m", "moar_companion", *arguments],
             cwd=code,
-            env={**os.environ, "PYTHONPATH": str(code), **environment},
+            # An installation has its bytecode: the first start writes it.
+            env={
+                **os.environ,
+                "PYTHONPATH": str(code),
+                "PYTHONDONTWRITEBYTECODE": "",
+                **environment,
+            },
             stdout=file,
             stderr=file,
         ) as running,
@@ -86,9 +93,10 @@ def warm_s(code: Path) -> tuple[float, float]:
             peer.settimeout(0.1)
             while data[5] != SYSTEM:
                 peer.sendto(beat.pack(codec), place)
+                next_s = time.monotonic() + 0.1
                 with contextlib.suppress(TimeoutError):
-                    data = peer.recv(4096)
-                    time.sleep(0.05)
+                    while data[5] != SYSTEM and time.monotonic() < next_s:
+                        data = peer.recv(4096)
             return first_s, time.monotonic() - began_s
 
 
@@ -117,7 +125,7 @@ def continue_s(code: Path, repeats: int) -> list[float]:
                 for _ in range(repeats):
                     began_s = time.monotonic()
                     with service(code, folder, "--config", str(config)):
-                        _wait(lambda: _accepted(operator))
+                        _wait_until_accepted(operator)
                         taken_s.append(time.monotonic() - began_s)
                         operator.texts.clear()
                         operator.give_mode()
@@ -128,13 +136,25 @@ def continue_s(code: Path, repeats: int) -> list[float]:
     return taken_s
 
 
-def _accepted(operator: Operator) -> bool:
-    number = PAUSE_CONTINUE
-    operator._answers.pop(number, None)
-    parameters = (1.0, *[0.0] * 6)
-    operator._send(mavlink.MAVLink_command_long_message(1, COMPANION, number, 0, *parameters))
-    operator.wait_until(lambda: number in operator._answers, 0.05)
-    return operator._answers.get(number) == mavlink.MAV_RESULT_ACCEPTED
+def _wait_until_accepted(operator: Operator) -> None:
+    """Ask until there is an answer, and anew after a refusal, until `continue` is accepted."""
+    end_s = time.monotonic() + PATIENCE_S
+    for number in itertools.count():
+        # No repeat of what was refused, which would have that answer again; it means nothing.
+        parameters = (1.0, number, *[0.0] * 5)
+        answer = mavlink.MAV_RESULT_IN_PROGRESS
+        while answer == mavlink.MAV_RESULT_IN_PROGRESS:
+            if time.monotonic() > end_s:
+                raise OperatorError(f"not within {PATIENCE_S:g} s")
+            operator._answers.pop(PAUSE_CONTINUE, None)
+            operator._send(
+                mavlink.MAVLink_command_long_message(1, COMPANION, PAUSE_CONTINUE, 0, *parameters)
+            )
+            operator.wait_until(lambda: PAUSE_CONTINUE in operator._answers, 0.05)
+            answer = operator._answers.get(PAUSE_CONTINUE, answer)
+        if answer == mavlink.MAV_RESULT_ACCEPTED:
+            return
+        operator.wait_until(lambda: False, 0.05)
 
 
 def _wait(reached: Callable[[], bool]) -> None:

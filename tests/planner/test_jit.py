@@ -82,5 +82,5 @@ class Numba:
 def test_where_nothing_can_be_kept_a_kernel_is_compiled_each_time(monkeypatch):
     monkeypatch.setattr(jit, "_numba", Numba)
     kernel = jit.Kernel.__new__(jit.Kernel)
-    kernel.py_func = abs
+    kernel.py_func, kernel.is_helper = abs, False
     assert kernel._dispatcher is abs

@@ -59,11 +59,11 @@ def ready():
 
 def test_an_order_is_put_off_while_the_planner_is_compiled():
     station = Station()
-    station.companion.await_planner("compiling planner: 3 of 19")
+    station.companion.await_planner("compiling planner: 3 of 11")
     station.order(INSPECTION)
     answers, texts = station.run(1.0)
     assert answers == [TEMPORARILY_REJECTED]
-    assert "MOAR: compiling planner: 3 of 19" in texts
+    assert "MOAR: compiling planner: 3 of 11" in texts
     station.companion.take_ground(ready())
     _, texts = station.run(1.0)
     assert "MOAR: the planner is ready" in texts
@@ -83,11 +83,22 @@ def test_an_order_waits_for_a_planner_that_is_only_loaded():
 
 def test_what_ends_motion_waits_for_nothing():
     station = Station()
-    station.companion.await_planner("compiling planner: 3 of 19")
+    station.companion.await_planner("compiling planner: 3 of 11")
     station.order(RELEASE)
     answers, texts = station.run(0.5)
     assert len(answers) == 1
     assert "rejected: compiling" not in texts
+
+
+def test_what_ends_motion_cancels_what_waits():
+    station = Station()
+    station.companion.await_planner()
+    station.order(INSPECTION)
+    station.run(0.5)
+    station.order(RELEASE)
+    assert station.run(0.5)[0] == [ACCEPTED]  # of two commands of one number the newer is answered
+    station.companion.take_ground(ready())
+    assert station.run(2.0)[0] == []
 
 
 @pytest.mark.slow

@@ -6,7 +6,13 @@ from unittest import mock
 
 import pytest
 
-from moar_companion.autopilots.failsafe_actions import Action, FailsafeAction, Failsafes, Trigger
+from moar_companion.autopilots.failsafe_actions import (
+    NO_FAILSAFES,
+    Action,
+    FailsafeAction,
+    Failsafes,
+    Trigger,
+)
 from moar_companion.config import shipped_configs
 from moar_companion.planner import planner as planner_module
 from moar_companion.planner.plan import PlanRequest
@@ -86,8 +92,14 @@ def test_failsafes_that_change_are_marked_once_and_the_tables_made_anew(planner)
         mock.patch.object(Planners, "expose", autospec=True) as expose,
         mock.patch.object(worker, "_prepare") as prepare,
     ):
+        worker.plan_contingency(job(target, failsafes=NO_FAILSAFES))
+        worker._planning_thread.submit(int).result()
+        assert prepare.call_count == 0, "tables are made behind the first plan that is flown"
+        worker.plan(job(target, failsafes=NO_FAILSAFES))
+        worker._planning_thread.submit(int).result()
+        assert prepare.call_count == 1
         for _ in range(2):
             worker.plan_contingency(job(target, failsafes=failsafes))
         worker.close(wait=True)
-    assert [call.args[1] for call in expose.call_args_list] == [failsafes, failsafes]
-    assert prepare.call_count == 1
+    assert [call.args[1] for call in expose.call_args_list][2:] == [failsafes, failsafes]
+    assert prepare.call_count == 2

@@ -40,6 +40,15 @@ def test_nothing_is_begun_before_the_parameters_are_told_or_given_up_on():
     assert desk.said(" parameters not told, taken as default")
 
 
+def test_an_order_at_the_start_waits_for_the_autopilot_and_its_parameters():
+    desk = Desk()
+    desk.order(INSPECTION).step()
+    assert desk.answers() == []
+    desk.run(1.0)
+    assert desk.answers() == [ACCEPTED]
+    assert not desk.said("rejected")
+
+
 def test_nor_before_those_of_the_failsafes_are():
     desk = Desk()
     del desk.parameters["NAV_DLL_ACT"]
