@@ -368,7 +368,8 @@ class Heard:
 class LinkStatistics:
     """Raw packets of the autopilot on our own link, by the sequence numbers of their headers.
 
-    answers: those of the received that belong to no stream: parameters, logs, texts.
+    off_stream: those of the received that belong to no stream that is read: parameters, logs,
+    texts, and streams that may be asked down.
     round_trip_s: how long it takes from a question of ours to the autopilot's answer.
     shortest_round_trip_s: of all such answers.
     """
@@ -376,7 +377,7 @@ class LinkStatistics:
     received_s: float
     packets_received: int
     packets_lost: int
-    answers: int = 0
+    off_stream: int = 0
     round_trip_s: float | None = None
     shortest_round_trip_s: float = 0.0
 
