@@ -238,6 +238,11 @@ STORIES = [
         replace(IN_FLIGHT, room_m=-0.3),
         {"obstacle": "0.3 m too close to an obstacle"},
     ),
+    (
+        "a keep-out hardly entered",
+        replace(IN_FLIGHT, room_m=-1e-4),
+        {"obstacle": "0.01 m too close to an obstacle"},
+    ),
     ("room for the uncertainty", replace(uncertain(1.4, None, None), room_m=0.51), {}),
     (
         "too little room for it",
@@ -262,7 +267,7 @@ STORIES = [
         "the exit with none",
         leaves(Mission.EXIT, -1.0),
         {
-            "no_return_exit": "exit leaves 0 s <= 30",
+            "no_return_exit": "exit leaves no flight time",
         },
     ),
     (
@@ -292,6 +297,11 @@ STORIES = [
         "farther",
         moves(position_m=(5.0, -2.1, 5.0)),
         {"plane": "2.1 m right of plane > 2"},
+    ),
+    (
+        "hardly farther",
+        moves(position_m=(5.0, -2.001, 5.0)),
+        {"plane": "over 2 m right of plane"},
     ),
     ("farther in flight", moves(IN_FLIGHT, position_m=(5.0, 9.0, 5.0)), {}),
     ("moving at 1 m/s", moves(velocity_mps=(0.6, 0.0, 0.8)), {}),
