@@ -163,6 +163,9 @@ class AutopilotStatus:
     """system_status is CRITICAL or worse, or PX4 flies another mode than it was asked for.
 
     On PX4 the failsafe chose the mode; on ArduPilot the mode may still be anyone's."""
+    mode_since_s: float | None = None
+    failsafe_since_s: float | None = None
+    """When the mode, and the failsafe that is on, were first told; None: before anything else."""
     vehicle_type: int = 2
     """MAV_TYPE; 2 is a quadrotor."""
     motors: int | None = None

@@ -26,7 +26,7 @@ from ..risk.receivers import RECEIVER_ACCURACY, trouble
 from ..risk.wind import strongest
 from ..types import Battery, Mission, Telemetry
 from . import link_life
-from .autopilot_failsafe import battery_failsafe, holding_failsafe, took_mode
+from .autopilot_failsafe import battery_failsafe, holding_failsafe, taken_mode
 from .motion import Pose
 from .surroundings import airborne, grounded
 
@@ -157,7 +157,7 @@ def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> 
         thinking=faults.thinking,
         restart=faults.restart,
         stream=faults.stream,
-        failsafe=_failsafe(telemetry),
+        failsafe=taken_mode(telemetry),
         ground="on the ground" if grounded(telemetry) else None,
         landing=_mode(seen, landing=True),
         pilot=_mode(seen, landing=False),
@@ -253,13 +253,6 @@ def _attitude(telemetry: Telemetry, now_s: float) -> str | None:
     attitude = telemetry.attitude
     known = attitude is not None and now_s - attitude.received_s <= _ATTITUDE_TIMEOUT_S
     return None if known else "the attitude is unknown"
-
-
-def _failsafe(telemetry: Telemetry) -> str | None:
-    autopilot = telemetry.autopilot
-    if autopilot is None or not took_mode(autopilot):
-        return None
-    return f"autopilot failsafe chose {autopilot.mode}"
 
 
 def _mode(seen: Seen, *, landing: bool) -> str | None:
