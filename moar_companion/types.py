@@ -163,6 +163,9 @@ class AutopilotStatus:
     """system_status is CRITICAL or worse, or PX4 flies another mode than it was asked for.
 
     On PX4 the failsafe chose the mode; on ArduPilot the mode may still be anyone's."""
+    mode_since_s: float | None = None
+    failsafe_since_s: float | None = None
+    """When the mode, and the failsafe that is on, were first told; None: before anything else."""
     vehicle_type: int = 2
     """MAV_TYPE; 2 is a quadrotor."""
     motors: int | None = None
@@ -368,7 +371,8 @@ class Heard:
 class LinkStatistics:
     """Raw packets of the autopilot on our own link, by the sequence numbers of their headers.
 
-    answers: those of the received that belong to no stream: parameters, logs, texts.
+    off_stream: those of the received that belong to no stream that is read: parameters, logs,
+    texts, and streams that may be asked down.
     round_trip_s: how long it takes from a question of ours to the autopilot's answer.
     shortest_round_trip_s: of all such answers.
     """
@@ -376,7 +380,7 @@ class LinkStatistics:
     received_s: float
     packets_received: int
     packets_lost: int
-    answers: int = 0
+    off_stream: int = 0
     round_trip_s: float | None = None
     shortest_round_trip_s: float = 0.0
 

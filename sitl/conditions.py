@@ -5,7 +5,7 @@ One mutable object that scenarios, SIM_ parameters and tests write while the sim
 
 import math
 import random
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from typing import Final
 
 GPS_NORMAL: Final = 0
@@ -57,9 +57,6 @@ class Conditions:
     def has_fix(self) -> bool:
         """Whether the GPS receiver can compute a position."""
         return self.gps_mode == GPS_NORMAL and self.satellites >= MIN_SATELLITES_FOR_FIX
-
-
-CONDITION_NAMES: Final = tuple(field.name for field in fields(Conditions))
 
 
 class Wind:

@@ -12,7 +12,6 @@ from typing import Any
 from pymavlink.dialects.v20 import all as mavlink
 
 MAGIC_V2 = 0xFD
-MAGIC_V1 = 0xFE
 MAX_CHUNK = 50
 """Characters in one STATUSTEXT."""
 _HEADER = struct.Struct("<BBBBBBBHB")

@@ -45,6 +45,8 @@ _ACTIONS = {
     7: Action.HOLD,
 }
 """FailsafeAction: of the battery and of dead reckoning."""
+BATTERY_REMEDIES = {"LOW": "4 (smart return) or 0 (nothing)", "CRT": "4 (smart return)"}
+"""By stage, for BATT_FS_<stage>_ACT: hits nothing on any way, and is enough for that stage."""
 _RADIO = {
     0: Action.NONE,
     1: Action.RETURN,
@@ -106,7 +108,7 @@ def actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
             trigger=trigger,
             action=_ACTIONS.get(int(value[name]), Action.NONE) if thresholds else Action.NONE,
             setting=f"{name} {value[name]:g}",
-            remedy=f"{name} 4 (smart return), or 0",
+            remedy=f"{name} {BATTERY_REMEDIES[stage]}",
             charge=min(1.0, value[left_mah] / capacity_mah)
             if value[left_mah] > 0.0 and capacity_mah > 0.0
             else None,

@@ -63,21 +63,21 @@ def checksum(data: bytes | bytearray) -> int:
 class SourceStatistics:
     """Packets of one source on one link, by the sequence numbers of their headers.
 
-    answers: those of the received that belong to no stream.
+    off_stream: those of the received that belong to no stream that is read.
     """
 
     received: int
     lost: int
-    answers: int = 0
+    off_stream: int = 0
 
 
 class _Source:
     """The sequence of one source: which of the last numbers have come."""
 
-    __slots__ = ("_last", "_seen", "answers", "lost", "received")
+    __slots__ = ("_last", "_seen", "lost", "off_stream", "received")
 
     def __init__(self) -> None:
-        self.answers = 0
+        self.off_stream = 0
         self.received = 0
         self.lost = 0
         self._last: int | None = None
@@ -125,6 +125,8 @@ class Codec:
         """The packets that the last `receive` completed, wanted or not, for a record.
 
         Those that carry a secret (SETUP_SIGNING, AUTH_KEY) are left out."""
+        self.unwanted: list[tuple[tuple[int, int], int]] = []
+        """Source and message id of the streamed messages that the last `receive` did not build."""
         self.unknown_messages = 0
         """Frames of messages that the dialect does not have; their checksum cannot be verified."""
         self.dropped_bytes = 0
@@ -144,7 +146,9 @@ class Codec:
         source = self._sources.get((system_id, component_id))
         if source is None:
             return SourceStatistics(received=0, lost=0)
-        return SourceStatistics(received=source.received, lost=source.lost, answers=source.answers)
+        return SourceStatistics(
+            received=source.received, lost=source.lost, off_stream=source.off_stream
+        )
 
     @property
     def sources(self) -> list[tuple[int, int]]:
@@ -165,6 +169,7 @@ class Codec:
         buffer = self._buffer
         buffer += data
         self.packets = []
+        self.unwanted = []
         messages: list[Message] = []
         position = 0
         end = len(buffer)
@@ -208,11 +213,12 @@ class Codec:
         if source is None:
             source = self._sources[system_id, component_id] = _Source()
         source.hear(sequence)
-        source.answers += message_id in _ANSWERS
+        wanted = self._wanted is None or message_id in self._wanted
+        source.off_stream += message_id in _ANSWERS or not wanted
         packet = bytes(buffer[position : position + size])
         if message_id not in _SECRETS:
             self.packets.append(packet)
-        if self._wanted is None or message_id in self._wanted:
+        if wanted:
             message = _build(message_class, bytes(buffer[payload_start:payload_end]))
             header = message.get_header()
             header.mlen = length
@@ -221,6 +227,8 @@ class Codec:
             header.srcComponent = component_id
             message.get_msgbuf().extend(packet)
             messages.append(message)
+        elif message_id not in _ANSWERS:
+            self.unwanted.append(((system_id, component_id), message_id))
         return True
 
 

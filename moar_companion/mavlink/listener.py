@@ -112,7 +112,7 @@ class Listener:
             received_s=self._packet_s,
             packets_received=counted.received,
             packets_lost=counted.lost,
-            answers=counted.answers,
+            off_stream=counted.off_stream,
             round_trip_s=round_trip_s,
             shortest_round_trip_s=shortest_round_trip_s,
         )

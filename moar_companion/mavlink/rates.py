@@ -3,6 +3,12 @@
 PX4 sends most of it by itself; ArduPilot sends heartbeats only, and forgets what was requested
 when it restarts. MAV_CMD_SET_MESSAGE_INTERVAL's acknowledgement does not name the message, so one
 request is under way at a time.
+
+Messages that the companion does not read are asked down to 1 Hz: a real PX4 sends 412 messages a
+second on an onboard link, a quarter of them for nothing. Both autopilots keep intervals by link,
+so that only what shares this one could miss them. Anybody but the autopilot who was ever heard on
+it may share it, behind a router: then nothing is asked down, and what was is asked for again as it
+came before. Whom the autopilot forwards from another link cannot be told apart, and counts, too.
 """
 
 from __future__ import annotations
@@ -71,6 +77,13 @@ _AGAIN_S = 10.0
 """A link may have lost so many requests, or their answers: one in seven loses them all three where
 it loses 30 % each way. Then another round begins."""
 
+_UNUSED_HZ = 1.0
+"""What is left of a message that is not read: a recording still shows it."""
+_UNUSED_MOST_HZ = 2.0
+"""Less often than this it is not worth a request."""
+_UNUSED_WINDOW_S = 10.0
+"""Ten heartbeats of anybody who shares the link: at a loss of 30 % one is heard."""
+
 
 class _Stream:
     """One wanted message: how often it came, and what was done about it."""
@@ -121,6 +134,46 @@ class _Stream:
         return self.low and not (self.settled or self.denied) and self.requests < _MAX_REQUESTS
 
 
+class _UnusedStream(_Stream):
+    """One message that is not read: asked down once, and back once where somebody misses it."""
+
+    __slots__ = ("given_back", "heard_hz")
+
+    def __init__(self, now_s: float) -> None:
+        super().__init__(_UNUSED_HZ, float("inf"), now_s)
+        self.window_s = _UNUSED_WINDOW_S
+        self.window_end_s = now_s + self.window_s
+        self.heard_hz = 0.0
+        self.given_back = False
+
+    def judge(self, now_s: float) -> None:
+        """At the end of a window: whether the message comes as often as it should."""
+        if now_s < self.window_end_s:
+            return
+        heard_hz = self.count / self.window_s
+        if not self.requests:
+            self.heard_hz = heard_hz
+        if self.given_back:
+            self.low = heard_hz < _ENOUGH * self.rate_hz
+        else:
+            self.low = heard_hz > _UNUSED_MOST_HZ
+        if self.requests and not self.low:
+            # Done, though the answer was lost; whoever changes it after that has a reason.
+            self.settled = True
+        if self.requests == _MAX_REQUESTS and now_s >= self.requested_s + _AGAIN_S:
+            self.requests = 0
+        self.count = 0
+        self.window_end_s = now_s + self.window_s
+
+    def give_back(self) -> None:
+        """From now on it is wanted as it came before it was asked down, if it was."""
+        if self.requests and not self.given_back:
+            self.given_back = self.low = True
+            self.rate_hz = self.heard_hz
+            self.requests = 0
+            self.settled = False
+
+
 class RateRequests:
     """Requests each wanted message until it flows, is acknowledged or denied.
 
@@ -130,7 +183,9 @@ class RateRequests:
 
     def __init__(self) -> None:
         self._streams: dict[int, _Stream] = {}
-        self._under_way: int | None = None
+        self._unused: dict[tuple[str, int], _UnusedStream] = {}
+        """By link and message id."""
+        self._under_way: _Stream | None = None
         self._sent_s = -1.0
 
     def start(self, rates_hz: Mapping[int, float], *, silent: bool, now_s: float) -> None:
@@ -141,6 +196,7 @@ class RateRequests:
             for message_id, rate_hz in rates_hz.items()
             if rate_hz > 0.0
         }
+        self._unused = {}
         self._under_way = None
         self._sent_s = now_s - _SPACING_S
 
@@ -150,33 +206,51 @@ class RateRequests:
         if stream is not None:
             stream.count += 1
 
+    def hear_unused(self, message_id: int, link: str, now_s: float) -> None:
+        """Counts a message of the autopilot that is not read, on the link on which it came."""
+        stream = self._unused.get((link, message_id))
+        if stream is None:
+            stream = self._unused[link, message_id] = _UnusedStream(now_s)
+        stream.count += 1
+
     def answered(self, result: int) -> None:
         """Takes the result of COMMAND_ACK for MAV_CMD_SET_MESSAGE_INTERVAL."""
-        if self._under_way is None:
+        stream, self._under_way = self._under_way, None
+        if stream is None:
             return
-        stream = self._streams[self._under_way]
-        self._under_way = None
         if result == CommandResult.ACCEPTED:
             # PX4 accepts what it has no data for, too; more requests would not change that.
             stream.settled = True
         elif result not in {CommandResult.TEMPORARILY_REJECTED, CommandResult.IN_PROGRESS}:
             stream.denied = True
 
-    def next_request(self, now_s: float) -> tuple[int, float] | None:
-        """The message to ask for now and its interval in µs; at most one per call."""
-        for stream in self._streams.values():
+    def next_request(
+        self, now_s: float, link: str = "", *, shared: bool = True
+    ) -> tuple[int, float] | None:
+        """The message to ask for now and its interval in µs; at most one per call.
+
+        link: the autopilot's. shared: somebody else was heard on it.
+        """
+        streams: dict[int, _Stream] = {**self._streams}
+        for (heard_on, message_id), unused in self._unused.items():
+            if heard_on == link and message_id not in streams:
+                if shared:
+                    unused.give_back()
+                if unused.given_back or not shared:
+                    streams[message_id] = unused
+        for stream in streams.values():
             stream.judge(now_s)
         waited_s = now_s - self._sent_s
         if waited_s < (_SPACING_S if self._under_way is None else _ACK_TIMEOUT_S):
             return None
         self._under_way = None
-        wanting = [item for item in self._streams.items() if item[1].wanting]
+        wanting = [item for item in streams.items() if item[1].wanting]
         if not wanting:
             return None
         # Those asked least often first, so that a lost answer holds up nothing else.
         message_id, stream = min(wanting, key=lambda item: item[1].requests)
         stream.requests += 1
         stream.requested_s = now_s
-        self._under_way = message_id
+        self._under_way = stream
         self._sent_s = now_s
         return message_id, round(1e6 / stream.rate_hz)

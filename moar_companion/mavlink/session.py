@@ -188,6 +188,11 @@ class Session:
         codec = self._codecs[link]
         for message in codec.receive(data):
             self._receive_message(link, message, now_s)
+        autopilot = self.autopilot
+        if autopilot is not None and link == autopilot.link:
+            for source, message_id in codec.unwanted:
+                if source == _address(autopilot):
+                    self._rates.hear_unused(message_id, link, now_s)
         self._packets.extend((now_s, packet) for packet in codec.packets)
 
     def _receive_message(self, link: str, message: Message, now_s: float) -> None:
@@ -296,7 +301,7 @@ class Session:
         question = self._round_trips.next_request(_address(autopilot), now_s)
         if question is not None:
             self._outbox.send(autopilot.link, question)
-        rate = self._rates.next_request(now_s)
+        rate = self._rates.next_request(now_s, autopilot.link, shared=self._is_shared(autopilot))
         if rate is not None:
             self._command(autopilot, _SET_MESSAGE_INTERVAL, *rate)
         place = self._places.next_request(self.telemetry, now_s)
@@ -315,6 +320,11 @@ class Session:
             asked = self._fence.next_request(_address(autopilot), now_s)
             if asked is not None:
                 self._outbox.send(autopilot.link, asked)
+
+    def _is_shared(self, autopilot: Autopilot) -> bool:
+        """Whether anybody but the autopilot was ever heard on its link."""
+        known = {_address(autopilot), (self._system_id, self._component_id)}
+        return any(source not in known for source in self._codecs[autopilot.link].sources)
 
     def want_parameters(self, names: Iterable[str], *, changing: bool = False) -> None:
         """Has these parameters asked for, and again after the autopilot's restart.

@@ -93,6 +93,11 @@ def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetr
     mode = (kind, message.custom_mode, message.type)
     before, failsafe = telemetry.autopilot, modes.is_failsafe(message.system_status)
     cleared = before is not None and before.failsafe and not failsafe
+    mode_since_s = failsafe_since_s = None
+    if before is not None:
+        same = message.custom_mode == before.custom_mode
+        mode_since_s = before.mode_since_s if same else now_s
+        failsafe_since_s = before.failsafe_since_s if before.failsafe else now_s
     return replace(
         telemetry,
         failsafes_told={} if cleared else failsafe_texts.lasting(telemetry, now_s),
@@ -108,6 +113,8 @@ def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetr
             homeward=modes.is_homeward(*mode),
             multirotor=modes.is_multirotor(message.type),
             failsafe=failsafe,
+            mode_since_s=mode_since_s,
+            failsafe_since_s=failsafe_since_s if failsafe else None,
             vehicle_type=message.type,
             motors=modes.motor_count(message.type),
         ),
@@ -124,7 +131,9 @@ def _current_mode(telemetry: Telemetry, message: Message, now_s: float) -> Telem
         return telemetry
     mode = (before.kind, message.custom_mode, before.vehicle_type)
     asked_for = message.intended_custom_mode in {0, message.custom_mode}
-    failsafe = before.failsafe if message.custom_mode == before.custom_mode else False
+    same = message.custom_mode == before.custom_mode
+    failsafe = (before.failsafe if same else False) or not asked_for
+    failsafe_since_s = before.failsafe_since_s if before.failsafe else now_s
     after = replace(
         before,
         received_s=now_s,
@@ -132,7 +141,9 @@ def _current_mode(telemetry: Telemetry, message: Message, now_s: float) -> Telem
         mode=modes.mode_name(*mode),
         ours=modes.is_ours(*mode),
         homeward=modes.is_homeward(*mode),
-        failsafe=failsafe or not asked_for,
+        failsafe=failsafe,
+        mode_since_s=before.mode_since_s if same else now_s,
+        failsafe_since_s=failsafe_since_s if failsafe else None,
     )
     return replace(telemetry, autopilot=after)
 

@@ -113,17 +113,4 @@ def _draw_title(page: Page, plan: Plan, count: int) -> None:
         if count
         else f"no plan, {plan.reason}"
     )
-    for down_in, text, size, weight in (
-        (0.12, plan.site, 13, "bold"),
-        (0.4, f"{plan.mission.value.capitalize()}{target}: {found}", 10.5, "normal"),
-    ):
-        page.figure.text(
-            _LEFT / page.width_in,
-            1.0 - down_in / page.height_in,
-            text,
-            fontsize=size,
-            weight=weight,
-            color=INK,
-            va="top",
-            parse_math=False,
-        )
+    page.title(_LEFT, plan.site, f"{plan.mission.value.capitalize()}{target}: {found}")

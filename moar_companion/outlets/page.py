@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -52,3 +53,20 @@ class Page:
                 height_in / self.height_in,
             )
         )
+
+    def title(self, left_in: float, site: str, what: str, colour: str = INK) -> None:
+        """The site in bold, and below it what is shown; too long a text is shortened."""
+        for down_in, text, most, size, weight, text_colour in (
+            (0.12, site, 90, 13, "bold", INK),
+            (0.4, what, 130, 10.5, "normal", colour),
+        ):
+            self.figure.text(
+                left_in / self.width_in,
+                1.0 - down_in / self.height_in,
+                textwrap.shorten(text, most, placeholder=" …"),
+                fontsize=size,
+                weight=weight,
+                color=text_colour,
+                va="top",
+                parse_math=False,
+            )

@@ -6,7 +6,6 @@ Inputs: a plan with its site and maps. Output: one figure in a file, drawn witho
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Sequence
 from os import PathLike
 from typing import IO, TYPE_CHECKING, Any
@@ -238,18 +237,4 @@ def _draw_title(page: Page, plan: Plan) -> None:
     if plan.reason:
         what += f": no plan, {plan.reason} ({plan.status.value})"
         colour = _ALERT
-    lines = (
-        (0.12, textwrap.shorten(plan.site, 90, placeholder=" …"), 13, "bold", INK),
-        (0.4, textwrap.shorten(what, 130, placeholder=" …"), 10.5, "normal", colour),
-    )
-    for down_in, text, size, weight, text_colour in lines:
-        page.figure.text(
-            _LEFT / page.width_in,
-            1.0 - down_in / page.height_in,
-            text,
-            fontsize=size,
-            weight=weight,
-            color=text_colour,
-            va="top",
-            parse_math=False,
-        )
+    page.title(_LEFT, plan.site, what, colour)

@@ -6,6 +6,7 @@ companion dies, as measured.
 
 from __future__ import annotations
 
+from ..autopilots.ardupilot import BATTERY_REMEDIES
 from ..types import AutopilotKind
 from .findings import Level
 from .rules import (
@@ -189,7 +190,7 @@ RULES = (
         parameter="BATT_FS_LOW_ACT",
         judge=_where_it_happens(choice({**_BATTERY, 0: (Level.NOTE, "nothing")}), "LOW"),
         meaning="what ArduPilot does on a low battery",
-        remedy="set 1 (land) or 0 (nothing), and BATT_LOW_VOLT or BATT_LOW_MAH",
+        remedy=f"set {BATTERY_REMEDIES['LOW']}, and BATT_LOW_VOLT or BATT_LOW_MAH",
         unknown=Level.NO_GO,
     ),
     Rule(
@@ -199,7 +200,7 @@ RULES = (
             "CRT",
         ),
         meaning="what ArduPilot does on a critical battery",
-        remedy="set 1 (land), and BATT_CRT_VOLT or BATT_CRT_MAH",
+        remedy=f"set {BATTERY_REMEDIES['CRT']}, and BATT_CRT_VOLT or BATT_CRT_MAH",
         unknown=Level.NO_GO,
     ),
     Rule(

@@ -253,7 +253,7 @@ def _rate_hz(window: tuple[LinkStatistics, ...], latest: LinkStatistics) -> floa
 
 def _streamed(link: LinkStatistics) -> int:
     # A list of parameters in a burst is no usual rate, and its end no fall of it.
-    return link.packets_received - link.answers
+    return link.packets_received - link.off_stream
 
 
 def _rate_to_usual(memory: CommunicationMemory, link: LinkStatistics | None) -> float | None:

@@ -2,7 +2,7 @@
 
 Inputs: the autopilot's own wind estimate; the wind that explains how a multirotor leans, and how
 much it changes; the lean that it asks of a hover, against the tilt limit; the greatest motor output
-against its range; how far the aircraft is from our setpoint.
+against its range, as a mean over a short time; how far the aircraft is from our setpoint.
 
 Many autopilots report no wind on a multirotor by default, or only after half a minute; the lean
 is always there. `braking` measures what the air does, `drag` makes an airspeed of it: the wind is
@@ -27,6 +27,7 @@ from .braking import (
 from .drag import Level, air_velocity_mps, deceleration_mps2
 from .drag_learning import DragLearning, apart_from_own_motion
 from .inputs import InputReport, heard, heard_at
+from .sustained import Sample, mean, then
 
 MOTOR_OUTPUT = "motor output"
 REPORTED = "wind reported"
@@ -99,10 +100,25 @@ class WindMemory:
     spread: Spread | None = None
     learning: DragLearning = field(default_factory=DragLearning)
     """Of the aircraft: it outlives a landing."""
+    outputs: tuple[Sample, ...] = ()
+    motor_speeds: tuple[Sample, ...] = ()
+    """Both of the strongest motor, over its range."""
 
 
 def remember(memory: WindMemory, telemetry: Telemetry, model: RiskModel) -> WindMemory:
-    """The memory with the latest attitude and velocity; empty on the ground."""
+    """The memory with the latest attitude, velocity and motors; empty on the ground."""
+    return replace(
+        _with_air(memory, telemetry, model),
+        outputs=_with_latest(memory.outputs, _output(telemetry, model)),
+        motor_speeds=_with_latest(memory.motor_speeds, _motor_speed(telemetry, model)),
+    )
+
+
+def _with_latest(samples: tuple[Sample, ...], latest: Sample | None) -> tuple[Sample, ...]:
+    return () if latest is None else then(samples, latest, MOTORS_MAX_AGE_S)
+
+
+def _with_air(memory: WindMemory, telemetry: Telemetry, model: RiskModel) -> WindMemory:
     samples = extended(memory.samples, telemetry)
     if samples is memory.samples:
         return memory
@@ -174,7 +190,7 @@ def inputs(
             model.tilt_rad.fraction,
         ),
     )
-    return *others, *_effort(telemetry, now_s, model, others, tracking_error_m)
+    return *others, *_effort(telemetry, now_s, model, memory, others, tracking_error_m)
 
 
 def _drag_remark(learning: DragLearning, model: RiskModel) -> str:
@@ -202,6 +218,7 @@ def _effort(
     telemetry: Telemetry,
     now_s: float,
     model: RiskModel,
+    memory: WindMemory,
     others: tuple[InputReport, ...],
     tracking_error_m: float | None,
 ) -> tuple[InputReport, ...]:
@@ -209,13 +226,6 @@ def _effort(
 
     Outputs hardly rise before the lean is at its limit. On the ground they say nothing.
     """
-    motors, speeds, flying = telemetry.motors, telemetry.motor_speeds, tells_of_wind(telemetry)
-    outputs = turning = None
-    pulses = _pulse_range(telemetry, model)
-    if flying and motors is not None and motors.pulse_us and pulses is not None:
-        outputs = pulses.share(max(motors.pulse_us))
-    if flying and speeds is not None and any(speeds.rpm) and model.motor_rpm is not None:
-        turning = model.motor_rpm.share(max(speeds.rpm))
     alone = not any(item.known for item in others)
     least, remark = (model.unknown, _ALONE) if alone else (0.0, "")
 
@@ -224,15 +234,11 @@ def _effort(
 
     ours = heard_at(None if tracking_error_m is None else now_s, now_s, 0.0)
     return (
-        heard(motors, now_s, MOTORS_MAX_AGE_S).says(
-            MOTOR_OUTPUT,
-            outputs if outputs is None or outputs <= _OUTPUT_MAX else None,
-            "of its range",
-            trouble,
-            remark=remark,
+        heard(telemetry.motors, now_s, MOTORS_MAX_AGE_S).says(
+            MOTOR_OUTPUT, mean(memory.outputs, now_s), "of its range", trouble, remark=remark
         ),
-        heard(speeds, now_s, MOTORS_MAX_AGE_S).says(
-            "motor speed", turning, "of its range", trouble, remark=remark
+        heard(telemetry.motor_speeds, now_s, MOTORS_MAX_AGE_S).says(
+            "motor speed", mean(memory.motor_speeds, now_s), "of its range", trouble, remark=remark
         ),
         ours.says(
             "tracking error",
@@ -243,6 +249,24 @@ def _effort(
             remark=remark,
         ),
     )
+
+
+def _output(telemetry: Telemetry, model: RiskModel) -> Sample | None:
+    """The greatest output of a motor; None where it says nothing of the wind."""
+    motors, pulses = telemetry.motors, _pulse_range(telemetry, model)
+    if motors is None or not motors.pulse_us or pulses is None or not tells_of_wind(telemetry):
+        return None
+    output = pulses.share(max(motors.pulse_us))
+    return Sample(motors.received_s, output) if output <= _OUTPUT_MAX else None
+
+
+def _motor_speed(telemetry: Telemetry, model: RiskModel) -> Sample | None:
+    """The greatest speed of a motor; None where it says nothing of the wind."""
+    speeds, speed_range = telemetry.motor_speeds, model.motor_rpm
+    if speeds is None or not any(speeds.rpm) or speed_range is None:
+        return None
+    share = speed_range.share(max(speeds.rpm))
+    return Sample(speeds.received_s, share) if tells_of_wind(telemetry) else None
 
 
 def _pulse_range(telemetry: Telemetry, model: RiskModel) -> Range | None:

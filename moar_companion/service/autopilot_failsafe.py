@@ -13,6 +13,8 @@ _LOW, _FAILED = 2, 5
 """MAV_BATTERY_CHARGE_STATE: low, critical, emergency, failed."""
 _BATTERY = "battery"
 """The battery's name in `Readiness.unhealthy`."""
+_WITH_MODE_S = 2.5
+"""Before the mode, of a failsafe that chose it: two heartbeats, one of which may be lost."""
 _WITHOUT_POSITION = frozenset({Failsafe.ESTIMATOR, Failsafe.DEAD_RECKONING})
 
 
@@ -25,6 +27,26 @@ def took_mode(autopilot: AutopilotStatus | None) -> bool:
     if autopilot is None or not autopilot.failsafe or autopilot.ours:
         return False
     return autopilot.kind is not AutopilotKind.ARDUPILOT or autopilot.homeward
+
+
+def taken_mode(telemetry: Telemetry) -> str | None:
+    """Returns in words who has chosen the mode that `took_mode` tells; None: none does.
+
+    On ArduPilot a failsafe that has stood in another mode goes on standing in one that a pilot or
+    operator orders: it chose the mode where one began, or was told again, with that mode or after.
+    """
+    autopilot = telemetry.autopilot
+    if autopilot is None or not took_mode(autopilot):
+        return None
+    begun_s, mode_s = autopilot.failsafe_since_s, autopilot.mode_since_s
+    signs_s = (*telemetry.failsafes_told.values(), begun_s)
+    if (
+        autopilot.kind is AutopilotKind.ARDUPILOT
+        and mode_s is not None
+        and not any(sign_s is None or sign_s >= mode_s - _WITH_MODE_S for sign_s in signs_s)
+    ):
+        return f"the autopilot is in {autopilot.mode}"
+    return f"autopilot failsafe chose {autopilot.mode}"
 
 
 def reported(telemetry: Telemetry) -> frozenset[Failsafe] | None:

@@ -27,7 +27,7 @@ from ..risk.wind import strongest
 from ..site import Margin
 from ..types import Battery, Mission, Telemetry
 from . import link_life
-from .autopilot_failsafe import battery_failsafe, holding_failsafe, took_mode
+from .autopilot_failsafe import battery_failsafe, holding_failsafe, taken_mode
 from .motion import Pose
 from .surroundings import airborne, grounded
 
@@ -61,7 +61,9 @@ _MOST_NAMED = 2
 _WHOLE = 100.0
 """From here on digits after the point tell nobody anything."""
 _MOST_SHOWN = 99_999.0
-_MOST_DIGITS = 3
+_MOST_DIGITS = 2
+_NONE_LEFT_S = 0.5
+"""Less would be told as 0 s."""
 _SOON_S = 60.0
 """How long before it has to leave people are told."""
 _MB = 1e6
@@ -160,7 +162,7 @@ def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> 
         thinking=faults.thinking,
         restart=faults.restart,
         stream=faults.stream,
-        failsafe=_failsafe(telemetry),
+        failsafe=taken_mode(telemetry),
         ground="on the ground" if grounded(telemetry) else None,
         landing=_mode(seen, landing=True),
         pilot=_mode(seen, landing=False),
@@ -263,13 +265,6 @@ def _attitude(telemetry: Telemetry, now_s: float) -> str | None:
     return None if known else "the attitude is unknown"
 
 
-def _failsafe(telemetry: Telemetry) -> str | None:
-    autopilot = telemetry.autopilot
-    if autopilot is None or not took_mode(autopilot):
-        return None
-    return f"autopilot failsafe chose {autopilot.mode}"
-
-
 def _mode(seen: Seen, *, landing: bool) -> str | None:
     autopilot = seen.telemetry.autopilot
     if not seen.in_control or autopilot is None or seen.landing is not landing:
@@ -356,7 +351,8 @@ def _too_little_left(way: WayOut | None, mission: Mission) -> str | None:
         return f"{_left(way.flown_left_s, Mission.EXIT)} (the {mission.value} takes less)"
     if way.left_s is None or way.left_s > way.reserve_s:
         return None
-    return f"{_left(way.left_s, mission)} <= {way.reserve_s:.0f}"
+    words = _left(way.left_s, mission)
+    return f"{words} <= {way.reserve_s:.0f}" if words.endswith(" s") else words
 
 
 def _no_return_soon(way: WayOut | None) -> str | None:
@@ -366,7 +362,8 @@ def _no_return_soon(way: WayOut | None) -> str | None:
 
 
 def _left(left_s: float, mission: Mission) -> str:
-    return f"{mission.value} leaves {max(0.0, left_s):.0f} s"
+    left = f"{left_s:.0f} s" if left_s > _NONE_LEFT_S else "no flight time"
+    return f"{mission.value} leaves {left}"
 
 
 def _ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
@@ -379,7 +376,7 @@ def _ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str
 def _standing(seen: Seen) -> str | None:
     if not seen.stands:
         return None
-    error = "" if seen.error_m is None else f", {_shown(seen.error_m)} m from setpoint"
+    error = "" if seen.error_m is None else f", {_distance(seen.error_m)} m from setpoint"
     return f"no progress{error}"
 
 
@@ -392,7 +389,7 @@ def _obstacle(seen: Seen) -> str | None:
     least_m = seen.widening_m
     if seen.room_m is None or seen.room_m >= least_m:
         return None
-    words = f"{_shown(least_m - seen.room_m)} m too close to an obstacle"
+    words = f"{_distance(least_m - seen.room_m)} m too close to an obstacle"
     known_m = uncertainty_m(seen.risk)
     return f"{words} (position uncertainty {known_m:.1f} m)" if known_m and least_m else words
 
@@ -403,8 +400,9 @@ def _plane(seen: Seen, limits: Supervision) -> str | None:
     beside_m, limit_m = seen.pose.position_m[1], limits.plane_tolerance_m
     if abs(beside_m) <= limit_m:
         return None
+    side = f"{_side(beside_m, seen.azimuth_rad)} of plane"
     shown = _shown(abs(beside_m), limit_m)
-    return f"{shown} m {_side(beside_m, seen.azimuth_rad)} of plane > {limit_m:g}"
+    return f"over {limit_m:g} m {side}" if shown is None else f"{shown} m {side} > {limit_m:g}"
 
 
 def _side(beside_m: float, azimuth_rad: float | None) -> str:
@@ -454,18 +452,24 @@ def _free(what: str, left: float | None, limit_mb: float) -> str | None:
 def exceeds(what: str, value: float | None, limit: float, unit: str) -> str | None:
     """A value above its limit for people: `wind 12.3 m/s > 10`; None where it is not above.
 
-    With so many digits that both differ.
+    With so many digits that both differ; `wind over 10 m/s` where that takes too many.
     """
     if value is None or value <= limit:
         return None
-    return " ".join(filter(None, (what, _shown(value, limit), unit, ">", f"{limit:g}")))
+    shown = _shown(value, limit)
+    words = ("over", f"{limit:g}", unit) if shown is None else (shown, unit, ">", f"{limit:g}")
+    return " ".join(filter(None, (what, *words)))
 
 
-def _shown(value: float, limit: float = 0.0) -> str:
-    """A value above its limit, with so many digits that both differ, and it is not 0.0."""
+def _shown(value: float, limit: float) -> str | None:
+    """A value above its limit, with so many digits that both differ; None where many are needed."""
     value = min(value, _MOST_SHOWN)
     if value >= _WHOLE and round(value) > limit:
         return f"{value:.0f}"
-    digits = next((n for n in range(1, _MOST_DIGITS) if round(value, n) > limit), _MOST_DIGITS)
-    least = 10.0**-digits
-    return f"{max(value, limit + least):.{digits}f}"
+    digits = range(1, _MOST_DIGITS + 1)
+    return next((f"{value:.{n}f}" for n in digits if round(value, n) > limit), None)
+
+
+def _distance(value_m: float) -> str:
+    """A distance above 0, which is not told as 0.0."""
+    return _shown(value_m, 0.0) or "0.01"

@@ -2,7 +2,6 @@
 
 from sitl.ardupilot.receiver import Receiver
 from sitl.ardupilot.state import State
-from sitl.ardupilot.streams import IDS
 from sitl.ardupilot.telemetry_motion import MotionMessages
 from sitl.ardupilot.telemetry_status import StatusMessages
 from sitl.builders import Builder
@@ -30,7 +29,3 @@ class Telemetry:
         """Return a payload; None when there is no such message or no such data now."""
         builder = self._builders.get(name)
         return None if builder is None else builder()
-
-    def build_by_id(self, msgid: int) -> bytes | None:
-        """Return a payload as `build` does, by the message's number."""
-        return self.build(IDS.get(msgid, ""))

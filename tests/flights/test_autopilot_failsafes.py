@@ -134,6 +134,30 @@ def test_a_pilot_who_takes_over_during_a_failsafe_has_overridden():
     assert flight.last_setpoint_s <= took_s + 0.2
 
 
+def test_a_landing_ordered_while_a_failsafe_stands_is_not_told_as_the_failsafes():
+    flight = in_flight(options={"parameters": WARNS})
+    flight.autopilot.conditions.battery_voltage_v = LOW_V
+    flight.run_until(lambda: 5 in statuses(flight), 5.0)
+    flight.run(3.0)
+    flight.operator.mode("land")
+    flight.run_until_state("released", 2.0)
+    flight.run(0.1)
+    assert flight.operator.said("MOAR: the autopilot is in LAND, released")
+    assert not flight.operator.said("failsafe chose")
+
+
+def test_a_landing_that_a_second_failsafe_chooses_is_told_as_its_own():
+    critical = WARNS | {"BATT_CRT_VOLT": LOW_V - 1.0, "BATT_FS_CRT_ACT": 1}
+    flight = in_flight(options={"parameters": critical})
+    flight.autopilot.conditions.battery_voltage_v = LOW_V
+    flight.run_until(lambda: 5 in statuses(flight), 5.0)
+    flight.run(3.0)
+    flight.autopilot.conditions.battery_voltage_v = LOW_V - 2.0
+    flight.run_until_state("released", 10.0)
+    flight.run(0.1)
+    assert flight.operator.said("MOAR: autopilot failsafe chose LAND, released")
+
+
 # Orders -----------------------------------------------------------------------------------------
 
 

@@ -146,9 +146,13 @@ def test_only_wanted_messages_are_built_and_all_are_counted(autopilot):
     )
     assert types(received) == ["ATTITUDE"]
     assert codec.statistics(1, 1).received == 3
+    assert codec.statistics(1, 1).off_stream == 2
+    assert codec.unwanted == [((1, 1), mavlink.MAVLINK_MSG_ID_HEARTBEAT)] * 2
+    codec.receive(autopilot.attitude(2.0))
+    assert codec.unwanted == []
 
 
-def test_parameters_and_texts_are_counted_as_answers_too(autopilot):
+def test_parameters_and_texts_belong_to_no_stream(autopilot):
     codec, peer = new_codec(), mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
     for message in (
         mavlink.MAVLink_param_value_message(b"MPC_XY_P", 0.95, 9, 2, 0),
@@ -156,7 +160,7 @@ def test_parameters_and_texts_are_counted_as_answers_too(autopilot):
     ):
         codec.receive(message.pack(peer))
     codec.receive(autopilot.attitude(1.0))
-    assert codec.statistics(1, 1).answers == 2
+    assert codec.statistics(1, 1).off_stream == 2
 
 
 def test_packets_are_kept_whole_for_a_record_but_none_with_a_secret(autopilot, ground_station):

@@ -22,6 +22,8 @@ class Machine:
         self.requests = RateRequests()
         self.now_s = 100.0
         self.flowing_hz = {}
+        self.unused_hz = {}
+        self.shared = False
         self._due_s = {}
         self.requests.start(rates_hz, silent=silent, now_s=self.now_s)
 
@@ -30,17 +32,23 @@ class Machine:
         made = []
         for _ in range(round(duration_s / 0.02)):
             self.now_s += 0.02
-            for message_id, rate_hz in self.flowing_hz.items():
-                due_s = self._due_s.setdefault(message_id, self.now_s)
-                if self.now_s >= due_s:
-                    self._due_s[message_id] = due_s + 1 / rate_hz
-                    self.requests.hear(message_id)
-            request = self.requests.next_request(self.now_s)
+            for message_id in self._due(self.flowing_hz):
+                self.requests.hear(message_id)
+            for message_id in self._due(self.unused_hz):
+                self.requests.hear_unused(message_id, "serial", self.now_s)
+            request = self.requests.next_request(self.now_s, "serial", shared=self.shared)
             if request is not None:
                 made.append((round(self.now_s - 100.0, 2), request[0]))
                 if answer is not None:
                     self.requests.answered(answer)
         return made
+
+    def _due(self, rates_hz):
+        for message_id, rate_hz in rates_hz.items():
+            due_s = self._due_s.setdefault(message_id, self.now_s)
+            if self.now_s >= due_s:
+                self._due_s[message_id] = due_s + 1 / rate_hz
+                yield message_id
 
 
 def test_a_silent_autopilot_is_asked_at_once_for_everything():
@@ -141,3 +149,90 @@ def test_all_that_is_wanted_fits_a_serial_link_of_57600_baud(kind):
         for message_id, rate_hz in DEFAULT_RATES_HZ[kind].items()
     )
     assert bytes_per_s < 5760
+
+
+# What is not read
+
+QUATERNION = 31
+PRESSURE = 29
+
+
+def with_unused():
+    machine = Machine({}, silent=False)
+    machine.unused_hz = {QUATERNION: 40.0, PRESSURE: 1.0}
+    return machine
+
+
+def test_what_is_not_read_and_comes_often_is_asked_down_once():
+    machine = with_unused()
+    assert machine.run(10.0) == []
+    assert [message_id for _, message_id in machine.run(1.0)] == [QUATERNION]
+    assert machine.run(60.0) == []  # it still comes, by somebody else's will
+
+
+def test_it_is_asked_down_to_one_a_second():
+    requests = RateRequests()
+    for step in range(1100):
+        requests.hear_unused(QUATERNION, "serial", 0.01 * step)
+    assert requests.next_request(11.0, "serial", shared=False) == (QUATERNION, 1_000_000)
+
+
+def test_what_is_wanted_is_never_asked_down():
+    machine = Machine({QUATERNION: 20.0}, silent=False)
+    machine.unused_hz = {QUATERNION: 40.0}
+    machine.flowing_hz = {QUATERNION: 40.0}
+    assert machine.run(60.0) == []
+
+
+def test_without_an_answer_it_is_asked_three_times_and_again_until_it_comes_seldom():
+    machine = with_unused()
+    assert len(machine.run(12.0, answer=None)) == 3
+    assert len(machine.run(20.0, answer=None)) == 3
+    machine.unused_hz = {QUATERNION: 1.0}
+    machine.run(20.0, answer=None)
+    assert machine.run(60.0, answer=None) == []
+    machine.unused_hz = {QUATERNION: 40.0}
+    assert machine.run(60.0, answer=None) == []
+
+
+def test_one_that_cannot_be_asked_down_is_left():
+    machine = with_unused()
+    assert len(machine.run(60.0, answer=DENIED)) == 1
+
+
+def test_on_a_shared_link_nothing_is_asked_down():
+    machine = with_unused()
+    machine.shared = True
+    assert machine.run(60.0) == []
+
+
+def test_what_was_asked_down_comes_back_once_when_somebody_shares_the_link():
+    machine = with_unused()
+    machine.run(12.0)
+    machine.unused_hz = {QUATERNION: 1.0}
+    machine.run(30.0)
+    machine.shared = True
+    intervals = []
+    for _ in range(600):
+        machine.now_s += 0.1
+        request = machine.requests.next_request(machine.now_s, "serial", shared=True)
+        if request is not None:
+            intervals.append(request)
+            machine.requests.answered(ACCEPTED)
+    assert intervals == [(QUATERNION, pytest.approx(25_000, rel=0.02))]
+    machine.shared = False
+    machine.unused_hz = {QUATERNION: 40.0}
+    assert machine.run(60.0) == []
+
+
+def test_on_another_link_it_is_another_stream():
+    machine = with_unused()
+    machine.run(12.0)
+    assert machine.requests.next_request(machine.now_s + 1.0, "network", shared=True) is None
+
+
+def test_after_a_restart_of_the_autopilot_it_is_asked_down_again():
+    machine = with_unused()
+    machine.run(12.0)
+    machine.requests.start({}, silent=False, now_s=machine.now_s)
+    assert [message_id for _, message_id in machine.run(12.0)] == [QUATERNION]

@@ -33,6 +33,16 @@ def test_a_heartbeat_tells_mode_arming_and_failsafe():
     assert status.received_s == 10.0
 
 
+def test_heartbeats_tell_since_when_the_mode_and_a_failsafe_are_on():
+    telemetry, since = Telemetry(), []
+    for now_s, mode, status in ((1, 4, 5), (2, 4, 4), (3, 4, 5), (4, 9, 5), (5, 9, 5), (6, 9, 4)):
+        told = heartbeat(autopilot=3, custom_mode=mode, system_status=status)
+        telemetry = updated("HEARTBEAT", telemetry, now_s=float(now_s), **told)
+        autopilot = telemetry.autopilot
+        since.append((autopilot.mode_since_s, autopilot.failsafe_since_s))
+    assert since == [(None, None), (None, None), (None, 3.0), (4.0, 3.0), (4.0, 3.0), (4.0, None)]
+
+
 def test_a_heartbeat_of_a_ground_station_is_not_an_autopilots():
     telemetry = updated("HEARTBEAT", **heartbeat(type=6, autopilot=8))
     assert telemetry.autopilot is None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import re
+
 import pytest
 
 from moar_companion.autopilots import failsafe_parameters, failsafes_of
@@ -9,8 +11,10 @@ from moar_companion.config import LossCheck, Supervision, shipped_configs
 from moar_companion.margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.power import PowerModel
+from moar_companion.preflight import ardupilot
 from moar_companion.preflight.failsafes import SUBJECT, failsafe_findings
 from moar_companion.preflight.findings import Level
+from moar_companion.preflight.rules import Case, parameter_findings
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind
 from moar_companion.vehicle import Vehicle
@@ -43,7 +47,27 @@ def test_what_a_landing_at_a_critical_battery_would_hit_is_named_with_what_mends
     assert "% of the plan to splice-inner" in finding.text
     assert "left-lower from 0% of the plan exit from splice-inner" in finding.text
     assert finding.text.endswith("; the companion leaves 30 s before")
-    assert finding.remedy == "set BATT_FS_CRT_ACT 4 (smart return), or 0"
+    assert finding.remedy == "set BATT_FS_CRT_ACT 4 (smart return)"
+
+
+@pytest.mark.parametrize(("stage", "values"), [("LOW", {4.0, 0.0}), ("CRT", {4.0})])
+def test_what_mends_a_batterys_action_mends_it_by_the_rules_and_on_the_ways(stage, values):
+    action, volts = f"BATT_FS_{stage}_ACT", f"BATT_{stage}_VOLT"
+    rules = [rule for rule in ardupilot.RULES if rule.parameter == action]
+    (on_ways,) = found(ARDUPILOT, **{action: 1.0, volts: 14.0})
+    (by_rule,) = parameter_findings(rules, case(**{action: 5.0, volts: 14.0}))
+    said = by_rule.remedy.removeprefix("set ").partition(",")[0]
+    assert on_ways.remedy == f"set {action} {said}"
+    assert {float(number) for number in re.findall(r"\d+", said)} == values
+    for value in values:
+        (by_rule,) = parameter_findings(rules, case(**{action: value, volts: 14.0}))
+        assert by_rule.level in {OK, NOTE}
+        (on_ways,) = found(ARDUPILOT, **{action: value, volts: 14.0})
+        assert on_ways.level is OK
+
+
+def case(**parameters):
+    return Case(vehicle=VEHICLE, parameters=parameters, ground_station_heard=False)
 
 
 def test_a_voltage_that_nobody_can_forecast_is_said():

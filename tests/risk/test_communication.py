@@ -253,7 +253,7 @@ def test_the_end_of_a_list_of_parameters_is_no_fall(flight):
             received_s=t,
             packets_received=before + streamed + answers,
             packets_lost=0,
-            answers=answers,
+            off_stream=answers,
         )
 
     flight.sources["link"] = listed

@@ -126,7 +126,7 @@ def test_values_are_told_as_people_read_them(item, expected):
 )
 def test_fractions_and_codes_are_told_in_words(flight, index, name, source, says, expected):
     flight.hear(source, **says)
-    flight.fly(0.1)
+    flight.fly(1.0)
     assert flight.input(index, name).phrase == f"{name} {expected}"
 
 

@@ -230,6 +230,36 @@ def test_saturated_motors_raise_the_risk(flight):
     assert flight.estimate.report.wind.worst == "motor output"
 
 
+@pytest.mark.parametrize("period_s", [0.1, 0.2])
+def test_one_sample_of_saturated_motors_moves_the_index_little(new_flight, healthy, period_s):
+    flight = new_flight(**healthy)
+    rest = flight.fly(10.0).indices.wind
+
+    def pulses(outputs_us):
+        for output_us in outputs_us:
+            flight.hear("motors", pulse_us=(1600, output_us, 1600, 1600))
+            heard = flight.sources["motors"](flight.now_s + 0.1)
+            flight.sources["motors"] = lambda _, heard=heard: heard
+            flight.fly(period_s)
+            yield flight.estimate.indices.wind
+
+    assert max(pulses([2000, 1600, 1600, 1600, 1600])) < rest + 0.1
+    assert max(pulses([2000] * round(2.0 / period_s))) > 0.85
+
+
+def test_a_saturation_is_told_within_a_second_also_where_samples_are_lost(flight):
+    flight.hear("motors", pulse_us=(1600, 1600, 1600, 1600))
+    flight.fly(10.0)
+    flight.hear("motors", pulse_us=(1600, 2000, 1600, 1600))
+    flight.fly(0.1)
+    flight.silence("motors")
+    flight.fly(0.9)
+    assert flight.input("wind", "motor output").risk == 1.0
+    flight.fly(10.0)
+    assert flight.input("wind", "motor output").risk is None
+    assert flight.estimate.indices.wind > 0.99
+
+
 def test_low_motor_outputs_alone_do_not_mean_calm(new_flight, healthy):
     for name in ("wind", "attitude"):
         del healthy[name]

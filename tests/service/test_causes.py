@@ -28,6 +28,13 @@ from .seen import (
 )
 from .test_causes_of_place import STORIES as OF_PLACE
 
+
+def lands_in_failsafe(**changes):
+    """ArduPilot lands in a failsafe."""
+    landing = {"kind": AutopilotKind.ARDUPILOT, "mode": "LAND", "homeward": True}
+    return flies(HOVERING, failsafe=True, **landing, **changes)
+
+
 STORIES = [
     # what is seen, what stands against it
     ("all is well in flight", IN_FLIGHT, {}),
@@ -133,6 +140,29 @@ STORIES = [
     (
         "one that has taken ArduPilot's mode",
         flies(HOVERING, failsafe=True, kind=AutopilotKind.ARDUPILOT, mode="LAND", homeward=True),
+        {"failsafe": "autopilot failsafe chose LAND"},
+    ),
+    (
+        "one that began with ArduPilot's mode",
+        lands_in_failsafe(mode_since_s=90.0, failsafe_since_s=88.0),
+        {"failsafe": "autopilot failsafe chose LAND"},
+    ),
+    (
+        "a landing ordered while one stands",
+        lands_in_failsafe(mode_since_s=90.0, failsafe_since_s=80.0),
+        {"failsafe": "the autopilot is in LAND"},
+    ),
+    (
+        "a second failsafe with the landing",
+        told(
+            lands_in_failsafe(mode_since_s=90.0, failsafe_since_s=80.0),
+            failsafes_told={Failsafe.BATTERY: 90.1},
+        ),
+        {"failsafe": "autopilot failsafe chose LAND"},
+    ),
+    (
+        "PX4's hold and then its landing",
+        flies(HOVERING, failsafe=True, mode="LAND", mode_since_s=90.0, failsafe_since_s=80.0),
         {"failsafe": "autopilot failsafe chose LAND"},
     ),
     ("disarmed", flies(armed=False), {"ground": "on the ground"}),

@@ -244,6 +244,11 @@ STORIES = [
         {},
     ),
     (
+        "a keep-out hardly entered",
+        replace(IN_FLIGHT, room_m=-1e-4),
+        {"obstacle": "0.01 m too close to an obstacle"},
+    ),
+    (
         "too little room for it",
         replace(uncertain(1.4, None, None), room_m=0.3, widening_m=0.5),
         {"obstacle": "0.2 m too close to an obstacle (position uncertainty 1.4 m)"},
@@ -266,7 +271,7 @@ STORIES = [
         "the exit with none",
         leaves(Mission.EXIT, -1.0),
         {
-            "no_return_exit": "exit leaves 0 s <= 30",
+            "no_return_exit": "exit leaves no flight time",
         },
     ),
     (
@@ -296,6 +301,11 @@ STORIES = [
         "farther",
         moves(position_m=(5.0, -2.1, 5.0)),
         {"plane": "2.1 m right of plane > 2"},
+    ),
+    (
+        "hardly farther",
+        moves(position_m=(5.0, -2.001, 5.0)),
+        {"plane": "over 2 m right of plane"},
     ),
     ("farther in flight", moves(IN_FLIGHT, position_m=(5.0, 9.0, 5.0)), {}),
     ("moving at 1 m/s", moves(velocity_mps=(0.6, 0.0, 0.8)), {}),

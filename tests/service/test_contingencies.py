@@ -278,7 +278,7 @@ def test_an_exit_that_takes_too_much_gives_way_to_an_evacuation():
     desk.set(battery_percent=25).run(5.0)
     assert outlook(desk).exit.left_s < 60.0 < outlook(desk).evacuation.left_s
     assert desk.companion.status.task.mission is Mission.EVACUATION
-    assert desk.said("exit leaves 0 s, evacuating")
+    assert desk.said("exit leaves no flight time, evacuating")
     desk.run(20.0)
     assert desk.companion.status.task.mission is Mission.EVACUATION
 

@@ -49,6 +49,9 @@ def test_a_value_above_its_limit_is_told_with_so_many_digits_that_both_differ(va
     if value <= limit:
         assert words is None
         return
+    if value < limit + 0.0049:  # more than two digits
+        assert words == f"wind over {limit:g} m/s"
+        return
     shown, told_limit = re.fullmatch(r"wind (\S+) m/s > (\S+)", words).groups()
     assert float(shown) > float(told_limit) == limit
     assert_is_for_pilots(pilot_text(words, "holding"))
@@ -57,6 +60,8 @@ def test_a_value_above_its_limit_is_told_with_so_many_digits_that_both_differ(va
 def test_values_are_told_as_they_are_read():
     assert exceeds("localization risk", 0.93, 0.9, "") == "localization risk 0.93 > 0.9"
     assert exceeds("moving at", 1.04, 1.0, "m/s") == "moving at 1.04 m/s > 1"
+    assert exceeds("no new plan for", 12.001, 12.0, "s") == "no new plan for over 12 s"
+    assert exceeds("localization risk", 0.9001, 0.9, "") == "localization risk over 0.9"
     assert exceeds("wind", 12.34, 10.0, "m/s") == "wind 12.3 m/s > 10"
     assert exceeds("off the path", 97.0, 1.5, "m") == "off the path 97.0 m > 1.5"
 

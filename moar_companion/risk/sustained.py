@@ -1,0 +1,48 @@
+"""A value that comes in samples, as its mean over a short time. Pure.
+
+A jump of the setpoint takes the motors to their limit for one sample; a wind holds them there. A
+sample stands until the next one, so that one after which none comes counts in full.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+WINDOW_S = 0.8
+"""Four samples at 5 Hz, and less than the age at which a sample of the motors is too old."""
+
+
+class Sample(NamedTuple):
+    """A value, and when it was heard."""
+
+    heard_s: float
+    value: float
+
+
+def then(samples: tuple[Sample, ...], latest: Sample, max_age_s: float) -> tuple[Sample, ...]:
+    """The samples of the last `WINDOW_S`, the one that stood before them, and the latest.
+
+    Begun anew after a gap of more than `max_age_s`.
+    """
+    if samples and latest.heard_s <= samples[-1].heard_s:
+        return samples
+    if not samples or latest.heard_s - samples[-1].heard_s > max_age_s:
+        return (latest,)
+    begin_s = latest.heard_s - WINDOW_S
+    standing = sum(sample.heard_s <= begin_s for sample in samples[1:])
+    return (*samples[standing:], latest)
+
+
+def mean(samples: tuple[Sample, ...], now_s: float) -> float | None:
+    """The mean over the last `WINDOW_S`, or since the first of the samples; None without any."""
+    if not samples:
+        return None
+    begin_s = max(samples[0].heard_s, now_s - WINDOW_S)
+    if now_s <= begin_s:
+        return samples[-1].value
+    ends_s = [*(sample.heard_s for sample in samples[1:]), now_s]
+    stood = (
+        value * max(0.0, end_s - max(begin_s, heard_s))
+        for (heard_s, value), end_s in zip(samples, ends_s, strict=True)
+    )
+    return sum(stood) / (now_s - begin_s)
