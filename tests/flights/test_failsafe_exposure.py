@@ -41,7 +41,7 @@ def over_a_conductor(flight):
     )
 
 
-@pytest.mark.parametrize(("drain_factor", "percent"), [(3.0, 60.0), (15.0, 90.0)])
+@pytest.mark.parametrize(("drain_factor", "percent"), [(3.0, 60.0), (12.0, 90.0)])
 @pytest.mark.parametrize("manner", Manner)
 def test_the_exit_begins_early_enough_that_critical_never_comes_over_a_conductor(
     manner, drain_factor, percent

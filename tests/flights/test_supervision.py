@@ -78,7 +78,7 @@ def test_a_battery_that_becomes_critical_on_the_way_out_is_evacuated(manner):
         flight.autopilot.set_parameter("BATT_CRT_MAH", 500)
     flight.autopilot.conditions.battery_percent = 19.0
     flight.run_until(lambda: flown(flight) == "exit", 15.0)
-    flight.run(3.0)
+    flight.run(1.0)
     flight.autopilot.conditions.battery_percent = 6.0
     flight.run_until(lambda: flown(flight) == "evacuation", 15.0)
     assert flight.operator.said("MOAR: battery 0 is critical, evacuating")
