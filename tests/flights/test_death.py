@@ -90,7 +90,8 @@ class Deaths:
 def flown_on(flight):
     """Where the aircraft is from now on without a companion, ten times a second."""
     autopilot = copy_of(flight.autopilot)
-    autopilot.manner._schedules.clear()  # nobody listens, and telling is half of its work
+    for schedule in dict(autopilot.manner._schedules).values():
+        schedule._due.clear()  # nobody listens, and telling is half of its work
     now_s, stands_since_s, places = flight.now_s, math.inf, []
     while now_s < flight.now_s + FLOWN_ON_S and not autopilot.truth.on_ground:
         now_s += LOOKED_AT_S
