@@ -58,7 +58,8 @@ def recovery_leg(
 ) -> PlanePoint | None:
     """The centre of the free cell at the end of the recovery leg; None if there is no such leg.
 
-    start_m: outside the workspace, no farther than `recovery_m`, and not below it.
+    start_m: outside the workspace, no farther than `recovery_m`, and not below it. Where it is
+    within the margin of an obstacle, the leg comes no nearer to that one.
     widened_m: what the distance from obstacles grows by. fence: where the maps are without one.
     """
     workspace, low_m = site.workspace, site.workspace.min_altitude_m
@@ -76,10 +77,14 @@ def recovery_leg(
         centres = centres[fence.holds(centres)]
     nearest = np.argsort(np.hypot(*(centres - start).T), kind="stable")
     vertices_m, first, radius_m, keep_out_m = rings(site.obstacles)
+    own_m = keep_out_m + vehicle.radius_m - site.margin.total_m
+    needed_m = own_m + site.margin.total_m + widened_m
+    at_start_m = leg_clearances(start[None], start, vertices_m, first, radius_m)[0]
+    begun_m = np.maximum(own_m, at_start_m)
     for begin in range(0, len(nearest), _BATCH):
         ends = centres[nearest[begin : begin + _BATCH]]
-        room_m = leg_clearances(ends, start, vertices_m, first, radius_m) - keep_out_m
-        free = room_m.min(axis=1, initial=np.inf) >= vehicle.radius_m + widened_m - TOLERANCE
+        clear_m = leg_clearances(ends, start, vertices_m, first, radius_m)
+        free = (clear_m >= np.minimum(needed_m, begun_m) - TOLERANCE).all(axis=1)
         for end in ends[free]:
             if _stays_inside(fence, _samples(maps, start, end)):
                 return float(end[0]), float(end[1])

@@ -58,7 +58,7 @@ class Airspace:
         x_m, _, z_m = start_m
         workspace, speed = self.site.workspace, self.vehicle.speed
         outside = workspace.outside_m((x_m, z_m)) > 0.0 and z_m >= workspace.lower_m[1]
-        recovers = outside and self._may_be_carried_to(start_m, math.inf)
+        recovers = outside and self._may_be_carried_to(start_m, math.inf, within_m=0.0)
         return speed.horizontal_mps if recovers else speed.min_mps
 
     def widened(self, reach: Reach | None) -> Airspace:
@@ -149,9 +149,8 @@ class Airspace:
         places = aircraft + (at_m / length_m)[:, None] * line
         places[:, 2] = np.maximum(places[:, 2], least_m)
         for place_m in map(vector, places[self._leads_back(places, aircraft)]):
-            if math.dist(place_m, aircraft_m) < length_m and self._may_be_carried_to(
-                place_m, least_m
-            ):
+            nearer = math.dist(place_m, aircraft_m) < length_m
+            if nearer and self._may_be_carried_to(place_m, least_m, self.site.margin.total_m):
                 return place_m
         return None
 
@@ -172,22 +171,20 @@ class Airspace:
         low_m = self.site.workspace.min_altitude_m
         return -math.inf if low_m is None else min(low_m, from_z_m)
 
-    def _may_be_carried_to(self, place_m: Vector, from_z_m: float) -> bool:
+    def _may_be_carried_to(self, place_m: Vector, from_z_m: float, within_m: float) -> bool:
         """Whether a place keeps every keep-out, also outside the workspace, and is not too low.
 
-        Of a keep-out that is the obstacle's own: to draw an aircraft back through the margin is
-        worse than to leave it there.
-        from_z_m: the height from which it is carried.
+        from_z_m: the height from which it is carried. within_m: how far it may be in a keep-out:
+        to draw an aircraft back through the margin is worse than to leave it there.
         """
         x_m, _, z_m = place_m
         if z_m < self._least_m(from_z_m):
             return False
-        margin_m = self.site.margin.total_m
         cell = self.maps.grid.cell_of((x_m, z_m))
-        if cell is not None and self.maps.room_m[cell] < -margin_m - TOLERANCE:
+        if cell is not None and self.maps.room_m[cell] < -within_m - TOLERANCE:
             return False
         room_m = float(obstacle_room_m(self.site, np.array([x_m, z_m])))
-        return room_m >= self.vehicle.radius_m - margin_m
+        return room_m >= self.vehicle.radius_m - within_m
 
     def way_back(self, place_m: Vector, widened_m: float) -> CheckedLeg | None:
         """The recovery leg from outside the workspace, or straight back to the plane in it."""
@@ -258,7 +255,9 @@ class Airspace:
         if (
             finite
             and carried_from_z_m is not None
-            and self._may_be_carried_to(setpoint.position_m, carried_from_z_m)
+            and self._may_be_carried_to(
+                setpoint.position_m, carried_from_z_m, self.site.margin.total_m
+            )
         ):
             return None
         return refusal(

@@ -156,7 +156,7 @@ class Conduct:
     def supervise(self, now_s: float) -> None:
         """One look at the world; what ends our control comes first."""
         self.setpoints.widened_m = widening_m(self.risk, self._margin)
-        if self.course.look(self.risk, self.tracking_error_m, now_s):
+        if self.course.look(self.risk, None if self._escapes else self.tracking_error_m, now_s):
             # What was sought in vain may be found now.
             self.status = replace(self.status, no_way=frozenset())
         step = machine.tick(
@@ -385,8 +385,8 @@ class Conduct:
 
         room_m: what the aircraft has beyond keep-outs.
         """
-        least_m = room_m - self._margin.tracking_m - self._surroundings.jumped_m(now_s)
-        return self._margin.position_m + max(0.0, least_m)
+        spare_m = room_m - self._margin.tracking_m - self._surroundings.jumped_m(now_s)
+        return max(0.0, self._margin.position_m + min(0.0, room_m) + max(0.0, spare_m))
 
     # What follows
 

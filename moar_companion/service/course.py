@@ -219,7 +219,8 @@ class Course:
     def look(self, risk: RiskEstimate, tracking_error_m: float | None, now_s: float) -> bool:
         """Take in how well position and setpoint are kept; whether obstacles are less wide now.
 
-        tracking_error_m: None where others fly. Beyond `tracking_hold_m` the setpoint waits.
+        tracking_error_m: None where others fly, and on a way out, which a gust must not hold up.
+        Beyond `tracking_hold_m` the setpoint waits.
         """
         before, most_m = self._widening, self._vehicle.guidance.tracking_hold_m
         self._uncertainty_m = uncertainty_m(risk)
@@ -443,9 +444,11 @@ class Course:
         return True
 
     def explained(self, answer: PlanAnswer) -> str:
-        """Why there is no plan, with the uncertainty where that is to blame."""
+        """Why there is no plan, with the uncertainty, or tracking, where that is to blame."""
         if not answer.too_wide or self._uncertainty_m is None:
             return answer.reason
+        if not self._needed_m:
+            return f"no way with this tracking error ({answer.reason})"
         return f"no way with uncertainty {self._uncertainty_m:.1f} m ({answer.reason})"
 
     def note_no_room(self, awaited: Awaited, reason: str) -> None:

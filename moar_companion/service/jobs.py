@@ -77,22 +77,34 @@ def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
     if answer.plan is None and job.widening_m:
         exact = _answer(planners.widened_by(0.0, job.fence), job)
         answer = replace(answer, too_wide=exact.plan is not None)
-    return answer if answer.plan is not None or answer.too_wide else _crowded(planners, answer, job)
+    inspects = job.request.mission is Mission.INSPECTION
+    if answer.plan is not None or answer.too_wide or not inspects:
+        return answer
+    return _crowded(planners.exact, answer, job)
 
 
-def _crowded(planners: Planners, answer: PlanAnswer, job: PlanJob) -> PlanAnswer:
-    """The answer that the margin alone, or a part of it, takes the room that a plan needs."""
-    margin = planners.exact.site.margin
+def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer:
+    """The answer that the margin alone, or a part of it, takes the room that a target needs."""
+    margin = exact.site.margin
     parts = {
         f"tracking error {margin.tracking_m:g} m": margin.tracking_m,
         f"position error {margin.position_m:g} m": margin.position_m,
         str(margin): margin.total_m,
     }
     for words, part_m in parts.items():
-        if part_m and _answer(planners.widened_by(-part_m, job.fence), job).plan is not None:
+        if not part_m:
+            continue
+        freer = Planner(
+            exact.site,
+            exact.vehicle,
+            position_uncertainty_m=-part_m,
+            fence=job.fence,
+            clock=exact.clock,
+        )
+        if _answer(freer, job).plan is not None:
             return replace(
                 answer,
-                reason=f"no way with margin {margin.total_m:.1f} m ({answer.reason})",
+                reason=f"no way with margin {margin.total_m:.2f} m ({answer.reason})",
                 detail=f"the margin of {margin.total_m:g} m beyond keep-outs leaves no way; there "
                 f"is one without {words}",
             )

@@ -193,7 +193,8 @@ class Loss:
         """
         if self.objection_anywhere is not None or self.action is Action.HOLD:
             return self.objection_anywhere
-        hit = first_hit(reach, paths(self.action, self.home, reach, rests_m, home_m))
+        ways = paths(self.action, self.home, reach, rests_m, home_m)
+        hit = first_hit(reach, ways, from_within=True)
         return (
             None
             if hit is None

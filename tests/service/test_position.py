@@ -176,9 +176,9 @@ def test_the_first_word_of_an_estimator_is_no_reset():
 def test_a_jump_while_ready_takes_the_hold_along():
     desk = Desk().come_to("ready").run(2.0)
     before, began = desk.setpoints()[-1], desk.now_s
-    desk.jump(0.0, -1.4, 0.0).run(2.0)
+    desk.jump(0.0, -0.8, 0.0).run(2.0)
     assert desk.state == "ready"
-    assert desk.setpoints(began)[-1].y == pytest.approx(before.y - 1.4, abs=0.01)
+    assert desk.setpoints(began)[-1].y == pytest.approx(before.y - 0.8, abs=0.01)
 
 
 def test_a_jump_out_of_the_plane_ends_the_stream_where_the_aircraft_is():
