@@ -104,9 +104,9 @@ def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer:
         if _answer(freer, job).plan is not None:
             return replace(
                 answer,
-                reason=f"no way with margin {margin.total_m:.2f} m ({answer.reason})",
-                detail=f"the margin of {margin.total_m:g} m beyond keep-outs leaves no way; there "
-                f"is one without {words}",
+                reason=f"no way with margin {margin.total_m:.2f} m",
+                detail=f"{answer.reason}: the margin of {margin.total_m:g} m beyond keep-outs "
+                f"leaves no way; there is one without {words}",
             )
     return answer
 

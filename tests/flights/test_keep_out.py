@@ -43,16 +43,20 @@ def narrow_site():
     return replace(site, targets=targets)
 
 
-@flown_once
-def flight_to_the_far_circuit():
-    """Just under way from the near target to the far one, between the conductors."""
-    # What a worse receiver does to the weights is the same in all: here only distances count.
-    flight = hovering(
+def over_the_narrow_site():
+    """What a worse receiver does to the weights is the same in all: here only distances count."""
+    return hovering(
         site=narrow_site(),
         vehicle="linedrone",
         manner=Manner.ARDUPILOT,
         supervision=Supervision(localization_limit=1.0),
     )
+
+
+@flown_once
+def flight_to_the_far_circuit():
+    """Just under way from the near target to the far one, between the conductors."""
+    flight = over_the_narrow_site()
     flight.begin(INSPECTION)
     flight.run_until_state("at_target", 60.0)
     flight.run_until_state("flying", 10.0)
@@ -106,12 +110,7 @@ def test_it_waits_with_the_number_said_until_the_position_is_known_better():
 
 
 def test_before_the_flight_it_is_denied_with_the_number():
-    flight = hovering(
-        site=narrow_site(),
-        vehicle="linedrone",
-        manner=Manner.ARDUPILOT,
-        supervision=Supervision(localization_limit=1.0),
-    )
+    flight = over_the_narrow_site()
     know_to(flight, 1.6)
     flight.run(1.0)
     flight.operator.mission(INSPECTION, INNER)

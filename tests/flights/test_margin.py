@@ -12,17 +12,17 @@ from moar_companion.site import Polygon, Site, Target
 from .judging import assert_nothing_was_touched, assert_setpoints_keep_to_free_space
 from .lockstep import hovering
 from .marks import BOTH
-from .operator import INSPECTION, Manner
+from .operator import DENIED, INSPECTION, Manner
 
 BESIDE_M = 3.6
 """From the target to the wall: the margin of PX4, an X500, and a cell."""
 
 
-def site_with_a_wall():
+def site_with_a_wall(beside_m=BESIDE_M):
     """A target beside a wall without a keep-out of its own."""
     site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
     wall = Polygon(name="wall", vertices_m=((10.0, 0.0), (16.0, 0.0), (16.0, 14.0), (10.0, 14.0)))
-    target = Target(name="crack", position_m=(16.0 + BESIDE_M, 8.0), dwell_s=20.0)
+    target = Target(name="crack", position_m=(16.0 + beside_m, 8.0), dwell_s=20.0)
     return replace(site, obstacles=(wall,), targets=(target,))
 
 
@@ -37,6 +37,18 @@ def test_beside_a_wall_without_a_keep_out_plain_wind_touches_nothing(manner, win
     flight.run(15.0)
     assert_nothing_was_touched(flight)
     assert_setpoints_keep_to_free_space(flight)
+
+
+@pytest.mark.parametrize(
+    ("manner", "beside_m", "margin"), [(Manner.PX4, 2.5, "2.55"), (Manner.ARDUPILOT, 1.2, "1.40")]
+)
+def test_a_target_nearer_to_the_wall_than_the_margin_is_denied(manner, beside_m, margin):
+    flight = hovering(site=site_with_a_wall(beside_m), vehicle="x500", manner=manner)
+    flight.operator.mission(INSPECTION, 0)
+    flight.run(2.0)
+    assert flight.operator.answers()[-1] == DENIED
+    assert flight.operator.said(f"MOAR: no way with margin {margin} m, denied")
+    assert not flight.setpoints
 
 
 @pytest.mark.parametrize("east_m", [2.5, -2.5])
