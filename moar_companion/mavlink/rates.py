@@ -6,9 +6,10 @@ request is under way at a time.
 
 Messages that the companion does not read are asked down to 1 Hz: a real PX4 sends 412 messages a
 second on an onboard link, a quarter of them for nothing. Both autopilots keep intervals by link,
-so that only what shares this one could miss them. Anybody but the autopilot who was ever heard on
-it may share it, behind a router: then nothing is asked down, and what was is asked for again as it
-came before. Whom the autopilot forwards from another link cannot be told apart, and counts, too.
+so that only what shares this one could miss them. A serial port has no other reader. On a network
+anybody but the autopilot who was ever heard on the link may share it, behind a router: then nothing
+is asked down, and what was is asked for again as it came before. Whom the autopilot forwards from
+another link cannot be told apart there, and counts, too.
 """
 
 from __future__ import annotations
@@ -229,7 +230,7 @@ class RateRequests:
     ) -> tuple[int, float] | None:
         """The message to ask for now and its interval in µs; at most one per call.
 
-        link: the autopilot's. shared: somebody else was heard on it.
+        link: the autopilot's. shared: somebody else may read it, too.
         """
         streams: dict[int, _Stream] = {**self._streams}
         for (heard_on, message_id), unused in self._unused.items():

@@ -322,7 +322,13 @@ class Session:
                 self._outbox.send(autopilot.link, asked)
 
     def _is_shared(self, autopilot: Autopilot) -> bool:
-        """Whether anybody but the autopilot was ever heard on its link."""
+        """Whether anybody but the autopilot was ever heard on its link.
+
+        A serial port has one reader, which is us: whoever else is heard there is forwarded by the
+        autopilot from a link with streams of its own.
+        """
+        if autopilot.link.startswith("serial:"):
+            return False
         known = {_address(autopilot), (self._system_id, self._component_id)}
         return any(source not in known for source in self._codecs[autopilot.link].sources)
 

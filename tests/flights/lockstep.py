@@ -77,6 +77,8 @@ class Setpoint:
 class Lockstep:
     """Both machines and the bytes between them."""
 
+    link_url = COMPANION_LINK
+
     def __init__(
         self,
         *,
@@ -115,7 +117,7 @@ class Lockstep:
         )
         self.config = CompanionConfig(
             vehicle=shipped_configs(),
-            links=(LinkConfig(url=COMPANION_LINK),),
+            links=(LinkConfig(url=self.link_url),),
             authority=authority,
             **config,
         )
@@ -217,7 +219,7 @@ class Lockstep:
         for packet in packets(data):
             if packet_header(packet)[0] == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED:
                 (self._position,) = self._position_codec.parse_buffer(packet)
-        self.companion.receive(COMPANION_LINK, data, self.now_s)
+        self.companion.receive(self.link_url, data, self.now_s)
 
     def _note_setpoint(self, data: bytes) -> None:
         for message in self._setpoint_codec.parse_buffer(data) or []:

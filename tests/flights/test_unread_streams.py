@@ -99,3 +99,21 @@ def test_where_a_ground_station_is_heard_nothing_is_asked_down(manner):
     flight.run(12.0)
     rates_hz = flight.rates_hz()
     assert all(rates_hz[message_id] > 5.0 for message_id in UNREAD[manner])
+
+
+class SerialWire(Wire):
+    link_url = "serial:/dev/ttyTHS1:921600"
+
+
+@pytest.mark.slow
+@BOTH
+def test_on_a_serial_port_a_forwarded_ground_station_keeps_nothing_from_being_asked_down(manner):
+    flight = SerialWire(manner)
+    flight.operator.silent = False
+    flight.run(3.0)
+    if manner is Manner.ARDUPILOT:
+        flight.run(45.0)  # until it has a position to tell
+        flight.stream_everything()
+    flight.run(11.0)
+    rates_hz = flight.rates_hz()
+    assert all(rates_hz[message_id] == pytest.approx(1.0, abs=0.11) for message_id in UNREAD[manner])
