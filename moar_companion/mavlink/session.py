@@ -9,6 +9,7 @@ Heartbeats come from `tick` alone, so that a companion whose thinking has stoppe
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 
@@ -47,6 +48,8 @@ _COMMAND_CANCEL = 80
 _SET_MESSAGE_INTERVAL = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
 _REQUEST_MESSAGE = int(mavlink.MAV_CMD_REQUEST_MESSAGE)
 _AUTOPILOT_VERSION = int(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+_HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+_HEARTBEAT_PERIOD_S = 1.0
 Event = (
     Command
     | CommandCancelled
@@ -92,6 +95,9 @@ class Session:
         self._system_id = system_id
         self._message_rates_hz = message_rates_hz
         self._listener = Listener()
+        self._unidentified: tuple[str, tuple[int, int]] | None = None
+        """Link and ids of an autopilot that was heard, but not its heartbeat yet."""
+        self._identify_s = -math.inf
         self._rates = RateRequests()
         self._places = PlaceRequests()
         self._parameters = ParameterRequests()
@@ -207,6 +213,12 @@ class Session:
             self._start_conversation(event, now_s)
         elif event is not None:
             self._events.append(event)
+        if (
+            self.autopilot is None
+            and self._roles[link] is LinkRole.AUTOPILOT
+            and message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
+        ):
+            self._unidentified = (link, _source(message))
         message_id = message.get_msgId()
         if self._listener.is_autopilots(message, link):
             self._rates.hear(message_id)
@@ -292,6 +304,7 @@ class Session:
         self._listener.identity.forget_silent(now_s)
         autopilot = self.autopilot
         if autopilot is None:
+            self._identify(now_s)
             return
         statistics = self._codecs[autopilot.link].statistics(*_address(autopilot))
         trips = self._round_trips
@@ -320,6 +333,17 @@ class Session:
             asked = self._fence.next_request(_address(autopilot), now_s)
             if asked is not None:
                 self._outbox.send(autopilot.link, asked)
+
+    def _identify(self, now_s: float) -> None:
+        """Asks an autopilot whose messages come for its heartbeat: the next may be 1 s away."""
+        if self._unidentified is None or now_s < self._identify_s + _HEARTBEAT_PERIOD_S:
+            return
+        self._identify_s = now_s
+        link, target = self._unidentified
+        request = translate_outgoing.command_message(
+            target=target, command=_REQUEST_MESSAGE, parameters=(_HEARTBEAT,)
+        )
+        self._outbox.send(link, request)
 
     def _is_shared(self, autopilot: Autopilot) -> bool:
         """Whether anybody but the autopilot was ever heard on its link.

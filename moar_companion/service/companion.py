@@ -44,6 +44,7 @@ from .loss import loss_parameters
 from .memory import Memory
 from .motion import Pose
 from .orders import OrderBook
+from .overseer import Overseer
 from .reports import Decision, Reports
 from .surroundings import Ground, Surroundings
 
@@ -80,6 +81,7 @@ class Companion:
         )
         self._reports = Reports(self._session)
         self._orders = OrderBook(self._session, self._reports)
+        self._overseer = Overseer(config.supervision, vehicle.guidance.off_path_m, self._reports)
         self._before = before
         self._begin(ground)
         self._planner_awaited = False
@@ -107,6 +109,7 @@ class Companion:
             surroundings=self._surroundings,
             orders=self._orders,
             reports=self._reports,
+            overseer=self._overseer,
             before=self._before,
         )
         self._first_status = self._conduct.status

@@ -72,6 +72,7 @@ class Conduct:
         surroundings: Surroundings,
         orders: OrderBook,
         reports: Reports,
+        overseer: Overseer,
         before: Memory | None,
     ) -> None:
         self._config = config
@@ -87,7 +88,7 @@ class Conduct:
         pilot_may_fly = before is not None and before.state is not MissionState.IDLE
         self.engaging = Engaging(config.authority, session, reports, pilot_flies=pilot_may_fly)
         self._recovery = Recovery(reports)
-        self._overseer = Overseer(config.supervision, vehicle.guidance.off_path_m, reports)
+        self._overseer = overseer
         site = None if ground is None else ground.site
         self.status = machine.restarted(None if before is None else before.rest(site))
         """Where the mission stands."""

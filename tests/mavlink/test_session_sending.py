@@ -60,6 +60,26 @@ def test_a_companion_that_did_not_think_for_a_while_does_not_catch_up(story):
 # Requests
 
 
+def test_an_autopilot_that_is_heard_before_its_heartbeat_is_asked_for_it_once_a_second(
+    story, autopilot
+):
+    requests = []
+    for _ in range(25):
+        story.hear(autopilot.attitude(1.0))
+        requests += commands(story.run(0.1), REQUEST_MESSAGE)
+    asked = [(item.target_system, item.target_component, item.param1) for item in requests]
+    assert asked == 3 * [(1, 1, mavlink.MAVLINK_MSG_ID_HEARTBEAT)]
+    story.hear(autopilot.heartbeat())
+    later = {item.param1 for item in commands(story.run(3.0), REQUEST_MESSAGE)}
+    assert mavlink.MAVLINK_MSG_ID_HEARTBEAT not in later
+
+
+@pytest.mark.parametrize(("link", "component_id"), [("network", 1), ("serial", 191)])
+def test_nobody_else_is_asked_for_a_heartbeat(story, peer, link, component_id):
+    story.hear(peer(1, component_id).attitude(1.0), link=link)
+    assert commands(story.run(3.0), REQUEST_MESSAGE) == []
+
+
 def test_px4_is_asked_only_for_what_it_does_not_send(story, autopilot):
     story.meet(autopilot)
     asked = []

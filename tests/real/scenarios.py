@@ -247,6 +247,7 @@ def reboot(rig):
     rig.operator.landing = False
     rig.boot()
     rig.take_off()
+    rig.watch(12.0)  # the estimator's resets on the ground count for so long
     rig.begin(INSPECTION, OUTER)
     rig.wait_for_state("at_target", "holding")
     rig.land()
