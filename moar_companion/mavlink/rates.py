@@ -55,7 +55,7 @@ DEFAULT_RATES_HZ: Mapping[AutopilotKind, Mapping[int, float]] = {
         mavlink.MAVLINK_MSG_ID_WIND: 2.0,
         mavlink.MAVLINK_MSG_ID_RAW_IMU: 2.0,
         mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: 0.2,
-        mavlink.MAVLINK_MSG_ID_HEARTBEAT: 5.0,
+        mavlink.MAVLINK_MSG_ID_HEARTBEAT: 10.0,
     },
     AutopilotKind.UNKNOWN: _COMMON_RATES_HZ,
 }

@@ -19,9 +19,9 @@ from .operator import EXIT, INSPECTION
 NUMBERS = {"HEARTBEAT": 0, "CURRENT_MODE": 436}
 NOTICED_S = 0.2
 """What a takeover may take until the stream ends, on a link without loss."""
-NOTICED_ON_A_BAD_LINK_S = 0.8
+NOTICED_ON_A_BAD_LINK_S = 0.5
 """The same where 30 % is lost and each packet takes 0.05 to 0.2 s: 0.2 s under way, and three
-losses in a row of what tells the mode five times a second."""
+losses in a row of what tells the mode ten times a second."""
 
 
 def worsen_link(flight, loss_percent=30.0, delay_ms=50.0, jitter_ms=150.0):

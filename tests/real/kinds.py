@@ -69,10 +69,12 @@ class Kind:
         """
         if self.autopilot == "px4":
             return {"COM_LOW_BAT_ACT": 2 if acts else 0}
-        values = {"BATT_LOW_TIMER": 2, "BATT_FS_CRT_ACT": int(acts)}
-        if self.real:
-            return {**values, "BATT_LOW_MAH": 429, "BATT_CRT_MAH": 198 if critical else 0}
-        return {**values, "BATT_LOW_VOLT": 11.0, "BATT_CRT_VOLT": 10.3 if critical else 0.0}
+        return {
+            "BATT_LOW_TIMER": 2,
+            "BATT_FS_CRT_ACT": int(acts),
+            "BATT_LOW_MAH": 429,
+            "BATT_CRT_MAH": 198 if critical else 0,
+        }
 
     def gps(self, found):
         """Parameters of a receiver that has a fix or not."""
