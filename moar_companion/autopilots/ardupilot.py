@@ -38,31 +38,31 @@ _ACTIONS = {
     0: Action.NONE,
     1: Action.LAND,
     2: Action.RETURN,
-    3: Action.RETRACE,
-    4: Action.RETRACE,
+    3: Action.RETURN,
+    4: Action.LAND,
     5: Action.FALL,
     6: Action.RETURN,
     7: Action.HOLD,
 }
-"""FailsafeAction: of the battery and of dead reckoning."""
-BATTERY_REMEDIES = {"LOW": "4 (smart return) or 0 (nothing)", "CRT": "4 (smart return)"}
-"""By stage, for BATT_FS_<stage>_ACT: hits nothing on any way, and is enough for that stage."""
+"""FailsafeAction: of the battery and of dead reckoning. A smart return (3, 4) is taken for what it
+falls back to: whether it has a path (SRTL_POINTS, a buffer that is full) is not told, and on its
+path it cuts corners by SRTL_ACCURACY, 2 m."""
 _RADIO = {
     0: Action.NONE,
     1: Action.RETURN,
     2: Action.RETURN,
     3: Action.LAND,
-    4: Action.RETRACE,
-    5: Action.RETRACE,
+    4: Action.RETURN,
+    5: Action.LAND,
     6: Action.RETURN,
     7: Action.HOLD,
 }
 """FS_THR_ENABLE; any other value lands."""
-_GROUND_STATION = {**_RADIO, 3: Action.RETRACE, 5: Action.LAND}
+_GROUND_STATION = {**_RADIO, 3: Action.RETURN, 4: Action.LAND}
 """FS_GCS_ENABLE; any other value returns."""
 _DRIFT_M = 5.3
 """After the loss of GPS, until the estimator's failsafe has landed it; measured on 4.6.3."""
-_ESTIMATOR = {2: Action.HOLD}
+_ESTIMATOR = {2: Action.DRIFT}
 """FS_EKF_ACTION: ALT_HOLD keeps the height and drifts; any other value lands."""
 _LEAST_HEIGHT_M = 0.3
 """RTL_ALT_MIN."""
@@ -108,7 +108,7 @@ def actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
             trigger=trigger,
             action=_ACTIONS.get(int(value[name]), Action.NONE) if thresholds else Action.NONE,
             setting=f"{name} {value[name]:g}",
-            remedy=f"{name} {BATTERY_REMEDIES[stage]}",
+            remedy=f"{name} 0 (nothing)",
             charge=min(1.0, value[left_mah] / capacity_mah)
             if value[left_mah] > 0.0 and capacity_mah > 0.0
             else None,

@@ -45,8 +45,8 @@ class Action(enum.Enum):
     HOLD = "hold"
     LAND = "land"
     RETURN = "return"
-    RETRACE = "return the way it came"
     DESCEND = "descend without a position"
+    DRIFT = "hold its height without a position"
     FALL = "stop its motors"
 
 
@@ -67,7 +67,8 @@ class FailsafeAction:
     setting: the parameter that decides, with its value, as people write it. remedy: what to set;
     empty where no parameter mends it. charge, voltage_v: thresholds of a battery, None where there
     is none. home: heights of a return; None: it leads elsewhere. drift_m: how far aside it has
-    been seen to come down.
+    been seen to be carried. Beside a line every place has something within that, so that no path is
+    better than another by it: it is for the check before a flight.
     """
 
     trigger: Trigger
@@ -98,26 +99,34 @@ class Failsafes:
         kept = tuple(item for item in self.actions if item.trigger in wanted)
         return replace(self, actions=kept)
 
-    def hit(self, reach: Reach, places_m: FloatArray) -> tuple[FailsafeAction, Hit] | None:
-        """The first action that would hit something from some places (n, 2), and where."""
+    def hit(
+        self, reach: Reach, places_m: FloatArray, *, drifting: bool = False
+    ) -> tuple[FailsafeAction, Hit] | None:
+        """The first action that would hit something from some places (n, 2), and where.
+
+        drifting: also where it is carried aside.
+        """
         for item in self.actions:
-            ways = paths(item.action, item.home, reach, places_m, self.home_m)
+            drift_m = item.drift_m if drifting else 0.0
+            ways = paths(item.action, item.home, reach, places_m, self.home_m, drift_m)
             found = first_hit(reach, ways, from_within=True)
             if found is not None:
                 return item, found
         return None
 
-    def exposed(self, reach: Reach, places_m: FloatArray) -> BoolArray:
-        """Places (n, 2) from which an action would hit something: (n,)."""
+    def exposed(self, reach: Reach, places_m: FloatArray, *, drifting: bool = False) -> BoolArray:
+        """Places (n, 2) from which an action would hit something: (n,). drifting: as `hit`."""
         exposed = np.zeros(len(places_m), dtype=np.bool_)
-        looked_at: set[tuple[Action, ReturnHeight | None]] = set()
+        looked_at: set[tuple[Action, ReturnHeight | None, float]] = set()
         for item in self.actions:
+            drift_m = item.drift_m if drifting else 0.0
             down = item.action in _DOWN
-            way = (Action.LAND, None) if down else (item.action, item.home)
+            way = (Action.LAND, None, drift_m) if down else (item.action, item.home, drift_m)
             if way in looked_at:
                 continue
             looked_at.add(way)
-            for starts_m, ends_m in paths(*way, reach, places_m, self.home_m):
+            action, home, _ = way
+            for starts_m, ends_m in paths(action, home, reach, places_m, self.home_m, drift_m):
                 free_m, length_m, *_, there = _looked_along(
                     reach, starts_m, ends_m, from_within=True
                 )
@@ -146,15 +155,25 @@ def paths(
     reach: Reach,
     places_m: FloatArray,
     home_m: Vector | None,
+    drift_m: float = 0.0,
 ) -> list[Path]:
-    """The straight paths of an action, one behind the other; none where it stays, or retraces.
+    """The straight paths of an action; none where it stays.
 
     home_m: (x, y, z) in the site's frame. A return is looked at as far as it is in the plane, and
-    without a home as far as it climbs.
+    without a home as far as it climbs. drift_m: a descent is looked at from every cell that is no
+    farther aside; who holds his height is carried so far level.
     """
     x_m, z_m = places_m.T
+    if action is Action.DRIFT:
+        return [(places_m, places_m + np.array([aside_m, 0.0])) for aside_m in (-drift_m, drift_m)]
     if action in _DOWN:
-        return [(places_m, np.stack([x_m, np.full_like(z_m, reach.grid.lower_m[1])], axis=1))]
+        cells = math.ceil(drift_m / reach.grid.resolution_m)
+        asides_m = np.linspace(-drift_m, drift_m, 2 * cells + 1).tolist() if cells else [0.0]
+        ground_m = np.full_like(z_m, reach.grid.lower_m[1])
+        return [
+            (np.stack([x_m + aside_m, z_m], axis=1), np.stack([x_m + aside_m, ground_m], axis=1))
+            for aside_m in sorted(asides_m, key=abs)
+        ]
     if action is not Action.RETURN:
         return []
     if home_m is None or home is None:

@@ -6,12 +6,12 @@ companion dies, as measured.
 
 from __future__ import annotations
 
-from ..autopilots.ardupilot import BATTERY_REMEDIES
 from ..types import AutopilotKind
 from .findings import Level
 from .rules import (
     CLIMBING,
     FALLING,
+    UNTIL_IT_FALLS,
     Case,
     Judge,
     Rule,
@@ -190,17 +190,17 @@ RULES = (
         parameter="BATT_FS_LOW_ACT",
         judge=_where_it_happens(choice({**_BATTERY, 0: (Level.NOTE, "nothing")}), "LOW"),
         meaning="what ArduPilot does on a low battery",
-        remedy=f"set {BATTERY_REMEDIES['LOW']}, and BATT_LOW_VOLT or BATT_LOW_MAH",
+        remedy="set 1 (land) or 0 (nothing), and BATT_LOW_VOLT or BATT_LOW_MAH",
         unknown=Level.NO_GO,
     ),
     Rule(
         parameter="BATT_FS_CRT_ACT",
         judge=_where_it_happens(
-            choice({**_BATTERY, 0: (Level.WARNING, "nothing, and it flies on until it falls")}),
+            choice({**_BATTERY, 0: (Level.NOTE, f"nothing: {UNTIL_IT_FALLS}")}),
             "CRT",
         ),
         meaning="what ArduPilot does on a critical battery",
-        remedy=f"set {BATTERY_REMEDIES['CRT']}, and BATT_CRT_VOLT or BATT_CRT_MAH",
+        remedy="set 1 (land) or 0 (nothing), and BATT_CRT_VOLT or BATT_CRT_MAH",
         unknown=Level.NO_GO,
     ),
     Rule(

@@ -86,18 +86,16 @@ def _protection(item: FailsafeAction, limits: Supervision, power: PowerModel) ->
 def _hits(planner: Planner, failsafe: Failsafes, ways: list[tuple[str, Way]]) -> str:
     """Where on each way it would hit what; empty where it hits nothing."""
     reach, found = planner.maps.reach, []
-    drift_m = max(item.drift_m for item in failsafe.actions)
     for target, way in ways:
         waypoints = way.plan.waypoints
         places_m, time_s = waypoints.position_m, waypoints.time_s
-        asides_m = np.array([(0.0, 0.0), (-drift_m, 0.0), (drift_m, 0.0)])
-        drifted_m = [places_m + aside_m for aside_m in asides_m]
-        hit = next(filter(None, (failsafe.hit(reach, ends_m) for ends_m in drifted_m)), None)
+        hit = failsafe.hit(reach, places_m, drifting=True)
         if hit is None:
             continue
-        exposed = np.any([failsafe.exposed(reach, ends_m) for ends_m in drifted_m], axis=0)
+        exposed = failsafe.exposed(reach, places_m, drifting=True)
         from_share = float(time_s[np.argmax(exposed)]) / max(1e-9, float(time_s[-1]))
         name = f"to {target}" if way.name.startswith("from ") else f"{way.name} from {target}"
         found.append(f"{hit[1].obstacle} from {from_share:.0%} of the plan {name}")
+    drift_m = max(item.drift_m for item in failsafe.actions)
     drifting = f"drifting up to {drift_m:g} m " if drift_m else ""
     return f"{drifting}it would hit {', '.join(found)}" if found else ""

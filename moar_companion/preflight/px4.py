@@ -14,6 +14,7 @@ from .rules import (
     CLIMBING,
     CLIMBS,
     FALLING,
+    UNTIL_IT_FALLS,
     Case,
     Rule,
     Verdict,
@@ -122,13 +123,52 @@ RULES = (
         parameter="COM_LOW_BAT_ACT",
         judge=choice(
             {
-                0: (Level.WARNING, "a warning, and it flies on until it falls"),
+                0: (Level.NOTE, f"a warning: {UNTIL_IT_FALLS}"),
+                1: (Level.NOTE, CLIMBING),
                 2: (Level.OK, "land"),
                 3: (Level.NOTE, f"{CLIMBING}; land when nearly empty"),
             }
         ),
         meaning="what PX4 does at BAT_CRIT_THR: order the exit before",
-        remedy="set 2 (land)",
+        remedy="set 2 (land) or 0 (a warning)",
+    ),
+    Rule(
+        parameter="COM_FLTT_LOW_ACT",
+        judge=choice(
+            {
+                0: (Level.OK, "nothing"),
+                1: (Level.OK, "a warning"),
+                3: (Level.WARNING, CLIMBING),
+            }
+        ),
+        meaning="what PX4 does when the flight time that is left is that of its return",
+        remedy="set 1 (a warning)",
+        unknown=Level.NOTE,
+    ),
+    Rule(
+        parameter="COM_FLT_TIME_MAX",
+        judge=lambda value, _: (
+            (Level.OK, "off") if value < 0.0 else (Level.WARNING, f"{value:g} s, then {CLIMBING}")
+        ),
+        meaning="the flight time after which PX4 returns",
+        remedy="set -1 (off), or land before",
+        unknown=Level.NOTE,
+    ),
+    Rule(
+        parameter="COM_WIND_MAX_ACT",
+        judge=choice(
+            {
+                0: (Level.OK, "nothing"),
+                1: (Level.OK, "a warning"),
+                2: (Level.OK, "hold"),
+                3: (Level.WARNING, CLIMBING),
+                4: (Level.WARNING, FALLING),
+                5: (Level.OK, "land"),
+            }
+        ),
+        meaning="what PX4 does in more wind than COM_WIND_MAX, where that is above 0",
+        remedy="set 2 (hold)",
+        unknown=Level.NOTE,
     ),
     Rule(
         parameter="BAT_LOW_THR",

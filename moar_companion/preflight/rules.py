@@ -19,6 +19,7 @@ from .findings import Finding, Level
 CLIMBS = "which climbs first, perhaps through conductors"
 CLIMBING = f"return, {CLIMBS}"
 FALLING = "motors off: it falls"
+UNTIL_IT_FALLS = "the companion leads out before; without one it flies on until it falls"
 _SHORT_S = 0.5
 """As the manual asks for."""
 _NOT_TOLD = "check again over a better link, or look it up in the ground station"

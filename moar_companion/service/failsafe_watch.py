@@ -9,7 +9,7 @@ nobody can forecast. Pure.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,8 +30,8 @@ from ..power import Meter, PowerModel, is_powered
 from ..types import AutopilotKind, Telemetry, Vector
 from .motion import home_moved
 
-_STAYS = frozenset({Action.NONE, Action.HOLD, Action.RETRACE})
-"""Actions on which the aircraft goes nowhere that it has not been."""
+_STAYS = frozenset({Action.NONE, Action.HOLD})
+"""Actions on which the aircraft goes nowhere."""
 _NEAR_VOLTAGE = 1.03
 """Of a threshold: a lithium cell sags by 0.1 V, 3 % of it, when a multirotor climbs."""
 _UNKNOWN_LEAVING_S = 60.0
@@ -113,7 +113,7 @@ class FailsafeWatch:
         for item in self.failsafes.actions:
             hit = replace(self.failsafes, actions=(item,)).hit(reach, place)
             if hit is not None:
-                times_s = _times_s(item, telemetry, meter, self._power)
+                times_s = self._times_s(item, telemetry, meter)
                 forecast = bool(times_s) and None not in times_s
                 found.append(Exposed(action=item, hit=hit[1], forecast=forecast))
         self._exposed = tuple(found)
@@ -167,6 +167,22 @@ class FailsafeWatch:
             return "a failsafe hits an obstacle"
         return f"{unforeseen[0].action.trigger.value} hits {unforeseen[0].hit.obstacle}"
 
+    def _times_s(
+        self, action: FailsafeAction, telemetry: Telemetry, meter: Meter
+    ) -> list[float | None]:
+        """Flight times until an action, or until an earlier one of the battery ends our control.
+
+        After a hold on a low battery nobody leads the aircraft away before the critical one acts.
+        """
+        if action.trigger not in BATTERY:
+            return []
+        return [
+            time_s
+            for item in self._all.of(BATTERY).actions
+            if item.action is not Action.NONE
+            for time_s in _times_s(item, telemetry, meter, self._power)
+        ]
+
     def _battery_reason(
         self, telemetry: Telemetry, meter: Meter, leaving_s: float | None
     ) -> str | None:
@@ -179,7 +195,7 @@ class FailsafeWatch:
         if leaving_s is None:
             leaving_s = _UNKNOWN_LEAVING_S
         for action in self.failsafes.of(BATTERY).actions:
-            left_s = until_s(action, telemetry, meter, self._power)
+            left_s = _soonest_s(self._times_s(action, telemetry, meter))
             hits = action.trigger in here or leaving_s > 0.0
             if left_s is None or not hits:
                 continue
@@ -221,11 +237,8 @@ def heard_links(kind: AutopilotKind, telemetry: Telemetry) -> frozenset[Trigger]
     )
 
 
-def until_s(
-    action: FailsafeAction, telemetry: Telemetry, meter: Meter, power: PowerModel
-) -> float | None:
-    """Flight time until a battery's action at the latest; None where nothing is forecast."""
-    times_s = _times_s(action, telemetry, meter, power)
+def _soonest_s(times_s: Iterable[float | None]) -> float | None:
+    """The earliest of those that are forecast; None where none is."""
     return min((time_s for time_s in times_s if time_s is not None), default=None)
 
 

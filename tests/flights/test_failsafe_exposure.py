@@ -59,6 +59,29 @@ def test_the_exit_begins_early_enough_that_critical_never_comes_over_a_conductor
     assert min(clearances_m(flight.site, true_places(flight), keep_out=True)) > 0.0
 
 
+@pytest.mark.slow
+def test_where_a_low_battery_only_brakes_the_exit_begins_before_that():
+    """BRAKE takes the mode: nobody would lead the aircraft away before the critical one lands."""
+    flight = Lockstep(
+        manner=Manner.ARDUPILOT,
+        options={
+            "parameters": {
+                **LANDS_AT_40[Manner.ARDUPILOT],
+                "BATT_FS_LOW_ACT": 7,
+                "BATT_LOW_MAH": 1980,
+            }
+        },
+    )
+    flight.begin(INSPECTION, INNER)
+    flight.run_until_state("at_target", 90.0)
+    flight.autopilot.conditions.drain_factor = 3.0
+    flight.autopilot.conditions.battery_percent = 75.0
+    flight.run_until(lambda: flight.truth.mode != "GUIDED", 240.0)
+    assert flight.operator.said("battery land hits ")
+    assert flight.companion.status.task.mission is not Mission.INSPECTION
+    assert not over_a_conductor(flight)
+
+
 def test_where_lost_rc_would_land_on_a_conductor_people_are_told_and_it_leaves_in_time():
     flight = Lockstep(
         manner=Manner.ARDUPILOT,

@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import re
+from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from moar_companion.autopilots import failsafe_parameters, failsafes_of
+from moar_companion.autopilots.failsafe_actions import Trigger
 from moar_companion.config import LossCheck, Supervision, shipped_configs
 from moar_companion.margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.power import PowerModel
-from moar_companion.preflight import ardupilot
+from moar_companion.preflight import ardupilot, px4
 from moar_companion.preflight.failsafes import SUBJECT, failsafe_findings
 from moar_companion.preflight.findings import Level
 from moar_companion.preflight.rules import Case, parameter_findings
@@ -26,11 +28,22 @@ VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
 PLANNER = Planner(flown_site(SITE, VEHICLE, Supervision()), VEHICLE)
 SAFE = {
     PX4: {"NAV_RCL_ACT": 1.0},
-    ARDUPILOT: {"FS_THR_ENABLE": 7.0, "FS_EKF_ACTION": 2.0},
+    ARDUPILOT: {"FS_THR_ENABLE": 7.0},
 }
 
 
 def found(kind, policy=LossCheck.WARN, **parameters):
+    """All but what the loss of GPS comes to, which no parameter makes harmless here."""
+    findings = all_found(kind, policy, **parameters)
+    return [item for item in findings if not item.text.startswith("GPS loss")]
+
+
+def of_gps(kind, **parameters):
+    findings = all_found(kind, **parameters)
+    return [item for item in findings if item.text.startswith("GPS loss")]
+
+
+def all_found(kind, policy=LossCheck.WARN, **parameters):
     told = dict.fromkeys(failsafe_parameters(kind), 0.0)
     failsafes = failsafes_of(kind, {**told, **SAFE[kind], **parameters})
     findings = failsafe_findings(
@@ -47,23 +60,48 @@ def test_what_a_landing_at_a_critical_battery_would_hit_is_named_with_what_mends
     assert "% of the plan to splice-inner" in finding.text
     assert "left-lower from 0% of the plan exit from splice-inner" in finding.text
     assert finding.text.endswith("; the companion leaves 30 s before")
-    assert finding.remedy == "set BATT_FS_CRT_ACT 4 (smart return)"
+    assert finding.remedy == "set BATT_FS_CRT_ACT 0 (nothing)"
 
 
-@pytest.mark.parametrize(("stage", "values"), [("LOW", {4.0, 0.0}), ("CRT", {4.0})])
-def test_what_mends_a_batterys_action_mends_it_by_the_rules_and_on_the_ways(stage, values):
-    action, volts = f"BATT_FS_{stage}_ACT", f"BATT_{stage}_VOLT"
-    rules = [rule for rule in ardupilot.RULES if rule.parameter == action]
-    (on_ways,) = found(ARDUPILOT, **{action: 1.0, volts: 14.0})
-    (by_rule,) = parameter_findings(rules, case(**{action: 5.0, volts: 14.0}))
-    said = by_rule.remedy.removeprefix("set ").partition(",")[0]
-    assert on_ways.remedy == f"set {action} {said}"
-    assert {float(number) for number in re.findall(r"\d+", said)} == values
-    for value in values:
-        (by_rule,) = parameter_findings(rules, case(**{action: value, volts: 14.0}))
-        assert by_rule.level in {OK, NOTE}
-        (on_ways,) = found(ARDUPILOT, **{action: value, volts: 14.0})
-        assert on_ways.level is OK
+@pytest.mark.parametrize(
+    ("kind", "rules", "action", "threshold"),
+    [
+        (ARDUPILOT, ardupilot.RULES, "BATT_FS_LOW_ACT", {"BATT_LOW_VOLT": 14.0}),
+        (ARDUPILOT, ardupilot.RULES, "BATT_FS_CRT_ACT", {"BATT_CRT_VOLT": 14.0}),
+        (PX4, px4.RULES, "COM_LOW_BAT_ACT", {}),
+    ],
+)
+def test_what_mends_a_batterys_action_on_the_ways_is_not_objected_to_by_the_rules(
+    kind, rules, action, threshold
+):
+    def of_battery(value):
+        findings = found(kind, **{action: value, **threshold})
+        return [item for item in findings if "battery" in item.text]
+
+    assert {item.remedy.partition(" (")[0] for item in of_battery(2.0)} == {f"set {action} 0"}
+    assert of_battery(0.0) == []
+    rule = [item for item in rules if item.parameter == action]
+    (objection,) = parameter_findings(rule, case(**{action: 99.0, **threshold}))
+    assert " 0 (" in objection.remedy
+    (by_rule,) = parameter_findings(rule, case(**{action: 0.0, **threshold}))
+    assert by_rule.level is NOTE
+
+
+@pytest.mark.parametrize("value", [3.0, 4.0])
+def test_a_smart_return_is_judged_by_what_it_falls_back_to(value):
+    (finding,) = found(
+        ARDUPILOT, BATT_FS_LOW_ACT=value, BATT_LOW_VOLT=14.0, RTL_ALT=1500.0, RTL_CONE_SLOPE=3.0
+    )[:1]
+    assert finding.level is WARNING
+    assert "it would hit" in finding.text
+
+
+def test_an_altitude_hold_without_a_position_drifts_into_what_is_beside():
+    (finding,) = of_gps(ARDUPILOT, FS_EKF_ACTION=2.0)
+    assert finding.level is NOTE
+    assert finding.text.startswith(
+        "GPS loss, FS_EKF_ACTION 2 (hold its height without a position): drifting up to 5.3 m it"
+    )
 
 
 def case(**parameters):
@@ -94,7 +132,7 @@ def test_motors_that_stop_are_a_no_go():
 
 
 def test_what_no_parameter_mends_is_a_note():
-    (finding,) = found(PX4)
+    (finding,) = of_gps(PX4)
     assert finding.level is NOTE
     assert finding.text.startswith(
         "GPS loss, COM_OBL_RC_ACT 0 (descend without a position): drifting up to 4.5 m it would hit"
@@ -102,8 +140,26 @@ def test_what_no_parameter_mends_is_a_note():
 
 
 def test_an_autopilot_that_stays_hits_nothing():
-    (finding,) = found(ARDUPILOT)
+    assert found(ARDUPILOT) == []
+    open_site = replace(SITE, obstacles=())
+    failsafes = failsafes_of(ARDUPILOT, {**dict.fromkeys(failsafe_parameters(ARDUPILOT), 0.0)})
+    (finding,) = failsafe_findings(
+        Planner(open_site, VEHICLE), failsafes, Supervision(), PowerModel.of(VEHICLE)
+    )
     assert finding.level is OK
+
+
+def test_a_drift_is_looked_at_on_all_its_way():
+    """Beside a pole that is thinner than the drift, too."""
+    failsafes = failsafes_of(PX4, {**dict.fromkeys(failsafe_parameters(PX4), 0.0), **SAFE[PX4]})
+    reach = PLANNER.maps.reach
+    (of_gps,) = failsafes.of([Trigger.GPS_LOSS]).actions
+    conductor = next(item for item in SITE.obstacles if item.name == "left-lower")
+    x_m, z_m = conductor.position_m
+    only = replace(failsafes, actions=(of_gps,))
+    for aside_m in np.arange(0.0, of_gps.drift_m - 0.5, 0.5):
+        place_m = np.array([(x_m + aside_m, z_m + 6.0)])
+        assert only.exposed(reach, place_m, drifting=True)[0], aside_m
 
 
 def test_without_a_home_a_return_is_not_taken_for_harmless():

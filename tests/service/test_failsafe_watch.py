@@ -104,3 +104,20 @@ def test_a_threshold_that_can_be_forecast_counts_beside_one_that_cannot():
     assert reason(watch, ABOVE, at) == "battery land hits wire, 20 s left"
     assert reason(watch, ABOVE, 1.0) is None
     assert reason(watch, ABOVE, 1.0, now_s=121.0) == "low battery hits wire: 121 s (120)"
+
+
+def test_an_earlier_hold_of_the_battery_ends_control_before_the_landing():
+    """After BRAKE on a low battery the companion is silent, and the critical one lands there."""
+    watch = watching(
+        kind=AutopilotKind.ARDUPILOT,
+        BATT_CAPACITY=5000.0,
+        BATT_LOW_MAH=3500.0,
+        BATT_LOW_VOLT=0.0,
+        BATT_FS_LOW_ACT=7.0,
+        BATT_CRT_MAH=2000.0,
+        BATT_FS_CRT_ACT=1.0,
+    )
+    flight_s = POWER.capacity_wh / POWER.hover_w * 3600.0
+    assert reason(watch, ABOVE, 0.7 + 40.0 / flight_s) is None
+    assert reason(watch, ABOVE, 0.7 + 20.0 / flight_s) == "battery land hits wire, 20 s left"
+    assert reason(watch, BESIDE, 0.7 + 20.0 / flight_s) is None
