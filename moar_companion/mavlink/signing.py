@@ -133,7 +133,7 @@ def timestamp_at(wall_s: float) -> int:
 
 
 def link_signings(links: Iterable[LinkConfig], signing: Signing | None) -> dict[str, LinkSigning]:
-    """The signatures of those links that ask for them, by URL; the link id is the place in the list.
+    """The signatures of those links that ask for them, by URL; the link id is the place in `links`.
 
     Raises ValueError when a link asks for them and there is no key.
     """

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 from datetime import datetime, timezone
+from itertools import starmap
 from typing import Any
 
 from rich.columns import Columns
@@ -245,6 +246,8 @@ def _work(status: Status, *, full: bool) -> Iterator[Row]:
     yield "plan", _plan(status["plan"])
     ages = status["age_s"]
     yield "link", _link(status["link"], ages["ground_station"])
+    if status.get("refused"):
+        yield "signed", Text("; ").join(starmap(_signed, status["refused"].items()))
     yield "radio", Text(_radio(status["radio"]))
     shown = ages if full else {name: ages[name] for name in _VITAL}
     heard_ago = [_age(name, age_s) for name, age_s in shown.items()]
@@ -276,6 +279,13 @@ def _link(link: Status | None, ground_station_age_s: float | None) -> Text:
     if ground_station_age_s is None:
         return words.append("; no ground station is heard")
     return words.append(f"; ground station heard {_duration(ground_station_age_s)} ago")
+
+
+def _signed(link: str, refused: Status) -> Text:
+    counts = [f"{count} {reason.replace('_', ' ')}" for reason, count in refused.items() if count]
+    if not counts:
+        return Text(f"{_clean(link)} none refused")
+    return Text.assemble(f"{_clean(link)} refused ", (", ".join(counts), "bold"))
 
 
 def _radio(radio: Status | None) -> str:
