@@ -6,9 +6,9 @@ renderable that fits itself to the width and height it is drawn in, from 80 x 24
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime, timezone
-from itertools import starmap
 from typing import Any
 
 from rich.columns import Columns
@@ -247,7 +247,7 @@ def _work(status: Status, *, full: bool) -> Iterator[Row]:
     ages = status["age_s"]
     yield "link", _link(status["link"], ages["ground_station"])
     if status.get("refused"):
-        yield "signed", Text("; ").join(starmap(_signed, status["refused"].items()))
+        yield "signed", _signed(status["refused"])
     yield "radio", Text(_radio(status["radio"]))
     shown = ages if full else {name: ages[name] for name in _VITAL}
     heard_ago = [_age(name, age_s) for name, age_s in shown.items()]
@@ -281,11 +281,13 @@ def _link(link: Status | None, ground_station_age_s: float | None) -> Text:
     return words.append(f"; ground station heard {_duration(ground_station_age_s)} ago")
 
 
-def _signed(link: str, refused: Status) -> Text:
-    counts = [f"{count} {reason.replace('_', ' ')}" for reason, count in refused.items() if count]
-    if not counts:
-        return Text(f"{_clean(link)} none refused")
-    return Text.assemble(f"{_clean(link)} refused ", (", ".join(counts), "bold"))
+def _signed(refused: Mapping[str, Mapping[str, int]]) -> Text:
+    """What signed links have refused, of all of them together."""
+    counts = Counter[str]()
+    for reasons in refused.values():
+        counts.update(reasons)
+    words = ", ".join(f"{count} {reason}" for reason, count in counts.items() if count)
+    return Text.assemble("refused ", (words, "bold") if words else "none")
 
 
 def _radio(radio: Status | None) -> str:

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import base64
 import hashlib
-
-from pymavlink.dialects.v20 import all as mavlink
+import json
 
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.signing import LinkSigning, SigningKey
@@ -45,8 +45,15 @@ def signed_codec(link=None, **options):
     return Codec(system_id=1, component_id=195, signing=link or signing(), **options)
 
 
-def reader():
-    """Reads whatever comes, signed or not."""
-    parser = mavlink.MAVLink(None)
-    parser.robust_parsing = True
-    return parser
+def found_in(data, secret=SECRET):
+    """In which forms the beginning of a key is in a text or a file."""
+    forms = {
+        "bytes": secret,
+        "hexadecimal": secret.hex().encode(),
+        "upper case": secret.hex().upper().encode(),
+        "base64": base64.b64encode(secret),
+        "base64 of a URL": base64.urlsafe_b64encode(secret),
+        "Python": repr(secret)[2:-1].encode(),
+        "list": json.dumps(list(secret)).encode()[1:],
+    }
+    return [name for name, form in forms.items() if form[:12] in data]
