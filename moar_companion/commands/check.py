@@ -17,7 +17,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from ..config import Authority, CompanionConfig
+from ..config import Authority, CompanionConfig, KeySource
 from ..errors import InputError, LinkError
 from ..service.places import Place, recorder_folder, state_folder, view_socket
 from ..service.signing_clock import load_signing
@@ -190,6 +190,15 @@ def _files(config: CompanionConfig, vehicle: Vehicle, site: Site | None) -> list
         ),
         _view(view_socket(config)),
     ]
+    if config.signing != KeySource() and not any(link.signed for link in config.links):
+        found.append(
+            Finding(
+                level=Level.WARNING,
+                subject="signing",
+                text="a key is named, but no link is signed",
+                remedy="set signed: true on the links that are to be, or remove signing",
+            )
+        )
     if site is None:
         text = "none: telemetry and risk only, no mission is flown"
         found.append(Finding(level=Level.NOTE, subject="site", text=text))
