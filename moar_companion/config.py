@@ -62,6 +62,8 @@ class LinkConfig:
 
     url: str
     role: LinkRole = LinkRole.AUTOPILOT
+    signed: bool = False
+    """Whether all packets are signed, and those that are not are refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -164,6 +166,15 @@ class View:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class KeySource:
+    """Where the key of the signed links is, never the key itself."""
+
+    key_file: Path | None = None
+    credential: str | None = None
+    """The name of a credential that systemd passes: where it passes some, in place of the file."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class CompanionConfig:
     """Everything that the service is told at its start."""
 
@@ -184,6 +195,7 @@ class CompanionConfig:
     recorder: Recorder = field(default_factory=Recorder)
     state: State = field(default_factory=State)
     view: View = field(default_factory=View)
+    signing: KeySource = field(default_factory=KeySource)
     file: Path | None = field(default=None, compare=False)
     """Where it was read from; None where no file was."""
 
@@ -208,7 +220,9 @@ class CompanionConfig:
             name: getattr(file, name) for name in file.model_fields_set & _PLAIN
         }
         if "links" in file.model_fields_set:
-            values["links"] = tuple(LinkConfig(url=link.url, role=link.role) for link in file.links)
+            values["links"] = tuple(
+                LinkConfig(url=link.url, role=link.role, signed=link.signed) for link in file.links
+            )
         vehicle_path = Path(vehicle) if vehicle is not None else _resolved(folder, file.vehicle)
         assert vehicle_path
         return cls(
@@ -219,6 +233,10 @@ class CompanionConfig:
             recorder=Recorder(directory=_resolved(folder, file.recorder.directory)),
             state=State(directory=_resolved(folder, file.state.directory)),
             view=View(socket=_resolved(folder, file.view.socket)),
+            signing=KeySource(
+                key_file=_resolved(folder, file.signing.key_file),
+                credential=file.signing.credential,
+            ),
             file=Path(path),
             **values,
         )
@@ -235,6 +253,7 @@ def _resolved(folder: Path, path: str | None) -> Path | None:
 class _LinkFile(FileModel):
     url: Name
     role: Annotated[LinkRole, Strict(strict=False)] = LinkRole.AUTOPILOT
+    signed: bool = False
 
 
 class _RecorderFile(FileModel):
@@ -247,6 +266,11 @@ class _StateFile(FileModel):
 
 class _ViewFile(FileModel):
     socket: FilePath | None = None
+
+
+class _SigningFile(FileModel):
+    key_file: FilePath | None = None
+    credential: Name | None = None
 
 
 class _CompanionFile(FileModel):
@@ -265,6 +289,7 @@ class _CompanionFile(FileModel):
     recorder: _RecorderFile = Field(default_factory=_RecorderFile)
     state: _StateFile = Field(default_factory=_StateFile)
     view: _ViewFile = Field(default_factory=_ViewFile)
+    signing: _SigningFile = Field(default_factory=_SigningFile)
 
 
 def _findings(file: _CompanionFile) -> Iterator[Finding]:
@@ -274,6 +299,7 @@ def _findings(file: _CompanionFile) -> Iterator[Finding]:
             problem = f"is {link.url!r}, the same as links[{seen[link.url]}]: must be unique"
             yield Finding(("links", index, "url"), problem)
         seen.setdefault(link.url, index)
+    yield from _signing_findings(file)
     replanning = file.replanning
     if replanning.min_interval_s > replanning.period_s:
         yield Finding(
@@ -285,3 +311,15 @@ def _findings(file: _CompanionFile) -> Iterator[Finding]:
     if allowed_m is not None and limit_m < allowed_m:
         problem = f"is {limit_m:g}, must be at least position_uncertainty_m ({allowed_m:g})"
         yield Finding(("supervision", "position_uncertainty_limit_m"), problem)
+
+
+def _signing_findings(file: _CompanionFile) -> Iterator[Finding]:
+    key_file, credential = file.signing.key_file, file.signing.credential
+    if credential is not None and Path(credential).name != credential:
+        problem = f"is {credential!r}, must be the name of a credential, without a folder"
+        yield Finding(("signing", "credential"), problem)
+    if key_file is None and credential is None:
+        problem = "is true, must have a key: signing.key_file or signing.credential"
+        for index, link in enumerate(file.links):
+            if link.signed:
+                yield Finding(("links", index, "signed"), problem)

@@ -108,7 +108,7 @@ class FakeAutopilot:
             )
         )
         self._player = ScenarioPlayer(options.scenario)
-        self._links = {link.name: Link(link) for link in options.links}
+        self._links = {link.name: Link(link, link_id) for link_id, link in enumerate(options.links)}
         parameters = kind.parameters(options.parameters)
         for name in options.parameters:
             simulation.apply(name, parameters, self._world.conditions)

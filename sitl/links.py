@@ -12,6 +12,7 @@ from typing import Any, Final, Generic, TypeVar
 
 from pymavlink.dialects.v20 import all as mavlink
 
+from sitl.signing import SignOptions, sign
 from sitl.wire import Layout, frame, packet_header
 
 SYSTEM: Final = 1
@@ -25,10 +26,14 @@ Packet = TypeVar("Packet")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkOptions:
-    """One link: its name, and what it is for (`onboard`, or `normal`: a ground station)."""
+    """One link: its name, and what it is for (`onboard`, or `normal`: a ground station).
+
+    signing: of the packets on it; None: they are not signed.
+    """
 
     name: str
     profile: str = "onboard"
+    signing: SignOptions | None = None
 
 
 class Air(Generic[Packet]):
@@ -55,8 +60,8 @@ class Air(Generic[Packet]):
 class Link:
     """One link: parser, sequence numbers, what was heard on it, bytes waiting to be sent."""
 
-    def __init__(self, options: LinkOptions) -> None:
-        """Start silent."""
+    def __init__(self, options: LinkOptions, link_id: int = 0) -> None:
+        """Start silent. link_id: of its signatures."""
         self.name = options.name
         self.profile = options.profile
         self.heard: set[tuple[int, int]] = set()
@@ -71,6 +76,9 @@ class Link:
         self.from_autopilot = Air[bytes]()
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
+        self._signed = options.signing is not None
+        if options.signing is not None:
+            options.signing.start(self._parser, link_id)
         self._seq = 0
         self._radio_seq = 0
         self._queued = 0
@@ -93,7 +101,16 @@ class Link:
 
     def send(self, layout: Layout, payload: bytes) -> None:
         """Frame a payload as the autopilot's own packet."""
-        packet = frame(layout, payload, seq=self._seq, system=SYSTEM, component=AUTOPILOT_COMPONENT)
+        packet = frame(
+            layout,
+            payload,
+            seq=self._seq,
+            system=SYSTEM,
+            component=AUTOPILOT_COMPONENT,
+            signed=self._signed,
+        )
+        if self._signed:
+            packet = sign(packet, self._parser)
         self._seq = (self._seq + 1) & 0xFF
         self.put(packet)
 

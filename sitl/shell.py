@@ -24,6 +24,7 @@ from sitl.manners import KINDS
 from sitl.parameters import Parameters
 from sitl.ports import Port, Url, open_port
 from sitl.scenario import Scenario, ScenarioError
+from sitl.signing import SignOptions
 from sitl.truth_log import PERIOD_S, TruthLog
 
 _PERIOD_S: Final = 0.01
@@ -77,11 +78,13 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
     parser.add_argument("--truth", metavar="FILE.csv", help="log of what is really so, at 20 Hz")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--param", metavar="NAME=VALUE", action="append", help="set a parameter")
+    parser.add_argument("--sign-key", metavar="FILE", help="sign all links with the key in a file")
     args = parser.parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
     try:
         urls = _links(args.link or _DEFAULT_LINKS)
         _check_speed(args.speed)
         home, yaw_deg = _home(args.home)
+        signing = None if args.sign_key is None else _sign_options(Path(args.sign_key))
         options = Options(
             autopilot=args.autopilot,
             latitude_deg=home.latitude_deg,
@@ -94,6 +97,7 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
                 LinkOptions(
                     name=name,
                     profile="normal" if name.startswith(_GROUND_STATION_NAMES) else "onboard",
+                    signing=signing,
                 )
                 for name in urls
             ),
@@ -155,6 +159,15 @@ def _links(texts: Sequence[str]) -> dict[str, Url]:
         except ValueError as error:
             raise _Bad(f"--link {name}: {error}") from None
     return urls
+
+
+def _sign_options(path: Path) -> SignOptions:
+    try:
+        return SignOptions.load(path)
+    except OSError as error:
+        raise _Bad(f"--sign-key {path}: {error.strerror}") from None
+    except ValueError as error:
+        raise _Bad(f"--sign-key {path}: {error}") from None
 
 
 def _parameters(texts: Sequence[str], known: Parameters) -> dict[str, float]:

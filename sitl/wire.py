@@ -43,12 +43,22 @@ class Layout:
         return raw.rstrip(b"\0") or raw[:1]
 
 
-def frame(layout: Layout, payload: bytes, *, seq: int, system: int, component: int) -> bytes:
-    """Return one whole MAVLink 2 packet."""
+def frame(
+    layout: Layout, payload: bytes, *, seq: int, system: int, component: int, signed: bool = False
+) -> bytes:
+    """Return one whole MAVLink 2 packet; with `signed` its signature must follow."""
     msgid = layout.msgid
     body = (
         _HEADER.pack(
-            MAGIC_V2, len(payload), 0, 0, seq, system, component, msgid & 0xFFFF, msgid >> 16
+            MAGIC_V2,
+            len(payload),
+            int(signed),
+            0,
+            seq,
+            system,
+            component,
+            msgid & 0xFFFF,
+            msgid >> 16,
         )
         + payload
     )

@@ -16,6 +16,7 @@ from pydantic import BaseModel
 from moar_companion.config import (
     Authority,
     CompanionConfig,
+    KeySource,
     LinkConfig,
     LinkRole,
     Recorder,
@@ -59,7 +60,7 @@ vehicle: /etc/moar/vehicle.yaml
 site: sites/span.yaml
 links:
   - {url: "serial:/dev/ttyTHS1:921600"}
-  - {url: "udpin:0.0.0.0:14551", role: operator}
+  - {url: "udpin:0.0.0.0:14551", role: operator, signed: true}
 system_id: 7
 component_id: 196
 authority: engage
@@ -69,14 +70,16 @@ replanning: {period_s: 5, risk_change: 0.2, min_interval_s: 5}
 supervision: {position_timeout_s: 1, heartbeat_timeout_s: 5, plane_tolerance_m: 1.5}
 recorder: {directory: flights}
 state: {directory: state}
+signing: {key_file: signing.key, credential: mavlink}
 """
     assert load(text, tmp_path) == CompanionConfig(
         vehicle=Path("/etc/moar/vehicle.yaml"),
         site=tmp_path / "sites" / "span.yaml",
         links=(
             LinkConfig(url="serial:/dev/ttyTHS1:921600"),
-            LinkConfig(url="udpin:0.0.0.0:14551", role=LinkRole.OPERATOR),
+            LinkConfig(url="udpin:0.0.0.0:14551", role=LinkRole.OPERATOR, signed=True),
         ),
+        signing=KeySource(key_file=tmp_path / "signing.key", credential="mavlink"),
         system_id=7,
         component_id=196,
         authority=Authority.ENGAGE,
@@ -88,6 +91,28 @@ state: {directory: state}
         ),
         recorder=Recorder(directory=tmp_path / "flights"),
         state=State(directory=tmp_path / "state"),
+    )
+
+
+@pytest.mark.parametrize("source", ["key_file: signing.key", "credential: mavlink"])
+def test_a_signed_link_needs_a_key(source: str, tmp_path: Path) -> None:
+    text = """\
+vehicle: v.yaml
+links:
+  - {url: "udp:127.0.0.1:14540"}
+  - {url: "udp:127.0.0.1:14550", role: operator, signed: true}
+"""
+    assert refusal(text, tmp_path) == (
+        "links[1].signed: is true, must have a key: signing.key_file or signing.credential"
+    )
+    assert load(f"{text}signing: {{{source}}}\n", tmp_path).links[1].signed
+
+
+@pytest.mark.parametrize("name", ["../key", "/etc/key", "a/b"])
+def test_a_credential_is_a_name_without_a_folder(name: str, tmp_path: Path) -> None:
+    text = f"vehicle: v.yaml\nsigning: {{credential: {name}}}\n"
+    assert refusal(text, tmp_path) == (
+        f"signing.credential: is '{name}', must be the name of a credential, without a folder"
     )
 
 

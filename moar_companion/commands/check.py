@@ -11,19 +11,22 @@ import asyncio
 import contextlib
 import errno
 import os
+import time
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
-from ..config import Authority, CompanionConfig
+from ..config import Authority, CompanionConfig, KeySource
 from ..errors import InputError, LinkError
 from ..service.places import Place, recorder_folder, state_folder, view_socket
+from ..service.signing_clock import load_signing
 from .options import add_file
 from .outputs import say
 from .service import INSTALLED_CONFIG, add_config, link_problems, merged
 
 if TYPE_CHECKING:
+    from ..mavlink.signing import Signing
     from ..planner.planner import Planner
     from ..preflight.findings import Finding
     from ..preflight.machine import Preflight
@@ -69,7 +72,7 @@ def run(arguments: argparse.Namespace) -> int:
     from ..preflight.findings import Level, worst  # noqa: PLC0415
 
     errors: list[InputError] = []
-    config, vehicle, site = _read(arguments, errors)
+    config, vehicle, site, signing = _read(arguments, errors)
     if errors or config is None or vehicle is None:
         _tell("Files", _unusable(errors))
         first, more = errors[0], len(errors) - 1
@@ -83,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
         found += _tell(f"Site {planner.site.name}", _looked_at(planner))
     seen = False
     if not arguments.files:
-        aircraft, seen = _aircraft(config, vehicle, planner)
+        aircraft, seen = _aircraft(config, vehicle, planner, signing)
         found += aircraft
     say(_summary(found, files=arguments.files, seen=seen) + "\n")
     stopped = worst(found) is Level.NO_GO or not (seen or arguments.files)
@@ -91,14 +94,14 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _aircraft(
-    config: CompanionConfig, vehicle: Vehicle, planner: Planner | None
+    config: CompanionConfig, vehicle: Vehicle, planner: Planner | None, signing: Signing | None
 ) -> tuple[list[Finding], bool]:
     """What is found of the aircraft on the links, and whether there was one."""
     from ..preflight.machine import Preflight  # noqa: PLC0415
 
     urls = [link.url for link in config.links]
     say(f"Aircraft on {', '.join(urls)}\n")
-    preflight = Preflight(config, vehicle, planner)
+    preflight = Preflight(config, vehicle, planner, signing=signing)
     try:
         asyncio.run(_listen(preflight, urls))
     except LinkError as error:
@@ -108,7 +111,7 @@ def _aircraft(
 
 def _read(
     arguments: argparse.Namespace, errors: list[InputError]
-) -> tuple[CompanionConfig | None, Vehicle | None, Site | None]:
+) -> tuple[CompanionConfig | None, Vehicle | None, Site | None, Signing | None]:
     """Every file by itself, so that all that is wrong is known at once."""
     if arguments.files and arguments.connect:
         raise InputError("--files", "", "opens no link, must be given without --connect")
@@ -117,12 +120,14 @@ def _read(
 
     config = _tried(partial(merged, arguments), errors)
     vehicle_file, site_file = arguments.vehicle, arguments.site
+    signing = None
     if config is not None:
         errors += link_problems(config, arguments)
+        signing = _tried(partial(load_signing, config, time.time()), errors)
         vehicle_file, site_file = config.vehicle, config.site
     vehicle = None if vehicle_file is None else _tried(partial(Vehicle.load, vehicle_file), errors)
     site = None if site_file is None else _tried(partial(Site.load, site_file), errors)
-    return config, vehicle, site
+    return config, vehicle, site, signing
 
 
 def _tried(load: Callable[[], Value], errors: list[InputError]) -> Value | None:
@@ -168,7 +173,10 @@ def _files(config: CompanionConfig, vehicle: Vehicle, site: Site | None) -> list
         Finding(
             level=Level.OK,
             subject="links",
-            text=", ".join(f"{link.url} ({link.role.value})" for link in config.links),
+            text=", ".join(
+                f"{link.url} ({link.role.value}{', signed' if link.signed else ''})"
+                for link in config.links
+            ),
         ),
         _folder(
             "recorder",
@@ -182,6 +190,15 @@ def _files(config: CompanionConfig, vehicle: Vehicle, site: Site | None) -> list
         ),
         _view(view_socket(config)),
     ]
+    if config.signing != KeySource() and not any(link.signed for link in config.links):
+        found.append(
+            Finding(
+                level=Level.WARNING,
+                subject="signing",
+                text="a key is named, but no link is signed",
+                remedy="set signed: true on the links that are to be, or remove signing",
+            )
+        )
     if site is None:
         text = "none: telemetry and risk only, no mission is flown"
         found.append(Finding(level=Level.NOTE, subject="site", text=text))

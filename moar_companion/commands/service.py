@@ -33,8 +33,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="URL",
         action="append",
         default=[],
-        help="a link, in place of those of the configuration; may be repeated: udp:HOST:PORT, "
-        "udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD",
+        help="a link, in place of those of the configuration, of which it stays signed when it is; "
+        "may be repeated: udp:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD",
     )
     add_file(parser, "--vehicle", "the vehicle (default: the LineDrone as flown)")
     add_file(parser, "--site", "the site (default: none, telemetry and risk only)")
@@ -74,7 +74,9 @@ def merged(arguments: argparse.Namespace) -> CompanionConfig:
     if arguments.site is not None:
         config = replace(config, site=Path(arguments.site))
     if arguments.connect:
-        config = replace(config, links=tuple(LinkConfig(url=url) for url in arguments.connect))
+        signed = {link.url for link in config.links if link.signed}
+        links = (LinkConfig(url=url, signed=url in signed) for url in arguments.connect)
+        config = replace(config, links=tuple(links))
     if all(link.role is LinkRole.OPERATOR for link in config.links):
         problem = "has none to an autopilot, must have one, or --connect be given"
         raise InputError(str(file), "links", problem)

@@ -1,4 +1,4 @@
-"""Bytes to messages and back: MAVLink 1 and 2 framing, checks, sequence numbers. No I/O.
+"""Bytes to messages and back: MAVLink 1 and 2 framing, checks, signatures, numbers. No I/O.
 
 pymavlink's own parser drops as many bytes as a false start marker claims, up to 280, and builds
 every message. This one steps over a false marker by one byte, and builds only what is wanted: PX4
@@ -18,6 +18,7 @@ from functools import cache
 from typing import Any
 
 from .dialect import Message, mavlink
+from .signing import SIGNATURE_BYTES, SIGNED_FLAG, LinkSigning, Refusal
 
 _MARKERS = re.compile(b"[\xfd\xfe]")
 _MARKER_V2 = 0xFD
@@ -25,8 +26,6 @@ _OVERHEAD_V1 = 8
 """Bytes of a MAVLink 1 frame about its payload: header 6, checksum 2."""
 _OVERHEAD_V2 = 12
 """Bytes of a MAVLink 2 frame about its payload: header 10, checksum 2."""
-_SIGNED = 0x01
-_SIGNATURE_BYTES = 13
 
 _LATE_WINDOW = 80
 """Packets that come up to so much later than their successor are late, not the end of a round of
@@ -35,6 +34,12 @@ _LATE_WINDOW = 80
 _SECRETS = frozenset(
     {int(mavlink.MAVLINK_MSG_ID_AUTH_KEY), int(mavlink.MAVLINK_MSG_ID_SETUP_SIGNING)}
 )
+
+_RADIO_WORDS = frozenset(
+    {int(mavlink.MAVLINK_MSG_ID_RADIO_STATUS), int(mavlink.MAVLINK_MSG_ID_RADIO)}
+)
+"""What a telemetry radio puts into the stream without a key: refused as all that is unsigned, but
+not counted, because it comes each second on a healthy link."""
 
 _ANSWERS = frozenset(
     {
@@ -111,26 +116,40 @@ class Codec:
     """One link's framing: bytes in any portions to messages, messages to bytes.
 
     system_id, component_id: ours, in everything encoded. wanted: the ids of messages to build;
-    others are checked and counted only. None builds all that the dialect knows.
+    others are checked and counted only. None builds all that the dialect knows. signing: with it
+    all that is sent is signed, and what is not signed correctly is refused; without it signatures
+    are read past.
     """
 
     def __init__(
-        self, *, system_id: int, component_id: int, wanted: Container[int] | None = None
+        self,
+        *,
+        system_id: int,
+        component_id: int,
+        wanted: Container[int] | None = None,
+        signing: LinkSigning | None = None,
     ) -> None:
         self._packer = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)
         self._wanted = wanted
+        self._signing = signing
+        if signing is not None:
+            self._packer.signing.secret_key = signing.key.secret
+            self._packer.signing.link_id = signing.link_id
+            self._packer.signing.sign_outgoing = True
         self._buffer = bytearray()
         self._sources: dict[tuple[int, int], _Source] = {}
         self.packets: list[bytes] = []
         """The packets that the last `receive` completed, wanted or not, for a record.
 
-        Those that carry a secret (SETUP_SIGNING, AUTH_KEY) are left out."""
+        Those that carry a secret (SETUP_SIGNING, AUTH_KEY), and those refused, are left out."""
         self.unwanted: list[tuple[tuple[int, int], int]] = []
         """Source and message id of the streamed messages that the last `receive` did not build."""
         self.unknown_messages = 0
         """Frames of messages that the dialect does not have; their checksum cannot be verified."""
         self.dropped_bytes = 0
         """Bytes that belonged to no frame: noise, and what corruption left."""
+        self.refused = dict.fromkeys(Refusal, 0)
+        """Whole packets that their signature, or the lack of one, has refused."""
 
     @property
     def system_id(self) -> int:
@@ -157,6 +176,8 @@ class Codec:
 
     def encode(self, message: Message) -> bytes:
         """The message as a MAVLink 2 packet under our ids and this link's next sequence number."""
+        if self._signing is not None:
+            self._packer.signing.timestamp = self._signing.next_timestamp()
         data = bytes(message.pack(self._packer))
         self._packer.seq = (self._packer.seq + 1) & 0xFF
         return data
@@ -165,6 +186,7 @@ class Codec:
         """The wanted messages that these bytes complete; never raises.
 
         Bytes may come split anywhere. Noise, corrupted and truncated frames are stepped over.
+        `get_signed()` of a message tells whether its packet was correctly signed.
         """
         buffer = self._buffer
         buffer += data
@@ -197,25 +219,34 @@ class Codec:
         sequence, system_id, component_id, message_id, payload_start = _header(buffer, position)
         payload_end = payload_start + length
         message_class = mavlink.mavlink_map.get(message_id)
+        if message_class and not _is_sound(buffer, position, payload_end, message_class):
+            return False
+        packet = bytes(buffer[position : position + size])
+        refusal = None if self._signing is None else self._signing.refusal(packet)
         source = self._sources.get((system_id, component_id))
         if message_class is None:
-            # Without its definition a frame cannot be checked: it counts when its source is
-            # known and a frame follows it, else noise would pass for it.
+            # Without its definition a frame cannot be checked but by its signature: else it counts
+            # when its source is known and a frame follows it, or noise would pass for it.
             after = position + size
-            if source is None or (after < len(buffer) and buffer[after] not in {0xFD, 0xFE}):
+            if self._signing is None:
+                if source is None or (after < len(buffer) and buffer[after] not in {0xFD, 0xFE}):
+                    return False
+            elif refusal in {Refusal.UNSIGNED, Refusal.WRONG}:
                 return False
-            source.hear(sequence)
-            self.unknown_messages += 1
-            self.packets.append(bytes(buffer[position:after]))
+        if refusal is not None:
+            self.refused[refusal] += refusal is not Refusal.UNSIGNED or (
+                message_id not in _RADIO_WORDS
+            )
             return True
-        if not _is_sound(buffer, position, payload_end, message_class):
-            return False
         if source is None:
             source = self._sources[system_id, component_id] = _Source()
         source.hear(sequence)
+        if message_class is None:
+            self.unknown_messages += 1
+            self.packets.append(packet)
+            return True
         wanted = self._wanted is None or message_id in self._wanted
         source.off_stream += message_id in _ANSWERS or not wanted
-        packet = bytes(buffer[position : position + size])
         if message_id not in _SECRETS:
             self.packets.append(packet)
         if wanted:
@@ -226,6 +257,7 @@ class Codec:
             header.srcSystem = system_id
             header.srcComponent = component_id
             message.get_msgbuf().extend(packet)
+            message._signed = self._signing is not None  # noqa: SLF001 - get_signed() tells it
             messages.append(message)
         elif message_id not in _ANSWERS:
             self.unwanted.append(((system_id, component_id), message_id))
@@ -268,10 +300,10 @@ def frame_size(buffer: bytes | bytearray, position: int, end: int) -> int | None
     if buffer[position] != _MARKER_V2:
         return _OVERHEAD_V1 + buffer[position + 1]
     flags = buffer[position + 2]
-    if flags & ~_SIGNED:
+    if flags & ~SIGNED_FLAG:
         # "Incompatibility flags": a receiver that does not know one must drop the packet.
         return 0
-    return _OVERHEAD_V2 + buffer[position + 1] + (_SIGNATURE_BYTES if flags else 0)
+    return _OVERHEAD_V2 + buffer[position + 1] + (SIGNATURE_BYTES if flags else 0)
 
 
 def _build(message_class: Any, payload: bytes) -> Message:

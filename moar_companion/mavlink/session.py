@@ -34,6 +34,7 @@ from .parameters import ParameterRequests
 from .places import PlaceRequests
 from .rates import DEFAULT_RATES_HZ, RateRequests
 from .round_trips import RoundTrips
+from .signing import LinkSigning, Refusal
 from .texts import Severity, StatusTexts
 from .translate_motors import MOTOR_PARAMETERS
 from .translate_outgoing import SystemStatus
@@ -66,6 +67,7 @@ class Session:
 
     links: name of each link and who is there. system_id, component_id: ours; the system id is the
     autopilot's once one is heard. message_rates_hz: wanted rates by autopilot kind and message id.
+    signing: of those links on which all packets are signed.
     """
 
     def __init__(
@@ -75,6 +77,7 @@ class Session:
         system_id: int = 1,
         component_id: int = 195,
         message_rates_hz: Mapping[AutopilotKind, Mapping[int, float]] = DEFAULT_RATES_HZ,
+        signing: Mapping[str, LinkSigning] | None = None,
     ) -> None:
         self._roles = dict(links)
         self._component_id = component_id
@@ -88,8 +91,14 @@ class Session:
             **dict.fromkeys(fence_download.MESSAGE_IDS, self._receive_fence),
         }
         wanted = listener.MESSAGE_IDS | self._handlers.keys()
+        self._signing = dict(signing or {})
         self._codecs = {
-            name: Codec(system_id=system_id, component_id=component_id, wanted=wanted)
+            name: Codec(
+                system_id=system_id,
+                component_id=component_id,
+                wanted=wanted,
+                signing=self._signing.get(name),
+            )
             for name in links
         }
         self._system_id = system_id
@@ -156,6 +165,16 @@ class Session:
         """Whether the autopilot has not answered the last request for a mode."""
         return self._modes.unanswered
 
+    @property
+    def signing_timestamps(self) -> dict[str, int]:
+        """The time stamp of each signed link: what a process after this one must begin after."""
+        return {link: signing.timestamp for link, signing in self._signing.items()}
+
+    @property
+    def packets_refused(self) -> dict[str, dict[Refusal, int]]:
+        """How many packets each signed link has refused, and why."""
+        return {link: dict(self._codecs[link].refused) for link in self._signing}
+
     def events_received(self) -> list[Event]:
         """What has happened since the last call, in order."""
         events, self._events = self._events, []
@@ -187,6 +206,11 @@ class Session:
         return [(link, self._codecs[link].encode(message)) for link, message in messages]
 
     # In
+
+    def note_wall_clock(self, wall_s: float) -> None:
+        """Takes the wall clock, in seconds since 1970, for the time stamps of signatures."""
+        for signing in self._signing.values():
+            signing.advance(wall_s)
 
     def receive(self, link: str, data: bytes, now_s: float) -> None:
         """Takes bytes from a link, split anywhere. Never raises, whatever they are."""

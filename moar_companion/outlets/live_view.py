@@ -6,7 +6,8 @@ renderable that fits itself to the width and height it is drawn in, from 80 x 24
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime, timezone
 from typing import Any
 
@@ -245,6 +246,8 @@ def _work(status: Status, *, full: bool) -> Iterator[Row]:
     yield "plan", _plan(status["plan"])
     ages = status["age_s"]
     yield "link", _link(status["link"], ages["ground_station"])
+    if status.get("refused"):
+        yield "signed", _signed(status["refused"])
     yield "radio", Text(_radio(status["radio"]))
     shown = ages if full else {name: ages[name] for name in _VITAL}
     heard_ago = [_age(name, age_s) for name, age_s in shown.items()]
@@ -276,6 +279,15 @@ def _link(link: Status | None, ground_station_age_s: float | None) -> Text:
     if ground_station_age_s is None:
         return words.append("; no ground station is heard")
     return words.append(f"; ground station heard {_duration(ground_station_age_s)} ago")
+
+
+def _signed(refused: Mapping[str, Mapping[str, int]]) -> Text:
+    """What signed links have refused, of all of them together."""
+    counts = Counter[str]()
+    for reasons in refused.values():
+        counts.update(reasons)
+    words = ", ".join(f"{count} {reason}" for reason, count in counts.items() if count)
+    return Text.assemble("refused ", (words, "bold") if words else "none")
 
 
 def _radio(radio: Status | None) -> str:

@@ -14,6 +14,7 @@ from ..autopilots.fence import fence_of, fence_parameters
 from ..config import CompanionConfig, LinkRole
 from ..mavlink.identity import Autopilot, AutopilotConflict
 from ..mavlink.session import Session, SystemStatus
+from ..mavlink.signing import Refusal, Signing, link_signings
 from ..mission.conditions import Causes
 from ..planner.planner import Planner
 from ..power import PowerModel
@@ -42,6 +43,12 @@ _LONGEST_LOOK_S = 20.0
 _RISK_PERIOD_S = 0.1
 _VERSION_PERIOD_S = 1.0
 
+_REFUSAL_REMEDIES = {
+    Refusal.UNSIGNED: "give the sender the key (configs/README.md, Signing), or find who sends it",
+    Refusal.WRONG: "give the sender the key that signing names, or find who sends it",
+    Refusal.OLD: "compare the clocks here and there; a sender whose clock is right is replayed",
+}
+
 _RULES = {
     AutopilotKind.PX4: px4.RULES,
     AutopilotKind.ARDUPILOT: ardupilot.RULES,
@@ -61,9 +68,19 @@ def _parameters(kind: AutopilotKind) -> tuple[str, ...]:
 
 
 class Preflight:
-    """The machine. planner: of the site; None looks at the aircraft alone."""
+    """The machine. planner: of the site; None looks at the aircraft alone.
 
-    def __init__(self, config: CompanionConfig, vehicle: Vehicle, planner: Planner | None) -> None:
+    signing: needed where links are signed.
+    """
+
+    def __init__(
+        self,
+        config: CompanionConfig,
+        vehicle: Vehicle,
+        planner: Planner | None,
+        *,
+        signing: Signing | None = None,
+    ) -> None:
         self._limits = config.supervision
         self._vehicle = vehicle
         self._power = PowerModel.of(vehicle)
@@ -73,6 +90,7 @@ class Preflight:
             links={link.url: link.role for link in config.links},
             system_id=config.system_id,
             component_id=config.component_id,
+            signing=link_signings(config.links, signing),
         )
         self._asked_links = [link.url for link in config.links if link.role is LinkRole.AUTOPILOT]
         self._surroundings = Surroundings(site, vehicle.autopilot)
@@ -152,7 +170,7 @@ class Preflight:
         session = self._session
         autopilot, status = session.autopilot, session.telemetry.autopilot
         if autopilot is None or status is None:
-            return [self._silence()]
+            return [self._silence(), *self._refusals()]
         sight = Sight(
             autopilot=autopilot,
             status=status,
@@ -171,6 +189,7 @@ class Preflight:
             objection=objection_level(self._limits.loss_action),
         )
         return [
+            *self._refusals(),
             *aircraft_findings(sight, self._vehicle, self._site, self._limits),
             *parameter_findings(_RULES.get(autopilot.kind, ()), case),
             *self._fence(autopilot.kind),
@@ -229,6 +248,20 @@ class Preflight:
         return known and all(
             name in session.parameters for name in _parameters(session.autopilot.kind)
         )
+
+    def _refusals(self) -> list[Finding]:
+        """What the signed links have refused."""
+        return [
+            Finding(
+                level=Level.WARNING,
+                subject="signing",
+                text=f"{link}: {count} packets refused, {reason.value}",
+                remedy=_REFUSAL_REMEDIES[reason],
+            )
+            for link, counts in self._session.packets_refused.items()
+            for reason, count in counts.items()
+            if count
+        ]
 
     def _silence(self) -> Finding:
         """Nobody there, with what tells one cause from another."""

@@ -40,6 +40,7 @@ from .notify import Watchdog, notify
 from .places import recorder_folder, state_folder, view_socket
 from .planner_worker import PlannerWorker
 from .priority import NICE, ahead_of_others, in_real_time
+from .signing_clock import SigningClock, load_signing
 from .status import LatestDecisions
 from .surroundings import Ground
 from .view_socket import open_view_socket
@@ -78,9 +79,12 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
             _logger.info("no priority over other programs: nice %d not permitted", NICE)
         memory = _open_memory(config, stack)
         before = None if memory is None else memory.load(time.time() - _clock_s(speed))
-        companion = Companion(config, vehicle, None, before=before)
+        signing = load_signing(config, time.time())
+        clock = None if signing is None else _open_signing_clock(config, stack)
+        companion = Companion(config, vehicle, None, before=before, signing=signing)
         make_planner = None if site is None else partial(Planner, site, vehicle)
-        asyncio.run(Service(config, companion, make_planner, memory, speed=speed).run())
+        service = Service(config, companion, make_planner, memory, clock, speed=speed)
+        asyncio.run(service.run())
     return 0
 
 
@@ -101,6 +105,18 @@ def _open_memory(config: CompanionConfig, stack: contextlib.ExitStack) -> Memory
     return memory
 
 
+def _open_signing_clock(
+    config: CompanionConfig, stack: contextlib.ExitStack
+) -> SigningClock | None:
+    folder = state_folder(config)
+    if folder is None:
+        _logger.warning("signed links without a state directory: time stamps are not kept")
+        return None
+    clock = SigningClock(folder.path)
+    stack.callback(clock.close)
+    return clock
+
+
 class Service:
     """Owns every task, thread and file of the running companion."""
 
@@ -110,6 +126,7 @@ class Service:
         companion: Companion,
         make_planner: Callable[[], Planner] | None,
         memory: MemoryFile | None,
+        signing_clock: SigningClock | None = None,
         *,
         speed: float = 1.0,
     ) -> None:
@@ -119,6 +136,7 @@ class Service:
         self._worker = PlannerWorker()
         self._memory = memory
         self._remembered = companion.memory
+        self._signing_clock = signing_clock
         self._speed = speed
         self._watchdog = Watchdog()
         self._latest = LatestDecisions()
@@ -149,7 +167,8 @@ class Service:
                 address = parse_url(link.url)
                 receive = partial(self._receive, link.url)
                 links[link.url] = await stack.enter_async_context(open_link(address, receive))
-                _logger.info("%s link on %s", link.role.value, address)
+                signed = "signed " if link.signed else ""
+                _logger.info("%s%s link on %s", signed, link.role.value, address)
             self._links = links
             # What was imported lives as long as the process: no need to look through it again.
             gc.freeze()
@@ -215,6 +234,9 @@ class Service:
                 self._host = replace(host.look(), read_late_s=self._read_late_s)
                 self._companion.note_host(self._host)
                 self._read_late_s = 0.0
+                self._companion.note_wall_clock(time.time())
+                if self._signing_clock is not None:
+                    self._signing_clock.keep(self._companion.signing_timestamps)
             due_s += period_s
             if due_s <= now_s:
                 # After a pause nothing is sent twice to catch up.

@@ -26,6 +26,7 @@ from ..mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotResta
 from ..mavlink.ledger import stops
 from ..mavlink.listener import ModeLeft
 from ..mavlink.session import CommandAnswered, Session, Severity, SystemStatus
+from ..mavlink.signing import Refusal, Signing, link_signings
 from ..mission.states import STREAMING
 from ..mission.supervisor import Ruling
 from ..mission.values import MissionStatus, Verdict
@@ -45,6 +46,7 @@ from .memory import Memory
 from .motion import Pose
 from .orders import OrderBook
 from .overseer import Overseer
+from .refusals import Refusals
 from .reports import Decision, Reports
 from .surroundings import Ground, Surroundings
 
@@ -60,7 +62,7 @@ _LONGEST_STEP_S = 0.1
 class Companion:
     """The machine. ground: None without a site: then telemetry and risk only.
 
-    before: what the process before this one remembered.
+    before: what the process before this one remembered. signing: needed where links are signed.
     """
 
     def __init__(
@@ -70,6 +72,7 @@ class Companion:
         ground: Ground | None,
         *,
         before: Memory | None = None,
+        signing: Signing | None = None,
     ) -> None:
         self._config = config
         self._vehicle = vehicle
@@ -78,8 +81,10 @@ class Companion:
             links={link.url: link.role for link in config.links},
             system_id=config.system_id,
             component_id=config.component_id,
+            signing=link_signings(config.links, signing),
         )
         self._reports = Reports(self._session)
+        self._refusals = Refusals()
         self._orders = OrderBook(self._session, self._reports)
         self._overseer = Overseer(config.supervision, vehicle.guidance.off_path_m, self._reports)
         self._before = before
@@ -132,6 +137,16 @@ class Companion:
             return self._before
         site = None if self._ground is None else self._ground.site.name
         return Memory(state=status.state, since_s=status.since_s, task=status.task, site=site)
+
+    @property
+    def signing_timestamps(self) -> dict[str, int]:
+        """The time stamp of each signed link, for the process after this one."""
+        return self._session.signing_timestamps
+
+    @property
+    def packets_refused(self) -> dict[str, dict[Refusal, int]]:
+        """How many packets each signed link has refused, and why."""
+        return self._session.packets_refused
 
     @property
     def risk(self) -> RiskEstimate:
@@ -208,6 +223,10 @@ class Companion:
     def note_host(self, host: Host) -> None:
         """Takes what the computer has left."""
         self._conduct.host = host
+
+    def note_wall_clock(self, wall_s: float) -> None:
+        """Takes the wall clock, in seconds since 1970, for signatures."""
+        self._session.note_wall_clock(wall_s)
 
     def shut_down(self, now_s: float) -> None:
         """The process is about to end: what is streamed ends at rest, if it still may."""
@@ -399,3 +418,5 @@ class Companion:
             None if pose is None else pose.position_m,
             now_s,
         )
+        for words in self._refusals.texts(self.packets_refused, now_s):
+            self._reports.say(Severity.WARNING, words, now_s)

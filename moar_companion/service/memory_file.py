@@ -33,7 +33,7 @@ class MemoryFile:
     def __init__(self, directory: Path) -> None:
         directory.mkdir(parents=True, exist_ok=True)
         self._path = directory / _NAME
-        self._beside = directory / f".{_NAME}.new"
+        self._beside = _beside(self._path)
         self._beside.write_bytes(b"")
         self._beside.unlink()
         self._failing = False
@@ -72,12 +72,7 @@ class MemoryFile:
 
     def _write(self, data: bytes) -> None:
         try:
-            with self._beside.open("wb") as file:
-                file.write(data)
-                file.flush()
-                os.fsync(file.fileno())
-            self._beside.replace(self._path)
-            _sync(self._path.parent)
+            write_whole(self._path, data)
         except OSError as error:
             level = logging.DEBUG if self._failing else logging.WARNING
             self._failing = True
@@ -87,6 +82,21 @@ class MemoryFile:
                     path.unlink(missing_ok=True)
         else:
             self._failing = False
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Write a file so that it is the old one or the new one at any moment; raises OSError."""
+    beside = _beside(path)
+    with beside.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    beside.replace(path)
+    _sync(path.parent)
+
+
+def _beside(path: Path) -> Path:
+    return path.with_name(f".{path.name}.new")
 
 
 def _sync(directory: Path) -> None:

@@ -107,6 +107,7 @@ class LatestDecisions:
             "weights": WeightsReason.of(companion.base_weights, companion.risk.indices).to_dict(),
             "plan": self._last_plan(now_s),
             "link": self._link(telemetry),
+            "refused": _refused(companion),
             "radio": _radio(telemetry, now_s),
             "age_s": _ages_s(telemetry, now_s),
             "recorder": None if recorder is None else str(recorder),
@@ -138,6 +139,17 @@ class LatestDecisions:
             "packets_lost": link.packets_lost,
             "rate_hz": self._rate_hz,
         }
+
+
+def _refused(companion: Companion) -> dict[str, dict[str, int]] | None:
+    """Packets refused by signed link and reason; None where no link is signed."""
+    refused = companion.packets_refused
+    if not refused:
+        return None
+    return {
+        link: {reason.name.lower(): count for reason, count in counts.items()}
+        for link, counts in refused.items()
+    }
 
 
 def _autopilot(telemetry: Telemetry, now_s: float) -> dict[str, Any] | None:

@@ -47,6 +47,20 @@ def test_the_shipped_configuration_is_a_go(capsys):
     assert {line.split()[0] for line in findings} == {"ok", "note"}
 
 
+def test_a_key_without_a_signed_link_is_a_warning_and_signed_links_are_named(capsys, tmp_path):
+    key = tmp_path / "signing.key"
+    key.write_bytes(bytes(range(32)))
+    key.chmod(0o400)
+    config = tmp_path / "companion.yaml"
+    for signed in (False, True):
+        link = f"{{url: 'udp:127.0.0.1:14540', signed: {str(signed).lower()}}}"
+        config.write_text(f"vehicle: {X500}\nlinks: [{link}]\nsigning: {{key_file: signing.key}}\n")
+        assert check("--config", config) == 0
+        out = capsys.readouterr().out
+        assert ("signing: a key is named, but no link is signed; set signed: true" in out) != signed
+        assert ("udp:127.0.0.1:14540 (autopilot, signed)" in out) == signed
+
+
 def test_the_links_of_the_configuration_are_looked_at(capsys, tmp_path, unused_udp_port):
     link = f"udp:127.0.0.1:{unused_udp_port}"
     config = tmp_path / "companion.yaml"

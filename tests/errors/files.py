@@ -97,7 +97,7 @@ VEHICLE: dict[str, Any] = {
 COMPANION: dict[str, Any] = {
     "vehicle": "vehicles/linedrone.yaml",
     "site": "sites/span.yaml",
-    "links": [{"url": "udp:127.0.0.1:14540", "role": "autopilot"}],
+    "links": [{"url": "udp:127.0.0.1:14540", "role": "autopilot", "signed": False}],
     "system_id": 1,
     "component_id": 195,
     "authority": "stream",
@@ -108,6 +108,7 @@ COMPANION: dict[str, Any] = {
     "recorder": {"directory": "flights"},
     "state": {"directory": "state"},
     "view": {"socket": "view.sock"},
+    "signing": {"key_file": "signing.key", "credential": "mavlink-signing-key"},
 }
 FILES: dict[str, tuple[Any, dict[str, Any]]] = {
     "site.yaml": (Site.load, SITE),
@@ -149,7 +150,7 @@ EMPTY_IS_NONE = {
     },
     "companion.yaml": {
         "site", "recorder.directory", "state.directory", "view.socket",
-        "supervision.position_uncertainty_m",
+        "supervision.position_uncertainty_m", "signing.key_file", "signing.credential",
     },
 }  # fmt: skip
 """Keys whose default is nothing; `key:` without a value says the same."""

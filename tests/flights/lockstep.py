@@ -21,6 +21,7 @@ from moar_companion.config import (
     shipped_configs,
 )
 from moar_companion.margin import flown_site
+from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.planner.planner import Planner
 from moar_companion.service.companion import Companion
 from moar_companion.service.jobs import PlanAnswer, answer_job
@@ -30,8 +31,9 @@ from moar_companion.service.surroundings import Ground
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind
 from moar_companion.vehicle import Vehicle
-from sitl.autopilot import FakeAutopilot, Options, Truth
+from sitl.autopilot import DEFAULT_LINKS, FakeAutopilot, Options, Truth
 from sitl.manners import KINDS
+from sitl.signing import SignOptions
 from sitl.wire import packet_header, packets
 
 from ..copies import flown_once
@@ -88,9 +90,13 @@ class Lockstep:
         authority: Authority = Authority.STREAM,
         options: dict | None = None,
         start_m: tuple[float, float] | None = None,
+        secret: bytes | None = None,
         **config,
     ) -> None:
-        """start_m: where it stands in the site's frame (x, y); under the site's start."""
+        """start_m: where it stands in the site's frame (x, y); under the site's start.
+
+        secret: with which all links are signed.
+        """
         if isinstance(site, str):
             site = Site.load(shipped_configs() / "sites" / f"{site}.yaml")
         self.site = site
@@ -104,6 +110,10 @@ class Lockstep:
         x_m, y_m = (self.site.start_m[0], 0.0) if start_m is None else start_m
         options = dict(options or {})
         parameters = {**PARAMETERS[manner], **options.pop("parameters", {})}
+        if secret is not None:
+            signed = SignOptions(key=secret)
+            options["links"] = tuple(replace(link, signing=signed) for link in DEFAULT_LINKS)
+        self._secret = secret
         home = self.site.frame.to_geodetic((x_m, y_m, 0.0))
         self.autopilot = FakeAutopilot(
             Options(
@@ -117,12 +127,14 @@ class Lockstep:
         )
         self.config = CompanionConfig(
             vehicle=shipped_configs(),
-            links=(LinkConfig(url=self.link_url),),
+            links=(LinkConfig(url=self.link_url, signed=secret is not None),),
             authority=authority,
             **config,
         )
         self.companion = self.new_companion()
         self.operator = Operator(self.autopilot, manner)
+        if secret is not None:
+            self.operator.sign(secret)
         self.now_s = 0.0
         self.decisions: list[Decision] = []
         self.truths: list[Truth] = []
@@ -162,9 +174,9 @@ class Lockstep:
 
     def new_companion(self) -> Companion:
         """A companion that knows nothing yet, of this site and vehicle."""
-        return Companion(
-            self.config, self.vehicle, Ground(site=self.flown_site, maps=self.planner.maps)
-        )
+        ground = Ground(site=self.flown_site, maps=self.planner.maps)
+        signing = self._secret and Signing(key=SigningKey(self._secret), wall_s=0.0)
+        return Companion(self.config, self.vehicle, ground, signing=signing or None)
 
     @property
     def state(self) -> str:

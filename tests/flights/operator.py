@@ -71,6 +71,12 @@ class Operator:
         self.silent = False
         """No heartbeats are sent."""
 
+    def sign(self, secret: bytes) -> None:
+        """From now on all that is sent is signed, and nothing else is read."""
+        self._codec.signing.secret_key = secret
+        self._codec.signing.link_id = 200
+        self._codec.signing.sign_outgoing = True
+
     def tick(self, now_s: float) -> None:
         if now_s >= self._heartbeat_due_s and not self.silent:
             self._heartbeat_due_s = now_s + 1.0

@@ -272,3 +272,17 @@ def test_a_landing_point_is_a_goal_by_its_number():
 
 def test_it_shows_what_went_through_json():
     assert page(json.loads(json.dumps(FLYING))) == page(FLYING)
+
+
+@pytest.mark.parametrize(("width", "height"), [(80, 24), (120, 24), (140, 40)])
+def test_signed_links_show_what_they_have_refused(width, height):
+    none = {"unsigned": 0, "wrong": 0, "old": 0}
+    counts = {"serial:/dev/ttyTHS1:921600": none, "udp::14551": none}
+    text = page({**FLYING, "refused": counts}, width, height)
+    assert "refused none" in text
+    counts["udp::14551"] = {"unsigned": 12, "wrong": 3, "old": 0}
+    counts["udp::14552"] = {"unsigned": 1, "wrong": 0, "old": 0}
+    text = page({**FLYING, "refused": counts}, width, height)
+    assert "refused 13 unsigned, 3 wrong" in text
+    assert len(text.splitlines()) <= height
+    assert "refused" not in page({**FLYING, "refused": None}, width, height)

@@ -13,14 +13,18 @@ from moar_companion.config import (
 )
 from moar_companion.margin import flown_site
 from moar_companion.mavlink.dialect import mavlink
+from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.planner.planner import Planner
 from moar_companion.preflight.findings import Level
 from moar_companion.preflight.machine import WAIT_S, Preflight
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind, Mission
 from moar_companion.vehicle import Vehicle
-from sitl.autopilot import FakeAutopilot, Options
+from sitl.autopilot import DEFAULT_LINKS, FakeAutopilot, Options
 from sitl.fence_areas import Item
+from sitl.signing import SignOptions
+
+from ..mavlink.signed import OTHER_SECRET, SECRET
 
 CONFIGS = shipped_configs()
 SITE = Site.load(CONFIGS / "sites" / "315kv_double_circuit.yaml")
@@ -53,6 +57,7 @@ class Look:
         at_m=(27.0, 0.0, 0.0),
         age_s=10.0,
         ground_station=False,
+        signing=None,
         **options,
     ):
         home = SITE.frame.to_geodetic(at_m)
@@ -62,9 +67,11 @@ class Look:
             "altitude_amsl_m": home.altitude_amsl_m,
         }
         self.autopilot = FakeAutopilot(Options(**{**place, **options}))
-        config = CompanionConfig(vehicle=CONFIGS, links=(LinkConfig(url=LINK),))
+        config = CompanionConfig(
+            vehicle=CONFIGS, links=(LinkConfig(url=LINK, signed=signing is not None),)
+        )
         planner = None if site is None else planner_of(site, vehicle)
-        self.preflight = Preflight(config, vehicle, planner)
+        self.preflight = Preflight(config, vehicle, planner, signing=signing)
         self.sent = []
         self.now_s = 0.0
         self.connected = True
@@ -460,3 +467,31 @@ def test_an_operators_link_is_not_where_the_autopilot_is_missed():
     assert preflight.done
     (finding,) = preflight.findings()
     assert "14550" not in finding.text
+
+
+def signed_look(secret):
+    """At an autopilot that signs with a key, or not at all."""
+    signed = secret and SignOptions(key=secret)
+    links = tuple(replace(link, signing=signed) for link in DEFAULT_LINKS)
+    return Look(signing=Signing(key=SigningKey(SECRET), wall_s=0.0), links=links)
+
+
+def test_an_autopilot_on_a_signed_link_is_looked_at():
+    found = signed_look(SECRET).findings()
+    assert found["firmware"].text == "1.17.0"
+    assert "signing" not in found
+
+
+@pytest.mark.parametrize(
+    ("secret", "reason", "remedy"),
+    [
+        (None, "unsigned", "the key"),
+        (OTHER_SECRET, "wrong signature", "the key that signing names"),
+    ],
+)
+def test_an_autopilot_that_does_not_sign_as_asked_is_told(secret, reason, remedy):
+    found = signed_look(secret).findings()
+    assert found["autopilot"].level is NO_GO
+    assert found["signing"].text.startswith(f"{LINK}: ")
+    assert found["signing"].text.endswith(f" packets refused, {reason}")
+    assert remedy in found["signing"].remedy

@@ -5,11 +5,17 @@ import math
 
 import pytest
 
+from moar_companion.config import CompanionConfig, LinkConfig, shipped_configs
 from moar_companion.mavlink.session import Severity
+from moar_companion.mavlink.signing import Signing, SigningKey
+from moar_companion.service.companion import Companion
 from moar_companion.service.reports import Decision
 from moar_companion.service.status import LatestDecisions
 from moar_companion.types import LinkStatistics
+from moar_companion.vehicle import Vehicle
 
+from ..mavlink.peer import Peer
+from ..mavlink.signed import OTHER_SECRET, SECRET, SignedPeer
 from .desk import EXIT, POSCTL, Desk
 
 
@@ -32,9 +38,25 @@ def test_before_anything_is_heard_everything_is_null_and_the_risks_are_not_known
     ) | {"state": "idle"}
     assert set(status["aircraft"].values()) == {None}
     assert set(status["age_s"].values()) == {None}
-    assert status["recorder"] is None
+    assert status["recorder"] is status["refused"] is None
     assert [index["known"] for index in status["risk"].values()] == [False] * 4
     assert status["time_s"] == 1050.0
+
+
+def test_what_signed_links_have_refused_is_counted_before_any_autopilot_is_heard():
+    config = CompanionConfig(
+        vehicle=shipped_configs(),
+        links=(LinkConfig(url="a", signed=True), LinkConfig(url="b")),
+    )
+    vehicle = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
+    signing = Signing(key=SigningKey(SECRET), wall_s=0.0)
+    companion = Companion(config, vehicle, None, signing=signing)
+    companion.tick(1.0)
+    companion.receive("a", Peer(1, 1).heartbeat() * 2, 1.0)
+    companion.receive("a", SignedPeer(secret=OTHER_SECRET).heartbeat(), 1.0)
+    status = LatestDecisions().status_of(companion, 1.0, clock_offset_s=0.0, recorder=None)
+    assert status["refused"] == {"a": {"unsigned": 2, "wrong": 1, "old": 0}}
+    assert status["autopilot"] is None
 
 
 def test_in_flight_it_says_where_the_aircraft_is_and_what_is_flown():

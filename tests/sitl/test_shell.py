@@ -69,6 +69,8 @@ def _hear(receive, wanted, limit=20_000):
             "no parameter is named 'COM_OF_LOSS_T'",
         ),
         (["--scenario", "/no/such.yaml"], "/no/such.yaml: cannot be read"),
+        (["--sign-key", "/no/such.key"], "--sign-key /no/such.key: No such file or directory"),
+        (["--sign-key", __file__], "must hold 32 bytes or 64 hexadecimal digits"),
     ],
 )
 def test_bad_arguments_give_one_line_and_status_2(capsys, arguments, says):

@@ -1,0 +1,116 @@
+"""The time stamps of our signatures, kept for the process after this one.
+
+    DIRECTORY/signing.json
+
+The file is always ahead of what was sent: peers refuse what is older, and a computer without a
+clock does not know how old it is. It is written by a thread of its own, as a rule every 3 s.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Literal
+
+from pydantic import Field, TypeAdapter
+
+from ..config import CompanionConfig
+from ..mavlink.signing import LATEST_TIMESTAMP, UNITS_PER_S, Signing
+from ..outlets.writer import Batches, Writer
+from .memory_file import write_whole
+from .places import state_folder
+from .signing_key import read_signing_key
+
+_NAME = "signing.json"
+_LONGEST_BYTES = 65536
+"""A file that is longer is none of ours."""
+_AHEAD_UNITS = 5 * UNITS_PER_S
+"""How far the file is ahead when it is written. A restart takes about as long, so that a service
+that is started again and again does not run away from the clocks of its peers."""
+_LEAST_AHEAD_UNITS = 2 * UNITS_PER_S
+"""With less than this left it is written again."""
+
+_logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _File:
+    """timestamps: by the URL of each link."""
+
+    version: Literal[1] = 1
+    timestamps: dict[str, Annotated[int, Field(ge=0, le=LATEST_TIMESTAMP)]]
+
+
+_FILE = TypeAdapter(_File)
+
+
+class SigningClock:
+    """The file in a folder, and the thread that writes it.
+
+    Nothing here raises OSError but the constructor, when the folder cannot be made.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        directory.mkdir(parents=True, exist_ok=True)
+        self._path = directory / _NAME
+        self._saved: dict[str, int] = {}
+        self._failing = False
+        self._writer = Writer("signing", self._write_loop)
+
+    def keep(self, timestamps: Mapping[str, int]) -> None:
+        """Have them written soon, when the file is no longer ahead of them."""
+        if all(
+            timestamp + _LEAST_AHEAD_UNITS <= self._saved.get(link, 0)
+            for link, timestamp in timestamps.items()
+        ):
+            return
+        self._saved = {
+            link: min(LATEST_TIMESTAMP, timestamp + _AHEAD_UNITS)
+            for link, timestamp in timestamps.items()
+        }
+        self._writer.put(_FILE.dump_json(_File(timestamps=self._saved), indent=1))
+
+    def close(self) -> None:
+        """Wait a while for what is to be written."""
+        self._writer.close()
+
+    def _write_loop(self, batches: Batches) -> None:
+        for batch in batches:
+            (data,) = batch[-1]
+            try:
+                write_whole(self._path, data)
+            except OSError as error:
+                level = logging.DEBUG if self._failing else logging.WARNING
+                self._failing = True
+                _logger.log(level, "%s: not written: %s", self._path, error.strerror)
+            else:
+                self._failing = False
+
+
+def load_signing(config: CompanionConfig, wall_s: float) -> Signing | None:
+    """What signs on the configuration's links; None where none of them is signed.
+
+    wall_s: the wall clock, in seconds since 1970. Raises InputError when there is no usable key.
+    """
+    key = read_signing_key(config)
+    if key is None:
+        return None
+    folder = state_folder(config)
+    kept = {} if folder is None else _kept(folder.path / _NAME)
+    return Signing(key=key, wall_s=wall_s, kept=kept)
+
+
+def _kept(path: Path) -> dict[str, int]:
+    """The time stamps in a file; empty where none were kept. What cannot be read is said."""
+    try:
+        with path.open("rb") as file:
+            return _FILE.validate_json(file.read(_LONGEST_BYTES), strict=True).timestamps
+    except FileNotFoundError:
+        pass
+    except OSError as error:
+        _logger.warning("%s: not read: %s", path, error.strerror)
+    except ValueError:
+        _logger.warning("%s: no time stamps of this version, not used", path)
+    return {}

@@ -1,0 +1,134 @@
+"""The time stamps that outlive the process: never behind what was sent, never in the way."""
+
+from __future__ import annotations
+
+import errno
+import json
+import logging
+import os
+
+import pytest
+
+from moar_companion.config import CompanionConfig, KeySource, LinkConfig, State
+from moar_companion.mavlink.signing import LATEST_TIMESTAMP, UNITS_PER_S, link_signings
+from moar_companion.service.signing_clock import SigningClock, load_signing
+
+from ..mavlink.signed import SECRET
+
+URL = "udp:127.0.0.1:14540"
+EPOCH_S = 1_420_070_400
+
+
+@pytest.fixture
+def config(tmp_path):
+    key = tmp_path / "key"
+    key.write_bytes(SECRET)
+    key.chmod(0o400)
+    return CompanionConfig(
+        vehicle=tmp_path,
+        links=(LinkConfig(url=URL, signed=True),),
+        signing=KeySource(key_file=key),
+        state=State(directory=tmp_path),
+        file=tmp_path / "companion.yaml",
+    )
+
+
+def start(config, *, wall_s):
+    """The link of the next process."""
+    return link_signings(config.links, load_signing(config, wall_s))[URL]
+
+
+def keep(folder, *timestamps):
+    """A process that has these time stamps, a second apart."""
+    clock = SigningClock(folder)
+    for timestamp in timestamps:
+        clock.keep({URL: timestamp})
+    clock.close()
+
+
+def in_file(folder):
+    return json.loads((folder / "signing.json").read_text())["timestamps"][URL]
+
+
+def test_without_a_file_the_wall_clock_counts(config):
+    assert start(config, wall_s=EPOCH_S + 10.0).timestamp == 10 * UNITS_PER_S
+
+
+@pytest.mark.parametrize("wall_s", [0.0, EPOCH_S - 1.0, EPOCH_S + 1.0])
+def test_a_computer_without_a_clock_goes_on_after_all_that_was_sent(config, tmp_path, wall_s):
+    sent = [100 * UNITS_PER_S + second * UNITS_PER_S for second in range(30)]
+    for count in range(1, len(sent) + 1):
+        (tmp_path / "signing.json").unlink(missing_ok=True)
+        keep(tmp_path, *sent[:count])
+        after = start(config, wall_s=wall_s).timestamp
+        assert sent[count - 1] < after <= sent[count - 1] + 5 * UNITS_PER_S
+
+
+def test_a_restart_is_not_a_minute_ahead_of_the_clocks_of_its_peers(config, tmp_path):
+    """Twenty failed starts, each after 3 s: systemd makes no more."""
+    for wall_s in range(EPOCH_S + 1000, EPOCH_S + 1060, 3):
+        link = start(config, wall_s=wall_s)
+        keep(tmp_path, link.next_timestamp())
+    ahead = link.timestamp / UNITS_PER_S - (wall_s - EPOCH_S)
+    assert 0.0 < ahead < 50.0
+
+
+def test_it_is_written_every_few_seconds_and_not_more_often(tmp_path, monkeypatch):
+    writes = []
+    monkeypatch.setattr(
+        "moar_companion.service.signing_clock.write_whole", lambda *written: writes.append(written)
+    )
+    clock = SigningClock(tmp_path)
+    for second in range(61):
+        clock.keep({URL: second * UNITS_PER_S})
+        clock._writer.close()
+        clock = _again(clock, tmp_path)
+    clock.close()
+    assert len(writes) == 16
+
+
+def _again(clock, folder):
+    """The same clock with a new thread: each is waited for."""
+    other = SigningClock(folder)
+    other._saved = clock._saved
+    return other
+
+
+def test_a_peer_far_ahead_is_kept_at_once(config, tmp_path):
+    keep(tmp_path, 1 * UNITS_PER_S, LATEST_TIMESTAMP)
+    assert in_file(tmp_path) == LATEST_TIMESTAMP
+    assert start(config, wall_s=EPOCH_S + 5.0).timestamp == LATEST_TIMESTAMP
+
+
+@pytest.mark.parametrize(
+    "content",
+    [
+        b"",
+        b"{",
+        b'{"version": 2, "timestamps": {}}',
+        b'{"version": 1, "timestamps": {"a": -1}}',
+        b'{"version": 1, "timestamps": {"a": 281474976710656}}',
+        b'{"version": 1, "timestamps": {"a": "1"}}',
+    ],
+)
+def test_a_file_that_is_none_of_ours_is_told_and_not_used(config, tmp_path, content, caplog):
+    (tmp_path / "signing.json").write_bytes(content)
+    assert start(config, wall_s=EPOCH_S + 5.0).timestamp == 5 * UNITS_PER_S
+    assert "no time stamps of this version, not used" in caplog.text
+
+
+def test_a_disk_that_takes_nothing_is_told_once_and_leaves_what_was_there(
+    tmp_path, monkeypatch, caplog
+):
+    keep(tmp_path, 1 * UNITS_PER_S)
+
+    def fsync(_):
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+    monkeypatch.setattr(os, "fsync", fsync)
+    for timestamp in (10, 20):
+        keep(tmp_path, timestamp * UNITS_PER_S)
+    assert in_file(tmp_path) == 6 * UNITS_PER_S
+    levels = [record.levelno for record in caplog.records]
+    assert levels == [logging.WARNING, logging.WARNING]
+    assert "signing.json: not written: No space left on device" in caplog.text
