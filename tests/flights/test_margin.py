@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import pytest
@@ -9,7 +10,11 @@ import pytest
 from moar_companion.config import shipped_configs
 from moar_companion.site import Polygon, Site, Target
 
-from .judging import assert_nothing_was_touched, assert_setpoints_keep_to_free_space
+from .judging import (
+    assert_nothing_was_touched,
+    assert_setpoints_keep_to_free_space,
+    true_places,
+)
 from .lockstep import hovering
 from .marks import BOTH
 from .operator import DENIED, INSPECTION, Manner
@@ -37,6 +42,30 @@ def test_beside_a_wall_without_a_keep_out_plain_wind_touches_nothing(manner, win
     flight.run(15.0)
     assert_nothing_was_touched(flight)
     assert_setpoints_keep_to_free_space(flight)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("manner", "factor", "error_m"), [(Manner.PX4, 3.0, 0.8), (Manner.ARDUPILOT, 4.0, 0.5)]
+)
+def test_beside_a_wall_an_estimate_that_errs_beyond_what_is_told_touches_nothing(
+    manner, factor, error_m
+):
+    """As far off as each was seen to be; no accuracy told shows it."""
+    flight = hovering(site=site_with_a_wall(), vehicle="x500", manner=manner)
+    flight.autopilot.conditions.gps_noise_factor = factor
+    flight.autopilot.conditions.wind_mps = 4.5
+    flight.autopilot.conditions.wind_from_deg = 90.0  # towards the wall
+    flight.begin(INSPECTION, 0)
+    errors_m, told_m = [], []
+    for _ in range(60):
+        flight.run(1.0)
+        errors_m.append(math.dist(flight.companion.pose.position_m, true_places(flight)[-1]))
+        told_m.append(flight.companion.risk.indices.localization)
+    assert flight.state in {"at_target", "holding"}
+    assert max(errors_m) > error_m, max(errors_m)
+    assert max(told_m) < 0.2
+    assert_nothing_was_touched(flight)
 
 
 @pytest.mark.parametrize(

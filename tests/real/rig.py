@@ -311,7 +311,7 @@ class Rig:
         """To a hover a little above the site's start."""
         operator = self.operator
         height_m = self.site.start_m[1] + 0.5
-        for attempts_left in (4, 3, 2, 1, 0):
+        for attempts_left in reversed(range(10)):
             try:
                 operator.take_off(height_m)
                 break
