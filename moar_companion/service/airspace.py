@@ -194,10 +194,12 @@ class Airspace:
         points_m = [vector(point) for point in approach_m(place_m)]
         if self.site.workspace.outside_m((x_m, z_m)):
             start_m = (x_m, z_m)
-            end_m = recovery_leg(self.site, self.vehicle, self.maps, start_m, widened_m, self.fence)
-            if end_m is None:
+            corners_m = recovery_leg(
+                self.site, self.vehicle, self.maps, start_m, widened_m, self.fence
+            )
+            if not corners_m:
                 return None
-            points_m.append((end_m[0], 0.0, end_m[1]))
+            points_m += [(x_m, 0.0, z_m) for x_m, z_m in corners_m]
         return CheckedLeg(points_m=tuple(points_m), room_m=math.inf, leads_in=True)
 
     def strays(self, pose: Pose, legs: tuple[CheckedLeg, ...]) -> str | None:

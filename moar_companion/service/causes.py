@@ -409,7 +409,11 @@ def _side(beside_m: float, azimuth_rad: float | None) -> str:
     """Where that is, by compass; without one as seen along +x. beside_m: y, to the left of +x."""
     if azimuth_rad is None:
         return "left" if beside_m > 0.0 else "right"
-    towards_rad = azimuth_rad - math.copysign(0.5 * math.pi, beside_m)
+    return compass(azimuth_rad - math.copysign(0.5 * math.pi, beside_m))
+
+
+def compass(towards_rad: float) -> str:
+    """A direction, from north, for people: of the compass's eight points the nearest."""
     return _COMPASS[round(towards_rad / (math.tau / len(_COMPASS))) % len(_COMPASS)]
 
 

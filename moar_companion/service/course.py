@@ -307,7 +307,7 @@ class Course:
             flown = flight.rest_of_plan(plan, awaited.junction, answer.reach)
         if flown is not None and self._stays(flown, plan):
             return Adoption.KEPT_PATH
-        adoption = flight.adopt(plan, awaited.junction, answer.escape_end_m, answer.reach)
+        adoption = flight.adopt(plan, awaited.junction, answer.escape_m, answer.reach)
         if adoption is not Adoption.TOO_LATE:
             self._survival.objection = None
         if adoption is Adoption.NEW_PATH:

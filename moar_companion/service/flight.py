@@ -283,7 +283,7 @@ class Flight:
         self,
         plan: Plan,
         junction: Junction,
-        escape_end_m: PlanePoint | None,
+        escape_m: tuple[PlanePoint, ...],
         reach: Reach | None = None,
     ) -> Adoption:
         """Fly a plan that begins at a junction, if the junction is still ahead.
@@ -293,7 +293,7 @@ class Flight:
         reference, airspace = self._reference, self._airspace.widened(reach)
         if junction.trajectory is not reference.trajectory:
             return Adoption.TOO_LATE
-        path = self._path(plan, junction, escape_end_m)
+        path = self._path(plan, junction, escape_m)
         if junction.joined_m is None:
             # The old path is free: where the way over is not, or the setpoint has not come to
             # rest yet, it stays there, and the aircraft comes back to it.
@@ -322,7 +322,7 @@ class Flight:
             )
         here, width_m = vector(reference.position_m), self._airspace.corridor_width_m
         still_in = [leg for leg in self._legs if distance_m(here, leg.points_m) <= width_m]
-        self._legs = (*still_in, *checked_legs(plan, path, escape_end_m))
+        self._legs = (*still_in, *checked_legs(plan, path, escape_m))
         self._drift = Drift()
         self._airspace = airspace
         self._reference = moved
@@ -478,7 +478,7 @@ class Flight:
         self,
         plan: Plan,
         junction: Junction,
-        escape_end_m: PlanePoint | None,
+        escape_m: tuple[PlanePoint, ...],
         reach: Reach | None = None,
     ) -> FloatArray:
         """Where the aircraft could come to rest if nothing more were sent on a plan: (n, 2).
@@ -486,7 +486,7 @@ class Flight:
         reach: as in `adopt`.
         """
         airspace = self._airspace.widened(reach)
-        return airspace.rests_m(airspace.trajectory(self._path(plan, junction, escape_end_m)))
+        return airspace.rests_m(airspace.trajectory(self._path(plan, junction, escape_m)))
 
     def rests_ahead_m(self) -> FloatArray:
         """The same on what is left of the path that is flown, to where it comes to rest."""
@@ -496,7 +496,7 @@ class Flight:
         braking = reference.trajectory.between(reference.distance_m, reference.stop_m)
         return self._airspace.rests_m(self._airspace.trajectory(braking))
 
-    def _path(self, plan: Plan, junction: Junction, escape_end_m: PlanePoint | None) -> PathPoints:
+    def _path(self, plan: Plan, junction: Junction, escape_m: tuple[PlanePoint, ...]) -> PathPoints:
         return flown(
-            plan, junction.position_m, escape_end_m, self._airspace.leg_mps(junction.position_m)
+            plan, junction.position_m, escape_m, self._airspace.leg_mps(junction.position_m)
         )
