@@ -33,16 +33,15 @@ def way_in(
     vehicle: Vehicle,
     maps: Maps,
     start_m: PlanePoint,
-    widened_m: float = 0.0,
     barred: BoolArray | None = None,
 ) -> tuple[PlanePoint, ...]:
     """The corners behind its start of the leg to a free cell, the cell's centre last; () for none.
 
-    start_m: where nothing is planned. widened_m: what the distance from obstacles grows by.
-    barred: free cells (nx, nz) that must not be its end.
+    start_m: where nothing is planned. barred: free cells (nx, nz) that must not be its end.
     """
 
     def recovers() -> tuple[PlanePoint, ...]:
+        widened_m = maps.position_uncertainty_m
         return recovery_leg(site, vehicle, maps, start_m, widened_m, barred=barred)
 
     def escapes() -> tuple[PlanePoint, ...]:
@@ -95,7 +94,8 @@ def recovery_leg(
     if site.workspace.outside_m(start_m) > vehicle.guidance.recovery_m:
         return ()
     start, fence = np.array(start_m, dtype=np.float64), fence or maps.fence
-    centres = _centres_m(maps, ~maps.occupied & (maps.room_m >= widened_m), barred)
+    room_m = maps.room_m + maps.position_uncertainty_m
+    centres = _centres_m(maps, ~maps.occupied & (room_m >= widened_m - TOLERANCE), barred)
     if fence is not None:
         centres = centres[fence.holds(centres)]
     vertices_m, first, radius_m, keep_out_m = rings(site.obstacles)

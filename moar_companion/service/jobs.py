@@ -17,6 +17,7 @@ import numpy as np
 from ..autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
 from ..errors import InputError
 from ..mavlink.texts import short_name
+from ..planner.crowding import part_in_the_way
 from ..planner.escape import pocket, way_in
 from ..planner.fence import PlaneFence
 from ..planner.plan import Plan, PlanRequest, PlanStatus
@@ -29,6 +30,10 @@ from ..vehicle import Vehicle
 from .causes import compass
 from .planners import Planners
 
+_NARROWED = (0.5, 1.0)
+"""Of the tracking error, what a way out is planned without that the whole margin closes. That the
+position is wrong is not seen in flight; that the aircraft strays from its setpoint is, and it waits
+for it: so the position's error is kept."""
 _AWAY_M = 0.5
 """In which direction an obstacle is farther is seen by this."""
 _MOST_POCKETS = 8
@@ -43,7 +48,8 @@ class PlanJob:
 
     widening_m: what obstacles are to be avoided by beyond their keep-outs. fence: of the autopilot,
     as far as it cuts the site. failsafes: what the autopilot does by itself: places from where that
-    would hit something cost more.
+    would hit something cost more. narrowed_m: how much of the margin a way out does
+    without that is flown already.
     """
 
     job_id: int
@@ -51,6 +57,7 @@ class PlanJob:
     widening_m: float = 0.0
     fence: PlaneFence | None = None
     failsafes: Failsafes = NO_FAILSAFES
+    narrowed_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -61,6 +68,7 @@ class PlanAnswer:
     where the plan begins last; () where the plan begins at the start.
     reach: to obstacles as wide as the plan takes them; None: no wider than their keep-outs.
     too_wide: there would be a plan, if they were no wider. failed: the planner has said nothing.
+    narrowed_m: how much of the margin the plan does without, since there is none with all of it.
     deadly: there was one, on which nobody should die. detail: the reason as a whole sentence, where
     that is too long for a pilot's text.
     """
@@ -70,6 +78,7 @@ class PlanAnswer:
     reason: str = ""
     escape_m: tuple[PlanePoint, ...] = ()
     reach: Reach | None = None
+    narrowed_m: float = 0.0
     too_wide: bool = False
     failed: bool = False
     deadly: bool = False
@@ -77,48 +86,53 @@ class PlanAnswer:
 
 
 def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
-    """Plan; from where nothing can be planned, plan from the end of the escape leg."""
+    """Plan; from where nothing can be planned, plan from the end of the escape leg.
+
+    A way out that the margin closes is planned with less of it, at least with the position's error.
+    """
     planners.expose(job.failsafes)
+    cell = planners.exact.maps.grid.cell_of(job.request.start_m)
+    if job.narrowed_m and cell is not None and planners.exact.maps.occupied[cell]:
+        # On its way through the margin it goes on, and does not turn to leave it.
+        going_on = _narrowed(planners, job, job.narrowed_m)
+        if going_on is not None and not going_on.escape_m:
+            return going_on
     answer = _answer(planners.widened_by(job.widening_m, job.fence), job)
     if answer.plan is None and job.fence is not None:
         free = _answer(planners.widened_by(job.widening_m), job)
         if free.plan is not None:
             return _fenced_off(answer, free.plan, job.fence)
+    inspects = job.request.mission is Mission.INSPECTION
+    if answer.plan is None and not inspects:
+        tracking_m = planners.exact.site.margin.tracking_m
+        for part in _NARROWED if tracking_m else ():
+            narrower = _narrowed(planners, job, part * tracking_m)
+            if narrower is not None:
+                return narrower
     if answer.plan is None and job.widening_m:
         exact = _answer(planners.widened_by(0.0, job.fence), job)
         answer = replace(answer, too_wide=exact.plan is not None)
-    inspects = job.request.mission is Mission.INSPECTION
     if answer.plan is not None or answer.too_wide or not inspects:
         return answer
     return _crowded(planners.exact, answer, job)
 
 
+def _narrowed(planners: Planners, job: PlanJob, narrowed_m: float) -> PlanAnswer | None:
+    """The answer with so much less of the margin; None where that finds no plan either."""
+    answer = _answer(planners.widened_by(job.widening_m - narrowed_m, job.fence), job)
+    return None if answer.plan is None else replace(answer, narrowed_m=narrowed_m)
+
+
 def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer:
     """The answer that the margin alone, or a part of it, takes the room that a target needs."""
-    margin = exact.site.margin
-    parts = {
-        f"tracking error {margin.tracking_m:g} m": margin.tracking_m,
-        f"position error {margin.position_m:g} m": margin.position_m,
-        str(margin): margin.total_m,
-    }
-    for words, part_m in parts.items():
-        if not part_m:
-            continue
-        freer = Planner(
-            exact.site,
-            exact.vehicle,
-            position_uncertainty_m=-part_m,
-            fence=job.fence,
-            clock=exact.clock,
-        )
-        if _answer(freer, job).plan is not None:
-            return replace(
-                answer,
-                reason=f"no way with margin {margin.total_m:.2f} m",
-                detail=f"{answer.reason}: the margin of {margin.total_m:g} m beyond keep-outs "
-                f"leaves no way; there is one without {words}",
-            )
-    return answer
+    part = part_in_the_way(exact, lambda freer: _answer(freer, job).plan is not None, job.fence)
+    if part is None:
+        return answer
+    return replace(
+        answer,
+        reason=f"no way with margin {exact.site.margin.total_m:.2f} m",
+        detail=f"{answer.reason}: {part}",
+    )
 
 
 def _fenced_off(answer: PlanAnswer, plan: Plan, fence: PlaneFence) -> PlanAnswer:
@@ -144,7 +158,7 @@ def _answer(planner: Planner, job: PlanJob) -> PlanAnswer:
         far_m = planner.site.workspace.outside_m(start_m)
         if far_m > planner.vehicle.guidance.recovery_m:
             return PlanAnswer(job_id=job.job_id, plan=None, reason=too_far(far_m, planner.vehicle))
-        plan, escape_m = _led_in(planner, request, start_m, job.widening_m)
+        plan, escape_m = _led_in(planner, request, start_m)
     except InputError as error:
         reason = f"{error.problem} ({error})"
         if request.mission is not Mission.INSPECTION:
@@ -163,7 +177,7 @@ def _answer(planner: Planner, job: PlanJob) -> PlanAnswer:
 
 
 def _led_in(
-    planner: Planner, request: PlanRequest, start_m: PlanePoint, widened_m: float
+    planner: Planner, request: PlanRequest, start_m: PlanePoint
 ) -> tuple[Plan, tuple[PlanePoint, ...]]:
     """The plan, and the corners of the leg to where it begins; () where it begins at the start.
 
@@ -171,13 +185,12 @@ def _led_in(
     """
     maps, low_m = planner.maps, planner.site.workspace.min_altitude_m
     cell = maps.grid.cell_of(start_m)
-    plan, escape_m = None, ()
+    plan: Plan | None = None
+    escape_m: tuple[PlanePoint, ...] = ()
     if cell is None or maps.occupied[cell] or (low_m is not None and start_m[1] < low_m):
         barred = np.zeros_like(maps.occupied)
         for _ in range(_MOST_POCKETS):
-            corners_m = way_in(
-                planner.site, planner.vehicle, maps, start_m, widened_m, barred=barred
-            )
+            corners_m = way_in(planner.site, planner.vehicle, maps, start_m, barred)
             if not corners_m:
                 break
             escape_m = corners_m

@@ -158,7 +158,8 @@ def test_a_pocket_is_what_is_joined_by_edges_and_no_leg_ends_there_once_it_is_ba
     site, vehicle = make_site(wall), make_vehicle(radius=0.1)
     maps = build_maps(site, vehicle)
     left = pocket(maps, (1.5, 1.5))
-    assert left[1, 1] and not left[8, 1]
+    assert left[1, 1]
+    assert not left[8, 1]
     assert not pocket(maps, (-4.0, 1.0)).any()
     (end,) = way_in(site, vehicle, maps, (4.2, 10.0))
     assert end[0] < 4.0
