@@ -252,7 +252,7 @@ class Airspace:
         carried_from_z_m: at rest it may be wherever a wind can have carried it from that height;
         None where none has. brakes: it comes to rest, which it may outside the fence, too.
         """
-        widened_m -= self.narrowed_m
+        widened_m = max(widened_m - self.narrowed_m, -self.site.margin.total_m)
         if any(setpoint.velocity_mps):
             carried_from_z_m = None
             legs = tuple(leg for leg in legs if leg.has_room(widened_m))

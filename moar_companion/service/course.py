@@ -507,7 +507,7 @@ class Course:
 
     def end(self) -> None:
         """Nothing is flown any more."""
-        if self.flight is not None:
+        if self.flight is not None and self.flight.mission is not None:
             self._left = self.flight if self.flight.on_leg else None
         self.flight = None
         self._in_vain = None

@@ -98,10 +98,6 @@ def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
         if going_on is not None and not going_on.escape_m:
             return going_on
     answer = _answer(planners.widened_by(job.widening_m, job.fence), job)
-    if answer.plan is None and job.fence is not None:
-        free = _answer(planners.widened_by(job.widening_m), job)
-        if free.plan is not None:
-            return _fenced_off(answer, free.plan, job.fence)
     inspects = job.request.mission is Mission.INSPECTION
     if answer.plan is None and not inspects:
         tracking_m = planners.exact.site.margin.tracking_m
@@ -109,6 +105,10 @@ def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
             narrower = _narrowed(planners, job, part * tracking_m)
             if narrower is not None:
                 return narrower
+    if answer.plan is None and job.fence is not None:
+        free = _answer(planners.widened_by(job.widening_m), job)
+        if free.plan is not None:
+            return _fenced_off(answer, free.plan, job.fence)
     if answer.plan is None and job.widening_m:
         exact = _answer(planners.widened_by(0.0, job.fence), job)
         answer = replace(answer, too_wide=exact.plan is not None)
