@@ -134,10 +134,14 @@ class Site:
 
     def flown_with(self, margin: Margin) -> Site:
         """The site as it is flown: from every obstacle its keep-out and the margin are kept."""
-        obstacles = tuple(
-            replace(item, keep_out_m=item.keep_out_m + margin.total_m) for item in self.obstacles
+        return replace(self, margin=margin).with_obstacles(self.obstacles)
+
+    def with_obstacles(self, obstacles: tuple[Obstacle, ...]) -> Site:
+        """The site with other obstacles, as a file has them: the margin is added to each."""
+        kept = (
+            replace(item, keep_out_m=item.keep_out_m + self.margin.total_m) for item in obstacles
         )
-        return replace(self, obstacles=obstacles, margin=margin)
+        return replace(self, obstacles=tuple(kept))
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Site:

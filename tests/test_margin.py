@@ -61,6 +61,15 @@ def test_the_collision_cost_and_the_speed_limit_take_the_aircraft_for_nearer():
     assert (flown.obstacle_distance_m == planned.obstacle_distance_m).all()
 
 
+def test_to_obstacles_that_come_later_the_margin_is_added_too():
+    planner = Planner(flown_site(SITE, X500, Supervision()), X500)
+    before = planner.maps
+    planner.set_obstacles(SITE.obstacles[:1])
+    planner.set_obstacles(SITE.obstacles)
+    assert planner.site == flown_site(SITE, X500, Supervision())
+    assert (planner.maps.occupied == before.occupied).all()
+
+
 def inspection_of(target):
     site = flown_site(replace(SITE, targets=(target,)), X500, Supervision())
     request = PlanRequest(

@@ -202,8 +202,22 @@ def run(arguments: argparse.Namespace) -> int:
     if problems:
         raise OSError("; ".join(problems))
     if plan.reason:
-        raise InputError("no plan", plan.status.value, plan.reason)
+        raise InputError("no plan", plan.status.value, _whole_reason(planner, plan))
     return 0
+
+
+def _whole_reason(planner: Planner, plan: Plan) -> str:
+    """Why there is no plan; of a site as it is flown with the part of the margin that is why."""
+    from ..planner.crowding import part_in_the_way  # noqa: PLC0415
+
+    def finds(freer: Planner) -> bool:
+        try:
+            return not freer.solve(plan.request).reason
+        except InputError:
+            return False
+
+    part = part_in_the_way(planner, finds)
+    return plan.reason if part is None else f"{plan.reason}: {part}"
 
 
 def write_maps(maps: Maps, stream: IO[bytes]) -> None:

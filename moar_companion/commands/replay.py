@@ -132,11 +132,13 @@ def _place_lines(replay: Replay) -> list[str]:
 
 
 def _whereabouts(site_file: str, vehicle: Vehicle) -> Whereabouts:
+    from ..config import Supervision  # noqa: PLC0415
+    from ..margin import flown_site  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
     from ..service.whereabouts import Whereabouts  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
 
-    return Whereabouts(Planner(Site.load(site_file), vehicle))
+    return Whereabouts(Planner(flown_site(Site.load(site_file), vehicle, Supervision()), vehicle))
 
 
 def _drag_flight() -> DragFlight:

@@ -55,7 +55,10 @@ def short_name(name: str) -> str:
 
 def _shortened(reason: str, room: int) -> str:
     """Without details; where that is too long, long names are cut, then clauses, then words."""
-    words = _MACHINE_WORD.sub(" ", _DETAIL.sub("", reason)).split()
+    before = ""
+    while before != reason:  # details may have details
+        before, reason = reason, _DETAIL.sub("", reason)
+    words = _MACHINE_WORD.sub(" ", reason).split()
     if len(" ".join(words)) > room:
         words = [short_name(word) for word in words]
     text = " ".join(words)

@@ -136,7 +136,8 @@ CONDITIONS = (
     ),
     Condition(
         name="control",
-        starts="not one autopilot is heard that flies a multirotor, but none, two or another",
+        starts="not one autopilot is heard that flies a multirotor, but none, two, another, or one "
+        "that the vehicle file does not name",
         action=Action.RELEASE,
     ),
     Condition(
@@ -293,8 +294,8 @@ CONDITIONS = (
     ),
     Condition(
         name="narrow",
-        starts="as uncertain as the position is, there is no room where the setpoint would be, or "
-        "no way on",
+        starts="as uncertain as the position is, or with the margin, there is no room where the "
+        "setpoint would be, or no way on",
         action=Action.HOLD,
         over_s=1.0,
         override=Override.ORDER,

@@ -50,8 +50,9 @@ def refusal(
     position_m, velocity_mps: (x, y, z) in the site's frame. yaw_rad: the heading. cell: of the
     position, None outside the workspace. room_m: from the hull in each cell to the nearest
     keep-out, which is widened by widened_m for a setpoint that moves: to stay where it is free,
-    nobody has to know better where that is. margin_m: what keep-outs contain for the errors of a
-    flight: to come to rest there is better than to go on. corridors_m: the checked legs that may be
+    nobody has to know better where that is; below 0 they are taken for less wide, of their margin.
+    margin_m: what keep-outs contain for the errors of a flight: to come to rest there is better
+    than to go on. corridors_m: the checked legs that may be
     flown now, by their points: through what is not free, or too near. ways_back_m: those of them
     that begin beside the plane.
     """
@@ -63,7 +64,7 @@ def refusal(
         return f"setpoint {abs(position_m[1]):.1f} m from the plane"
     low = min_altitude_m is not None and position_m[2] < min_altitude_m - _TOLERANCE_M
     moves = any(velocity_mps)
-    free = cell is not None and not occupied[cell] and not low
+    free = cell is not None and not low and (not occupied[cell] or widened_m <= room_m[cell] < 0.0)
     if free and (not moves or room_m[cell] >= widened_m - _TOLERANCE_M):
         return None
     if cell is not None and not moves and not low and -margin_m <= room_m[cell] < 0.0:

@@ -36,6 +36,9 @@ from .values import (
 _INTERRUPTED = IN_CONTROL - {MissionState.HOLDING}
 """What a pilot interrupts here may be resumed; what an operator held is not."""
 
+_CONTINUED = {MissionState.HOLDING, MissionState.OVERRIDDEN}
+"""What was begun here may be gone on with by an operator's order."""
+
 _LET_GO = {MissionState.OVERRIDDEN, MissionState.RELEASED}
 
 _CROSSED_S = 0.5
@@ -72,7 +75,8 @@ def command(
     if isinstance(order, Task):
         return _sought(status, order, order_id, world, now_s)
     if order is Order.CONTINUE:
-        if status.task is None or not (status.held or status.state is MissionState.HOLDING):
+        stands = status.held or status.state in _CONTINUED
+        if status.task is None or not stands:
             return _rejected(status, order_id, "nothing is held")
         if status.task.done:
             return _rejected(status, order_id, "nothing is left to fly")

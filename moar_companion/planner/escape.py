@@ -1,10 +1,11 @@
 """Legs from where nothing is planned to a free cell: the escape leg and the recovery leg.
 
-A gust, a low take-off or a new obstacle can leave the vehicle where nothing is planned. The escape
-leg is the shortest straight one to a free cell along which the clearance never decreases (planner
-page, "Starts in flight"); it is flown at v_MIN or below. The recovery leg leads a vehicle that a
-wind has carried out of the workspace back: the shortest straight one to a free cell that keeps
-every keep-out. Both may begin outside the autopilot's fence, and never lead out of it.
+A gust, a low take-off, a pilot or a new obstacle can leave the vehicle where nothing is planned.
+The escape leg is the shortest straight one to a free cell along which the clearance never decreases
+(planner page, "Starts in flight"). The recovery leg leads a vehicle that is outside the workspace
+or too low back: first straight up to the minimum altitude, then by the shortest straight one to a
+free cell; every keep-out is kept. Both may begin outside the autopilot's fence, and never lead out
+of it.
 """
 
 from __future__ import annotations
@@ -15,7 +16,7 @@ from ..site import PlanePoint, Site
 from ..vehicle import Vehicle
 from .fence import PlaneFence
 from .geometry import rings
-from .grid import TOLERANCE, FloatArray
+from .grid import TOLERANCE, BoolArray, FloatArray
 from .legs import leg_clearances
 from .maps import Maps
 from .regions import obstacle_clearance_m
@@ -27,15 +28,40 @@ _BATCH = 64
 """Legs that are looked at together, the shortest first."""
 
 
-def escape_leg(site: Site, maps: Maps, start_m: PlanePoint) -> PlanePoint | None:
+def way_in(
+    site: Site,
+    vehicle: Vehicle,
+    maps: Maps,
+    start_m: PlanePoint,
+    barred: BoolArray | None = None,
+) -> tuple[PlanePoint, ...]:
+    """The corners behind its start of the leg to a free cell, the cell's centre last; () for none.
+
+    start_m: where nothing is planned. barred: free cells (nx, nz) that must not be its end.
+    """
+
+    def recovers() -> tuple[PlanePoint, ...]:
+        widened_m = maps.position_uncertainty_m
+        return recovery_leg(site, vehicle, maps, start_m, widened_m, barred=barred)
+
+    def escapes() -> tuple[PlanePoint, ...]:
+        end_m = escape_leg(site, maps, start_m, barred)
+        return () if end_m is None else (end_m,)
+
+    if _is_low(site, start_m) or site.workspace.outside_m(start_m):
+        return recovers() or escapes()
+    return escapes() or recovers()
+
+
+def escape_leg(
+    site: Site, maps: Maps, start_m: PlanePoint, barred: BoolArray | None = None
+) -> PlanePoint | None:
     """The centre of the free cell at the end of the escape leg; None if there is no such leg."""
-    start = np.array(start_m)
+    start = np.array(start_m, dtype=np.float64)
     here = float(obstacle_clearance_m(site, start))
     if here <= 0.0:
         return None
-    grid = maps.grid
-    cells = np.argwhere(~maps.occupied)
-    centres = np.array(grid.lower_m) + (cells + 0.5) * grid.resolution_m
+    centres = _centres_m(maps, ~maps.occupied, barred)
     distance = np.hypot(*(centres - start).T)
     near = np.flatnonzero(distance <= _REACH_M)
     for index in near[np.argsort(distance[near], kind="stable")]:
@@ -44,7 +70,7 @@ def escape_leg(site: Site, maps: Maps, start_m: PlanePoint) -> PlanePoint | None
         # Infinite without obstacles: then nothing decreases.
         away = (clearance[1:] >= clearance[:-1] - TOLERANCE).all()
         if away and _stays_inside(maps.fence, places_m):
-            return float(centres[index, 0]), float(centres[index, 1])
+            return _point(centres[index])
     return None
 
 
@@ -55,40 +81,103 @@ def recovery_leg(
     start_m: PlanePoint,
     widened_m: float = 0.0,
     fence: PlaneFence | None = None,
-) -> PlanePoint | None:
-    """The centre of the free cell at the end of the recovery leg; None if there is no such leg.
+    barred: BoolArray | None = None,
+) -> tuple[PlanePoint, ...]:
+    """The corners behind its start of the recovery leg, a free cell's centre last; () for none.
 
-    start_m: outside the workspace, no farther than `recovery_m`, and not below it. Where it is
-    within the margin of an obstacle, the leg comes no nearer to that one.
-    widened_m: what the distance from obstacles grows by. fence: where the maps are without one.
+    start_m: no farther outside the workspace than `recovery_m`. From below the minimum altitude the
+    first corner is straight above it, where that way is free. Where the start is within the margin
+    of an obstacle, the leg comes no nearer to that one. widened_m: what the distance from obstacles
+    grows by. fence: where the maps are without one. barred: free cells (nx, nz) that must not be
+    its end.
     """
-    workspace, low_m = site.workspace, site.workspace.min_altitude_m
-    if start_m[1] < workspace.lower_m[1]:
-        return None  # a low take-off
-    if not 0.0 < workspace.outside_m(start_m) <= vehicle.guidance.recovery_m:
-        return None
-    if low_m is not None and start_m[1] < low_m:
-        return None
-    grid, start = maps.grid, np.array(start_m)
-    cells = np.argwhere(~maps.occupied & (maps.room_m >= widened_m))
-    centres = np.array(grid.lower_m) + (cells + 0.5) * grid.resolution_m
-    fence = fence or maps.fence
+    if site.workspace.outside_m(start_m) > vehicle.guidance.recovery_m:
+        return ()
+    start, fence = np.array(start_m, dtype=np.float64), fence or maps.fence
+    room_m = maps.room_m + maps.position_uncertainty_m
+    centres = _centres_m(maps, ~maps.occupied & (room_m >= widened_m - TOLERANCE), barred)
     if fence is not None:
         centres = centres[fence.holds(centres)]
-    nearest = np.argsort(np.hypot(*(centres - start).T), kind="stable")
     vertices_m, first, radius_m, keep_out_m = rings(site.obstacles)
     own_m = keep_out_m + vehicle.radius_m - site.margin.total_m
-    needed_m = own_m + site.margin.total_m + widened_m
     at_start_m = leg_clearances(start[None], start, vertices_m, first, radius_m)[0]
-    begun_m = np.maximum(own_m, at_start_m)
-    for begin in range(0, len(nearest), _BATCH):
-        ends = centres[nearest[begin : begin + _BATCH]]
-        clear_m = leg_clearances(ends, start, vertices_m, first, radius_m)
-        free = (clear_m >= np.minimum(needed_m, begun_m) - TOLERANCE).all(axis=1)
-        for end in ends[free]:
-            if _stays_inside(fence, _samples(maps, start, end)):
-                return float(end[0]), float(end[1])
-    return None
+    least_m = np.minimum(own_m + site.margin.total_m + widened_m, np.maximum(own_m, at_start_m))
+
+    def free(ends_m: FloatArray, from_m: FloatArray) -> BoolArray:
+        """Which straight legs from a place (2,) to ends (n, 2) keep their distances: (n,)."""
+        clear_m = leg_clearances(ends_m, from_m, vertices_m, first, radius_m)
+        return np.asarray((clear_m >= least_m - TOLERANCE).all(axis=1))
+
+    def end_from(from_m: FloatArray) -> PlanePoint | None:
+        """The nearest centre to which a leg from a place (2,) is free."""
+        nearest = np.argsort(np.hypot(*(centres - from_m).T), kind="stable")
+        for begin in range(0, len(nearest), _BATCH):
+            ends_m = centres[nearest[begin : begin + _BATCH]]
+            for end_m in ends_m[free(ends_m, from_m)]:
+                if _stays_inside(fence, _samples(maps, from_m, end_m)):
+                    return _point(end_m)
+        return None
+
+    above = _above(site, maps, start) if _is_low(site, start_m) else None
+    if above is not None and free(above[None], start)[0]:
+        end_m = end_from(above)
+        if end_m is not None and _stays_inside(fence, _samples(maps, start, above)):
+            corner_m = _point(above)
+            return (end_m,) if end_m == corner_m else (corner_m, end_m)
+    end_m = end_from(start)
+    return () if end_m is None else (end_m,)
+
+
+def pocket(maps: Maps, place_m: PlanePoint) -> BoolArray:
+    """The free cells (nx, nz) that are joined by their edges to the one of a place."""
+    free, cell = ~maps.occupied, maps.grid.cell_of(place_m)
+    joined = np.zeros_like(free)
+    if cell is None:
+        return joined
+    joined[cell] = True
+    count = 0
+    while count != (count := int(joined.sum())):
+        wider = joined.copy()
+        wider[1:] |= joined[:-1]
+        wider[:-1] |= joined[1:]
+        wider[:, 1:] |= joined[:, :-1]
+        wider[:, :-1] |= joined[:, 1:]
+        joined = wider & free
+    return joined
+
+
+def _lowest_m(site: Site) -> float:
+    """The height below which nothing is planned."""
+    lower_m, low_m = site.workspace.lower_m[1], site.workspace.min_altitude_m
+    return lower_m if low_m is None else max(lower_m, low_m)
+
+
+def _is_low(site: Site, start_m: PlanePoint) -> bool:
+    """Whether a place is below the minimum altitude, or the workspace."""
+    return start_m[1] < _lowest_m(site) - TOLERANCE
+
+
+def _above(site: Site, maps: Maps, start_m: FloatArray) -> FloatArray | None:
+    """The place (2,) straight above a low one from where nothing is too low, within a cell."""
+    grid = maps.grid
+    x_m, z_m = grid.axes_m
+    rows = np.flatnonzero(z_m >= _lowest_m(site) - TOLERANCE)
+    if not len(rows):
+        return None
+    cell = grid.cell_of((float(start_m[0]), float(z_m[rows[0]])))
+    return np.array([start_m[0] if cell is None else x_m[cell[0]], z_m[rows[0]]])
+
+
+def _centres_m(maps: Maps, cells: BoolArray, barred: BoolArray | None) -> FloatArray:
+    """The centres (n, 2) of cells (nx, nz) that are not barred."""
+    chosen = np.argwhere(cells if barred is None else cells & ~barred)
+    centres: FloatArray = np.array(maps.grid.lower_m) + (chosen + 0.5) * maps.grid.resolution_m
+    return centres
+
+
+def _point(place_m: FloatArray) -> PlanePoint:
+    """Two plain numbers."""
+    return float(place_m[0]), float(place_m[1])
 
 
 def _samples(maps: Maps, start_m: FloatArray, end_m: FloatArray) -> FloatArray:

@@ -132,9 +132,10 @@ class Planner:
     def set_obstacles(self, obstacles: tuple[Obstacle, ...]) -> None:
         """The same site with other obstacles: maps repaired, goals and tables dropped.
 
-        What is being prepared meanwhile is dropped, too.
+        obstacles: as a file has them, without the site's margin. What is being prepared meanwhile
+        is dropped, too.
         """
-        self.site = replace(self.site, obstacles=obstacles)
+        self.site = self.site.with_obstacles(obstacles)
         self._build(self.maps.position_uncertainty_m, self.maps.fence, before=self.maps)
         self._solver.graph = self.graph
 

@@ -149,6 +149,20 @@ def obstacle_room_m(site: Site, points_m: FloatArray) -> FloatArray:
     return room
 
 
+def narrowest(
+    site: Site, vehicle: Vehicle, points_m: FloatArray
+) -> tuple[str, float, float] | None:
+    """The obstacle that a path of points (n, 2) has the least room to; None without any.
+
+    Its name, the clearance from the hull, and the keep-out with margin that the site asks for.
+    """
+    rooms = []
+    for item in site.obstacles:
+        clearance_m = float(geometry.obstacle_distance_m(item, points_m).min()) - vehicle.radius_m
+        rooms.append((clearance_m - item.keep_out_m, item.name, clearance_m, item.keep_out_m))
+    return min(rooms)[1:] if rooms else None
+
+
 def _leg_room_m(site: Site, vehicle: Vehicle, start_m: FloatArray, end_m: FloatArray) -> float:
     """From the hull on a straight leg to the nearest keep-out."""
     vertices_m, first, radius_m, keep_out_m = geometry.rings(site.obstacles)

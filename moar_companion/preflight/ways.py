@@ -48,7 +48,7 @@ class Way:
         loss = Loss.of(planner.vehicle.autopilot or AutopilotKind.PX4, {})
         assert loss is not None  # of these two kinds
         flight, pose = self._flight(planner, loss)
-        flight.adopt(self.plan, flight.junction_at(pose), None)
+        flight.adopt(self.plan, flight.junction_at(pose), ())
         steps = 0
         while not flight.arrived:
             flight.advance(pose, _STEP_S)
@@ -61,7 +61,7 @@ class Way:
         if self.plan.status is not PlanStatus.FOUND:
             return None
         flight, pose = self._flight(planner, loss)
-        rests_m = flight.rests_m(self.plan, flight.junction_at(pose), None)
+        rests_m = flight.rests_m(self.plan, flight.junction_at(pose), ())
         lag = loss.lag(planner.vehicle.guidance.acceleration_mps2)
         return lag or loss.objection(planner.maps.reach, rests_m, home_m)
 

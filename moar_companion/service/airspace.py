@@ -38,7 +38,8 @@ class Airspace:
 
     maps: of the site, with keep-outs as they are: what the gate widens by what is true now.
     reach: to obstacles as wide as the plan that is flown takes them; None: as on `maps`.
-    fence: of the autopilot, less its margin; None where there is none.
+    fence: of the autopilot, less its margin; None where there is none. narrowed_m: how much of the
+    margin the plan that is flown does without.
     """
 
     site: Site
@@ -47,6 +48,7 @@ class Airspace:
     loss: Loss
     reach: Reach | None = None
     fence: PlaneFence | None = None
+    narrowed_m: float = 0.0
 
     @property
     def corridor_width_m(self) -> float:
@@ -61,9 +63,9 @@ class Airspace:
         recovers = outside and self._may_be_carried_to(start_m, math.inf, within_m=0.0)
         return speed.horizontal_mps if recovers else speed.min_mps
 
-    def widened(self, reach: Reach | None) -> Airspace:
+    def widened(self, reach: Reach | None, narrowed_m: float = 0.0) -> Airspace:
         """The same with obstacles as wide as another plan takes them."""
-        return replace(self, reach=reach)
+        return replace(self, reach=reach, narrowed_m=narrowed_m)
 
     def trajectory(self, path: PathPoints, lead_in: PathPoints | None = None) -> Trajectory:
         """How a path is flown."""
@@ -118,9 +120,16 @@ class Airspace:
         for part in np.linspace(0.0, 1.0, samples):
             x_m, _, z_m = vector(start_m + part * line)
             cell = grid.cell_of((x_m, z_m))
-            if cell is None or self.maps.occupied[cell]:
+            if cell is None or (
+                self.maps.occupied[cell] and not -self.narrowed_m <= self.maps.room_m[cell] < 0.0
+            ):
                 return False
         return True
+
+    def is_crowded(self, places_m: FloatArray) -> bool:
+        """Whether one of some places (n, 3) is within an obstacle's margin, or a cell of it."""
+        least_m = self.vehicle.radius_m + self.maps.grid.resolution_m
+        return bool((obstacle_room_m(self.site, places_m[:, ::2]) < least_m).any())
 
     def leaves_fence(self, places_m: FloatArray) -> str | None:
         """The limit of the autopilot's fence that one of some places (n, 3) is outside of.
@@ -153,6 +162,10 @@ class Airspace:
             if nearer and self._may_be_carried_to(place_m, least_m, self.site.margin.total_m):
                 return place_m
         return None
+
+    def is_free_leg(self, start_m: Vector, end_m: Vector) -> bool:
+        """Whether a straight leg keeps every keep-out; in one it begins in, comes no nearer."""
+        return bool(self._leads_back(np.array([end_m]), np.array(start_m))[0])
 
     def _leads_back(self, places_m: FloatArray, aircraft_m: FloatArray) -> BoolArray:
         """From which places (n, 3) the straight to the aircraft keeps every keep-out: (n,).
@@ -194,10 +207,12 @@ class Airspace:
         points_m = [vector(point) for point in approach_m(place_m)]
         if self.site.workspace.outside_m((x_m, z_m)):
             start_m = (x_m, z_m)
-            end_m = recovery_leg(self.site, self.vehicle, self.maps, start_m, widened_m, self.fence)
-            if end_m is None:
+            corners_m = recovery_leg(
+                self.site, self.vehicle, self.maps, start_m, widened_m, self.fence
+            )
+            if not corners_m:
                 return None
-            points_m.append((end_m[0], 0.0, end_m[1]))
+            points_m += [(x_m, 0.0, z_m) for x_m, z_m in corners_m]
         return CheckedLeg(points_m=tuple(points_m), room_m=math.inf, leads_in=True)
 
     def strays(self, pose: Pose, legs: tuple[CheckedLeg, ...]) -> str | None:
@@ -233,9 +248,11 @@ class Airspace:
         """Why a setpoint must not be where it is; None when it may.
 
         widened_m: what the distance from obstacles grows by for a setpoint that moves.
+        Both as far as the plan keeps the margin.
         carried_from_z_m: at rest it may be wherever a wind can have carried it from that height;
         None where none has. brakes: it comes to rest, which it may outside the fence, too.
         """
+        widened_m = max(widened_m - self.narrowed_m, -self.site.margin.total_m)
         if any(setpoint.velocity_mps):
             carried_from_z_m = None
             legs = tuple(leg for leg in legs if leg.has_room(widened_m))

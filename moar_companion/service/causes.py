@@ -25,7 +25,7 @@ from ..risk.localization import (
 from ..risk.receivers import RECEIVER_ACCURACY, trouble
 from ..risk.wind import strongest
 from ..site import Margin
-from ..types import Battery, Mission, Telemetry
+from ..types import AutopilotKind, Battery, Mission, Telemetry
 from . import link_life
 from .autopilot_failsafe import battery_failsafe, holding_failsafe, taken_mode
 from .motion import Pose
@@ -105,6 +105,7 @@ class Seen:
     """What the causes are looked for in.
 
     faults: causes that are known as such. control_allowed: one autopilot and no other is heard.
+    expected: the autopilot of the vehicle file, whose margin is kept; None where it names none.
     position_late_s: how much later than the fastest one it has come, by the clock in it.
     jumped_m: how far it has jumped of late. jump_margin_m: how far it may be wrong where it is.
     error_m: from the setpoint to the aircraft.
@@ -122,6 +123,7 @@ class Seen:
     telemetry: Telemetry
     risk: RiskEstimate
     control_allowed: bool
+    expected: AutopilotKind | None = None
     pose: Pose | None
     position_moved_s: float
     position_late_s: float = math.inf
@@ -246,6 +248,8 @@ def _control(seen: Seen) -> str | None:
         return "no autopilot is heard"
     if not seen.control_allowed:
         return "two autopilots are heard"
+    if seen.expected not in (None, autopilot.kind):
+        return f"vehicle file {seen.expected.value}, heard {autopilot.kind.value}"
     return None if autopilot.multirotor else "the vehicle is no multirotor"
 
 
@@ -409,7 +413,11 @@ def _side(beside_m: float, azimuth_rad: float | None) -> str:
     """Where that is, by compass; without one as seen along +x. beside_m: y, to the left of +x."""
     if azimuth_rad is None:
         return "left" if beside_m > 0.0 else "right"
-    towards_rad = azimuth_rad - math.copysign(0.5 * math.pi, beside_m)
+    return compass(azimuth_rad - math.copysign(0.5 * math.pi, beside_m))
+
+
+def compass(towards_rad: float) -> str:
+    """A direction, from north, for people: of the compass's eight points the nearest."""
     return _COMPASS[round(towards_rad / (math.tau / len(_COMPASS))) % len(_COMPASS)]
 
 

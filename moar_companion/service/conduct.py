@@ -349,6 +349,7 @@ class Conduct:
             telemetry=telemetry,
             risk=self.risk,
             control_allowed=self._session.control_allowed,
+            expected=self._vehicle.autopilot,
             pose=pose,
             position_moved_s=self._surroundings.position_moved_s,
             position_late_s=self._surroundings.position_late_s,
@@ -407,7 +408,7 @@ class Conduct:
     def _carry_out_one(self, effect: Effect, now_s: float) -> None:
         match effect:
             case Seek(task):
-                if task == self.status.task and self.course.resume_leg():
+                if self.course.resume(task, self._surroundings.pose):
                     step = machine.planned(self.status, self._situation(now_s), now_s)
                     self._carry_out(step, now_s)
                 else:

@@ -293,7 +293,7 @@ class Contingencies:
         if plan is None:
             return None
         leg_mps = airspace.leg_mps(asked.start_m)
-        path = flown(plan, asked.start_m, answer.escape_end_m, leg_mps)
+        path = flown(plan, asked.start_m, answer.escape_m, leg_mps)
         trajectory = airspace.widened(answer.reach).trajectory(path)
         speed_mps = math.hypot(*asked.job.request.velocity_mps)
         rest = trajectory.rest(0.0, speed_mps, self._vehicle.guidance.acceleration_mps2)

@@ -13,11 +13,13 @@ import numpy as np
 
 from ..config import CompanionConfig
 from ..mavlink.session import Severity
+from ..mavlink.texts import short_name
 from ..mission.replanning import replan_reason, stays
 from ..mission.values import Task
 from ..planner.comparison import path_difference
 from ..planner.fence import PlaneFence
 from ..planner.plan import Plan
+from ..planner.regions import narrowest
 from ..power import PowerModel
 from ..risk import RiskEstimate
 from ..risk.explain import WeightsReason, risk_dict
@@ -88,6 +90,10 @@ class Course:
         self._needed_m = 0.0
         """What obstacles are to be avoided by now, beyond their keep-outs."""
         self._widening = Widening()
+        self._lasting = Widening()
+        """The same without the tracking error, which a gust makes and takes back."""
+        self._left: Flight | None = None
+        """What was flown last, where it ended on a landing leg."""
         self._in_vain: tuple[float, str] | None = None
         """How wide obstacles were when no plan led on, and why none did."""
 
@@ -172,6 +178,11 @@ class Course:
         most_m = limits.position_uncertainty_limit_m - self._margin.position_m
         return min(self._widening.width_m, max(0.0, most_m))
 
+    def _width_m(self, mission: Mission) -> float:
+        """By how much wider obstacles are in a mission's plans: in a way out by what lasts."""
+        widening = self._widening if mission is Mission.INSPECTION else self._lasting
+        return widening.width_m
+
     def learn_loss(
         self,
         kind: AutopilotKind,
@@ -227,6 +238,7 @@ class Course:
         self._needed_m = widening_m(risk, self._margin)
         strays_m = min(tracking_error_m or 0.0, most_m) - self._margin.tracking_m
         self._widening = before.followed(self._needed_m + max(0.0, strays_m), now_s)
+        self._lasting = self._lasting.followed(self._needed_m, now_s)
         less_wide = self._widening.width_m < before.width_m
         if less_wide:
             self._survival.reconsider(self.flight)
@@ -270,7 +282,7 @@ class Course:
         elif junction.at_end and not self.flight.braked:
             return False
         weights = self._vehicle.weights[task.mission].adjusted(risk)
-        width_m = self._widening.width_m
+        width_m = self._width_m(task.mission)
         self._plans.ask(
             task,
             junction,
@@ -279,6 +291,7 @@ class Course:
             width_m,
             self.fence,
             self.watch.failsafes,
+            0.0 if task.mission is Mission.INSPECTION else self.flight.narrowed_m,
             first=first,
             reason=reason,
             now_s=now_s,
@@ -307,14 +320,29 @@ class Course:
             flown = flight.rest_of_plan(plan, awaited.junction, answer.reach)
         if flown is not None and self._stays(flown, plan):
             return Adoption.KEPT_PATH
-        adoption = flight.adopt(plan, awaited.junction, answer.escape_end_m, answer.reach)
+        adoption = flight.adopt(
+            plan, awaited.junction, answer.escape_m, answer.reach, answer.narrowed_m
+        )
         if adoption is not Adoption.TOO_LATE:
             self._survival.objection = None
         if adoption is Adoption.NEW_PATH:
             self._explain(awaited, plan, flown, estimate, now_s)
+        if answer.narrowed_m and adoption is Adoption.NEW_PATH:
+            self._tell_narrow(plan, now_s)
         if awaited.first and adoption is not Adoption.TOO_LATE:
             self._near_path_s = self._under_way_s = now_s
         return adoption
+
+    def _tell_narrow(self, plan: Plan, now_s: float) -> None:
+        """Say how near a way out passes that keeps less than the margin."""
+        if self._ground is None:
+            return
+        nearest = narrowest(self._ground.site, self._vehicle, plan.waypoints.position_m)
+        if nearest is not None:
+            name, clearance_m, needed_m = nearest
+            reason = f"{clearance_m:.1f} m to {short_name(name)} < {needed_m:.1f}"
+            action = "exiting" if plan.mission is Mission.EXIT else "evacuating"
+            self._reports.say(Severity.WARNING, reason, now_s, action=action)
 
     def _stays(self, flown: Plan, plan: Plan) -> bool:
         if flown.cost is None or plan.cost is None:
@@ -392,7 +420,7 @@ class Course:
                 planned_risk=self._plans.asked_risk,
                 risk=risk,
                 planned_widening_m=self._plans.asked_widening_m,
-                widening_m=self._widening.width_m,
+                widening_m=self._width_m(task.mission),
                 age_s=age_s,
             )
         if reason is not None and (flight.braked or not flight.on_leg):
@@ -443,6 +471,23 @@ class Course:
         self._in_vain = None
         return True
 
+    def resume(self, task: Task, pose: Pose | None) -> bool:
+        """Go on with a task along the landing leg on which it stopped, or was taken over from.
+
+        Where it stands at the leg's end, nothing is left of it.
+        """
+        flight, airspace = self.flight, self.airspace
+        if flight is not None:
+            serves = flight.serves(task.mission, task.goal)
+            return serves and (self.resume_leg() or (flight.on_leg and flight.arrived))
+        left = self._left
+        if left is None or pose is None or airspace is None:
+            return False
+        if not left.serves(task.mission, task.goal):
+            return False
+        self.flight = left.taken_up(airspace, pose, self._needed_m)
+        return self.flight is not None
+
     def explained(self, answer: PlanAnswer) -> str:
         """Why there is no plan, with the uncertainty, or tracking, where that is to blame."""
         if not answer.too_wide or self._uncertainty_m is None:
@@ -462,6 +507,8 @@ class Course:
 
     def end(self) -> None:
         """Nothing is flown any more."""
+        if self.flight is not None and self.flight.mission is not None:
+            self._left = self.flight if self.flight.on_leg else None
         self.flight = None
         self._in_vain = None
         self._survival.objection = None

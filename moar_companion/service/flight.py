@@ -93,6 +93,16 @@ class Flight:
         return None if self._plan is None else self._plan.mission
 
     @property
+    def margin_m(self) -> float:
+        """What keep-outs contain for the errors of a flight."""
+        return self._airspace.site.margin.total_m
+
+    @property
+    def narrowed_m(self) -> float:
+        """How much of the margin the plan that is flown does without."""
+        return self._airspace.narrowed_m
+
+    @property
     def reach(self) -> Reach | None:
         """As the plan that is flown takes obstacles; None: no wider than their keep-outs."""
         return self._airspace.reach
@@ -236,10 +246,56 @@ class Flight:
         if stop_m is None or not self._leaves_workspace_by(stop_m):
             return False
         leg = self._legs[-1]
+        widened_m -= self._airspace.narrowed_m
         if not leg.has_room(widened_m) or self._airspace.leaves_fence(np.array(leg.points_m)):
             return False
         self._reference = replace(self._reference, stop_m=None)
         return True
+
+    def serves(self, mission: Mission, goal: str | int | None) -> bool:
+        """Whether the plan that is flown is one of a mission and its target or landing point."""
+        plan = self._plan
+        return plan is not None and (plan.mission, plan.request.target) == (mission, goal)
+
+    def taken_up(self, airspace: Airspace, pose: Pose, widened_m: float) -> Flight | None:
+        """The flight on its landing leg again, where a pilot has left it near that; None elsewhere.
+
+        Outside the workspace, and no farther from the leg than the aircraft may lag behind. The
+        setpoint is where the aircraft is, and moves over to the leg. widened_m: what the distance
+        from obstacles grows by.
+        """
+        x_m, _, z_m = pose.position_m
+        leg = self._legs[-1] if self.on_leg and self._legs else None
+        if leg is None or not airspace.site.workspace.outside_m((x_m, z_m)):
+            return None
+        airspace = airspace.widened(self._airspace.reach, self._airspace.narrowed_m)
+        trajectory = self._reference.trajectory.capped(
+            airspace.speed_cap_mps, self._vehicle.guidance.acceleration_mps2
+        )
+        there = np.array(pose.position_m)
+        apart_m = np.sqrt(((trajectory.position_m - there) ** 2).sum(axis=1))
+        nearest = int(apart_m.argmin())
+        place_m, distance_m = trajectory.position_m[nearest], float(trajectory.distance_m[nearest])
+        if (
+            apart_m[nearest] > self._vehicle.guidance.tracking_hold_m
+            or not self._leaves_workspace_by(distance_m)
+            or not leg.has_room(widened_m - airspace.narrowed_m)
+            or airspace.leaves_fence(np.array(leg.points_m))
+            or not airspace.is_free_leg(pose.position_m, vector(place_m))
+        ):
+            return None
+        flight = Flight(airspace, pose)
+        flight._plan, flight._region_corner = self._plan, self._region_corner
+        approach = CheckedLeg(
+            points_m=(pose.position_m, vector(place_m)), room_m=math.inf, leads_in=True
+        )
+        flight._legs = (approach, leg)
+        flight._reference = replace(
+            Reference.start(trajectory, pose.position_m),
+            distance_m=distance_m,
+            offset_m=there - place_m,
+        )
+        return flight
 
     def junction(self) -> Junction:
         """Where a plan that is asked for now will begin: where the reference could still stop."""
@@ -283,17 +339,19 @@ class Flight:
         self,
         plan: Plan,
         junction: Junction,
-        escape_end_m: PlanePoint | None,
+        escape_m: tuple[PlanePoint, ...],
         reach: Reach | None = None,
+        narrowed_m: float = 0.0,
     ) -> Adoption:
         """Fly a plan that begins at a junction, if the junction is still ahead.
 
         reach: to obstacles as wide as the plan takes them; None: no wider than their keep-outs.
+        narrowed_m: how much of the margin it does without.
         """
-        reference, airspace = self._reference, self._airspace.widened(reach)
+        reference, airspace = self._reference, self._airspace.widened(reach, narrowed_m)
         if junction.trajectory is not reference.trajectory:
             return Adoption.TOO_LATE
-        path = self._path(plan, junction, escape_end_m)
+        path = self._path(plan, junction, escape_m)
         if junction.joined_m is None:
             # The old path is free: where the way over is not, or the setpoint has not come to
             # rest yet, it stays there, and the aircraft comes back to it.
@@ -312,17 +370,19 @@ class Flight:
             end_m = reference.trajectory.length_m if reference.stop_m is None else reference.stop_m
             if joined_m < min(stop_m, end_m):
                 return Adoption.TOO_LATE
+            lead_in = junction.trajectory.between(reference.distance_m, joined_m)
+            if airspace.is_crowded(lead_in.position_m):
+                narrowed_m = max(narrowed_m, self._airspace.narrowed_m)
+                airspace = airspace.widened(reach, narrowed_m)
             moved = replace(
                 reference,
-                trajectory=airspace.trajectory(
-                    path, junction.trajectory.between(reference.distance_m, joined_m)
-                ),
+                trajectory=airspace.trajectory(path, lead_in),
                 distance_m=0.0,
                 stop_m=None,
             )
         here, width_m = vector(reference.position_m), self._airspace.corridor_width_m
         still_in = [leg for leg in self._legs if distance_m(here, leg.points_m) <= width_m]
-        self._legs = (*still_in, *checked_legs(plan, path, escape_end_m))
+        self._legs = (*still_in, *checked_legs(plan, path, escape_m))
         self._drift = Drift()
         self._airspace = airspace
         self._reference = moved
@@ -478,7 +538,7 @@ class Flight:
         self,
         plan: Plan,
         junction: Junction,
-        escape_end_m: PlanePoint | None,
+        escape_m: tuple[PlanePoint, ...],
         reach: Reach | None = None,
     ) -> FloatArray:
         """Where the aircraft could come to rest if nothing more were sent on a plan: (n, 2).
@@ -486,7 +546,7 @@ class Flight:
         reach: as in `adopt`.
         """
         airspace = self._airspace.widened(reach)
-        return airspace.rests_m(airspace.trajectory(self._path(plan, junction, escape_end_m)))
+        return airspace.rests_m(airspace.trajectory(self._path(plan, junction, escape_m)))
 
     def rests_ahead_m(self) -> FloatArray:
         """The same on what is left of the path that is flown, to where it comes to rest."""
@@ -496,7 +556,7 @@ class Flight:
         braking = reference.trajectory.between(reference.distance_m, reference.stop_m)
         return self._airspace.rests_m(self._airspace.trajectory(braking))
 
-    def _path(self, plan: Plan, junction: Junction, escape_end_m: PlanePoint | None) -> PathPoints:
+    def _path(self, plan: Plan, junction: Junction, escape_m: tuple[PlanePoint, ...]) -> PathPoints:
         return flown(
-            plan, junction.position_m, escape_end_m, self._airspace.leg_mps(junction.position_m)
+            plan, junction.position_m, escape_m, self._airspace.leg_mps(junction.position_m)
         )

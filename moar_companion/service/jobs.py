@@ -7,23 +7,37 @@ run in a thread, in lockstep, or from a recording.
 from __future__ import annotations
 
 import contextlib
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
+
 from ..autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
 from ..errors import InputError
 from ..mavlink.texts import short_name
-from ..planner.escape import escape_leg, recovery_leg
+from ..planner.crowding import part_in_the_way
+from ..planner.escape import pocket, way_in
 from ..planner.fence import PlaneFence
 from ..planner.plan import Plan, PlanRequest, PlanStatus
 from ..planner.planner import Planner
 from ..planner.reach import Reach
+from ..planner.regions import obstacle_room_m
 from ..site import PlanePoint
 from ..types import Mission
 from ..vehicle import Vehicle
+from .causes import compass
 from .planners import Planners
 
+_NARROWED = (0.5, 1.0)
+"""Of the tracking error, what a way out is planned without that the whole margin closes. That the
+position is wrong is not seen in flight; that the aircraft strays from its setpoint is, and it waits
+for it: so the position's error is kept."""
+_AWAY_M = 0.5
+"""In which direction an obstacle is farther is seen by this."""
+_MOST_POCKETS = 8
+"""Of free cells that the goal cannot be reached from, of which legs are looked for to others."""
 _REASON_LENGTH = 36
 """Of a text's 50 characters, what is left between "MOAR: " and ", denied"."""
 
@@ -34,7 +48,8 @@ class PlanJob:
 
     widening_m: what obstacles are to be avoided by beyond their keep-outs. fence: of the autopilot,
     as far as it cuts the site. failsafes: what the autopilot does by itself: places from where that
-    would hit something cost more.
+    would hit something cost more. narrowed_m: how much of the margin a way out does
+    without that is flown already.
     """
 
     job_id: int
@@ -42,15 +57,18 @@ class PlanJob:
     widening_m: float = 0.0
     fence: PlaneFence | None = None
     failsafes: Failsafes = NO_FAILSAFES
+    narrowed_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanAnswer:
     """The plan of a job, or why there is none.
 
-    escape_end_m: where the plan begins, when the start had to be left by an escape leg first.
+    escape_m: the corners of the escape or recovery leg by which the start had to be left, the place
+    where the plan begins last; () where the plan begins at the start.
     reach: to obstacles as wide as the plan takes them; None: no wider than their keep-outs.
     too_wide: there would be a plan, if they were no wider. failed: the planner has said nothing.
+    narrowed_m: how much of the margin the plan does without, since there is none with all of it.
     deadly: there was one, on which nobody should die. detail: the reason as a whole sentence, where
     that is too long for a pilot's text.
     """
@@ -58,8 +76,9 @@ class PlanAnswer:
     job_id: int
     plan: Plan | None
     reason: str = ""
-    escape_end_m: PlanePoint | None = None
+    escape_m: tuple[PlanePoint, ...] = ()
     reach: Reach | None = None
+    narrowed_m: float = 0.0
     too_wide: bool = False
     failed: bool = False
     deadly: bool = False
@@ -67,9 +86,25 @@ class PlanAnswer:
 
 
 def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
-    """Plan; from where nothing can be planned, plan from the end of the escape leg."""
+    """Plan; from where nothing can be planned, plan from the end of the escape leg.
+
+    A way out that the margin closes is planned with less of it, at least with the position's error.
+    """
     planners.expose(job.failsafes)
+    cell = planners.exact.maps.grid.cell_of(job.request.start_m)
+    if job.narrowed_m and cell is not None and planners.exact.maps.occupied[cell]:
+        # On its way through the margin it goes on, and does not turn to leave it.
+        going_on = _narrowed(planners, job, job.narrowed_m)
+        if going_on is not None and not going_on.escape_m:
+            return going_on
     answer = _answer(planners.widened_by(job.widening_m, job.fence), job)
+    inspects = job.request.mission is Mission.INSPECTION
+    if answer.plan is None and not inspects:
+        tracking_m = planners.exact.site.margin.tracking_m
+        for part in _NARROWED if tracking_m else ():
+            narrower = _narrowed(planners, job, part * tracking_m)
+            if narrower is not None:
+                return narrower
     if answer.plan is None and job.fence is not None:
         free = _answer(planners.widened_by(job.widening_m), job)
         if free.plan is not None:
@@ -77,38 +112,27 @@ def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
     if answer.plan is None and job.widening_m:
         exact = _answer(planners.widened_by(0.0, job.fence), job)
         answer = replace(answer, too_wide=exact.plan is not None)
-    inspects = job.request.mission is Mission.INSPECTION
     if answer.plan is not None or answer.too_wide or not inspects:
         return answer
     return _crowded(planners.exact, answer, job)
 
 
+def _narrowed(planners: Planners, job: PlanJob, narrowed_m: float) -> PlanAnswer | None:
+    """The answer with so much less of the margin; None where that finds no plan either."""
+    answer = _answer(planners.widened_by(job.widening_m - narrowed_m, job.fence), job)
+    return None if answer.plan is None else replace(answer, narrowed_m=narrowed_m)
+
+
 def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer:
     """The answer that the margin alone, or a part of it, takes the room that a target needs."""
-    margin = exact.site.margin
-    parts = {
-        f"tracking error {margin.tracking_m:g} m": margin.tracking_m,
-        f"position error {margin.position_m:g} m": margin.position_m,
-        str(margin): margin.total_m,
-    }
-    for words, part_m in parts.items():
-        if not part_m:
-            continue
-        freer = Planner(
-            exact.site,
-            exact.vehicle,
-            position_uncertainty_m=-part_m,
-            fence=job.fence,
-            clock=exact.clock,
-        )
-        if _answer(freer, job).plan is not None:
-            return replace(
-                answer,
-                reason=f"no way with margin {margin.total_m:.2f} m",
-                detail=f"{answer.reason}: the margin of {margin.total_m:g} m beyond keep-outs "
-                f"leaves no way; there is one without {words}",
-            )
-    return answer
+    part = part_in_the_way(exact, lambda freer: _answer(freer, job).plan is not None, job.fence)
+    if part is None:
+        return answer
+    return replace(
+        answer,
+        reason=f"no way with margin {exact.site.margin.total_m:.2f} m",
+        detail=f"{answer.reason}: {part}",
+    )
 
 
 def _fenced_off(answer: PlanAnswer, plan: Plan, fence: PlaneFence) -> PlanAnswer:
@@ -130,46 +154,51 @@ def _fenced_off(answer: PlanAnswer, plan: Plan, fence: PlaneFence) -> PlanAnswer
 def _answer(planner: Planner, job: PlanJob) -> PlanAnswer:
     request = job.request
     try:
-        cell = planner.maps.grid.cell_of(request.start_m)
-        lowest_m = planner.site.workspace.min_altitude_m
-        escape_end_m = None
-        if (
-            cell is None
-            or planner.maps.occupied[cell]
-            or (lowest_m is not None and request.start_m[1] < lowest_m)
-        ):
-            start_m = (request.start_m[0], request.start_m[1])
-            escape_end_m = recovery_leg(
-                planner.site, planner.vehicle, planner.maps, start_m, job.widening_m
-            ) or escape_leg(planner.site, planner.maps, start_m)
-        far_m = planner.site.workspace.outside_m((request.start_m[0], request.start_m[1]))
-        if escape_end_m is None and far_m > planner.vehicle.guidance.recovery_m:
+        start_m = (request.start_m[0], request.start_m[1])
+        far_m = planner.site.workspace.outside_m(start_m)
+        if far_m > planner.vehicle.guidance.recovery_m:
             return PlanAnswer(job_id=job.job_id, plan=None, reason=too_far(far_m, planner.vehicle))
-        if escape_end_m is None:
-            plan = planner.solve(request)
-        else:
-            plan = planner.plan(
-                mission=request.mission,
-                target=request.target,
-                start=escape_end_m,
-                weights=request.weights,
-                risk=request.risk,
-            )
+        plan, escape_m = _led_in(planner, request, start_m)
     except InputError as error:
         reason = f"{error.problem} ({error})"
         if request.mission is not Mission.INSPECTION:
             reason = f"no landing point in sight ({error})"
         return PlanAnswer(job_id=job.job_id, plan=None, reason=reason)
     if plan.status is not PlanStatus.FOUND:
-        begins = escape_end_m is None
-        reason = f"{_words(planner, request, plan.status, begins=begins)} ({plan.reason})"
+        words = _words(planner, request, plan.status, begins=not escape_m)
+        reason = f"{words} ({plan.reason})"
         return PlanAnswer(job_id=job.job_id, plan=None, reason=reason)
     return PlanAnswer(
         job_id=job.job_id,
         plan=plan,
-        escape_end_m=escape_end_m,
-        reach=planner.maps.reach if job.widening_m else None,
+        escape_m=escape_m,
+        reach=planner.maps.reach if planner.maps.position_uncertainty_m else None,
     )
+
+
+def _led_in(
+    planner: Planner, request: PlanRequest, start_m: PlanePoint
+) -> tuple[Plan, tuple[PlanePoint, ...]]:
+    """The plan, and the corners of the leg to where it begins; () where it begins at the start.
+
+    Of the legs to free cells the shortest from whose end there is a plan.
+    """
+    maps, low_m = planner.maps, planner.site.workspace.min_altitude_m
+    cell = maps.grid.cell_of(start_m)
+    plan: Plan | None = None
+    escape_m: tuple[PlanePoint, ...] = ()
+    if cell is None or maps.occupied[cell] or (low_m is not None and start_m[1] < low_m):
+        barred = np.zeros_like(maps.occupied)
+        for _ in range(_MOST_POCKETS):
+            corners_m = way_in(planner.site, planner.vehicle, maps, start_m, barred)
+            if not corners_m:
+                break
+            escape_m = corners_m
+            plan = planner.solve(replace(request, start_m=corners_m[-1], velocity_mps=(0.0, 0.0)))
+            if plan.status is not PlanStatus.UNREACHABLE:
+                break
+            barred |= pocket(maps, corners_m[-1])
+    return plan or planner.solve(request), escape_m
 
 
 def too_far(outside_m: float, vehicle: Vehicle) -> str:
@@ -182,20 +211,10 @@ def _words(planner: Planner, request: PlanRequest, status: PlanStatus, *, begins
 
     begins: the plan was to begin where the aircraft is.
     """
-    x_m, z_m = request.start_m[:2]
-    grid = planner.maps.grid
-    (left_m, bottom_m), (right_m, top_m) = grid.lower_m, grid.upper_m
-    low_m = planner.site.workspace.min_altitude_m
-    if begins and grid.cell_of((x_m, z_m)) is None:
-        sideways_m, upwards_m = max(left_m - x_m, x_m - right_m), z_m - top_m
-        downwards_m = bottom_m - z_m
-        off_m = max(sideways_m, upwards_m, downwards_m)
-        where = "above" if off_m == upwards_m else "below" if off_m == downwards_m else "beside"
-        return f"aircraft {max(off_m, 0.1):.1f} m {where} the workspace"
-    if status is PlanStatus.START_OCCUPIED:
-        if low_m is not None and z_m < low_m:
-            return f"aircraft at {max(z_m, 0.1):.1f} m < {low_m:g}"
-        return f"aircraft too near {short_name(planner.maps.reach.nearest((x_m, z_m)))}"
+    if begins and status in {PlanStatus.OUT_OF_BOUNDS, PlanStatus.START_OCCUPIED}:
+        place = _words_of_start(planner, (request.start_m[0], request.start_m[1]))
+        if place is not None:
+            return place
     inspects = request.mission is Mission.INSPECTION
     goal = short_name(str(request.target)) if inspects else request.mission.value
     if status is PlanStatus.UNREACHABLE:
@@ -203,6 +222,35 @@ def _words(planner: Planner, request: PlanRequest, status: PlanStatus, *, begins
     if status is PlanStatus.OUT_OF_BOUNDS:
         return f"{goal} outside the workspace"
     return f"{goal} too near obstacles" if inspects else "no landing point is in sight"
+
+
+def _words_of_start(planner: Planner, start_m: PlanePoint) -> str | None:
+    """Why nothing leads on from a place, and where to fly by hand; None where a plan may begin.
+
+    Towards the workspace, or away from the nearest obstacle.
+    """
+    site, maps = planner.site, planner.maps
+    x_m, z_m = start_m
+    low_m, azimuth_rad = site.workspace.min_altitude_m, math.radians(site.frame.azimuth_deg)
+    ahead, behind = compass(azimuth_rad), compass(azimuth_rad + math.pi)
+    if low_m is not None and z_m < low_m:
+        return f"aircraft at {max(z_m, 0.1):.1f} m < {low_m:g}: climb"
+    cell = maps.grid.cell_of(start_m)
+    if cell is None:
+        (left_m, bottom_m), (right_m, top_m) = maps.grid.lower_m, maps.grid.upper_m
+        off_m, side, way = max(
+            (left_m - x_m, behind, f"fly {ahead}"),
+            (x_m - right_m, ahead, f"fly {behind}"),
+            (z_m - top_m, "above", "descend"),
+            (bottom_m - z_m, "below", "climb"),
+        )
+        of = "" if side in {"above", "below"} else " of"
+        return f"{max(off_m, 0.1):.1f} m {side}{of} workspace: {way}"
+    if not maps.occupied[cell]:
+        return None
+    around_m = np.array(start_m) + _AWAY_M * np.array([(0, 1), (1, 0), (-1, 0), (0, -1)])
+    away = ("up", ahead, behind, "down")[int(obstacle_room_m(site, around_m).argmax())]
+    return f"too near {short_name(maps.reach.nearest(start_m))}: fly {away}"
 
 
 def preparations(planner: Planner) -> list[Callable[[], None]]:

@@ -43,20 +43,22 @@ class CheckedLeg:
 
 
 def flown(
-    plan: Plan, start_m: Vector, escape_end_m: PlanePoint | None, leg_mps: float
+    plan: Plan, start_m: Vector, escape_m: tuple[PlanePoint, ...], leg_mps: float
 ) -> PathPoints:
     """A plan's points from where it begins in flight, which is in its first cell.
 
     Any straight from within a cell to the centre of the next stays in cells that the plan may
-    pass; a plan of one state leads to its cell's centre. leg_mps: on a leg that leads there.
+    pass; a plan of one state leads to its cell's centre. escape_m: the corners of a leg that leads
+    there, the plan's first point last. leg_mps: on that leg.
     """
     points = _in_space(plan.waypoints.position_m)
     speed = plan.waypoints.speed_mps[1:]
-    if escape_end_m is None and len(points) > 1:
+    if not escape_m and len(points) > 1:
         points = points[1:]
     else:
         speed = np.concatenate([[leg_mps], speed])
-    start = approach_m(start_m)
+    corners = _in_space(np.array(escape_m[:-1]).reshape(-1, 2))
+    start = np.concatenate([approach_m(start_m), corners])
     return PathPoints(
         position_m=np.concatenate([start, points]),
         speed_mps=np.concatenate([np.full(len(start) - 1, leg_mps), speed]),
@@ -76,7 +78,7 @@ def standing(position_m: Vector) -> PathPoints:
 
 
 def checked_legs(
-    plan: Plan, path: PathPoints, escape_end_m: PlanePoint | None
+    plan: Plan, path: PathPoints, escape_m: tuple[PlanePoint, ...]
 ) -> tuple[CheckedLeg, ...]:
     """The leg that leads to a plan that is flown by a path, and its landing leg.
 
@@ -85,7 +87,7 @@ def checked_legs(
     """
     points = [vector(point) for point in path.position_m]
     legs = []
-    begins = len(approach_m(points[0])) + (escape_end_m is not None)
+    begins = len(approach_m(points[0])) + len(escape_m)
     if begins > 1:
         way = tuple(points[:begins])
         legs.append(CheckedLeg(points_m=way, room_m=math.inf, leads_in=True))

@@ -62,6 +62,7 @@ class PlanDesk:
         widening_m: float,
         fence: PlaneFence | None,
         failsafes: Failsafes,
+        narrowed_m: float,
         *,
         first: bool,
         reason: str,
@@ -83,6 +84,7 @@ class PlanDesk:
             widening_m=widening_m,
             fence=fence,
             failsafes=failsafes,
+            narrowed_m=narrowed_m,
         )
         self._awaited = Awaited(job=job, junction=junction, first=first, reason=reason)
         if first:

@@ -19,8 +19,9 @@ from .motion import Jump, Setpoint
 class Refusal:
     """Why a setpoint was not sent.
 
-    narrow: only the position's uncertainty was against it. rest: what was sent in its place, the
-    last one at rest; None where that must not be sent either, and the stream has to end.
+    narrow: only the margin, or the position's uncertainty, was against it. rest: what was sent in
+    its place, the last one at rest; None where that must not be sent either, and the stream has to
+    end.
     """
 
     reason: str
@@ -54,15 +55,19 @@ class Stream:
         it refused, too, as the last word, for the aircraft is where it was when it was accepted,
         and else would fly on.
         """
-        widened_m, tolerance_m = self.widened_m, self._limits.plane_tolerance_m
-        reason = flight.refusal(setpoint, tolerance_m, 0.0) or self._motion_refusal(
+        tolerance_m = self._limits.plane_tolerance_m
+        # Within the margin it may be no more than narrow: an estimate that jumps a little does it.
+        reason = flight.refusal(setpoint, tolerance_m, -flight.margin_m) or self._motion_refusal(
             setpoint, flight, now_s
         )
-        narrow = False
-        if not reason and widened_m and flight.refusal(setpoint, tolerance_m, widened_m):
-            narrow = True
-            known_m = self._margin.position_m + widened_m
-            reason = f"no room here, uncertainty {known_m:.1f} m"
+        narrow = not reason and bool(flight.refusal(setpoint, tolerance_m, self.widened_m))
+        if narrow:
+            known_m = self._margin.position_m + self.widened_m
+            reason = (
+                f"no room here, uncertainty {known_m:.1f} m"
+                if self.widened_m
+                else f"no room here, margin {flight.margin_m:g} m"
+            )
         if reason is None:
             self._pass(setpoint, plane, now_s)
             return None

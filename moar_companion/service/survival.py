@@ -104,7 +104,7 @@ class Survival:
         plan = answer.plan
         if flight is None or plan is None:
             return answer
-        rests_m = flight.rests_m(plan, awaited.junction, answer.escape_end_m, answer.reach)
+        rests_m = flight.rests_m(plan, awaited.junction, answer.escape_m, answer.reach)
         objection = self._objection_to(answer.reach, rests_m)
         if awaited.first:
             by_itself = self._by_itself(failsafes, answer.reach, rests_m)

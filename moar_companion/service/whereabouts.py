@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 from ..config import Supervision
 from ..frames import PlaneToLocal
 from ..outlets.replay import ReplayPlace
+from ..planner.plan import PlanRequest
 from ..planner.planner import Planner
 from ..types import Mission, RiskIndices, Telemetry
+from .jobs import PlanJob, answer_job
 from .motion import Pose
+from .planners import Planners
 from .surroundings import Ground, Surroundings
 
 _EVACUATION_PERIOD_S = 2.0
@@ -21,13 +25,14 @@ _NEAR_M = 10_000.0
 
 
 class Whereabouts:
-    """Looks the aircraft up on a planner's site.
+    """Looks the aircraft up on a planner's site, which is the one that was flown: with its margin.
 
     Raises InputError for a site whose landing points for an evacuation cannot be seen.
     """
 
     def __init__(self, planner: Planner) -> None:
         self._planner = planner
+        self._planners = Planners(planner)
         self._ground = Ground(site=planner.site, maps=planner.maps)
         self._limits = Supervision()
         self._surroundings = Surroundings(planner.site, planner.vehicle.autopilot)
@@ -80,12 +85,22 @@ class Whereabouts:
         return Pose(position_m=here.position_from_ned(still), velocity_mps=still, yaw_rad=0.0)
 
     def _evacuation(self, pose: Pose, risk: RiskIndices) -> float | None:
-        """The flight time of the evacuation planned from here; None where there is none."""
-        plan = self._planner.plan(
+        """The flight time of the evacuation planned from here; None where there is none.
+
+        With the leg that leads to where a plan may begin.
+        """
+        start_m = (pose.position_m[0], pose.position_m[2])
+        request = PlanRequest(
             mission=Mission.EVACUATION,
-            start=(pose.position_m[0], pose.position_m[2]),
-            velocity=(pose.velocity_mps[0], pose.velocity_mps[2]),
+            target=None,
+            start_m=start_m,
+            velocity_mps=(pose.velocity_mps[0], pose.velocity_mps[2]),
             weights=self._planner.vehicle.weights[Mission.EVACUATION].adjusted(risk),
             risk=risk,
         )
-        return None if plan.metrics is None else plan.metrics.duration_s
+        answer = answer_job(self._planners, PlanJob(job_id=0, request=request))
+        if answer.plan is None or answer.plan.metrics is None:
+            return None
+        leg_m = sum(itertools.starmap(math.dist, itertools.pairwise((start_m, *answer.escape_m))))
+        slow_mps = self._planner.vehicle.speed.min_mps
+        return answer.plan.metrics.duration_s + leg_m / slow_mps

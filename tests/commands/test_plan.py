@@ -440,3 +440,16 @@ def test_a_directory_that_may_not_be_written(site, tmp_path, monkeypatch, capsys
     assert cli.main(["plan", site, "--mission", "exit", "--json", str(tmp_path / "a")]) == 2
     assert f"nothing may be written in {tmp_path}" in capsys.readouterr().err
     assert not (tmp_path / "a").exists()
+
+
+def test_a_denial_as_flown_names_the_part_of_the_margin_that_takes_the_room(tmp_path, capsys):
+    near = variant(
+        tmp_path / "near.yaml",
+        targets={"near": {"conductor": "right-middle", "standoff_m": 3.0, "side": "right"}},
+    )
+    status = cli.main(["plan", near, "--mission", "inspection", "--as-flown"])
+    assert status == 2
+    err = capsys.readouterr().err
+    assert len(err.splitlines()) == 1
+    assert "the margin of 2.55 m beyond keep-outs leaves no way" in err
+    assert "there is one without tracking error 1.15 m" in err

@@ -17,7 +17,7 @@ from .judging import (
 )
 from .lockstep import hovering
 from .marks import BOTH
-from .operator import DENIED, INSPECTION, Manner
+from .operator import DENIED, EXIT, INSPECTION, Manner
 
 BESIDE_M = 3.6
 """From the target to the wall: the margin of PX4, an X500, and a cell."""
@@ -90,4 +90,28 @@ def test_an_estimator_jump_that_is_greater_than_the_margin_left_is_a_hold(east_m
     assert flight.state == "holding"
     assert flight.operator.said("MOAR: the position jumped 2.5 m > ")
     flight.run(10.0)
+    assert_nothing_was_touched(flight)
+
+
+@BOTH
+@pytest.mark.slow
+def test_an_exit_that_the_margin_closes_is_flown_with_what_is_left_of_it(manner):
+    """Through a window in a tower, 4.2 m high (PX4) or 3.4 m (ArduPilot)."""
+    gap_m = 4.2 if manner is Manner.PX4 else 3.4
+    walls = tuple(
+        Polygon(name=name, vertices_m=((14.0, low), (15.0, low), (15.0, high), (14.0, high)))
+        for name, low, high in (
+            ("lower wall", -5.0, 10.05 - 0.5 * gap_m),
+            ("upper wall", 10.05 + 0.5 * gap_m, 30.0),
+        )
+    )
+    site = site_with_a_wall()
+    site = replace(site, obstacles=walls, targets=(), start_m=(4.0, 2.5))
+    flight = hovering(site=site, vehicle="x500", manner=manner)
+    flight.begin(EXIT)
+    flight.run_until_state("holding", 120.0)
+    flight.run(1.0)
+    assert flight.operator.said(" wall < ")
+    assert flight.operator.said("MOAR: above the landing point, holding")
+    assert not flight.operator.said("no room here")
     assert_nothing_was_touched(flight)

@@ -78,7 +78,7 @@ ANSWERS = {
     S.OVERRIDDEN: {
         "mission": ("planning", "", False),
         "hold": ("overridden", OK, False),
-        "continue": ("overridden", NO, False),
+        "continue": ("planning", "", False),
         "release": ("released", OK, False),
     },
     S.RELEASED: {

@@ -10,7 +10,7 @@ import pytest
 import shapely
 from shapely.geometry import Point
 
-from moar_companion.planner.escape import escape_leg, recovery_leg
+from moar_companion.planner.escape import escape_leg, pocket, recovery_leg, way_in
 from moar_companion.planner.maps import build_maps
 
 from . import oracle
@@ -116,22 +116,51 @@ def recovery(site, start, widened_m=0.0, **vehicle):
 def test_from_outside_the_way_back_is_the_nearest_free_cell_though_obstacles_come_nearer():
     site = make_site(conductor(5.5, 4.5, 0.1))
     assert escape(site, (-25.0, 2.5), radius=0.6) is None
-    assert recovery(site, (-25.0, 2.5), radius=0.6) == (0.5, 2.5)
+    assert recovery(site, (-25.0, 2.5), radius=0.6) == ((0.5, 2.5),)
 
 
 def test_the_way_back_keeps_every_keep_out_and_what_they_grow_by():
     start = (-9.0, 2.5)
     site = make_site(conductor(-4.0, 2.5, 0.1))
     for widened_m in (0.0, 1.0):
-        end = recovery(site, start, widened_m, radius=0.6)
-        leg = shapely.LineString([start, end])
+        corners = recovery(site, start, widened_m, radius=0.6)
+        leg = shapely.LineString([start, *corners])
         assert oracle.clearance(site.obstacles[0], leg) >= 0.6 + widened_m - 1e-6
 
 
-def test_there_is_no_way_back_from_too_far_from_below_or_from_within_a_keep_out():
-    assert recovery(make_site(), (-60.5, 2.5)) is None
-    assert recovery(make_site(), (3.0, -1.0)) is None
-    assert recovery(make_site(min_altitude=2.0), (-4.0, 1.0)) is None
+def test_there_is_no_way_back_from_too_far_or_from_within_a_keep_out():
+    assert recovery(make_site(), (-60.5, 2.5)) == ()
     site = make_site(conductor(-4.0, 2.5, 0.1))
-    assert recovery(site, (-4.3, 2.5), radius=0.6) is None
-    assert recovery(make_site(), (3.0, 3.0)) is None  # inside there is nothing to come back to
+    assert recovery(site, (-4.3, 2.5), radius=0.6) == ()
+
+
+def test_from_below_the_way_back_begins_straight_up():
+    assert recovery(make_site(), (3.4, -1.0)) == ((3.5, 0.5),)
+    site = make_site(min_altitude=2.0)
+    assert recovery(site, (-4.0, 1.0)) == ((-4.0, 2.5), (0.5, 2.5))
+
+
+def test_where_straight_up_is_not_free_the_way_back_from_below_slants():
+    site = make_site(conductor(-4.0, 2.6, 0.1), min_altitude=2.0)
+    assert recovery(site, (-4.0, 1.0), radius=0.6) == ((0.5, 2.5),)
+
+
+def test_from_below_it_climbs_past_obstacles_that_come_nearer_but_not_too_near():
+    site = make_site(conductor(1.5, 3.0, 0.1), conductor(5.5, 3.0, 0.1), min_altitude=2.0)
+    start = (3.5, 0.5)
+    assert escape(site, start, radius=0.6) is None
+    maps = build_maps(site, make_vehicle(radius=0.6))
+    assert way_in(site, make_vehicle(radius=0.6), maps, start) == ((3.5, 2.5),)
+
+
+def test_a_pocket_is_what_is_joined_by_edges_and_no_leg_ends_there_once_it_is_barred():
+    wall = polygon((4.0, -9.0), (5.0, -9.0), (5.0, 8.0), (4.0, 8.0))
+    site, vehicle = make_site(wall), make_vehicle(radius=0.1)
+    maps = build_maps(site, vehicle)
+    left = pocket(maps, (1.5, 1.5))
+    assert left[1, 1]
+    assert not left[8, 1]
+    assert not pocket(maps, (-4.0, 1.0)).any()
+    (end,) = way_in(site, vehicle, maps, (4.2, 10.0))
+    assert end[0] < 4.0
+    assert way_in(site, vehicle, maps, (4.2, 10.0), barred=left) == ((5.5, 7.5),)

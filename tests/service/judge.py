@@ -226,8 +226,8 @@ class Judge:
         if answer.plan is None:
             return
         points = [tuple(point) for point in answer.plan.waypoints.position_m.tolist()]
-        if answer.escape_end_m is not None:
-            self.escapes.append(LineString([job.request.start_m, points[0]]))
+        if answer.escape_m:
+            self.escapes.append(LineString([job.request.start_m, *answer.escape_m]))
         leg = answer.plan.landing_leg
         if leg is not None:
             self.legs.append(LineString(points[-1 - len(leg.points_m) :]))

@@ -67,7 +67,7 @@ class Flown:
         )
         answer = answer_job(Planners(self.planner), PlanJob(job_id=1, request=request))
         assert answer.plan is not None, answer.reason
-        adoption = self.flight.adopt(answer.plan, junction, answer.escape_end_m)
+        adoption = self.flight.adopt(answer.plan, junction, answer.escape_m)
         assert adoption is not Adoption.TOO_LATE
 
     def advanced(self, flight):
@@ -200,7 +200,7 @@ def test_whatever_stands_on_a_site_the_way_on_from_its_paths_is_free(wires, star
     pose = Pose(position_m=place, velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
     airspace = Airspace(site=site, vehicle=vehicle, maps=planner.maps, loss=loss)
     flight = Flight(airspace, pose)
-    places, rests = np.split(flight.rests_m(plan, flight.junction_at(pose), None), 2)
+    places, rests = np.split(flight.rests_m(plan, flight.junction_at(pose), ()), 2)
     assert places[-1] == pytest.approx(rests[-1])
     # Cells are free by their centres.
     allowed_m = vehicle.radius_m + 0.6 - 0.5 * math.sqrt(0.5)
@@ -233,7 +233,7 @@ def test_however_low_the_landing_leg_leads_a_death_in_the_workspace_ends_above_i
     pose = Pose(position_m=(10.25, 0.0, 15.25), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
     airspace = Airspace(site=site, vehicle=vehicle, maps=planner.maps, loss=LONG)
     flight = Flight(airspace, pose)
-    places, rests = np.split(flight.rests_m(plan, flight.junction_at(pose), None), 2)
+    places, rests = np.split(flight.rests_m(plan, flight.junction_at(pose), ()), 2)
     assert (places[0, 1], places[-1, 1]) == pytest.approx((15.25, 1.0))
     inside = places[:, 1] > 6.0
     assert (rests[inside, 1] > 6.0 - 0.25).all()  # half a cell is always free

@@ -18,10 +18,12 @@ from moar_companion.types import Mission
 
 from .desk import (
     ACCEPTED,
+    AUTO_HOLD,
     CANCELLED,
     DENIED,
     EXIT,
     INSPECTION,
+    OFFBOARD,
     PAUSE_CONTINUE,
     STEP_S,
     Desk,
@@ -130,3 +132,52 @@ def test_a_hold_on_the_leg_is_continued_along_it(desk, seconds):
     desk.go_on().run(0.5)
     assert (desk.state, len(desk.jobs)) == ("landing_leg", asked)
     assert moving(desk, 0.5) == 1.0
+
+
+def taken_over(desk, *moved_ned_m):
+    """By the pilot, 2 m past the border, who moves it."""
+    while along_m(desk) < 5.0:
+        desk.step()
+    desk.say_heartbeat(AUTO_HOLD).run(1.0).drift(*moved_ned_m).run(1.0)
+    assert desk.state == "overridden"
+    return len(desk.jobs)
+
+
+def given_back(desk):
+    desk.run_until("ready", 2.0).run(1.1).say_heartbeat(OFFBOARD)
+    return desk.run_until("landing_leg", 60.0)
+
+
+@pytest.mark.parametrize("order", ["exit", "continue"])
+@pytest.mark.parametrize("beside_m", [0.0, 1.2])
+def test_what_a_pilot_has_interrupted_on_the_leg_is_gone_on_with_from_near_it(
+    desk, order, beside_m
+):
+    asked = taken_over(desk, 0.0, 0.0, -beside_m)
+    place_m = along_m(desk)
+    if order == "exit":
+        desk.order(EXIT)
+    else:
+        desk.go_on()
+    given_back(desk)
+    assert len(desk.jobs) == asked
+    assert along_m(desk) > place_m - 0.5
+    desk.run_until("holding", 30.0)
+    assert desk.companion.status.task.done
+
+
+def test_from_farther_off_the_leg_it_comes_back_and_leaves_anew(desk):
+    asked = taken_over(desk, 0.0, 0.0, -3.0)
+    desk.order(EXIT).run_until("ready", 2.0)
+    assert len(desk.jobs) > asked
+    assert desk.answered[-1][1].escape_m
+
+
+def test_an_order_that_is_denied_meanwhile_does_not_lose_the_leg(desk):
+    asked = taken_over(desk, 0.0, 0.0, 0.0)
+    desk.plan_delay_s = None
+    desk.order(INSPECTION).run(0.1)
+    desk.answer_plan(plan=None, reason="no free way").run(1.0)
+    assert desk.answers()[-1] == DENIED
+    desk.order(EXIT).run_until("ready", 2.0)
+    assert len(desk.jobs) == asked + 1

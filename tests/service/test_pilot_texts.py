@@ -140,6 +140,11 @@ def test_a_long_target_name_is_cut_and_not_what_is_said_of_it():
     )
 
 
+def test_details_in_details_are_left_out_too():
+    reason = "no free way (the start at (15, 24) is outside (by far))"
+    assert pilot_text(reason, "denied") == "MOAR: no free way, denied"
+
+
 def test_the_aircraft_is_told_which_side_of_the_plane_it_is_on_by_compass():
     beside = replace(moves(position_m=(5.0, 22.3, 5.0)), azimuth_rad=math.pi / 2.0)
     words = causes(beside, Supervision(), 1.5, NOW_S).plane

@@ -161,7 +161,7 @@ def test_a_path_that_an_obstacle_has_come_into_never_stays(flown):
     site = replace(flown.site, obstacles=(*flown.site.obstacles, new))
     plan = newer(flown, junction, Planner(site, flown.vehicle))
     assert flown.flight.rest_of_plan(plan, junction, None) is None
-    assert flown.flight.adopt(plan, junction, None) is Adoption.NEW_PATH
+    assert flown.flight.adopt(plan, junction, ()) is Adoption.NEW_PATH
 
 
 def test_where_obstacles_have_become_wider_the_path_is_made_anew(flown):

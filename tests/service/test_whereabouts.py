@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.config import shipped_configs
+from moar_companion.commands import replay
+from moar_companion.config import Supervision, shipped_configs
+from moar_companion.margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.service.whereabouts import Whereabouts
 from moar_companion.site import Site
@@ -73,3 +75,16 @@ def test_ten_kilometres_from_the_site_there_is_no_place(place_at, told, directio
 def test_without_a_position_there_is_no_place(place_at):
     assert place_at(Telemetry(), HEARD_S) is None
     assert place_at(Telemetry(autopilot=PX4), HEARD_S) is None
+
+
+def test_a_way_out_is_planned_with_the_margin_also_from_within_it():
+    """1.5 m below a conductor: an X500's hull is nearer to it than PX4's margin allows."""
+    file = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
+    whereabouts = replay._whereabouts(str(file), VEHICLE)
+    assert whereabouts._planner.site == flown_site(SITE, VEHICLE, Supervision())
+    x_m, z_m = SITE.obstacles[3].position_m
+    near, free = (
+        whereabouts.at(by_gnss((x_m, 0.0, z_m - below_m)), RiskIndices(), at_s)
+        for below_m, at_s in ((1.5, HEARD_S), (3.6, HEARD_S + 2.0))
+    )
+    assert near.evacuation_s > free.evacuation_s

@@ -1,0 +1,157 @@
+"""What a margin that closes a way out leaves of it, and what becomes of orders within the margin.
+
+A wall stands between the aircraft and the exit, with a window in it: 0.35 m of an X500 and PX4's
+margin, 1.4 m for the position and 1.15 m for tracking, need 5.8 m and the rounding to cells.
+"""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import replace
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from moar_companion.config import Supervision, shipped_configs
+from moar_companion.margin import flown_site
+from moar_companion.planner.plan import PlanRequest
+from moar_companion.planner.planner import Planner
+from moar_companion.service.jobs import PlanJob, answer_job
+from moar_companion.service.planners import Planners
+from moar_companion.site import Polygon, Site, Target
+from moar_companion.types import AutopilotKind, Mission, RiskIndices
+from moar_companion.vehicle import Vehicle
+
+from .desk import DENIED, EXIT, TEMPORARILY_REJECTED, Desk, usual_planner
+
+VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
+MIDDLE_M = 10.05
+START_M = (4.0, 5.0)
+
+
+def walls(gap_m):
+    """Two, with a window between them."""
+    below, above = MIDDLE_M - 0.5 * gap_m, MIDDLE_M + 0.5 * gap_m
+    return tuple(
+        Polygon(name=name, vertices_m=((14.0, low), (15.0, low), (15.0, high), (14.0, high)))
+        for name, low, high in (("lower wall", -5.0, below), ("upper wall", above, 30.0))
+    )
+
+
+def behind_a_window(gap_m):
+    site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+    exits = {Mission.EXIT: site.landing_m[Mission.EXIT]}
+    target = Target(name="beyond", position_m=(22.0, 10.0), dwell_s=5.0)
+    return replace(
+        site, obstacles=walls(gap_m), targets=(target,), landing_m=exits, start_m=START_M
+    )
+
+
+@functools.cache
+def planner(gap_m):
+    return Planner(flown_site(behind_a_window(gap_m), VEHICLE, Supervision()), VEHICLE)
+
+
+def answer(gap_m, mission, widening_m=0.0):
+    request = PlanRequest(
+        mission=mission,
+        target="beyond" if mission is Mission.INSPECTION else None,
+        start_m=START_M,
+        velocity_mps=(0.0, 0.0),
+        weights=VEHICLE.weights[mission],
+        risk=RiskIndices(),
+    )
+    return answer_job(
+        Planners(planner(gap_m)), PlanJob(job_id=1, request=request, widening_m=widening_m)
+    )
+
+
+def clearance_m(plan):
+    return plan.metrics.min_clearance_m - VEHICLE.radius_m
+
+
+@pytest.mark.parametrize(("gap_m", "narrowed_m"), [(6.6, 0.0), (5.6, 0.575), (4.2, 1.15)])
+def test_a_way_out_that_the_margin_closes_is_planned_with_the_most_of_it_that_leaves_one(
+    gap_m, narrowed_m
+):
+    found = answer(gap_m, Mission.EXIT)
+    assert found.plan is not None, found.reason
+    assert found.narrowed_m == pytest.approx(narrowed_m)
+    assert clearance_m(found.plan) >= 2.55 - narrowed_m - 1e-6
+
+
+def test_the_position_error_is_kept_at_least():
+    refused = answer(3.0, Mission.EXIT)
+    assert refused.plan is None
+    assert refused.reason.startswith("no free way")
+
+
+def test_less_known_of_the_position_counts_in_full():
+    """By 0.6 m worse than the margin has it."""
+    assert answer(4.2, Mission.EXIT, 0.6).plan is None
+    found = answer(5.6, Mission.EXIT, 0.6)
+    assert clearance_m(found.plan) >= 1.4 + 0.6 - 1e-6
+
+
+def test_an_inspection_is_flown_with_all_of_the_margin_or_not():
+    refused = answer(5.6, Mission.INSPECTION)
+    assert refused.plan is None
+    assert refused.reason == "no way with margin 2.55 m"
+
+
+def at_the_window(gap_m, **options):
+    return Desk(planner=planner(gap_m), height_m=5.0, supervision=Supervision(), **options)
+
+
+def test_the_clearance_that_is_left_is_told_and_the_gate_lets_it_pass():
+    desk = at_the_window(4.2).come_to("landing_leg", EXIT)
+    assert any(text.startswith("MOAR: 1.7 m to ") for text in desk.texts()), desk.texts()
+    assert desk.said(" wall < 2.5, exiting")
+    assert not desk.said("no room here")
+    assert not desk.said("too near")
+
+
+@functools.cache
+def beside_a_wall():
+    """A target 3.1 m from a wall: hull and margin take 2.93 m, rounding the rest."""
+    site = behind_a_window(4.2)
+    wall = Polygon(name="wall", vertices_m=((10.0, 0.0), (16.0, 0.0), (16.0, 14.0), (10.0, 14.0)))
+    target = Target(name="crack", position_m=(19.1, 8.0), dwell_s=60.0)
+    site = replace(site, obstacles=(wall,), targets=(target,), start_m=(27.0, 2.5))
+    return Planner(flown_site(site, VEHICLE, Supervision()), VEHICLE)
+
+
+def test_a_setpoint_that_a_small_jump_puts_into_the_margin_waits_and_goes_on_by_itself():
+    desk = Desk(planner=beside_a_wall()).come_to("at_target")
+    desk.jump(0.0, -0.7, 0.0)  # towards the wall
+    desk.run_until("holding", 2.0)
+    desk.run(0.1)
+    assert desk.said("MOAR: no room here, margin 2.55 m, holding"), desk.texts()
+    desk.run_until("at_target", 30.0)
+
+
+@pytest.mark.parametrize(
+    ("file", "heard", "words"),
+    [
+        (AutopilotKind.PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "px4, heard ardupilot"),
+        (AutopilotKind.ARDUPILOT, mavlink.MAV_AUTOPILOT_PX4, "ardupilot, heard px4"),
+    ],
+)
+def test_another_autopilot_than_the_vehicle_files_is_told_and_nothing_is_flown(file, heard, words):
+    """Its margin is not the one that is kept."""
+    usual = usual_planner()
+    other = Planner(usual.site, replace(usual.vehicle, autopilot=file))
+    desk = Desk(planner=other, autopilot=heard).run(1.2).order(EXIT).run(1.0)
+    assert desk.answers()[-1] in {TEMPORARILY_REJECTED, DENIED}
+    assert desk.said(f"MOAR: vehicle file {words}, rejected"), desk.texts()
+    assert not desk.setpoints()
+
+
+def test_in_a_gust_an_exit_that_is_ordered_is_planned_by_what_lasts():
+    usual = usual_planner()
+    guidance = replace(usual.vehicle.guidance, tracking_margin_m=0.2)
+    desk = Desk(planner=Planner(usual.site, replace(usual.vehicle, guidance=guidance)))
+    desk.come_to("flying").fall_behind(0.0, -1.0, 0.0, seconds=1.0).run(3.0)
+    assert desk.jobs[-1].widening_m > 0.5
+    desk.order(EXIT).run_until_sought("exit", 1.0)
+    assert desk.jobs[-1].widening_m == 0.0
