@@ -373,6 +373,7 @@ class LinkStatistics:
 
     off_stream: those of the received that belong to no stream that is read: parameters, logs,
     texts, and streams that may be asked down.
+    packets_late: those that were dropped, as later ones of the same message had been taken.
     round_trip_s: how long it takes from a question of ours to the autopilot's answer.
     shortest_round_trip_s: of all such answers.
     """
@@ -381,6 +382,7 @@ class LinkStatistics:
     packets_received: int
     packets_lost: int
     off_stream: int = 0
+    packets_late: int = 0
     round_trip_s: float | None = None
     shortest_round_trip_s: float = 0.0
 

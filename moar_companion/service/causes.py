@@ -104,7 +104,7 @@ class WayOut:
 class Seen:
     """What the causes are looked for in.
 
-    faults: causes that are known as such. control_allowed: one autopilot and no other is heard.
+    faults: causes that are known as such. conflict: words for a second autopilot that is heard.
     position_late_s: how much later than the fastest one it has come, by the clock in it.
     jumped_m: how far it has jumped of late. jump_margin_m: how far it may be wrong where it is.
     error_m: from the setpoint to the aircraft.
@@ -121,7 +121,7 @@ class Seen:
 
     telemetry: Telemetry
     risk: RiskEstimate
-    control_allowed: bool
+    conflict: str | None = None
     pose: Pose | None
     position_moved_s: float
     position_late_s: float = math.inf
@@ -244,8 +244,8 @@ def _control(seen: Seen) -> str | None:
     autopilot = seen.telemetry.autopilot
     if autopilot is None:
         return "no autopilot is heard"
-    if not seen.control_allowed:
-        return "two autopilots are heard"
+    if seen.conflict is not None:
+        return seen.conflict
     return None if autopilot.multirotor else "the vehicle is no multirotor"
 
 

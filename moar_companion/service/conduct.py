@@ -348,7 +348,7 @@ class Conduct:
         return Seen(
             telemetry=telemetry,
             risk=self.risk,
-            control_allowed=self._session.control_allowed,
+            conflict=self._session.conflict,
             pose=pose,
             position_moved_s=self._surroundings.position_moved_s,
             position_late_s=self._surroundings.position_late_s,

@@ -1,0 +1,140 @@
+"""Packets that are late, or of somebody who takes the autopilot's ids: nothing is chased."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+from moar_companion.types import GeodeticPoint
+from sitl.wire import packet_header, packets
+
+from ..copies import flown_once
+from .judging import assert_nothing_was_touched
+from .lockstep import STEP_S, hovering
+from .marks import BOTH
+from .operator import INSPECTION
+
+METRES_PER_DEGREE = math.radians(6_371_000.0)
+LOCAL_POSITION, GLOBAL_POSITION, ORIGIN = 32, 33, 49
+
+
+@flown_once
+def in_flight(manner, vehicle="x500", seconds=3.0):
+    flight = hovering(vehicle=vehicle, manner=manner)
+    flight.begin(INSPECTION, 0)
+    flight.run(seconds)
+    assert flight.state == "flying"
+    return flight
+
+
+class Intruder:
+    """Somebody on the link who speaks with the autopilot's ids, and in its order."""
+
+    def __init__(self, flight):
+        self.flight = flight
+        self.heard = []
+        """(time, message id, packet) of everything the autopilot said."""
+        self.origin = None
+        """The true one, as told last: latitude and longitude in 1e-7 degrees, altitude in mm."""
+        self.boot_ms = 0
+        self.sequence = 0
+        self.forge = None
+        """What is done with a packet of the autopilot: bytes in, bytes out."""
+        self._codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+        self._reader = mavlink.MAVLink(None)
+        self._reader.robust_parsing = True
+        self._hear = flight.hear
+        flight.hear = self.listen
+
+    def listen(self, data):
+        for packet in packets(data):
+            message_id = packet_header(packet)[0]
+            self.heard.append((self.flight.now_s, message_id, packet))
+            message = self.read(packet)
+            self.sequence = message.get_seq()
+            if message_id == ORIGIN:
+                self.origin = (message.latitude, message.longitude, message.altitude)
+            if message_id == LOCAL_POSITION:
+                self.boot_ms = message.time_boot_ms
+            forged = packet if self.forge is None else self.forge(message_id, packet)
+            if forged:
+                self._hear(forged)
+
+    def read(self, packet):
+        (message,) = self._reader.parse_buffer(packet)
+        return message
+
+    def say(self, message):
+        self._codec.seq = (self.sequence + 1) % 256
+        self._hear(message.pack(self._codec))
+
+    def say_again(self, message_id, late_s):
+        """The packet of this kind that was heard so long ago, once more."""
+        told_s = self.flight.now_s - late_s
+        self._hear(
+            next(
+                packet
+                for time_s, kind, packet in self.heard
+                if kind == message_id and time_s >= told_s
+            )
+        )
+
+    def origin_off(self, north_m, east_m, up_m=0.0):
+        """GPS_GLOBAL_ORIGIN, so far from the true one."""
+        latitude_e7, longitude_e7, altitude_mm = self.origin
+        scale = math.cos(math.radians(latitude_e7 * 1e-7))
+        return mavlink.MAVLink_gps_global_origin_message(
+            latitude_e7 + round(north_m / METRES_PER_DEGREE * 1e7),
+            longitude_e7 + round(east_m / METRES_PER_DEGREE / scale * 1e7),
+            altitude_mm + round(up_m * 1e3),
+            self.boot_ms * 1000,
+        )
+
+
+def steps_m(flight, since_s):
+    """From each setpoint to the next one, in the local frame."""
+    places = [
+        (s.message.x, s.message.y, s.message.z) for s in flight.setpoints if s.time_s > since_s
+    ]
+    return [math.dist(*pair) for pair in itertools.pairwise(places)]
+
+
+def jumps(flight):
+    return [decision for decision in flight.decisions if decision.kind == "jump"]
+
+
+@pytest.mark.parametrize("late_s", [0.3, 0.6, 0.9])
+@BOTH
+def test_a_position_that_is_heard_again_late_moves_no_setpoint(manner, late_s):
+    flight = in_flight(manner)
+    intruder = Intruder(flight)
+    flight.run(1.5)
+    began_s, late = flight.now_s, flight.companion.telemetry.link.packets_late
+    for _ in range(5):
+        intruder.say_again(LOCAL_POSITION, late_s)
+        flight.run(0.2)
+    assert not jumps(flight)
+    fastest_mps = flight.vehicle.speed.horizontal_mps + flight.vehicle.speed.min_mps
+    assert max(steps_m(flight, began_s)) <= fastest_mps * STEP_S + 1e-3
+    assert flight.state == "flying"
+    assert flight.companion.telemetry.link.packets_late >= late + 5
+
+
+@BOTH
+def test_old_packets_of_every_kind_in_one_burst_are_no_restart(manner):
+    flight = in_flight(manner)
+    intruder = Intruder(flight)
+    flight.run(5.0)
+    old = [
+        packet for time_s, kind, packet in intruder.heard if kind and time_s < flight.now_s - 3.0
+    ]
+    before = flight.companion.telemetry.local_position
+    for packet in old:
+        intruder._hear(packet)
+    assert flight.companion.telemetry.local_position == before
+    flight.run(2.0)
+    assert flight.state in {"flying", "at_target"}
+    assert not jumps(flight)
