@@ -237,10 +237,11 @@ class Home:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GlobalPosition:
-    """GLOBAL_POSITION_INT."""
+    """GLOBAL_POSITION_INT. boot_s: the autopilot's own clock; None where a recording has none."""
 
     received_s: float
     point: GeodeticPoint
+    boot_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -112,7 +112,7 @@ class Identity:
         return AutopilotRestarted(autopilot=self.autopilot or known) if restarted else None
 
     def note_other_clock(self, now_s: float) -> AutopilotConflict | None:
-        """Takes note of a packet with the autopilot's ids and another clock than the autopilot's."""
+        """Takes note of a packet with the autopilot's ids and another clock."""
         if self.autopilot is None:
             return None
         words = f"two clocks under autopilot id {self.autopilot.system_id}"
