@@ -108,7 +108,7 @@ class PacketOrder:
 
         timed: whether it is known to be in time by the time in it.
         """
-        ahead = (message.get_seq() - self._newest) % _ROUND
+        ahead = (int(message.get_seq()) - self._newest) % _ROUND
         silent_s = now_s - self._received_s
         if silent_s > _SILENT_S:
             place = self._newest + _ROUND + ahead
