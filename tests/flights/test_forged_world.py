@@ -15,7 +15,7 @@ from ..copies import flown_once
 from .judging import assert_nothing_was_touched
 from .lockstep import STEP_S, hovering
 from .marks import BOTH
-from .operator import INSPECTION, Manner
+from .operator import INSPECTION, TEMPORARILY_REJECTED, Manner
 
 METRES_PER_DEGREE = math.radians(6_371_000.0)
 EAST_SCALE = math.cos(math.radians(45.3781))
@@ -75,7 +75,8 @@ class Intruder:
         (message,) = self._reader.parse_buffer(packet)
         return message
 
-    def say(self, message):
+    def say(self, message, system_id=1):
+        self._codec.srcSystem = system_id
         self._codec.seq = (self.sequence + 1) % 256
         self._hear(message.pack(self._codec))
 
@@ -232,3 +233,29 @@ def test_a_real_reset_of_the_estimator_is_no_disagreement(manner):
     flight.run(5.0)
     assert flight.state in {"flying", "at_target"}
     assert not flight.operator.said("global position")
+
+
+ONE_PACKET = {
+    "two autopilots are heard": (2, mavlink.MAVLink_heartbeat_message(2, 12, 81, 0x03040000, 3, 3)),
+    "two clocks under autopilot id 1": (1, mavlink.MAVLink_system_time_message(0, 900_000_000)),
+}
+
+
+@pytest.mark.parametrize("words", ONE_PACKET)
+def test_one_packet_of_another_autopilot_ends_control_and_does_not_refuse_it_for_good(words):
+    flight = in_flight(Manner.PX4, target=-1)
+    system_id, message = ONE_PACKET[words]
+    intruder = Intruder(flight)
+    flight.run(0.2)
+    intruder.say(message, system_id)
+    flight.run(0.1)
+    assert flight.state == "released"
+    assert flight.operator.said(f"MOAR: {words}, released")
+    flight.run(5.0)
+    flight.operator.mission(INSPECTION)
+    flight.run(0.5)
+    assert flight.operator.answers()[-1] == TEMPORARILY_REJECTED
+    flight.operator.mode("hold")
+    flight.run(6.0)
+    flight.begin(INSPECTION)
+    assert flight.state == "flying"
