@@ -237,10 +237,11 @@ class Home:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GlobalPosition:
-    """GLOBAL_POSITION_INT."""
+    """GLOBAL_POSITION_INT. boot_s: the autopilot's own clock; None where a recording has none."""
 
     received_s: float
     point: GeodeticPoint
+    boot_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -373,6 +374,7 @@ class LinkStatistics:
 
     off_stream: those of the received that belong to no stream that is read: parameters, logs,
     texts, and streams that may be asked down.
+    packets_late: those that were dropped, as later ones of the same message had been taken.
     round_trip_s: how long it takes from a question of ours to the autopilot's answer.
     shortest_round_trip_s: of all such answers.
     """
@@ -381,6 +383,7 @@ class LinkStatistics:
     packets_received: int
     packets_lost: int
     off_stream: int = 0
+    packets_late: int = 0
     round_trip_s: float | None = None
     shortest_round_trip_s: float = 0.0
 

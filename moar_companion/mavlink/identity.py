@@ -13,8 +13,6 @@ _LINK_TIMEOUT_S = 3.0
 hears it is used."""
 _CONFLICT_TIMEOUT_S = 10.0
 """An autopilot that has been silent for so long is gone; nothing is streamed to it any more."""
-_CLOCK_TOLERANCE_S = 1.0
-"""The modules of an autopilot stamp their messages at different times, milliseconds apart."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,10 +44,22 @@ class AutopilotRestarted:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotConflict:
-    """A second autopilot is heard: nothing is controlled while both are."""
+    """A second autopilot is heard: nothing is controlled while both are.
+
+    reason: what shows that there are two, in short words for people.
+    """
 
     autopilot: Autopilot
     other: Autopilot
+    reason: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Other:
+    """What was heard of a second autopilot. cause: the words for why there is no control."""
+
+    heard_s: float
+    cause: str
 
 
 class Identity:
@@ -59,7 +69,8 @@ class Identity:
         self.autopilot: Autopilot | None = None
         self.heard_s: float | None = None
         """When the autopilot's last packet, of any kind, was received on its link."""
-        self._others: dict[tuple[int, AutopilotKind], float] = {}
+        self._others: dict[tuple[int, AutopilotKind] | str, _Other] = {}
+        """By their ids; under the autopilot's own by what tells them apart."""
         self._booting = False
 
     def hear(
@@ -88,9 +99,9 @@ class Identity:
             self._others.clear()
             return AutopilotFound(autopilot=heard)
         if other:
-            new = key not in self._others
-            self._others[key] = now_s
-            return AutopilotConflict(autopilot=known, other=heard) if new else None
+            ids = f"systems {known.system_id} and {heard.system_id}"
+            words = f"two autopilots, {ids}"
+            return self._note(key, heard, words, "two autopilots are heard", now_s)
         if link != known.link:
             if self.heard_s is not None and now_s - self.heard_s <= _LINK_TIMEOUT_S:
                 return None
@@ -99,6 +110,28 @@ class Identity:
         restarted = booting and not self._booting
         self._booting = booting
         return AutopilotRestarted(autopilot=self.autopilot or known) if restarted else None
+
+    def note_other_clock(self, now_s: float) -> AutopilotConflict | None:
+        """Takes note of a packet with the autopilot's ids and another clock."""
+        if self.autopilot is None:
+            return None
+        words = f"two clocks under autopilot id {self.autopilot.system_id}"
+        return self._note("clock", self.autopilot, words, words, now_s)
+
+    def _note(
+        self,
+        key: tuple[int, AutopilotKind] | str,
+        other: Autopilot,
+        reason: str,
+        cause: str,
+        now_s: float,
+    ) -> AutopilotConflict | None:
+        """Takes note of another autopilot; the conflict when it is a new one."""
+        known, new = self.autopilot, key not in self._others
+        self._others[key] = _Other(heard_s=now_s, cause=cause)
+        if known is None or not new:
+            return None
+        return AutopilotConflict(autopilot=known, other=other, reason=reason)
 
     def _is_gone(self, now_s: float) -> bool:
         """Whether the autopilot has been silent for so long that another may take its place."""
@@ -110,41 +143,11 @@ class Identity:
 
     def forget_silent(self, now_s: float) -> None:
         """Ends a conflict when the other autopilot has not been heard for 10 s."""
-        for key, heard_s in list(self._others.items()):
-            if now_s - heard_s > _CONFLICT_TIMEOUT_S:
+        for key, other in list(self._others.items()):
+            if now_s - other.heard_s > _CONFLICT_TIMEOUT_S:
                 del self._others[key]
 
     @property
-    def conflict(self) -> bool:
-        """Whether more than one autopilot is heard."""
-        return bool(self._others)
-
-
-class BootClock:
-    """Notices an autopilot's restart by its own clock going back."""
-
-    def __init__(self) -> None:
-        self._last_s: float | None = None
-        self._suspect_s: float | None = None
-
-    def hear(self, boot_s: float) -> bool:
-        """Whether this time since boot shows a restart.
-
-        One late packet shows nothing: two in a row must be more than a second behind.
-        """
-        last_s = self._last_s
-        if last_s is None or boot_s >= last_s - _CLOCK_TOLERANCE_S:
-            self._last_s = boot_s if last_s is None else max(boot_s, last_s)
-            self._suspect_s = None
-            return False
-        suspect_s, self._suspect_s = self._suspect_s, boot_s
-        if suspect_s is None or boot_s < suspect_s - _CLOCK_TOLERANCE_S:
-            return False
-        self._last_s = boot_s
-        self._suspect_s = None
-        return True
-
-    def reset(self) -> None:
-        """Forgets the clock, after a restart noticed otherwise."""
-        self._last_s = None
-        self._suspect_s = None
+    def conflict(self) -> str | None:
+        """Words for more than one autopilot that is heard; None while there is one at most."""
+        return next((other.cause for other in self._others.values()), None)

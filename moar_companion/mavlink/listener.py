@@ -17,10 +17,10 @@ from .identity import (
     AutopilotConflict,
     AutopilotFound,
     AutopilotRestarted,
-    BootClock,
     Identity,
 )
 from .packet_order import PacketOrder
+from .source_clock import Reading, SourceClock
 from .translate_status import RADIO_IDS
 
 MESSAGE_IDS = translate.MESSAGE_IDS | {
@@ -29,6 +29,11 @@ MESSAGE_IDS = translate.MESSAGE_IDS | {
 }
 """The messages that tell a listener something."""
 
+_CLOCK_TOLERANCE_S = 1.0
+"""The modules of an autopilot stamp their messages at different times, milliseconds apart, and a
+link that reorders packets delivers them up to a second late."""
+_BOOT_ROUND_S = 2**32 * 1e-3
+"""`time_boot_ms` has 32 bits: it begins anew after 49.7 days."""
 _HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
 
 
@@ -49,7 +54,7 @@ class Listener:
     def __init__(self) -> None:
         self.identity = Identity()
         self.telemetry = Telemetry()
-        self._boot_clock = BootClock()
+        self._boot_clock = SourceClock(round_s=_BOOT_ROUND_S, behind_s=_CLOCK_TOLERANCE_S)
         self._order = PacketOrder(same={CURRENT_MODE_ID: _HEARTBEAT})
         self._packet_s = 0.0
 
@@ -78,20 +83,14 @@ class Listener:
             elif role is LinkRole.AUTOPILOT:
                 event = self.identity.hear(message, link=link, now_s=now_s)
                 if isinstance(event, AutopilotFound):
-                    self._boot_clock.reset()
                     self._forget()
         if self.is_autopilots(message, link):
-            self._packet_s = self.identity.heard_s = now_s
-            boot_s = translate.boot_time_s(message)
-            autopilot = self.identity.autopilot
-            if boot_s is not None and self._boot_clock.hear(boot_s) and autopilot is not None:
-                event = AutopilotRestarted(autopilot=autopilot)
-            elif isinstance(event, AutopilotRestarted):
-                self._boot_clock.reset()
+            event = event or self._read_clock(message, now_s)
             if isinstance(event, AutopilotRestarted):
                 self._forget()
             before = self.telemetry.autopilot
             if not self._order.is_late(message, now_s):
+                self._packet_s = self.identity.heard_s = now_s
                 self.telemetry = translate.update(self.telemetry, message, now_s)
             after = self.telemetry.autopilot
             if event is None and before and before.ours and after and not after.ours:
@@ -100,6 +99,20 @@ class Listener:
             # A telemetry radio speaks for itself, as system 51, component 68.
             self.telemetry = translate.update(self.telemetry, message, now_s)
         return event
+
+    def _read_clock(
+        self, message: Message, now_s: float
+    ) -> AutopilotRestarted | AutopilotConflict | None:
+        """What the autopilot's clock shows: a restart, or that somebody else has another clock."""
+        boot_s, autopilot = translate.boot_time_s(message), self.identity.autopilot
+        if boot_s is None or autopilot is None:
+            return None
+        reading = self._boot_clock.read(boot_s, now_s)
+        if reading is Reading.RESTARTED:
+            return AutopilotRestarted(autopilot=autopilot)
+        if reading is Reading.FOREIGN:
+            return self.identity.note_other_clock(now_s)
+        return None
 
     def count_packets(
         self,
@@ -113,6 +126,7 @@ class Listener:
             packets_received=counted.received,
             packets_lost=counted.lost,
             off_stream=counted.off_stream,
+            packets_late=self._order.late,
             round_trip_s=round_trip_s,
             shortest_round_trip_s=shortest_round_trip_s,
         )
@@ -122,6 +136,7 @@ class Listener:
         """Nothing the autopilot, or another before it, said holds any more; modes come at 1 Hz."""
         before = self.telemetry
         self._order.restart()
+        self._boot_clock.reset()
         self.telemetry = Telemetry(
             autopilot=before.autopilot,
             radio=before.radio,

@@ -1,9 +1,11 @@
-"""Order of an autopilot's packets by the sequence numbers of their headers. No I/O.
+"""Order of an autopilot's packets by the times in them, and by their sequence numbers. No I/O.
 
 A link that delays each packet by another time delivers some after their successors. What such a
-packet says is older than what is known, and must not replace it: the mode above all, for neither
-HEARTBEAT nor CURRENT_MODE carries a time. Only a state is replaced by its successor, and only that
-of the same instance: events count whenever they arrive.
+packet says is older than what is known, and must not replace it. Of a message that carries the
+autopilot's time (`time_boot_ms`, `time_usec`) the time decides, however late it is. Of others the
+sequence number of the header does: of the mode above all, as neither HEARTBEAT nor CURRENT_MODE
+carries a time. Only a state is replaced by its successor, and only that of the same instance:
+events count whenever they arrive.
 """
 
 from __future__ import annotations
@@ -12,12 +14,18 @@ import math
 from collections.abc import Mapping
 
 from .dialect import ESC_STATUS_ID, Message, mavlink
+from .source_clock import Reading, SourceClock
 
 _ROUND = 256
 """Sequence numbers have 8 bits."""
 _SILENT_S = 0.2
 """After a longer silence nobody knows how many packets were lost (PX4 sends half a round in
 0.3 s): the first packet then begins a new order."""
+_AT_ONCE = 32
+_MOST_HZ = 1000.0
+"""A number that is farther ahead than this, and than so many packets a second since the last, is of
+a packet that is late by most of a round: PX4 sends one in 0.6 s. On a link that delays packets by
+up to 0.15 s more than others, one of 230 a second is up to 20 ahead."""
 _EVENTS = {
     int(mavlink.MAVLINK_MSG_ID_STATUSTEXT),
     int(mavlink.MAVLINK_MSG_ID_PARAM_VALUE),
@@ -29,6 +37,13 @@ _INSTANCES = {
     ESC_STATUS_ID: "index",
 }
 """The field that says of which battery, port, sensor or motors a message tells the state."""
+_OF_A_PLACE = {
+    int(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN),
+    int(mavlink.MAVLINK_MSG_ID_HOME_POSITION),
+}
+"""PX4 stamps these with the time at which the place was set, ArduPilot with that of the packet: a
+place that was told with a later time would hide the true one for good."""
+_ROUND_32_BITS = 2**32
 
 
 class PacketOrder:
@@ -42,28 +57,82 @@ class PacketOrder:
         self._newest = 0
         self._received_s = -math.inf
         self._latest: dict[tuple[int, int], int] = {}
+        self._clocks: dict[tuple[int, int], SourceClock] = {}
+        self.late = 0
+        """How many packets were late, or ahead of the autopilot's clock."""
 
     def restart(self) -> None:
         """The source has restarted: nothing before counts."""
         self._received_s = -math.inf
+        self._clocks.clear()
 
     def is_late(self, message: Message, now_s: float) -> bool:
-        """Whether a later packet of the same message and instance was taken before this one."""
-        ahead = (message.get_seq() - self._newest) % _ROUND
-        if now_s - self._received_s > _SILENT_S:
-            self._newest += _ROUND + ahead
-            place = self._newest
-        else:
-            place = self._newest + (ahead if ahead < _ROUND // 2 else ahead - _ROUND)
-            self._newest = max(self._newest, place)
-        self._received_s = now_s
+        """Whether a later packet of the same message and instance was taken before this one.
+
+        Also when its time is ahead of what the autopilot's clock can tell by now. Such packets are
+        counted in `late`.
+        """
         message_id = message.get_msgId()
-        if message_id in _EVENTS:
-            return False
         field = _INSTANCES.get(message_id)
         instance = 0 if field is None else getattr(message, field)
-        kind = self._same.get(message_id, message_id), instance
-        if place < self._latest.get(kind, place):
+        stamp = None if message_id in _OF_A_PLACE else _stamp(message)
+        if stamp is not None:
+            late = self._is_older(stamp, (message_id, instance), now_s)
+            if not late:
+                self._place_of(message, now_s, timed=True)
+        else:
+            kind = self._same.get(message_id, message_id), instance
+            place = self._place_of(message, now_s, timed=False)
+            late = message_id not in _EVENTS and self._is_overtaken(kind, place)
+        self.late += late
+        return late
+
+    def _is_older(
+        self, stamp: tuple[float, float, bool], kind: tuple[int, int], now_s: float
+    ) -> bool:
+        """Whether it is late by the time in it."""
+        stamp_s, round_s, restarts = stamp
+        if kind not in self._clocks:
+            self._clocks[kind] = SourceClock(round_s=round_s, restarts=restarts)
+        return self._clocks[kind].read(stamp_s, now_s) in {Reading.LATE, Reading.FOREIGN}
+
+    def _is_overtaken(self, kind: tuple[int, int], place: int | None) -> bool:
+        """Whether it is late by its sequence number."""
+        if place is None or place < self._latest.get(kind, place):
             return True
         self._latest[kind] = place
         return False
+
+    def _place_of(self, message: Message, now_s: float, *, timed: bool) -> int | None:
+        """The position of a packet among all; None of one that is too far ahead.
+
+        timed: whether it is known to be in time by the time in it.
+        """
+        ahead = (int(message.get_seq()) - self._newest) % _ROUND
+        silent_s = now_s - self._received_s
+        if silent_s > _SILENT_S:
+            place = self._newest + _ROUND + ahead
+        elif ahead >= _ROUND // 2:
+            place = self._newest + ahead - _ROUND
+        elif not timed and ahead > _AT_ONCE + _MOST_HZ * silent_s:
+            return None
+        else:
+            place = self._newest + ahead
+        self._newest, self._received_s = max(self._newest, place), now_s
+        return place
+
+
+def _stamp(message: Message) -> tuple[float, float, bool] | None:
+    """The time in a message, after what time it begins anew, and whether it may be another's clock.
+
+    In seconds; None where it carries none. `time_boot_ms` is of the one clock whose restart is
+    known. `time_usec` may be of a receiver or of an odometry that restarts by itself; 0 is how PX4
+    tells that a receiver is silent.
+    """
+    if hasattr(message, "time_boot_ms"):
+        return message.time_boot_ms * 1e-3, _ROUND_32_BITS * 1e-3, False
+    time_usec = getattr(message, "time_usec", 0)
+    if not time_usec:
+        return None
+    short = message.fieldtypes[message.fieldnames.index("time_usec")] == "uint32_t"
+    return time_usec * 1e-6, _ROUND_32_BITS * 1e-6 if short else math.inf, True

@@ -140,7 +140,12 @@ class Session:
     @property
     def control_allowed(self) -> bool:
         """Whether there is one autopilot, and only one, to control."""
-        return self.autopilot is not None and not self._listener.identity.conflict
+        return self.autopilot is not None and self.conflict is None
+
+    @property
+    def conflict(self) -> str | None:
+        """Words for a second autopilot that is heard, under whatever ids; None without one."""
+        return self._listener.identity.conflict
 
     @property
     def parameters(self) -> Mapping[str, float | None]:

@@ -109,7 +109,8 @@ def _global_position(telemetry: Telemetry, message: Message, now_s: float) -> Te
     point = _point(message.lat, message.lon, message.alt)
     if point is None:
         return telemetry
-    return replace(telemetry, global_position=GlobalPosition(received_s=now_s, point=point))
+    position = GlobalPosition(received_s=now_s, point=point, boot_s=message.time_boot_ms * 1e-3)
+    return replace(telemetry, global_position=position)
 
 
 def _point(latitude_e7: int, longitude_e7: int, altitude_mm: int) -> GeodeticPoint | None:

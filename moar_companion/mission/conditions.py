@@ -67,6 +67,8 @@ class Causes:
     gate: str | None = None
     death: str | None = None
     jump: str | None = None
+    origin_moved: str | None = None
+    disagreement: str | None = None
     uncertainty: str | None = None
     narrow: str | None = None
     gnss: str | None = None
@@ -283,6 +285,23 @@ CONDITIONS = (
         action=Action.HOLD,
         latched=True,
         override=Override.ORDER,
+    ),
+    Condition(
+        name="origin_moved",
+        starts="the local frame's origin has moved since the flight began, or since an order was "
+        "given over that, by more than `jump_limit_m`, or than the margin's position error and "
+        "what is free beyond the margin",
+        action=Action.HOLD,
+        latched=True,
+        override=Override.ORDER,
+    ),
+    Condition(
+        name="disagreement",
+        starts="the local position, by its origin, is more than 0.5 m from the global position; "
+        "or home is that far from itself (ArduPilot)",
+        action=Action.HOLD,
+        after_s=0.5,
+        over_s=5.0,
     ),
     Condition(
         name="uncertainty",

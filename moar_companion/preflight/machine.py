@@ -203,7 +203,6 @@ class Preflight:
         seen = Seen(
             telemetry=self._session.telemetry,
             risk=self._risk,
-            control_allowed=True,
             pose=self._surroundings.pose,
             position_moved_s=self._surroundings.position_moved_s,
             azimuth_rad=None if self._site is None else math.radians(self._site.frame.azimuth_deg),

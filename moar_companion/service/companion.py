@@ -384,9 +384,8 @@ class Companion:
                     self._conduct.faults.note_mode_left(mode)
                 case AutopilotRestarted():
                     self._conduct.faults.note_restart()
-                case AutopilotConflict(autopilot=autopilot, other=other):
-                    ids = f"systems {autopilot.system_id} and {other.system_id}"
-                    text = f"two autopilots, {ids}, no control ({autopilot}, {other})"
+                case AutopilotConflict(autopilot=autopilot, other=other, reason=reason):
+                    text = f"{reason}, no control ({autopilot}, {other})"
                     self._reports.say(Severity.ERROR, text, now_s)
         if self._session.autopilot is not None:
             kind = self._session.autopilot.kind

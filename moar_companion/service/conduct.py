@@ -255,7 +255,7 @@ class Conduct:
 
     def shift(self, jump: Jump, now_s: float) -> None:
         """Take what is flown along with a position or heading that jumped."""
-        self.setpoints.shift(jump)
+        self.setpoints.shift(jump, self._surroundings.plane)
         if self.course.flight is not None:
             self.course.flight.shift(jump)
             self._reports.record("jump", now_s, jump_m=list(jump.step_m), turn_rad=jump.turn_rad)
@@ -345,16 +345,21 @@ class Conduct:
         room_m = None
         if ground is not None and pose is not None:
             room_m = ground.room_m(pose, self._vehicle.radius_m)
+        agreement, jumped_m = self._surroundings.agreement, self._surroundings.jumped_m(now_s)
         return Seen(
             telemetry=telemetry,
             risk=self.risk,
-            control_allowed=self._session.control_allowed,
+            conflict=self._session.conflict,
             expected=self._vehicle.autopilot,
             pose=pose,
             position_moved_s=self._surroundings.position_moved_s,
             position_late_s=self._surroundings.position_late_s,
-            jumped_m=self._surroundings.jumped_m(now_s),
-            jump_margin_m=math.inf if room_m is None else self._jump_margin_m(room_m, now_s),
+            jumped_m=jumped_m,
+            jump_margin_m=self._jump_margin_m(room_m, jumped_m),
+            origin_moved_m=agreement.origin_moved_m,
+            origin_margin_m=self._jump_margin_m(room_m, agreement.origin_moved_m),
+            global_off_m=agreement.global_off_m,
+            home_off_m=agreement.home_off_m,
             room_m=room_m,
             widening_m=widening_m(self.risk, self._margin),
             in_control=self.status.state in IN_CONTROL,
@@ -382,12 +387,14 @@ class Conduct:
             ),
         )
 
-    def _jump_margin_m(self, room_m: float, now_s: float) -> float:
-        """How far the position may be wrong, here or where it was before it jumped.
+    def _jump_margin_m(self, room_m: float | None, jumped_m: float) -> float:
+        """How far the position may be wrong, here or where it was before it jumped so far.
 
         room_m: what the aircraft has beyond keep-outs.
         """
-        spare_m = room_m - self._margin.tracking_m - self._surroundings.jumped_m(now_s)
+        if room_m is None:
+            return math.inf
+        spare_m = room_m - self._margin.tracking_m - jumped_m
         return max(0.0, self._margin.position_m + min(0.0, room_m) + max(0.0, spare_m))
 
     # What follows
@@ -424,6 +431,8 @@ class Conduct:
                 self.course.brake()
             case Overrule(known):
                 self._overseer.override(known)
+                if "origin_moved" in known:
+                    self._surroundings.agreement.accept_origin()
                 self.engaging.forget_landing()
             case Do.FAREWELL:
                 self._say_farewell(now_s)

@@ -25,6 +25,8 @@ class Jump:
     """What the estimator was reset by: the aircraft is where it was, and told to be elsewhere."""
 
     step_m: Vector = (0.0, 0.0, 0.0)
+    origin_step_m: Vector = (0.0, 0.0, 0.0)
+    """What of the step is the origin's: in the local frame nothing has moved by that."""
     turn_rad: float = 0.0
     """Of the heading, to the right."""
 

@@ -17,7 +17,7 @@ named otherwise; None (null) is unknown, or that there is no such thing now.
     weights      base, adjusted: safety, time, energy; by_risk: what each index did to them; words
     plan         status, mission, target, cost, search_ms, age_s, reason, change (of the path before
                  it, in words); paths, replans: how many
-    link         packets_received, packets_lost, rate_hz
+    link         packets_received, packets_lost, packets_late, rate_hz
     radio        rssi, remote_rssi, noise, remote_noise, transmit_buffer_percent, age_s
     age_s        by source of telemetry
     recorder     the folder of the record
@@ -137,6 +137,7 @@ class LatestDecisions:
         return {
             "packets_received": link.packets_received,
             "packets_lost": link.packets_lost,
+            "packets_late": link.packets_late,
             "rate_hz": self._rate_hz,
         }
 

@@ -10,6 +10,7 @@ from ..frames import PlaneToLocal
 from ..mavlink.session import Session
 from ..mission.gate import motion_refusal
 from ..site import Margin
+from ..types import Vector
 from ..vehicle import Vehicle
 from .flight import Flight
 from .motion import Jump, Setpoint
@@ -42,6 +43,8 @@ class Stream:
         self.widened_m = 0.0
         """What the distance from obstacles has to grow by now."""
         self._last: Setpoint | None = None
+        self._last_ned_m: Vector = (0.0, 0.0, 0.0)
+        """Where it is in the autopilot's frame."""
         self._last_s = -math.inf
         self._owed: tuple[Setpoint, float] | None = None
         """The farewell of a thought that has not been sent, and when that was."""
@@ -58,7 +61,7 @@ class Stream:
         tolerance_m = self._limits.plane_tolerance_m
         # Within the margin it may be no more than narrow: an estimate that jumps a little does it.
         reason = flight.refusal(setpoint, tolerance_m, -flight.margin_m) or self._motion_refusal(
-            setpoint, flight, now_s
+            setpoint, flight, plane, now_s
         )
         narrow = not reason and bool(flight.refusal(setpoint, tolerance_m, self.widened_m))
         if narrow:
@@ -69,11 +72,11 @@ class Stream:
                 else f"no room here, margin {flight.margin_m:g} m"
             )
         if reason is None:
-            self._pass(setpoint, plane, now_s)
+            self._pass(setpoint, plane.position_to_ned(setpoint.position_m), plane, now_s)
             return None
         rest = self.rest(flight, plane, now_s)
         if rest is None and self._rest is not None:
-            self._pass(self._rest, plane, now_s)
+            self._pass(self._rest, self._last_ned_m, plane, now_s)
         return Refusal(reason=reason, narrow=narrow, rest=rest)
 
     def rest(self, flight: Flight, plane: PlaneToLocal, now_s: float) -> Setpoint | None:
@@ -83,7 +86,7 @@ class Stream:
             return None
         if flight.refusal(rest, self._limits.plane_tolerance_m, self.widened_m) is not None:
             return None
-        self._pass(rest, plane, now_s)
+        self._pass(rest, self._last_ned_m, plane, now_s)
         return rest
 
     def say_farewell(self, flight: Flight, plane: PlaneToLocal, now_s: float) -> None:
@@ -101,14 +104,20 @@ class Stream:
             return
         farewell, said_s = self._owed
         if said_s < now_s <= said_s + self._limits.position_timeout_s:
-            self._pass(farewell, plane, now_s)
+            self._pass(farewell, plane.position_to_ned(farewell.position_m), plane, now_s)
 
     @property
     def _rest(self) -> Setpoint | None:
         return None if self._last is None else replace(self._last, velocity_mps=(0.0, 0.0, 0.0))
 
-    def shift(self, jump: Jump) -> None:
-        """The estimate has jumped: what was sent last jumps with it."""
+    def shift(self, jump: Jump, plane: PlaneToLocal | None) -> None:
+        """The estimate has jumped: what was sent last jumps with it.
+
+        In the autopilot's frame it does so by what is not the origin's.
+        """
+        if plane is not None:
+            own_m = _plus(jump.step_m, jump.origin_step_m, -1.0)
+            self._last_ned_m = _plus(self._last_ned_m, plane.velocity_to_ned(own_m))
         if self._last is not None:
             self._last = _shifted(self._last, jump)
         if self._owed is not None:
@@ -118,24 +127,42 @@ class Stream:
         """Nothing is streamed any more."""
         self._last = None
 
-    def _motion_refusal(self, setpoint: Setpoint, flight: Flight, now_s: float) -> str | None:
-        """Why it must not follow the one that was sent last, or begin."""
-        last, speed = self._last, self._vehicle.speed
-        return motion_refusal(
-            None if last is None else (last.position_m, last.velocity_mps),
-            (setpoint.position_m, setpoint.velocity_mps),
-            now_s - self._last_s,
-            greatest_mps=max(astuple(speed)),
-            least_mps=speed.min_mps,
-            acceleration_mps2=self._vehicle.guidance.acceleration_mps2,
-            blown_to_m=flight.blown_to_m,
-        )
+    def _motion_refusal(
+        self, setpoint: Setpoint, flight: Flight, plane: PlaneToLocal, now_s: float
+    ) -> str | None:
+        """Why it must not follow the one that was sent last, or begin.
 
-    def _pass(self, setpoint: Setpoint, plane: PlaneToLocal, now_s: float) -> None:
-        """As SET_POSITION_TARGET_LOCAL_NED."""
-        self._last, self._last_s = setpoint, now_s
+        It moves as the vehicle may in the world and in the autopilot's frame, whichever of them the
+        map between them moves.
+        """
+        last, speed, blown_to_m = self._last, self._vehicle.speed, flight.blown_to_m
+
+        def refused(before_m: Vector, after_m: Vector, blown_to_m: Vector | None) -> str | None:
+            return motion_refusal(
+                None if last is None else (before_m, last.velocity_mps),
+                (after_m, setpoint.velocity_mps),
+                now_s - self._last_s,
+                greatest_mps=max(astuple(speed)),
+                least_mps=speed.min_mps,
+                acceleration_mps2=self._vehicle.guidance.acceleration_mps2,
+                blown_to_m=blown_to_m,
+            )
+
+        before_m = setpoint.position_m if last is None else last.position_m
+        reason = refused(before_m, setpoint.position_m, blown_to_m)
+        after_ned_m = plane.position_to_ned(setpoint.position_m)
+        if reason is not None or blown_to_m is not None:
+            return reason
+        reason = refused(self._last_ned_m, after_ned_m, None)
+        return None if reason is None else f"local {reason}"
+
+    def _pass(
+        self, setpoint: Setpoint, place_ned_m: Vector, plane: PlaneToLocal, now_s: float
+    ) -> None:
+        """As SET_POSITION_TARGET_LOCAL_NED. place_ned_m: the setpoint's in the local frame."""
+        self._last, self._last_s, self._last_ned_m = setpoint, now_s, place_ned_m
         self._session.send_setpoint(
-            plane.position_to_ned(setpoint.position_m),
+            place_ned_m,
             plane.velocity_to_ned(setpoint.velocity_mps),
             setpoint.yaw_rad,
             now_s,
@@ -144,6 +171,10 @@ class Stream:
 
 def _shifted(setpoint: Setpoint, jump: Jump) -> Setpoint:
     """The same place and heading, as an estimate that has jumped has them."""
-    x_m, y_m, z_m = (old + step for old, step in zip(setpoint.position_m, jump.step_m, strict=True))
     yaw_rad = math.remainder(setpoint.yaw_rad + jump.turn_rad, math.tau)
-    return replace(setpoint, position_m=(x_m, y_m, z_m), yaw_rad=yaw_rad)
+    return replace(setpoint, position_m=_plus(setpoint.position_m, jump.step_m), yaw_rad=yaw_rad)
+
+
+def _plus(one_m: Vector, other_m: Vector, times: float = 1.0) -> Vector:
+    x_m, y_m, z_m = (one + times * other for one, other in zip(one_m, other_m, strict=True))
+    return x_m, y_m, z_m

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -21,13 +21,14 @@ from ..types import (
     Telemetry,
     Vector,
 )
+from .frame_agreement import FrameAgreement
 from .motion import Jump, Pose
 
 _LANDED_TIMEOUT_S = 5.0
 """EXTENDED_SYS_STATE comes at 5 Hz; on a slow link at less than 1 Hz."""
 _JUMP_M = 0.5
 """A position that is farther than this from where the velocity leads has jumped: the estimator
-was reset, or its origin moved. In flight PX4's own estimate wanders by centimetres."""
+was reset. In flight PX4's own estimate wanders by centimetres."""
 _RESET_JUMP_M = 0.1
 """The same where the estimator says that it was reset. In PX4's recordings the position moves by
 up to 0.02 m when it is the heading alone."""
@@ -87,6 +88,8 @@ class Surroundings:
         self._pose: Pose | None = None
         self._attitude: Attitude | None = None
         self._home_m: Vector | None = None
+        self.agreement = FrameAgreement()
+        """Of the local position with its origin, the global one, and home."""
         self._position_boot_s = -math.inf
         self._position_moved_s = -math.inf
         self._position_late_s = 0.0
@@ -120,13 +123,32 @@ class Surroundings:
         self._looked_at = telemetry
         before, self._attitude = self._attitude, telemetry.attitude
         turn_rad = _reset_turn_rad(before, self._attitude)
-        step_m = self._look_at_position(telemetry)
-        if step_m is None and not turn_rad:
+        if telemetry.autopilot is not None:
+            kind = self._kind or telemetry.autopilot.kind
+            self.agreement.look(telemetry, kind, grounded=grounded(telemetry))
+        origin_step_m = self._look_at_origin(telemetry)
+        step_m = self._look_at_position(telemetry, origin_step_m)
+        if step_m is None and not any(origin_step_m) and not turn_rad:
             return None
-        return Jump(step_m=step_m or (0.0, 0.0, 0.0), turn_rad=turn_rad)
+        whole_m = origin_step_m if step_m is None else _sum(origin_step_m, step_m)
+        return Jump(step_m=whole_m, origin_step_m=origin_step_m, turn_rad=turn_rad)
 
-    def _look_at_position(self, telemetry: Telemetry) -> Vector | None:
-        """Take in where it is. Returns how far the position jumped, if it did."""
+    def _look_at_origin(self, telemetry: Telemetry) -> Vector:
+        """Take in the map. Returns how far the aircraft jumped in the site's frame with it."""
+        before, self._plane = self._plane, self._plane_to_local(telemetry)
+        still, origin = (0.0, 0.0, 0.0), telemetry.local_origin
+        if before is self._plane or before is None or self._plane is None:
+            return still
+        if self._pose is None or origin is None:
+            return still
+        old_m = self._pose.position_m
+        new_m = self._plane.position_from_ned(before.position_to_ned(old_m))
+        step_m = _difference(new_m, old_m)
+        self._jumps.append((origin.received_s, math.hypot(*step_m)))
+        return step_m
+
+    def _look_at_position(self, telemetry: Telemetry, origin_step_m: Vector) -> Vector | None:
+        """Take in where it is. Returns how far the estimate jumped, if it did."""
         before, boot_before_s = self._pose, self._position_boot_s
         position = telemetry.local_position
         if position is not None and position.boot_s != self._position_boot_s:
@@ -137,7 +159,6 @@ class Surroundings:
             self._position_late_s = ahead_s - self._clock_ahead_s
             self._position_boot_s = position.boot_s
             self._position_moved_s = position.received_s
-        self._plane = self._plane_to_local(telemetry)
         self._pose = self._pose_of(telemetry)
         home = telemetry.home
         if home is not None and self._plane is not None:
@@ -145,7 +166,8 @@ class Surroundings:
         self._look_for_reset(telemetry)
         if before is None or self._pose is None or position is None:
             return None
-        step_m = _unexplained(before, self._pose, self._position_boot_s - boot_before_s)
+        carried = replace(before, position_m=_sum(before.position_m, origin_step_m))
+        step_m = _unexplained(carried, self._pose, self._position_boot_s - boot_before_s)
         if math.hypot(*step_m) > _RESET_JUMP_M:
             self._step = (position.received_s, step_m)
         return self._jump()
@@ -213,12 +235,22 @@ class Surroundings:
 
 def _unexplained(before: Pose, now: Pose, elapsed_s: float) -> Vector:
     """What of a step in position the velocities do not explain."""
-    step = [new - old for new, old in zip(now.position_m, before.position_m, strict=True)]
+    step = _difference(now.position_m, before.position_m)
     moved = [
         0.5 * (new + old) * max(0.0, elapsed_s)
         for new, old in zip(now.velocity_mps, before.velocity_mps, strict=True)
     ]
     x_m, y_m, z_m = (whole - part for whole, part in zip(step, moved, strict=True))
+    return x_m, y_m, z_m
+
+
+def _sum(one_m: Vector, other_m: Vector) -> Vector:
+    x_m, y_m, z_m = (one + other for one, other in zip(one_m, other_m, strict=True))
+    return x_m, y_m, z_m
+
+
+def _difference(after_m: Vector, before_m: Vector) -> Vector:
+    x_m, y_m, z_m = (after - before for after, before in zip(after_m, before_m, strict=True))
     return x_m, y_m, z_m
 
 

@@ -8,7 +8,6 @@ from moar_companion.mavlink.identity import (
     AutopilotConflict,
     AutopilotFound,
     AutopilotRestarted,
-    BootClock,
     Identity,
 )
 from moar_companion.types import AutopilotKind
@@ -51,7 +50,8 @@ def test_a_second_autopilot_is_a_conflict_until_it_falls_silent(peer):
     assert isinstance(event, AutopilotConflict)
     assert str(event.autopilot) == "px4 with system id 1 on serial"
     assert str(event.other) == "ardupilot with system id 2 on udp"
-    assert identity.conflict
+    assert event.reason == "two autopilots, systems 1 and 2"
+    assert identity.conflict == "two autopilots are heard"
     assert hear(identity, peer(2, 1).heartbeat(autopilot=3), link="udp", now_s=2.0) is None
     identity.forget_silent(11.9)
     assert identity.conflict
@@ -91,6 +91,19 @@ def test_two_kinds_of_autopilot_under_one_id_are_a_conflict(peer):
     assert isinstance(hear(identity, peer(1, 1).heartbeat(autopilot=3)), AutopilotConflict)
 
 
+def test_another_clock_under_the_same_ids_is_a_conflict_until_it_falls_silent(peer):
+    identity = Identity()
+    assert identity.note_other_clock(0.0) is None
+    hear(identity, peer(1, 1).heartbeat(), now_s=0.0)
+    event = identity.note_other_clock(1.0)
+    assert event.reason == identity.conflict == "two clocks under autopilot id 1"
+    assert identity.note_other_clock(2.0) is None
+    identity.forget_silent(11.9)
+    assert identity.conflict
+    identity.forget_silent(12.1)
+    assert identity.conflict is None
+
+
 def test_another_link_is_used_when_the_first_falls_silent(peer):
     identity = Identity()
     sender = peer(1, 1)
@@ -113,53 +126,3 @@ def test_a_boot_after_anything_else_is_a_restart(peer):
     assert hear(identity, sender.heartbeat()) is None
     assert isinstance(hear(identity, sender.heartbeat(**booting)), AutopilotRestarted)
     assert hear(identity, sender.heartbeat(**booting)) is None
-
-
-def test_a_clock_that_goes_back_is_a_restart():
-    clock = BootClock()
-    assert [clock.hear(t) for t in (99.0, 100.0, 0.3, 0.4, 0.5)] == [
-        False,
-        False,
-        False,
-        True,
-        False,
-    ]
-
-
-def test_one_late_message_is_no_restart():
-    clock = BootClock()
-    times = (100.0, 99.5, 100.1, 97.0, 100.2, 97.0, 100.3)
-    assert not any(clock.hear(t) for t in times)
-
-
-def test_a_clock_that_was_reset_starts_anywhere():
-    clock = BootClock()
-    clock.hear(100.0)
-    clock.reset()
-    assert not any(clock.hear(t) for t in (1.0, 1.1, 1.2))
-
-
-@pytest.mark.recordings
-@pytest.mark.parametrize(
-    ("name", "restarts"),
-    [
-        ("px4/k1_nogcs_autopilot_restart.companion.tlog", 1),
-        ("px4/b1_battery_drain.companion.tlog", 0),
-        ("px4/h1_msg_intervals.companion.tlog", 0),
-        ("ardupilot/a1_boot.companion.tlog", 0),
-        ("ardupilot/d2_gps_loss.companion.tlog", 0),
-        ("ardupilot/h2_signing.companion.tlog", 1),
-    ],
-)
-def test_recorded_clocks_go_back_only_where_the_autopilot_restarted(recording, name, restarts):
-    from moar_companion.mavlink.translate import boot_time_s
-
-    codec = Codec(system_id=9, component_id=9)
-    clock = BootClock()
-    seen = 0
-    for _, packet in recording(name):
-        for message in codec.receive(packet):
-            boot_s = boot_time_s(message)
-            if (message.get_srcSystem(), message.get_srcComponent()) == (1, 1) and boot_s:
-                seen += clock.hear(boot_s)
-    assert seen == restarts

@@ -8,6 +8,7 @@ import pytest
 
 from moar_companion.config import LinkRole
 from moar_companion.mavlink.dialect import create, mavlink
+from moar_companion.mavlink.identity import AutopilotConflict
 from moar_companion.mavlink.listener import Listener
 from moar_companion.mavlink.packet_order import PacketOrder
 from moar_companion.types import Failsafe
@@ -38,6 +39,78 @@ def test_a_message_that_its_successor_has_overtaken_is_late_and_others_beside_it
     ) == [False, False, False, True, True, False]
 
 
+def test_a_packet_that_is_late_by_most_of_a_round_is_not_taken_for_one_ahead():
+    order = PacketOrder(same={})
+    told = [(count * 0.005, ATTITUDE, count) for count in range(200)]
+    assert not any(late(order, *told))
+    assert late(order, (1.0, HEARTBEAT, 200), (1.002, HEARTBEAT, 0), (1.005, HEARTBEAT, 201)) == [
+        False,
+        True,
+        False,
+    ]
+    assert order.late == 1
+
+
+def test_of_a_packet_with_a_time_that_alone_decides():
+    listener = Listener()
+    heard(listener, heartbeat(HOLD), 0, 0.0)
+    for count in range(100):
+        heard(listener, attitude(50.0 + count * 0.01, roll=0.1), count, count * 0.01)
+    heard(listener, attitude(50.6, roll=0.9), 100, 1.0)
+    assert listener.telemetry.attitude.roll_rad == pytest.approx(0.1)
+    heard(listener, attitude(51.0, roll=0.2), 3, 1.0)
+    assert listener.telemetry.attitude.roll_rad == pytest.approx(0.2)
+
+
+def test_a_place_is_never_late_by_the_time_at_which_it_was_set():
+    listener = Listener()
+    heard(listener, heartbeat(HOLD), 0, 0.0)
+
+    def origin(latitude_e7, time_usec):
+        return mavlink.MAVLink_gps_global_origin_message(latitude_e7, 1, 1, time_usec)
+
+    heard(listener, origin(10_000_000, 90_000_000), 1, 0.1)
+    heard(listener, origin(20_000_000, 3_000_000), 2, 0.2)
+    assert listener.telemetry.local_origin.point.latitude_deg == pytest.approx(2.0)
+
+
+def test_the_lifetime_of_a_link_is_not_prolonged_by_packets_that_are_late():
+    listener = Listener()
+    heard(listener, heartbeat(HOLD), 0, 0.0)
+    heard(listener, attitude(50.0), 1, 0.1)
+    heard(listener, attitude(49.0), 2, 2.0)
+    assert listener.identity.heard_s == 0.1
+
+
+def test_a_restarted_autopilot_is_heard_from_when_its_clock_has_run_on():
+    listener = Listener()
+    heard(listener, heartbeat(HOLD), 0, 0.0)
+    heard(listener, attitude(50.0), 1, 0.1)
+    events = [
+        heard(listener, attitude(0.3 + 0.1 * n, roll=0.1 * n), 2 + n, 1.0 + 0.1 * n)
+        for n in range(5)
+    ]
+    assert [type(event).__name__ for event in events] == [
+        *["NoneType"] * 3,
+        "AutopilotRestarted",
+        "NoneType",
+    ]
+    assert listener.telemetry.attitude.roll_rad == pytest.approx(0.4)
+
+
+def test_a_system_time_far_ahead_is_another_autopilots_and_hides_nothing():
+    listener = Listener()
+    heard(listener, heartbeat(HOLD), 0, 0.0)
+    heard(listener, attitude(50.0), 1, 0.1)
+    event = heard(listener, mavlink.MAVLink_system_time_message(0, 4_000_000), 2, 0.2)
+    assert isinstance(event, AutopilotConflict)
+    assert listener.identity.conflict == "two clocks under autopilot id 1"
+    assert heard(listener, attitude(50.2, roll=0.3), 3, 0.3) is None
+    assert listener.telemetry.attitude.roll_rad == pytest.approx(0.3)
+    listener.identity.forget_silent(10.3)
+    assert listener.identity.conflict is None
+
+
 @pytest.mark.parametrize("begins", range(0, 256, 15))
 def test_sequence_numbers_go_round(begins):
     order = PacketOrder(same={})
@@ -65,6 +138,10 @@ def heard(listener, message, sequence, now_s):
 
 def heartbeat(mode, status=4):
     return mavlink.MAVLink_heartbeat_message(2, 12, 209, mode, status, 3)
+
+
+def attitude(boot_s, roll=0.0):
+    return mavlink.MAVLink_attitude_message(round(boot_s * 1000), roll, 0, 0, 0, 0, 0)
 
 
 def current_mode(mode, intended=None):

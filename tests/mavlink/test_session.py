@@ -187,7 +187,11 @@ def test_after_a_restart_everything_is_asked_for_anew(story, autopilot):
     story.now_s += 1.2
     story.hear(autopilot.attitude(0.3))  # a late packet?
     assert story.events() == []
-    story.hear(autopilot.attitude(0.4))  # no
+    story.now_s += 0.1
+    story.hear(autopilot.attitude(0.4))
+    assert story.events() == []
+    story.now_s += 0.25
+    story.hear(autopilot.attitude(0.65))  # no
     (event,) = story.events()
     assert isinstance(event, AutopilotRestarted)
     story.now_s += 0.02

@@ -121,7 +121,6 @@ RISK = risk(wind(4.0))
 IN_FLIGHT = Seen(
     telemetry=TELEMETRY,
     risk=RISK,
-    control_allowed=True,
     pose=POSE,
     position_moved_s=NOW_S,
     room_m=2.0,

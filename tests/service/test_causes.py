@@ -46,7 +46,7 @@ STORIES = [
     ),
     (
         "two autopilots",
-        replace(IN_FLIGHT, control_allowed=False),
+        replace(IN_FLIGHT, conflict="two autopilots are heard"),
         {"control": "two autopilots are heard"},
     ),
     ("a plane", flies(multirotor=False), {"control": "the vehicle is no multirotor"}),

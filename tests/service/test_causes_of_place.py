@@ -30,6 +30,23 @@ from .seen import (
 
 STORIES = [
     ("jumps of 3 m", replace(IN_FLIGHT, jumped_m=3.0), {}),
+    ("an origin that moved less", replace(IN_FLIGHT, origin_moved_m=0.9, origin_margin_m=0.9), {}),
+    (
+        "an origin that moved farther than the margin",
+        replace(IN_FLIGHT, origin_moved_m=1.2, origin_margin_m=0.93),
+        {"origin_moved": "the origin moved 1.2 m > 0.9"},
+    ),
+    ("local and global position as apart as they are", replace(IN_FLIGHT, global_off_m=0.5), {}),
+    (
+        "local and global position apart",
+        replace(IN_FLIGHT, global_off_m=0.61, home_off_m=3.0),
+        {"disagreement": "global position off 0.6 m > 0.5"},
+    ),
+    (
+        "a home that is not where its origin says",
+        replace(IN_FLIGHT, global_off_m=0.1, home_off_m=3.0),
+        {"disagreement": "home position off 3.0 m > 0.5"},
+    ),
     (
         "jumps of more",
         replace(IN_FLIGHT, jumped_m=3.1),

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import itertools
+import math
 from dataclasses import replace
 
 import pytest
 
+from moar_companion.service.conduct import Conduct
 from moar_companion.service.flight import Flight
 from moar_companion.types import Mission
 
@@ -52,6 +55,20 @@ def test_a_setpoint_that_moves_as_none_may_is_not_sent_but_the_last_one_at_rest(
     assert {(m.x, m.y, m.z) for m in desk.setpoints(desk.now_s - 0.5)} == {(last.x, last.y, last.z)}
     desk.order(INSPECTION).run(1.0)
     assert desk.state == "flying"
+
+
+def test_a_map_that_moves_without_a_jump_moves_no_setpoint_in_the_autopilots_frame(monkeypatch):
+    """In the site's frame the setpoint goes on as it should."""
+    desk = Desk().come_to("flying").run(5.0)
+    began = desk.now_s
+    monkeypatch.setattr(Conduct, "shift", lambda *_: None)
+    latitude, longitude, altitude = desk.origin
+    desk.origin = (latitude, longitude + 0.4 / 78_000.0, altitude)
+    desk.run(1.5)
+    assert desk.state == "holding"
+    assert desk.said("local setpoint jumps by 0.4")
+    places = [(m.x, m.y, m.z) for m in desk.setpoints(began)]
+    assert max(math.dist(*pair) for pair in itertools.pairwise(places)) < 0.05
 
 
 def test_a_flight_that_is_stopped_seeks_its_way_out_from_where_it_stands(monkeypatch):

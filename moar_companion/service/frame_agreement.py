@@ -1,0 +1,86 @@
+"""The agreement of what the autopilot tells of where it is: telemetry in, distances out.
+
+The local position is a place in the world only by the local frame's origin, which a message tells.
+It is compared with what tells the same place otherwise: the global position, and home where the
+autopilot derives both its coordinates from one another. The origin itself does not move in flight:
+in none of 31 recordings of both autopilots does it.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..frames import geodetic_to_local_ned
+from ..types import AutopilotKind, GeodeticPoint, GlobalPosition, Home, LocalOrigin, Telemetry
+
+_COMPARABLE_S = 0.3
+"""Between the stamps of local and global position: GLOBAL_POSITION_INT comes at 5 Hz or more, and
+the local position is carried on by its velocity for so long."""
+
+
+class FrameAgreement:
+    """Follows the origin, and compares the local position with others."""
+
+    def __init__(self) -> None:
+        self.global_off_m: float | None = None
+        """From the local position, by its origin, to the global one; None until both are known."""
+        self.home_off_m: float | None = None
+        """The same of home's two coordinates; None, too, where the autopilot keeps them apart."""
+        self.origin_moved_m = 0.0
+        """From where the origin was when the flight began, or when it was last accepted."""
+        self._kind = AutopilotKind.UNKNOWN
+        self._accepted: GeodeticPoint | None = None
+        self._origin: GeodeticPoint | None = None
+        self._compared: GlobalPosition | None = None
+        self._home_compared: tuple[Home | None, LocalOrigin] | None = None
+
+    def look(self, telemetry: Telemetry, kind: AutopilotKind, *, grounded: bool) -> None:
+        """Takes in new telemetry. grounded: no flight has begun, any origin is accepted."""
+        origin, self._kind = telemetry.local_origin, kind
+        self._origin = None if origin is None else origin.point
+        if origin is None:
+            self._accepted = None
+            return
+        if self._accepted is None or grounded:
+            self._accepted = origin.point
+        self.origin_moved_m = self._distance_m(origin.point, self._accepted, (0.0, 0.0, 0.0))
+        if kind is AutopilotKind.UNKNOWN:
+            return  # nor is its projection known
+        self._compare_global(telemetry, origin.point)
+        self._compare_home(telemetry.home, origin)
+
+    def accept_origin(self) -> None:
+        """The origin stays where it is now: who orders has been told how far it has moved."""
+        self._accepted, self.origin_moved_m = self._origin, 0.0
+
+    def _compare_global(self, telemetry: Telemetry, origin: GeodeticPoint) -> None:
+        local, other = telemetry.local_position, telemetry.global_position
+        if local is None or other is None or other.boot_s is None or other is self._compared:
+            return
+        self._compared = other
+        ahead_s = other.boot_s - local.boot_s
+        if abs(ahead_s) > _COMPARABLE_S:
+            return
+        north_m, east_m, down_m = (
+            place_m + ahead_s * speed_mps
+            for place_m, speed_mps in zip(local.position_ned_m, local.velocity_ned_mps, strict=True)
+        )
+        self.global_off_m = self._distance_m(other.point, origin, (north_m, east_m, down_m))
+
+    def _compare_home(self, home: Home | None, origin: LocalOrigin) -> None:
+        """ArduPilot's alone: PX4's local home is what it was when home was set.
+
+        In recordings ArduPilot's differ by less than 1 mm, PX4's by up to 0.8 m level and 1.4 m in
+        height.
+        """
+        if home is None or self._kind is not AutopilotKind.ARDUPILOT:
+            return
+        if self._home_compared != (home, origin):
+            self._home_compared = home, origin
+            self.home_off_m = self._distance_m(home.point, origin.point, home.position_ned_m)
+
+    def _distance_m(
+        self, point: GeodeticPoint, origin: GeodeticPoint, local_m: tuple[float, float, float]
+    ) -> float:
+        """Between a point in the world and one in the local frame at an origin."""
+        return math.dist(geodetic_to_local_ned(point, origin, self._kind), local_m)

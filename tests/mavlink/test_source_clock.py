@@ -1,0 +1,156 @@
+"""A sender's clock: what is late, what is ahead, and when it is another clock."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.mavlink.codec import Codec
+from moar_companion.mavlink.listener import MESSAGE_IDS
+from moar_companion.mavlink.packet_order import PacketOrder
+from moar_companion.mavlink.source_clock import Reading, SourceClock
+from moar_companion.mavlink.translate import boot_time_s
+
+CURRENT, LATE, FOREIGN, RESTARTED = Reading
+ROUND_S = 2**32 * 1e-3
+
+
+def readings(clock, *arrivals):
+    """What (time of arrival, stamp) tell."""
+    return [clock.read(stamp_s, now_s) for now_s, stamp_s in arrivals]
+
+
+def ran_for(seconds=10.0, period_s=0.1, stamp_s=100.0, **options):
+    """A clock that has told 100 s at 0 s, and has run since."""
+    clock = SourceClock(**options)
+    for count in range(round(seconds / period_s) + 1):
+        assert clock.read(stamp_s + count * period_s, count * period_s) is CURRENT
+    return clock
+
+
+@pytest.mark.parametrize("late_s", [0.001, 0.3, 0.9, 60.0])
+def test_what_is_older_than_the_last_is_late_and_changes_nothing(late_s):
+    clock = ran_for()
+    assert readings(clock, (10.05, 110.0 - late_s), (10.1, 110.1)) == [LATE, CURRENT]
+
+
+def test_the_same_stamp_again_is_not_late():
+    assert readings(ran_for(), (10.1, 110.0), (20.0, 110.0)) == [CURRENT, CURRENT]
+
+
+def test_a_clock_on_a_link_that_falls_behind_and_catches_up_is_the_same_clock():
+    clock = ran_for()
+    behind = [(10.0 + 3.0 * count, 110.0 + count) for count in range(5)]
+    at_once = [(22.1, 114.0 + count) for count in range(9)]
+    assert set(readings(clock, *behind, *at_once)) == {CURRENT}
+
+
+def test_a_silence_is_no_restart():
+    assert readings(ran_for(), (70.0, 170.0), (70.1, 170.1)) == [CURRENT, CURRENT]
+
+
+@pytest.mark.parametrize(("ahead_s", "told"), [(0.7, LATE), (4.0, LATE), (3600.0, FOREIGN)])
+def test_one_packet_ahead_of_the_clock_hides_nothing_that_follows(ahead_s, told):
+    clock = ran_for()
+    assert readings(clock, (10.05, 110.05 + ahead_s), (10.1, 110.1)) == [told, CURRENT]
+
+
+def test_two_clocks_under_one_id_are_told_apart_for_ever():
+    clock = ran_for()
+    for count in range(100):
+        now_s = 10.0 + 0.1 * count
+        pair = readings(clock, (now_s, 100.0 + now_s), (now_s + 0.05, 5000.0 + now_s))
+        assert pair == [CURRENT, FOREIGN]
+
+
+def test_a_clock_that_begins_anew_is_believed_once_it_has_run_on_by_itself():
+    arrivals = [(11.3 + 0.1 * count, 0.3 + 0.1 * count) for count in range(6)]
+    assert readings(ran_for(), *arrivals) == [LATE, LATE, LATE, RESTARTED, CURRENT, CURRENT]
+
+
+@pytest.mark.parametrize("count", [1, 2, 50])
+def test_however_many_old_packets_come_at_once_they_are_no_restart(count):
+    clock = ran_for()
+    burst = [(10.05, 90.0 + 0.1 * number) for number in range(count)]
+    assert readings(clock, *burst, (10.1, 110.1)) == [*[LATE] * count, CURRENT]
+
+
+def test_nor_are_old_packets_among_those_of_the_clock_that_is_known():
+    clock = ran_for()
+    for count in range(100):
+        now_s = 10.0 + 0.1 * count
+        assert readings(clock, (now_s, 100.0 + now_s), (now_s + 0.05, 40.0 + now_s)) == [
+            CURRENT,
+            LATE,
+        ]
+
+
+def test_one_packet_repeated_does_not_run_on():
+    clock = ran_for()
+    assert set(readings(clock, *[(10.0 + count, 105.0) for count in range(1, 9)])) == {LATE}
+
+
+def test_a_clock_whose_restart_somebody_else_knows_waits_for_that():
+    clock = ran_for(restarts=False)
+    assert set(readings(clock, *[(11.0 + 0.1 * n, 0.3 + 0.1 * n) for n in range(50)])) == {LATE}
+    clock.reset()
+    assert readings(clock, (17.0, 6.3), (17.1, 6.4)) == [CURRENT, CURRENT]
+
+
+def test_a_line_that_began_with_a_packet_that_was_late_is_set_right():
+    clock = SourceClock(restarts=False)
+    arrivals = [(0.0, 100.0), *[(0.1 * n, 102.0 + 0.1 * n) for n in range(1, 7)]]
+    assert readings(clock, *arrivals) == [CURRENT, LATE, LATE, LATE, CURRENT, CURRENT, CURRENT]
+
+
+def test_modules_that_stamp_at_different_times_are_one_clock():
+    clock = ran_for(behind_s=1.0)
+    assert readings(clock, (10.1, 109.2), (10.2, 110.2), (10.3, 109.3)) == [CURRENT] * 3
+
+
+@pytest.mark.parametrize("round_s", [ROUND_S, 2**32 * 1e-6])
+def test_a_stamp_of_32_bits_goes_round(round_s):
+    clock = ran_for(stamp_s=round_s - 10.05, round_s=round_s)
+    assert readings(clock, (10.1, 0.05), (10.15, round_s - 0.1), (10.2, 0.15)) == [
+        CURRENT,
+        LATE,
+        CURRENT,
+    ]
+
+
+def test_an_autopilot_that_restarts_after_most_of_a_round_is_seen_to():
+    clock = ran_for(stamp_s=30.0 * 86400.0, round_s=ROUND_S, behind_s=1.0)
+    assert readings(clock, *[(11.3 + 0.1 * n, 0.3 + 0.1 * n) for n in range(4)])[-1] is RESTARTED
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize(
+    ("name", "restarts"),
+    [
+        ("px4/k1_nogcs_autopilot_restart.companion.tlog", 1),
+        ("px4/b1_battery_drain.companion.tlog", 0),
+        ("px4/d3_gps_silent_v117.companion.tlog", 0),
+        ("px4/h1_msg_intervals.companion.tlog", 0),
+        ("ardupilot/a1_boot.companion.tlog", 0),
+        ("ardupilot/d2_gps_loss.companion.tlog", 0),
+        ("ardupilot/h2_signing.companion.tlog", 1),
+    ],
+)
+def test_in_recordings_clocks_begin_anew_only_at_restarts_and_nothing_is_late(
+    recording, name, restarts
+):
+    codec = Codec(system_id=9, component_id=9, wanted=MESSAGE_IDS)
+    clock, order, seen = SourceClock(round_s=ROUND_S, behind_s=1.0), PacketOrder(same={}), 0
+    late = []
+    for now_s, packet in recording(name):
+        for message in codec.receive(packet):
+            if (message.get_srcSystem(), message.get_srcComponent()) != (1, 1):
+                continue
+            boot_s = boot_time_s(message)
+            if boot_s is not None and clock.read(boot_s, now_s) is RESTARTED:
+                seen += 1
+                order.restart()
+            if order.is_late(message, now_s):
+                late.append((now_s, message.get_type()))
+    assert seen == restarts
+    # After a restart the old clock counts until the new one has run on.
+    assert len(late) <= 100 * restarts, late[:10]

@@ -1,0 +1,157 @@
+"""Whether the autopilot tells one place by its several messages."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from moar_companion.frames import SiteFrame
+from moar_companion.mavlink.codec import Codec
+from moar_companion.mavlink.listener import MESSAGE_IDS
+from moar_companion.mavlink.translate import update
+from moar_companion.service.frame_agreement import FrameAgreement
+from moar_companion.types import (
+    AutopilotKind,
+    GeodeticPoint,
+    GlobalPosition,
+    Home,
+    LocalOrigin,
+    LocalPosition,
+    Telemetry,
+)
+from tests.mavlink.conftest import SHARED, packets
+
+PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
+SITE = SiteFrame(
+    origin=GeodeticPoint(latitude_deg=45.4, longitude_deg=-71.9, altitude_amsl_m=210.0),
+    azimuth_deg=90.0,
+)
+"""Metres near by, to a few millimetres: x to the east, y to the north, z up."""
+
+
+def at(east_m=0.0, north_m=0.0, up_m=0.0):
+    return SITE.to_geodetic((east_m, north_m, up_m))
+
+
+def told(
+    origin=(0.0, 0.0, 0.0),
+    place=(10.0, 5.0, 8.0),
+    local=(5.0, 10.0, -8.0),
+    velocity=(0.0, 0.0, 0.0),
+    ahead_s=0.0,
+    home=None,
+):
+    return Telemetry(
+        local_origin=LocalOrigin(received_s=1.0, point=at(*origin)),
+        local_position=LocalPosition(
+            received_s=1.0, boot_s=50.0, position_ned_m=local, velocity_ned_mps=velocity
+        ),
+        global_position=GlobalPosition(received_s=1.0, boot_s=50.0 + ahead_s, point=at(*place)),
+        home=home,
+    )
+
+
+def looked(*telemetries, kind=PX4, grounded=False):
+    agreement = FrameAgreement()
+    for telemetry in telemetries:
+        agreement.look(telemetry, kind, grounded=grounded)
+    return agreement
+
+
+@pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
+def test_the_same_place_told_twice_is_one(kind):
+    assert looked(told(), kind=kind).global_off_m == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize(
+    ("off", "off_m"), [((0.8, 0.0, 0.0), 0.8), ((0.0, -0.8, 0.0), 0.8), ((0.0, 0.6, 0.8), 1.0)]
+)
+@pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
+def test_an_origin_that_is_not_the_estimators_is_seen_level_and_in_height(kind, off, off_m):
+    assert looked(told(origin=off), kind=kind).global_off_m == pytest.approx(off_m, abs=0.05)
+
+
+def test_a_global_position_of_another_instant_is_compared_with_where_it_has_flown_since():
+    moved = told(place=(11.0, 5.0, 8.0), velocity=(0.0, 5.0, 0.0), ahead_s=0.2)
+    assert looked(moved).global_off_m == pytest.approx(0.0, abs=0.05)
+
+
+def test_positions_that_are_far_apart_in_time_are_not_compared():
+    """ArduPilot without its receiver ends the local position and repeats the global one."""
+    agreement = looked(told(), told(place=(90.0, 0.0, 8.0), ahead_s=4.0))
+    assert agreement.global_off_m == pytest.approx(0.0, abs=0.05)
+
+
+def test_what_is_not_known_is_not_compared():
+    assert looked(Telemetry()).global_off_m is None
+    assert looked(told(place=(50.0, 0.0, 0.0)), kind=AutopilotKind.UNKNOWN).global_off_m is None
+
+
+def test_a_home_that_is_not_where_the_origin_says_is_seen_on_ardupilot():
+    home = Home(received_s=1.0, point=at(20.0, 0.0, 0.0), position_ned_m=(0.0, 18.0, 0.0))
+    assert looked(told(home=home), kind=ARDUPILOT).home_off_m == pytest.approx(2.0, abs=0.06)
+    assert looked(told(home=home), kind=PX4).home_off_m is None
+
+
+def test_an_origin_that_creeps_is_measured_from_where_it_was_when_the_flight_began():
+    creeping = [told(origin=(0.02 * count, 0.0, 0.0)) for count in range(50)]
+    assert looked(*creeping).origin_moved_m == pytest.approx(0.98, abs=0.01)
+    assert looked(*creeping, grounded=True).origin_moved_m == 0.0
+
+
+def test_an_origin_that_was_accepted_counts_from_there():
+    agreement = looked(told(), told(origin=(1.0, 0.0, 0.0)))
+    agreement.accept_origin()
+    assert agreement.origin_moved_m == 0.0
+    agreement.look(told(origin=(1.0, 0.3, 0.0)), PX4, grounded=False)
+    assert agreement.origin_moved_m == pytest.approx(0.3, abs=0.01)
+
+
+def test_after_a_restart_the_first_origin_counts():
+    agreement = looked(told(), Telemetry(), told(origin=(30.0, 0.0, 0.0)))
+    assert agreement.origin_moved_m == 0.0
+
+
+def recorded_m(name, kind):
+    """(time, from the local to the global position) in an autopilot's recording, home's at last."""
+    path = SHARED / "traces" / f"{name}.companion.tlog"
+    if not path.exists():
+        pytest.skip(f"the recording {path} is not here")
+    codec = Codec(system_id=9, component_id=9, wanted=MESSAGE_IDS)
+    agreement, telemetry, found = FrameAgreement(), Telemetry(), []
+    for now_s, packet in packets(path):
+        for message in codec.receive(packet):
+            if (message.get_srcSystem(), message.get_srcComponent()) != (1, 1):
+                continue
+            telemetry = update(telemetry, message, now_s)
+            agreement.look(telemetry, kind, grounded=False)
+            if agreement.global_off_m is not None:
+                found.append((now_s, agreement.global_off_m))
+    return found, agreement
+
+
+@pytest.mark.recordings
+@pytest.mark.parametrize(
+    ("name", "kind", "most_m", "longest_s"),
+    [
+        ("px4/a1_boot_offboard_takeoff", PX4, 0.11, 0.0),
+        ("px4/e1_pilot_override", PX4, 0.11, 0.0),
+        ("px4/h1_msg_intervals", PX4, 0.12, 0.0),
+        ("px4/d3_gps_silent_v117", PX4, 0.74, 0.3),  # when its receiver was back
+        ("px4/d1_gps_degradation", PX4, 56.2, 0.1),  # the same
+        ("ardupilot/a2_square", ARDUPILOT, 0.03, 0.0),
+        ("ardupilot/b_batt", ARDUPILOT, 0.03, 0.0),
+        ("ardupilot/d4_gps_input", ARDUPILOT, 0.03, 0.0),
+    ],
+)
+def test_recorded_autopilots_agree_with_themselves(name, kind, most_m, longest_s):
+    found, agreement = recorded_m(name, kind)
+    assert max(off_m for _, off_m in found) <= most_m
+    began_s, apart_s = math.inf, 0.0
+    for now_s, off_m in found:
+        began_s = min(began_s, now_s) if off_m > 0.5 else math.inf
+        apart_s = max(apart_s, now_s - began_s)
+    assert apart_s <= longest_s
+    assert agreement.origin_moved_m == 0.0
+    assert (agreement.home_off_m or 0.0) <= 0.01
