@@ -13,7 +13,7 @@ import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
 
-from ..config import LinkRole
+from ..config import Commands, LinkRole
 from ..types import AutopilotKind, FenceItem, Telemetry, Vector
 from . import fence_download, listener, modes, services, translate_outgoing
 from .codec import Codec
@@ -66,8 +66,8 @@ class Session:
     """One companion on its links.
 
     links: name of each link and who is there. system_id, component_id: ours; the system id is the
-    autopilot's once one is heard. message_rates_hz: wanted rates by autopilot kind and message id.
-    signing: of those links on which all packets are signed.
+    autopilot's once one is heard. commands: who may command. message_rates_hz: wanted rates by
+    autopilot kind and message id. signing: of those links on which all packets are signed.
     """
 
     def __init__(
@@ -76,6 +76,7 @@ class Session:
         links: Mapping[str, LinkRole],
         system_id: int = 1,
         component_id: int = 195,
+        commands: Commands | None = None,
         message_rates_hz: Mapping[AutopilotKind, Mapping[int, float]] = DEFAULT_RATES_HZ,
         signing: Mapping[str, LinkSigning] | None = None,
     ) -> None:
@@ -114,7 +115,7 @@ class Session:
         self._modes = ModeRequests()
         self._round_trips = RoundTrips()
         self._outbox = Outbox(links)
-        self._ledger = CommandLedger()
+        self._ledger = CommandLedger(commands)
         self._texts = StatusTexts()
         self._events: list[Event] = []
         self._packets: deque[tuple[float, bytes]] = deque(maxlen=_MAX_PACKETS)
@@ -467,10 +468,24 @@ class Session:
         if message is not None:
             self._outbox.send_to_all(message)
 
-    def send_text(self, severity: Severity, text: str, now_s: float, *, news: bool = False) -> None:
-        """STATUSTEXT on all links, in chunks; the same text not within 10 s, unless it is news."""
-        for message in self._texts.messages(severity, text, now_s, news=news):
-            self._outbox.send_to_all(message)
+    def send_text(
+        self,
+        severity: Severity,
+        text: str,
+        now_s: float,
+        *,
+        news: bool = False,
+        link: str | None = None,
+    ) -> None:
+        """STATUSTEXT in chunks; the same text not within 10 s, unless it is news.
+
+        link: on this one alone; None: on all.
+        """
+        for message in self._texts.messages(severity, text, now_s, news=news, link=link):
+            if link is None:
+                self._outbox.send_to_all(message)
+            else:
+                self._outbox.send(link, message)
 
     def _acknowledge(self, answer: Answer | None, link: str) -> None:
         if answer is not None:

@@ -21,9 +21,9 @@ from ..mavlink.commands import (
     DeniedCommand,
     MissionCommand,
     PauseContinue,
+    stops,
 )
 from ..mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
-from ..mavlink.ledger import stops
 from ..mavlink.listener import ModeLeft
 from ..mavlink.session import CommandAnswered, Session, Severity, SystemStatus
 from ..mavlink.signing import Refusal, Signing, link_signings
@@ -81,6 +81,7 @@ class Companion:
             links={link.url: link.role for link in config.links},
             system_id=config.system_id,
             component_id=config.component_id,
+            commands=config.commands,
             signing=link_signings(config.links, signing),
         )
         self._reports = Reports(self._session)
@@ -368,7 +369,7 @@ class Companion:
                 case CommandCancelled(command=command):
                     self._conduct.withdraw(command, now_s)
                 case DeniedCommand(reason=reason):
-                    self._orders.tell_why(Verdict.DENIED, reason, now_s)
+                    self._orders.tell_why(event, Verdict.DENIED, reason, now_s)
                 case CommandAnswered(result=result) if result != CommandResult.ACCEPTED:
                     text = "the autopilot refused the mode"
                     self._reports.say(Severity.WARNING, text, now_s)
