@@ -25,6 +25,7 @@ from ..mavlink.commands import (
 )
 from ..mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
 from ..mavlink.listener import ModeLeft
+from ..mavlink.peers import Address, AutopilotElsewhere, PeerRefused
 from ..mavlink.session import CommandAnswered, Session, Severity, SystemStatus
 from ..mavlink.signing import Refusal, Signing, link_signings
 from ..mission.states import STREAMING
@@ -198,9 +199,9 @@ class Companion:
 
     # In
 
-    def receive(self, link: str, data: bytes, now_s: float) -> None:
-        """Takes bytes from a link, split anywhere."""
-        self._session.receive(link, data, now_s)
+    def receive(self, link: str, data: bytes, now_s: float, address: Address | None = None) -> None:
+        """Takes bytes from a link, split anywhere. address: who sent them to a listening link."""
+        self._session.receive(link, data, now_s, address)
 
     def await_planner(self, compiling: str = "") -> None:
         """The site's planner is being made ready; until `take_ground` telemetry and risk only.
@@ -335,6 +336,10 @@ class Companion:
         self._conduct.setpoints.note_sent()
         self._conduct.engaging.note_sent()
 
+    def peers(self, link: str) -> tuple[Address, ...]:
+        """The addresses to which a listening link sends; empty for other links."""
+        return self._session.peers(link)
+
     def packets_heard(self) -> list[tuple[float, bytes]]:
         """Whole packets that arrived since the last call, with their times, for the record."""
         return self._session.packets_heard()
@@ -385,6 +390,13 @@ class Companion:
                     self._conduct.faults.note_mode_left(mode)
                 case AutopilotRestarted():
                     self._conduct.faults.note_restart()
+                case AutopilotElsewhere(link=link, address=(host, port, *_)):
+                    text = f"autopilot also at {host} (port {port}, on {link})"
+                    self._reports.say(Severity.WARNING, text, now_s, action="ignored")
+                case PeerRefused(link=link, address=(host, port, *_), system_id=system_id):
+                    where = f"{host}:{port} on {link}; commands.systems"
+                    text = f"system {system_id} may not command ({where})"
+                    self._reports.say(Severity.NOTICE, text, now_s, action="not served")
                 case AutopilotConflict(autopilot=autopilot, other=other):
                     ids = f"systems {autopilot.system_id} and {other.system_id}"
                     text = f"two autopilots, {ids}, no control ({autopilot}, {other})"
