@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from os import PathLike
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Annotated, Any, TypeVar
 
 from pydantic import Field, Strict
 
@@ -64,6 +64,27 @@ class LinkConfig:
     role: LinkRole = LinkRole.AUTOPILOT
     signed: bool = False
     """Whether all packets are signed, and those that are not are refused."""
+
+
+GROUND_STATION_IDS = range(240, 256)
+"""The system ids that ground stations have: QGroundControl, Mission Planner and MAVROS 255, MAVSDK
+245; vehicles count from 1."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Commands:
+    """Who may command; hold and pause are taken from anybody."""
+
+    systems: tuple[int, ...] | None = None
+    """System ids; None: those of ground stations, and the vehicle's own. A command that another
+    vehicle's companion sends to all is not for this one; an id proves nothing beyond that."""
+    components: tuple[int, ...] | None = None
+    """Component ids; None: any, since ground stations choose theirs freely."""
+    links: tuple[str, ...] | None = None
+    """URLs of links; None: all, since many have their ground station behind the autopilot."""
+    signed_only: bool = False
+    """Whether the packet must be signed: not by default, since few ground stations are set up so,
+    and without it none would be obeyed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -190,6 +211,7 @@ class CompanionConfig:
     setpoint_rate_hz: float = 50.0
     resume: bool = False
     """Whether a mode given back by the pilot resumes the mission without a new command."""
+    commands: Commands = field(default_factory=Commands)
     replanning: Replanning = field(default_factory=Replanning)
     supervision: Supervision = field(default_factory=Supervision)
     recorder: Recorder = field(default_factory=Recorder)
@@ -228,6 +250,12 @@ class CompanionConfig:
         return cls(
             vehicle=vehicle_path,
             site=_resolved(folder, file.site),
+            commands=Commands(
+                systems=_listed(file.commands.systems),
+                components=_listed(file.commands.components),
+                links=_listed(file.commands.links),
+                signed_only=file.commands.signed_only,
+            ),
             replanning=file.replanning,
             supervision=file.supervision,
             recorder=Recorder(directory=_resolved(folder, file.recorder.directory)),
@@ -244,6 +272,11 @@ class CompanionConfig:
 
 _PLAIN = {"system_id", "component_id", "authority", "setpoint_rate_hz", "resume"}
 _Id = Annotated[int, Field(ge=1, le=255)]
+_Item = TypeVar("_Item")
+
+
+def _listed(values: list[_Item] | None) -> tuple[_Item, ...] | None:
+    return None if values is None else tuple(values)
 
 
 def _resolved(folder: Path, path: str | None) -> Path | None:
@@ -254,6 +287,13 @@ class _LinkFile(FileModel):
     url: Name
     role: Annotated[LinkRole, Strict(strict=False)] = LinkRole.AUTOPILOT
     signed: bool = False
+
+
+class _CommandsFile(FileModel):
+    systems: Annotated[list[_Id], Field(min_length=1)] | None = None
+    components: Annotated[list[_Id], Field(min_length=1)] | None = None
+    links: Annotated[list[Name], Field(min_length=1)] | None = None
+    signed_only: bool = False
 
 
 class _RecorderFile(FileModel):
@@ -284,6 +324,7 @@ class _CompanionFile(FileModel):
     authority: Annotated[Authority, Strict(strict=False)] = Authority.STREAM
     setpoint_rate_hz: Annotated[float, Field(ge=20.0, le=100.0)] = 50.0
     resume: bool = False
+    commands: _CommandsFile = Field(default_factory=_CommandsFile)
     replanning: Annotated[Replanning, Section(Replanning)] = Field(default_factory=Replanning)
     supervision: Annotated[Supervision, Section(Supervision)] = Field(default_factory=Supervision)
     recorder: _RecorderFile = Field(default_factory=_RecorderFile)

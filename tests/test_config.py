@@ -15,6 +15,7 @@ from pydantic import BaseModel
 
 from moar_companion.config import (
     Authority,
+    Commands,
     CompanionConfig,
     KeySource,
     LinkConfig,
@@ -66,6 +67,7 @@ component_id: 196
 authority: engage
 setpoint_rate_hz: 20
 resume: true
+commands: {systems: [255], components: [190, 191], links: ["udp:a:1"], signed_only: true}
 replanning: {period_s: 5, risk_change: 0.2, min_interval_s: 5}
 supervision: {position_timeout_s: 1, heartbeat_timeout_s: 5, plane_tolerance_m: 1.5}
 recorder: {directory: flights}
@@ -85,6 +87,9 @@ signing: {key_file: signing.key, credential: mavlink}
         authority=Authority.ENGAGE,
         setpoint_rate_hz=20.0,
         resume=True,
+        commands=Commands(
+            systems=(255,), components=(190, 191), links=("udp:a:1",), signed_only=True
+        ),
         replanning=Replanning(period_s=5.0, risk_change=0.2, min_interval_s=5.0),
         supervision=Supervision(
             position_timeout_s=1.0, heartbeat_timeout_s=5.0, plane_tolerance_m=1.5
@@ -143,6 +148,10 @@ def test_the_vehicle_of_the_command_line_replaces_that_of_the_file(tmp_path: Pat
         ("links: [{url: a}, {url: a}]", "links[1].url: is 'a', the same as links[0]: must be"),
         ("replanning: {min_interval_s: 3}", "replanning.min_interval_s: is 3, must be at most"),
         ("replanning: {risk_change: 0}", "replanning.risk_change: is 0, must be greater than 0"),
+        ("commands: {systems: [256]}", "commands.systems[0]: is 256, must be at most 255"),
+        ("commands: {systems: []}", "commands.systems: has a length of 0, must be at least 1"),
+        ("commands: {signed_only: 1}", "commands.signed_only: is 1, must be true or false"),
+        ("commands: {system: 1}", "commands.system: is not a known key, did you mean systems?"),
         ("recorder: {folder: a}", "recorder.folder: is not a known key, must be one of directory"),
         ("supervison: {}", "supervison: is not a known key, did you mean supervision?"),
         ("vehicle: other.yaml", "vehicle: is given twice (lines 1 and 2), must be once"),

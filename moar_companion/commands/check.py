@@ -10,6 +10,7 @@ import argparse
 import asyncio
 import contextlib
 import errno
+import math
 import os
 import time
 from collections.abc import Callable, Iterable, Sequence
@@ -26,6 +27,7 @@ from .outputs import say
 from .service import INSTALLED_CONFIG, add_config, link_problems, merged
 
 if TYPE_CHECKING:
+    from ..mavlink.peers import Address
     from ..mavlink.signing import Signing
     from ..planner.planner import Planner
     from ..preflight.findings import Finding
@@ -283,10 +285,10 @@ async def _listen(preflight: Preflight, urls: Sequence[str]) -> None:
     from ..mavlink.link_basics import clock_s  # noqa: PLC0415
     from ..mavlink.urls import parse_url  # noqa: PLC0415
 
-    arrived: list[tuple[str, bytes, float]] = []
+    arrived: list[tuple[str, bytes, float, Address | None]] = []
 
-    def receive(url: str, data: bytes, arrived_s: float) -> None:
-        arrived.append((url, data, arrived_s))
+    def receive(url: str, data: bytes, arrived_s: float, address: Address | None) -> None:
+        arrived.append((url, data, arrived_s, address))
 
     async with contextlib.AsyncExitStack() as stack:
         links = {
@@ -294,12 +296,12 @@ async def _listen(preflight: Preflight, urls: Sequence[str]) -> None:
             for url in urls
         }
         while not preflight.done:
-            for url, data, time_s in arrived:
-                preflight.receive(url, data, time_s)
+            for url, data, time_s, address in arrived:
+                preflight.receive(url, data, time_s, address)
             arrived.clear()
             preflight.tick(clock_s())
             for url, data in preflight.data_to_send():
-                links[url].send(data)
+                links[url].send(data, math.inf, preflight.peers(url))
             await asyncio.sleep(_PERIOD_S)
 
 

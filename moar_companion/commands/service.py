@@ -80,6 +80,11 @@ def merged(arguments: argparse.Namespace) -> CompanionConfig:
     if all(link.role is LinkRole.OPERATOR for link in config.links):
         problem = "has none to an autopilot, must have one, or --connect be given"
         raise InputError(str(file), "links", problem)
+    urls = [link.url for link in config.links]
+    for index, url in enumerate(config.commands.links or ()):
+        if url not in urls:
+            problem = f"is {url!r}, must be one of the links ({', '.join(urls)})"
+            raise InputError(str(file), f"commands.links[{index}]", problem)
     return config
 
 

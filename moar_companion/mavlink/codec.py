@@ -55,6 +55,9 @@ _ANSWERS = frozenset(
 )
 """What comes in bursts, when somebody asks for it or there is something to say."""
 
+_MOST_SOURCES = 256
+"""Of which packets are counted: ids that anybody invents need no memory."""
+
 _BITS_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
 
@@ -142,14 +145,16 @@ class Codec:
         """The packets that the last `receive` completed, wanted or not, for a record.
 
         Those that carry a secret (SETUP_SIGNING, AUTH_KEY), and those refused, are left out."""
+        self.sound_sources: set[tuple[int, int]] = set()
+        """Sources of the packets of the last `receive` whose checksum or signature is right."""
         self.unwanted: list[tuple[tuple[int, int], int]] = []
         """Source and message id of the streamed messages that the last `receive` did not build."""
         self.unknown_messages = 0
         """Frames of messages that the dialect does not have; their checksum cannot be verified."""
         self.dropped_bytes = 0
         """Bytes that belonged to no frame: noise, and what corruption left."""
-        self.refused = dict.fromkeys(Refusal, 0)
-        """Whole packets that their signature, or the lack of one, has refused."""
+        self.refused = dict.fromkeys(Refusal, 0) if signing is None else signing.refused
+        """Whole packets that their signature, or the lack of one, has refused on this link."""
 
     @property
     def system_id(self) -> int:
@@ -182,6 +187,11 @@ class Codec:
         self._packer.seq = (self._packer.seq + 1) & 0xFF
         return data
 
+    def forget(self) -> None:
+        """Begins anew: no bytes wait for the rest of their frame, and no source is known."""
+        self._buffer.clear()
+        self._sources.clear()
+
     def receive(self, data: bytes) -> list[Message]:
         """The wanted messages that these bytes complete; never raises.
 
@@ -191,6 +201,7 @@ class Codec:
         buffer = self._buffer
         buffer += data
         self.packets = []
+        self.sound_sources = set()
         self.unwanted = []
         messages: list[Message] = []
         position = 0
@@ -239,8 +250,12 @@ class Codec:
             )
             return True
         if source is None:
-            source = self._sources[system_id, component_id] = _Source()
+            source = _Source()
+            if len(self._sources) < _MOST_SOURCES:
+                self._sources[system_id, component_id] = source
         source.hear(sequence)
+        if message_class is not None or self._signing is not None:
+            self.sound_sources.add((system_id, component_id))
         if message_class is None:
             self.unknown_messages += 1
             self.packets.append(packet)

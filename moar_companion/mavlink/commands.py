@@ -66,6 +66,8 @@ class Command:
     sender: Sender
     command: int
     parameters: tuple[float | None, ...]
+    permitted: bool = True
+    """Whether its sender may command; what only holds is taken from anybody."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -82,6 +84,21 @@ class PauseContinue(Command):
     """MAV_CMD_DO_PAUSE_CONTINUE: awaits an answer."""
 
     pause: bool
+
+
+def stops(command: Command) -> bool:
+    """Whether a command ends motion: given once too often, it does no harm."""
+    return holds(command) or (isinstance(command, MissionCommand) and command.mission == "release")
+
+
+def holds(command: Command) -> bool:
+    """Whether a command is a hold or a pause.
+
+    Not a release: what the autopilot does once the setpoints end may be a return, with a climb.
+    """
+    if isinstance(command, PauseContinue):
+        return command.pause
+    return isinstance(command, MissionCommand) and command.mission == "hold"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -6,24 +6,25 @@ service and answers for the senders.
 
 from __future__ import annotations
 
-from collections import deque
 from dataclasses import dataclass, replace
 from itertools import takewhile
 
-from ..types import Mission
+from ..config import Commands
 from .commands import (
     Answer,
     Command,
     CommandCancelled,
     CommandResult,
     DeniedCommand,
-    MissionCommand,
-    PauseContinue,
     Sender,
     UnsupportedCommand,
+    holds,
     interpret,
+    stops,
 )
 from .dialect import Message
+from .limits import SenderLimit
+from .permissions import Permissions
 
 _REPEATS_S = 30.0
 """How long a command may be repeated with a confirmation above 0: QGroundControl takes 9 s."""
@@ -49,13 +50,6 @@ _Key = tuple[int, int, int, tuple[float | None, ...]]
 def _key(command: Command) -> _Key:
     sender = command.sender
     return sender.system_id, sender.component_id, command.command, command.parameters
-
-
-def stops(command: Command) -> bool:
-    """Whether a command ends motion: given once too often, it does no harm."""
-    if isinstance(command, PauseContinue):
-        return command.pause
-    return isinstance(command, MissionCommand) and not isinstance(command.mission, Mission)
 
 
 class _Remembered:
@@ -95,8 +89,32 @@ class Reception:
 _NOTHING = Reception()
 
 
+def _answer_limit() -> SenderLimit:
+    """Of answers that need no decision, and their texts: 90 bytes each.
+
+    Ground stations repeat a command twice a second or less. A link of 57600 baud carries the ten a
+    second of all its senders beside telemetry.
+    """
+    return SenderLimit(burst=20, rate_hz=2.0, link_burst=60, link_rate_hz=10.0)
+
+
+def _stop_limit() -> SenderLimit:
+    """Of commands that stop and are carried out; one more than these changes nothing."""
+    return SenderLimit(burst=50, rate_hz=20.0, link_burst=100, link_rate_hz=50.0)
+
+
+def _move_limit() -> SenderLimit:
+    """Of commands that move and are carried out: many times what people give."""
+    return SenderLimit(burst=30, rate_hz=5.0, link_burst=60, link_rate_hz=20.0)
+
+
 class CommandLedger:
     """Makes repeated commands idempotent, answers what needs no decision, and serves cancels.
+
+    commands: who may command. Hold and pause are taken from anybody; any other command of a sender
+    that may not command is DENIED. Every sender has a limit; one that is beyond it is not answered.
+    Commands that stop, commands that move and those of senders that may not command have limits
+    of their own, so that none of them uses up another's.
 
     A packet that the network doubles is dropped. A command that is still being decided is told so,
     whenever it is given again. Else what stops the aircraft is always carried out, and what moves
@@ -110,31 +128,76 @@ class CommandLedger:
       of the last 0.05 s. It is CANCELLED.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, commands: Commands | None = None) -> None:
+        self._permissions = Permissions(commands or Commands())
         self._remembered: dict[_Key, _Remembered] = {}
         """In the order in which they were given."""
-        self._packets: deque[tuple[float, str, bytes]] = deque(maxlen=_MAX_REMEMBERED)
+        self._packets: dict[tuple[str, bytes], float] = {}
+        """When a packet first came over a link; the oldest first."""
+        self._answers = _answer_limit()
+        self._stops, self._strangers_holds = _stop_limit(), _stop_limit()
+        self._moves = _move_limit()
 
     def receive(
-        self, message: Message, *, link: str, system_id: int, component_id: int, now_s: float
+        self,
+        message: Message,
+        *,
+        link: str,
+        system_id: int,
+        component_id: int,
+        now_s: float,
+        signed: bool = False,
     ) -> Reception:
-        """Takes a COMMAND_LONG, COMMAND_INT or COMMAND_CANCEL; system_id, component_id: ours."""
+        """Takes a COMMAND_LONG, COMMAND_INT or COMMAND_CANCEL; system_id, component_id: ours.
+
+        signed: whether the packet that carries it has a correct signature.
+        """
         if self._is_doubled(link, bytes(message.get_msgbuf()), now_s):
             return _NOTHING
+        sender = Sender(
+            link=link, system_id=message.get_srcSystem(), component_id=message.get_srcComponent()
+        )
+        objection = self._permissions.objection(sender, vehicle_id=system_id, signed=signed)
         if message.get_msgId() == _COMMAND_CANCEL:
+            if objection is not None:
+                return _NOTHING
             return self._cancel(message, system_id=system_id, component_id=component_id)
         command = interpret(message, link=link, system_id=system_id, component_id=component_id)
         if command is None:
             return _NOTHING
+        reception = self._reception(command, message, objection, now_s)
+        if reception.answer is not None and not self._answers.allows(sender, now_s):
+            return _NOTHING
+        return reception
+
+    def _reception(
+        self, command: Command, message: Message, objection: str | None, now_s: float
+    ) -> Reception:
+        """What a command leads to, by itself. objection: why its sender may not command."""
         if isinstance(command, UnsupportedCommand):
             return Reception(event=command, answer=_answer(command, CommandResult.UNSUPPORTED))
+        if objection is not None and not holds(command):
+            command = DeniedCommand(
+                sender=command.sender,
+                command=command.command,
+                parameters=command.parameters,
+                reason=objection,
+            )
         if isinstance(command, DeniedCommand):
             return Reception(event=command, answer=_answer(command, CommandResult.DENIED))
+        command = replace(command, permitted=objection is None)
         answer = self._answer_to_old(command, message, now_s)
         if answer is not None:
             return Reception(answer=answer)
+        if not self._limit_of(command).allows(command.sender, now_s):
+            return Reception(answer=_answer(command, CommandResult.TEMPORARILY_REJECTED))
         self._remember(command, message.get_seq(), now_s)
         return Reception(event=command)
+
+    def _limit_of(self, command: Command) -> SenderLimit:
+        if not command.permitted:
+            return self._strangers_holds
+        return self._stops if stops(command) else self._moves
 
     def answer(
         self,
@@ -159,10 +222,13 @@ class CommandLedger:
 
     def _is_doubled(self, link: str, packet: bytes, now_s: float) -> bool:
         """Whether the same packet, its sequence number included, has just come over this link."""
-        for heard_s, heard_on, heard in self._packets:
-            if (heard_on, heard) == (link, packet) and now_s - heard_s <= _DOUBLED_S:
-                return True
-        self._packets.append((now_s, link, packet))
+        heard_s = self._packets.get((link, packet))
+        if heard_s is not None and now_s - heard_s <= _DOUBLED_S:
+            return True
+        self._packets.pop((link, packet), None)
+        if len(self._packets) >= _MAX_REMEMBERED:
+            del self._packets[next(iter(self._packets))]
+        self._packets[link, packet] = now_s
         return False
 
     def _answer_to_old(self, command: Command, message: Message, now_s: float) -> Answer | None:
@@ -206,7 +272,9 @@ class CommandLedger:
         key = _key(command)
         self._remembered.pop(key, None)
         if len(self._remembered) >= _MAX_REMEMBERED:
-            del self._remembered[next(iter(self._remembered))]
+            known = self._remembered.items()
+            strangers = (key for key, given in known if not given.command.permitted)
+            del self._remembered[next(strangers, next(iter(self._remembered)))]
         self._remembered[key] = _Remembered(command, sequence, now_s)
 
     def _cancel(self, message: Message, *, system_id: int, component_id: int) -> Reception:

@@ -22,13 +22,14 @@ import os
 import socket
 import termios
 from collections import deque
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Sequence
 from typing import Any, Protocol
 
 import serial
 
 from ..errors import LinkError
 from .link_basics import SEND_BUFFER_BYTES, OnBytes, clock_s, reason
+from .peers import Address
 from .udp_link import open_udp
 from .urls import LinkAddress, LinkKind
 
@@ -54,10 +55,13 @@ _logger = logging.getLogger(__name__)
 class Link(Protocol):
     """One open link."""
 
-    def send(self, data: bytes, within_s: float = math.inf, /) -> None:
+    def send(
+        self, data: bytes, within_s: float = math.inf, peers: Sequence[Address] = (), /
+    ) -> None:
         """Sends one packet without waiting; drops it when nobody is there.
 
         within_s: it is dropped, too, when it would have to wait for longer in a buffer of ours.
+        peers: where a listening link sends it; other links have one peer.
         """
 
 
@@ -159,7 +163,9 @@ class _Reconnecting:
                 self._failing = False
                 _logger.info("%s: connected again", self._address)
 
-    def send(self, data: bytes, within_s: float = math.inf, /) -> None:
+    def send(
+        self, data: bytes, within_s: float = math.inf, _peers: Sequence[Address] = (), /
+    ) -> None:
         if self._connection is not None:
             self._connection.send(data, within_s)
 
@@ -190,7 +196,7 @@ class _TcpConnection(asyncio.Protocol):
         own.setsockopt(socket.IPPROTO_TCP, socket.TCP_USER_TIMEOUT, _UNANSWERED_MS)
 
     def data_received(self, data: bytes) -> None:
-        self._on_bytes(data, clock_s())
+        self._on_bytes(data, clock_s(), None)
 
     def connection_lost(self, exc: Exception | None) -> None:
         if not self.lost.done():
@@ -268,7 +274,7 @@ class _SerialConnection:
             self._end(reason(error))
             return
         if data:
-            self._on_bytes(data, clock_s())
+            self._on_bytes(data, clock_s(), None)
         else:
             self._end("the device is gone")
 

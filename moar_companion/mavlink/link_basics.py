@@ -10,12 +10,14 @@ import termios
 import time
 from collections.abc import Callable
 
+from .peers import Address
+
 SEND_BUFFER_BYTES = 16384
 """Of the kernel's queue, which counts twice that and some 800 for a setpoint: a network that stands
 still finds what was said within half a second, not within a minute."""
 
-OnBytes = Callable[[bytes, float], None]
-"""Called with what has arrived, and when it did (`clock_s`)."""
+OnBytes = Callable[[bytes, float, Address | None], None]
+"""Called with what has arrived, when it did (`clock_s`), and on a listening link from where."""
 
 
 def clock_s() -> float:

@@ -12,8 +12,9 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable, Iterable, Mapping
+from functools import partial
 
-from ..config import LinkRole
+from ..config import Commands, LinkRole
 from ..types import AutopilotKind, FenceItem, Telemetry, Vector
 from . import fence_download, listener, modes, services, translate_outgoing
 from .codec import Codec
@@ -31,6 +32,8 @@ from .listener import Listener, ModeLeft
 from .mode_requests import DO_SET_MODE, CommandAnswered, ModeRequests
 from .outbox import Outbox
 from .parameters import ParameterRequests
+from .peers import Address, AutopilotElsewhere, PeerRefused, Peers
+from .permissions import Permissions
 from .places import PlaceRequests
 from .rates import DEFAULT_RATES_HZ, RateRequests
 from .round_trips import RoundTrips
@@ -51,14 +54,17 @@ _REQUEST_MESSAGE = int(mavlink.MAV_CMD_REQUEST_MESSAGE)
 _AUTOPILOT_VERSION = int(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
 _HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
 _HEARTBEAT_PERIOD_S = 1.0
+
 Event = (
     Command
     | CommandCancelled
     | AutopilotFound
     | AutopilotRestarted
     | AutopilotConflict
+    | AutopilotElsewhere
     | CommandAnswered
     | ModeLeft
+    | PeerRefused
 )
 
 
@@ -66,8 +72,8 @@ class Session:
     """One companion on its links.
 
     links: name of each link and who is there. system_id, component_id: ours; the system id is the
-    autopilot's once one is heard. message_rates_hz: wanted rates by autopilot kind and message id.
-    signing: of those links on which all packets are signed.
+    autopilot's once one is heard. commands: who may command. message_rates_hz: wanted rates by
+    autopilot kind and message id. signing: of those links on which all packets are signed.
     """
 
     def __init__(
@@ -76,6 +82,7 @@ class Session:
         links: Mapping[str, LinkRole],
         system_id: int = 1,
         component_id: int = 195,
+        commands: Commands | None = None,
         message_rates_hz: Mapping[AutopilotKind, Mapping[int, float]] = DEFAULT_RATES_HZ,
         signing: Mapping[str, LinkSigning] | None = None,
     ) -> None:
@@ -90,17 +97,18 @@ class Session:
             **dict.fromkeys(services.MESSAGE_IDS, self._receive_request),
             **dict.fromkeys(fence_download.MESSAGE_IDS, self._receive_fence),
         }
-        wanted = listener.MESSAGE_IDS | self._handlers.keys()
         self._signing = dict(signing or {})
-        self._codecs = {
-            name: Codec(
-                system_id=system_id,
-                component_id=component_id,
-                wanted=wanted,
-                signing=self._signing.get(name),
-            )
-            for name in links
-        }
+        make_codec = partial(
+            Codec,
+            system_id=system_id,
+            component_id=component_id,
+            wanted=listener.MESSAGE_IDS | self._handlers.keys(),
+        )
+        makers = {name: partial(make_codec, signing=self._signing.get(name)) for name in links}
+        self._codecs = {name: make() for name, make in makers.items()}
+        """What packs for each link; what reads is its peers'."""
+        self._peers = {name: Peers(name, role, makers[name]) for name, role in links.items()}
+        self._permissions = Permissions(commands or Commands())
         self._system_id = system_id
         self._message_rates_hz = message_rates_hz
         self._listener = Listener()
@@ -114,7 +122,7 @@ class Session:
         self._modes = ModeRequests()
         self._round_trips = RoundTrips()
         self._outbox = Outbox(links)
-        self._ledger = CommandLedger()
+        self._ledger = CommandLedger(commands)
         self._texts = StatusTexts()
         self._events: list[Event] = []
         self._packets: deque[tuple[float, bytes]] = deque(maxlen=_MAX_PACKETS)
@@ -178,7 +186,7 @@ class Session:
     @property
     def packets_refused(self) -> dict[str, dict[Refusal, int]]:
         """How many packets each signed link has refused, and why."""
-        return {link: dict(self._codecs[link].refused) for link in self._signing}
+        return {link: dict(signing.refused) for link, signing in self._signing.items()}
 
     def events_received(self) -> list[Event]:
         """What has happened since the last call, in order."""
@@ -203,6 +211,10 @@ class Session:
         waiting = self._outbox.take()
         return self._encoded(item for item in waiting if control or not _controls(item[1]))
 
+    def peers(self, link: str) -> tuple[Address, ...]:
+        """The addresses to which a listening link sends; empty for other links."""
+        return self._peers[link].addresses(self._now_s)
+
     def control_to_send(self) -> list[tuple[str, bytes]]:
         """Of that what moves the aircraft: setpoints, requests for a mode."""
         return self._encoded(self._outbox.take(_controls))
@@ -217,18 +229,44 @@ class Session:
         for signing in self._signing.values():
             signing.advance(wall_s)
 
-    def receive(self, link: str, data: bytes, now_s: float) -> None:
-        """Takes bytes from a link, split anywhere. Never raises, whatever they are."""
+    def receive(self, link: str, data: bytes, now_s: float, address: Address | None = None) -> None:
+        """Takes bytes from a link, split anywhere. Never raises, whatever they are.
+
+        address: who sent a datagram to a listening link; None on all other links.
+        """
         self._now_s = now_s
-        codec = self._codecs[link]
-        for message in codec.receive(data):
-            self._receive_message(link, message, now_s)
+        peers, before = self._peers[link], self.autopilot
+        known = None if before is None else _address(before)
+        codec = peers.codec(address)
+        messages = codec.receive(data)
+        forged = peers.is_forged(address, codec.sound_sources, known, now_s)
+        for message in messages:
+            if not forged or _source(message) != known:
+                self._receive_message(link, message, now_s)
         autopilot = self.autopilot
-        if autopilot is not None and link == autopilot.link:
+        if autopilot is not None and link == autopilot.link and not forged:
+            if _address(autopilot) != known:
+                for other in self._peers.values():
+                    other.forget_autopilot()
+                peers.is_forged(address, codec.sound_sources, _address(autopilot), now_s)
             for source, message_id in codec.unwanted:
                 if source == _address(autopilot):
                     self._rates.hear_unused(message_id, link, now_s)
+        sources = {source for source in codec.sound_sources if not forged or source != known}
+        peers.admit(address, sources, partial(self._may_be_peer, link), now_s)
+        self._events += peers.events_received()
         self._packets.extend((now_s, packet) for packet in codec.packets)
+
+    def _may_be_peer(self, link: str, system_id: int) -> bool:
+        """Whether an address of this system is sent to: the vehicle's, and who may command it.
+
+        Before the autopilot is known, it may be the system that is asked for its heartbeat.
+        """
+        vehicle_id, asked = self._system_id, self._unidentified
+        if self.autopilot is None and asked is not None and asked[0] == link:
+            vehicle_id = asked[1][0]
+        allows = self._permissions.allows_system
+        return system_id == vehicle_id or allows(system_id, vehicle_id=vehicle_id)
 
     def _receive_message(self, link: str, message: Message, now_s: float) -> None:
         if _source(message) == (self._system_id, self._component_id):
@@ -278,6 +316,7 @@ class Session:
             system_id=self._system_id,
             component_id=self._component_id,
             now_s=now_s,
+            signed=message.get_signed(),
         )
         if reception.event is not None:
             self._events.append(reception.event)
@@ -335,7 +374,8 @@ class Session:
         if autopilot is None:
             self._identify(now_s)
             return
-        statistics = self._codecs[autopilot.link].statistics(*_address(autopilot))
+        codec = self._peers[autopilot.link].autopilots_codec
+        statistics = codec.statistics(*_address(autopilot))
         trips = self._round_trips
         self._listener.count_packets(statistics, trips.least_s(now_s), trips.shortest_s)
         if not self._listener.identity.alive(now_s):
@@ -383,7 +423,7 @@ class Session:
         if autopilot.link.startswith("serial:"):
             return False
         known = {_address(autopilot), (self._system_id, self._component_id)}
-        return any(source not in known for source in self._codecs[autopilot.link].sources)
+        return any(source not in known for source in self._peers[autopilot.link].sources)
 
     def want_parameters(self, names: Iterable[str], *, changing: bool = False) -> None:
         """Has these parameters asked for, and again after the autopilot's restart.
@@ -472,10 +512,24 @@ class Session:
         if message is not None:
             self._outbox.send_to_all(message)
 
-    def send_text(self, severity: Severity, text: str, now_s: float, *, news: bool = False) -> None:
-        """STATUSTEXT on all links, in chunks; the same text not within 10 s, unless it is news."""
-        for message in self._texts.messages(severity, text, now_s, news=news):
-            self._outbox.send_to_all(message)
+    def send_text(
+        self,
+        severity: Severity,
+        text: str,
+        now_s: float,
+        *,
+        news: bool = False,
+        link: str | None = None,
+    ) -> None:
+        """STATUSTEXT in chunks; the same text not within 10 s, unless it is news.
+
+        link: on this one alone; None: on all.
+        """
+        for message in self._texts.messages(severity, text, now_s, news=news, link=link):
+            if link is None:
+                self._outbox.send_to_all(message)
+            else:
+                self._outbox.send(link, message)
 
     def _acknowledge(self, answer: Answer | None, link: str) -> None:
         if answer is not None:

@@ -92,6 +92,8 @@ class LinkSigning:
         self.link_id = link_id
         self.timestamp = timestamp
         """The greatest that was sent, accepted, or told by the wall clock."""
+        self.refused = dict.fromkeys(Refusal, 0)
+        """Whole packets that its codecs have refused."""
         self._streams: dict[_Stream, int] = {}
         self._newest: MutableMapping[_Stream, int] = {} if newest is None else newest
 

@@ -19,6 +19,8 @@ _MACHINE_WORD = re.compile(r"(?<=[a-z])_(?=[a-z])")
 """In `at_target`; parameters, as GF_MAX_HOR_DIST, keep their names."""
 _REPEAT_S = 10.0
 _NEWS_REPEAT_S = 1.0
+_MOST_REMEMBERED = 256
+"""Texts; far more than are said in 10 s. Beyond it the oldest is forgotten, and may be repeated."""
 _VALUE = re.compile(r"-?\d+\.\d+|\d+(?= ?(?:s|m|%|m/s)(?!\w))")
 """A number of something measured, which is no other thing's name."""
 
@@ -75,24 +77,30 @@ class StatusTexts:
     """
 
     def __init__(self) -> None:
-        self._sent_s: dict[str, float] = {}
+        self._sent_s: dict[tuple[str | None, str], float] = {}
+        """When a text was last sent, by its link (None: all links); the oldest first."""
         self._last_id = 0
 
     def messages(
-        self, severity: Severity, text: str, now_s: float, *, news: bool = False
+        self,
+        severity: Severity,
+        text: str,
+        now_s: float,
+        *,
+        news: bool = False,
+        link: str | None = None,
     ) -> list[Message]:
         """The chunks of a text, none when the same was sent within the last 10 s.
 
+        link: for which it is; None: for all. What is told on one counts for that one alone.
         news: it says that something has changed, or answers somebody, and is sent again unless it
         was said within a second and nothing else since: a mission that was held flies again.
 
         Up to 50 characters go as one message with id 0; more as chunks of 50 with an id and a
         chunk_seq, the last of which has a NUL in it. What is not ASCII becomes a question mark.
         """
-        self._sent_s = {
-            known: sent_s for known, sent_s in self._sent_s.items() if now_s - sent_s < _REPEAT_S
-        }
-        same = _VALUE.sub("#", text)
+        self._forget_old(now_s)
+        same = (link, _VALUE.sub("#", text))
         if same in self._sent_s and not (news and self._is_news(same, now_s)):
             return []
         self._sent_s.pop(same, None)
@@ -106,7 +114,16 @@ class StatusTexts:
             for sequence, start in enumerate(range(0, len(data) + 1, CHUNK_BYTES))
         ]
 
-    def _is_news(self, same: str, now_s: float) -> bool:
+    def _forget_old(self, now_s: float) -> None:
+        """Each text is forgotten once, so that this costs the same however much is said."""
+        while self._sent_s:
+            oldest = next(iter(self._sent_s))
+            recent = now_s - self._sent_s[oldest] < _REPEAT_S
+            if recent and len(self._sent_s) < _MOST_REMEMBERED:
+                return
+            del self._sent_s[oldest]
+
+    def _is_news(self, same: tuple[str | None, str], now_s: float) -> bool:
         last = next(reversed(self._sent_s))
         return same != last or now_s - self._sent_s[same] >= _NEWS_REPEAT_S
 

@@ -10,14 +10,13 @@ import socket
 import struct
 import sys
 import time
-from typing import Any
+from collections.abc import Sequence
 
 from ..errors import LinkError
 from .link_basics import SEND_BUFFER_BYTES, OnBytes, clock_s, reason
+from .peers import Address
 from .urls import LinkAddress, LinkKind
 
-_PEER_TIMEOUT_S = 10.0
-"""A UDP peer that has been silent for so long is not written to any more."""
 _DATAGRAM_BYTES = 65536
 _MOST_DATAGRAMS = 512
 """Read in one go; the next go comes after others in the loop had their turn."""
@@ -44,6 +43,8 @@ class _Udp:
 
     What listening and sending links share.
     """
+
+    _listens: bool
 
     def __init__(self, address: LinkAddress, own: socket.socket, on_bytes: OnBytes) -> None:
         self._address = address
@@ -80,9 +81,8 @@ class _Udp:
                 self._read_s = min(max(self._read_s, stamp_s + offset_s), now_s)
             else:
                 self._read_s = now_s
-            self._hear(peer)
             self._failing = False
-            self._on_bytes(data, self._read_s)
+            self._on_bytes(data, self._read_s, peer if self._listens else None)
 
     def _stamp_s(self, extra: list[tuple[int, int, bytes]]) -> float | None:
         """When the kernel took a datagram, by the wall clock; None where it does not tell."""
@@ -111,10 +111,7 @@ class _Udp:
         self._failing = True
         _logger.log(level, "%s: %s", self._address, reason(error))
 
-    def _hear(self, peer: Any) -> None:
-        """A datagram came from a peer; of interest only to who does not know it yet."""
-
-    def _write(self, data: bytes, peer: Any = None) -> None:
+    def _write(self, data: bytes, peer: Address | None = None) -> None:
         try:
             if peer is None:
                 self._socket.send(data)
@@ -127,28 +124,25 @@ class _Udp:
 
 
 class _UdpListener(_Udp):
-    """Waits for peers and answers all of them that were heard within 10 s."""
+    """Hears anybody, and sends to the peers that it is given: who they are is not its business."""
 
-    def __init__(self, address: LinkAddress, own: socket.socket, on_bytes: OnBytes) -> None:
-        super().__init__(address, own, on_bytes)
-        self._peers: dict[Any, float] = {}
+    _listens = True
 
-    def _hear(self, peer: Any) -> None:
-        self._peers[peer] = clock_s()
-
-    def send(self, data: bytes, _within_s: float = math.inf, /) -> None:
-        oldest_s = clock_s() - _PEER_TIMEOUT_S
-        for peer, heard_s in list(self._peers.items()):
-            if heard_s < oldest_s:
-                del self._peers[peer]
-            else:
-                self._write(data, peer)
+    def send(
+        self, data: bytes, _within_s: float = math.inf, peers: Sequence[Address] = (), /
+    ) -> None:
+        for peer in peers:
+            self._write(data, peer)
 
 
 class _UdpSender(_Udp):
-    """Sends to one peer."""
+    """Sends to one peer, and hears that one alone."""
 
-    def send(self, data: bytes, _within_s: float = math.inf, /) -> None:
+    _listens = False
+
+    def send(
+        self, data: bytes, _within_s: float = math.inf, _peers: Sequence[Address] = (), /
+    ) -> None:
         self._write(data)
 
 

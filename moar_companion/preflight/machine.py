@@ -13,6 +13,7 @@ from ..autopilots import failsafe_parameters, failsafes_of
 from ..autopilots.fence import fence_of, fence_parameters
 from ..config import CompanionConfig, LinkRole
 from ..mavlink.identity import Autopilot, AutopilotConflict
+from ..mavlink.peers import Address
 from ..mavlink.session import Session, SystemStatus
 from ..mavlink.signing import Refusal, Signing, link_signings
 from ..mission.conditions import Causes
@@ -90,6 +91,7 @@ class Preflight:
             links={link.url: link.role for link in config.links},
             system_id=config.system_id,
             component_id=config.component_id,
+            commands=config.commands,
             signing=link_signings(config.links, signing),
         )
         self._asked_links = [link.url for link in config.links if link.role is LinkRole.AUTOPILOT]
@@ -114,11 +116,11 @@ class Preflight:
         """Whether an autopilot was heard, and so the aircraft looked at."""
         return self._session.telemetry.autopilot is not None
 
-    def receive(self, link: str, data: bytes, now_s: float) -> None:
-        """Takes bytes from a link, split anywhere."""
+    def receive(self, link: str, data: bytes, now_s: float, address: Address | None = None) -> None:
+        """Takes bytes from a link, split anywhere. address: who sent them to a listening link."""
         before = self._session.telemetry
         self._bytes_heard += len(data)
-        self._session.receive(link, data, now_s)
+        self._session.receive(link, data, now_s, address)
         after = self._session.telemetry
         if after.local_position not in (None, before.local_position):
             self._positions = self._positions.another(now_s)
@@ -164,6 +166,10 @@ class Preflight:
     def data_to_send(self) -> list[tuple[str, bytes]]:
         """Packets since the last call, in order, each with its link's name."""
         return self._session.data_to_send()
+
+    def peers(self, link: str) -> tuple[Address, ...]:
+        """The addresses to which a listening link sends; empty for other links."""
+        return self._session.peers(link)
 
     def findings(self) -> list[Finding]:
         """What was found, once `done`."""

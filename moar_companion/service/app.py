@@ -12,6 +12,7 @@ import asyncio
 import contextlib
 import gc
 import logging
+import math
 import signal
 import sys
 import time
@@ -25,6 +26,7 @@ from ..config import CompanionConfig, LinkRole
 from ..margin import flown_site
 from ..mavlink.link import Link, open_link
 from ..mavlink.link_basics import clock_s
+from ..mavlink.peers import Address
 from ..mavlink.urls import parse_url
 from ..outlets.log import log_to_stderr
 from ..outlets.recorder import Recorder
@@ -142,7 +144,7 @@ class Service:
         self._latest = LatestDecisions()
         self._clock_offset_s = time.time() - self._now_s()
         self._links: Mapping[str, Link] = {}
-        self._arrived: list[tuple[float, str, bytes]] = []
+        self._arrived: list[tuple[float, str, bytes, Address | None]] = []
         self._host = Host()
         self._read_late_s = 0.0
         """How long what arrived has waited to be read, at most, since the last look."""
@@ -264,16 +266,16 @@ class Service:
             self._host = replace(self._host, read_late_s=self._read_late_s)
             self._companion.note_host(self._host)
 
-    def _receive(self, url: str, data: bytes, arrived_s: float) -> None:
-        self._arrived.append((arrived_s * self._speed, url, data))
+    def _receive(self, url: str, data: bytes, arrived_s: float, address: Address | None) -> None:
+        self._arrived.append((arrived_s * self._speed, url, data, address))
         self._read_late_s = max(self._read_late_s, self._now_s() - arrived_s * self._speed)
 
     def _take_in(self, now_s: float) -> None:
         """Hand over what has arrived: here, so that what fails ends the thinking, too."""
         arrived, self._arrived = self._arrived, []
         # Of several links, in the order of arrival.
-        for time_s, url, data in sorted(arrived, key=itemgetter(0)):
-            self._companion.receive(url, data, time_s)
+        for time_s, url, data, address in sorted(arrived, key=itemgetter(0)):
+            self._companion.receive(url, data, time_s, address)
         for contingency, answer in self._worker.answers():
             if contingency:
                 self._companion.contingency_answered(answer)
@@ -288,7 +290,7 @@ class Service:
         if not late and len(outgoing) == len(control):
             self._companion.note_sent()
         for url, data in self._companion.data_to_send(control=False):
-            self._links[url].send(data)
+            self._links[url].send(data, math.inf, self._companion.peers(url))
             outgoing.append((url, data))
         decisions = self._companion.decisions()
         self._latest.note(decisions, self._companion.telemetry.link)
@@ -307,7 +309,7 @@ class Service:
         """Send a packet that was thought at `now_s`, but not after a pause; whether it was sent."""
         in_time = not self._is_late(now_s)
         if in_time:
-            self._links[url].send(data, _LONGEST_WAIT_S)
+            self._links[url].send(data, _LONGEST_WAIT_S, self._companion.peers(url))
         return in_time
 
     def _remember(self, now_s: float) -> None:

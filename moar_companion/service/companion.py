@@ -21,10 +21,11 @@ from ..mavlink.commands import (
     DeniedCommand,
     MissionCommand,
     PauseContinue,
+    stops,
 )
 from ..mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
-from ..mavlink.ledger import stops
 from ..mavlink.listener import ModeLeft
+from ..mavlink.peers import Address, AutopilotElsewhere, PeerRefused
 from ..mavlink.session import CommandAnswered, Session, Severity, SystemStatus
 from ..mavlink.signing import Refusal, Signing, link_signings
 from ..mission.states import STREAMING
@@ -81,6 +82,7 @@ class Companion:
             links={link.url: link.role for link in config.links},
             system_id=config.system_id,
             component_id=config.component_id,
+            commands=config.commands,
             signing=link_signings(config.links, signing),
         )
         self._reports = Reports(self._session)
@@ -197,9 +199,9 @@ class Companion:
 
     # In
 
-    def receive(self, link: str, data: bytes, now_s: float) -> None:
-        """Takes bytes from a link, split anywhere."""
-        self._session.receive(link, data, now_s)
+    def receive(self, link: str, data: bytes, now_s: float, address: Address | None = None) -> None:
+        """Takes bytes from a link, split anywhere. address: who sent them to a listening link."""
+        self._session.receive(link, data, now_s, address)
 
     def await_planner(self, compiling: str = "") -> None:
         """The site's planner is being made ready; until `take_ground` telemetry and risk only.
@@ -334,6 +336,10 @@ class Companion:
         self._conduct.setpoints.note_sent()
         self._conduct.engaging.note_sent()
 
+    def peers(self, link: str) -> tuple[Address, ...]:
+        """The addresses to which a listening link sends; empty for other links."""
+        return self._session.peers(link)
+
     def packets_heard(self) -> list[tuple[float, bytes]]:
         """Whole packets that arrived since the last call, with their times, for the record."""
         return self._session.packets_heard()
@@ -368,7 +374,7 @@ class Companion:
                 case CommandCancelled(command=command):
                     self._conduct.withdraw(command, now_s)
                 case DeniedCommand(reason=reason):
-                    self._orders.tell_why(Verdict.DENIED, reason, now_s)
+                    self._orders.tell_why(event, Verdict.DENIED, reason, now_s)
                 case CommandAnswered(result=result) if result != CommandResult.ACCEPTED:
                     text = "the autopilot refused the mode"
                     self._reports.say(Severity.WARNING, text, now_s)
@@ -384,6 +390,13 @@ class Companion:
                     self._conduct.faults.note_mode_left(mode)
                 case AutopilotRestarted():
                     self._conduct.faults.note_restart()
+                case AutopilotElsewhere(link=link, address=(host, port, *_)):
+                    text = f"autopilot also at {host} (port {port}, on {link})"
+                    self._reports.say(Severity.WARNING, text, now_s, action="ignored")
+                case PeerRefused(link=link, address=(host, port, *_), system_id=system_id):
+                    where = f"{host}:{port} on {link}; commands.systems"
+                    text = f"system {system_id} may not command ({where})"
+                    self._reports.say(Severity.NOTICE, text, now_s, action="not served")
                 case AutopilotConflict(autopilot=autopilot, other=other, reason=reason):
                     text = f"{reason}, no control ({autopilot}, {other})"
                     self._reports.say(Severity.ERROR, text, now_s)

@@ -181,8 +181,11 @@ class Conduct:
             self._carry_out((self.status, (answer,)), now_s)
         else:
             world, before = self._situation(now_s), self.status.state
-            step = machine.command(self.status, order, order_id, world, now_s)
-            self._carry_out(step, now_s)
+            status, effects = machine.command(self.status, order, order_id, world, now_s)
+            if not command.permitted:
+                # Who may not command may stop the aircraft, but no way out of the supervisor's.
+                effects = tuple(item for item in effects if not isinstance(item, Overrule))
+            self._carry_out((status, effects), now_s)
             if self.status.order_id == order_id:
                 self.engaging.note_order(self._session.telemetry.autopilot, before, now_s)
 

@@ -103,15 +103,16 @@ class OrderBook:
 
     def answer(self, order_id: int, verdict: Verdict, reason: str, now_s: float) -> None:
         """The final answer to an order."""
-        self._session.answer(self._open.pop(order_id).command, _RESULTS[verdict])
+        command = self._open.pop(order_id).command
+        self._session.answer(command, _RESULTS[verdict])
         self._reports.record("answer", now_s, verdict=verdict.value, reason=reason)
         if reason:
-            self.tell_why(verdict, reason, now_s)
+            self.tell_why(command, verdict, reason, now_s)
 
-    def tell_why(self, verdict: Verdict, reason: str, now_s: float) -> None:
-        """An acknowledgement has no words: the reason goes to people as a text."""
-        action = verdict.value.rpartition(" ")[2]
-        self._reports.say(Severity.WARNING, reason, now_s, action=action, news=True)
+    def tell_why(self, command: Command, verdict: Verdict, reason: str, now_s: float) -> None:
+        """An acknowledgement has no words: the reason goes to the sender's link as a text."""
+        action, link = verdict.value.rpartition(" ")[2], command.sender.link
+        self._reports.say(Severity.WARNING, reason, now_s, action=action, news=True, link=link)
 
     def tell_progress(self, now_s: float) -> None:
         """Tell those that have waited for long, once each."""

@@ -27,11 +27,21 @@ class Reports:
         self._decisions: list[Decision] = []
 
     def say(
-        self, severity: Severity, reason: str, now_s: float, *, action: str = "", news: bool = False
+        self,
+        severity: Severity,
+        reason: str,
+        now_s: float,
+        *,
+        action: str = "",
+        news: bool = False,
+        link: str | None = None,
     ) -> None:
-        """A STATUSTEXT of a reason and what the companion does, recorded with the whole reason."""
+        """A STATUSTEXT of a reason and what the companion does, recorded with the whole reason.
+
+        link: whom it concerns is on this link alone; None: it is for everybody.
+        """
         text = pilot_text(reason, action)
-        self._session.send_text(severity, text, now_s, news=news)
+        self._session.send_text(severity, text, now_s, news=news, link=link)
         self.record("text", now_s, text=text, reason=reason)
 
     def send_values(self, risk: RiskIndices, weights: Weights, now_s: float) -> None:

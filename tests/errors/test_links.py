@@ -144,6 +144,14 @@ def test_links_that_make_no_sense_together(links, problem, tmp_path, capsys):
     assert one_line(arguments, 2, capsys) == f"{arguments[1]}: {problem}"
 
 
+@pytest.mark.parametrize("named", ["udp::14551", "udp:127.0.0.1:14540"])
+def test_a_link_that_commands_but_is_none_is_named(named, tmp_path, capsys):
+    links, commands = [{"url": "udp::14550"}], {"links": ["udp::14550", named]}
+    arguments = configured(tmp_path, links=links, commands=commands)
+    problem = f"commands.links[1]: is {named!r}, must be one of the links (udp::14550)"
+    assert one_line(arguments, 2, capsys) == f"{arguments[1]}: {problem}"
+
+
 def test_a_serial_port_that_another_program_has(capsys):
     first, second = pty.openpty()
     url = f"serial:{os.ttyname(second)}:57600"

@@ -275,6 +275,41 @@ def test_a_cancel_is_ignored_when_idle(peer, ground_station):
 def test_a_thousand_senders_are_not_all_remembered(peer):
     desk = Desk()
     for number in range(1000):
-        event, _ = desk.receive(peer(1 + number % 250, 1 + number // 250).command(USER_1, 1))
+        desk.now_s += 0.1
+        event, _ = desk.receive(peer(240 + number % 16, 1 + number // 16).command(USER_1, 1))
         assert isinstance(event, MissionCommand)
     assert len(desk.ledger._remembered) == 64
+
+
+@pytest.mark.parametrize("words", [(USER_1, 9), (400, 1), (USER_1, 1)])
+def test_twenty_answers_at_once_and_then_two_a_second_are_the_most_for_a_sender(
+    ground_station, peer, words
+):
+    desk = Desk()
+    command, _ = desk.receive(ground_station.command(USER_1, 1))
+    desk.answer(command, CommandResult.DENIED)  # what comes again is a repeat
+    received = [desk.receive(ground_station.command(*words)) for _ in range(1000)]
+    assert sum(answer is not None for _, answer in received) == 20
+    assert all(item == (None, None) for item in received[20:])
+    desk.now_s += 0.5
+    received = [desk.receive(ground_station.command(*words)) for _ in range(10)]
+    assert sum(answer is not None for _, answer in received) == 1
+    assert desk.receive(peer(254, 190).command(USER_1, 9))[1] is not None
+
+
+def test_a_link_has_a_limit_for_all_its_senders(peer):
+    desk = Desk()
+    senders = [peer(240 + number % 16, 1 + number // 16) for number in range(1000)]
+    answers = [desk.receive(sender.command(USER_1, 9))[1] for sender in senders]
+    assert sum(answer is not None for answer in answers) == 60
+    assert desk.receive(senders[0].command(USER_1, 9), link="network")[1] is not None
+
+
+def test_more_orders_than_anybody_gives_are_rejected_and_stops_still_taken(ground_station):
+    desk = Desk()
+    taken = [desk.receive(ground_station.command(USER_1, 1, index)) for index in range(100)]
+    assert sum(event is not None for event, _ in taken) == 30
+    rejected = [answer.result for event, answer in taken if event is None and answer]
+    assert rejected == [CommandResult.TEMPORARILY_REJECTED] * 20
+    assert desk.receive(ground_station.command(USER_1, 0))[0] is not None
+    assert desk.receive(ground_station.command(PAUSE_CONTINUE, 0))[0] is not None

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import fcntl
 import logging
+import math
 import os
 import pty
 import socket
@@ -32,10 +33,14 @@ class Received:
 
     def __init__(self):
         self.data = b""
+        self.addresses = []
+        """Of datagrams to a listening link."""
         self._arrived = asyncio.Event()
 
-    def __call__(self, data, arrived_s=None):
+    def __call__(self, data, arrived_s=None, address=None):
         self.arrived_s = arrived_s
+        if address is not None and address not in self.addresses:
+            self.addresses.append(address)
         self.data += data
         self._arrived.set()
 
@@ -71,14 +76,12 @@ async def test_two_udp_links_talk_to_each_other():
         async with open_link(udp_send(port), there) as sender:
             sender.send(b"hello")
             await here.until(b"hello")
-            listener.send(b"welcome")
+            listener.send(b"welcome", math.inf, here.addresses)
             await there.until(b"welcome")
     assert there.data == b"welcome"
 
 
-async def test_a_listener_answers_all_peers_and_forgets_those_long_silent(monkeypatch):
-    now_s = 1000.0
-    monkeypatch.setattr(udp_link, "clock_s", lambda: now_s)
+async def test_a_listener_sends_to_the_peers_that_it_is_given_and_to_nobody_else():
     port = free_port(socket.SOCK_DGRAM)
     here, first, second = Received(), Received(), Received()
     async with (
@@ -87,19 +90,17 @@ async def test_a_listener_answers_all_peers_and_forgets_those_long_silent(monkey
         open_link(udp_send(port), second) as two,
     ):
         one.send(b"one")
-        two.send(b"two")
         await here.until(b"one")
+        two.send(b"two")
         await here.until(b"two")
-        listener.send(b"both")
+        listener.send(b"nobody")
+        listener.send(b"both", math.inf, here.addresses)
         await first.until(b"both")
         await second.until(b"both")
-        now_s += 9.0
-        two.send(b"again")
-        await here.until(b"again")
-        now_s += 2.0  # the first has been silent for 11 s
-        listener.send(b"late")
-        await second.until(b"late")
+        listener.send(b"second", math.inf, here.addresses[1:])
+        await second.until(b"second")
     assert first.data == b"both"
+    assert second.data == b"bothsecond"
 
 
 class Arrivals:
@@ -108,7 +109,7 @@ class Arrivals:
     def __init__(self):
         self.items = []
 
-    def __call__(self, data, arrived_s):
+    def __call__(self, data, arrived_s, _address):
         self.items.append((data, arrived_s))
 
 

@@ -64,3 +64,25 @@ def test_news_is_told_again_once_something_else_was_said_or_a_second_has_passed(
         ]
     ]
     assert told == [True, False, True, True, False, True]
+
+
+def test_what_was_told_on_one_link_counts_for_that_one_alone():
+    texts = StatusTexts()
+
+    def is_told(link):
+        return bool(texts.messages(Severity.WARNING, "denied", 0.0, link=link))
+
+    assert [is_told("radio"), is_told("radio"), is_told("network"), is_told(None)] == [
+        True,
+        False,
+        True,
+        True,
+    ]
+
+
+def test_memory_is_bounded_for_any_number_of_texts():
+    texts = StatusTexts()
+    for number in range(10_000):
+        assert told(texts, f"parameter {number} is bad")
+    assert len(texts._sent_s) == 256
+    assert not told(texts, "parameter 9999 is bad")

@@ -1,0 +1,41 @@
+"""Who may command, by the section `commands` of the configuration. Pure.
+
+The ids of a MAVLink packet are what its sender says they are: they keep apart those who mean well.
+Only a signature tells who somebody is.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..config import GROUND_STATION_IDS, Commands
+from .commands import Sender
+
+
+@dataclass(frozen=True, slots=True)
+class Permissions:
+    """The rules of the configuration, for the companion of one vehicle."""
+
+    rules: Commands
+
+    def allows_system(self, system_id: int, *, vehicle_id: int) -> bool:
+        """Whether a system may command. vehicle_id: the system id of the autopilot, and ours."""
+        if self.rules.systems is None:
+            return system_id in GROUND_STATION_IDS or system_id == vehicle_id
+        return system_id in self.rules.systems
+
+    def objection(self, sender: Sender, *, vehicle_id: int, signed: bool) -> str | None:
+        """Why a sender may not command, in words for people; None when it may.
+
+        signed: whether the packet that carries the command has a correct signature.
+        """
+        rules = self.rules
+        if rules.links is not None and sender.link not in rules.links:
+            return f"this link may not command ({sender.link}; commands.links)"
+        if not self.allows_system(sender.system_id, vehicle_id=vehicle_id):
+            return f"system {sender.system_id} may not command (commands.systems)"
+        if rules.components is not None and sender.component_id not in rules.components:
+            return f"component {sender.component_id} may not command (commands.components)"
+        if rules.signed_only and not signed:
+            return "commands must be signed (commands.signed_only)"
+        return None

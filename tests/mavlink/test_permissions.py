@@ -1,0 +1,113 @@
+"""Who may command: by ids, by link and by signature, and what is taken from anybody."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.config import Commands
+from moar_companion.mavlink.codec import Codec
+from moar_companion.mavlink.commands import CommandResult, DeniedCommand, MissionCommand, Sender
+from moar_companion.mavlink.ledger import CommandLedger
+from moar_companion.mavlink.permissions import Permissions
+
+from .peer import Peer
+
+USER_1, PAUSE_CONTINUE = 31010, 193
+HOLD, INSPECTION, RELEASE = 0, 1, 4
+
+
+def objection(commands, system_id=255, component_id=190, *, link="radio", signed=False):
+    sender = Sender(link=link, system_id=system_id, component_id=component_id)
+    return Permissions(commands).objection(sender, vehicle_id=7, signed=signed)
+
+
+@pytest.mark.parametrize(
+    ("system_id", "allowed"),
+    [(255, True), (245, True), (240, True), (7, True), (239, False), (1, False), (0, False)],
+)
+def test_by_default_ground_stations_and_the_vehicle_itself_may_command(system_id, allowed):
+    assert (objection(Commands(), system_id) is None) is allowed
+
+
+def test_a_list_of_systems_is_taken_as_it_stands():
+    commands = Commands(systems=(42,))
+    assert objection(commands, 42) is None
+    assert objection(commands, 255) == "system 255 may not command (commands.systems)"
+    assert objection(commands, 7) == "system 7 may not command (commands.systems)"
+
+
+def test_a_component_that_is_not_named_may_not_command():
+    commands = Commands(components=(190, 191))
+    assert objection(commands, component_id=191) is None
+    assert objection(commands, component_id=25).startswith("component 25 may not command")
+
+
+def test_a_link_that_is_not_named_may_not_command():
+    commands = Commands(links=("network",))
+    assert objection(commands, link="network") is None
+    assert objection(commands, link="radio").startswith("this link may not command")
+
+
+def test_where_only_signed_commands_are_taken_an_unsigned_one_is_not():
+    commands = Commands(signed_only=True)
+    assert objection(commands, signed=True) is None
+    assert objection(commands).startswith("commands must be signed")
+    assert objection(commands, 42, signed=True).startswith("system 42")
+
+
+def received(ledger, packet, *, link="radio", now_s=0.0, **options):
+    (message,) = Codec(system_id=9, component_id=9).receive(packet)
+    return ledger.receive(message, link=link, system_id=1, component_id=195, now_s=now_s, **options)
+
+
+@pytest.mark.parametrize(
+    "words", [(USER_1, 1), (USER_1, 2), (USER_1, 3), (USER_1, RELEASE), (PAUSE_CONTINUE, 1)]
+)
+def test_a_stranger_is_denied_what_moves_the_aircraft_and_what_ends_the_stream(words):
+    reception = received(CommandLedger(), Peer(42, 1).command(*words))
+    assert isinstance(reception.event, DeniedCommand)
+    assert reception.event.reason == "system 42 may not command (commands.systems)"
+    assert reception.answer.result is CommandResult.DENIED
+    assert reception.answer.receiver == Sender(link="radio", system_id=42, component_id=1)
+
+
+@pytest.mark.parametrize("words", [(USER_1, HOLD), (PAUSE_CONTINUE, 0)])
+def test_a_hold_is_taken_from_anybody(words):
+    commands = Commands(systems=(255,), components=(190,), links=("cable",), signed_only=True)
+    reception = received(CommandLedger(commands), Peer(42, 1).command(*words))
+    assert not reception.event.permitted
+    assert reception.answer is None
+
+
+def test_the_signature_is_asked_for_unsigned_by_default():
+    ledger, station = CommandLedger(Commands(signed_only=True)), Peer(255, 190)
+    refused = received(ledger, station.command(USER_1, INSPECTION))
+    assert refused.event.reason == "commands must be signed (commands.signed_only)"
+    taken = received(ledger, station.command(USER_1, INSPECTION), signed=True)
+    assert isinstance(taken.event, MissionCommand)
+    assert taken.event.permitted
+
+
+def test_a_stranger_takes_nothing_back():
+    ledger = CommandLedger(Commands(links=("radio",)))
+    station = Peer(255, 190)
+    assert received(ledger, station.command(USER_1, INSPECTION)).event
+    elsewhere = received(ledger, station.cancel(USER_1), link="network")
+    assert (elsewhere.event, elsewhere.answer) == (None, None)
+    assert received(ledger, station.cancel(USER_1)).event
+
+
+def test_the_holds_of_strangers_push_no_operators_command_out_of_memory():
+    ledger, station = CommandLedger(), Peer(255, 190)
+    command = received(ledger, station.command(USER_1, INSPECTION)).event
+    for number in range(90):
+        assert received(ledger, Peer(1 + number, 1).command(USER_1, HOLD)).event
+    answer = ledger.answer(command, CommandResult.ACCEPTED, now_s=0.0)
+    assert answer.receiver == command.sender
+
+
+def test_the_holds_of_strangers_use_up_no_operators_holds():
+    ledger = CommandLedger()
+    for number in range(1000):
+        received(ledger, Peer(1 + number % 239, 1 + number // 239).command(USER_1, HOLD))
+    assert received(ledger, Peer(255, 190).command(USER_1, HOLD)).event

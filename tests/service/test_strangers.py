@@ -1,0 +1,135 @@
+"""Senders who may not command, and floods of commands, against the whole companion."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.config import Commands
+
+from ..mavlink.peer import Peer
+from .commands import LINKS, OPERATOR_LINK, answers, carried_out, hovering, results
+from .desk import (
+    DENIED,
+    HOLD,
+    INSPECTION,
+    LINK,
+    PAUSE_CONTINUE,
+    RELEASE,
+    TEMPORARILY_REJECTED,
+    USER_1,
+    Desk,
+)
+
+
+def texts_on(desk, link):
+    return [m.text for _, on, m in desk.sent if m.get_type() == "STATUSTEXT" and on == link]
+
+
+@pytest.mark.parametrize("mission", [INSPECTION, RELEASE])
+def test_a_stranger_is_denied_and_told_why_on_its_own_link_alone(mission):
+    desk, stranger = hovering(), Peer(42, 1)
+    desk.hear(stranger.command(USER_1, mission, -1.0), OPERATOR_LINK).run(0.5)
+    assert answers(desk) == [(OPERATOR_LINK, (42, 1), USER_1, DENIED)]
+    assert texts_on(desk, OPERATOR_LINK)[-1] == "MOAR: system 42 may not command, denied"
+    assert not any("denied" in text for text in texts_on(desk, LINK))
+    assert carried_out(desk) == []
+    assert desk.state == "idle"
+
+
+@pytest.mark.parametrize("words", [(USER_1, HOLD), (PAUSE_CONTINUE, 0)])
+def test_anybody_can_stop_the_aircraft_in_flight_but_not_send_it_on(words):
+    desk, stranger = Desk(commands=Commands(systems=(255,))).come_to("flying"), Peer(42, 1)
+    desk.run(2.0).hear(stranger.command(*words)).run(1.0)
+    assert desk.state == "holding"
+    place = desk.position_ned_m
+    desk.hear(stranger.command(PAUSE_CONTINUE, 1)).hear(stranger.command(USER_1, RELEASE)).run(2.0)
+    assert (desk.state, results(desk)[-2:]) == ("holding", [DENIED, DENIED])
+    assert desk.position_ned_m == pytest.approx(place)
+    desk.go_on().run(0.5)
+    assert desk.state == "flying"
+
+
+@pytest.mark.slow
+def test_a_strangers_hold_ends_no_way_out_of_the_supervisors():
+    desk, stranger = Desk().come_to("flying"), Peer(42, 1)
+    desk.run(2.0).set(battery_percent=12).run_until_sought("exit")
+    desk.run(2.0)
+    assert desk.companion.status.task.mission.value == "exit"
+    desk.hear(stranger.command(USER_1, HOLD)).run(2.0)
+    assert desk.companion.status.task.mission.value == "exit"
+    assert desk.state == "flying"
+    desk.order(HOLD).run(2.0)  # an operator, who knows of the battery
+    assert desk.state == "holding"
+
+
+def test_an_order_that_the_site_denies_is_told_on_its_senders_link_alone():
+    desk = hovering()
+    desk.hear(desk.operator.command(USER_1, INSPECTION, 99.0), OPERATOR_LINK).run(0.5)
+    assert results(desk) == [DENIED]
+    assert any("no target 99" in text for text in texts_on(desk, OPERATOR_LINK))
+    assert not any("no target 99" in text for text in texts_on(desk, LINK))
+
+
+def bytes_per_second(words=None, seconds=3.0):
+    """What is sent on each link while an operator's link has 200 commands a second."""
+    desk, number = Desk(links=LINKS).run(3.0), 0
+    counted = {LINK: 0, OPERATOR_LINK: 0}
+    send = desk.companion.data_to_send
+
+    def data_to_send():
+        sent = send()
+        for link, data in sent:
+            counted[link] += len(data)
+        return sent
+
+    desk.companion.data_to_send = data_to_send
+    for _ in range(round(seconds / 0.02)):
+        for _ in range(4 if words else 0):
+            number += 1
+            desk.hear(desk.operator.command(*words(number)), OPERATOR_LINK)
+        desk.step()
+    return {link: count / seconds for link, count in counted.items()}
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        lambda number: (USER_1, 9.0 + number % 2),
+        lambda number: (USER_1, 5.0 + number),
+        lambda number: (USER_1, INSPECTION, 100.0 + number),
+    ],
+    ids=["two bad missions in turn", "bad missions, all different", "targets that are not there"],
+)
+def test_two_hundred_bad_commands_a_second_cost_the_autopilots_link_nothing(words):
+    flooded, usual = bytes_per_second(words), bytes_per_second()
+    assert flooded[LINK] == usual[LINK]
+    assert flooded[OPERATOR_LINK] < usual[OPERATOR_LINK] + 2500.0  # the burst; then 700
+
+
+@pytest.mark.parametrize("senders", [1, 4000])
+def test_five_thousand_denials_in_a_cycle_are_answered_sixty_times_at_most(senders):
+    desk = hovering()
+    desk.sent.clear()
+    desk.decisions.clear()
+    peers = [Peer(240 + n % 16, 1 + n // 16 % 255) for n in range(senders)]
+    for number in range(5000):
+        peer = peers[number % len(peers)]
+        desk.companion.receive(OPERATOR_LINK, peer.command(USER_1, 5.0 + number), desk.now_s)
+    desk.step()
+    assert len(results(desk)) == (20 if senders == 1 else 60)
+    assert len(desk.decisions) < 100
+    ledger, texts = desk.companion._session._ledger, desk.companion._session._texts
+    assert len(ledger._packets) <= 64
+    assert len(ledger._answers._senders._left) <= 64
+    assert len(texts._sent_s) <= 256
+
+
+def test_a_flood_of_bad_commands_keeps_no_other_operator_from_stopping():
+    desk, flooder = Desk(links=LINKS).come_to("flying"), Peer(254, 1)
+    for number in range(1000):
+        desk.companion.receive(
+            OPERATOR_LINK, flooder.command(USER_1, INSPECTION, number), desk.now_s
+        )
+    desk.hear(desk.operator.command(USER_1, HOLD), OPERATOR_LINK).run(0.5)
+    assert TEMPORARILY_REJECTED in results(desk)
+    assert desk.state == "holding"
