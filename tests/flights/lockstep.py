@@ -25,6 +25,7 @@ from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.planner.planner import Planner
 from moar_companion.service.companion import Companion
 from moar_companion.service.jobs import PlanAnswer, answer_job
+from moar_companion.service.memory import Memory
 from moar_companion.service.planners import Planners
 from moar_companion.service.reports import Decision
 from moar_companion.service.surroundings import Ground
@@ -172,11 +173,11 @@ class Lockstep:
             setattr(twin, name, list(value) if past else copy.deepcopy(value, memo))
         return twin
 
-    def new_companion(self) -> Companion:
-        """A companion that knows nothing yet, of this site and vehicle."""
+    def new_companion(self, before: Memory | None = None) -> Companion:
+        """A companion that knows nothing yet but what the one before it remembered."""
         ground = Ground(site=self.flown_site, maps=self.planner.maps)
         signing = self._secret and Signing(key=SigningKey(self._secret), wall_s=0.0)
-        return Companion(self.config, self.vehicle, ground, signing=signing or None)
+        return Companion(self.config, self.vehicle, ground, before=before, signing=signing or None)
 
     @property
     def state(self) -> str:
@@ -220,7 +221,7 @@ class Lockstep:
             self.to_autopilot.append((now_s, data))
             self._note_setpoint(data)
             if not self.cut:
-                self.autopilot.receive("companion", data)
+                self.tell(data)
         self.decisions += self.companion.decisions()
         self.truths.append(self.autopilot.truth)
         self.states.append((now_s, self.state))
@@ -232,6 +233,10 @@ class Lockstep:
             if packet_header(packet)[0] == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED:
                 (self._position,) = self._position_codec.parse_buffer(packet)
         self.companion.receive(self.link_url, data, self.now_s)
+
+    def tell(self, data: bytes) -> None:
+        """Bytes of the companion, for the autopilot."""
+        self.autopilot.receive("companion", data)
 
     def _note_setpoint(self, data: bytes) -> None:
         for message in self._setpoint_codec.parse_buffer(data) or []:

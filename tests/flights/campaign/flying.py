@@ -1,0 +1,482 @@
+"""Flies what was drawn, and writes down what was so at every step."""
+
+from __future__ import annotations
+
+import math
+import random
+import struct
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from moar_companion.config import Authority
+from moar_companion.margin import seen_margin
+from moar_companion.vehicle import Vehicle
+from sitl.geodesy import Geodetic, TrueFrame
+from sitl.manners import KINDS as AUTOPILOTS
+from sitl.quadrotor import GRAVITY_MPS2
+from sitl.wire import packets as cut
+
+from ..lockstep import COMPANION_LINK, STEP_S, Lockstep
+from ..operator import Manner
+from . import packets
+from .drawing import Draw, draw
+from .kinds import KINDS, Breaks
+
+WIND_LIMIT_MPS = 15.0
+HOLDS = 0.8
+LEAN_RAD = {Manner.PX4: math.radians(45.0), Manner.ARDUPILOT: math.radians(30.0)}
+"""MPC_TILTMAX_AIR, ANGLE_MAX."""
+HOLDS_IN = {Manner.PX4: {"AUTO.LOITER"}, Manner.ARDUPILOT: {"LOITER", "BRAKE"}}
+"""Modes in which an autopilot holds when the stream has ended."""
+OUR_MODE = {Manner.PX4: 6 << 16, Manner.ARDUPILOT: 4}
+"""The custom mode of OFFBOARD, GUIDED."""
+LOOKED_AT = {
+    packets.LOCAL_POSITION, packets.HEARTBEAT, packets.CURRENT_MODE, packets.ESTIMATOR_STATUS,
+    packets.GPS_RAW_INT,
+}  # fmt: skip
+NO_FIX_MM = 99_000
+_READY_S = 1.5
+_AGAIN_S = 4.0
+_MAX_TRIES = 3
+
+
+def held_wind_mps(manner: Manner) -> float:
+    """The wind that is promised to be held."""
+    frame = AUTOPILOTS[manner.value].airframe
+    push = GRAVITY_MPS2 * math.tan(LEAN_RAD[manner])
+    linear, quadratic = frame.drag_per_s, frame.drag_per_m
+    if quadratic:
+        wind = (-linear + math.sqrt(linear**2 + 4.0 * quadratic * push)) / (2.0 * quadratic)
+    else:
+        wind = push / linear
+    return min(WIND_LIMIT_MPS, HOLDS * wind)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sent:
+    """A setpoint. told_m: its place in the site's frame by the autopilot's own estimate."""
+
+    time_s: float
+    state: str
+    local_m: tuple[float, float, float]
+    moves: bool
+    told_m: tuple[float, float, float]
+    aircraft_m: tuple[float, float, float]
+    """The aircraft's place by the estimate, then."""
+    position_age_s: float
+    mode_age_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Record:
+    """All that is judged. Arrays have a row per step of `STEP_S`.
+
+    true_m       (n, 3)  the aircraft in the site's frame
+    error_m      (n, 3)  the estimate less that
+    wind_mps     (n, 3)
+    told_m       (n,)    the accuracy that the autopilot tells
+    """
+
+    draw: Draw
+    vehicle: Vehicle
+    margin_m: float
+    held_wind_mps: float
+    time_s: np.ndarray
+    true_m: np.ndarray
+    error_m: np.ndarray
+    wind_mps: np.ndarray
+    told_m: np.ndarray
+    modes: list[str]
+    airborne: np.ndarray
+    states: list[str]
+    sent: list[Sent]
+    ours: str
+    holds_in: set[str]
+    began_s: dict[str, tuple[float, float]]
+    """By the number of the fault and its kind: its beginning and end, on the flight's clock."""
+    broken_s: dict[Breaks, float]
+    """When each part of the promise ended, by the faults' kinds."""
+    orders_s: list[float]
+    taken_told_s: list[float]
+    """When a message has arrived that tells another mode than ours."""
+    forbidden: list[tuple[float, str]]
+    notes: list[dict]
+    texts: list[str] = field(default_factory=list)
+
+
+class Stopped:
+    """In a companion's place while it does not run. keeps: what arrives is taken in later."""
+
+    def __init__(self, companion, *, keeps: bool) -> None:
+        self.companion = companion
+        self.keeps = keeps
+        self.heard: list[tuple[str, bytes]] = []
+        self.answers: list = []
+
+    def __getattr__(self, name):
+        return getattr(self.companion, name)
+
+    def receive(self, link, data, _now_s):
+        if self.keeps:
+            self.heard.append((link, data))
+
+    def plan_answered(self, answer, _now_s):
+        if self.keeps:
+            self.answers.append(answer)
+
+    def _nothing(self, *_):
+        return ()
+
+    tick = contingency_answered = plan_jobs = contingency_jobs = decisions = data_to_send = _nothing
+
+
+class RandomFlight(Lockstep):
+    """A flight as drawn, with what its faults need."""
+
+    def __init__(self, drawn: Draw) -> None:
+        super().__init__(
+            site=drawn.site,
+            vehicle=drawn.vehicle,
+            manner=drawn.manner,
+            authority=drawn.authority,
+            options={"parameters": drawn.parameters, "seed": drawn.seed},
+        )
+        self.drawn = drawn
+        self.held_wind_mps = held_wind_mps(drawn.manner)
+        self.mute = False
+        self.filters: list[packets.Filter] = []
+        self.rows: list[tuple] = []
+        self.sent: list[Sent] = []
+        self.modes: list[str] = []
+        self.orders_s: list[float] = []
+        self.taken_told_s: list[float] = []
+        self.forbidden: list[tuple[float, str]] = []
+        self.began_s: dict[str, tuple[float, float]] = {}
+        self.broken_s: dict[Breaks, float] = {}
+        self.notes: list[dict] = []
+        self._noted: dict = {}
+        self._each_step: list = []
+        self._later: list[tuple[float, object]] = []
+        self._position_s = self._mode_s = -math.inf
+        self._accuracy_m = 0.0
+        self._ready_since_s: float | None = None
+        self._asked_s = -math.inf
+        self._tries = 0
+        self._wanted: tuple[int, float] | None = None
+        self._frame = TrueFrame(
+            Geodetic(
+                latitude_deg=self.site.frame.origin.latitude_deg,
+                longitude_deg=self.site.frame.origin.longitude_deg,
+                altitude_amsl_m=0.0,
+            )
+        )
+        azimuth = math.radians(self.site.frame.azimuth_deg)
+        self._cos, self._sin = math.cos(azimuth), math.sin(azimuth)
+
+    # What faults do
+
+    def note(self, **values) -> None:
+        """Numbers of the fault that begins now, for the row."""
+        self._noted |= {
+            name: round(value, 4) if isinstance(value, float) else value
+            for name, value in values.items()
+        }
+
+    def note_order(self) -> None:
+        """Somebody has sent the companion an order."""
+        self.orders_s.append(self.now_s)
+
+    def filter(self, one: packets.Filter):
+        """Let packets to the companion pass a filter; what is returned ends that."""
+        self.filters.append(one)
+        return lambda: self.filters.remove(one)
+
+    def flag(self, name: str, value):
+        """Set an attribute; what is returned gives it back."""
+        before = getattr(self, name)
+        self.note(**{name: value})
+        setattr(self, name, value)
+        return lambda: setattr(self, name, before)
+
+    def each_step(self, act):
+        """Call with the step's length; what is returned ends that."""
+        self._each_step.append(act)
+        return lambda: self._each_step.remove(act)
+
+    def later(self, after_s: float, act) -> None:
+        """Call once, after a time."""
+        self._later.append((self.now_s + after_s, act))
+
+    def ramp(self, name: str, start: float, end: float, over_s: float):
+        """Move a condition; what is returned moves it back."""
+
+        def move(first, last):
+            began_s = self.now_s
+            act = []
+
+            def step(_):
+                part = min(1.0, (self.now_s - began_s) / over_s)
+                setattr(self.autopilot.conditions, name, first + part * (last - first))
+                if part >= 1.0:
+                    act.pop()()
+
+            act.append(self.each_step(step))
+
+        move(start, end)
+        return lambda: move(end, start)
+
+    def stop_companion(self, *, killed: bool) -> None:
+        """It runs no more; killed: it is gone."""
+        if not isinstance(self.companion, Stopped):
+            self.companion = Stopped(self.companion, keeps=not killed)
+        if killed:
+            self._answers.clear()
+
+    def wake_companion(self) -> None:
+        """It goes on, and hears at once what has arrived meanwhile."""
+        stopped = self.companion
+        if not isinstance(stopped, Stopped) or not stopped.keeps:
+            return
+        self.companion = stopped.companion
+        for link, data in stopped.heard:
+            self.companion.receive(link, data, self.now_s)
+        for answer in stopped.answers:
+            self.companion.plan_answered(answer, self.now_s)
+
+    def restart_companion(self) -> None:
+        """A new one is started with the memory of the one that was killed."""
+        if not isinstance(self.companion, Stopped):
+            return
+        memory = self.companion.memory
+        self.companion = self.new_companion(before=memory)
+
+    # Steps
+
+    def step(self) -> None:
+        for act in list(self._each_step):
+            act(STEP_S)
+        for item in [item for item in self._later if item[0] <= self.now_s]:
+            self._later.remove(item)
+            item[1]()
+        before = len(self.setpoints)
+        super().step()
+        self._write_down(self.setpoints[before:])
+
+    def hear(self, data: bytes) -> None:
+        items = [(self._sent_s(packet), packet) for packet in cut(data)]
+        for one in list(self.filters):
+            items = one(self.now_s, items)
+        for sent_s, packet in items:
+            self._look(sent_s, packet)
+        data = b"".join(packet for _, packet in items)
+        self.inputs.append(("bytes", self.now_s, data))
+        self.companion.receive(COMPANION_LINK, data, self.now_s)
+
+    def tell(self, data: bytes) -> None:
+        for packet in cut(data):
+            self._watch(packet)
+        if not self.mute:
+            super().tell(data)
+
+    def _sent_s(self, packet: bytes) -> float:
+        if packets.number(packet) != packets.LOCAL_POSITION:
+            return self.now_s
+        (boot_ms,) = struct.unpack_from("<I", packet[10:-2] + b"\0\0\0\0")
+        return self.autopilot.manner._boot_us / 1e6 + boot_ms / 1e3
+
+    def _look(self, sent_s: float, packet: bytes) -> None:
+        number = packets.number(packet)
+        if number not in LOOKED_AT or (message := packets.decoded(packet)) is None:
+            return
+        if number == packets.LOCAL_POSITION:
+            self._position = message
+            self._position_s = max(self._position_s, sent_s)
+        elif number in {packets.HEARTBEAT, packets.CURRENT_MODE}:
+            self._mode_s = max(self._mode_s, sent_s)
+            from_autopilot = (message.get_srcSystem(), message.get_srcComponent()) == (1, 1)
+            if from_autopilot and message.custom_mode != OUR_MODE[self.drawn.manner]:
+                self.taken_told_s.append(self.now_s)
+        elif number == packets.ESTIMATOR_STATUS and self.drawn.manner is Manner.PX4:
+            self._accuracy_m = max(message.pos_horiz_accuracy, message.pos_vert_accuracy)
+        elif number == packets.GPS_RAW_INT and self.drawn.manner is Manner.ARDUPILOT:
+            told = 0 < message.h_acc < NO_FIX_MM
+            self._accuracy_m = message.h_acc / 1e3 if told else self._accuracy_m
+
+    def _watch(self, packet: bytes) -> None:
+        """What no companion may ask of an autopilot."""
+        if packets.number(packet) not in {75, 76}:
+            return
+        message = packets.decoded(packet)
+        if message is None:
+            return
+        if message.command in {400, 22}:
+            self.forbidden.append((self.now_s, f"command {message.command}"))
+        if message.command in {176, 21, 20} and self.drawn.authority is not Authority.ENGAGE:
+            self.forbidden.append((self.now_s, f"mode command {message.command}"))
+
+    def _in_site(self, latitude_deg, longitude_deg, altitude_m):
+        north, east, _ = self._frame.ned(
+            Geodetic(
+                latitude_deg=latitude_deg, longitude_deg=longitude_deg, altitude_amsl_m=altitude_m
+            )
+        )
+        up = altitude_m - self.site.frame.origin.altitude_amsl_m
+        return (*self._turned(north, east), up)
+
+    def _local_in_site(self, x, y, z):
+        """A place of the autopilot's local frame, by the origin that it really has, or had last."""
+        nav = self.autopilot.manner.navigation
+        if self.drawn.manner is Manner.PX4:
+            self._origin = nav.origin, nav.origin_altitude_m
+        elif nav._projection is not None:
+            self._origin = nav._projection, nav._origin_altitude_m
+        projection, altitude_m = self._origin
+        return self._in_site(*projection.reproject(x, y), altitude_m - z)
+
+    def _turned(self, north, east):
+        return north * self._cos + east * self._sin, north * self._sin - east * self._cos
+
+    def _write_down(self, setpoints) -> None:
+        truth = self.truths[-1]
+        estimator = self.autopilot._world.estimator
+        true_m = self._in_site(truth.latitude_deg, truth.longitude_deg, truth.altitude_amsl_m)
+        told_m = self._in_site(
+            estimator.latitude_deg, estimator.longitude_deg, estimator.altitude_m
+        )
+        wind_north, wind_east, wind_down = truth.wind_ned_mps
+        self.rows.append(
+            (
+                self.now_s, *true_m, *(a - b for a, b in zip(told_m, true_m, strict=True)),
+                *self._turned(wind_north, wind_east), -wind_down,
+                self._accuracy_m, float(not truth.on_ground),
+            )
+        )  # fmt: skip
+        self.modes.append(truth.mode)
+        for item in setpoints:
+            message, nav = item.message, self.autopilot.manner.navigation
+            self.sent.append(
+                Sent(
+                    time_s=item.time_s,
+                    state=item.state,
+                    local_m=(message.x, message.y, message.z),
+                    moves=any((message.vx, message.vy, message.vz)),
+                    told_m=self._local_in_site(message.x, message.y, message.z),
+                    aircraft_m=self._local_in_site(nav.x, nav.y, nav.z),
+                    position_age_s=self.now_s - self._position_s,
+                    mode_age_s=self.now_s - self._mode_s,
+                )
+            )
+
+    # The flight
+
+    def order(self, mission: int, index: float = -1) -> None:
+        """The operator orders, and gives the mode once it is offered."""
+        self._wanted, self._tries = (mission, index), 0
+        self._send_order()
+
+    def _send_order(self) -> None:
+        self._asked_s = self.now_s
+        self._tries += 1
+        self.note_order()
+        self.operator.mission(*self._wanted)
+
+    def fly(self) -> Record:
+        """From boot to the end of what was drawn."""
+        drawn = self.drawn
+        conditions = self.autopilot.conditions
+        conditions.wind_mps, conditions.wind_from_deg = drawn.wind_mps, drawn.wind_from_deg
+        conditions.gust_mps = drawn.gust_mps
+        self.take_off()
+        start_s = self.now_s
+        due = [(start_s + fault.at_s, number, fault) for number, fault in enumerate(drawn.faults)]
+        ends: list = []
+        orders = list(drawn.orders)
+        while self.now_s < start_s + drawn.lasts_s:
+            while orders and self.now_s >= start_s + orders[0].at_s:
+                self._carry_out(orders.pop(0))
+            for item in [item for item in due if item[0] <= self.now_s]:
+                due.remove(item)
+                self._begin_fault(item[1], item[2], ends)
+            for item in [item for item in ends if item[0] <= self.now_s]:
+                ends.remove(item)
+                item[1]()
+                began_s, _ = self.began_s[item[2]]
+                self.began_s[item[2]] = (began_s, self.now_s)
+            self._insist()
+            self.step()
+        return self._record()
+
+    def _carry_out(self, order) -> None:
+        if order.word == "mission":
+            self.order(order.mission, order.index)
+        else:
+            self.note_order()
+            (self.operator.pause if order.word == "pause" else self.operator.go_on)()
+
+    def _begin_fault(self, number, fault, ends) -> None:
+        kind = KINDS[fault.kind]
+        self._noted = {}
+        undo = kind.begin(self, random.Random(fault.seed))
+        key = f"{number} {fault.kind}"
+        self.began_s[key] = (self.now_s, math.inf if undo else self.now_s)
+        if undo:
+            ends.append((self.now_s + fault.lasts_s, undo, key))
+        for part in (Breaks.AIRCRAFT, Breaks.WORDS):
+            if part in kind.breaks:
+                self.broken_s.setdefault(part, self.now_s)
+        self.notes.append(
+            {
+                "kind": fault.kind,
+                "at_s": fault.at_s,
+                "lasts_s": fault.lasts_s if undo else None,
+                **self._noted,
+            }
+        )
+
+    def _insist(self) -> None:
+        """Give the mode when it is offered; order again what was put off."""
+        if self._wanted is None:
+            return
+        if self.state != "ready" or self.operator.in_mode("ours"):
+            self._ready_since_s = None
+        elif self._ready_since_s is None:
+            self._ready_since_s = self.now_s
+        elif self.now_s - self._ready_since_s > _READY_S:
+            self.operator.mode("ours")
+            self._ready_since_s = self.now_s
+        waits = self.state == "idle" and self.now_s - self._asked_s > _AGAIN_S
+        if waits and self._tries < _MAX_TRIES:
+            self._send_order()
+
+    def _record(self) -> Record:
+        rows = np.array(self.rows)
+        return Record(
+            draw=self.drawn,
+            vehicle=self.vehicle,
+            margin_m=seen_margin(self.vehicle.autopilot).position_m,
+            held_wind_mps=self.held_wind_mps,
+            time_s=rows[:, 0],
+            true_m=rows[:, 1:4],
+            error_m=rows[:, 4:7],
+            wind_mps=rows[:, 7:10],
+            told_m=rows[:, 10],
+            airborne=rows[:, 11] > 0.5,
+            modes=self.modes,
+            states=[state for _, state in self.states],
+            sent=self.sent,
+            ours=self.drawn.manner.modes["ours"][1],
+            holds_in=HOLDS_IN[self.drawn.manner],
+            began_s=self.began_s,
+            broken_s=self.broken_s,
+            orders_s=self.orders_s,
+            taken_told_s=self.taken_told_s,
+            forbidden=self.forbidden,
+            notes=self.notes,
+            texts=self.operator.texts(),
+        )
+
+
+def fly(seed: int) -> Record:
+    """The flight of a seed."""
+    return RandomFlight(draw(seed)).fly()
