@@ -474,12 +474,15 @@ class Course:
     def resume(self, task: Task, pose: Pose | None) -> bool:
         """Go on with a task along the landing leg on which it stopped, or was taken over from.
 
-        Where it stands at the leg's end, nothing is left of it.
+        Where it stands at the leg's end, nothing is left of it; where it is so near the leg that no
+        other plan could be joined before, what is flown serves the task.
         """
         flight, airspace = self.flight, self.airspace
         if flight is not None:
-            serves = flight.serves(task.mission, task.goal)
-            return serves and (self.resume_leg() or (flight.on_leg and flight.arrived))
+            if not flight.serves(task.mission, task.goal):
+                return False
+            goes_on = not flight.braked and (flight.on_leg or flight.junction().at_end)
+            return self.resume_leg() or goes_on or (flight.on_leg and flight.arrived)
         left = self._left
         if left is None or pose is None or airspace is None:
             return False

@@ -8,6 +8,7 @@ altitude, inside or outside, an order climbs first.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import pairwise
 
 import pytest
 
@@ -15,7 +16,7 @@ from moar_companion.config import shipped_configs
 from moar_companion.site import Site
 
 from ..copies import flown_once
-from .judging import assert_nothing_was_touched, assert_setpoints_never_jump
+from .judging import assert_nothing_was_touched, assert_setpoints_never_jump, setpoint_places
 from .lockstep import Lockstep, hovering
 from .marks import ARDUPILOT_FIRST, BOTH
 from .operator import (
@@ -104,6 +105,20 @@ def test_after_a_takeover_on_the_landing_leg_the_rest_of_it_is_flown(manner, ord
     least_m = flown(flight, orders[order], "holding")
     assert least_m > RIGHT_M + 1.0
     assert operator.said("MOAR: above the landing point, holding")
+
+
+@BOTH
+@pytest.mark.parametrize("past_m", [-0.6, 0.3])
+def test_an_exit_that_is_ordered_again_at_the_border_does_not_turn_back(manner, past_m):
+    flight = hovering(manner=manner)
+    flight.begin(EXIT)
+    flight.run_until(lambda: x_m(flight) > RIGHT_M + past_m, 120.0)
+    flight.operator.mission(EXIT)
+    flight.run(4.0)
+    assert flight.operator.answers()[-1] == ACCEPTED
+    ways_m = [x for x, _, _ in setpoint_places(flight)]
+    assert all(after >= before - 1e-6 for before, after in pairwise(ways_m[-250:]))
+    assert flight.state == "landing_leg"
 
 
 @pytest.mark.slow
