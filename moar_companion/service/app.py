@@ -44,6 +44,7 @@ from .planner_worker import PlannerWorker
 from .priority import NICE, ahead_of_others, in_real_time
 from .signing_clock import SigningClock, load_signing
 from .status import LatestDecisions
+from .resident_memory import limit_arenas
 from .surroundings import Ground
 from .view_socket import open_view_socket
 
@@ -77,6 +78,7 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
     if config.site is not None:
         site = flown_site(Site.load(config.site), vehicle, config.supervision)
     with ahead_of_others() as ahead, log_to_stderr(), contextlib.ExitStack() as stack:
+    limit_arenas()
         if not ahead:
             _logger.info("no priority over other programs: nice %d not permitted", NICE)
         memory = _open_memory(config, stack)
@@ -202,6 +204,8 @@ class Service:
         planner, progress = self._worker.new_planner(), self._worker.new_progress()
         if planner is not None:
             self._companion.take_ground(Ground(site=planner.site, maps=planner.maps))
+            # So do the compiler's objects: a look through them stops all threads for 0.2 s.
+            gc.freeze()
             _logger.info("planner ready")
             notify("STATUS=planner ready")
         elif progress is not None:

@@ -12,14 +12,25 @@ import queue
 import threading
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from functools import partial
 
 from ..autopilots.failsafe_actions import Failsafes
 from ..planner.planner import Planner
 from .compiling import make_ready
 from .jobs import PlanAnswer, PlanJob, answer_job, preparations, prepare_for
 from .planners import Planners
+from .resident_memory import release_compiler
 
 _logger = logging.getLogger(__name__)
+
+
+def _unless_it_fails(work: Callable[[], None]) -> None:
+    """Do what plans are found sooner by, and are found without, too."""
+    try:
+        work()
+    except Exception as error:  # noqa: BLE001 - the flight goes on without it
+        name = type(error).__name__
+        _logger.warning("plans take longer, no tables: %s: %s", name, error)
 
 
 class PlannerWorker:
@@ -82,7 +93,7 @@ class PlannerWorker:
             self._planning.cancel()
         self._planning = self._submit(job, contingency=False)
         if self._planners is not None:
-            self._tables_thread.submit(prepare_for, self._planners, job)
+            self._in_tables_thread(partial(prepare_for, self._planners, job))
 
     def plan_contingency(self, job: PlanJob) -> None:
         """Make a plan of a way out."""
@@ -98,7 +109,9 @@ class PlannerWorker:
         """In the planner's thread: the kernels, then the maps; None when the service ends."""
         if not make_ready(self._note_progress, self._ending):
             return None
-        return make_planner()
+        planner = make_planner()
+        self._in_tables_thread(release_compiler)
+        return planner
 
     def _note_progress(self, count: int, of: int) -> None:
         """In the planner's thread."""
@@ -107,9 +120,13 @@ class PlannerWorker:
     def _prepare(self) -> None:
         """Have whatever is precomputed made ready, unless the service ends."""
         if self._planners is not None:
-            with contextlib.suppress(RuntimeError):
-                for prepare in preparations(self._planners.exact):
-                    self._tables_thread.submit(prepare)
+            for prepare in preparations(self._planners.exact):
+                self._in_tables_thread(prepare)
+
+    def _in_tables_thread(self, work: Callable[[], None]) -> None:
+        """Have something done that no plan waits for; nothing where the service ends."""
+        with contextlib.suppress(RuntimeError):
+            self._tables_thread.submit(_unless_it_fails, work)
 
     def _submit(self, job: PlanJob, *, contingency: bool) -> Future[None] | None:
         if self._planners is None:
