@@ -36,15 +36,16 @@ from ..types import AutopilotStatus
 from ..vehicle import Vehicle
 from .causes import Host
 from .companion import Companion
+from .file_faults import FileFault, words
 from .host import HostWatch
 from .memory_file import MemoryFile
 from .notify import Watchdog, notify
 from .places import recorder_folder, state_folder, view_socket
 from .planner_worker import PlannerWorker
 from .priority import NICE, ahead_of_others, in_real_time
+from .resident_memory import limit_arenas
 from .signing_clock import SigningClock, load_signing
 from .status import LatestDecisions
-from .resident_memory import limit_arenas
 from .surroundings import Ground
 from .view_socket import open_view_socket
 
@@ -77,8 +78,8 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
     site = None
     if config.site is not None:
         site = flown_site(Site.load(config.site), vehicle, config.supervision)
-    with ahead_of_others() as ahead, log_to_stderr(), contextlib.ExitStack() as stack:
     limit_arenas()
+    with ahead_of_others() as ahead, log_to_stderr(), contextlib.ExitStack() as stack:
         if not ahead:
             _logger.info("no priority over other programs: nice %d not permitted", NICE)
         memory = _open_memory(config, stack)
@@ -203,9 +204,9 @@ class Service:
         """Take the planner when it is ready, and tell how far it is until then."""
         planner, progress = self._worker.new_planner(), self._worker.new_progress()
         if planner is not None:
-            self._companion.take_ground(Ground(site=planner.site, maps=planner.maps))
             # So do the compiler's objects: a look through them stops all threads for 0.2 s.
             gc.freeze()
+            self._companion.take_ground(Ground(site=planner.site, maps=planner.maps))
             _logger.info("planner ready")
             notify("STATUS=planner ready")
         elif progress is not None:
@@ -237,7 +238,9 @@ class Service:
             if now_s >= look_s:
                 look_s = now_s + _LOOK_PERIOD_S
                 self._say_who_is_heard()
-                self._host = replace(host.look(), read_late_s=self._read_late_s)
+                self._host = replace(
+                    host.look(), read_late_s=self._read_late_s, file_faults=self._file_faults()
+                )
                 self._companion.note_host(self._host)
                 self._read_late_s = 0.0
                 self._companion.note_wall_clock(time.time())
@@ -322,6 +325,15 @@ class Service:
         if self._memory is not None and memory is not None and memory != self._remembered:
             self._remembered = memory
             self._memory.save(memory, time.time() - now_s)
+
+    def _file_faults(self) -> tuple[FileFault, ...]:
+        """What is wrong with the files that are written."""
+        faults = () if self._memory is None else self._memory.faults
+        ended = None if self._recorder is None else self._recorder.ended
+        if ended is None:
+            return faults
+        reason = f"recording ended: {words(ended)}"
+        return (*faults, FileFault(reason=reason, action="flying on"))
 
     def _status_now(self) -> dict[str, Any]:
         """The status for the view."""
