@@ -277,7 +277,7 @@ class Codec:
         return True
 
     def _new_source(self, system_id: int, component_id: int) -> _Source:
-        """Begins to count a source; where there are too many, forgets that of the fewest packets."""
+        """Begins to count a source; of too many, forgets that of the fewest packets."""
         sources = self._sources
         if len(sources) >= _MOST_SOURCES:
             del sources[min(sources, key=lambda ids: sources[ids].received)]

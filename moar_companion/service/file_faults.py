@@ -24,8 +24,7 @@ _WORDS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileFault:
-    """What is wrong with a file, and what follows from it: `no state file: disk full`,
-    `restart goes idle`."""
+    """What is wrong (`no state file: disk full`), and what follows (`restart goes idle`)."""
 
     reason: str
     action: str

@@ -124,22 +124,22 @@ class _Readers:
             return
         except OSError as error:
             # The client goes on waiting, and its call would wake the loop at once again.
-            self._warn("no reader accepted: %s", error.strerror)
+            self._warn(f"no reader accepted: {error.strerror}")
             self._loop.remove_reader(self._listener)
             self._accept_later = self._loop.call_later(_RETRY_S, self._listen)
             return
         if len(self) >= self._most:
             reader.close()
-            self._warn("more than %d readers are refused", self._most)
+            self._warn(f"more than {self._most} readers are refused")
             return
         reader.setblocking(False)
         self._unsent[reader] = b""
 
-    def _warn(self, words: str, *values: object) -> None:
+    def _warn(self, words: str) -> None:
         """One warning; who calls again and again fills no log."""
         level = logging.DEBUG if self._warned else logging.WARNING
         self._warned = True
-        _logger.log(level, f"view on %s: {words}", self._path, *values)
+        _logger.log(level, "view on %s: %s", self._path, words)
 
 
 def _most_readers() -> int:

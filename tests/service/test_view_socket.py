@@ -148,11 +148,15 @@ async def test_more_readers_than_there_is_room_for_are_turned_away(path, monkeyp
         await line(stream)
 
 
+def opened_descriptors():
+    return [int(item.name) for item in Path("/proc/self/fd").iterdir()]
+
+
 @pytest.fixture
 def few_descriptors():
     """Room for six more files, of which four readers may have one each."""
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
-    opened = max(map(int, os.listdir("/proc/self/fd")))
+    opened = max(opened_descriptors())
 
     def restrict(more):
         resource.setrlimit(resource.RLIMIT_NOFILE, (opened + 1 + more, before[1]))
@@ -180,7 +184,7 @@ async def test_fifty_readers_leave_descriptors_to_links_and_files_and_cost_one_l
 @run
 async def test_the_limit_of_readers_leaves_room_for_links_and_files(path, few_descriptors):
     few_descriptors(20)
-    opened = len(os.listdir("/proc/self/fd"))
+    opened = len(opened_descriptors())
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     assert limit - opened - view_socket._most_readers() >= 12
 
@@ -189,7 +193,16 @@ async def test_the_limit_of_readers_leaves_room_for_links_and_files(path, few_de
 async def test_without_a_descriptor_readers_wait_and_one_line_says_so(
     path, few_descriptors, caplog, monkeypatch
 ):
-    monkeypatch.setattr(view_socket, "_RETRY_S", 0.01)
+    attempts, five_attempts, listen = [], asyncio.Event(), view_socket._Readers._listen
+
+    def counted(readers):
+        attempts.append(readers)
+        if len(attempts) == 5:
+            five_attempts.set()
+        listen(readers)
+
+    monkeypatch.setattr(view_socket._Readers, "_listen", counted)
+    monkeypatch.setattr(view_socket, "_RETRY_S", 0.001)
     caplog.set_level(logging.WARNING)
     async with open_view_socket(path, Status()):
         caller = socket.socket(socket.AF_UNIX)
@@ -199,10 +212,7 @@ async def test_without_a_descriptor_readers_wait_and_one_line_says_so(
             while True:
                 filling.append(os.open(os.devnull, os.O_RDONLY))
         caller.connect(str(path))
-        while not caplog.records:
-            await asyncio.sleep(0)
-        for _ in range(20):
-            await asyncio.sleep(0.005)
+        await five_attempts.wait()
         for descriptor in filling:
             os.close(descriptor)
         caller.setblocking(False)
