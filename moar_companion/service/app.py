@@ -42,6 +42,7 @@ from .memory_file import MemoryFile
 from .notify import Watchdog, notify
 from .places import recorder_folder, state_folder, view_socket
 from .planner_worker import PlannerWorker
+from .pools import started_pool
 from .priority import NICE, ahead_of_others, in_real_time
 from .resident_memory import limit_arenas
 from .signing_clock import SigningClock, load_signing
@@ -161,6 +162,8 @@ class Service:
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stopped.set)
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
+        # Names of hosts are looked up, and serial ports opened, in flight, too.
+        loop.set_default_executor(started_pool("links", len(self._config.links)))
         async with contextlib.AsyncExitStack() as stack:
             stack.callback(self._worker.close)
             self._recorder = self._open_recorder(stack)
