@@ -22,6 +22,10 @@ from typing import Any, NoReturn
 from .errors import InputError, LinkError
 
 PROGRAM = "moar-companion"
+_NO_MEMORY = (
+    "not enough memory, or too many threads; limits: ulimit -v and -u, systemd's MemoryMax and "
+    "TasksMax"
+)
 
 _log = logging.getLogger(__name__)
 
@@ -134,16 +138,33 @@ def main(argv: list[str] | None = None) -> int:
     except BrokenPipeError:
         _settle_stdout()
         return 1
+    except (MemoryError, RuntimeError) as error:
+        if not _lacks_memory(error):
+            return _unexpected(error)
+        return _failed(_NO_MEMORY, 1)
     except OSError as error:
         _settle_stdout()
         what = f"{error.filename}: " if error.filename else ""
         return _failed(f"{what}{error.strerror or error}", 1)
     except Exception as error:  # noqa: BLE001
-        if _is_interrupted(error):
-            return 1
-        _log.debug("unexpected error", exc_info=True)
-        return _failed(f"unexpected error: {type(error).__name__}: {error}", 1)
+        return _unexpected(error)
     return status
+
+
+def _unexpected(error: Exception) -> int:
+    if _is_interrupted(error):
+        return 1
+    _log.debug("unexpected error", exc_info=True)
+    return _failed(f"unexpected error: {type(error).__name__}: {error}", 1)
+
+
+def _lacks_memory(error: BaseException | None) -> bool:
+    """Whether an error, or one behind it, is that there is no memory, or no thread to be had."""
+    if error is None:
+        return False
+    no_thread = isinstance(error, RuntimeError) and "start new thread" in str(error)
+    behind = error.__cause__ or error.__context__
+    return isinstance(error, MemoryError) or no_thread or _lacks_memory(behind)
 
 
 def report(message: str) -> None:

@@ -116,6 +116,9 @@ def test_wrong_usage_is_one_line_and_status_2(argv, words, capsys, configs):
         (KeyboardInterrupt(), 1, None),
         (BrokenPipeError(), 1, None),
         (PermissionError(13, "Permission denied", "there"), 1, "there: Permission denied"),
+        (MemoryError(), 1, cli._NO_MEMORY),
+        (RuntimeError("can't start new thread"), 1, cli._NO_MEMORY),
+        (RuntimeError("other"), 1, "unexpected error: RuntimeError: other"),
         (ZeroDivisionError("so\nwhat"), 1, "unexpected error: ZeroDivisionError: so what"),
     ],
 )
@@ -123,6 +126,14 @@ def test_no_traceback_whatever_a_command_raises(error, status, line, monkeypatch
     monkeypatch.setattr(cli, "_run", raising(error))
     assert cli.main([]) == status
     assert capsys.readouterr().err == (f"moar-companion: {line}\n" if line else "")
+
+
+def test_a_lack_of_memory_behind_another_error_is_named(monkeypatch, capsys):
+    error = RuntimeError("the last that went wrong")
+    error.__context__ = MemoryError()
+    monkeypatch.setattr(cli, "_run", raising(error))
+    assert cli.main([]) == 1
+    assert capsys.readouterr().err == f"moar-companion: {cli._NO_MEMORY}\n"
 
 
 def test_an_interrupt_inside_compiled_code_is_an_interrupt(monkeypatch, capsys):

@@ -250,9 +250,7 @@ class Codec:
             )
             return True
         if source is None:
-            source = _Source()
-            if len(self._sources) < _MOST_SOURCES:
-                self._sources[system_id, component_id] = source
+            source = self._new_source(system_id, component_id)
         source.hear(sequence)
         if message_class is not None or self._signing is not None:
             self.sound_sources.add((system_id, component_id))
@@ -277,6 +275,14 @@ class Codec:
         elif message_id not in _ANSWERS:
             self.unwanted.append(((system_id, component_id), message_id))
         return True
+
+    def _new_source(self, system_id: int, component_id: int) -> _Source:
+        """Begins to count a source; of too many, forgets that of the fewest packets."""
+        sources = self._sources
+        if len(sources) >= _MOST_SOURCES:
+            del sources[min(sources, key=lambda ids: sources[ids].received)]
+        sources[system_id, component_id] = source = _Source()
+        return source
 
 
 def is_sound(buffer: bytes | bytearray, position: int) -> bool | None:

@@ -51,6 +51,8 @@ class _Udp:
         self._socket = own
         self._on_bytes = on_bytes
         self._failing = False
+        self._view = memoryview(bytearray(_DATAGRAM_BYTES))
+        """Room for the greatest datagram, made once: there may be no memory for it in flight."""
         self._read_s = clock_s()
         """Until when whatever had arrived has been read."""
         self._dropped = 0
@@ -69,7 +71,7 @@ class _Udp:
         offset_s = _wall_offset_s()
         for _ in range(_MOST_DATAGRAMS):
             try:
-                data, extra, _, peer = self._socket.recvmsg(_DATAGRAM_BYTES, _ANCILLARY_BYTES)
+                count, extra, _, peer = self._socket.recvmsg_into([self._view], _ANCILLARY_BYTES)
             except BlockingIOError:
                 self._read_s = max(self._read_s, now_s)
                 return
@@ -82,6 +84,7 @@ class _Udp:
             else:
                 self._read_s = now_s
             self._failing = False
+            data = bytes(self._view[:count])
             self._on_bytes(data, self._read_s, peer if self._listens else None)
 
     def _stamp_s(self, extra: list[tuple[int, int, bytes]]) -> float | None:

@@ -12,8 +12,11 @@ recorded has no gaps.
 
 from __future__ import annotations
 
+import errno
 import json
 import logging
+import os
+import stat
 import struct
 from collections.abc import Iterable
 from datetime import datetime, timezone
@@ -27,6 +30,7 @@ _PERIOD_S = 1.0
 """How much of a flight a process that is killed loses at most."""
 _MOST_BYTES = 8 * 1024 * 1024
 """What waits for the disk: more than a minute of a link at 921600 baud."""
+_TOO_SLOW = "the disk is too slow"
 
 _logger = logging.getLogger(__name__)
 
@@ -42,7 +46,8 @@ class Recorder:
         self.folder.mkdir(parents=True)
         packets = (self.folder / "flight.tlog").open("wb")
         decisions = (self.folder / "decisions.jsonl").open("wb")
-        self._ended = False
+        self.ended: OSError | None = None
+        """Why nothing is recorded any more; None while the flight is recorded."""
         self._writer = Writer(
             "recorder",
             partial(self._write_loop, packets, decisions),
@@ -56,7 +61,7 @@ class Recorder:
         decisions: Iterable[tuple[float, str, dict[str, Any]]],
     ) -> None:
         """Appends packets and decisions, each with the machine's time; waits for nothing."""
-        if self._ended:
+        if self.ended is not None:
             return
         stamped = b"".join(
             struct.pack(">Q", round((time_s + self._offset_s) * 1e6)) + packet
@@ -64,12 +69,12 @@ class Recorder:
         )
         lines = "".join(self._line(*decision) for decision in decisions).encode()
         if (stamped or lines) and not self._writer.put(stamped, lines):
-            self._end("the disk is too slow")
+            self._end(OSError(errno.ETIMEDOUT, _TOO_SLOW))
 
     def close(self) -> None:
         """Wait a while for what is to be written, and close."""
         if not self._writer.close():
-            self._end("the disk is too slow")
+            self._end(OSError(errno.ETIMEDOUT, _TOO_SLOW))
 
     def _line(self, time_s: float, kind: str, data: dict[str, Any]) -> str:
         line = {"time_s": round(time_s + self._offset_s, 6), "kind": kind, "data": data}
@@ -83,10 +88,18 @@ class Recorder:
                     decisions.writelines(lines for _, lines in batch)
                     packets.flush()
                     decisions.flush()
+                    _check_kept(packets)
         except OSError as error:
-            self._end(error.strerror or str(error))
+            self._end(error)
 
-    def _end(self, why: str) -> None:
-        if not self._ended:
-            self._ended = True
-            _logger.warning("recording ended: %s: %s", self.folder, why)
+    def _end(self, why: OSError) -> None:
+        if self.ended is None:
+            self.ended = why
+            _logger.warning("recording ended: %s: %s", self.folder, why.strerror or why)
+
+
+def _check_kept(file: BinaryIO) -> None:
+    """Raises FileNotFoundError for a file that was deleted while it is open."""
+    kept = os.fstat(file.fileno())
+    if stat.S_ISREG(kept.st_mode) and not kept.st_nlink:
+        raise FileNotFoundError(errno.ENOENT, "the folder is gone")

@@ -36,12 +36,15 @@ from ..types import AutopilotStatus
 from ..vehicle import Vehicle
 from .causes import Host
 from .companion import Companion
+from .file_faults import FileFault, words
 from .host import HostWatch
 from .memory_file import MemoryFile
 from .notify import Watchdog, notify
 from .places import recorder_folder, state_folder, view_socket
 from .planner_worker import PlannerWorker
+from .pools import started_pool
 from .priority import NICE, ahead_of_others, in_real_time
+from .resident_memory import limit_arenas
 from .signing_clock import SigningClock, load_signing
 from .status import LatestDecisions
 from .surroundings import Ground
@@ -76,6 +79,7 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
     site = None
     if config.site is not None:
         site = flown_site(Site.load(config.site), vehicle, config.supervision)
+    limit_arenas()
     with ahead_of_others() as ahead, log_to_stderr(), contextlib.ExitStack() as stack:
         if not ahead:
             _logger.info("no priority over other programs: nice %d not permitted", NICE)
@@ -158,6 +162,8 @@ class Service:
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stopped.set)
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
+        # Names of hosts are looked up, and serial ports opened, in flight, too.
+        loop.set_default_executor(started_pool("links", len(self._config.links)))
         async with contextlib.AsyncExitStack() as stack:
             stack.callback(self._worker.close)
             self._recorder = self._open_recorder(stack)
@@ -201,6 +207,8 @@ class Service:
         """Take the planner when it is ready, and tell how far it is until then."""
         planner, progress = self._worker.new_planner(), self._worker.new_progress()
         if planner is not None:
+            # So do the compiler's objects: a look through them stops all threads for 0.2 s.
+            gc.freeze()
             self._companion.take_ground(Ground(site=planner.site, maps=planner.maps))
             _logger.info("planner ready")
             notify("STATUS=planner ready")
@@ -233,7 +241,9 @@ class Service:
             if now_s >= look_s:
                 look_s = now_s + _LOOK_PERIOD_S
                 self._say_who_is_heard()
-                self._host = replace(host.look(), read_late_s=self._read_late_s)
+                self._host = replace(
+                    host.look(), read_late_s=self._read_late_s, file_faults=self._file_faults()
+                )
                 self._companion.note_host(self._host)
                 self._read_late_s = 0.0
                 self._companion.note_wall_clock(time.time())
@@ -318,6 +328,15 @@ class Service:
         if self._memory is not None and memory is not None and memory != self._remembered:
             self._remembered = memory
             self._memory.save(memory, time.time() - now_s)
+
+    def _file_faults(self) -> tuple[FileFault, ...]:
+        """What is wrong with the files that are written."""
+        faults = () if self._memory is None else self._memory.faults
+        ended = None if self._recorder is None else self._recorder.ended
+        if ended is None:
+            return faults
+        reason = f"recording ended: {words(ended)}"
+        return (*faults, FileFault(reason=reason, action="flying on"))
 
     def _status_now(self) -> dict[str, Any]:
         """The status for the view."""

@@ -28,6 +28,7 @@ from ..site import Margin
 from ..types import AutopilotKind, Battery, Mission, Telemetry
 from . import link_life
 from .autopilot_failsafe import battery_failsafe, holding_failsafe, taken_mode
+from .file_faults import FileFault
 from .motion import Pose
 from .surroundings import airborne, grounded
 
@@ -80,11 +81,13 @@ class Host:
     """What the computer has left, in bytes; None where that is not known or not wanted.
 
     read_late_s: how long what arrived has waited to be read, at most, in the last second.
+    file_faults: what is wrong with the files that the service writes.
     """
 
     disk_free: float | None = None
     memory_available: float | None = None
     read_late_s: float = 0.0
+    file_faults: tuple[FileFault, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -40,6 +40,7 @@ from .awakening import Awakening
 from .causes import Host
 from .conduct import Conduct
 from .contingencies import Outlook
+from .file_faults import FileFaultTexts
 from .flight import Progress
 from .jobs import PlanAnswer, PlanJob
 from .loss import loss_parameters
@@ -94,6 +95,7 @@ class Companion:
         self._planner_awaited = False
         self._compiling = ""
         self._awakening = Awakening(before)
+        self._file_faults = FileFaultTexts()
         self._misread_told = False
         self._read_by_s = -math.inf
         """Until then an order waits for the autopilot, and for what must be known of it."""
@@ -220,7 +222,9 @@ class Companion:
             self._reports.say(Severity.INFO, "the planner is ready", self._thought_s or 0.0)
         self._ground = ground
         self._planner_awaited, self._compiling = False, ""
+        host = self._conduct.host
         self._begin(ground)
+        self._conduct.host = host
 
     def note_host(self, host: Host) -> None:
         """Takes what the computer has left."""
@@ -260,6 +264,7 @@ class Companion:
             self._risk_due_s, self._told = now_s + _RISK_PERIOD_S, told
             self._conduct.judge(now_s)
         self._conduct.supervise(now_s)
+        self._tell_of_files(now_s)
         if not self._planner_awaited:
             self._tell(now_s)
         if self._planner_awaited or self._is_reading(now_s):
@@ -284,6 +289,13 @@ class Companion:
         if words is not None and self.status.state not in STREAMING:
             self._misread_told = True
             self._reports.say(Severity.WARNING, words, now_s)
+
+    def _tell_of_files(self, now_s: float) -> None:
+        """Tell what the service cannot write, and since when it can again."""
+        for fault, over in self._file_faults.texts(self._conduct.host.file_faults, self.telemetry):
+            severity = Severity.NOTICE if over else Severity.WARNING
+            action = "over" if over else fault.action
+            self._reports.say(severity, fault.reason, now_s, action=action, news=True)
 
     def _is_reading(self, now_s: float) -> bool:
         """Whether the autopilot may be found, and what must be known of it read, any moment now.

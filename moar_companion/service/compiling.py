@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import itertools
+import logging
 import os
 import subprocess
 import sys
@@ -20,6 +21,8 @@ from . import compiler
 from .priority import put_behind
 
 _LOOK_PERIOD_S = 0.2
+
+_logger = logging.getLogger(__name__)
 
 Told = Callable[[int, int], None]
 """Called with how many of how many kernels are compiled."""
@@ -63,21 +66,26 @@ def _shares(kernels: Sequence[Kernel], count: int) -> Iterator[list[str]]:
 
 @contextlib.contextmanager
 def _compilers(kernels: Sequence[Kernel]) -> Iterator[list[subprocess.Popen[bytes]]]:
-    """A process for each processor that we may use, behind whatever else runs; killed at last."""
+    """A process for each processor that we may use, behind whatever else runs; killed at last.
+
+    Fewer, or none, where the system has no memory for them: the rest is compiled here.
+    """
     isolated = ["-I"] if sys.flags.isolated else []
-    running = [
-        subprocess.Popen(  # noqa: S603 - ourselves
-            [sys.executable, *isolated, "-m", compiler.__name__, *share],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        for share in _shares(kernels, len(os.sched_getaffinity(0)))
-    ]
+    running: list[subprocess.Popen[bytes]] = []
     try:
-        for process in running:
-            put_behind(process.pid)
+        try:
+            for share in _shares(kernels, len(os.sched_getaffinity(0))):
+                process = subprocess.Popen(  # noqa: S603 - ourselves
+                    [sys.executable, *isolated, "-m", compiler.__name__, *share],
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    start_new_session=True,
+                )
+                running.append(process)
+                put_behind(process.pid)
+        except (OSError, MemoryError) as error:
+            _logger.warning("no process to compile the planner in: %s", error)
         yield running
     finally:
         for process in running:

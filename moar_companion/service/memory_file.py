@@ -15,6 +15,7 @@ import os
 from pathlib import Path
 
 from ..outlets.writer import Batches, Writer
+from .file_faults import FileFault, words
 from .memory import Memory, decoded, encoded
 
 _NAME = "mission.json"
@@ -36,8 +37,14 @@ class MemoryFile:
         self._beside = _beside(self._path)
         self._beside.write_bytes(b"")
         self._beside.unlink()
-        self._failing = False
+        self._load_fault: FileFault | None = None
+        self._write_fault: FileFault | None = None
         self._writer = Writer("memory", self._write_loop)
+
+    @property
+    def faults(self) -> tuple[FileFault, ...]:
+        """What is wrong with the file now; one that was unusable at the start remains so."""
+        return tuple(filter(None, (self._load_fault, self._write_fault)))
 
     def load(self, clock_offset_s: float) -> Memory | None:
         """What is remembered; None for nothing. What cannot be read is said, and put aside.
@@ -51,11 +58,13 @@ class MemoryFile:
             return None
         except OSError as error:
             _logger.warning("%s: not read: %s", self._path, error.strerror)
+            self._load_fault = FileFault(reason="state file unreadable", action="starting idle")
         except ValueError:
             aside = self._path.with_suffix(".broken")
             _logger.warning("%s: no memory of this version, put aside as %s", self._path, aside)
             with contextlib.suppress(OSError):
                 self._path.replace(aside)
+            self._load_fault = FileFault(reason="state file unusable", action="starting idle")
         return None
 
     def save(self, memory: Memory, clock_offset_s: float) -> None:
@@ -74,14 +83,15 @@ class MemoryFile:
         try:
             write_whole(self._path, data)
         except OSError as error:
-            level = logging.DEBUG if self._failing else logging.WARNING
-            self._failing = True
+            level = logging.WARNING if self._write_fault is None else logging.DEBUG
+            reason = f"no state file: {words(error)}"
+            self._write_fault = FileFault(reason=reason, action="restart goes idle")
             _logger.log(level, "%s: not written: %s", self._path, error.strerror)
             for path in (self._beside, self._path):
                 with contextlib.suppress(OSError):
                     path.unlink(missing_ok=True)
         else:
-            self._failing = False
+            self._write_fault = None
 
 
 def write_whole(path: Path, data: bytes) -> None:

@@ -11,13 +11,16 @@ import logging
 import queue
 import threading
 from collections.abc import Callable, Iterator
-from concurrent.futures import Future, ThreadPoolExecutor
+from concurrent.futures import Future
+from functools import partial
 
 from ..autopilots.failsafe_actions import Failsafes
 from ..planner.planner import Planner
 from .compiling import make_ready
 from .jobs import PlanAnswer, PlanJob, answer_job, preparations, prepare_for
 from .planners import Planners
+from .pools import started_pool
+from .resident_memory import release_compiler
 
 _logger = logging.getLogger(__name__)
 
@@ -27,13 +30,12 @@ class PlannerWorker:
 
     def __init__(self) -> None:
         self._planners: Planners | None = None
-        self._planning_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="planner")
-        self._tables_thread = ThreadPoolExecutor(max_workers=1, thread_name_prefix="tables")
-        for pool in (self._planning_thread, self._tables_thread):
-            pool.submit(int)
+        self._planning_thread = started_pool("planner")
+        self._tables_thread = started_pool("tables")
         self._planning: Future[None] | None = None
         self._failsafes: Failsafes | None = None
         """Those of the tables; None: these have not been begun."""
+        self._tables_failed = False
         self._answers: queue.SimpleQueue[tuple[bool, PlanAnswer]] = queue.SimpleQueue()
         self._ready: Future[Planner | None] | None = None
         self._progress: tuple[int, int] | None = None
@@ -82,7 +84,7 @@ class PlannerWorker:
             self._planning.cancel()
         self._planning = self._submit(job, contingency=False)
         if self._planners is not None:
-            self._tables_thread.submit(prepare_for, self._planners, job)
+            self._in_tables_thread(partial(prepare_for, self._planners, job))
 
     def plan_contingency(self, job: PlanJob) -> None:
         """Make a plan of a way out."""
@@ -98,7 +100,9 @@ class PlannerWorker:
         """In the planner's thread: the kernels, then the maps; None when the service ends."""
         if not make_ready(self._note_progress, self._ending):
             return None
-        return make_planner()
+        planner = make_planner()
+        self._in_tables_thread(release_compiler)
+        return planner
 
     def _note_progress(self, count: int, of: int) -> None:
         """In the planner's thread."""
@@ -107,9 +111,22 @@ class PlannerWorker:
     def _prepare(self) -> None:
         """Have whatever is precomputed made ready, unless the service ends."""
         if self._planners is not None:
-            with contextlib.suppress(RuntimeError):
-                for prepare in preparations(self._planners.exact):
-                    self._tables_thread.submit(prepare)
+            for prepare in preparations(self._planners.exact):
+                self._in_tables_thread(prepare)
+
+    def _in_tables_thread(self, work: Callable[[], None]) -> None:
+        """Have something done that no plan waits for; nothing where the service ends."""
+        with contextlib.suppress(RuntimeError):
+            self._tables_thread.submit(self._try, work)
+
+    def _try(self, work: Callable[[], None]) -> None:
+        """In the tables' thread: plans are found without them, too."""
+        try:
+            work()
+        except Exception as error:  # noqa: BLE001 - the flight goes on without it
+            level = logging.DEBUG if self._tables_failed else logging.WARNING
+            self._tables_failed = True
+            _logger.log(level, "plans without tables: %s: %s", type(error).__name__, error)
 
     def _submit(self, job: PlanJob, *, contingency: bool) -> Future[None] | None:
         if self._planners is None:

@@ -1,8 +1,8 @@
 """The view socket: the status as JSON lines to whoever connects to a Unix socket.
 
 Read-only: nothing is ever read from a client. A client that does not keep up misses lines, whole
-ones, so that neither the thinking waits for it nor memory grows; whatever goes wrong here ends the
-view and not the flight.
+ones, so that neither the control loop waits for it nor memory grows. Clients beyond the limit are
+refused. A fault here ends the view and not the flight.
 """
 
 from __future__ import annotations
@@ -12,6 +12,7 @@ import contextlib
 import json
 import logging
 import os
+import resource
 import socket
 from collections.abc import AsyncIterator, Callable
 from pathlib import Path
@@ -19,7 +20,11 @@ from typing import Any
 
 PERIOD_S = 0.25
 _MOST_READERS = 32
-"""Each holds a file descriptor, of which links have need, too."""
+"""Each holds a file descriptor."""
+_RESERVED_DESCRIPTORS = 14
+"""Not for readers: links, files that are opened for a moment, the compilers' pipes."""
+_RETRY_S = 1.0
+"""Pause before the next client is accepted, after the system had no descriptor or memory."""
 _MODE = 0o660
 
 _logger = logging.getLogger(__name__)
@@ -39,56 +44,111 @@ async def open_view_socket(path: Path, status_now: StatusNow) -> AsyncIterator[N
         _logger.warning("no view: another program serves %s", path)
         yield
         return
-    readers: set[asyncio.Transport] = set()
-    loop = asyncio.get_running_loop()
-    server = await loop.create_unix_server(lambda: _Reader(readers), sock=listener)
+    readers = _Readers(listener, path)
     publishing = asyncio.create_task(_publish_loop(readers, status_now), name="view")
     _logger.info("view on %s", path)
     try:
         yield
     finally:
         publishing.cancel()
-        server.close()
-        for reader in tuple(readers):
-            reader.abort()
+        readers.close()
         with contextlib.suppress(OSError):
             os.unlink(path)  # noqa: PTH108 - pathlib's is refused in a loop; this one ends
 
 
-async def _publish_loop(readers: set[asyncio.Transport], status_now: StatusNow) -> None:
+async def _publish_loop(readers: _Readers, status_now: StatusNow) -> None:
     try:
         while True:
             await asyncio.sleep(PERIOD_S)
-            if not readers:
-                continue
-            line = json.dumps(status_now(), allow_nan=False).encode() + b"\n"
-            for reader in tuple(readers):
-                if reader.get_write_buffer_size() == 0:
-                    reader.write(line)
+            if readers:
+                readers.write(json.dumps(status_now(), allow_nan=False).encode() + b"\n")
     except Exception as error:  # noqa: BLE001 - a fault of the view must not end a flight
         _logger.error("the view ended: %s: %s", type(error).__name__, error)  # noqa: TRY400
-        for reader in tuple(readers):
-            reader.abort()
+        readers.close()
 
 
-class _Reader(asyncio.Protocol):
-    """A client, to which only is written; that it has gone shows when it is written to."""
+class _Readers:
+    """The clients of a listening socket, each with what it has not taken yet of its last line.
 
-    def __init__(self, readers: set[asyncio.Transport]) -> None:
-        self._readers = readers
-        self._transport: Any = None
+    One is accepted in a turn of the loop, and those beyond the limit are closed at once: however
+    many call, links and files find a descriptor.
+    """
 
-    def connection_made(self, transport: Any) -> None:
-        self._transport = transport
-        if len(self._readers) >= _MOST_READERS:
-            transport.abort()
+    def __init__(self, listener: socket.socket, path: Path) -> None:
+        self._listener = listener
+        self._path = path
+        self._unsent: dict[socket.socket, bytes] = {}
+        self._most = _most_readers()
+        self._warned = False
+        self._loop = asyncio.get_running_loop()
+        self._accept_later: asyncio.TimerHandle | None = None
+        listener.listen()
+        self._listen()
+
+    def __len__(self) -> int:
+        return len(self._unsent)
+
+    def write(self, line: bytes) -> None:
+        """Send a line to all that have taken the one before."""
+        for reader, unsent in tuple(self._unsent.items()):
+            data = unsent or line
+            try:
+                self._unsent[reader] = data[reader.send(data) :]
+            except BlockingIOError:
+                self._unsent[reader] = unsent
+            except OSError:
+                self._drop(reader)
+
+    def close(self) -> None:
+        """Turn all away, and listen no more."""
+        if self._listener.fileno() < 0:
             return
-        # Not before reading has begun: Python 3.10 forgets that.
-        asyncio.get_running_loop().call_soon(transport.pause_reading)
-        self._readers.add(transport)
+        if self._accept_later is not None:
+            self._accept_later.cancel()
+        self._loop.remove_reader(self._listener)
+        self._listener.close()
+        for reader in tuple(self._unsent):
+            self._drop(reader)
 
-    def connection_lost(self, exc: Exception | None) -> None:  # noqa: ARG002 - asyncio's name
-        self._readers.discard(self._transport)
+    def _drop(self, reader: socket.socket) -> None:
+        del self._unsent[reader]
+        reader.close()
+
+    def _listen(self) -> None:
+        self._loop.add_reader(self._listener, self._accept)
+
+    def _accept(self) -> None:
+        try:
+            reader, _ = self._listener.accept()
+        except BlockingIOError:
+            return
+        except OSError as error:
+            # The client goes on waiting, and its call would wake the loop at once again.
+            self._warn(f"no reader accepted: {error.strerror}")
+            self._loop.remove_reader(self._listener)
+            self._accept_later = self._loop.call_later(_RETRY_S, self._listen)
+            return
+        if len(self) >= self._most:
+            reader.close()
+            self._warn(f"more than {self._most} readers are refused")
+            return
+        reader.setblocking(False)
+        self._unsent[reader] = b""
+
+    def _warn(self, words: str) -> None:
+        """One warning; who calls again and again fills no log."""
+        level = logging.DEBUG if self._warned else logging.WARNING
+        self._warned = True
+        _logger.log(level, "view on %s: %s", self._path, words)
+
+
+def _most_readers() -> int:
+    """How many readers leave enough of the process's file descriptors to the rest of it."""
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    with contextlib.suppress(OSError):
+        opened = len(os.listdir("/proc/self/fd"))  # noqa: PTH208 - in a loop that has not begun
+        return max(0, min(_MOST_READERS, limit - opened - _RESERVED_DESCRIPTORS))
+    return _MOST_READERS
 
 
 def _listen(path: Path) -> socket.socket | None:

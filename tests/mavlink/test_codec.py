@@ -334,6 +334,17 @@ def test_a_frame_is_sound_when_its_checksum_is(autopilot):
     assert is_sound(b"\xfd\x00\x00\x00\x00\x01\x01\xff\xff\x7fXY", 0) is None
 
 
+def test_senders_of_random_ids_fill_no_memory_and_an_autopilot_that_comes_later_is_counted(peer):
+    codec = new_codec()
+    autopilot = peer(1, 1)
+    for number in range(600):
+        codec.receive(peer(2 + number % 250, number // 250).heartbeat())
+        if number >= 300:
+            codec.receive(autopilot.heartbeat())
+    assert len(codec.sources) <= 256
+    assert counted(codec) == (300, 0)
+
+
 def test_the_sources_are_told_in_the_order_in_which_they_were_heard(peer):
     codec = new_codec()
     codec.receive(peer(7, 1).heartbeat() + peer(1, 1).heartbeat() + peer(7, 1).heartbeat())

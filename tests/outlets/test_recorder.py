@@ -1,4 +1,5 @@
 import json
+import shutil
 import struct
 import time
 
@@ -76,6 +77,18 @@ def test_a_full_disk_ends_the_recording_with_one_warning_and_no_error(
     recorder.close()
     recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
     assert told(caplog) == [f"recording ended: {recorder.folder}: No space left on device"]
+
+
+def test_a_folder_that_was_deleted_ends_the_recording_which_would_be_lost(
+    tmp_path, monkeypatch, caplog
+):
+    monkeypatch.setattr(recorder_module, "_PERIOD_S", 0.0)
+    recorder = Recorder(tmp_path, OFFSET_S, 0.0)
+    shutil.rmtree(recorder.folder)
+    recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
+    recorder.close()
+    assert told(caplog) == [f"recording ended: {recorder.folder}: the folder is gone"]
+    assert isinstance(recorder.ended, FileNotFoundError)
 
 
 def told(caplog):

@@ -1,8 +1,12 @@
 """The service as a process: sockets, signals, files."""
 
 import contextlib
+import re
+import resource
+import shutil
 import signal
 import socket
+from functools import partial
 
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
@@ -118,6 +122,60 @@ def test_it_records_from_the_first_heartbeat(tmp_path):
     (folder,) = (tmp_path / "flights").iterdir()
     assert messages((folder / "flight.tlog").read_bytes()[8:])[0].get_type() == "HEARTBEAT"
     assert (folder / "decisions.jsonl").exists()
+
+
+def test_an_unusable_state_file_and_a_recording_that_vanishes_are_told_to_people(tmp_path):
+    configuration, state = tmp_path / "companion.yaml", tmp_path / "state"
+    state.mkdir()
+    (state / "mission.json").write_text("{")
+    autopilot = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
+    beat = mavlink.MAVLink_heartbeat_message(2, 12, 1, 0, 3, 3)
+    wanted = {
+        "MOAR: state file unusable, starting idle",
+        "MOAR: recording ended: folder gone, flying on",
+    }
+    with listener() as (item, port):
+        configuration.write_text(
+            f"vehicle: {shipped_configs() / 'vehicles' / 'x500.yaml'}\n"
+            f"links: [{{url: 'udpout:127.0.0.1:{port}', role: autopilot}}]\n"
+            f"recorder: {{directory: {tmp_path / 'flights'}}}\n"
+            f"state: {{directory: {state}}}\n"
+        )
+        with companion("--config", configuration):
+            while wanted:
+                data, place = item.recvfrom(4096)
+                item.sendto(beat.pack(autopilot), place)
+                shutil.rmtree(tmp_path / "flights", ignore_errors=True)
+                wanted -= {
+                    message.text for message in messages(data) if message.get_type() == "STATUSTEXT"
+                }
+
+
+def test_fifty_readers_of_the_view_with_32_descriptors_cost_one_line_and_no_heartbeat(tmp_path):
+    """As with `ulimit -n 32`."""
+    configuration, view = tmp_path / "companion.yaml", tmp_path / "view.sock"
+    with listener() as (item, port), contextlib.ExitStack() as stack:
+        configuration.write_text(
+            f"vehicle: {shipped_configs() / 'vehicles' / 'x500.yaml'}\n"
+            f"links: [{{url: 'udpout:127.0.0.1:{port}', role: autopilot}}]\n"
+            f"recorder: {{directory: {tmp_path / 'flights'}}}\n"
+            f"state: {{directory: {tmp_path / 'state'}}}\n"
+            f"view: {{socket: {view}}}\n"
+        )
+        few = partial(resource.setrlimit, resource.RLIMIT_NOFILE, (32, 32))
+        with companion("--config", configuration, preexec_fn=few) as running:
+            item.recv(4096)
+            for _ in range(50):
+                reader = stack.enter_context(socket.socket(socket.AF_UNIX))
+                reader.connect(str(view))
+            beats = 0
+            while beats < 3:
+                beats += sum(m.get_type() == "HEARTBEAT" for m in messages(item.recv(4096)))
+            running.terminate()
+            _, errors = running.communicate(timeout=10)
+    assert running.returncode == 0
+    (warning,) = [line for line in errors.splitlines() if not line.startswith("INFO ")]
+    assert re.fullmatch(rf"WARNING view on {view}: more than \d+ readers are refused", warning)
 
 
 def test_the_service_manager_is_told_when_planner_and_links_are_up(tmp_path):

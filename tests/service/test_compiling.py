@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
+import errno
+import os
 import socket
+import threading
 import time
+from unittest import mock
 
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import CompanionConfig, shipped_configs
 from moar_companion.planner.planner import Planner
+from moar_companion.service import compiling
 from moar_companion.service.companion import Companion
 from moar_companion.service.surroundings import Ground
 from moar_companion.site import Site
@@ -99,6 +104,33 @@ def test_what_ends_motion_cancels_what_waits():
     assert station.run(0.5)[0] == [ACCEPTED]  # of two commands of one number the newer is answered
     station.companion.take_ground(ready())
     assert station.run(2.0)[0] == []
+
+
+def test_without_memory_for_another_process_the_planner_is_compiled_in_this_one(
+    monkeypatch, caplog
+):
+    compiled, processes = [], []
+
+    def kernel(number):
+        kernel = mock.Mock(is_helper=False, is_cached=False, py_func=ready)
+        type(kernel).entry = property(lambda _: compiled.append(number))
+        return kernel
+
+    def start(*_, **__):
+        if processes:
+            raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
+        processes.append(mock.Mock(pid=os.getpid(), poll=lambda: 1))
+        return processes[0]
+
+    # Each mock is a class of its own, and so has an `entry` of its own.
+    monkeypatch.setattr(compiling, "KERNELS", [kernel(1), kernel(2)])
+    monkeypatch.setattr(compiling.os, "sched_getaffinity", lambda _: {0, 1})
+    monkeypatch.setattr(compiling.subprocess, "Popen", start)
+    assert compiling.make_ready(lambda *_: None, threading.Event())
+    assert compiled == [1, 2]
+    processes[0].kill.assert_called_once_with()
+    (record,) = caplog.records
+    assert record.getMessage().startswith("no process to compile the planner in: ")
 
 
 @pytest.mark.slow

@@ -17,6 +17,7 @@ from moar_companion.config import shipped_configs
 from moar_companion.planner import planner as planner_module
 from moar_companion.planner.plan import PlanRequest
 from moar_companion.planner.planner import Planner
+from moar_companion.service import planner_worker
 from moar_companion.service.jobs import PlanJob, preparations, prepare_for
 from moar_companion.service.planner_worker import PlannerWorker
 from moar_companion.service.planners import Planners
@@ -81,6 +82,41 @@ def test_the_service_has_the_flown_goal_ready_whatever_made_room_before(planner)
     worker.plan(job(target))
     worker.close(wait=True)
     assert goals(planner)[-1] == ("inspection", target)
+
+
+def no_memory(*_, **__):
+    raise MemoryError("Unable to allocate 27.1 MiB")
+
+
+def test_a_plan_for_which_memory_lacks_is_a_failed_answer_and_the_next_one_is_made(
+    planner, monkeypatch
+):
+    worker = PlannerWorker()
+    worker.take(planner)
+    target = planner.site.targets[0].name
+    with monkeypatch.context() as lack:
+        lack.setattr(planner_worker, "answer_job", no_memory)
+        worker.plan(job(target))
+        worker._planning_thread.submit(int).result()
+    worker.plan(job(target))
+    worker.close(wait=True)
+    failed, found = (answer for _, answer in worker.answers())
+    assert (failed.failed, failed.plan, failed.reason) == (True, None, "the planner failed")
+    assert found.plan is not None
+
+
+def test_tables_for_which_memory_lacks_are_said_once_and_plans_go_on(planner, monkeypatch, caplog):
+    monkeypatch.setattr(Planner, "prepare", no_memory)
+    worker = PlannerWorker()
+    worker.take(planner)
+    for _ in range(3):
+        worker.plan(job(planner.site.targets[0].name))
+        worker._planning_thread.submit(int).result()
+    worker.close(wait=True)
+    assert [answer.plan is None for _, answer in worker.answers()] == [False] * 3
+    assert [record.getMessage() for record in caplog.records if record.levelname == "WARNING"] == [
+        "plans without tables: MemoryError: Unable to allocate 27.1 MiB"
+    ]
 
 
 def test_failsafes_that_change_are_marked_once_and_the_tables_made_anew(planner):

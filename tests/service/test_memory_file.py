@@ -108,6 +108,42 @@ def test_a_full_disk_is_said_once_and_what_is_out_of_date_is_taken_away(
     assert written(tmp_path) == HOLDING
 
 
+def reasons(file):
+    return [f"{fault.reason}, {fault.action}" for fault in file.faults]
+
+
+def test_a_state_that_cannot_be_written_is_a_fault_until_it_is_written_again(file, tmp_path):
+    assert reasons(file) == []
+    (tmp_path / "state").rename(tmp_path / "elsewhere")
+    file._write(memory_file.encoded(FLYING, 0.0))
+    assert reasons(file) == ["no state file: folder gone, restart goes idle"]
+    (tmp_path / "elsewhere").rename(tmp_path / "state")
+    file._write(memory_file.encoded(FLYING, 0.0))
+    assert reasons(file) == []
+
+
+def test_a_folder_that_has_become_read_only_is_a_fault(file, monkeypatch):
+    def read_only(*_):
+        raise OSError(errno.EROFS, os.strerror(errno.EROFS))
+
+    monkeypatch.setattr(memory_file.Path, "open", read_only)
+    file._write(memory_file.encoded(FLYING, 0.0))
+    assert reasons(file) == ["no state file: read-only, restart goes idle"]
+
+
+def test_a_file_of_the_start_that_is_unusable_remains_a_fault(file, tmp_path):
+    (tmp_path / "state" / "mission.json").write_bytes(b"{")
+    file.load(0.0)
+    file._write(memory_file.encoded(FLYING, 0.0))
+    assert reasons(file) == ["state file unusable, starting idle"]
+
+
+def test_a_file_of_the_start_that_cannot_be_read_is_a_fault(file, tmp_path):
+    (tmp_path / "state" / "mission.json").mkdir()
+    file.load(0.0)
+    assert reasons(file) == ["state file unreadable, starting idle"]
+
+
 @pytest.mark.parametrize("data", [b"", b"{", b"\xff\xfe", b"[]", b"x" * 1_000_000])
 def test_a_file_that_is_broken_is_said_in_one_line_and_put_aside(data, file, tmp_path, caplog):
     path = tmp_path / "state" / "mission.json"

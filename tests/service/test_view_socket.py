@@ -5,9 +5,12 @@ import contextlib
 import functools
 import json
 import logging
+import os
+import resource
 import socket
 import stat
 from pathlib import Path
+from unittest.mock import patch
 
 import pytest
 
@@ -143,6 +146,82 @@ async def test_more_readers_than_there_is_room_for_are_turned_away(path, monkeyp
         async with reader(path) as (late, _):
             assert await late.read() == b""
         await line(stream)
+
+
+def opened_descriptors():
+    return [int(item.name) for item in Path("/proc/self/fd").iterdir()]
+
+
+@pytest.fixture
+def few_descriptors():
+    """Room for six more files, of which four readers may have one each."""
+    before = resource.getrlimit(resource.RLIMIT_NOFILE)
+    opened = max(opened_descriptors())
+
+    def restrict(more):
+        resource.setrlimit(resource.RLIMIT_NOFILE, (opened + 1 + more, before[1]))
+
+    yield restrict
+    resource.setrlimit(resource.RLIMIT_NOFILE, before)
+
+
+@run
+async def test_fifty_readers_leave_descriptors_to_links_and_files_and_cost_one_line(path, caplog):
+    """As with `ulimit -n 32`: no storm in the log, and the flight goes on."""
+    caplog.set_level(logging.WARNING)
+    with patch.object(view_socket, "_most_readers", lambda: 4):
+        async with open_view_socket(path, Status()), contextlib.AsyncExitStack() as stack:
+            streams = []
+            for _ in range(50):
+                stream, _ = await stack.enter_async_context(reader(path))
+                streams.append(stream)
+            served = [stream for stream in streams if await stream.readline()]
+            assert len(served) == 4
+    (record,) = caplog.records
+    assert record.message == "view on view.sock: more than 4 readers are refused"
+
+
+@run
+async def test_the_limit_of_readers_leaves_room_for_links_and_files(path, few_descriptors):
+    few_descriptors(20)
+    opened = len(opened_descriptors())
+    limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
+    assert limit - opened - view_socket._most_readers() >= 12
+
+
+@run
+async def test_without_a_descriptor_readers_wait_and_one_line_says_so(
+    path, few_descriptors, caplog, monkeypatch
+):
+    attempts, five_attempts, listen = [], asyncio.Event(), view_socket._Readers._listen
+
+    def counted(readers):
+        attempts.append(readers)
+        if len(attempts) == 5:
+            five_attempts.set()
+        listen(readers)
+
+    monkeypatch.setattr(view_socket._Readers, "_listen", counted)
+    monkeypatch.setattr(view_socket, "_RETRY_S", 0.001)
+    caplog.set_level(logging.WARNING)
+    async with open_view_socket(path, Status()):
+        caller = socket.socket(socket.AF_UNIX)
+        few_descriptors(0)
+        filling = []
+        with contextlib.suppress(OSError):
+            while True:
+                filling.append(os.open(os.devnull, os.O_RDONLY))
+        caller.connect(str(path))
+        await five_attempts.wait()
+        for descriptor in filling:
+            os.close(descriptor)
+        caller.setblocking(False)
+        while not (await asyncio.get_running_loop().sock_recv(caller, 100)):
+            pass
+        caller.close()
+    assert [record.getMessage() for record in caplog.records] == [
+        "view on view.sock: no reader accepted: Too many open files"
+    ]
 
 
 @run

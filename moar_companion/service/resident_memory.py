@@ -1,0 +1,70 @@
+"""Resident memory of the process: what glibc and LLVM keep without need. Linux.
+
+    before the threads start    limit_arenas: few arenas, large arrays go back to the system
+    once all kernels are loaded release_compiler: LLVM's code and data, of which none is used again
+
+What the system lacks is left out: both are about memory alone.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import re
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+_ARENA_MAX = -8
+_MMAP_THRESHOLD = -3
+"""M_ARENA_MAX and M_MMAP_THRESHOLD of mallopt(3)."""
+_MOST_ARENAS = 2
+"""By default a thread has one of its own, each with 64 MB of address space that is reserved."""
+_LARGE_BYTES = 2**20
+"""Arrays above it (tables, solvers) are mapped one by one. By default glibc raises this to the
+largest that was freed, up to 32 MB: the next tables would lie in an arena, and leave holes."""
+_MADV_DONTNEED = 4
+_COMPILER = "libllvmlite.so"
+_MAPPING = re.compile(r"([0-9a-f]+)-([0-9a-f]+) (\S+) .*?(\S*)$")
+_SMAPS = Path("/proc/self/smaps")
+
+
+def limit_arenas() -> None:
+    """Have all threads share two arenas of malloc, and large arrays lie outside of these."""
+    with contextlib.suppress(OSError, AttributeError):
+        libc = ctypes.CDLL(None)
+        libc.mallopt(_ARENA_MAX, _MOST_ARENAS)
+        libc.mallopt(_MMAP_THRESHOLD, _LARGE_BYTES)
+
+
+def release_compiler() -> None:
+    """Give back what loading the kernels has left: LLVM's pages, and what malloc has free.
+
+    These pages are the file's, never written: one that is used after all is read again.
+    """
+    with contextlib.suppress(OSError, AttributeError):
+        libc = ctypes.CDLL(None)
+        for first, last in unwritten(_SMAPS.read_text().splitlines(), _COMPILER):
+            size = ctypes.c_size_t(last - first)
+            libc.madvise(ctypes.c_void_p(first), size, _MADV_DONTNEED)
+        libc.malloc_trim(0)
+
+
+def unwritten(smaps: Iterable[str], name: str) -> Iterator[tuple[int, int]]:
+    """First and last address + 1 of a file's mappings that nobody may write, and nobody has.
+
+    smaps: lines of /proc/PID/smaps, proc_pid_smaps(5). What relocation wrote before the mapping
+    was protected is anonymous memory, in RAM or swapped, and has no copy in the file.
+    """
+    first = last = 0
+    pending = False
+    for line in smaps:
+        mapping = _MAPPING.match(line)
+        if mapping is not None:
+            first, last = int(mapping[1], 16), int(mapping[2], 16)
+            pending = "w" not in mapping[3] and mapping[4].rpartition("/")[2] == name
+            continue
+        key, _, value = line.partition(":")
+        if key in {"Anonymous", "Swap"} and value.split()[0] != "0":
+            pending = False
+        if key == "VmFlags" and pending:
+            yield first, last

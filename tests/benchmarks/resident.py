@@ -1,0 +1,131 @@
+"""Resident memory in flight: `.venv/bin/python -m tests.benchmarks.resident DIR ...`.
+
+For each checkout a service with recording, state and view, and a fake PX4, all at once and in real
+time; 10 messages a second of other systems on the service's link. Inspections are ordered every 2
+minutes. Every 30 s resident and anonymous memory and address space (MB); in the end the slope of
+resident memory after the first 3 minutes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+
+from moar_companion.config import shipped_configs
+from moar_companion.site import Site
+from sitl.demonstration.manners import MANNERS
+from sitl.demonstration.operator import INSPECTION, Operator, OperatorError
+
+from .service import ROOT, _configuration, free_port, process
+from .soak import Chatter
+
+SITE = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
+WARM_S, LOOK_S, LOOKS_PER_ORDER = 180.0, 30.0, 4
+
+
+def memory_mb(process_id: int) -> tuple[float, float, float]:
+    """Resident, anonymous, address space."""
+    folder = Path(f"/proc/{process_id}")
+    lines = [*(folder / "smaps_rollup").read_text().splitlines()[1:]]
+    lines += (folder / "status").read_text().splitlines()
+    values = {name: value.split() for name, _, value in (line.partition(":") for line in lines)}
+    resident, anonymous, address_space = (
+        int(values[name][0]) / 1024 for name in ("Rss", "Anonymous", "VmSize")
+    )
+    return resident, anonymous, address_space
+
+
+class Flight:
+    """The service of a checkout, and what it flies."""
+
+    def __init__(self, code: Path, stack: contextlib.ExitStack) -> None:
+        home = (site := Site.load(SITE)).frame.to_geodetic((site.start_m[0], 0.0, 0.0))
+        self.code, self.port, operator_port = code, free_port(), free_port()
+        self.rows: list[tuple[float, float]] = []
+        self.operator = Operator(operator_port, MANNERS["px4"], speed=1.0, meanwhile=lambda: None)
+        stack.callback(self.operator.close)
+        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        config = _configuration(folder, SITE, self.port)
+        with config.open("a") as file:
+            file.write(f"state: {{directory: {folder}}}\nview: {{socket: {folder}/view.sock}}\n")
+        stack.enter_context(
+            process(
+                "sitl",
+                *("--home", f"{home.latitude_deg},{home.longitude_deg},{home.altitude_amsl_m}"),
+                *("--link", f"companion=udpout:127.0.0.1:{self.port}"),
+                *("--link", f"gcs=udpout:127.0.0.1:{operator_port}"),
+                *("--param", "COM_OBL_RC_ACT=5"),
+                *("--param", "COM_OF_LOSS_T=0.5"),
+            )
+        )
+        self.service = subprocess.Popen(
+            [sys.executable, "-m", "moar_companion", "--config", str(config)],
+            cwd=code,
+            env={**os.environ, "PYTHONPATH": str(code)},
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+        )
+        stack.callback(self.service.kill)
+
+    def begin(self) -> None:
+        operator = self.operator
+        operator.wait_for("ready", lambda: operator.ready_to_arm and operator.companion_heard, 60.0)
+        operator.wait_until(lambda: False, 3.0)
+        self.tell("planner ready")
+        operator.take_off(height_m=3.0)
+        operator.wait_for("take-off", lambda: operator.altitude_m > 2.3, 60.0)
+        operator.wait_until(lambda: False, 3.0)
+        self.inspect()
+
+    def inspect(self) -> None:
+        with contextlib.suppress(OperatorError):
+            self.operator.order("inspection", INSPECTION)
+            self.operator.wait_until(lambda: False, 1.5)
+            self.operator.give_mode()
+
+    def tell(self, what: str) -> float:
+        memory = memory_mb(self.service.pid)
+        figures = " | ".join(f"{value:.1f}" for value in memory)
+        sys.stdout.write(f"| {self.code.name} | {what} | {figures} |\n")
+        sys.stdout.flush()
+        return memory[0]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("code", type=Path, nargs="*", default=[ROOT])
+    parser.add_argument("--minutes", type=float, default=10.0, help="more than 4")
+    given = parser.parse_args()
+    with contextlib.ExitStack() as stack, socket.socket(type=socket.SOCK_DGRAM) as other:
+        flights = [Flight(code, stack) for code in given.code]
+        for flight in flights:
+            flight.begin()
+        chatter, began_s, looks = Chatter(), time.monotonic(), 0
+        while (now_s := time.monotonic() - began_s) < 60.0 * given.minutes:
+            for flight in flights:
+                flight.operator.wait_until(lambda: False, 0.1 / len(flights))
+                other.sendto(chatter.message(), ("127.0.0.1", flight.port))
+            if now_s < looks * LOOK_S:
+                continue
+            looks += 1
+            for flight in flights:
+                flight.rows.append((now_s, flight.tell(f"{now_s:.0f} s")))
+                if looks % LOOKS_PER_ORDER == 0:
+                    flight.inspect()
+        for flight in flights:
+            rows = np.array([row for row in flight.rows if row[0] >= WARM_S])
+            slope = 3600.0 * np.polyfit(rows[:, 0], rows[:, 1], 1)[0]
+            sys.stdout.write(f"{flight.code.name}: {slope:+.1f} MB/h\n")
+
+
+if __name__ == "__main__":
+    main()
