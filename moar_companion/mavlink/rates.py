@@ -160,7 +160,7 @@ class _UnusedStream(_Stream):
         if now_s < self.window_end_s:
             return
         heard_hz = self.count / self.window_s
-        if not self.requests:
+        if not self.asked_down:
             self.heard_hz = heard_hz
         if self.given_back:
             self.low = heard_hz < _ENOUGH * self.rate_hz
@@ -174,9 +174,14 @@ class _UnusedStream(_Stream):
         self.count = 0
         self.window_end_s = now_s + self.window_s
 
+    @property
+    def asked_down(self) -> bool:
+        """Whether it was ever asked for at the lower rate."""
+        return self.requested_s > -math.inf
+
     def give_back(self) -> None:
         """From now on it is wanted as it came before it was asked down, if it was."""
-        if self.requests and not self.given_back:
+        if self.asked_down and not self.given_back:
             self.given_back = self.low = True
             self.rate_hz = self.heard_hz
             self.requests = 0

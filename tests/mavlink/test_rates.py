@@ -284,3 +284,22 @@ def test_after_a_restart_of_the_autopilot_it_is_asked_down_again():
     machine.run(12.0)
     machine.requests.start({}, silent=False, now_s=machine.now_s)
     assert [message_id for _, message_id in machine.run(12.0)] == [QUATERNION]
+
+
+def test_what_was_asked_down_without_an_answer_comes_back_as_it_came_before():
+    machine = with_unused()
+    machine.run(11.0, answer=None)
+    machine.unused_hz = {QUATERNION: 1.0}
+    machine.run(60.0, answer=None)
+    request = machine.requests.next_request(machine.now_s + 1.0, "serial", shared=True)
+    assert request == (QUATERNION, pytest.approx(25_000, rel=0.02))
+
+
+def test_the_late_answer_to_the_asking_down_does_not_settle_the_giving_back():
+    machine = with_unused()
+    assert len(machine.run(10.2, answer=None)) == 1
+    machine.unused_hz = {QUATERNION: 1.0}
+    machine.shared = True
+    assert machine.run(0.1, answer=None) == []
+    machine.requests.answered(ACCEPTED)
+    assert len(machine.run(10.0, answer=None)) == 3
