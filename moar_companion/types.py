@@ -421,6 +421,8 @@ class Readiness:
     unhealthy: tuple[str, ...]
     remote_control_ok: bool | None = None
     """Whether the pilot's transmitter is received; None where it never was."""
+    fence_enabled: bool = False
+    """Whether a fence is told to be in force. ArduPilot tells none that only reports."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -54,18 +54,26 @@ class FenceWatch:
         parameters: Mapping[str, float | None],
         items: tuple[FenceItem, ...] | None,
         home_m: Vector | None,
+        *,
+        enabled: bool = False,
     ) -> None:
         """Take in what is told. items: None while the uploaded fence is still asked for.
 
-        home_m: (x, y, z) in the site's frame; None where unknown.
+        enabled: whether SYS_STATUS tells of a fence. home_m: (x, y, z) in the site's frame; None
+        where unknown.
         """
         if self._site is None or items is None:
             return
-        told = (kind, items, *(parameters.get(name, "") for name in fence_parameters(kind)))
+        told = (
+            kind,
+            items,
+            enabled,
+            *(parameters.get(name, "") for name in fence_parameters(kind)),
+        )
         before, self._told = self._told, told
         if told == before and not home_moved(home_m, self._home_m, _HOME_MOVES_M):
             return
-        fence = fence_of(kind, parameters, items)
+        fence = fence_of(kind, parameters, items, enabled=enabled)
         if fence is None:
             return
         self._home_m = home_m
