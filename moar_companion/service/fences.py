@@ -41,6 +41,8 @@ class FenceWatch:
         self._told: tuple[object, ...] = ()
         self._home_m: Vector | None = None
         """As the fence was last looked at with it."""
+        self._placed: Fence | None = None
+        """The fence that `plane` shows; None before any."""
         self.plane: PlaneFence | None = None
         """In the site's plane; None where there is no fence, or none is known."""
         self.reluctance: str | None = _UNREAD
@@ -79,9 +81,10 @@ class FenceWatch:
         self._home_m = home_m
         self.assumption = fence.assumption
         if fence.about_home and home_m is None:
-            self.reluctance = self.reluctance and _NO_HOME
+            if fence != self._placed:
+                self.reluctance = _NO_HOME
             return
-        self.reluctance = None
+        self.reluctance, self._placed = None, fence
         self.plane = plane_fence(fence, self._site.frame, home_m, self._margin_m)
 
 
