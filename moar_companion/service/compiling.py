@@ -31,7 +31,8 @@ def make_ready(tell: Told, stopped: threading.Event) -> bool:
     tell: called while something has to be compiled. Returns False when `stopped` was set before.
     """
     kernels = [kernel for kernel in KERNELS if not kernel.is_helper]
-    missing = [kernel for kernel in kernels if not kernel.is_cached]
+    # Where nothing can be kept, what other processes compile is lost.
+    missing = [kernel for kernel in kernels if kernel.has_cache and not kernel.is_cached]
     if missing:
         with _compilers(missing) as compilers:
             while any(compiler.poll() is None for compiler in compilers):
@@ -63,19 +64,23 @@ def _shares(kernels: Sequence[Kernel], count: int) -> Iterator[list[str]]:
 
 @contextlib.contextmanager
 def _compilers(kernels: Sequence[Kernel]) -> Iterator[list[subprocess.Popen[bytes]]]:
-    """A process for each processor that we may use, behind whatever else runs; killed at last."""
+    """A process for each processor that we may use, behind whatever else runs; killed at last.
+
+    Where none can be started, as without memory, the rest is left to the service's own process.
+    """
     isolated = ["-I"] if sys.flags.isolated else []
-    running = [
-        subprocess.Popen(  # noqa: S603 - ourselves
-            [sys.executable, *isolated, "-m", compiler.__name__, *share],
-            stdin=subprocess.DEVNULL,
-            stdout=subprocess.DEVNULL,
-            stderr=subprocess.DEVNULL,
-            start_new_session=True,
-        )
-        for share in _shares(kernels, len(os.sched_getaffinity(0)))
-    ]
+    running: list[subprocess.Popen[bytes]] = []
     try:
+        with contextlib.suppress(OSError):
+            for share in _shares(kernels, len(os.sched_getaffinity(0))):
+                process = subprocess.Popen(  # noqa: S603 - ourselves
+                    [sys.executable, *isolated, "-m", compiler.__name__, *share],
+                    stdin=subprocess.DEVNULL,
+                    stdout=subprocess.DEVNULL,
+                    stderr=subprocess.DEVNULL,
+                    start_new_session=True,
+                )
+                running.append(process)
         for process in running:
             put_behind(process.pid)
         yield running

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import socket
+import subprocess
+import sys
+import threading
 import time
 
 import pytest
@@ -10,6 +13,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import CompanionConfig, shipped_configs
 from moar_companion.planner.planner import Planner
+from moar_companion.service import compiling
 from moar_companion.service.companion import Companion
 from moar_companion.service.surroundings import Ground
 from moar_companion.site import Site
@@ -99,6 +103,49 @@ def test_what_ends_motion_cancels_what_waits():
     assert station.run(0.5)[0] == [ACCEPTED]  # of two commands of one number the newer is answered
     station.companion.take_ground(ready())
     assert station.run(2.0)[0] == []
+
+
+class Uncached:
+    """A kernel that is not in the cache. has_cache: whether it could be kept there."""
+
+    is_helper = is_cached = False
+
+    def __init__(self, *, has_cache):
+        self.py_func = ready
+        self.has_cache = has_cache
+        self.loaded = 0
+
+    @property
+    def entry(self):
+        self.loaded += 1
+
+
+def test_where_nothing_can_be_kept_no_other_process_compiles(monkeypatch):
+    kernel = Uncached(has_cache=False)
+    monkeypatch.setattr(compiling, "KERNELS", [kernel])
+    started = []
+    monkeypatch.setattr(compiling.subprocess, "Popen", lambda *a, **_: started.append(a))
+    told = []
+    assert compiling.make_ready(lambda *counts: told.append(counts), threading.Event())
+    assert (started, told, kernel.loaded) == ([], [], 1)
+
+
+def test_a_process_that_cannot_be_started_leaves_none_behind_and_the_service_compiles(monkeypatch):
+    kernels = [Uncached(has_cache=True), Uncached(has_cache=True)]
+    monkeypatch.setattr(compiling, "KERNELS", kernels)
+    monkeypatch.setattr(compiling.os, "sched_getaffinity", lambda _: {0, 1})
+    start, started = subprocess.Popen, []
+
+    def start_one(*_, **__):
+        if started:
+            raise OSError(12, "Cannot allocate memory")
+        started.append(start([sys.executable, "-c", "pass"]))
+        return started[0]
+
+    monkeypatch.setattr(compiling.subprocess, "Popen", start_one)
+    assert compiling.make_ready(lambda *_: None, threading.Event())
+    assert [process.returncode is None for process in started] == [False]
+    assert [kernel.loaded for kernel in kernels] == [1, 1]
 
 
 @pytest.mark.slow
