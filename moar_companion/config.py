@@ -119,6 +119,7 @@ class Supervision:
     heartbeat_timeout_s: Annotated[float, _Seconds] = 3.0
     """Without any packet of the autopilot, a heartbeat or another, for so long its link is lost."""
     mode_timeout_s: Annotated[float, _Seconds] = 3.0
+    armed_timeout_s: Annotated[float, _Seconds] = 15.0
     """A mode that was told longer ago may not be the mode any more: control ends. It is told ten
     times a second: a link that loses 30 % is silent for so long once in 10^15."""
     ready_timeout_s: Annotated[float, _Seconds] = 30.0

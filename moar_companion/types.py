@@ -142,7 +142,8 @@ class Failsafe(str, enum.Enum):
 class AutopilotStatus:
     """HEARTBEAT of the autopilot; its mode also by CURRENT_MODE.
 
-    received_s: when the mode was last told, by either.
+    received_s: when the mode was last told, by either. armed_s: when HEARTBEAT last told what it
+    alone tells, above all whether it is armed; None: as received_s.
     """
 
     received_s: float
@@ -170,6 +171,7 @@ class AutopilotStatus:
     """MAV_TYPE; 2 is a quadrotor."""
     motors: int | None = None
     """How many the vehicle's type has; None where the type does not tell."""
+    armed_s: float | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -419,6 +421,8 @@ class Readiness:
     unhealthy: tuple[str, ...]
     remote_control_ok: bool | None = None
     """Whether the pilot's transmitter is received; None where it never was."""
+    fence_enabled: bool = False
+    """Whether a fence is told to be in force. ArduPilot tells none that only reports."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

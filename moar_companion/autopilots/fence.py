@@ -125,11 +125,17 @@ def fence_parameters(kind: AutopilotKind) -> tuple[str, ...]:
 
 
 def fence_of(
-    kind: AutopilotKind, parameters: Mapping[str, float | None], items: Iterable[FenceItem]
+    kind: AutopilotKind,
+    parameters: Mapping[str, float | None],
+    items: Iterable[FenceItem],
+    *,
+    enabled: bool = False,
 ) -> Fence | None:
     """The fence; None while a parameter is still asked for.
 
-    parameters: None as a value says that the autopilot never told it.
+    parameters: None as a value says that the autopilot never told it. enabled: whether SYS_STATUS
+    tells of a fence: ArduPilot's RC switch, mission items and DO_FENCE_ENABLE change no parameter
+    (AC_Fence::enable); what they switch off counts while a parameter has it on.
     """
     names = fence_parameters(kind)
     if any(name not in parameters for name in names):
@@ -140,7 +146,7 @@ def fence_of(
     values = {name: parameters[name] or 0.0 for name in names}
     if kind is AutopilotKind.PX4:
         return _px4(values, areas_of(items), untold)
-    return _ardupilot(values, areas_of(items), untold)
+    return _ardupilot(values, areas_of(items), untold, enabled=enabled)
 
 
 def _px4(values: Mapping[str, float], areas: tuple[Area, ...], untold: tuple[str, ...]) -> Fence:
@@ -157,9 +163,9 @@ def _px4(values: Mapping[str, float], areas: tuple[Area, ...], untold: tuple[str
 
 
 def _ardupilot(
-    values: Mapping[str, float], areas: tuple[Area, ...], untold: tuple[str, ...]
+    values: Mapping[str, float], areas: tuple[Area, ...], untold: tuple[str, ...], *, enabled: bool
 ) -> Fence:
-    if not (values["FENCE_ENABLE"] or values["FENCE_AUTOENABLE"]):
+    if not (enabled or values["FENCE_ENABLE"] or values["FENCE_AUTOENABLE"]):
         return Fence(untold=untold)
     chosen = int(values["FENCE_TYPE"])
     return Fence(

@@ -2,7 +2,8 @@
 
 PX4 sends most of it by itself; ArduPilot sends heartbeats only, and forgets what was requested
 when it restarts. MAV_CMD_SET_MESSAGE_INTERVAL's acknowledgement does not name the message, so one
-request is under way at a time.
+request is under way at a time, and an answer counts only where it can be no other request's. A
+stream that does not flow is asked for again after a pause, whatever was answered.
 
 Messages that the companion does not read are asked down to 1 Hz: a real PX4 sends 412 messages a
 second on an onboard link, a quarter of them for nothing. Both autopilots keep intervals by link,
@@ -14,7 +15,9 @@ another link cannot be told apart there, and counts, too.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from ..types import AutopilotKind
 from .commands import CommandResult
@@ -71,12 +74,16 @@ _WINDOW_PERIODS = 2.5
 """A rate is judged over so many of its wanted periods, at least."""
 _ACK_TIMEOUT_S = 0.5
 """Both autopilots acknowledge within 10 ms, a link may delay each way by 0.2 s."""
+_ANSWER_MAX_AGE_S = 5.0
+"""An acknowledgement may still come so long after its request."""
 _SPACING_S = 0.02
 """Between requests: at most five in 100 ms."""
 _MAX_REQUESTS = 3
 _AGAIN_S = 10.0
 """A link may have lost so many requests, or their answers: one in seven loses them all three where
 it loses 30 % each way. Then another round begins."""
+_DENIED_AGAIN_S = 60.0
+"""A denial may have been the answer to somebody else, or a copy of an earlier one."""
 
 _UNUSED_HZ = 1.0
 """What is left of a message that is not read: a recording still shows it."""
@@ -110,7 +117,7 @@ class _Stream:
         self.low = first_window_s == 0.0
         self.flowing = False
         self.requests = 0
-        self.requested_s = 0.0
+        self.requested_s = -math.inf
         self.settled = False
         self.denied = False
 
@@ -120,11 +127,12 @@ class _Stream:
             return
         self.low = self.count < _ENOUGH * self.rate_hz * self.window_s
         stopped = self.flowing and self.count == 0
+        paused = now_s >= self.requested_s + (_DENIED_AGAIN_S if self.denied else _AGAIN_S)
+        silent = self.count == 0 and self.requests > 0
         unanswered = self.requests == _MAX_REQUESTS and not self.settled
-        lost = unanswered and now_s >= self.requested_s + _AGAIN_S
-        if not self.low or stopped or lost:
+        if not self.low or (stopped and not self.denied) or (paused and (silent or unanswered)):
             self.requests = 0
-            self.settled = False
+            self.settled = self.denied = False
         self.flowing = self.count > 0
         self.count = 0
         self.window_end_s = now_s + self.window_s
@@ -152,7 +160,7 @@ class _UnusedStream(_Stream):
         if now_s < self.window_end_s:
             return
         heard_hz = self.count / self.window_s
-        if not self.requests:
+        if not self.asked_down:
             self.heard_hz = heard_hz
         if self.given_back:
             self.low = heard_hz < _ENOUGH * self.rate_hz
@@ -166,27 +174,43 @@ class _UnusedStream(_Stream):
         self.count = 0
         self.window_end_s = now_s + self.window_s
 
+    @property
+    def asked_down(self) -> bool:
+        """Whether it was ever asked for at the lower rate."""
+        return self.requested_s > -math.inf
+
     def give_back(self) -> None:
         """From now on it is wanted as it came before it was asked down, if it was."""
-        if self.requests and not self.given_back:
+        if self.asked_down and not self.given_back:
             self.given_back = self.low = True
             self.rate_hz = self.heard_hz
             self.requests = 0
             self.settled = False
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    """One request that was sent. rate_hz: what was asked for; the stream's may be another since."""
+
+    sent_s: float
+    stream: _Stream
+    rate_hz: float
+
+
 class RateRequests:
     """Requests each wanted message until it flows, is acknowledged or denied.
 
-    Three times in a row, and then again after a pause. A message that flowed and stops is asked
-    for again; denials hold until the autopilot restarts.
+    Three times in a row, and then again after a pause. A message that does not flow is asked for
+    again whatever was answered, after a denial seldom.
     """
 
     def __init__(self) -> None:
         self._streams: dict[int, _Stream] = {}
         self._unused: dict[tuple[str, int], _UnusedStream] = {}
         """By link and message id."""
-        self._under_way: _Stream | None = None
+        self._under_way = False
+        self._asked: list[_Asked] = []
+        """Whose answer may still come, the oldest first."""
         self._sent_s = -1.0
 
     def start(self, rates_hz: Mapping[int, float], *, silent: bool, now_s: float) -> None:
@@ -198,7 +222,8 @@ class RateRequests:
             if rate_hz > 0.0
         }
         self._unused = {}
-        self._under_way = None
+        self._under_way = False
+        self._asked = []
         self._sent_s = now_s - _SPACING_S
 
     def hear(self, message_id: int) -> None:
@@ -215,9 +240,17 @@ class RateRequests:
         stream.count += 1
 
     def answered(self, result: int) -> None:
-        """Takes the result of COMMAND_ACK for MAV_CMD_SET_MESSAGE_INTERVAL."""
-        stream, self._under_way = self._under_way, None
-        if stream is None:
+        """Takes the result of COMMAND_ACK for MAV_CMD_SET_MESSAGE_INTERVAL.
+
+        It does not say what it answers: while it may be that of several requests, it counts for
+        none.
+        """
+        self._under_way = False
+        if len({(id(asked.stream), asked.rate_hz) for asked in self._asked}) != 1:
+            return
+        asked = self._asked.pop(0)
+        stream = asked.stream
+        if asked.rate_hz != stream.rate_hz:
             return
         if result == CommandResult.ACCEPTED:
             # PX4 accepts what it has no data for, too; more requests would not change that.
@@ -242,9 +275,10 @@ class RateRequests:
         for stream in streams.values():
             stream.judge(now_s)
         waited_s = now_s - self._sent_s
-        if waited_s < (_SPACING_S if self._under_way is None else _ACK_TIMEOUT_S):
+        if waited_s < (_ACK_TIMEOUT_S if self._under_way else _SPACING_S):
             return None
-        self._under_way = None
+        self._under_way = False
+        self._asked = [a for a in self._asked if now_s < a.sent_s + _ANSWER_MAX_AGE_S]
         wanting = [item for item in streams.items() if item[1].wanting]
         if not wanting:
             return None
@@ -252,6 +286,7 @@ class RateRequests:
         message_id, stream = min(wanting, key=lambda item: item[1].requests)
         stream.requests += 1
         stream.requested_s = now_s
-        self._under_way = stream
+        self._under_way = True
+        self._asked.append(_Asked(sent_s=now_s, stream=stream, rate_hz=stream.rate_hz))
         self._sent_s = now_s
         return message_id, round(1e6 / stream.rate_hz)

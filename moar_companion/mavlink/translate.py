@@ -106,6 +106,7 @@ def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetr
             system_id=message.get_srcSystem(),
             component_id=message.get_srcComponent(),
             kind=kind,
+            armed_s=now_s,
             armed=bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED),
             custom_mode=message.custom_mode,
             mode=modes.mode_name(*mode),

@@ -59,6 +59,7 @@ GNSS_PARAMETERS = ("GPS_AUTO_SWITCH", "GPS_PRIMARY")
 _BETTER_GNSS_TAKEN = {1.0, 2.0}
 """Values of GPS_AUTO_SWITCH: the best receiver, or a mean in which the better one weighs more."""
 _PREARM_CHECK = int(mavlink.MAV_SYS_STATUS_PREARM_CHECK)
+_GEOFENCE = int(mavlink.MAV_SYS_STATUS_GEOFENCE)
 _RC_RECEIVER = int(mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER)
 _SENSOR_NAMES = {
     1 << bit: mavlink.enums["MAV_SYS_STATUS_SENSOR"][1 << bit]
@@ -111,6 +112,7 @@ def _sys_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemet
         ready=bool(health & _PREARM_CHECK),
         unhealthy=tuple(name for bit, name in _SENSOR_NAMES.items() if unhealthy & bit),
         remote_control_ok=_remote_control_ok(telemetry, message),
+        fence_enabled=bool(message.onboard_control_sensors_enabled & _GEOFENCE),
     )
     return _battery_summary(replace(telemetry, readiness=readiness), message, now_s)
 

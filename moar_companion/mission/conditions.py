@@ -149,7 +149,8 @@ CONDITIONS = (
     ),
     Condition(
         name="mode_unconfirmed",
-        starts="neither HEARTBEAT nor CURRENT_MODE has told the mode for `mode_timeout_s`",
+        starts="neither HEARTBEAT nor CURRENT_MODE has told the mode for `mode_timeout_s`, "
+        "or HEARTBEAT the armed state for `armed_timeout_s`",
         action=Action.RELEASE,
     ),
     Condition(

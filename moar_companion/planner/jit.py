@@ -96,11 +96,24 @@ class Kernel:
         return entry
 
     @property
+    def has_cache(self) -> bool:
+        """Whether there is a folder in which machine code can be kept."""
+        return self._cache_file is not None
+
+    @property
     def is_cached(self) -> bool:
-        """Whether there is machine code of this source in the cache."""
-        cache = self._dispatcher._cache  # noqa: SLF001 - numba tells by loading only
-        file = getattr(cache, "_cache_file", None)
-        return file is not None and bool(file._load_index())  # noqa: SLF001
+        """Whether there is machine code of this source, for this processor, in the cache."""
+        file = self._cache_file
+        if file is None:
+            return False
+        # Keys are (signature, processor, hash of the source).
+        processor = self._dispatcher.targetctx.codegen().magic_tuple()
+        return any(key[1] == processor for key in file._load_index())  # noqa: SLF001
+
+    @property
+    def _cache_file(self) -> Any:
+        """Numba's index of the cache, which numba itself tells by loading only."""
+        return getattr(self._dispatcher._cache, "_cache_file", None)  # noqa: SLF001
 
     @cached_property
     def _dispatcher(self) -> Any:

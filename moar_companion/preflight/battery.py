@@ -27,10 +27,31 @@ def battery_findings(telemetry: Telemetry, model: RiskModel) -> list[Finding]:
                 remedy="set up its battery monitor: nobody knows when the battery is empty",
             )
         ]
+    batteries = sorted(telemetry.batteries.items())
+    beside = any(_tells(battery) for _, battery in batteries)
     return [
         _battery(f"battery {number}", battery, model)
-        for number, battery in sorted(telemetry.batteries.items())
+        if _tells(battery)
+        else _silent(f"battery {number}", beside=beside)
+        for number, battery in batteries
     ]
+
+
+def _tells(battery: Battery) -> bool:
+    return battery.remaining is not None or battery.voltage_v is not None
+
+
+def _silent(subject: str, *, beside: bool) -> Finding:
+    """A battery of which nothing is known; beside: another tells.
+
+    That other one may feed all, as where a monitor is set up for a pack that is not fitted.
+    """
+    return Finding(
+        level=Level.WARNING if beside else Level.NO_GO,
+        subject=subject,
+        text="charge and voltage unknown: nobody knows when it is empty",
+        remedy="set up its battery monitor, or switch that off where there is no such battery",
+    )
 
 
 def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:

@@ -218,7 +218,13 @@ class Preflight:
     def _fence(self, kind: AutopilotKind) -> list[Finding]:
         session, items = self._session, self._session.fence_items
         names = fence_parameters(kind)
-        fence = fence_of(kind, {**dict.fromkeys(names), **session.parameters}, items or ())
+        readiness = session.telemetry.readiness
+        fence = fence_of(
+            kind,
+            {**dict.fromkeys(names), **session.parameters},
+            items or (),
+            enabled=readiness is not None and readiness.fence_enabled,
+        )
         if fence is None:
             return []
         return fence_findings(

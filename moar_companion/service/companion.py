@@ -419,7 +419,11 @@ class Companion:
             items = self._session.fence_items
             if items is None and self._session.fence_silent:
                 items = ()
-            self._conduct.course.learn_fence(kind, parameters, items, home_m, now_s)
+            readiness = self.telemetry.readiness
+            enabled = readiness is not None and readiness.fence_enabled
+            self._conduct.course.learn_fence(
+                kind, parameters, items, home_m, now_s, enabled=enabled
+            )
             self._conduct.course.learn_failsafes(kind, parameters, home_m, self.telemetry, now_s)
 
     def _notice_pause(self, now_s: float) -> None:

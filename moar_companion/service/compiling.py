@@ -34,7 +34,8 @@ def make_ready(tell: Told, stopped: threading.Event) -> bool:
     tell: called while something has to be compiled. Returns False when `stopped` was set before.
     """
     kernels = [kernel for kernel in KERNELS if not kernel.is_helper]
-    missing = [kernel for kernel in kernels if not kernel.is_cached]
+    # Where nothing can be kept, what other processes compile is lost.
+    missing = [kernel for kernel in kernels if kernel.has_cache and not kernel.is_cached]
     if missing:
         with _compilers(missing) as compilers:
             while any(compiler.poll() is None for compiler in compilers):

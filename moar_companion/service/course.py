@@ -135,13 +135,15 @@ class Course:
         items: tuple[FenceItem, ...] | None,
         home_m: Vector | None,
         now_s: float,
+        *,
+        enabled: bool,
     ) -> None:
         """Take in the autopilot's fence; say once which of its parameters were never told.
 
-        items: as uploaded; None while that is not known.
+        items: as uploaded; None while that is not known. enabled: whether SYS_STATUS tells of one.
         """
         before, assumption = self._fences.plane, self._fences.assumption
-        self._fences.learn(kind, parameters, items, home_m)
+        self._fences.learn(kind, parameters, items, home_m, enabled=enabled)
         plane = self._fences.plane
         if self._fences.assumption and self._fences.assumption != assumption:
             self._reports.say(Severity.WARNING, self._fences.assumption, now_s)

@@ -67,7 +67,7 @@ class FailsafeWatch:
         self._since_s: float | None = None
         self._seen_s = self._noted_s = -math.inf
         self.failsafes = NO_FAILSAFES
-        """Those that lead somewhere, on links that were ever heard."""
+        """Those that lead somewhere; of the remote control only once it was heard."""
 
     @property
     def untold(self) -> tuple[str, ...]:
@@ -209,32 +209,28 @@ class FailsafeWatch:
 
 
 def moving(failsafes: Failsafes, heard: frozenset[Trigger]) -> Failsafes:
-    """Those that lead somewhere; of links, which autopilots lose only once heard, those heard."""
+    """Those that lead somewhere; of the remote control, which is lost only once heard, if it was.
+
+    A ground station always counts: the autopilot may hear one that is not forwarded to us.
+    """
     return replace(
         failsafes,
         actions=tuple(
             item
             for item in failsafes.actions
             if item.action not in _STAYS
-            and (item.trigger in heard or item.trigger not in (Trigger.RC_LOSS, Trigger.GCS_LOSS))
+            and (item.trigger in heard or item.trigger is not Trigger.RC_LOSS)
         ),
     )
 
 
 def heard_links(kind: AutopilotKind, telemetry: Telemetry) -> frozenset[Trigger]:
-    """The links that are heard now, by the trigger of their loss."""
+    """The links that the autopilot is known to hear, by the trigger of their loss."""
     readiness, remote = telemetry.readiness, telemetry.remote_control
     if kind is AutopilotKind.ARDUPILOT and readiness is not None:
         # It tells channels without any receiver, too.
         remote = None if readiness.remote_control_ok is None else remote
-    return frozenset(
-        trigger
-        for trigger, heard in (
-            (Trigger.RC_LOSS, remote),
-            (Trigger.GCS_LOSS, telemetry.ground_station),
-        )
-        if heard is not None
-    )
+    return frozenset() if remote is None else frozenset({Trigger.RC_LOSS})
 
 
 def _soonest_s(times_s: Iterable[float | None]) -> float | None:

@@ -41,6 +41,8 @@ class FenceWatch:
         self._told: tuple[object, ...] = ()
         self._home_m: Vector | None = None
         """As the fence was last looked at with it."""
+        self._placed: Fence | None = None
+        """The fence that `plane` shows; None before any."""
         self.plane: PlaneFence | None = None
         """In the site's plane; None where there is no fence, or none is known."""
         self.reluctance: str | None = _UNREAD
@@ -54,26 +56,35 @@ class FenceWatch:
         parameters: Mapping[str, float | None],
         items: tuple[FenceItem, ...] | None,
         home_m: Vector | None,
+        *,
+        enabled: bool = False,
     ) -> None:
         """Take in what is told. items: None while the uploaded fence is still asked for.
 
-        home_m: (x, y, z) in the site's frame; None where unknown.
+        enabled: whether SYS_STATUS tells of a fence. home_m: (x, y, z) in the site's frame; None
+        where unknown.
         """
         if self._site is None or items is None:
             return
-        told = (kind, items, *(parameters.get(name, "") for name in fence_parameters(kind)))
+        told = (
+            kind,
+            items,
+            enabled,
+            *(parameters.get(name, "") for name in fence_parameters(kind)),
+        )
         before, self._told = self._told, told
         if told == before and not home_moved(home_m, self._home_m, _HOME_MOVES_M):
             return
-        fence = fence_of(kind, parameters, items)
+        fence = fence_of(kind, parameters, items, enabled=enabled)
         if fence is None:
             return
         self._home_m = home_m
         self.assumption = fence.assumption
         if fence.about_home and home_m is None:
-            self.reluctance = self.reluctance and _NO_HOME
+            if fence != self._placed:
+                self.reluctance = _NO_HOME
             return
-        self.reluctance = None
+        self.reluctance, self._placed = None, fence
         self.plane = plane_fence(fence, self._site.frame, home_m, self._margin_m)
 
 

@@ -1,6 +1,6 @@
 """Life of the link to the autopilot: how old its last packet, its mode and a position are. Pure.
 
-Any packet shows that the autopilot lives; its mode has an age of its own.
+Any packet shows that the autopilot lives; its mode and its armed state have ages of their own.
 """
 
 from __future__ import annotations
@@ -22,10 +22,15 @@ def silence(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | No
 
 
 def mode_unconfirmed(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
-    """Returns for how long the mode has not been told; None while that is allowed."""
+    """Returns for how long mode or armed state have not been told; None while that is allowed."""
     autopilot = telemetry.autopilot
-    age_s = 0.0 if autopilot is None else now_s - autopilot.received_s
-    return f"mode not told for {age_s:.1f} s" if age_s > limits.mode_timeout_s else None
+    if autopilot is None:
+        return None
+    age_s = now_s - autopilot.received_s
+    if age_s > limits.mode_timeout_s:
+        return f"mode not told for {age_s:.1f} s"
+    age_s = 0.0 if autopilot.armed_s is None else now_s - autopilot.armed_s
+    return f"armed state not told for {age_s:.1f} s" if age_s > limits.armed_timeout_s else None
 
 
 def delay_s(link: LinkStatistics | None, late_s: float) -> float:

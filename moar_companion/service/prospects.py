@@ -68,7 +68,8 @@ class Prospects:
             return
         limit_rad, _ = tilt_limit(autopilot.kind, parameters, model)
         self.held_wind_mps = held_wind_mps(self.risk.wind.learning.used(model), limit_rad)
-        output = self.risk.last_known.get("wind", {}).get(MOTOR_OUTPUT)
-        self.saturated = is_saturated(
-            telemetry, None if output is None else output.value, limit_rad, model
+        inputs = self.risk.report.wind.inputs
+        output = next(
+            (item.value for item in inputs if item.name == MOTOR_OUTPUT and item.known), None
         )
+        self.saturated = is_saturated(telemetry, output, limit_rad, model)

@@ -8,6 +8,7 @@ from typing import Final
 
 from sitl.ardupilot.battery import BatteryMonitor
 from sitl.ardupilot.commander import Commander
+from sitl.ardupilot.fence import Fence
 from sitl.ardupilot.modes import Mode
 from sitl.ardupilot.navigation import Navigation
 from sitl.commands import (
@@ -30,20 +31,26 @@ class Commands(CommandTable):
     """The table of commands."""
 
     def __init__(
-        self, host: Host, commander: Commander, navigation: Navigation, battery: BatteryMonitor
+        self,
+        host: Host,
+        commander: Commander,
+        navigation: Navigation,
+        battery: BatteryMonitor,
+        fence: Fence,
     ) -> None:
         """Connect the handlers."""
         super().__init__(
             host,
             {
                 20: self._return, 21: self._land, 22: self._take_off, 176: self._set_mode,
-                179: self._set_home, 246: self._restart, 400: self._arm,
+                179: self._set_home, 207: self._switch_fence, 246: self._restart, 400: self._arm,
                 42651: self._reset_battery,
             },
         )  # fmt: skip
         self._commander = commander
         self._nav = navigation
         self._battery = battery
+        self._fence = fence
 
     def _set_mode(self, command: Command) -> int:
         if not int(number(command.p1)) & CUSTOM_MODE_BIT:
@@ -71,6 +78,13 @@ class Commands(CommandTable):
         if round(number(command.p1)) != 1 or not self._nav.position_ok:
             return FAILED
         self._nav.set_home()
+        return ACCEPTED
+
+    def _switch_fence(self, command: Command) -> int:
+        wish = round(number(command.p1))
+        if wish not in (0, 1):
+            return FAILED
+        self._fence.switch(on=wish == 1)
         return ACCEPTED
 
     def _restart(self, command: Command) -> int | None:

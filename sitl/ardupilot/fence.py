@@ -45,6 +45,8 @@ class Fence:
         """Nothing is breached."""
         self._parameters = parameters
         self._areas = areas or FenceAreas()
+        self._switched: bool | None = None
+        """On or off by a command, whatever the parameters say; None: never switched."""
         self._floor_on = False
         """Whether the least height counts."""
         self._backup_m: dict[int, float] = {}
@@ -54,8 +56,14 @@ class Fence:
     @property
     def enabled(self) -> bool:
         """Whether there is a fence."""
+        if self._switched is not None:
+            return self._switched
         value = self._parameters.value
         return value("FENCE_ENABLE") != 0 or value("FENCE_AUTOENABLE") != 0
+
+    def switch(self, *, on: bool) -> None:
+        """DO_FENCE_ENABLE, as an RC switch or a mission item: no parameter is changed."""
+        self._switched = on
 
     @property
     def breached(self) -> bool:

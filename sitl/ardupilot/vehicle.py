@@ -99,7 +99,7 @@ class ArduPilotManner:
                 fence=self.fence,
                 areas=self.areas,
                 commander=self.commander,
-                commands=Commands(self, self.commander, self.navigation, self.battery),
+                commands=Commands(self, self.commander, self.navigation, self.battery, self.fence),
                 sticks=self.sticks,
                 server=self._server,
                 schedules=self._schedules,

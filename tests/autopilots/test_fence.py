@@ -29,6 +29,12 @@ def fence(kind, items=(), **values):
     return fence_of(kind, {**OFF[kind], **values}, items)
 
 
+def test_ardupilots_fence_counts_when_its_status_tells_it_though_no_parameter_does():
+    told = {**OFF[ARDUPILOT], "FENCE_TYPE": 2.0, "FENCE_RADIUS": 60.0}
+    assert fence_of(ARDUPILOT, told, ()).names == ()
+    assert fence_of(ARDUPILOT, told, (), enabled=True).names == ("FENCE_RADIUS 60 m",)
+
+
 def polygon(command, *places):
     return [
         FenceItem(

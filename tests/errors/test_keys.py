@@ -167,6 +167,7 @@ OUTSIDE = {
                 "position_timeout_s",
                 "heartbeat_timeout_s",
                 "mode_timeout_s",
+                "armed_timeout_s",
                 "ready_timeout_s",
                 "ground_link_lost_s",
                 "exposure_limit_s",

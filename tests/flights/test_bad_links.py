@@ -14,7 +14,7 @@ from .judging import (
 )
 from .lockstep import hovering
 from .marks import BOTH
-from .operator import EXIT, INSPECTION
+from .operator import EXIT, INSPECTION, Manner
 
 NUMBERS = {"HEARTBEAT": 0, "CURRENT_MODE": 436}
 NOTICED_S = 0.2
@@ -111,6 +111,19 @@ def test_a_mode_that_is_told_no_more_ends_control_while_other_packets_arrive(man
     assert flight.last_setpoint_s == pytest.approx(silent_s + limit_s, abs=0.3)
     last = flight.setpoints[-1].message
     assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
+
+
+def test_an_armed_state_that_is_told_no_more_ends_control_while_the_mode_is_told():
+    """PX4 tells the mode by CURRENT_MODE, too; HEARTBEAT alone tells whether it is armed."""
+    flight = in_flight(Manner.PX4)
+    hear = flight.hear
+    flight.hear = lambda data: hear(without(data, {"HEARTBEAT"}))
+    silent_s = flight.now_s
+    flight.run(17.0)
+    assert flight.state == "released"
+    assert flight.operator.said("armed state not told for 15")
+    limit_s = flight.config.supervision.armed_timeout_s
+    assert flight.last_setpoint_s == pytest.approx(silent_s + limit_s, abs=1.1)
 
 
 def without(data, names):

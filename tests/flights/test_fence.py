@@ -16,6 +16,7 @@ from .lockstep import Lockstep, hovering
 from .operator import ACCEPTED, DENIED, EVACUATION, EXIT, INSPECTION, Manner
 
 POLYGON_INCLUSION, POLYGON_EXCLUSION, CIRCLE_INCLUSION, CIRCLE_EXCLUSION = range(5001, 5005)
+DO_FENCE_ENABLE = 207
 MARGIN_M = {Manner.PX4: 1.5, Manner.ARDUPILOT: 2.0}
 """Of the companion; ArduPilot's FENCE_MARGIN is more."""
 CIRCLE = {
@@ -70,6 +71,15 @@ def test_an_exit_through_the_circle_is_denied_with_its_name_and_value(manner):
     sentence = [item.data["detail"] for item in flight.decisions if item.kind == "no_plan"][-1]
     assert "inside the autopilot's fence" in sentence
     texts_are_short(flight)
+
+
+def test_a_fence_that_a_switch_has_enabled_is_kept_though_the_parameters_say_none():
+    """ArduPilot's DO_FENCE_ENABLE, mission item or RC switch changes no parameter."""
+    manner = Manner.ARDUPILOT
+    flight = fenced(manner, {**CIRCLE[manner](10.0), "FENCE_ENABLE": 0})
+    flight.operator.command(DO_FENCE_ENABLE, 1)
+    flight.run(1.5)
+    assert refused(flight, EXIT) == "MOAR: exit outside FENCE_RADIUS 10 m, denied"
 
 
 @BOTH

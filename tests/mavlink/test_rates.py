@@ -24,11 +24,19 @@ class Machine:
         self.flowing_hz = {}
         self.unused_hz = {}
         self.shared = False
+        self.flows_when_accepted = {}
+        self.delay_s = 0.0
+        self.lost = []
         self._due_s = {}
+        self._answers = []
         self.requests.start(rates_hz, silent=silent, now_s=self.now_s)
 
     def run(self, duration_s, *, answer=ACCEPTED):
-        """Requests made within a time as (time, id); answers go back at once, unless None."""
+        """Requests made within a time as (time, id); answers go back after `delay_s`.
+
+        answer: a result, or a function of the message id; None: none. lost: ids whose next request
+        is lost. Of `flows_when_accepted`, what is accepted flows.
+        """
         made = []
         for _ in range(round(duration_s / 0.02)):
             self.now_s += 0.02
@@ -39,9 +47,20 @@ class Machine:
             request = self.requests.next_request(self.now_s, "serial", shared=self.shared)
             if request is not None:
                 made.append((round(self.now_s - 100.0, 2), request[0]))
-                if answer is not None:
-                    self.requests.answered(answer)
+                self._answer(request[0], answer)
+            while self._answers and self._answers[0][0] <= self.now_s:
+                self.requests.answered(self._answers.pop(0)[1])
         return made
+
+    def _answer(self, message_id, answer):
+        if message_id in self.lost:
+            self.lost.remove(message_id)
+            return
+        result = answer(message_id) if callable(answer) else answer
+        if result == ACCEPTED and message_id in self.flows_when_accepted:
+            self.flowing_hz[message_id] = self.flows_when_accepted[message_id]
+        if result is not None:
+            self._answers.append((self.now_s + self.delay_s, result))
 
     def _due(self, rates_hz):
         for message_id, rate_hz in rates_hz.items():
@@ -54,6 +73,7 @@ class Machine:
 def test_a_silent_autopilot_is_asked_at_once_for_everything():
     machine = Machine({ATTITUDE: 20.0, POSITION: 10.0}, silent=True)
     assert [message_id for _, message_id in machine.run(0.1)] == [ATTITUDE, POSITION]
+    machine.flowing_hz = {ATTITUDE: 20.0, POSITION: 10.0}
     assert machine.run(60.0) == []
 
 
@@ -103,11 +123,38 @@ def test_what_flows_without_an_answer_is_not_asked_for_again():
     assert machine.run(60.0, answer=None) == []
 
 
-def test_a_denial_is_remembered_until_the_autopilot_restarts():
+def test_what_is_denied_is_asked_for_again_after_a_minute_or_a_restart():
     machine = Machine({ATTITUDE: 20.0}, silent=True)
     assert len(machine.run(60.0, answer=DENIED)) == 1
+    assert len(machine.run(60.0, answer=DENIED)) == 1
     machine.requests.start({ATTITUDE: 20.0}, silent=True, now_s=machine.now_s)
+    machine.flows_when_accepted = {ATTITUDE: 20.0}
     assert len(machine.run(60.0)) == 1
+
+
+def test_what_is_acknowledged_and_does_not_flow_is_asked_for_again_after_a_pause():
+    machine = Machine({ATTITUDE: 20.0}, silent=True)
+    times = [time_s for time_s, _ in machine.run(35.0)]
+    assert len(times) == 4
+    assert all(b - a >= 10.0 for a, b in itertools.pairwise(times))
+
+
+def test_a_late_answer_does_not_settle_the_next_request():
+    machine = Machine({ATTITUDE: 20.0, POSITION: 10.0}, silent=True)
+    machine.delay_s = 0.6
+    machine.lost = [POSITION]
+    machine.flows_when_accepted = {ATTITUDE: 20.0, POSITION: 10.0}
+    machine.run(10.0)
+    assert machine.flowing_hz == {ATTITUDE: 20.0, POSITION: 10.0}
+
+
+def test_a_late_denial_does_not_deny_the_next_request():
+    machine = Machine({ATTITUDE: 20.0, POSITION: 10.0}, silent=True)
+    machine.delay_s = 0.6
+    machine.lost = [POSITION]
+    machine.flows_when_accepted = {POSITION: 10.0}
+    machine.run(10.0, answer=lambda message_id: DENIED if message_id == ATTITUDE else ACCEPTED)
+    assert machine.flowing_hz == {POSITION: 10.0}
 
 
 def test_a_temporary_rejection_is_asked_again():
@@ -121,6 +168,7 @@ def test_a_stream_that_stops_is_asked_for_again():
     machine.flowing_hz = {ATTITUDE: 20.0}
     assert machine.run(10.0) == []
     machine.flowing_hz = {}
+    machine.flows_when_accepted = {ATTITUDE: 20.0}
     assert len(machine.run(10.0)) == 1
     assert machine.run(60.0) == []
 
@@ -236,3 +284,22 @@ def test_after_a_restart_of_the_autopilot_it_is_asked_down_again():
     machine.run(12.0)
     machine.requests.start({}, silent=False, now_s=machine.now_s)
     assert [message_id for _, message_id in machine.run(12.0)] == [QUATERNION]
+
+
+def test_what_was_asked_down_without_an_answer_comes_back_as_it_came_before():
+    machine = with_unused()
+    machine.run(11.0, answer=None)
+    machine.unused_hz = {QUATERNION: 1.0}
+    machine.run(60.0, answer=None)
+    request = machine.requests.next_request(machine.now_s + 1.0, "serial", shared=True)
+    assert request == (QUATERNION, pytest.approx(25_000, rel=0.02))
+
+
+def test_the_late_answer_to_the_asking_down_does_not_settle_the_giving_back():
+    machine = with_unused()
+    assert len(machine.run(10.2, answer=None)) == 1
+    machine.unused_hz = {QUATERNION: 1.0}
+    machine.shared = True
+    assert machine.run(0.1, answer=None) == []
+    machine.requests.answered(ACCEPTED)
+    assert len(machine.run(10.0, answer=None)) == 3

@@ -67,6 +67,44 @@ def test_kernels_are_compiled_anew_where_layouts_or_constants_of_other_files_cha
     assert run(3.0, "first", "second") == 0.0, "what a called kernel knows has changed"
 
 
+CACHED = """
+from moar_companion.planner.jit import F8, jit
+
+@jit(F8, F8)
+def twice(value):
+    return 2.0 * value
+
+print(twice.is_cached)
+twice(1.0)
+"""
+
+
+@pytest.mark.slow
+def test_machine_code_for_another_processor_is_not_taken_for_cached(tmp_path):
+    """As on a copied SD card."""
+    (tmp_path / "kernels.py").write_text(CACHED, encoding="utf-8")
+
+    def is_cached(**environment):
+        answer = subprocess.run(
+            [sys.executable, "-B", str(tmp_path / "kernels.py")],
+            env={
+                **os.environ,
+                **environment,
+                "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+                "PYTHONPATH": str(Path(moar_companion.__file__).parents[1]),
+            },
+            check=True,
+            capture_output=True,
+            text=True,
+        )
+        return answer.stdout.strip() == "True"
+
+    assert not is_cached(NUMBA_CPU_NAME="generic")
+    assert not is_cached()
+    assert is_cached()
+    assert is_cached(NUMBA_CPU_NAME="generic")
+
+
 class Numba:
     """Numba where no folder may be written."""
 

@@ -44,6 +44,24 @@ def test_a_battery(remaining, voltage_v, level, words):
     assert bool(finding.remedy) is (level >= WARNING)
 
 
+def test_a_battery_that_tells_nothing_is_no_go_and_beside_one_that_tells_a_warning():
+    nothing = found(remaining=None, voltage_v=None)
+    assert (nothing.level, nothing.text) == (
+        NO_GO,
+        "charge and voltage unknown: nobody knows when it is empty",
+    )
+    batteries = {
+        number: Battery(
+            received_s=5.0, remaining=share, voltage_v=volts, current_a=None, charge_state=None
+        )
+        for number, share, volts in ((0, 0.9, 16.0), (1, None, None))
+    }
+    known, unknown = battery_findings(Telemetry(batteries=batteries), RiskModel(cells=4))
+    assert (known.level, unknown.level) == (OK, WARNING)
+    assert unknown.subject == "battery 1"
+    assert unknown.remedy != CHARGE  # it is misread
+
+
 @pytest.mark.parametrize(("told", "level"), [(4, OK), (5, NO_GO), (3, NO_GO), (None, OK)])
 def test_the_number_of_cells_is_compared_with_what_the_battery_tells(told, level):
     finding = found(remaining=0.7, voltage_v=15.6, cells=4, told_cells=told)

@@ -76,6 +76,8 @@ class Row:
             )
         if self.let_go and not self.expected_let_go:
             faults.append(f"let go: {self.let_go}")
+        if self.expected_let_go and not self.let_go:
+            faults.append("was to let go, and did not")
         notice_s = _NOTICE_ON_LOSSY_LINK_S if self.scenario == "lossy_link" else _NOTICE_S
         if self.takeover_s is not None and self.takeover_s > notice_s:
             faults.append(f"the takeover was noticed after {self.takeover_s:.2f} s")

@@ -271,7 +271,7 @@ def lossy_link(rig):
 
 
 def started_in_the_air(rig):
-    """The service is started when the aircraft hovers, ends in flight, and is started again."""
+    """The service is started when the aircraft hovers."""
     rig.boot()
     rig.take_off()
     rig.start_service()

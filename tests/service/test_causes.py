@@ -67,6 +67,12 @@ STORIES = [
         ),
         {"mode_unconfirmed": "mode not told for 3.1 s"},
     ),
+    ("an armed state 15 s old", flies(armed_s=85.0), {}),
+    (
+        "an older one, though the mode is told",
+        flies(armed_s=84.9),
+        {"mode_unconfirmed": "armed state not told for 15.1 s"},
+    ),
     ("no position", told(local_position=None), {"position": "no local position is heard"}),
     ("a position 0.5 s old", replace(IN_FLIGHT, position_moved_s=99.5), {}),
     (

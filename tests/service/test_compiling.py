@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import errno
-import os
 import socket
+import subprocess
+import sys
 import threading
 import time
-from unittest import mock
 
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
@@ -106,29 +105,49 @@ def test_what_ends_motion_cancels_what_waits():
     assert station.run(2.0)[0] == []
 
 
-def test_without_memory_for_another_process_the_planner_is_compiled_in_this_one(
+class Uncached:
+    """A kernel that is not in the cache. has_cache: whether it could be kept there."""
+
+    is_helper = is_cached = False
+
+    def __init__(self, *, has_cache):
+        self.py_func = ready
+        self.has_cache = has_cache
+        self.loaded = 0
+
+    @property
+    def entry(self):
+        self.loaded += 1
+
+
+def test_where_nothing_can_be_kept_no_other_process_compiles(monkeypatch):
+    kernel = Uncached(has_cache=False)
+    monkeypatch.setattr(compiling, "KERNELS", [kernel])
+    started = []
+    monkeypatch.setattr(compiling.subprocess, "Popen", lambda *a, **_: started.append(a))
+    told = []
+    assert compiling.make_ready(lambda *counts: told.append(counts), threading.Event())
+    assert (started, told, kernel.loaded) == ([], [], 1)
+
+
+def test_a_process_that_cannot_be_started_leaves_none_behind_and_the_service_compiles(
     monkeypatch, caplog
 ):
-    compiled, processes = [], []
-
-    def kernel(number):
-        kernel = mock.Mock(is_helper=False, is_cached=False, py_func=ready)
-        type(kernel).entry = property(lambda _: compiled.append(number))
-        return kernel
-
-    def start(*_, **__):
-        if processes:
-            raise BlockingIOError(errno.EAGAIN, "Resource temporarily unavailable")
-        processes.append(mock.Mock(pid=os.getpid(), poll=lambda: 1))
-        return processes[0]
-
-    # Each mock is a class of its own, and so has an `entry` of its own.
-    monkeypatch.setattr(compiling, "KERNELS", [kernel(1), kernel(2)])
+    kernels = [Uncached(has_cache=True), Uncached(has_cache=True)]
+    monkeypatch.setattr(compiling, "KERNELS", kernels)
     monkeypatch.setattr(compiling.os, "sched_getaffinity", lambda _: {0, 1})
-    monkeypatch.setattr(compiling.subprocess, "Popen", start)
+    start, started = subprocess.Popen, []
+
+    def start_one(*_, **__):
+        if started:
+            raise OSError(12, "Cannot allocate memory")
+        started.append(start([sys.executable, "-c", "pass"]))
+        return started[0]
+
+    monkeypatch.setattr(compiling.subprocess, "Popen", start_one)
     assert compiling.make_ready(lambda *_: None, threading.Event())
-    assert compiled == [1, 2]
-    processes[0].kill.assert_called_once_with()
+    assert [process.returncode is None for process in started] == [False]
+    assert [kernel.loaded for kernel in kernels] == [1, 1]
     (record,) = caplog.records
     assert record.getMessage().startswith("no process to compile the planner in: ")
 

@@ -77,12 +77,18 @@ def test_a_moment_beside_does_not_begin_it_anew_and_a_longer_one_does():
     assert reason(watch, ABOVE, now_s=130.0) is None
 
 
-def test_links_that_were_never_heard_cannot_be_lost():
-    watch = watching(Telemetry(), NAV_DLL_ACT=3.0)
+def test_a_remote_control_that_was_never_heard_cannot_be_lost():
+    watch = watching(Telemetry(), NAV_RCL_ACT=3.0)
     assert {item.trigger for item in watch.failsafes.actions} == {
         Trigger.GPS_LOSS,
         Trigger.COMPANION_LOSS,
     }
+
+
+def test_a_ground_station_that_only_the_autopilot_may_hear_can_be_lost():
+    """MAV_1_FORWARD 0: its heartbeats do not reach the companion."""
+    watch = watching(Telemetry(), NAV_DLL_ACT=3.0)
+    assert Trigger.GCS_LOSS in {item.trigger for item in watch.failsafes.actions}
 
 
 @pytest.mark.parametrize("moved_m", [0.5, 2.0])

@@ -156,6 +156,21 @@ def test_until_it_is_told_why_nothing_is_begun():
     assert watch.plane is not None
 
 
+def test_a_fence_about_an_unknown_home_keeps_from_planning_though_another_was_known():
+    watch = FenceWatch(SITE, 1.5)
+    watch.learn(AutopilotKind.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), None)
+    assert (watch.reluctance, watch.plane) == (None, None)
+    watch.learn(AutopilotKind.PX4, PARAMETERS, (), None)
+    assert "home" in watch.reluctance
+    watch.learn(AutopilotKind.PX4, PARAMETERS, (), HOME_M)
+    assert watch.reluctance is None
+    known = watch.plane
+    watch.learn(AutopilotKind.PX4, {}, (), None)
+    watch.learn(AutopilotKind.PX4, PARAMETERS, (), None)  # the same, asked for again
+    assert watch.reluctance is None
+    assert watch.plane is known
+
+
 def test_what_is_asked_for_again_stays_what_it_was():
     watch = FenceWatch(SITE, 1.5)
     watch.learn(AutopilotKind.PX4, PARAMETERS, (), HOME_M)

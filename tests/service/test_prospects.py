@@ -1,0 +1,44 @@
+"""Whether lean or motors are at their limits, from what is told and what is told no more."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from moar_companion.config import shipped_configs
+from moar_companion.service.prospects import Prospects
+from moar_companion.types import MotorOutputs, Telemetry
+from moar_companion.vehicle import Vehicle
+
+from ..risk.conftest import HEALTHY
+
+VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
+
+
+class Aircraft:
+    """All is told ten times a second, and a motor is at its end; `silent` is told no more."""
+
+    def __init__(self):
+        self.prospects = Prospects(None, VEHICLE)
+        self.telemetry = Telemetry()
+        self.now_s = 100.0
+        self.silent = set()
+
+    def fly(self, seconds):
+        for _ in range(round(seconds / 0.1)):
+            self.now_s += 0.1
+            told = {name: source(self.now_s) for name, source in HEALTHY.items()}
+            told["motors"] = MotorOutputs(received_s=self.now_s, pulse_us=(1990, 1990, 1990, 1990))
+            told = {name: value for name, value in told.items() if name not in self.silent}
+            self.telemetry = replace(self.telemetry, **told)
+            self.prospects.judge(self.telemetry, {}, None, self.now_s)
+        return self.prospects.saturated
+
+
+def test_motors_at_their_end_are_saturated_while_they_are_told():
+    aircraft = Aircraft()
+    assert aircraft.fly(3.0)
+    aircraft.silent = {"motors"}
+    assert aircraft.fly(0.5)
+    assert not aircraft.fly(3.0)
+    aircraft.silent = set()
+    assert aircraft.fly(3.0)
