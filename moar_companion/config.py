@@ -119,9 +119,10 @@ class Supervision:
     heartbeat_timeout_s: Annotated[float, _Seconds] = 3.0
     """Without any packet of the autopilot, a heartbeat or another, for so long its link is lost."""
     mode_timeout_s: Annotated[float, _Seconds] = 3.0
-    armed_timeout_s: Annotated[float, _Seconds] = 15.0
     """A mode that was told longer ago may not be the mode any more: control ends. It is told ten
     times a second: a link that loses 30 % is silent for so long once in 10^15."""
+    armed_timeout_s: Annotated[float, _Seconds] = 15.0
+    """The same of the armed state, which HEARTBEAT alone tells, on PX4 once a second."""
     ready_timeout_s: Annotated[float, _Seconds] = 30.0
     """How long a hold is offered to the pilot before he gives the mode."""
     plane_tolerance_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0

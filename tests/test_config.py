@@ -178,6 +178,7 @@ def test_the_package_carries_the_configurations_of_the_checkout() -> None:
     assert shipped_configs().resolve() == checkout
     assert sorted(path.name for path in checkout.iterdir()) == [
         "README.md",
+        "SECURITY.md",
         "companion.yaml",
         "sites",
         "vehicles",

@@ -103,6 +103,12 @@ COMPANION: dict[str, Any] = {
     "authority": "stream",
     "setpoint_rate_hz": 50.0,
     "resume": False,
+    "commands": {
+        "systems": [255],
+        "components": [190],
+        "links": ["udp:127.0.0.1:14540"],
+        "signed_only": False,
+    },
     "replanning": section(Replanning()),
     "supervision": section(Supervision(position_uncertainty_m=1.4)),
     "recorder": {"directory": "flights"},
@@ -151,6 +157,7 @@ EMPTY_IS_NONE = {
     "companion.yaml": {
         "site", "recorder.directory", "state.directory", "view.socket",
         "supervision.position_uncertainty_m", "signing.key_file", "signing.credential",
+        "commands.systems", "commands.components", "commands.links",
     },
 }  # fmt: skip
 """Keys whose default is nothing; `key:` without a value says the same."""

@@ -154,11 +154,11 @@ def opened_descriptors():
 
 @pytest.fixture
 def few_descriptors():
-    """Room for six more files, of which four readers may have one each."""
+    """Leaves room for so many more files, and for those that fill gaps among the open ones."""
     before = resource.getrlimit(resource.RLIMIT_NOFILE)
-    opened = max(opened_descriptors())
 
     def restrict(more):
+        opened = max(opened_descriptors())
         resource.setrlimit(resource.RLIMIT_NOFILE, (opened + 1 + more, before[1]))
 
     yield restrict
@@ -206,7 +206,7 @@ async def test_without_a_descriptor_readers_wait_and_one_line_says_so(
     caplog.set_level(logging.WARNING)
     async with open_view_socket(path, Status()):
         caller = socket.socket(socket.AF_UNIX)
-        few_descriptors(0)
+        few_descriptors(1)
         filling = []
         with contextlib.suppress(OSError):
             while True:
