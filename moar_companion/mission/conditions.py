@@ -303,6 +303,7 @@ CONDITIONS = (
         action=Action.HOLD,
         after_s=0.5,
         over_s=5.0,
+        override=Override.SAFER,
     ),
     Condition(
         name="uncertainty",

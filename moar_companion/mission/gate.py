@@ -75,7 +75,7 @@ def refusal(
         return f"setpoint too close to an obstacle (widened by {widened_m:.1f} m)"
     if cell is None:
         return "setpoint outside the workspace"
-    return "setpoint too near an obstacle or too low"
+    return "setpoint too near an obstacle, or low"
 
 
 def motion_refusal(

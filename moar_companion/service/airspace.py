@@ -184,6 +184,10 @@ class Airspace:
         low_m = self.site.workspace.min_altitude_m
         return -math.inf if low_m is None else min(low_m, from_z_m)
 
+    def keeps_clear(self, place_m: Vector) -> bool:
+        """Whether a place, anywhere, is in no obstacle's own keep-out: within the margin it is."""
+        return self._may_be_carried_to(place_m, place_m[2], self.site.margin.total_m)
+
     def _may_be_carried_to(self, place_m: Vector, from_z_m: float, within_m: float) -> bool:
         """Whether a place keeps every keep-out, also outside the workspace, and is not too low.
 

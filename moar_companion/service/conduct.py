@@ -186,7 +186,8 @@ class Conduct:
                 # Who may not command may stop the aircraft, but no way out of the supervisor's.
                 effects = tuple(item for item in effects if not isinstance(item, Overrule))
             self._carry_out((status, effects), now_s)
-            if self.status.order_id == order_id:
+            # By now it may be flown already: the rest of a landing leg needs no plan.
+            if status.order_id == order_id:
                 self.engaging.note_order(self._session.telemetry.autopilot, before, now_s)
 
     def withdraw(self, command: Command, now_s: float) -> None:

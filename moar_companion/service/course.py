@@ -480,18 +480,21 @@ class Course:
         other plan could be joined before, what is flown serves the task.
         """
         flight, airspace = self.flight, self.airspace
+        left = self._left if flight is None else flight
+        if left is None or not left.serves(task.mission, task.goal):
+            return False
         if flight is not None:
-            if not flight.serves(task.mission, task.goal):
-                return False
-            goes_on = not flight.braked and (flight.on_leg or flight.junction().at_end)
-            return self.resume_leg() or goes_on or (flight.on_leg and flight.arrived)
-        left = self._left
-        if left is None or pose is None or airspace is None:
+            moves = not (flight.braked or flight.returns)
+            goes_on = moves and (flight.on_leg or flight.junction().at_end)
+            if self.resume_leg() or goes_on or (flight.on_leg and flight.arrived):
+                return True
+        if pose is None or airspace is None:
             return False
-        if not left.serves(task.mission, task.goal):
-            return False
-        self.flight = left.taken_up(airspace, pose, self._needed_m)
-        return self.flight is not None
+        taken_up = left.taken_up(airspace, pose, self._needed_m)
+        if taken_up is not None:
+            self._plans.forget()
+            self.flight = taken_up
+        return taken_up is not None
 
     def explained(self, answer: PlanAnswer) -> str:
         """Why there is no plan, with the uncertainty, or tracking, where that is to blame."""

@@ -240,17 +240,24 @@ class Flight:
         """Go on along the landing leg on which the flight was braked, if it was, and has room.
 
         Outside the workspace only an escape leg can be planned, and the leg was checked when it
-        was. widened_m: what the distance from obstacles grows by.
+        was. widened_m: what the distance from obstacles grows by. False, too, where a jump has
+        taken the setpoint out of the leg's corridor.
         """
-        stop_m = self._reference.stop_m
-        if stop_m is None or not self._leaves_workspace_by(stop_m):
+        reference, leg = self._reference, self._legs[-1] if self._legs else None
+        stop_m, here = reference.stop_m, vector(reference.position_m)
+        if leg is None or stop_m is None or not self._leaves_workspace_by(stop_m):
             return False
-        leg = self._legs[-1]
+        if distance_m(here, leg.points_m) > self._airspace.corridor_width_m:
+            return False
         widened_m -= self._airspace.narrowed_m
         if not leg.has_room(widened_m) or self._airspace.leaves_fence(np.array(leg.points_m)):
             return False
         self._reference = replace(self._reference, stop_m=None)
         return True
+
+    def keeps_clear(self, place_m: Vector) -> bool:
+        """Whether a place, anywhere, is in no obstacle's own keep-out."""
+        return self._airspace.keeps_clear(place_m)
 
     def serves(self, mission: Mission, goal: str | int | None) -> bool:
         """Whether the plan that is flown is one of a mission and its target or landing point."""

@@ -46,6 +46,8 @@ class Stream:
         self._last_ned_m: Vector = (0.0, 0.0, 0.0)
         """Where it is in the autopilot's frame."""
         self._last_s = -math.inf
+        self._jumped = False
+        """Whether the estimate has jumped since a setpoint moved."""
         self._owed: tuple[Setpoint, float] | None = None
         """The farewell of a thought that has not been sent, and when that was."""
 
@@ -58,12 +60,11 @@ class Stream:
         it refused, too, as the last word, for the aircraft is where it was when it was accepted,
         and else would fly on.
         """
-        tolerance_m = self._limits.plane_tolerance_m
         # Within the margin it may be no more than narrow: an estimate that jumps a little does it.
-        reason = flight.refusal(setpoint, tolerance_m, -flight.margin_m) or self._motion_refusal(
+        reason = self._place_refusal(setpoint, flight, -flight.margin_m) or self._motion_refusal(
             setpoint, flight, plane, now_s
         )
-        narrow = not reason and bool(flight.refusal(setpoint, tolerance_m, self.widened_m))
+        narrow = not reason and bool(self._place_refusal(setpoint, flight, self.widened_m))
         if narrow:
             known_m = self._margin.position_m + self.widened_m
             reason = (
@@ -84,7 +85,7 @@ class Stream:
         rest = self._rest
         if rest is None:
             return None
-        if flight.refusal(rest, self._limits.plane_tolerance_m, self.widened_m) is not None:
+        if self._place_refusal(rest, flight, self.widened_m) is not None:
             return None
         self._pass(rest, self._last_ned_m, plane, now_s)
         return rest
@@ -119,6 +120,7 @@ class Stream:
             own_m = _plus(jump.step_m, jump.origin_step_m, -1.0)
             self._last_ned_m = _plus(self._last_ned_m, plane.velocity_to_ned(own_m))
         if self._last is not None:
+            self._jumped = True
             self._last = _shifted(self._last, jump)
         if self._owed is not None:
             self._owed = (_shifted(self._owed[0], jump), self._owed[1])
@@ -126,6 +128,20 @@ class Stream:
     def end(self) -> None:
         """Nothing is streamed any more."""
         self._last = None
+
+    def _place_refusal(self, setpoint: Setpoint, flight: Flight, widened_m: float) -> str | None:
+        """Why it must not be where it is; widened_m: what the distance from obstacles grows by.
+
+        At rest it may be where only a jump has taken it: out of a leg's corridor, the workspace or
+        the margin, though no nearer to an obstacle than its own keep-out. There the aircraft is.
+        """
+        tolerance_m = self._limits.plane_tolerance_m
+        reason = flight.refusal(setpoint, tolerance_m, widened_m)
+        stands = self._jumped and not any(setpoint.velocity_mps)
+        near = abs(setpoint.position_m[1]) <= tolerance_m
+        if reason is not None and stands and near and flight.keeps_clear(setpoint.position_m):
+            return None
+        return reason
 
     def _motion_refusal(
         self, setpoint: Setpoint, flight: Flight, plane: PlaneToLocal, now_s: float
@@ -161,6 +177,7 @@ class Stream:
     ) -> None:
         """As SET_POSITION_TARGET_LOCAL_NED. place_ned_m: the setpoint's in the local frame."""
         self._last, self._last_s, self._last_ned_m = setpoint, now_s, place_ned_m
+        self._jumped &= not any(setpoint.velocity_mps)
         self._session.send_setpoint(
             place_ned_m,
             plane.velocity_to_ned(setpoint.velocity_mps),

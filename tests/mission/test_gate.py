@@ -80,13 +80,13 @@ def test_outside_the_workspace_is_refused():
 
 
 def test_an_occupied_cell_is_refused():
-    assert reason(cell=OCCUPIED) == "setpoint too near an obstacle or too low"
+    assert reason(cell=OCCUPIED) == "setpoint too near an obstacle, or low"
 
 
 @pytest.mark.parametrize(("z_m", "allowed"), [(2.0, True), (2.0 - 1e-12, True), (1.99, False)])
 def test_below_the_least_altitude_is_refused_though_its_cell_is_free(z_m, allowed):
     low = reason(position=(1.0, 0.0, z_m), lowest_m=2.0)
-    assert low == (None if allowed else "setpoint too near an obstacle or too low")
+    assert low == (None if allowed else "setpoint too near an obstacle, or low")
 
 
 def test_a_position_that_is_known_worse_widens_what_is_kept_free_for_what_moves():
@@ -103,7 +103,7 @@ def test_within_the_margin_it_may_come_to_rest_and_not_move():
     assert reason(cell=OCCUPIED, margin_m=0.05) is not None  # that is the obstacle's own keep-out
     assert reason(cell=OCCUPIED, margin_m=0.1, velocity=(0.1, 0.0, 0.0)) is not None
     low = reason(position=(1.0, 0.0, 1.9), cell=OCCUPIED, margin_m=0.1, lowest_m=2.0)
-    assert low == "setpoint too near an obstacle or too low"
+    assert low == "setpoint too near an obstacle, or low"
 
 
 LIMITS = {"greatest_mps": 2.0, "least_mps": 0.5, "acceleration_mps2": 1.0}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import pytest
 
@@ -81,6 +82,15 @@ def test_positions_that_are_far_apart_in_time_are_not_compared():
     """ArduPilot without its receiver ends the local position and repeats the global one."""
     agreement = looked(told(), told(place=(90.0, 0.0, 8.0), ahead_s=4.0))
     assert agreement.global_off_m == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize(("later_s", "off_m"), [(2.0, 45.0), (4.0, None)])
+def test_a_global_position_that_falls_silent_counts_for_three_seconds(later_s, off_m):
+    """One wrong word must not hold a flight for ever."""
+    wrong = told(place=(55.0, 5.0, 8.0))
+    later = replace(wrong, local_position=replace(wrong.local_position, boot_s=50.0 + later_s))
+    found_m = looked(wrong, later).global_off_m
+    assert found_m is None if off_m is None else found_m == pytest.approx(off_m, abs=0.5)
 
 
 def test_what_is_not_known_is_not_compared():

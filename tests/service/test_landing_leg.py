@@ -12,6 +12,7 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion.config import Authority
 from moar_companion.planner.planner import Planner
 from moar_companion.site import Conductor
 from moar_companion.types import Mission
@@ -125,6 +126,21 @@ def test_a_jump_beside_the_leg_is_faded_back_before_it_goes_on(desk):
     assert desk.companion.status.task.done
 
 
+@pytest.mark.parametrize("up_m", [0.4, -0.4])
+def test_a_reset_out_of_the_legs_corridor_is_a_hold_from_which_an_exit_is_flown(desk, up_m):
+    desk.set(reset_counter=1).run(0.5)
+    desk.jump(0.0, 0.0, -up_m).set(reset_counter=2).run(2.0)
+    assert desk.state == "holding"
+    assert not desk.said("released")
+    place_m = desk.position_ned_m
+    desk.run(2.0)
+    assert math.dist(desk.position_ned_m, place_m) < 0.3
+    desk.order(EXIT).run(2.0)
+    assert desk.answers()[-1] == ACCEPTED
+    desk.run_until("holding", 120.0)
+    assert desk.companion.status.task.done
+
+
 @pytest.mark.parametrize("seconds", [0.3, 3.0])
 def test_a_hold_on_the_leg_is_continued_along_it(desk, seconds):
     desk.pause().run(seconds)
@@ -181,3 +197,14 @@ def test_an_order_that_is_denied_meanwhile_does_not_lose_the_leg(desk):
     assert desk.answers()[-1] == DENIED
     desk.order(EXIT).run_until("ready", 2.0)
     assert len(desk.jobs) == asked + 1
+
+
+def test_under_engage_a_pilot_who_orders_the_rest_of_the_leg_is_told_to_give_the_mode():
+    desk = Desk(planner=planner(), height_m=5.0, east_m=2.0, authority=Authority.ENGAGE)
+    desk.set(accuracy_m=WELL_M).come_to("landing_leg", EXIT).run(2.0)
+    desk.say_heartbeat(AUTO_HOLD).run(3.0)
+    assert desk.state == "overridden"
+    desk.order(EXIT).run(1.0)
+    assert desk.answers()[-1] == ACCEPTED
+    assert desk.said("HOLD is kept, waiting for OFFBOARD")
+    assert desk.state == "ready"

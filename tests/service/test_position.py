@@ -193,6 +193,15 @@ def test_a_jump_out_of_the_plane_ends_the_stream_where_the_aircraft_is():
     assert len(desk.setpoints(began)) <= 1
 
 
+def test_a_reset_below_the_least_altitude_is_a_hold():
+    desk = Desk().come_to("flying")
+    desk.run_to_position()
+    assert desk.companion.pose.position_m[2] < 3.2  # of which 2 m have to be kept
+    desk.jump(0.0, 0.0, 1.2).run(2.0)
+    assert desk.companion.pose.position_m[2] < 2.0
+    assert desk.state == "holding"
+
+
 def test_an_origin_that_moves_in_flight_moves_no_setpoint():
     """The site is nearer or farther by what the origin moved: the flight ends up on its path."""
     desk = Desk().come_to("flying").run(8.0)
