@@ -16,6 +16,7 @@ from ..mission.gate import distance_m, refusal
 from ..planner.escape import recovery_leg
 from ..planner.fence import PlaneFence
 from ..planner.geometry import rings
+from ..planner.graph import elevation_speed_mps
 from ..planner.grid import TOLERANCE, BoolArray
 from ..planner.legs import leg_clearances
 from ..planner.maps import Maps
@@ -55,13 +56,22 @@ class Airspace:
         """How far from a checked leg a setpoint may be."""
         return self.maps.grid.resolution_m
 
-    def leg_mps(self, start_m: Vector) -> float:
-        """How fast a leg is flown that leads to a plan: from beside what is near v_MIN."""
-        x_m, _, z_m = start_m
+    def leg_speeds_mps(self, points_m: FloatArray) -> FloatArray:
+        """How fast the segments between points (n, 3) of a leg to a plan are flown: (n - 1,).
+
+        From outside as fast as the vehicle may in their direction, from beside what is near v_MIN.
+        """
+        x_m, _, z_m = start_m = vector(points_m[0])
         workspace, speed = self.site.workspace, self.vehicle.speed
         outside = workspace.outside_m((x_m, z_m)) > 0.0 and z_m >= workspace.lower_m[1]
         recovers = outside and self._may_be_carried_to(start_m, math.inf, within_m=0.0)
-        return speed.horizontal_mps if recovers else speed.min_mps
+        if recovers:
+            return self.recovery_speeds_mps(points_m)
+        return np.full(len(points_m) - 1, speed.min_mps)
+
+    def recovery_speeds_mps(self, points_m: FloatArray) -> FloatArray:
+        """How fast the vehicle may fly the segments between points (n, 3): (n - 1,)."""
+        return elevation_speed_mps(self.vehicle.speed, np.diff(points_m, axis=0)[:, ::2])
 
     def widened(self, reach: Reach | None, narrowed_m: float = 0.0) -> Airspace:
         """The same with obstacles as wide as another plan takes them."""

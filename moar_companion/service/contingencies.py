@@ -292,8 +292,7 @@ class Contingencies:
         plan = answer.plan
         if plan is None:
             return None
-        leg_mps = airspace.leg_mps(asked.start_m)
-        path = flown(plan, asked.start_m, answer.escape_m, leg_mps)
+        path = flown(plan, asked.start_m, answer.escape_m, airspace.leg_speeds_mps)
         trajectory = airspace.widened(answer.reach).trajectory(path)
         speed_mps = math.hypot(*asked.job.request.velocity_mps)
         rest = trajectory.rest(0.0, speed_mps, self._vehicle.guidance.acceleration_mps2)

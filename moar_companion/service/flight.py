@@ -167,7 +167,7 @@ class Flight:
         if leg is None:
             return False
         points_m = np.array(leg.points_m)
-        speed_mps = np.full(len(points_m) - 1, self._vehicle.speed.horizontal_mps)
+        speed_mps = self._airspace.recovery_speeds_mps(points_m)
         path = PathPoints(position_m=points_m, speed_mps=speed_mps)
         self._reference = Reference.start(self._airspace.trajectory(path), place_m)
         self._legs, self._region_corner = (leg,), None
@@ -564,6 +564,4 @@ class Flight:
         return self._airspace.rests_m(self._airspace.trajectory(braking))
 
     def _path(self, plan: Plan, junction: Junction, escape_m: tuple[PlanePoint, ...]) -> PathPoints:
-        return flown(
-            plan, junction.position_m, escape_m, self._airspace.leg_mps(junction.position_m)
-        )
+        return flown(plan, junction.position_m, escape_m, self._airspace.leg_speeds_mps)

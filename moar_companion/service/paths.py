@@ -6,6 +6,7 @@ Inputs: a plan of the plane and where it begins in flight; outputs: points in th
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -43,25 +44,28 @@ class CheckedLeg:
 
 
 def flown(
-    plan: Plan, start_m: Vector, escape_m: tuple[PlanePoint, ...], leg_mps: float
+    plan: Plan,
+    start_m: Vector,
+    escape_m: tuple[PlanePoint, ...],
+    leg_speeds_mps: Callable[[FloatArray], FloatArray],
 ) -> PathPoints:
     """A plan's points from where it begins in flight, which is in its first cell.
 
     Any straight from within a cell to the centre of the next stays in cells that the plan may
     pass; a plan of one state leads to its cell's centre. escape_m: the corners of a leg that leads
-    there, the plan's first point last. leg_mps: on that leg.
+    there, the plan's first point last. leg_speeds_mps: of the segments between points (n, 3) of it.
     """
     points = _in_space(plan.waypoints.position_m)
     speed = plan.waypoints.speed_mps[1:]
+    corners = _in_space(np.array(escape_m[:-1]).reshape(-1, 2))
+    leg = np.concatenate([approach_m(start_m), corners])
     if not escape_m and len(points) > 1:
         points = points[1:]
+        leg_mps = leg_speeds_mps(leg)
     else:
-        speed = np.concatenate([[leg_mps], speed])
-    corners = _in_space(np.array(escape_m[:-1]).reshape(-1, 2))
-    start = np.concatenate([approach_m(start_m), corners])
+        leg_mps = leg_speeds_mps(np.concatenate([leg, points[:1]]))
     return PathPoints(
-        position_m=np.concatenate([start, points]),
-        speed_mps=np.concatenate([np.full(len(start) - 1, leg_mps), speed]),
+        position_m=np.concatenate([leg, points]), speed_mps=np.concatenate([leg_mps, speed])
     )
 
 

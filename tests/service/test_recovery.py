@@ -109,6 +109,18 @@ def test_the_way_back_leads_into_the_fence_and_the_gate_lets_it_pass():
     assert FENCE.holds(np.array([place_m(flight)])[:, ::2]).all()
 
 
+def test_a_way_back_from_above_is_flown_no_faster_than_the_vehicle_descends():
+    over_m = usual_planner().site.workspace.upper_m[1] + 12.0
+    flight = Flight(airspace(), pose(RIGHT_M - 4.0, over_m))
+    assert flight.come_back(0.0)
+    setpoints = []
+    for _ in range(round(40.0 / STEP_S)):
+        flight.advance(pose(*place_m(flight)[::2]), STEP_S, holds=True)
+        setpoints.append(flight._setpoint())
+    fastest_mps = max(-setpoint.velocity_mps[2] for setpoint in setpoints)
+    assert fastest_mps == pytest.approx(usual_planner().vehicle.speed.down_mps, rel=0.01)
+
+
 @pytest.mark.parametrize("x_m", [RIGHT_M - 4.0, RIGHT_M + 8.0])
 @pytest.mark.parametrize(("blown_z_m", "carried_z_m"), [(4.5, 4.5), (3.0, 4.5), (6.0, 6.0)])
 def test_below_the_least_altitude_it_is_taken_along_no_lower(x_m, blown_z_m, carried_z_m):
