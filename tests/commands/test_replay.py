@@ -16,6 +16,7 @@ from moar_companion import cli
 from moar_companion.config import shipped_configs
 from moar_companion.mavlink.tlog import Tlog
 from moar_companion.vehicle import Vehicle
+from sitl.wire import packets
 from tests.flights.airs import AirFlight, airframe_of
 from tests.flights.operator import Manner
 
@@ -180,7 +181,12 @@ def test_outputs_that_cannot_be_are_refused_before_anything_is_read(refused, tmp
 
 def recorded(flight, path):
     """What the companion heard in a lockstep flight, as a recording."""
-    rows = [(time_s, data) for kind, time_s, data in flight.inputs if kind == "bytes"]
+    rows = [
+        (time_s, packet)
+        for kind, time_s, data in flight.inputs
+        if kind == "bytes"
+        for packet in packets(data)
+    ]
     path.write_bytes(
         b"".join(struct.pack(">Q", round(1e6 * (1e9 + time_s))) + data for time_s, data in rows)
     )

@@ -124,7 +124,7 @@ def test_signed_packets_are_answered_signed_and_nothing_tells_the_key(flown):
     assert found_in(everything) == []
     assert found_in(everything, OTHER_SECRET) == []
     (ahead,) = flown.stamps().values()
-    assert 0 < ahead - last <= 500_000
+    assert 0 < ahead - last <= 1_000_000  # 10 s: five ahead, written every few seconds
 
 
 @pytest.mark.slow
