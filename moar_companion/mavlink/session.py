@@ -32,7 +32,7 @@ from .listener import Listener, ModeLeft
 from .mode_requests import DO_SET_MODE, CommandAnswered, ModeRequests
 from .outbox import Outbox
 from .parameters import ParameterRequests
-from .peers import Address, AutopilotElsewhere, PeerRefused, Peers
+from .peers import Address, AutopilotElsewhere, PeerRefused, Peers, Precedence
 from .permissions import Permissions
 from .places import PlaceRequests
 from .rates import DEFAULT_RATES_HZ, RateRequests
@@ -214,6 +214,10 @@ class Session:
     def peers(self, link: str) -> tuple[Address, ...]:
         """The addresses to which a listening link sends; empty for other links."""
         return self._peers[link].addresses(self._now_s)
+
+    def precedence(self, link: str, address: Address | None) -> Precedence:
+        """Whose bytes from a link are read first when there are too many."""
+        return self._peers[link].precedence(address)
 
     def control_to_send(self) -> list[tuple[str, bytes]]:
         """Of that what moves the aircraft: setpoints, requests for a mode."""
