@@ -304,6 +304,12 @@ def is_sound(buffer: bytes | bytearray, position: int) -> bool | None:
     return _is_sound(buffer, position, payload_start + buffer[position + 1], message_class)
 
 
+def packet_source(packet: bytes) -> tuple[int, int]:
+    """System and component id of a whole packet."""
+    _, system_id, component_id, _, _ = _header(packet, 0)
+    return system_id, component_id
+
+
 def _header(buffer: bytes | bytearray, position: int) -> tuple[int, int, int, int, int]:
     """Sequence, system, component and message id of a frame, and where its payload starts."""
     if buffer[position] == _MARKER_V2:

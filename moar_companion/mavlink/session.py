@@ -17,7 +17,7 @@ from functools import partial
 from ..config import Commands, LinkRole
 from ..types import AutopilotKind, FenceItem, Telemetry, Vector
 from . import fence_download, listener, modes, services, translate_outgoing
-from .codec import Codec
+from .codec import Codec, packet_source
 from .commands import Answer, Command, CommandCancelled, CommandResult
 from .dialect import Message, mavlink
 from .fence_download import FenceDownload
@@ -196,7 +196,8 @@ class Session:
     def packets_heard(self) -> list[tuple[float, bytes]]:
         """Whole packets of all links since the last call, with their times, for a record.
 
-        The oldest are dropped when nobody takes them; those with a secret never appear.
+        Without those ignored because they have the autopilot's ids and another address. The oldest
+        are dropped when nobody takes them; those with a secret never appear.
         """
         packets = list(self._packets)
         self._packets.clear()
@@ -259,7 +260,11 @@ class Session:
         sources = {source for source in codec.sound_sources if not forged or source != known}
         peers.admit(address, sources, partial(self._may_be_peer, link), now_s)
         self._events += peers.events_received()
-        self._packets.extend((now_s, packet) for packet in codec.packets)
+        self._packets.extend(
+            (now_s, packet)
+            for packet in codec.packets
+            if not forged or packet_source(packet) != known
+        )
 
     def _may_be_peer(self, link: str, system_id: int) -> bool:
         """Whether an address of this system is sent to: the vehicle's, and who may command it.
