@@ -184,6 +184,16 @@ class Session:
         return {link: signing.timestamp for link, signing in self._signing.items()}
 
     @property
+    def signing_references(self) -> dict[str, int]:
+        """What new senders of each signed link are judged by: for a process after this one."""
+        return {link: signing.reference for link, signing in self._signing.items()}
+
+    @property
+    def signers_behind_s(self) -> dict[str, dict[int, float]]:
+        """By signed link and system id: how far those are behind that are refused for that."""
+        return {link: dict(signing.behind_s) for link, signing in self._signing.items()}
+
+    @property
     def packets_refused(self) -> dict[str, dict[Refusal, int]]:
         """How many packets each signed link has refused, and why."""
         return {link: dict(signing.refused) for link, signing in self._signing.items()}

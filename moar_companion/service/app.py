@@ -249,7 +249,9 @@ class Service:
                 self._read_late_s = 0.0
                 self._companion.note_wall_clock(time.time())
                 if self._signing_clock is not None:
-                    self._signing_clock.keep(self._companion.signing_timestamps)
+                    self._signing_clock.keep(
+                        self._companion.signing_timestamps, self._companion.signing_references
+                    )
             due_s += period_s
             if due_s <= now_s:
                 # After a pause nothing is sent twice to catch up.

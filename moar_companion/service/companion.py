@@ -151,6 +151,11 @@ class Companion:
         return self._session.signing_timestamps
 
     @property
+    def signing_references(self) -> dict[str, int]:
+        """What new senders of each signed link are judged by, for the process after this one."""
+        return self._session.signing_references
+
+    @property
     def packets_refused(self) -> dict[str, dict[Refusal, int]]:
         """How many packets each signed link has refused, and why."""
         return self._session.packets_refused
@@ -460,5 +465,6 @@ class Companion:
             None if pose is None else pose.position_m,
             now_s,
         )
-        for words in self._refusals.texts(self.packets_refused, now_s):
+        behind_s = self._session.signers_behind_s
+        for words in self._refusals.texts(self.packets_refused, behind_s, now_s):
             self._reports.say(Severity.WARNING, words, now_s)
