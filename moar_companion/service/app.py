@@ -163,7 +163,8 @@ class Service:
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stopped.set)
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
-        # Names of hosts are looked up, and serial ports opened, in flight, too.
+        # Names of hosts are looked up, and serial ports opened, in flight, too: a thread for each
+        # link, none of which has two of these at a time.
         loop.set_default_executor(started_pool("links", len(self._config.links)))
         async with contextlib.AsyncExitStack() as stack:
             stack.callback(self._worker.close)
