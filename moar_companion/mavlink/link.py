@@ -268,7 +268,7 @@ class _TcpConnector:
 
 
 class _SerialConnection:
-    """An open serial port; a full buffer drops its oldest packets."""
+    """An open serial port; a full buffer drops its oldest packets, those that may be late first."""
 
     def __init__(self, port: Any, baud: int, on_bytes: OnBytes) -> None:
         self._loop = asyncio.get_running_loop()
@@ -292,8 +292,18 @@ class _SerialConnection:
         self._waiting.append((_now_s() + within_s, data))
         self._waiting_bytes += len(data)
         while self._waiting_bytes > self._limit_bytes and len(self._waiting) > 1:
-            self._next()
+            self._drop()
         self._writable()
+
+    def _drop(self) -> None:
+        """Drops the oldest packet that may be late, or where there is none, the oldest.
+
+        So texts and answers never push out what moves the aircraft.
+        """
+        late = (index for index, (last_s, _) in enumerate(self._waiting) if math.isinf(last_s))
+        index = next(late, 0)
+        self._waiting_bytes -= len(self._waiting[index][1])
+        del self._waiting[index]
 
     def _next(self) -> bytes:
         """The oldest packet, which waits no more; nothing of one that is too old."""

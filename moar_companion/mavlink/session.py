@@ -18,7 +18,7 @@ from ..config import Commands, LinkRole
 from ..types import AutopilotKind, FenceItem, Telemetry, Vector
 from . import fence_download, listener, modes, services, translate_outgoing
 from .codec import Codec, packet_source
-from .commands import Answer, Command, CommandCancelled, CommandResult
+from .commands import Answer, Command, CommandCancelled, CommandResult, Sender
 from .dialect import Message, mavlink
 from .fence_download import FenceDownload
 from .identity import (
@@ -121,6 +121,7 @@ class Session:
         self._fence: FenceDownload | None = None
         self._modes = ModeRequests()
         self._round_trips = RoundTrips()
+        self._answers = services.answer_limit()
         self._outbox = Outbox(links)
         self._ledger = CommandLedger(commands)
         self._texts = StatusTexts()
@@ -377,10 +378,20 @@ class Session:
             autopilot=_address(autopilot) if autopilot else None,
             now_s=now_s,
         )
-        if answer is not None:
+        is_autopilots = self._listener.is_autopilots(message, link)
+        if answer is not None and (is_autopilots or self._may_ask(link, message, now_s)):
             self._outbox.send(link, answer)
-        if self._listener.is_autopilots(message, link):
+        if is_autopilots:
             self._round_trips.hear(message, now_s)
+
+    def _may_ask(self, link: str, message: Message, now_s: float) -> bool:
+        """Whether the sender of a request is answered: one that may be a peer, and not too often.
+
+        An answer goes to all peers of a link, and takes its time from what the autopilot is sent.
+        """
+        system_id, component_id = _source(message)
+        sender = Sender(link=link, system_id=system_id, component_id=component_id)
+        return self._may_be_peer(link, system_id) and self._answers.allows(sender, now_s)
 
     # Out
 

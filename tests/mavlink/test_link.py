@@ -414,6 +414,23 @@ async def test_a_stuck_serial_line_drops_the_oldest_whole_packets_and_never_bloc
     assert len(arrived) < 1000
 
 
+async def test_a_full_serial_line_drops_what_may_be_late_before_what_moves_the_aircraft():
+    with serial_line() as (far, device):
+        async with open_link(serial(device), Received()) as link:
+            while not link._connection._waiting:
+                link.send(b"stuck" * 100)
+            setpoints = [b"SETPOINT %d." % number for number in range(5)]
+            for setpoint in setpoints:
+                link.send(setpoint, 60.0)
+            for _ in range(1000):
+                link.send(b"an answer to a ping" * 5)
+            link.send(b"the end")
+            data = b""
+            while not data.endswith(b"the end"):
+                data += await read_far(far, 1)
+    assert b"".join(setpoints) in data
+
+
 async def test_what_must_not_be_late_is_not_sent_by_a_serial_line_that_was_stuck():
     with serial_line() as (far, device):
         async with open_link(serial(device), Received()) as link:
