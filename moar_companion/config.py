@@ -15,7 +15,7 @@ from typing import Annotated, Any, TypeVar
 from pydantic import Field, Strict
 
 from . import yaml_file
-from .yaml_file import Finding
+from .yaml_file import HEXADECIMAL_KEY, Finding, shown
 from .yaml_schema import FileModel, FilePath, Name, Section
 
 _Seconds = Field(gt=0.0, le=3_600.0)
@@ -358,6 +358,11 @@ def _findings(file: _CompanionFile) -> Iterator[Finding]:
 
 def _signing_findings(file: _CompanionFile) -> Iterator[Finding]:
     key_file, credential = file.signing.key_file, file.signing.credential
+    for name, value in (("key_file", key_file), ("credential", credential)):
+        if value is not None and HEXADECIMAL_KEY.fullmatch(Path(value).name):
+            problem = f"is {shown(value)}, must be the name of what has the key"
+            yield Finding(("signing", name), problem)
+            return
     if credential is not None and Path(credential).name != credential:
         problem = f"is {credential!r}, must be the name of a credential, without a folder"
         yield Finding(("signing", "credential"), problem)

@@ -36,6 +36,8 @@ _MAX_BYTES = 1_000_000
 """Configurations are a few kilobytes; what is larger is some other file."""
 _MAX_SHOWN = 40
 """Characters of a text value that a message repeats."""
+HEXADECIMAL_KEY = re.compile("[0-9A-Fa-f]{64}")
+"""A text with so many digits may hold a key (`signing`): logs and terminals must not have it."""
 _MAX_INTEGER_DIGITS = 18
 """Longer integers become floats, which the schemas then refuse by range."""
 _MAX_VALUES = 100_000
@@ -125,7 +127,7 @@ def dotted(key: Key) -> str:
     for part in key:
         if isinstance(part, int):
             text += f"[{part}]"
-        elif re.fullmatch(r"[\w-]+", part):
+        elif re.fullmatch(r"[\w-]+", part) and not HEXADECIMAL_KEY.search(part):
             text += f".{part}" if text else part
         else:
             text += f"[{_shown_text(part)}]"
@@ -390,4 +392,6 @@ def _keys(schema: type[BaseModel]) -> list[str]:
 
 
 def _shown_text(text: str) -> str:
+    if HEXADECIMAL_KEY.search(text):
+        return "64 hexadecimal digits (not shown)"
     return repr(text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "…")

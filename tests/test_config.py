@@ -121,6 +121,27 @@ def test_a_credential_is_a_name_without_a_folder(name: str, tmp_path: Path) -> N
     )
 
 
+DIGITS = "0a1B" * 16
+
+
+@pytest.mark.parametrize("key", ["key_file", "credential"])
+@pytest.mark.parametrize("folder", ["", "keys/", "/etc/"])
+def test_a_key_in_place_of_the_name_of_its_file_is_refused_without_being_shown(
+    key: str, folder: str, tmp_path: Path
+) -> None:
+    assert refusal(f"vehicle: v.yaml\nsigning: {{{key}: {folder}{DIGITS}}}\n", tmp_path) == (
+        f"signing.{key}: is 64 hexadecimal digits (not shown), must be the name of what has the key"
+    )
+
+
+@pytest.mark.parametrize(
+    "signing", ["{}", "{{key_file: ' {}'}}", "{{key: {}}}", "{{{}: 1}}", "{{credential: [{}]}}"]
+)
+def test_no_error_shows_what_may_be_a_key(signing: str, tmp_path: Path) -> None:
+    problem = refusal(f"vehicle: v.yaml\nsigning: {signing.format(DIGITS)}\n", tmp_path)
+    assert DIGITS[:8] not in problem
+
+
 def test_no_links_are_for_the_command_line_to_give(tmp_path: Path) -> None:
     assert load("vehicle: v.yaml\nlinks: []\n", tmp_path).links == ()
 

@@ -139,6 +139,9 @@ class Codec:
             self._packer.signing.secret_key = signing.key.secret
             self._packer.signing.link_id = signing.link_id
             self._packer.signing.sign_outgoing = True
+        self.whole_packets = False
+        """Whether all bytes of one `receive` are a datagram of whole packets: its first byte that
+        begins no sound one ends it. So its cost is that of the packets in it."""
         self._buffer = bytearray()
         self._sources: dict[tuple[int, int], _Source] = {}
         self.packets: list[bytes] = []
@@ -208,6 +211,8 @@ class Codec:
         end = len(buffer)
         while position < end:
             if buffer[position] not in {0xFD, 0xFE}:
+                if self.whole_packets:
+                    break
                 marker = _MARKERS.search(buffer, position)
                 start = end if marker is None else marker.start()
                 self.dropped_bytes += start - position
@@ -218,9 +223,14 @@ class Codec:
                 break
             if size > 0 and self._accept(buffer, position, size, messages):
                 position += size
+            elif self.whole_packets:
+                break
             else:
                 position += 1
                 self.dropped_bytes += 1
+        if self.whole_packets:
+            self.dropped_bytes += end - position
+            position = end
         del buffer[:position]
         return messages
 
@@ -292,6 +302,12 @@ def is_sound(buffer: bytes | bytearray, position: int) -> bool | None:
     if message_class is None:
         return None
     return _is_sound(buffer, position, payload_start + buffer[position + 1], message_class)
+
+
+def packet_source(packet: bytes) -> tuple[int, int]:
+    """System and component id of a whole packet."""
+    _, system_id, component_id, _, _ = _header(packet, 0)
+    return system_id, component_id
 
 
 def _header(buffer: bytes | bytearray, position: int) -> tuple[int, int, int, int, int]:

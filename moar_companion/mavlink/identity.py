@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 from ..types import AutopilotKind
@@ -13,6 +14,10 @@ _LINK_TIMEOUT_S = 3.0
 hears it is used."""
 _CONFLICT_TIMEOUT_S = 10.0
 """An autopilot that has been silent for so long is gone; nothing is streamed to it any more."""
+_CONFLICT_PERIOD_S = 10.0
+"""Between two reports of conflicts: ids that somebody invents are reported no more often."""
+_MOST_OTHERS = 8
+"""Other autopilots kept; with more, the one that has been silent longest is forgotten."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +65,7 @@ class _Other:
 
     heard_s: float
     cause: str
+    told: bool
 
 
 class Identity:
@@ -71,6 +77,8 @@ class Identity:
         """When the autopilot's last packet, of any kind, was received on its link."""
         self._others: dict[tuple[int, AutopilotKind] | str, _Other] = {}
         """By their ids; under the autopilot's own by what tells them apart."""
+        self._told_s = -math.inf
+        """When a conflict was last reported."""
         self._booting = False
 
     def hear(
@@ -97,6 +105,7 @@ class Identity:
             self.heard_s = now_s
             self._booting = booting
             self._others.clear()
+            self._told_s = -math.inf
             return AutopilotFound(autopilot=heard)
         if other:
             ids = f"systems {known.system_id} and {heard.system_id}"
@@ -126,11 +135,16 @@ class Identity:
         cause: str,
         now_s: float,
     ) -> AutopilotConflict | None:
-        """Takes note of another autopilot; the conflict when it is a new one."""
-        known, new = self.autopilot, key not in self._others
-        self._others[key] = _Other(heard_s=now_s, cause=cause)
-        if known is None or not new:
+        """Takes note of another autopilot; the conflict when it is to be reported."""
+        known, others, before = self.autopilot, self._others, self._others.get(key)
+        told = before is not None and before.told
+        tells = known is not None and not told and now_s - self._told_s >= _CONFLICT_PERIOD_S
+        if before is None and len(others) >= _MOST_OTHERS:
+            del others[min(others, key=lambda other: others[other].heard_s)]
+        others[key] = _Other(heard_s=now_s, cause=cause, told=told or tells)
+        if known is None or not tells:
             return None
+        self._told_s = now_s
         return AutopilotConflict(autopilot=known, other=other, reason=reason)
 
     def _is_gone(self, now_s: float) -> bool:

@@ -80,8 +80,10 @@ async def open_link(address: LinkAddress, on_bytes: OnBytes) -> AsyncIterator[Li
         finally:
             datagrams.close()
     else:
-        connect = _connect_tcp if address.kind is LinkKind.TCP else _connect_serial
-        link = _Reconnecting(address, lambda: connect(address, on_bytes))
+        if address.kind is LinkKind.TCP:
+            link = _Reconnecting(address, _TcpConnector(address, on_bytes).connect)
+        else:
+            link = _Reconnecting(address, lambda: _connect_serial(address, on_bytes))
         await link.open()
         keeper = asyncio.create_task(link.keep_open_loop(), name=f"keep open {address}")
         try:
@@ -213,18 +215,60 @@ class _TcpConnection(asyncio.Protocol):
             self._transport.abort()
 
 
-async def _connect_tcp(address: LinkAddress, on_bytes: OnBytes) -> _TcpConnection:
-    _, connection = await asyncio.wait_for(
-        asyncio.get_running_loop().create_connection(
-            lambda: _TcpConnection(on_bytes), address.host, address.port
-        ),
-        timeout=_CONNECT_TIMEOUT_S,
-    )
-    return connection
+class _TcpConnector:
+    """Makes the connections of one link, with one look-up of its name at a time.
+
+    A look-up cannot be cancelled: its thread waits for the name server, for longer than we do. A
+    second one beside it would take the thread of another link.
+    """
+
+    def __init__(self, address: LinkAddress, on_bytes: OnBytes) -> None:
+        self._address = address
+        self._on_bytes = on_bytes
+        self._looking_up: asyncio.Task[list[Any]] | None = None
+
+    async def connect(self) -> _TcpConnection:
+        """Raises OSError, or TimeoutError when it takes too long."""
+        return await asyncio.wait_for(self._connect(), timeout=_CONNECT_TIMEOUT_S)
+
+    async def _connect(self) -> _TcpConnection:
+        loop = asyncio.get_running_loop()
+        failed: OSError | None = None
+        for family, kind, protocol, _, place in await self._places():
+            own = socket.socket(family, kind, protocol)
+            try:
+                own.setblocking(False)
+                await loop.sock_connect(own, place)
+                _, connection = await loop.create_connection(
+                    lambda: _TcpConnection(self._on_bytes), sock=own
+                )
+            except OSError as error:
+                own.close()
+                failed = error
+            except BaseException:
+                own.close()
+                raise
+            else:
+                return connection
+        raise failed or socket.gaierror(socket.EAI_NODATA, "no address")
+
+    async def _places(self) -> list[Any]:
+        """The addresses of the link's name, by the look-up that runs already if there is one."""
+        if self._looking_up is None:
+            address, loop = self._address, asyncio.get_running_loop()
+            self._looking_up = asyncio.ensure_future(
+                loop.getaddrinfo(address.host, address.port, type=socket.SOCK_STREAM)
+            )
+        looking_up = self._looking_up
+        try:
+            return await asyncio.shield(looking_up)
+        finally:
+            if looking_up.done():
+                self._looking_up = None
 
 
 class _SerialConnection:
-    """An open serial port; a full buffer drops its oldest packets."""
+    """An open serial port; a full buffer drops its oldest packets, those that may be late first."""
 
     def __init__(self, port: Any, baud: int, on_bytes: OnBytes) -> None:
         self._loop = asyncio.get_running_loop()
@@ -248,8 +292,18 @@ class _SerialConnection:
         self._waiting.append((_now_s() + within_s, data))
         self._waiting_bytes += len(data)
         while self._waiting_bytes > self._limit_bytes and len(self._waiting) > 1:
-            self._next()
+            self._drop()
         self._writable()
+
+    def _drop(self) -> None:
+        """Drops the oldest packet that may be late, or where there is none, the oldest.
+
+        So texts and answers never push out what moves the aircraft.
+        """
+        late = (index for index, (last_s, _) in enumerate(self._waiting) if math.isinf(last_s))
+        index = next(late, 0)
+        self._waiting_bytes -= len(self._waiting[index][1])
+        del self._waiting[index]
 
     def _next(self) -> bytes:
         """The oldest packet, which waits no more; nothing of one that is too old."""

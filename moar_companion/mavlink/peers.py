@@ -7,6 +7,7 @@ A stream (TCP, a serial line) has one peer, whose address is None.
 
 from __future__ import annotations
 
+import enum
 import math
 from collections.abc import Callable
 from collections.abc import Set as AbstractSet
@@ -50,6 +51,14 @@ class PeerRefused:
     system_id: int
 
 
+class Precedence(enum.IntEnum):
+    """Whose bytes are read first: the autopilot's and all of a stream, a peer's, a stranger's."""
+
+    AUTOPILOT = 0
+    PEER = 1
+    STRANGER = 2
+
+
 class _Peer:
     __slots__ = ("codec", "first_s", "last_s")
 
@@ -73,7 +82,7 @@ class Peers:
         self._role = role
         self._make_codec = make_codec
         self._of_stream = make_codec()
-        self._of_strangers = make_codec()
+        self._of_strangers = self._codec_of_strangers()
         self._peers: dict[Address, _Peer] = {}
         self._home: Address | None = None
         """Where the autopilot is heard; None on a stream, and before."""
@@ -98,6 +107,12 @@ class Peers:
             return peer.codec
         self._of_strangers.forget()
         return self._of_strangers
+
+    def precedence(self, address: Address | None) -> Precedence:
+        """How soon the bytes from an address are read when there are too many."""
+        if address is None or address == self._home:
+            return Precedence.AUTOPILOT
+        return Precedence.PEER if address in self._peers else Precedence.STRANGER
 
     @property
     def autopilots_codec(self) -> Codec:
@@ -179,4 +194,10 @@ class Peers:
                 return
             del self._peers[oldest]
         self._peers[address] = _Peer(self._of_strangers, now_s)
-        self._of_strangers = self._make_codec()
+        self._of_strangers.whole_packets = False
+        self._of_strangers = self._codec_of_strangers()
+
+    def _codec_of_strangers(self) -> Codec:
+        codec = self._make_codec()
+        codec.whole_packets = True
+        return codec

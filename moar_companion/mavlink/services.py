@@ -1,4 +1,4 @@
-"""What any component answers at once to whoever asks: TIMESYNC and PING. Pure.
+"""What any component answers at once when it is asked: TIMESYNC and PING. Pure.
 
 Sources: https://mavlink.io/en/services/timesync.html and .../ping.html.
 """
@@ -6,6 +6,7 @@ Sources: https://mavlink.io/en/services/timesync.html and .../ping.html.
 from __future__ import annotations
 
 from .dialect import Message, create, mavlink
+from .limits import SenderLimit
 
 _TIMESYNC = int(mavlink.MAVLINK_MSG_ID_TIMESYNC)
 _PING = int(mavlink.MAVLINK_MSG_ID_PING)
@@ -14,6 +15,11 @@ MESSAGE_IDS: frozenset[int] = frozenset({_TIMESYNC, _PING})
 """The messages that may be answered."""
 
 _ALL = (0, 0)
+
+
+def answer_limit() -> SenderLimit:
+    """Limit of the answers to all but the autopilot: 5 a second for a sender, 20 for a link."""
+    return SenderLimit(burst=5, rate_hz=5.0, link_burst=20, link_rate_hz=20.0)
 
 
 def answer(

@@ -17,8 +17,8 @@ from functools import partial
 from ..config import Commands, LinkRole
 from ..types import AutopilotKind, FenceItem, Telemetry, Vector
 from . import fence_download, listener, modes, services, translate_outgoing
-from .codec import Codec
-from .commands import Answer, Command, CommandCancelled, CommandResult
+from .codec import Codec, packet_source
+from .commands import Answer, Command, CommandCancelled, CommandResult, Sender
 from .dialect import Message, mavlink
 from .fence_download import FenceDownload
 from .identity import (
@@ -32,7 +32,7 @@ from .listener import Listener, ModeLeft
 from .mode_requests import DO_SET_MODE, CommandAnswered, ModeRequests
 from .outbox import Outbox
 from .parameters import ParameterRequests
-from .peers import Address, AutopilotElsewhere, PeerRefused, Peers
+from .peers import Address, AutopilotElsewhere, PeerRefused, Peers, Precedence
 from .permissions import Permissions
 from .places import PlaceRequests
 from .rates import DEFAULT_RATES_HZ, RateRequests
@@ -121,6 +121,7 @@ class Session:
         self._fence: FenceDownload | None = None
         self._modes = ModeRequests()
         self._round_trips = RoundTrips()
+        self._answers = services.answer_limit()
         self._outbox = Outbox(links)
         self._ledger = CommandLedger(commands)
         self._texts = StatusTexts()
@@ -184,6 +185,16 @@ class Session:
         return {link: signing.timestamp for link, signing in self._signing.items()}
 
     @property
+    def signing_references(self) -> dict[str, int]:
+        """What new senders of each signed link are judged by: for a process after this one."""
+        return {link: signing.reference for link, signing in self._signing.items()}
+
+    @property
+    def signers_behind_s(self) -> dict[str, dict[int, float]]:
+        """By signed link and system id: how far those are behind that are refused for that."""
+        return {link: dict(signing.behind_s) for link, signing in self._signing.items()}
+
+    @property
     def packets_refused(self) -> dict[str, dict[Refusal, int]]:
         """How many packets each signed link has refused, and why."""
         return {link: dict(signing.refused) for link, signing in self._signing.items()}
@@ -196,7 +207,8 @@ class Session:
     def packets_heard(self) -> list[tuple[float, bytes]]:
         """Whole packets of all links since the last call, with their times, for a record.
 
-        The oldest are dropped when nobody takes them; those with a secret never appear.
+        Without those ignored because they have the autopilot's ids and another address. The oldest
+        are dropped when nobody takes them; those with a secret never appear.
         """
         packets = list(self._packets)
         self._packets.clear()
@@ -214,6 +226,10 @@ class Session:
     def peers(self, link: str) -> tuple[Address, ...]:
         """The addresses to which a listening link sends; empty for other links."""
         return self._peers[link].addresses(self._now_s)
+
+    def precedence(self, link: str, address: Address | None) -> Precedence:
+        """Whose bytes from a link are read first when there are too many."""
+        return self._peers[link].precedence(address)
 
     def control_to_send(self) -> list[tuple[str, bytes]]:
         """Of that what moves the aircraft: setpoints, requests for a mode."""
@@ -255,7 +271,11 @@ class Session:
         sources = {source for source in codec.sound_sources if not forged or source != known}
         peers.admit(address, sources, partial(self._may_be_peer, link), now_s)
         self._events += peers.events_received()
-        self._packets.extend((now_s, packet) for packet in codec.packets)
+        self._packets.extend(
+            (now_s, packet)
+            for packet in codec.packets
+            if not forged or packet_source(packet) != known
+        )
 
     def _may_be_peer(self, link: str, system_id: int) -> bool:
         """Whether an address of this system is sent to: the vehicle's, and who may command it.
@@ -358,10 +378,20 @@ class Session:
             autopilot=_address(autopilot) if autopilot else None,
             now_s=now_s,
         )
-        if answer is not None:
+        is_autopilots = self._listener.is_autopilots(message, link)
+        if answer is not None and (is_autopilots or self._may_ask(link, message, now_s)):
             self._outbox.send(link, answer)
-        if self._listener.is_autopilots(message, link):
+        if is_autopilots:
             self._round_trips.hear(message, now_s)
+
+    def _may_ask(self, link: str, message: Message, now_s: float) -> bool:
+        """Whether the sender of a request is answered: one that may be a peer, and not too often.
+
+        An answer goes to all peers of a link, and takes its time from what the autopilot is sent.
+        """
+        system_id, component_id = _source(message)
+        sender = Sender(link=link, system_id=system_id, component_id=component_id)
+        return self._may_be_peer(link, system_id) and self._answers.allows(sender, now_s)
 
     # Out
 

@@ -2,7 +2,9 @@
 
 A signature is the link id, a time stamp in units of 10 us since 2015 and the first 48 bits of
 SHA-256 over key, packet, link id and time stamp. The wall clock comes in as a value; between two of
-its values a link's time stamp advances with each packet, and with each later one of a peer.
+its values a link's time stamp advances with each packet, and with each later one of a peer. New
+senders are judged by the wall clock alone, where it is set: else one peer whose clock is ahead
+would have all others refused.
 
 Source: https://mavlink.io/en/guide/message_signing.html.
 """
@@ -69,16 +71,22 @@ class Signing:
     """What the links start with.
 
     wall_s: seconds since 1970. kept: the time stamp of each link (by its URL) that an earlier
-    process kept; a link without one starts after all of them.
+    process kept; a link without one starts after all of them. references: likewise what new senders
+    were judged by.
     """
 
     key: SigningKey
     wall_s: float
     kept: Mapping[str, int] = field(default_factory=dict)
+    references: Mapping[str, int] = field(default_factory=dict)
 
 
 class LinkSigning:
-    """One link's signatures. link_id: of ours. newest: time stamps by stream over all links."""
+    """One link's signatures. link_id: of ours. newest: time stamps by stream over all links.
+
+    timestamp: our next ones are later. reference: what new streams are judged by, until the wall
+    clock is later; None: timestamp.
+    """
 
     def __init__(
         self,
@@ -86,20 +94,32 @@ class LinkSigning:
         *,
         link_id: int,
         timestamp: int,
+        reference: int | None = None,
         newest: MutableMapping[_Stream, int] | None = None,
     ) -> None:
         self.key = key
         self.link_id = link_id
         self.timestamp = timestamp
         """The greatest that was sent, accepted, or told by the wall clock."""
+        self.reference = timestamp if reference is None else reference
+        """The greatest that the wall clock told, in this process or before.
+
+        While the wall clock is not set (before 2015, or over a minute behind this), peers' time
+        stamps count, too: there is nothing else to tell a recorded packet from a new one."""
+        self.behind_s: dict[int, float] = {}
+        """By system id: how far those are behind whose first packet was refused as too old."""
+        self._clock_is_set = False
         self.refused = dict.fromkeys(Refusal, 0)
         """Whole packets that its codecs have refused."""
         self._streams: dict[_Stream, int] = {}
         self._newest: MutableMapping[_Stream, int] = {} if newest is None else newest
 
     def advance(self, wall_s: float) -> None:
-        """Takes the wall clock, in seconds since 1970; a clock that goes back changes nothing."""
-        self._advance_to(timestamp_at(wall_s))
+        """Takes the wall clock, in seconds since 1970; a clock that goes back moves no stamp."""
+        wall = timestamp_at(wall_s)
+        self._clock_is_set = wall > 0 and wall >= self.reference - _NEW_STREAM_UNITS
+        self.reference = min(LATEST_TIMESTAMP, max(self.reference, wall))
+        self._advance_to(wall)
 
     def next_timestamp(self) -> int:
         """The time stamp of our next packet: later than all before it."""
@@ -116,13 +136,18 @@ class LinkSigning:
         link_id = packet[-SIGNATURE_BYTES]
         timestamp = int.from_bytes(packet[1 - SIGNATURE_BYTES : -_HASH_BYTES], "little")
         stream = packet[5], packet[6], link_id
-        last = self._streams.get(stream, self.timestamp - _NEW_STREAM_UNITS - 1)
+        last = self._streams.get(stream, self.reference - _NEW_STREAM_UNITS - 1)
         newest = self._newest.get(stream, 0)
         if timestamp <= last or timestamp < newest - _DETOUR_UNITS:
+            if stream not in self._streams and timestamp <= last:
+                self.behind_s[packet[5]] = (self.reference - timestamp) / UNITS_PER_S
             return Refusal.OLD
+        self.behind_s.pop(packet[5], None)
         self._streams[stream] = timestamp
         self._newest[stream] = max(timestamp, newest)
         self._advance_to(timestamp)
+        if not self._clock_is_set:
+            self.reference = max(self.reference, timestamp)
         return None
 
     def _advance_to(self, timestamp: int) -> None:
@@ -147,8 +172,13 @@ def link_signings(links: Iterable[LinkConfig], signing: Signing | None) -> dict[
         if signing is None:
             raise ValueError(f"{link.url} asks for signatures, and there is no key")
         kept = signing.kept.get(link.url, max(signing.kept.values(), default=0))
-        timestamp = min(LATEST_TIMESTAMP, max(kept, timestamp_at(signing.wall_s)))
+        references = signing.references
         found[link.url] = LinkSigning(
-            signing.key, link_id=link_id & 0xFF, timestamp=timestamp, newest=newest
+            signing.key,
+            link_id=link_id & 0xFF,
+            timestamp=kept,
+            reference=references.get(link.url, max(references.values(), default=0)),
+            newest=newest,
         )
+        found[link.url].advance(signing.wall_s)
     return found

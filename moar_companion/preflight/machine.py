@@ -262,7 +262,17 @@ class Preflight:
 
     def _refusals(self) -> list[Finding]:
         """What the signed links have refused."""
-        return [
+        behind = [
+            Finding(
+                level=Level.WARNING,
+                subject="signing",
+                text=f"{link}: system {system_id} signs {seconds:.0f} s behind, refused",
+                remedy="set its clock and this computer's",
+            )
+            for link, signers in self._session.signers_behind_s.items()
+            for system_id, seconds in signers.items()
+        ]
+        return behind + [
             Finding(
                 level=Level.WARNING,
                 subject="signing",

@@ -19,7 +19,6 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from operator import itemgetter
 from typing import Any
 
 from ..config import CompanionConfig, LinkRole
@@ -38,6 +37,7 @@ from .causes import Host
 from .companion import Companion
 from .file_faults import FileFault, words
 from .host import HostWatch
+from .intake import Arrival
 from .memory_file import MemoryFile
 from .notify import Watchdog, notify
 from .places import recorder_folder, state_folder, view_socket
@@ -59,8 +59,9 @@ sending."""
 _LONGEST_WAIT_S = 0.05
 """What moves the aircraft waits no longer than this for a serial line that is behind."""
 _CATCHING_UP_S = 0.001
-_LONGEST_CATCHING_UP = 100
-"""Looks, each of the time above, for bytes that have waited while we slept too long."""
+_LONGEST_CATCHING_UP_S = 0.1
+"""Period of the looks for bytes that have waited while we slept too long, and how long there are
+looks, however much still comes: 4 MB of waiting datagrams are read in 30 ms."""
 _LOOK_PERIOD_S = 1.0
 """How often it is looked at who is heard, and what the computer has left."""
 _SILENCE_S = 5.0
@@ -148,7 +149,7 @@ class Service:
         self._latest = LatestDecisions()
         self._clock_offset_s = time.time() - self._now_s()
         self._links: Mapping[str, Link] = {}
-        self._arrived: list[tuple[float, str, bytes, Address | None]] = []
+        self._arrived: list[Arrival] = []
         self._host = Host()
         self._read_late_s = 0.0
         """How long what arrived has waited to be read, at most, since the last look."""
@@ -162,7 +163,8 @@ class Service:
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stopped.set)
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
-        # Names of hosts are looked up, and serial ports opened, in flight, too.
+        # Names of hosts are looked up, and serial ports opened, in flight, too: a thread for each
+        # link, none of which has two of these at a time.
         loop.set_default_executor(started_pool("links", len(self._config.links)))
         async with contextlib.AsyncExitStack() as stack:
             stack.callback(self._worker.close)
@@ -248,7 +250,9 @@ class Service:
                 self._read_late_s = 0.0
                 self._companion.note_wall_clock(time.time())
                 if self._signing_clock is not None:
-                    self._signing_clock.keep(self._companion.signing_timestamps)
+                    self._signing_clock.keep(
+                        self._companion.signing_timestamps, self._companion.signing_references
+                    )
             due_s += period_s
             if due_s <= now_s:
                 # After a pause nothing is sent twice to catch up.
@@ -263,10 +267,8 @@ class Service:
 
     async def _catch_up(self) -> None:
         """After a pause: hear all that has waited, so that the next thought is of the newest."""
-        heard = -1
-        for _ in range(_LONGEST_CATCHING_UP):
-            if heard == len(self._arrived):
-                return
+        heard, end_s = -1, clock_s() + _LONGEST_CATCHING_UP_S
+        while heard < len(self._arrived) and clock_s() < end_s:
             heard = len(self._arrived)
             await asyncio.sleep(_CATCHING_UP_S)
 
@@ -283,9 +285,7 @@ class Service:
     def _take_in(self, now_s: float) -> None:
         """Hand over what has arrived: here, so that what fails ends the thinking, too."""
         arrived, self._arrived = self._arrived, []
-        # Of several links, in the order of arrival.
-        for time_s, url, data, address in sorted(arrived, key=itemgetter(0)):
-            self._companion.receive(url, data, time_s, address)
+        self._companion.take_in(arrived, now_s)
         for contingency, answer in self._worker.answers():
             if contingency:
                 self._companion.contingency_answered(answer)

@@ -11,6 +11,7 @@ the same inputs at the same times give the same outputs, byte for byte.
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from ..autopilots import failsafe_parameters
 from ..autopilots.fence import fence_parameters
@@ -42,6 +43,7 @@ from .conduct import Conduct
 from .contingencies import Outlook
 from .file_faults import FileFaultTexts
 from .flight import Progress
+from .intake import Arrival, Intake
 from .jobs import PlanAnswer, PlanJob
 from .loss import loss_parameters
 from .memory import Memory
@@ -87,6 +89,7 @@ class Companion:
             signing=link_signings(config.links, signing),
         )
         self._reports = Reports(self._session)
+        self._intake = Intake()
         self._refusals = Refusals()
         self._orders = OrderBook(self._session, self._reports)
         self._overseer = Overseer(config.supervision, vehicle.guidance.off_path_m, self._reports)
@@ -148,6 +151,11 @@ class Companion:
         return self._session.signing_timestamps
 
     @property
+    def signing_references(self) -> dict[str, int]:
+        """What new senders of each signed link are judged by, for the process after this one."""
+        return self._session.signing_references
+
+    @property
     def packets_refused(self) -> dict[str, dict[Refusal, int]]:
         """How many packets each signed link has refused, and why."""
         return self._session.packets_refused
@@ -204,6 +212,17 @@ class Companion:
     def receive(self, link: str, data: bytes, now_s: float, address: Address | None = None) -> None:
         """Takes bytes from a link, split anywhere. address: who sent them to a listening link."""
         self._session.receive(link, data, now_s, address)
+
+    def take_in(self, arrived: Sequence[Arrival], now_s: float) -> None:
+        """Takes what has arrived on all links since the last cycle, in the order of arrival.
+
+        Of what neither the autopilot's address nor a stream has brought, so much as a cycle has
+        time for; the rest is dropped, counted and told.
+        """
+        for time_s, link, data, address in self._intake.selected(arrived, self._session.precedence):
+            self.receive(link, data, time_s, address)
+        for words in self._intake.texts(now_s):
+            self._reports.say(Severity.WARNING, words, now_s, action="dropped")
 
     def await_planner(self, compiling: str = "") -> None:
         """The site's planner is being made ready; until `take_ground` telemetry and risk only.
@@ -446,5 +465,6 @@ class Companion:
             None if pose is None else pose.position_m,
             now_s,
         )
-        for words in self._refusals.texts(self.packets_refused, now_s):
+        behind_s = self._session.signers_behind_s
+        for words in self._refusals.texts(self.packets_refused, behind_s, now_s):
             self._reports.say(Severity.WARNING, words, now_s)

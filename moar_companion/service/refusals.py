@@ -18,14 +18,33 @@ class Refusals:
         self._told = dict.fromkeys(Refusal, 0)
         self._told_s = dict.fromkeys(Refusal, -math.inf)
 
-    def texts(self, refused: Mapping[str, Mapping[Refusal, int]], now_s: float) -> list[str]:
-        """What is to be told now. refused: by link and reason, since the start."""
+    def texts(
+        self,
+        refused: Mapping[str, Mapping[Refusal, int]],
+        behind_s: Mapping[str, Mapping[int, float]],
+        now_s: float,
+    ) -> list[str]:
+        """What is to be told now. refused: by link and reason, since the start.
+
+        behind_s: by link and system id, how far the clocks are behind of those refused for that.
+        """
         texts = []
         for reason in Refusal:
             count = sum(counts[reason] for counts in refused.values())
             if count > self._told[reason] and now_s - self._told_s[reason] >= _PERIOD_S:
                 number = count - self._told[reason]
                 plural = "" if number == 1 else "s"
-                texts.append(f"{number} packet{plural} refused: {reason.value}")
+                words = f"{number} packet{plural} refused: {reason.value}"
+                if reason is Refusal.OLD:
+                    words = f"{_slowest(behind_s)} ({words})" if any(behind_s.values()) else words
+                texts.append(words)
                 self._told[reason], self._told_s[reason] = count, now_s
         return texts
+
+
+def _slowest(behind_s: Mapping[str, Mapping[int, float]]) -> str:
+    """The signer that is farthest behind."""
+    most_s, system_id = max(
+        (seconds, system_id) for link in behind_s.values() for system_id, seconds in link.items()
+    )
+    return f"system {system_id} signs {most_s:.0f} s behind"

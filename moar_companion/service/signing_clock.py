@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Annotated, Literal
 
@@ -32,15 +32,18 @@ that is started again and again does not run away from the clocks of its peers."
 _LEAST_AHEAD_UNITS = 2 * UNITS_PER_S
 """With less than this left it is written again."""
 
+_Timestamp = Annotated[int, Field(ge=0, le=LATEST_TIMESTAMP)]
+
 _logger = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _File:
-    """timestamps: by the URL of each link."""
+    """By the URL of each link: the time stamps of ours, and what new senders are judged by."""
 
     version: Literal[1] = 1
-    timestamps: dict[str, Annotated[int, Field(ge=0, le=LATEST_TIMESTAMP)]]
+    timestamps: dict[str, _Timestamp]
+    references: dict[str, _Timestamp] = field(default_factory=dict)
 
 
 _FILE = TypeAdapter(_File)
@@ -59,8 +62,8 @@ class SigningClock:
         self._failing = False
         self._writer = Writer("signing", self._write_loop)
 
-    def keep(self, timestamps: Mapping[str, int]) -> None:
-        """Have them written soon, when the file is no longer ahead of them."""
+    def keep(self, timestamps: Mapping[str, int], references: Mapping[str, int]) -> None:
+        """Have them written soon, when the file is no longer ahead of our time stamps."""
         if all(
             timestamp + _LEAST_AHEAD_UNITS <= self._saved.get(link, 0)
             for link, timestamp in timestamps.items()
@@ -70,7 +73,8 @@ class SigningClock:
             link: min(LATEST_TIMESTAMP, timestamp + _AHEAD_UNITS)
             for link, timestamp in timestamps.items()
         }
-        self._writer.put(_FILE.dump_json(_File(timestamps=self._saved), indent=1))
+        file = _File(timestamps=self._saved, references=dict(references))
+        self._writer.put(_FILE.dump_json(file, indent=1))
 
     def close(self) -> None:
         """Wait a while for what is to be written."""
@@ -98,19 +102,21 @@ def load_signing(config: CompanionConfig, wall_s: float) -> Signing | None:
     if key is None:
         return None
     folder = state_folder(config)
-    kept = {} if folder is None else _kept(folder.path / _NAME)
-    return Signing(key=key, wall_s=wall_s, kept=kept)
+    file = None if folder is None else _kept(folder.path / _NAME)
+    if file is None:
+        return Signing(key=key, wall_s=wall_s)
+    return Signing(key=key, wall_s=wall_s, kept=file.timestamps, references=file.references)
 
 
-def _kept(path: Path) -> dict[str, int]:
-    """The time stamps in a file; empty where none were kept. What cannot be read is said."""
+def _kept(path: Path) -> _File | None:
+    """What is in a file; None where nothing was kept. What cannot be read is said."""
     try:
         with path.open("rb") as file:
-            return _FILE.validate_json(file.read(_LONGEST_BYTES), strict=True).timestamps
+            return _FILE.validate_json(file.read(_LONGEST_BYTES), strict=True)
     except FileNotFoundError:
         pass
     except OSError as error:
         _logger.warning("%s: not read: %s", path, error.strerror)
     except ValueError:
         _logger.warning("%s: no time stamps of this version, not used", path)
-    return {}
+    return None

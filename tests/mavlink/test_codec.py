@@ -349,3 +349,15 @@ def test_the_sources_are_told_in_the_order_in_which_they_were_heard(peer):
     codec = new_codec()
     codec.receive(peer(7, 1).heartbeat() + peer(1, 1).heartbeat() + peer(7, 1).heartbeat())
     assert codec.sources == [(7, 1), (1, 1)]
+
+
+def test_of_a_datagram_of_whole_packets_nothing_is_read_after_the_first_that_is_none(autopilot):
+    codec = new_codec()
+    codec.whole_packets = True
+    sound, cut = autopilot.heartbeat(), autopilot.attitude(1.0)[:20]
+    for rest in (b"\x00", b"\xfe" * 300, cut, b"\xfd\xff\x04", sound[:-1] + b"\x00"):
+        before = codec.dropped_bytes
+        assert len(codec.receive(sound + rest + sound)) == 1
+        assert codec.dropped_bytes == before + len(rest + sound)
+    assert len(codec.receive(sound + sound[:5])) == 1
+    assert len(codec.receive(sound + sound)) == 2

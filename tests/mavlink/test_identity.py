@@ -85,6 +85,41 @@ def test_of_two_others_none_takes_its_place(peer):
     assert identity.conflict
 
 
+def test_invented_ids_are_reported_every_ten_seconds_and_eight_are_kept(peer):
+    identity = Identity()
+    hear(identity, peer(1, 1).heartbeat(), now_s=0.0)
+    told_s = []
+    for step in range(759):
+        now_s = 1.0 + 0.04 * step
+        data = peer(2 + step % 254, 1).heartbeat(autopilot=3 if step % 2 else 12)
+        if isinstance(hear(identity, data, now_s=now_s), AutopilotConflict):
+            told_s.append(now_s)
+        assert identity.conflict
+        assert len(identity._others) <= 8
+    assert told_s == pytest.approx([1.0, 11.0, 21.0, 31.0])
+    identity.forget_silent(now_s + 10.1)
+    assert not identity.conflict
+
+
+def test_of_many_others_the_one_that_is_still_heard_is_kept(peer):
+    identity, other = Identity(), peer(77, 1)
+    hear(identity, peer(1, 1).heartbeat(), now_s=0.0)
+    for step in range(100):
+        hear(identity, peer(2 + step % 70, 1).heartbeat(), now_s=0.1 * step)
+        if step % 5 == 0:
+            hear(identity, other.heartbeat(), now_s=0.1 * step)
+        assert step == 0 or (77, AutopilotKind.PX4) in identity._others
+
+
+def test_a_conflict_that_was_not_due_is_reported_when_it_is(peer):
+    identity = Identity()
+    hear(identity, peer(1, 1).heartbeat(), now_s=0.0)
+    assert hear(identity, peer(2, 1).heartbeat(), now_s=1.0) is not None
+    assert identity.note_other_clock(2.0) is None
+    assert identity.note_other_clock(11.0).reason == "two clocks under autopilot id 1"
+    assert identity.note_other_clock(21.0) is None
+
+
 def test_two_kinds_of_autopilot_under_one_id_are_a_conflict(peer):
     identity = Identity()
     hear(identity, peer(1, 1).heartbeat())

@@ -9,6 +9,7 @@ import os
 import pty
 import socket
 import sys
+import threading
 import time
 import tty
 
@@ -21,6 +22,7 @@ from moar_companion.mavlink import udp_link
 from moar_companion.mavlink.link import open_link
 from moar_companion.mavlink.link_basics import clock_s
 from moar_companion.mavlink.urls import LinkAddress, LinkKind
+from moar_companion.service.pools import started_pool
 
 pytestmark = pytest.mark.asyncio
 
@@ -285,6 +287,52 @@ async def test_a_tcp_peer_that_comes_later_is_found(monkeypatch, caplog):
     assert levels[:3] == ["WARNING", "DEBUG", "DEBUG"]
 
 
+async def test_a_name_that_is_not_looked_up_in_time_takes_one_thread_until_it_is(monkeypatch):
+    monkeypatch.setattr(link_module, "_RECONNECT_S", 0.0)
+    monkeypatch.setattr(link_module, "_CONNECT_TIMEOUT_S", 0.01)
+    answers, asked, attempts = threading.Event(), [], []
+    server, find = Server(), socket.getaddrinfo
+    port = await server.serve(0)
+
+    def stuck(host, *arguments, **options):
+        if host != "gcs.local":
+            return find(host, *arguments, **options)
+        asked.append(host)
+        answers.wait(20)
+        return find("127.0.0.1", *arguments, **options)
+
+    def complain(_link, why):
+        attempts.append(why)
+
+    monkeypatch.setattr(socket, "getaddrinfo", stuck)
+    monkeypatch.setattr(link_module._Reconnecting, "_complain", complain)
+    asyncio.get_running_loop().set_default_executor(started_pool("links", 2))
+    with serial_line() as (_, device):
+        async with open_link(tcp(port, "gcs.local"), Received()):
+            while len(attempts) < 5:  # noqa: ASYNC110 - each fails by itself
+                await asyncio.sleep(0)
+            async with open_link(serial(device), Received()):
+                assert (asked, set(attempts)) == (["gcs.local"], {"no answer"})
+            monkeypatch.setattr(link_module, "_CONNECT_TIMEOUT_S", 5.0)
+            answers.set()
+            await server.until_connected()
+    server.stop()
+
+
+async def test_of_several_addresses_of_a_name_the_first_that_answers_is_used(monkeypatch):
+    server, here = Server(), Received()
+    port = await server.serve(0)
+    find = socket.getaddrinfo
+
+    def two(_host, *rest, **options):
+        return find("127.0.0.9", *rest, **options) + find("127.0.0.1", *rest, **options)
+
+    monkeypatch.setattr(socket, "getaddrinfo", two)
+    async with open_link(tcp(port, "gcs.local"), here):
+        await server.until_connected()
+    server.stop()
+
+
 async def test_a_tcp_peer_that_takes_nothing_finds_nothing_old_here():
     server = Server()
     stalled = asyncio.Event()
@@ -364,6 +412,23 @@ async def test_a_stuck_serial_line_drops_the_oldest_whole_packets_and_never_bloc
     assert arrived[0] == packets[0]
     assert arrived[-10:] == packets[-10:]
     assert len(arrived) < 1000
+
+
+async def test_a_full_serial_line_drops_what_may_be_late_before_what_moves_the_aircraft():
+    with serial_line() as (far, device):
+        async with open_link(serial(device), Received()) as link:
+            while not link._connection._waiting:
+                link.send(b"stuck" * 100)
+            setpoints = [b"SETPOINT %d." % number for number in range(5)]
+            for setpoint in setpoints:
+                link.send(setpoint, 60.0)
+            for _ in range(1000):
+                link.send(b"an answer to a ping" * 5)
+            link.send(b"the end")
+            data = b""
+            while not data.endswith(b"the end"):
+                data += await read_far(far, 1)
+    assert b"".join(setpoints) in data
 
 
 async def test_what_must_not_be_late_is_not_sent_by_a_serial_line_that_was_stuck():

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.config import Commands
-from moar_companion.mavlink.dialect import mavlink
+from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.peers import AutopilotElsewhere, PeerRefused
 
 from .peer import Peer
@@ -179,6 +179,20 @@ def test_a_packet_with_the_autopilots_ids_from_elsewhere_is_ignored_and_told_onc
     assert network.session.telemetry.attitude.roll_rad == 0.25
     link = network.session.telemetry.link
     assert (link.packets_received, link.packets_lost) == (2, 0)
+
+
+def test_what_is_ignored_is_not_recorded_and_the_rest_of_its_datagram_is(network, autopilot):
+    network.tick()
+    network.hear_from(AUTOPILOT, autopilot.heartbeat())
+    network.session.packets_heard()
+    forger, station = Peer(1, 1), Peer(255, 190).ground_heartbeat()
+    forged = forger.attitude(1.0, roll=1.5)
+    clock = create("SYSTEM_TIME", time_unix_usec=1, time_boot_ms=2)
+    old = forger.pack(clock, mavlink1=True)
+    network.hear_from(STRANGER, forged + station + old)
+    true = autopilot.attitude(1.0, roll=0.25)
+    network.hear_from(AUTOPILOT, true)
+    assert [packet for _, packet in network.session.packets_heard()] == [station, true]
 
 
 def test_a_forgers_other_messages_and_a_station_at_its_address_are_heard(network, autopilot):

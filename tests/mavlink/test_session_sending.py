@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import pytest
 
@@ -11,6 +12,7 @@ from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.session import CommandAnswered, Severity, SystemStatus
 from moar_companion.types import AutopilotKind
 
+from .peer import Peer
 from .story import Story, commands, of_type, types
 
 USER_1 = 31010
@@ -328,6 +330,44 @@ def test_other_time_requests_are_answered_only_when_they_are_for_us(
     assert story.sent() == []
     story.hear(timesync(ground_station, target=(1, 195)))
     assert types(story.sent()) == ["TIMESYNC"]
+
+
+def ping(sender):
+    return sender.send("PING", time_usec=5, seq=6, target_system=0, target_component=0)
+
+
+@pytest.mark.parametrize("request_of", [ping, partial(timesync, target=(1, 195))])
+def test_requests_are_answered_five_times_a_second_for_a_sender_and_twenty_for_a_link(
+    story, autopilot, ground_station, request_of
+):
+    story.meet(autopilot)
+    for _ in range(200):
+        story.hear(request_of(ground_station), link="network")
+    assert len(story.sent()) == 5
+    for component_id in range(1, 200):
+        story.hear(request_of(Peer(254, component_id)), link="network")
+    assert len(story.sent()) == 15
+    story.hear(request_of(ground_station))
+    assert [link for link, _ in story.sent()] == ["serial"]
+    story.now_s += 1.0
+    for _ in range(200):
+        story.hear(request_of(ground_station), link="network")
+    assert len(story.sent()) == 5
+
+
+def test_the_autopilots_time_requests_are_all_answered(story, autopilot):
+    story.meet(autopilot)
+    for _ in range(200):
+        story.hear(timesync(autopilot))
+    assert len(story.sent()) == 200
+
+
+def test_a_system_that_may_be_no_peer_is_not_answered(story, autopilot):
+    story.meet(autopilot)
+    stranger = Peer(42, 1)
+    story.hear(ping(stranger))
+    story.hear(timesync(stranger, target=(1, 195)))
+    assert story.sent() == []
 
 
 def test_a_ping_is_answered_and_a_pong_is_not(story, ground_station):

@@ -180,6 +180,45 @@ def test_a_stream_that_is_known_may_fall_behind_the_clock():
     assert types(codec.receive(peer.heartbeat())) == ["HEARTBEAT"]
 
 
+@pytest.mark.parametrize("restarted", [False, True])
+def test_a_peer_whose_clock_is_ahead_has_no_other_refused(restarted):
+    wall_s = 1_420_070_400 + 6000.0
+    link = two_links(wall_s=wall_s)["serial"]
+    codec = signed_codec(link)
+    ahead = SignedPeer(255, 190, timestamp=102 * MINUTE)
+    assert types(codec.receive(ahead.ground_heartbeat())) == ["HEARTBEAT"]
+    assert link.next_timestamp() > 102 * MINUTE
+    if restarted:
+        kept, references = {"serial": link.timestamp}, {"serial": link.reference}
+        link = two_links(wall_s=wall_s + 5.0, kept=kept, references=references)["serial"]
+        codec = signed_codec(link)
+        assert link.next_timestamp() > 102 * MINUTE
+    assert types(codec.receive(SignedPeer(1, 1).heartbeat())) == ["HEARTBEAT"]
+    assert link.behind_s == {}
+
+
+def test_a_computer_whose_clock_is_not_set_judges_by_what_it_has_heard():
+    for wall_s, references in ((0.0, {}), (1_420_070_400 + 60.0, {"serial": 90 * MINUTE})):
+        link = two_links(wall_s=wall_s, references=references)["serial"]
+        codec = signed_codec(link)
+        assert types(codec.receive(SignedPeer(255, 190).heartbeat())) == ["HEARTBEAT"]
+        recorded = SignedPeer(1, 1, timestamp=98 * MINUTE)
+        refused(codec, recorded.heartbeat(), Refusal.OLD)
+        assert link.behind_s == {1: pytest.approx(120.0, abs=0.1)}
+
+
+def test_a_sender_that_is_behind_is_named_until_its_clock_is_right():
+    link = two_links()["serial"]
+    codec, behind = signed_codec(link), SignedPeer(1, 1, timestamp=98 * MINUTE)
+    refused(codec, behind.heartbeat(), Refusal.OLD)
+    assert link.behind_s == {1: pytest.approx(120.0, abs=0.1)}
+    behind.signing.timestamp = 100 * MINUTE
+    packet = behind.heartbeat()
+    assert types(codec.receive(packet)) == ["HEARTBEAT"]
+    refused(codec, packet, Refusal.OLD)
+    assert link.behind_s == {}
+
+
 def test_streams_of_one_system_with_other_link_ids_or_components_are_apart():
     codec = signed_codec()
     for peer in (

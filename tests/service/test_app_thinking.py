@@ -19,7 +19,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import CompanionConfig, LinkConfig, Recorder, shipped_configs
 from moar_companion.outlets import recorder, writer
-from moar_companion.service import host
+from moar_companion.service import app, host
 from moar_companion.service.app import Service
 from moar_companion.service.causes import Host
 from moar_companion.service.companion import Companion
@@ -227,3 +227,29 @@ def test_a_disk_that_stands_still_holds_up_neither_the_thinking_nor_the_end(
     assert disk.rest()
     warnings = [item.getMessage() for item in caplog.records if item.levelname == "WARNING"]
     assert warnings == [f"recording ended: {folder}: the disk is too slow"]
+
+
+def test_after_a_stall_a_flood_does_not_keep_the_service_from_sending(monkeypatch):
+    whole = CompanionConfig(vehicle=VEHICLE, links=(LinkConfig(url="udp:127.0.0.1:14540"),))
+    service = Service(whole, Companion(whole, Vehicle.load(VEHICLE), None), None, None)
+    looks = []
+
+    def moved_s():
+        """Each look for waiting bytes takes 10 ms, because there are so many."""
+        looks.append(1)
+        return 0.01 * len(looks)
+
+    async def catch_up():
+        async def flood():
+            while True:
+                service._arrived.append((0.0, "udp:127.0.0.1:14540", b"\xfe", ("10.0.0.66", 1)))
+                await asyncio.sleep(0)
+
+        flooding = asyncio.create_task(flood())
+        await service._catch_up()
+        flooding.cancel()
+
+    monkeypatch.setattr(app, "clock_s", moved_s)
+    asyncio.run(catch_up())
+    service._worker.close()
+    assert len(looks) <= 12

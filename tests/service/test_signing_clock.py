@@ -42,8 +42,23 @@ def keep(folder, *timestamps):
     """A process that has these time stamps, a second apart."""
     clock = SigningClock(folder)
     for timestamp in timestamps:
-        clock.keep({URL: timestamp})
+        clock.keep({URL: timestamp}, {URL: 0})
     clock.close()
+
+
+def test_what_new_senders_are_judged_by_is_kept_as_it_is_and_apart(config, tmp_path):
+    clock = SigningClock(tmp_path)
+    clock.keep({URL: 500 * UNITS_PER_S}, {URL: 100 * UNITS_PER_S})
+    clock.close()
+    link = start(config, wall_s=EPOCH_S + 50.0)
+    assert (link.timestamp, link.reference) == (505 * UNITS_PER_S, 100 * UNITS_PER_S)
+
+
+def test_a_file_that_lacks_it_is_used_with_the_wall_clock(config, tmp_path):
+    file = {"version": 1, "timestamps": {URL: 500 * UNITS_PER_S}}
+    (tmp_path / "signing.json").write_text(json.dumps(file))
+    link = start(config, wall_s=EPOCH_S + 50.0)
+    assert (link.timestamp, link.reference) == (500 * UNITS_PER_S, 50 * UNITS_PER_S)
 
 
 def in_file(folder):
@@ -80,7 +95,7 @@ def test_it_is_written_every_few_seconds_and_not_more_often(tmp_path, monkeypatc
     )
     clock = SigningClock(tmp_path)
     for second in range(61):
-        clock.keep({URL: second * UNITS_PER_S})
+        clock.keep({URL: second * UNITS_PER_S}, {URL: 0})
         clock._writer.close()
         clock = _again(clock, tmp_path)
     clock.close()
