@@ -24,7 +24,7 @@ from sitl.autopilot import DEFAULT_LINKS, FakeAutopilot, Options
 from sitl.fence_areas import Item
 from sitl.signing import SignOptions
 
-from ..mavlink.signed import OTHER_SECRET, SECRET
+from ..mavlink.signed import MINUTE, OTHER_SECRET, SECRET, SignedPeer
 
 CONFIGS = shipped_configs()
 SITE = Site.load(CONFIGS / "sites" / "315kv_double_circuit.yaml")
@@ -480,6 +480,17 @@ def test_an_autopilot_on_a_signed_link_is_looked_at():
     found = signed_look(SECRET).findings()
     assert found["firmware"].text == "1.17.0"
     assert "signing" not in found
+
+
+def test_an_autopilot_whose_time_stamps_stay_behind_is_named():
+    config = CompanionConfig(vehicle=CONFIGS, links=(LinkConfig(url=LINK, signed=True),))
+    signing = Signing(key=SigningKey(SECRET), wall_s=1_420_070_400 + 6000.0)
+    preflight = Preflight(config, VEHICLE, PLANNER, signing=signing)
+    preflight.receive(LINK, SignedPeer(1, 1, timestamp=98 * MINUTE).heartbeat(), 0.0)
+    preflight.tick(0.0)
+    preflight.tick(WAIT_S)
+    texts = [item.text for item in preflight.findings() if item.subject == "signing"]
+    assert f"{LINK}: system 1 signs 120 s behind, refused" in texts
 
 
 @pytest.mark.parametrize(
