@@ -46,8 +46,8 @@ class Stream:
         self._last_ned_m: Vector = (0.0, 0.0, 0.0)
         """Where it is in the autopilot's frame."""
         self._last_s = -math.inf
-        self._jumped = False
-        """Whether the estimate has jumped since a setpoint moved."""
+        self._jumped_m: Vector = (0.0, 0.0, 0.0)
+        """How far the estimate has jumped since a setpoint moved."""
         self._owed: tuple[Setpoint, float] | None = None
         """The farewell of a thought that has not been sent, and when that was."""
 
@@ -120,7 +120,7 @@ class Stream:
             own_m = _plus(jump.step_m, jump.origin_step_m, -1.0)
             self._last_ned_m = _plus(self._last_ned_m, plane.velocity_to_ned(own_m))
         if self._last is not None:
-            self._jumped = True
+            self._jumped_m = _plus(self._jumped_m, jump.step_m)
             self._last = _shifted(self._last, jump)
         if self._owed is not None:
             self._owed = (_shifted(self._owed[0], jump), self._owed[1])
@@ -132,12 +132,14 @@ class Stream:
     def _place_refusal(self, setpoint: Setpoint, flight: Flight, widened_m: float) -> str | None:
         """Why it must not be where it is; widened_m: what the distance from obstacles grows by.
 
-        At rest it may be where only a jump has taken it: out of a leg's corridor, the workspace or
-        the margin, though no nearer to an obstacle than its own keep-out. There the aircraft is.
+        At rest it may be where only a jump has taken it that is no greater than the margin: out of
+        a leg's corridor or the workspace, though no nearer to an obstacle than its own keep-out.
+        There the aircraft is.
         """
         tolerance_m = self._limits.plane_tolerance_m
         reason = flight.refusal(setpoint, tolerance_m, widened_m)
-        stands = self._jumped and not any(setpoint.velocity_mps)
+        stands = 0.0 < math.hypot(*self._jumped_m) <= self._margin.total_m
+        stands = stands and not any(setpoint.velocity_mps)
         near = abs(setpoint.position_m[1]) <= tolerance_m
         if reason is not None and stands and near and flight.keeps_clear(setpoint.position_m):
             return None
@@ -177,7 +179,8 @@ class Stream:
     ) -> None:
         """As SET_POSITION_TARGET_LOCAL_NED. place_ned_m: the setpoint's in the local frame."""
         self._last, self._last_s, self._last_ned_m = setpoint, now_s, place_ned_m
-        self._jumped &= not any(setpoint.velocity_mps)
+        if any(setpoint.velocity_mps):
+            self._jumped_m = (0.0, 0.0, 0.0)
         self._session.send_setpoint(
             place_ned_m,
             plane.velocity_to_ned(setpoint.velocity_mps),

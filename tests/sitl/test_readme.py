@@ -1,4 +1,4 @@
-"""The tables of sitl/README.md name tests that exist, and as many parameters as there are."""
+"""Tables of pages name tests that exist; that of sitl/README.md as many parameters as there are."""
 
 import re
 from pathlib import Path
@@ -7,17 +7,18 @@ import pytest
 
 from sitl.manners import KINDS
 
-README = (Path(__file__).parents[2] / "sitl" / "README.md").read_text(encoding="utf-8")
-TESTS = Path(__file__).parent
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "sitl" / "README.md").read_text(encoding="utf-8")
 
 
-def test_every_test_that_a_row_names_exists():
-    modules = list(TESTS.glob("test_*.py"))
+@pytest.mark.parametrize(("page", "least"), [("sitl/README.md", 100), ("configs/SECURITY.md", 15)])
+def test_every_test_that_a_row_names_exists(page, least):
+    modules = list((ROOT / "tests").rglob("test_*.py"))
     there = {path.stem for path in modules}.union(
         *(re.findall(r"^def (test_\w+)", path.read_text(), re.MULTILINE) for path in modules)
     )
-    named = set(re.findall(r"`(test_\w+)`", README))
-    assert len(named) > 100
+    named = set(re.findall(r"`(test_\w+)`", (ROOT / page).read_text(encoding="utf-8")))
+    assert len(named) > least
     assert named <= there
 
 
