@@ -117,7 +117,6 @@ def continue_s(code: Path, repeats: int) -> list[float]:
             *("--link", f"companion=udpout:127.0.0.1:{port}"),
             *("--link", f"gcs=udpout:127.0.0.1:{operator_port}"),
             *("--param", "COM_OBL_RC_ACT=5"),
-            *("--param", "COM_OF_LOSS_T=0.5"),
         ):
             try:
                 with service(code, folder, "--config", str(config)):
