@@ -279,8 +279,12 @@ class Companion:
         telemetry = self.telemetry
         told = telemetry.gnss, telemetry.second_gnss, telemetry.estimator, telemetry.odometry
         # How well the position is known counts for the next setpoint already.
-        if now_s >= self._risk_due_s or told != self._told:
-            self._risk_due_s, self._told = now_s + _RISK_PERIOD_S, told
+        due = now_s >= self._risk_due_s
+        if due:
+            self._risk_due_s = now_s + _RISK_PERIOD_S
+            self._conduct.look_ahead(now_s)
+        if due or told != self._told:
+            self._told = told
             self._conduct.judge(now_s)
         self._conduct.supervise(now_s)
         self._tell_of_files(now_s)

@@ -142,10 +142,14 @@ class Conduct:
 
     def judge(self, now_s: float) -> None:
         """Judge the risks anew, by what is told and by what is still to be flown."""
+        session = self._session
+        self.prospects.judge(session.telemetry, session.parameters, self.tracking_error_m, now_s)
+
+    def look_ahead(self, now_s: float) -> None:
+        """Measure what is still to be flown, and what the autopilot's failsafes would hit here."""
         telemetry, pose = self._session.telemetry, self._surroundings.pose
         place_m = None if pose is None else pose.position_m
         self.prospects.look_for_ways_out(telemetry, self._scene(), place_m, now_s)
-        self.prospects.judge(telemetry, self._session.parameters, self.tracking_error_m, now_s)
         airspace = self.course.airspace
         if self.status.state in IN_CONTROL and airspace is not None:
             watch, meter = self.course.watch, self.risk.meter
