@@ -6,7 +6,7 @@ import pytest
 
 from sitl.wire import packet_header, packets
 
-from ..copies import flown_once
+from ..copies import copy_of, flown_once
 from .judging import (
     assert_nothing_was_touched,
     assert_setpoints_keep_to_free_space,
@@ -19,9 +19,9 @@ from .operator import EXIT, INSPECTION, Manner
 NUMBERS = {"HEARTBEAT": 0, "CURRENT_MODE": 436}
 NOTICED_S = 0.2
 """What a takeover may take until the stream ends, on a link without loss."""
-NOTICED_ON_A_BAD_LINK_S = 0.5
-"""The same where 30 % is lost and each packet takes 0.05 to 0.2 s: 0.2 s under way, and three
-losses in a row of what tells the mode ten times a second."""
+NOTICED_ON_A_BAD_LINK_S = 0.4
+"""The most where 30 % is lost and each packet takes 0.05 to 0.2 s: 0.2 s under way, and four losses
+in a row of what tells the mode twenty times a second."""
 
 
 def worsen_link(flight, loss_percent=30.0, delay_ms=50.0, jitter_ms=150.0):
@@ -86,14 +86,21 @@ def test_a_takeover_is_noticed_within_a_fifth_of_a_second(manner, later_s):
 
 @BOTH
 def test_a_takeover_is_noticed_on_a_link_that_loses_three_packets_in_ten(manner):
-    flight = in_flight(manner)
-    worsen_link(flight)
-    flight.run(3.0)
-    took_s = flight.now_s
-    flight.operator.mode("hold")
-    flight.run(3.0)
-    assert flight.state == "overridden"
-    assert flight.last_setpoint_s <= took_s + NOTICED_ON_A_BAD_LINK_S
+    """Of 15 takeovers, at different times, two thirds within 0.2 s."""
+    before = in_flight(manner)
+    worsen_link(before)
+    before.run(1.0)
+    noticed_s = []
+    for number in range(15):
+        flight = copy_of(before)
+        flight.run(0.13 * number)
+        took_s = flight.now_s
+        flight.operator.mode("hold")
+        flight.run(1.5)
+        assert flight.state == "overridden"
+        noticed_s.append(flight.last_setpoint_s - took_s)
+    assert max(noticed_s) <= NOTICED_ON_A_BAD_LINK_S
+    assert sorted(noticed_s)[9] <= NOTICED_S
 
 
 @BOTH

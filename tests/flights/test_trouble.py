@@ -35,7 +35,7 @@ LANDS_WHEN_LOW = {
 LOW_PERCENT = {Manner.PX4: 6.0, Manner.ARDUPILOT: 40.0}
 
 MODE_LAG_S = 0.2
-"""Modes are told ten times a second by PX4, at once by ArduPilot."""
+"""Modes are told twenty times a second by PX4, at once by ArduPilot."""
 
 
 @flown_once

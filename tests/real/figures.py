@@ -24,8 +24,8 @@ _FRESH_S = 0.1
 _TOUCHED_DOWN_M = 0.5
 _NOTICE_S = 0.2
 """Within which a takeover is to end the stream."""
-_NOTICE_ON_LOSSY_LINK_S = 0.5
-"""0.2 s under way, and three losses in a row of what tells the mode ten times a second."""
+_NOTICE_ON_LOSSY_LINK_S = 0.4
+"""0.2 s under way, and four losses in a row of what tells the mode twenty times a second."""
 
 
 @dataclass(frozen=True)
