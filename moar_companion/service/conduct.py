@@ -288,8 +288,13 @@ class Conduct:
     @property
     def _exposure_limit_s(self) -> float:
         """How long it may stay where a failsafe that nobody can forecast would hit something."""
-        dwell_s = 0.0 if self._ground is None else self._ground.dwell_s(self.status.task)
-        return self._config.supervision.exposure_limit_s + dwell_s
+        return self._config.supervision.exposure_limit_s + self._dwell_s
+
+    @property
+    def _dwell_s(self) -> float:
+        """Time to stay at the present target."""
+        task = self.status.task
+        return 0.0 if self._ground is None or task is None else self._ground.dwell_s(task.stops)
 
     def _exposure(self, way_out: WayOut | None, now_s: float) -> str | None:
         """Why it should leave before the autopilot acts by itself."""
@@ -341,7 +346,7 @@ class Conduct:
             mode_heard_s=-math.inf if autopilot is None else autopilot.received_s,
             on_leg=flight is not None and flight.on_leg,
             arrived=self.course.arrived(pose, now_s),
-            dwell_s=0.0 if self._ground is None else self._ground.dwell_s(self.status.task),
+            dwell_s=self._dwell_s,
             astray=flight is not None and error_m > guidance.tracking_hold_m,
         )
 

@@ -9,7 +9,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ..frames import PlaneToLocal
-from ..mission.values import Task
 from ..planner.maps import Maps
 from ..planner.regions import obstacle_clearance_m, obstacle_room_m
 from ..site import Site
@@ -66,9 +65,8 @@ class Ground:
         room_m = float(obstacle_room_m(self.site, np.array(pose.position_m[::2])))
         return room_m + self.site.margin.tracking_m - radius_m if self.site.obstacles else None
 
-    def dwell_s(self, task: Task | None) -> float:
-        """How long to stay at a task's present target."""
-        stops = () if task is None else task.stops
+    def dwell_s(self, stops: tuple[str, ...]) -> float:
+        """Time to stay at the first of a task's targets; 0 without one."""
         return self.site.target(stops[0]).dwell_s if stops else 0.0
 
 
