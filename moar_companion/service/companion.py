@@ -301,7 +301,7 @@ class Companion:
 
     def _tell(self, now_s: float) -> None:
         """Tell what was found at the start."""
-        may_continue = self.status == self._first_status and self.status.held
+        may_continue = self.status == self._first_status and self.status.task is not None
         for text in self._awakening.texts(self.telemetry, now_s, may_continue=may_continue):
             self._reports.say(Severity.WARNING, text, now_s)
         words = None if self._misread_told else misread(self.telemetry, self._vehicle.risk.cells)
