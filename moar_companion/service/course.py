@@ -318,7 +318,7 @@ class Course:
         if flight is None or plan is None:
             return Adoption.TOO_LATE
         flown = None
-        if not awaited.first:
+        if not awaited.first and answer.narrowed_m <= flight.narrowed_m:
             flown = flight.rest_of_plan(plan, awaited.junction, answer.reach)
         if flown is not None and self._stays(flown, plan):
             return Adoption.KEPT_PATH
