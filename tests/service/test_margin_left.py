@@ -147,11 +147,29 @@ def test_another_autopilot_than_the_vehicle_files_is_told_and_nothing_is_flown(f
     assert not desk.setpoints()
 
 
-def test_in_a_gust_an_exit_that_is_ordered_is_planned_by_what_lasts():
+def in_a_gust():
+    """On its way to a target, 1 m off the setpoint: plans of the inspection are wider."""
     usual = usual_planner()
     guidance = replace(usual.vehicle.guidance, tracking_margin_m=0.2)
     desk = Desk(planner=Planner(usual.site, replace(usual.vehicle, guidance=guidance)))
+    desk.set(contingencies=True)
     desk.come_to("flying").fall_behind(0.0, -1.0, 0.0, seconds=1.0).run(3.0)
     assert desk.jobs[-1].widening_m > 0.5
+    return desk
+
+
+def test_in_a_gust_an_exit_that_is_ordered_is_planned_by_what_lasts():
+    desk = in_a_gust()
     desk.order(EXIT).run_until_sought("exit", 1.0)
     assert desk.jobs[-1].widening_m == 0.0
+
+
+def test_in_a_gust_contingencies_are_measured_by_what_lasts():
+    desk = in_a_gust()
+    begun = len(desk.contingency_jobs)
+    desk.run(3.0)
+    later = desk.contingency_jobs[begun:]
+    assert {job.request.mission for job in later} == set(Mission)
+    assert {job.widening_m for job in later} == {0.0}
+    desk.set(accuracy_m=1.15).run(3.0)
+    assert desk.contingency_jobs[-1].widening_m == pytest.approx(0.3)
