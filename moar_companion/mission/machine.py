@@ -36,8 +36,8 @@ from .values import (
 _INTERRUPTED = IN_CONTROL - {MissionState.HOLDING}
 """What a pilot interrupts here may be resumed; what an operator held is not."""
 
-_CONTINUED = {MissionState.HOLDING, MissionState.OVERRIDDEN}
-"""What was begun here may be gone on with by an operator's order."""
+_CONTINUED = set(MissionState) - STREAMING | {MissionState.HOLDING}
+"""The task of these states may be continued by an operator's order."""
 
 _LET_GO = {MissionState.OVERRIDDEN, MissionState.RELEASED}
 
@@ -65,7 +65,7 @@ _OUTWARD = tuple(Task(mission=way) for way in _WAYS_OUT[Action.EXIT])
 
 def restarted(rest: Task | None) -> MissionStatus:
     """Where a process begins. rest: what the one before it has left to fly, for a `continue`."""
-    return MissionStatus(task=rest, held=rest is not None)
+    return MissionStatus(task=rest)
 
 
 def command(
@@ -102,7 +102,7 @@ def command(
             return dropped, (*effects, done)
         return dropped, (done,)
     if order is Order.RELEASE:
-        return replace(status, held=False), (done,)
+        return replace(status, task=None), (done,)
     return _rejected(status, order_id, "nothing is flown")
 
 
@@ -185,7 +185,7 @@ def tick(
         # Whoever has ordered knew them: what is sought does not fail for them.
         status = replace(status, known=status.known & ruling.names)
         ruling = ruling.apart_from(status.known)
-    if state is MissionState.IDLE and status.held and ruling.acts("ground"):
+    if state is MissionState.IDLE and status.task is not None and ruling.acts("ground"):
         return MissionStatus(since_s=now_s), ()
     if state is MissionState.OVERRIDDEN:
         return _overridden(status, world, resume=resume, now_s=now_s)
@@ -200,7 +200,9 @@ def tick(
         if supervised is not None:
             return supervised
     elif ruling.action >= Action.HOLD and not _heeds(status, ruling.action):
-        return _silenced(status, MissionState.IDLE, ruling.reason, now_s, farewell=True)
+        idle, effects = _silenced(status, MissionState.IDLE, ruling.reason, now_s, farewell=True)
+        rest = status.task if state is MissionState.PLANNING else None
+        return replace(idle, task=rest), effects
     return _onward(status, world, ready_timeout_s, now_s)
 
 
@@ -436,7 +438,8 @@ def _silenced(
     With `farewell` a last setpoint at rest is sent, where there was a stream. Without it nothing
     more is sent: the autopilot has left us, or what we know of the aircraft is not to be trusted.
     """
-    interrupted = status.task if status.state in _INTERRUPTED else None
+    taken_over = state is MissionState.OVERRIDDEN and status.state in _INTERRUPTED
+    interrupted = status.task if taken_over else None
     last = (Do.FAREWELL,) if farewell and status.state in STREAMING else ()
     silent = MissionStatus(state=state, since_s=now_s, task=interrupted)
     say = Say(reason, state.words, serious=state is not MissionState.IDLE)

@@ -61,7 +61,8 @@ class MissionStatus:
     state: MissionState = MissionState.IDLE
     since_s: float = 0.0
     task: Task | None = None
-    """What is flown or held; while overridden, what a pilot interrupted."""
+    """The task that is flown or held. While overridden the one that a pilot has interrupted; while
+    idle or planning that one, or the rest after a restart: an operator may continue it."""
     sought: Task | None = None
     """The task whose first plan is awaited."""
     order_id: int | None = None
@@ -69,8 +70,7 @@ class MissionStatus:
     known: frozenset[str] = frozenset()
     """The conditions of which who gave that order knew, and that have acted ever since."""
     held: bool = False
-    """A hold was ordered while ready: when the mode is given, the place is held. Or idle after a
-    restart: an operator may continue `task`, which the process before this one has not ended."""
+    """A hold was ordered while ready: when the mode is given, the place is held."""
     goes_on: bool = False
     """The supervisor holds, nobody else: what is held is flown on when nothing is against it."""
     no_way: frozenset[Task] = frozenset()

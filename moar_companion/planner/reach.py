@@ -27,6 +27,7 @@ _AROUND_M = 20.0
 class Reach:
     """Where obstacles are, in the workspace and as far around it as they stand.
 
+    Two are equal that block the same cells for the same obstacles, whichever maps they are from.
     blocked: (nx, nz), 1 where the hull would be nearer to an obstacle than is allowed.
     """
 
@@ -52,6 +53,17 @@ class Reach:
         blocked = (clearances.room_m < widened_m - TOLERANCE).view(np.uint8)
         blocked.flags.writeable = False
         return cls(grid=clearances.grid, blocked=blocked, clearances=clearances)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (
+            isinstance(other, Reach)
+            and self.grid == other.grid
+            and self.clearances.obstacles == other.clearances.obstacles
+            and np.array_equal(self.blocked, other.blocked)
+        )
+
+    def __hash__(self) -> int:
+        return hash(self.grid)
 
     def free_m(self, places_m: FloatArray, directions: FloatArray, farthest_m: float) -> FloatArray:
         """How far from places (n, 2) in directions (n, 2), unit vectors, nothing is hit: (n,).

@@ -5,6 +5,9 @@ Pure: what the process before it remembered and what the aircraft says in, texts
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from ..mavlink.commands import Command, holds
 from ..types import Telemetry
 from .memory import Memory
 from .surroundings import airborne, grounded
@@ -17,13 +20,22 @@ class Awakening:
     """Tells it once, as soon as there is an autopilot through which people hear it."""
 
     def __init__(self, before: Memory | None) -> None:
-        self._before = before
+        self.before = before
+        """What it remembered, less what was released since."""
         self._heard_s: float | None = None
         self._told = False
 
+    def note_stop(self, command: Command) -> None:
+        """Take in a hold or a release before the planner is ready: after a release no rest is left.
+
+        Where the mission stands begins anew with the planner, from `before`.
+        """
+        if self.before is not None and not holds(command):
+            self.before = replace(self.before, task=None)
+
     def texts(self, telemetry: Telemetry, now_s: float, *, may_continue: bool) -> list[str]:
         """What is to be said now. may_continue: whether there is a rest that can be ordered."""
-        autopilot, before = telemetry.autopilot, self._before
+        autopilot, before = telemetry.autopilot, self.before
         if self._told or autopilot is None:
             return []
         if self._heard_s is None:

@@ -93,11 +93,10 @@ class Companion:
         self._refusals = Refusals()
         self._orders = OrderBook(self._session, self._reports)
         self._overseer = Overseer(config.supervision, vehicle.guidance.off_path_m, self._reports)
-        self._before = before
+        self._awakening = Awakening(before)
         self._begin(ground)
         self._planner_awaited = False
         self._compiling = ""
-        self._awakening = Awakening(before)
         self._file_faults = FileFaultTexts()
         self._misread_told = False
         self._read_by_s = -math.inf
@@ -122,7 +121,7 @@ class Companion:
             orders=self._orders,
             reports=self._reports,
             overseer=self._overseer,
-            before=self._before,
+            before=self._awakening.before,
         )
         self._first_status = self._conduct.status
 
@@ -141,7 +140,7 @@ class Companion:
         """What a process that is started after this one has to know."""
         status = self.status
         if status == self._first_status:
-            return self._before
+            return self._awakening.before
         site = None if self._ground is None else self._ground.site.name
         return Memory(state=status.state, since_s=status.since_s, task=status.task, site=site)
 
@@ -305,7 +304,7 @@ class Companion:
 
     def _tell(self, now_s: float) -> None:
         """Tell what was found at the start."""
-        may_continue = self.status == self._first_status and self.status.held
+        may_continue = self.status == self._first_status and self.status.task is not None
         for text in self._awakening.texts(self.telemetry, now_s, may_continue=may_continue):
             self._reports.say(Severity.WARNING, text, now_s)
         words = None if self._misread_told else misread(self.telemetry, self._vehicle.risk.cells)
@@ -342,6 +341,7 @@ class Companion:
                     self._orders.answer(order_id, Verdict.CANCELLED, "", now_s)
                 waiting = []
                 self._conduct.order(command, now_s)
+                self._awakening.note_stop(command)
             elif self._compiling:
                 self._orders.reject(command, self._compiling, now_s)
             else:

@@ -172,13 +172,13 @@ class Course:
 
     @property
     def widening_m(self) -> float:
-        """What obstacles are avoided by beyond their keep-outs in what may be flown.
+        """Width beyond keep-outs of contingencies and recovery legs: what lasts, as in a way out.
 
         Above the limit of the uncertainty nothing is begun: ways out are measured as at the limit.
         """
         limits = self._config.supervision
         most_m = limits.position_uncertainty_limit_m - self._margin.position_m
-        return min(self._widening.width_m, max(0.0, most_m))
+        return min(self._lasting.width_m, max(0.0, most_m))
 
     def _width_m(self, mission: Mission) -> float:
         """By how much wider obstacles are in a mission's plans: in a way out by what lasts."""
@@ -318,7 +318,7 @@ class Course:
         if flight is None or plan is None:
             return Adoption.TOO_LATE
         flown = None
-        if not awaited.first:
+        if not awaited.first and answer.narrowed_m <= flight.narrowed_m:
             flown = flight.rest_of_plan(plan, awaited.junction, answer.reach)
         if flown is not None and self._stays(flown, plan):
             return Adoption.KEPT_PATH

@@ -369,8 +369,8 @@ class Flight:
                 return Adoption.TOO_LATE
             moved = Reference.start(airspace.trajectory(path), vector(reference.position_m))
         else:
-            joined_m = junction.joined_m
-            if reach is self._airspace.reach and junction.is_followed_by(path):
+            joined_m, kept = junction.joined_m, narrowed_m <= self.narrowed_m
+            if kept and reach == self.reach and junction.is_followed_by(path):
                 self._plan = plan
                 return Adoption.SAME_PATH
             stop_m = reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
@@ -412,7 +412,7 @@ class Flight:
             plan is None
             or junction.corner is None
             or junction.trajectory is not self._reference.trajectory
-            or reach is not self._airspace.reach
+            or reach != self.reach
             or self.leaves_fence() is not None
             or (plan.mission, plan.request.target) != (newer.mission, newer.request.target)
         ):

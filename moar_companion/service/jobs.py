@@ -98,23 +98,23 @@ def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
         if going_on is not None and not going_on.escape_m:
             return going_on
     answer = _answer(planners.widened_by(job.widening_m, job.fence), job)
+    if answer.plan is not None:
+        return answer
     inspects = job.request.mission is Mission.INSPECTION
-    if answer.plan is None and not inspects:
-        tracking_m = planners.exact.site.margin.tracking_m
-        for part in _NARROWED if tracking_m else ():
-            narrower = _narrowed(planners, job, part * tracking_m)
-            if narrower is not None:
-                return narrower
-    if answer.plan is None and job.fence is not None:
+    tracking_m = planners.exact.site.margin.tracking_m
+    for part in _NARROWED if tracking_m and not inspects else ():
+        narrower = _narrowed(planners, job, part * tracking_m)
+        if narrower is not None:
+            return narrower
+    # Within the fence first: one that is only passed by a detour is not what takes the room.
+    if job.widening_m and _answer(planners.widened_by(0.0, job.fence), job).plan is not None:
+        return replace(answer, too_wide=True)
+    crowded = _crowded(planners.exact, answer, job) if inspects else None
+    if crowded is None and job.fence is not None:
         free = _answer(planners.widened_by(job.widening_m), job)
         if free.plan is not None:
             return _fenced_off(answer, free.plan, job.fence)
-    if answer.plan is None and job.widening_m:
-        exact = _answer(planners.widened_by(0.0, job.fence), job)
-        answer = replace(answer, too_wide=exact.plan is not None)
-    if answer.plan is not None or answer.too_wide or not inspects:
-        return answer
-    return _crowded(planners.exact, answer, job)
+    return crowded or answer
 
 
 def _narrowed(planners: Planners, job: PlanJob, narrowed_m: float) -> PlanAnswer | None:
@@ -123,11 +123,11 @@ def _narrowed(planners: Planners, job: PlanJob, narrowed_m: float) -> PlanAnswer
     return None if answer.plan is None else replace(answer, narrowed_m=narrowed_m)
 
 
-def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer:
-    """The answer that the margin alone, or a part of it, takes the room that a target needs."""
+def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer | None:
+    """The answer that the margin, or a part of it, takes the room that a target needs."""
     part = part_in_the_way(exact, lambda freer: _answer(freer, job).plan is not None, job.fence)
     if part is None:
-        return answer
+        return None
     return replace(
         answer,
         reason=f"no way with margin {exact.site.margin.total_m:.2f} m",

@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import pytest
 
+from moar_companion.mission.machine import restarted
 from moar_companion.mission.states import IN_CONTROL, STREAMING, MissionState
 from moar_companion.mission.values import Do, Order
 
 from .stories import (
     EVACUATION,
     EXIT,
+    IN_THE_AIR,
     INSPECTION,
     LAST,
     NOBODY_KNOWS,
@@ -240,6 +242,71 @@ def test_a_mode_given_while_another_mission_is_planned_flies_and_then_turns_to_i
     assert (flight.state, flight.status.task) == ("flying", INSPECTION)
     flight.plan_found()
     assert (flight.state, flight.status.task, flight.answers) == ("flying", EXIT, [(2, "accepted")])
+
+
+# Continued ----------------------------------------------------------------------------------------
+
+
+def no_plan(flight):
+    flight.plan_failed()
+
+
+def taken_back(flight):
+    flight.take_back()
+
+
+def moved_away(flight):
+    flight.change(astray=True)
+    flight.plan_found()
+    flight.change(astray=False)
+
+
+def position_uncertain(flight):
+    flight.see(uncertainty="position uncertainty 3.0 m > 2").tick(10.0)
+    flight.see(uncertainty=None).tick(60.0)
+
+
+def after_a_restart():
+    flight = story(S.IDLE)
+    flight.status = restarted(INSPECTION)
+    return flight
+
+
+def after_a_takeover():
+    return story(S.OVERRIDDEN)
+
+
+@pytest.mark.parametrize("begun", [after_a_restart, after_a_takeover])
+@pytest.mark.parametrize("ends", [no_plan, taken_back, moved_away, position_uncertain])
+@pytest.mark.parametrize("order", [Order.CONTINUE, EXIT])
+def test_what_may_be_continued_outlives_an_order_that_comes_to_nothing(begun, ends, order):
+    flight = begun().order(order)
+    ends(flight)
+    assert flight.state == "idle"
+    flight.order(Order.CONTINUE)
+    assert (flight.state, flight.sought) == ("planning", [INSPECTION])
+    flight.plan_found()
+    assert (flight.state, flight.status.task) == ("ready", INSPECTION)
+
+
+@pytest.mark.parametrize("begun", [after_a_restart, after_a_takeover])
+def test_a_release_or_a_landing_forgets_what_may_be_continued(begun):
+    for forget in (
+        lambda flight: flight.order(Order.RELEASE),
+        lambda flight: flight.see(**ON_THE_GROUND).see(**IN_THE_AIR),
+    ):
+        flight = begun().order(Order.CONTINUE).plan_failed()
+        assert flight.status.task == INSPECTION
+        forget(flight)
+        flight.order(Order.CONTINUE)
+        assert flight.reasons == ["nothing is held"]
+
+
+def test_what_has_ended_on_the_ground_is_not_continued_after_a_denied_order():
+    flight = story(S.FLYING).see(**ON_THE_GROUND).see(**IN_THE_AIR).tick(1.0)
+    flight.order(EXIT).plan_failed()
+    flight.order(Order.CONTINUE)
+    assert flight.reasons == ["nothing is held"]
 
 
 # In flight ----------------------------------------------------------------------------------------

@@ -123,7 +123,9 @@ def test_of_many_widenings_those_of_late_are_kept(exact):
     for width_m in (0.3, 0.1, 0.4, 0.5):
         planners.widened_by(width_m)
     assert planners.widened_by(0.1) is first
-    assert planners.widened_by(0.2) is not second
+    again = planners.widened_by(0.2)
+    assert again is not second
+    assert again.maps.reach == second.maps.reach != first.maps.reach
     assert planners.widened_by(0.0) is exact
 
 

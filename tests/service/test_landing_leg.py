@@ -199,6 +199,19 @@ def test_an_order_that_is_denied_meanwhile_does_not_lose_the_leg(desk):
     assert len(desk.jobs) == asked + 1
 
 
+def test_a_continue_that_is_denied_can_be_given_again_from_nearer_the_leg(desk):
+    asked = taken_over(desk, 0.0, 0.0, -3.0)
+    desk.plan_delay_s = None
+    desk.go_on().run(0.1)
+    desk.answer_plan(plan=None, reason="no free way").run(1.0)
+    assert desk.answers(PAUSE_CONTINUE) == [DENIED]
+    assert desk.state == "idle"
+    desk.drift(0.0, 0.0, 3.0).run(1.0).go_on()
+    given_back(desk)
+    assert desk.answers(PAUSE_CONTINUE)[-1] == ACCEPTED
+    assert len(desk.jobs) == asked + 1
+
+
 def test_under_engage_a_pilot_who_orders_the_rest_of_the_leg_is_told_to_give_the_mode():
     desk = Desk(planner=planner(), height_m=5.0, east_m=2.0, authority=Authority.ENGAGE)
     desk.set(accuracy_m=WELL_M).come_to("landing_leg", EXIT).run(2.0)

@@ -14,6 +14,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import Supervision, shipped_configs
 from moar_companion.margin import flown_site
+from moar_companion.planner.fence import Bound, PlaneFence
 from moar_companion.planner.plan import PlanRequest
 from moar_companion.planner.planner import Planner
 from moar_companion.service.jobs import PlanJob, answer_job
@@ -52,8 +53,8 @@ def planner(gap_m):
     return Planner(flown_site(behind_a_window(gap_m), VEHICLE, Supervision()), VEHICLE)
 
 
-def answer(gap_m, mission, widening_m=0.0):
-    request = PlanRequest(
+def to_beyond(mission):
+    return PlanRequest(
         mission=mission,
         target="beyond" if mission is Mission.INSPECTION else None,
         start_m=START_M,
@@ -61,9 +62,11 @@ def answer(gap_m, mission, widening_m=0.0):
         weights=VEHICLE.weights[mission],
         risk=RiskIndices(),
     )
-    return answer_job(
-        Planners(planner(gap_m)), PlanJob(job_id=1, request=request, widening_m=widening_m)
-    )
+
+
+def answer(gap_m, mission, widening_m=0.0):
+    job = PlanJob(job_id=1, request=to_beyond(mission), widening_m=widening_m)
+    return answer_job(Planners(planner(gap_m)), job)
 
 
 def clearance_m(plan):
@@ -97,6 +100,35 @@ def test_an_inspection_is_flown_with_all_of_the_margin_or_not():
     refused = answer(5.6, Mission.INSPECTION)
     assert refused.plan is None
     assert refused.reason == "no way with margin 2.55 m"
+
+
+CEILING = PlaneFence(bounds=(Bound(name="GF_MAX_VER_DIST 13 m", z_m=(-5.0, 13.0)),), margin_m=1.5)
+"""Lower than walls 13.5 m high."""
+
+
+@pytest.mark.parametrize(
+    ("gap_m", "widening_m", "reason", "too_wide"),
+    [
+        (6.6, 0.6, "no free way to beyond", True),
+        (5.6, 0.0, "no way with margin 2.55 m", False),
+        (0.5, 0.0, "beyond outside GF_MAX_VER_DIST 13 m", False),
+    ],
+)
+def test_a_fence_is_named_only_where_no_width_takes_the_room(gap_m, widening_m, reason, too_wide):
+    """Without the fence there is always a way, over the walls."""
+    site = behind_a_window(gap_m)
+    obstacles = tuple(
+        replace(wall, vertices_m=tuple((x, min(z, 13.5)) for x, z in wall.vertices_m))
+        for wall in site.obstacles
+    )
+    known = Planners(
+        Planner(flown_site(replace(site, obstacles=obstacles), VEHICLE, Supervision()), VEHICLE)
+    )
+    free = PlanJob(job_id=1, request=to_beyond(Mission.INSPECTION), widening_m=widening_m)
+    assert answer_job(known, free).plan is not None
+    refused = answer_job(known, replace(free, fence=CEILING))
+    assert (refused.plan, refused.too_wide) == (None, too_wide)
+    assert refused.reason.startswith(reason)
 
 
 def at_the_window(gap_m, **options):
@@ -147,11 +179,29 @@ def test_another_autopilot_than_the_vehicle_files_is_told_and_nothing_is_flown(f
     assert not desk.setpoints()
 
 
-def test_in_a_gust_an_exit_that_is_ordered_is_planned_by_what_lasts():
+def in_a_gust():
+    """On its way to a target, 1 m off the setpoint: plans of the inspection are wider."""
     usual = usual_planner()
     guidance = replace(usual.vehicle.guidance, tracking_margin_m=0.2)
     desk = Desk(planner=Planner(usual.site, replace(usual.vehicle, guidance=guidance)))
+    desk.set(contingencies=True)
     desk.come_to("flying").fall_behind(0.0, -1.0, 0.0, seconds=1.0).run(3.0)
     assert desk.jobs[-1].widening_m > 0.5
+    return desk
+
+
+def test_in_a_gust_an_exit_that_is_ordered_is_planned_by_what_lasts():
+    desk = in_a_gust()
     desk.order(EXIT).run_until_sought("exit", 1.0)
     assert desk.jobs[-1].widening_m == 0.0
+
+
+def test_in_a_gust_contingencies_are_measured_by_what_lasts():
+    desk = in_a_gust()
+    begun = len(desk.contingency_jobs)
+    desk.run(3.0)
+    later = desk.contingency_jobs[begun:]
+    assert {job.request.mission for job in later} == set(Mission)
+    assert {job.widening_m for job in later} == {0.0}
+    desk.set(accuracy_m=1.15).run(3.0)
+    assert desk.contingency_jobs[-1].widening_m == pytest.approx(0.3)

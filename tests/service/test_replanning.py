@@ -10,11 +10,12 @@ import pytest
 
 from moar_companion.planner.planner import Planner
 from moar_companion.risk import RiskEstimate
+from moar_companion.service.jobs import answer_job
 from moar_companion.service.junction import Adoption
 from moar_companion.service.status import LatestDecisions
 from moar_companion.site import Conductor
 from moar_companion.types import Mission, RiskIndices
-from tests.service.desk import INSPECTION, OFFBOARD, USER_1, Desk, usual_planner
+from tests.service.desk import EXIT, INSPECTION, OFFBOARD, USER_1, Desk, usual_planner
 from tests.service.test_flight import Flown
 
 INNER = 1
@@ -169,3 +170,29 @@ def test_where_obstacles_have_become_wider_the_path_is_made_anew(flown):
     wider = Planner(flown.site, flown.vehicle, position_uncertainty_m=0.3)
     plan = newer(flown, junction, wider)
     assert flown.flight.rest_of_plan(plan, junction, wider.maps.reach) is None
+
+
+def test_a_planner_that_was_built_anew_for_the_same_width_lets_the_path_stay(flown):
+    junction = flown.flight.junction()
+    first, again = (
+        Planner(flown.site, flown.vehicle, position_uncertainty_m=0.3) for _ in range(2)
+    )
+    plan = newer(flown, junction, first)
+    assert flown.flight.adopt(plan, junction, (), first.maps.reach) is Adoption.NEW_PATH
+    junction = flown.flight.junction()
+    plan = newer(flown, junction, again)
+    assert flown.flight.rest_of_plan(plan, junction, again.maps.reach) is not None
+    assert flown.flight.adopt(plan, junction, (), again.maps.reach) is Adoption.SAME_PATH
+
+
+@pytest.mark.parametrize("narrowed_m", [0.0, 0.9])
+def test_a_plan_that_needs_more_of_the_margin_is_flown_though_its_path_is_flown_already(narrowed_m):
+    """What the position is known worse by, and what the plan does without, may be the same."""
+    desk = Desk().come_to("flying", EXIT).set(plan_delay_s=None)
+    desk.jobs.clear()
+    while not desk.jobs:
+        desk.step()
+    (job,) = desk.jobs
+    desk._give(job, replace(answer_job(desk.planners, job), narrowed_m=narrowed_m))
+    assert desk.companion._conduct.course.flight.narrowed_m == narrowed_m
+    assert len(plans(desk.run(0.1))) == (2 if narrowed_m else 1)
