@@ -152,7 +152,7 @@ def run(arguments: argparse.Namespace) -> int:
         target=target,
         start=arguments.start,
         velocity=arguments.velocity,
-        weights=weights.adjusted(risk),
+        weights=weights,
         risk=risk,
     )
 

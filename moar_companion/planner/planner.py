@@ -181,20 +181,21 @@ class Planner:
         target: for an inspection the target's name (the first of the site by default); for exit
         and evacuation the index of a landing point (any by default).
         start, velocity: of the vehicle in the plane, m and m/s; the site's start, at rest.
-        weights: final, after Eq. 9; the vehicle's for this mission by default.
-        risk: the indices behind the weights, for the record.
+        weights: before the risks; the vehicle's for this mission by default.
+        risk: indices by which Eq. 9 shifts the weights; none by default.
 
         That there is no plan is a status. Raises InputError for a target or landing point that
         the site does not have, or landing points none of which can be seen.
         """
         mission = Mission(mission)
+        weights = self.vehicle.weights[mission] if weights is None else weights
         return self.solve(
             PlanRequest(
                 mission=mission,
                 target=target if target is None or isinstance(target, str) else int(target),
                 start_m=self.site.start_m if start is None else _point(start),
                 velocity_mps=_point(velocity),
-                weights=self.vehicle.weights[mission] if weights is None else weights,
+                weights=weights if risk is None else weights.adjusted(risk),
                 risk=_NO_RISK if risk is None else risk,
             )
         )

@@ -110,10 +110,11 @@ def test_the_rest_of_an_optimal_plan_is_the_optimal_plan_from_there(planner, mis
 
 def test_under_other_weights_the_rest_costs_at_least_as_much_as_a_new_plan(planner):
     plan = planner.plan(mission="inspection", weights=FAST)
-    newer = planner.plan(mission="inspection", weights=SAFE, risk=RiskIndices(wind=0.5))
+    risk = RiskIndices(wind=0.5)
+    newer = planner.plan(mission="inspection", weights=SAFE, risk=risk)
     rest = rest_of(plan, planner.maps, 0, newer.request, newer.graph)
     assert rest.cost.total > newer.cost.total
-    assert (rest.weights, rest.request.risk) == (SAFE, RiskIndices(wind=0.5))
+    assert (rest.weights, rest.request.risk) == (SAFE.adjusted(risk), risk)
 
 
 def test_a_path_on_which_there_is_an_obstacle_now_is_not_free(planner):

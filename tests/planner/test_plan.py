@@ -278,11 +278,25 @@ def test_the_json_has_every_key_of_the_contract():
     assert all(isinstance(value, int) for state in document["states"] for value in state)
 
 
-def test_the_json_repeats_risk_and_weights_as_asked():
+def test_risks_shift_the_weights_of_the_vehicle_or_those_given():
+    """Eq. 9, as `plan --risk` applies it."""
+    vehicle, risk = make_vehicle(), RiskIndices(wind=0.7)
+    site, given = make_site(exits=[(20.0, 4.5)], evacuations=[(-20.0, 4.5)]), Weights(0.2, 0.5, 0.3)
+    planner = Planner(site, vehicle)
+    for mission in Mission:
+        plan = planner.plan(mission=mission, risk=risk)
+        assert plan.weights == vehicle.weights[mission].adjusted(risk)
+    assert planner.plan(mission="exit", weights=given, risk=risk).weights == given.adjusted(risk)
+
+
+def test_the_json_repeats_the_risk_as_asked_and_the_weights_as_shifted_by_it():
     weights, risk = Weights(0.43, 0.14, 0.43), RiskIndices(wind=0.25, battery=1.0)
+    shifted = weights.adjusted(risk)
     planner = Planner(make_site(), make_vehicle())
     document = planner.plan(mission="inspection", weights=weights, risk=risk).to_dict()
-    assert document["weights"] == {"safety": 0.43, "time": 0.14, "energy": 0.43}
+    assert document["weights"] == pytest.approx(
+        {"safety": shifted.safety, "time": shifted.time, "energy": shifted.energy}
+    )
     assert document["risk"]["wind"] == 0.25
     assert document["risk"]["battery"] == 1.0
 
