@@ -120,7 +120,8 @@ class Events(RuleBasedStateMachine):
         before = self.story.status
         self.story.order(order)
         if self._commanded():
-            assert before.task is not None and not before.task.done
+            assert before.task is not None
+            assert not before.task.done
             assert before.held or before.state not in STREAMING - {MissionState.HOLDING}
             assert order is Order.CONTINUE
         self._after()
