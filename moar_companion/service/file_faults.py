@@ -55,6 +55,6 @@ class FileFaultTexts:
             if self._told.get(fault, 0) < listeners:
                 self._told[fault] = listeners
                 yield fault, False
-        for fault in self._told.keys() - set(current):
+        for fault in [fault for fault in self._told if fault not in current]:
             del self._told[fault]
             yield fault, True

@@ -100,17 +100,20 @@ class Overseer:
         ruling = self._ruling.apart_from(known)
         acting = {item.condition.name: item for item in ruling.conditions}
         reasons = {item.reason for item in acting.values()}
-        for name in acting.keys() - self._recorded.keys():
+        for name, item in acting.items():
+            if name in self._recorded:
+                continue
             self._reports.record(
                 "condition",
                 now_s,
                 name=name,
-                action=acting[name].condition.action.name.lower(),
+                action=item.condition.action.name.lower(),
                 began=True,
-                reason=acting[name].reason,
+                reason=item.reason,
             )
-        for name in self._recorded.keys() - acting.keys():
-            reason = self._recorded[name]
+        for name, reason in self._recorded.items():
+            if name in acting:
+                continue
             self._reports.record("condition", now_s, name=name, began=False, reason=reason)
             # Another condition may have begun for the same reason.
             if not self._told.get(name, True) and reason not in reasons:
