@@ -304,12 +304,6 @@ def _windless(kind):
     return None
 
 
-def _switchless(kind):
-    if not kind.real and kind.autopilot == "ardupilot":
-        return "the fake takes no RC_CHANNELS_OVERRIDE"
-    return None
-
-
 SCENARIOS = {
     scenario.name: scenario
     for scenario in (
@@ -339,7 +333,6 @@ SCENARIOS = {
             "takeover_by_sticks",
             takeover_by_sticks,
             parameters=_switch_parameters,
-            unable=_switchless,
             speed=1.0,
         ),
         Scenario("gps_loss", gps_loss, let_go=True),
