@@ -244,7 +244,6 @@ def reboot(rig):
     rig.operator.drop_sticks()  # a throttle in its middle is not armed
     rig.restart_autopilot()
     rig.expects_release = False
-    rig.operator.landing = False
     rig.boot()
     rig.take_off()
     rig.watch(12.0)  # the estimator's resets on the ground count for so long
