@@ -114,7 +114,7 @@ class Seen:
     faults: causes that are known as such. conflict: text about a second autopilot.
     expected: the autopilot of the vehicle file, whose margin is kept; None where it names none.
     position_late_s: extra delay against the fastest position message, by its own clock.
-    jumped_m: recent jump of the position. jump_margin_m: permitted position error here.
+    jumped_m: total of recent position jumps. jump_margin_m: permitted position error here.
     origin_moved_m: distance of the origin from its place at flight begin, or at an operator's last
     override. origin_margin_m: its limit. global_off_m, home_off_m: from the local position, by the
     origin, to the autopilot's other reports of the same place.
@@ -256,7 +256,7 @@ def uncertainty_m(risk: RiskEstimate) -> float | None:
 
 
 def widening_m(risk: RiskEstimate, margin: Margin) -> float:
-    """Obstacle inflation for a position uncertainty above the margin's share, in metres."""
+    """Obstacle inflation: position uncertainty above the margin's position error, in metres."""
     return max(0.0, (uncertainty_m(risk) or 0.0) - margin.position_m)
 
 
@@ -432,8 +432,7 @@ def _plane(seen: Seen, limits: Supervision) -> str | None:
 
 
 def _side(beside_m: float, azimuth_rad: float | None) -> str:
-    """Side of the plane by compass; left or right of +x without azimuth. beside_m: y, left of +x.
-    """
+    """Side of the plane by compass; without azimuth left or right of +x. beside_m: y, to the left."""
     if azimuth_rad is None:
         return "left" if beside_m > 0.0 else "right"
     return compass(azimuth_rad - math.copysign(0.5 * math.pi, beside_m))

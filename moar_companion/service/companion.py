@@ -224,7 +224,7 @@ class Companion:
             self._reports.say(Severity.WARNING, words, now_s, action="dropped")
 
     def await_planner(self, compiling: str = "") -> None:
-        """Notes that the site's planner is in preparation; until `take_ground` no flight.
+        """Notes that the planner is in preparation; until `take_ground` telemetry and risk only.
 
         Orders wait for the planner, which is ready soon. During a compilation, which takes long,
         orders are temporarily rejected. compiling: its progress as text.
