@@ -432,7 +432,7 @@ def _plane(seen: Seen, limits: Supervision) -> str | None:
 
 
 def _side(beside_m: float, azimuth_rad: float | None) -> str:
-    """Side of the plane by compass; without azimuth left or right of +x. beside_m: y, to the left."""
+    """Side of the plane by compass; without azimuth left or right of +x. beside_m: y, to left."""
     if azimuth_rad is None:
         return "left" if beside_m > 0.0 else "right"
     return compass(azimuth_rad - math.copysign(0.5 * math.pi, beside_m))

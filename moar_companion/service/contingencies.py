@@ -145,7 +145,7 @@ class Contingencies:
         self.demands: Demands | None = None
         """Energy demand of the remaining flight; None on the ground."""
         self._finish: Way | None = None
-        """Rest of the mission and the better escape route behind it; None: no mission, unknown."""
+        """Rest of the mission and the better escape route behind it; None: none, or unknown."""
         self._out: dict[Mission, Way | None] = {}
         """The escape routes; of an active one the remaining part."""
         self._flown: Mission | None = None

@@ -24,8 +24,8 @@ class Drift:
 
     from_m: the setpoint's place before the displacement; None while the aircraft holds.
     moved_to_m: the aircraft's position if it has just moved the setpoint. carried: the setpoint
-    rests where the displacement left it. lowest_m: least setpoint height before a displacement,
-    from which permitted heights count. returns: the flight comes back by a recovery leg.
+    rests where the displacement left it. lowest_m: minimum setpoint height before displacements; a
+    displaced setpoint may be this low. returns: the flight comes back by a recovery leg.
     rested_s: time for which the aircraft is at rest.
     """
 
