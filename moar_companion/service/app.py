@@ -1,9 +1,9 @@
 """The asyncio shell around the companion: links, clock, planner, recorder, view.
 
-One loop runs the machine at the setpoint rate and sends its output. Plans are made in one thread,
-whose compiled search does not hold the interpreter. That thread also prepares the planner, while
-the loop already receives and sends heartbeats. Everything that can wait for a disk or for a reader
-of the log has its own thread: the loop never waits for them.
+One loop runs the machine at the setpoint rate, with the bytes received since, and sends its output.
+Plans are made in one thread, whose compiled search does not hold the interpreter. That thread also
+prepares the planner, while the loop already receives and sends heartbeats. Operations that can wait
+for a disk or for a reader of the log have their own threads: the loop never waits for them.
 """
 
 from __future__ import annotations

@@ -13,7 +13,7 @@ from .memory import Memory
 from .surroundings import airborne, grounded
 
 _PATIENCE_S = 3.0
-"""EXTENDED_SYS_STATE may come later than the heartbeat; on ArduPilot it has to be asked for."""
+"""EXTENDED_SYS_STATE may come later than the heartbeat; ArduPilot sends it only on request."""
 
 
 class Awakening:

@@ -43,8 +43,8 @@ _SATURATED_OFF_M = 1.5
 """Beyond this error, with tilt or motors at their limits, the aircraft cannot return. In calm air
 PX4 strays by 1.15 m."""
 _OFF_M = 0.5
-"""In flight the local position, by its origin, is within 0.11 m of the global one in recordings of
-PX4, and within 0.03 m in those of ArduPilot, height included. After receiver recovery PX4 reported
+"""In recordings of flights the local position, by its origin, is near the global one: within 0.11 m
+(PX4) or 0.03 m (ArduPilot), height included. After receiver recovery PX4 reported
 0.73 m for 0.24 s, and once 56 m for one message."""
 _CRITICAL = 3
 _FAILED = 5

@@ -108,7 +108,7 @@ class Course:
 
     @property
     def reluctance(self) -> str | None:
-        """Reason why no mission can start; None once the offboard-loss behaviour is known."""
+        """Reason why no mission can start; None once offboard-loss action and fence are known."""
         if not self._survival.loss or not self.watch.known:
             return "autopilot parameters not read yet"
         return None if self._ground is None else self._fences.reluctance
@@ -212,7 +212,7 @@ class Course:
 
     @property
     def objection(self) -> str | None:
-        """Reason against the active flight or hold, by the offboard-loss action; None if none."""
+        """Reason against the active flight or hold, by offboard loss or failsafe; None if none."""
         return self._survival.objection
 
     @property
@@ -304,7 +304,7 @@ class Course:
     def survivable(
         self, awaited: Awaited, answer: PlanAnswer, now_s: float, *, ordered: bool
     ) -> PlanAnswer:
-        """The answer; without its plan if an offboard loss on it would hit an obstacle.
+        """The answer; without its plan if offboard loss or a failsafe on it would hit an obstacle.
 
         ordered: by an operator.
         """

@@ -81,7 +81,7 @@ class FailsafeWatch:
         home_m: Vector | None,
         telemetry: Telemetry,
     ) -> bool:
-        """Takes parameters and home, (x, y, z) in the site's frame; True if failsafes change."""
+        """Takes parameters and home, (x, y, z) in the site's frame; returns True if any is new."""
         heard = self._heard | heard_links(kind, telemetry)
         told = (kind, heard, *(parameters.get(name, "") for name in failsafe_parameters(kind)))
         before_m = self._all.home_m
