@@ -1,4 +1,4 @@
-"""Texts about packets that signed links have refused: how many, and why. Pure."""
+"""Texts about packets that signed links have refused: count and reason. Pure."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from ..mavlink.signing import Refusal
 
 _PERIOD_S = 30.0
-"""A link that refuses all tells it so often: a pilot sees it, and other texts beside it."""
+"""Time between two texts of one reason, which leaves room for other texts."""
 
 
 class Refusals:
-    """What has been told, and when."""
+    """Counts reported so far, and the times of the reports."""
 
     def __init__(self) -> None:
         self._told = dict.fromkeys(Refusal, 0)
@@ -24,9 +24,9 @@ class Refusals:
         behind_s: Mapping[str, Mapping[int, float]],
         now_s: float,
     ) -> list[str]:
-        """What is to be told now. refused: by link and reason, since the start.
+        """Returns the texts due now. refused: by link and reason, since the start.
 
-        behind_s: by link and system id, how far the clocks are behind of those refused for that.
+        behind_s: delay of the clocks of senders refused for that, by link and system id.
         """
         texts = []
         for reason in Refusal:
@@ -43,7 +43,7 @@ class Refusals:
 
 
 def _slowest(behind_s: Mapping[str, Mapping[int, float]]) -> str:
-    """The signer that is farthest behind."""
+    """Text about the signer that is farthest behind."""
     most_s, system_id = max(
         (seconds, system_id) for link in behind_s.values() for system_id, seconds in link.items()
     )
