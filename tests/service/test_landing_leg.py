@@ -182,6 +182,25 @@ def test_what_a_pilot_has_interrupted_on_the_leg_is_gone_on_with_from_near_it(
     assert desk.companion.status.task.done
 
 
+@pytest.mark.parametrize("behind_m", [0.3, 0.6])
+@pytest.mark.parametrize("battery_percent", [90, 8])
+def test_a_leg_that_was_taken_up_is_gone_on_with_by_an_aircraft_that_is_held_beside_its_setpoint(
+    desk, behind_m, battery_percent
+):
+    """Also by the way out of a critical battery, which no operator orders."""
+    taken_over(desk, 0.0, 0.0, -0.9)
+    desk.order(EXIT).run_until("ready", 2.0).run(1.1).say_heartbeat(OFFBOARD).run(0.5)
+    desk.pause().run(1.0).fall_behind(behind_m, 0.0, 0.0).run(1.0)
+    if battery_percent == 90:
+        desk.go_on()
+    else:
+        desk.set(battery_percent=battery_percent, charge_state=3)
+    desk.run(4.0)
+    assert not desk.said("setpoint jumps")
+    assert desk.state == "landing_leg"
+    assert moving(desk, 1.0) == 1.0
+
+
 def test_from_farther_off_the_leg_it_comes_back_and_leaves_anew(desk):
     asked = taken_over(desk, 0.0, 0.0, -3.0)
     desk.order(EXIT).run_until("ready", 2.0)
