@@ -22,6 +22,7 @@ from .desk import (
     AUTO_HOLD,
     CANCELLED,
     DENIED,
+    EVACUATION,
     EXIT,
     INSPECTION,
     OFFBOARD,
@@ -139,6 +140,23 @@ def test_a_reset_out_of_the_legs_corridor_is_a_hold_from_which_an_exit_is_flown(
     assert desk.answers()[-1] == ACCEPTED
     desk.run_until("holding", 120.0)
     assert desk.companion.status.task.done
+
+
+@pytest.mark.parametrize("behind_m", [0.0, 0.5])
+@pytest.mark.parametrize("order", [EXIT, INSPECTION, EVACUATION])
+def test_an_order_after_a_jump_off_the_leg_is_flown(desk, order, behind_m):
+    """Not accepted and then held."""
+    desk.fall_behind(behind_m, 0.0, 0.0).set(reset_counter=1).run(0.2)
+    desk.jump(0.0, 0.0, -0.4).set(reset_counter=2).run(2.5)
+    assert desk.state == "holding"
+    began_s, texts = desk.now_s, len(desk.texts())
+    desk.order(order).run(2.5)
+    assert desk.answers()[-1] == ACCEPTED
+    assert desk.state == "flying"
+    assert not any("holding" in text for text in desk.texts()[texts:])
+    assert any(any((m.vx, m.vy, m.vz)) for m in desk.setpoints(began_s))
+    desk.run(3.0)
+    assert desk.state != "holding"
 
 
 @pytest.mark.parametrize("seconds", [0.3, 3.0])
