@@ -219,7 +219,8 @@ class Companion:
         Of what neither the autopilot's address nor a stream has brought, so much as a cycle has
         time for; the rest is dropped, counted and told.
         """
-        for time_s, link, data, address in self._intake.selected(arrived, self._session.precedence):
+        precedence = self._session.precedence
+        for time_s, link, data, address in self._intake.selected(arrived, precedence, now_s):
             self.receive(link, data, time_s, address)
         for words in self._intake.texts(now_s):
             self._reports.say(Severity.WARNING, words, now_s, action="dropped")
