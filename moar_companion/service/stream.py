@@ -128,6 +128,7 @@ class Stream:
     def end(self) -> None:
         """Nothing is streamed any more."""
         self._last = None
+        self._jumped_m = (0.0, 0.0, 0.0)
 
     def _place_refusal(self, setpoint: Setpoint, flight: Flight, widened_m: float) -> str | None:
         """Why it must not be where it is; widened_m: what the distance from obstacles grows by.
