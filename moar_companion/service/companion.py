@@ -218,7 +218,8 @@ class Companion:
         Bytes from the autopilot's address or a stream are all read. Other bytes have a budget per
         cycle; the rest is dropped, counted and reported.
         """
-        for time_s, link, data, address in self._intake.selected(arrived, self._session.precedence):
+        precedence = self._session.precedence
+        for time_s, link, data, address in self._intake.selected(arrived, precedence, now_s):
             self.receive(link, data, time_s, address)
         for words in self._intake.texts(now_s):
             self._reports.say(Severity.WARNING, words, now_s, action="dropped")

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -492,6 +493,10 @@ class Course:
                 return True
         if pose is None or airspace is None:
             return False
+        if flight is not None:
+            # The gate compares with the last setpoint, which a wind may hold the aircraft beside.
+            last = flight.progress(pose).setpoint
+            pose = replace(pose, position_m=last.position_m, yaw_rad=last.yaw_rad)
         taken_up = left.taken_up(airspace, pose, self._needed_m)
         if taken_up is not None:
             self._plans.forget()

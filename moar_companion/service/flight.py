@@ -227,9 +227,11 @@ class Flight:
     def stand(self, position_m: Vector) -> None:
         """Stops at once at a place that the path has just passed.
 
-        In the workspace the path is dropped, and plans begin at the place; a landing leg is kept.
+        Plans lead on from there, whatever the path; a landing leg is kept within its corridor.
         """
-        if not self.on_leg:
+        leg = self._legs[-1] if self.on_leg and self._legs else None
+        beside_m = math.inf if leg is None else distance_m(position_m, leg.points_m)
+        if beside_m > self._airspace.corridor_width_m:
             trajectory = self._airspace.trajectory(standing(position_m))
             self._reference = Reference.start(trajectory, position_m)
             self._region_corner = None

@@ -16,8 +16,6 @@ from ..types import AutopilotKind, GeodeticPoint, GlobalPosition, Home, LocalOri
 _COMPARABLE_S = 0.3
 """Maximum difference of the stamps of local and global position. GLOBAL_POSITION_INT comes at 5 Hz
 or more; the local position is extrapolated by its velocity for so long."""
-_KNOWN_S = 3.0
-"""Validity of the last comparison: after this the global position is silent."""
 
 
 class FrameAgreement:
@@ -25,7 +23,9 @@ class FrameAgreement:
 
     def __init__(self) -> None:
         self.global_off_m: float | None = None
-        """Distance from the local position, by its origin, to the global one; None: unknown."""
+        """Distance from the local position, by its origin, to the global one, at the last comparison.
+
+        None before that. Silence of either changes nothing."""
         self.home_off_m: float | None = None
         """The same for home's two coordinates; None, too, where the autopilot keeps them apart."""
         self.origin_moved_m = 0.0
@@ -34,8 +34,6 @@ class FrameAgreement:
         self._accepted: GeodeticPoint | None = None
         self._origin: GeodeticPoint | None = None
         self._compared: GlobalPosition | None = None
-        self._compared_s = -math.inf
-        """Time of the last comparison, by the autopilot's clock."""
         self._home_compared: tuple[Home | None, LocalOrigin] | None = None
 
     def look(self, telemetry: Telemetry, kind: AutopilotKind, *, grounded: bool) -> None:
@@ -59,8 +57,6 @@ class FrameAgreement:
 
     def _compare_global(self, telemetry: Telemetry, origin: GeodeticPoint) -> None:
         local, other = telemetry.local_position, telemetry.global_position
-        if local is not None and abs(local.boot_s - self._compared_s) > _KNOWN_S:
-            self.global_off_m = None
         if local is None or other is None or other.boot_s is None or other is self._compared:
             return
         self._compared = other
@@ -72,7 +68,6 @@ class FrameAgreement:
             for place_m, speed_mps in zip(local.position_ned_m, local.velocity_ned_mps, strict=True)
         )
         self.global_off_m = self._distance_m(other.point, origin, (north_m, east_m, down_m))
-        self._compared_s = local.boot_s
 
     def _compare_home(self, home: Home | None, origin: LocalOrigin) -> None:
         """Compares ArduPilot's home only: PX4's local home keeps its value from when home was set.

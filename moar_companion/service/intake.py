@@ -1,8 +1,9 @@
 """Selection of received data, limited to the reading time of one cycle. Pure.
 
-Inputs: datagrams and portions of streams, and their senders. Outputs: data to read, and texts
+Inputs: datagrams and portions of streams, their senders, the time. Outputs: data to read, and texts
 about dropped data. All data from the autopilot's address, or on a stream (serial, TCP), is read.
-All other addresses share one budget: any sender that reaches a port may flood it.
+All other addresses share one budget: any sender that reaches a port may flood it. The budget is
+larger after a pause, because an operator's order may wait behind all that arrived meanwhile.
 """
 
 from __future__ import annotations
@@ -21,6 +22,11 @@ BUDGET_BYTES = 2048
 """Budget of a cycle for all addresses but the autopilot's. A byte that can begin a packet costs up
 to 2.3 us (0xFE: a checksum of 254 bytes), so this is 5 ms of the 50 ms of a cycle. Ground stations
 send some 100 bytes in a cycle."""
+RATE_BYTES_PS = 64_000
+"""Budget of a longer cycle or a pause, per second: a thousand small datagrams. A flood of so many
+bytes takes 15 % of the time."""
+LONGEST_S = 0.5
+"""Maximum pause that counts: 32 kB take 74 ms to read, and a cycle is too late after 100 ms."""
 LEAST_BYTES = 64
 """Minimum cost of a datagram, which has an overhead."""
 _PERIOD_S = 30.0
@@ -34,9 +40,14 @@ class Intake:
         self.dropped: Counter[str] = Counter()
         """Dropped datagrams by link, since the last text."""
         self._told_s = -math.inf
+        self._read_s = math.inf
+        """When the last cycle read; infinite before the first one."""
 
     def selected(
-        self, arrived: Sequence[Arrival], precedence: Callable[[str, Address | None], Precedence]
+        self,
+        arrived: Sequence[Arrival],
+        precedence: Callable[[str, Address | None], Precedence],
+        now_s: float,
     ) -> list[Arrival]:
         """Returns the data to read in this cycle, in the order of arrival.
 
@@ -55,7 +66,7 @@ class Intake:
                 others.append((rank, (link, address), item))
                 sent_bytes[link, address] += _cost_bytes(data)
         others.sort(key=lambda other: (other[0], sent_bytes[other[1]]))
-        left_bytes = BUDGET_BYTES
+        left_bytes = self._budget_bytes(now_s)
         for _, (link, _), item in others:
             cost_bytes = _cost_bytes(item[2])
             if cost_bytes <= left_bytes:
@@ -65,6 +76,11 @@ class Intake:
                 self.dropped[link] += 1
         kept.sort(key=itemgetter(0))
         return kept
+
+    def _budget_bytes(self, now_s: float) -> float:
+        """The budget of a cycle, which grows with the time since the last one."""
+        since_s, self._read_s = now_s - self._read_s, now_s
+        return max(BUDGET_BYTES, RATE_BYTES_PS * min(since_s, LONGEST_S))
 
     def texts(self, now_s: float) -> list[str]:
         """Texts to report now, all links in one: `812 datagrams too many (udp:...)`."""

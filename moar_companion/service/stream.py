@@ -127,6 +127,7 @@ class Stream:
     def end(self) -> None:
         """Ends the stream: there is no last setpoint any more."""
         self._last = None
+        self._jumped_m = (0.0, 0.0, 0.0)
 
     def _place_refusal(self, setpoint: Setpoint, flight: Flight, widened_m: float) -> str | None:
         """Reason why a setpoint's position is forbidden; widened_m: inflation of obstacles.
