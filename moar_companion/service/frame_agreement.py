@@ -23,7 +23,7 @@ class FrameAgreement:
 
     def __init__(self) -> None:
         self.global_off_m: float | None = None
-        """Distance from the local position, by its origin, to the global one, at the last comparison.
+        """Distance from the local position, by its origin, to the global one, when last compared.
 
         None before that. Silence of either changes nothing."""
         self.home_off_m: float | None = None
