@@ -139,4 +139,3 @@ class PacketOrder:
             place = self._newest + ahead
         self._newest, self._received_s = max(self._newest, place), now_s
         return place
-

@@ -30,8 +30,8 @@ _AUTOPILOT_TIMEOUT_S = 3.0
 """After so long without the autopilot at its address another one may be its new one: a router that
 was started anew, for example. The autopilot's link is lost after the same time."""
 _REPORT_PERIOD_S = 60.0
-"""Between two reports of systems that are not sent to, and of addresses with the autopilot's ids: of
-either there may be many in a network, and an operator may have connected since the last report."""
+"""Between two reports of systems that are not sent to, and of addresses with the autopilot's ids.
+Of either a network may have many, and an operator may have connected since the last report."""
 _SOURCES_TOLD = 8
 
 
