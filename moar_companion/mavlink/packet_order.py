@@ -2,7 +2,9 @@
 
 A link that delays each packet by another time delivers some after their successors. What such a
 packet says is older than what is known, and must not replace it. Of a message that carries the
-autopilot's time (`time_boot_ms`, `time_usec`) the time decides, however late it is. Of others the
+autopilot's time (`time_boot_ms`, `time_usec`) the time decides, however late it is. `time_boot_ms`
+is of one clock, which is judged in one place; `time_usec` may be of a receiver or of an odometry
+that restarts by itself, so that each message has a clock of its own. Of others the
 sequence number of the header does: of the mode above all, as neither HEARTBEAT nor CURRENT_MODE
 carries a time. Only a state is replaced by its successor, and only that of the same instance:
 events count whenever they arrive.
@@ -43,27 +45,34 @@ _OF_A_PLACE = {
 }
 """PX4 stamps these with the time at which the place was set, ArduPilot with that of the packet: a
 place that was told with a later time would hide the true one for good."""
-_ROUND_32_BITS = 2**32
+_ROUND_32_BITS_S = 2**32 * 1e-6
+"""`time_usec` of 32 bits begins anew."""
 
 
 class PacketOrder:
     """Positions of one source's packets, and the latest of each message.
 
-    same: by message id, another message that tells the same and is ordered with it.
+    same: by message id, another message that tells the same and is ordered with it. boot_clock:
+    the source's clock, whose steps whoever reads it judges; for all messages with `time_boot_ms`.
     """
 
-    def __init__(self, *, same: Mapping[int, int]) -> None:
+    def __init__(self, *, same: Mapping[int, int], boot_clock: SourceClock) -> None:
         self._same = dict(same)
+        self._boot_clock = boot_clock
         self._newest = 0
         self._received_s = -math.inf
         self._latest: dict[tuple[int, int], int] = {}
+        self._boot_s: dict[tuple[int, int], float] = {}
+        """The latest `time_boot_ms` of each message, in seconds."""
         self._clocks: dict[tuple[int, int], SourceClock] = {}
+        """Of messages with `time_usec`."""
         self.late = 0
         """How many packets were late, or ahead of the autopilot's clock."""
 
     def restart(self) -> None:
         """The source has restarted: nothing before counts."""
         self._received_s = -math.inf
+        self._boot_s.clear()
         self._clocks.clear()
 
     def is_late(self, message: Message, now_s: float) -> bool:
@@ -75,9 +84,9 @@ class PacketOrder:
         message_id = message.get_msgId()
         field = _INSTANCES.get(message_id)
         instance = 0 if field is None else getattr(message, field)
-        stamp = None if message_id in _OF_A_PLACE else _stamp(message)
-        if stamp is not None:
-            late = self._is_older(stamp, (message_id, instance), now_s)
+        timed = None if message_id in _OF_A_PLACE else self._is_older(message, instance, now_s)
+        if timed is not None:
+            late = timed
             if not late:
                 self._place_of(message, now_s, timed=True)
         else:
@@ -87,14 +96,24 @@ class PacketOrder:
         self.late += late
         return late
 
-    def _is_older(
-        self, stamp: tuple[float, float, bool], kind: tuple[int, int], now_s: float
-    ) -> bool:
-        """Whether it is late by the time in it."""
-        stamp_s, round_s, restarts = stamp
+    def _is_older(self, message: Message, instance: int, now_s: float) -> bool | None:
+        """Whether it is late by the time in it; None where it carries none."""
+        kind = message.get_msgId(), instance
+        if hasattr(message, "time_boot_ms"):
+            boot_s, clock = message.time_boot_ms * 1e-3, self._boot_clock
+            older = clock.passed_s(self._boot_s.get(kind, boot_s), boot_s) < 0.0
+            if older or clock.is_ahead(boot_s, now_s):
+                return True
+            self._boot_s[kind] = boot_s
+            return False
+        # 0 is how PX4 tells that a receiver is silent.
+        time_usec = getattr(message, "time_usec", 0)
+        if not time_usec:
+            return None
         if kind not in self._clocks:
-            self._clocks[kind] = SourceClock(round_s=round_s, restarts=restarts)
-        return self._clocks[kind].read(stamp_s, now_s) in {Reading.LATE, Reading.FOREIGN}
+            short = message.fieldtypes[message.fieldnames.index("time_usec")] == "uint32_t"
+            self._clocks[kind] = SourceClock(round_s=_ROUND_32_BITS_S if short else math.inf)
+        return self._clocks[kind].read(time_usec * 1e-6, now_s) in {Reading.LATE, Reading.FOREIGN}
 
     def _is_overtaken(self, kind: tuple[int, int], place: int | None) -> bool:
         """Whether it is late by its sequence number."""
@@ -120,19 +139,3 @@ class PacketOrder:
             place = self._newest + ahead
         self._newest, self._received_s = max(self._newest, place), now_s
         return place
-
-
-def _stamp(message: Message) -> tuple[float, float, bool] | None:
-    """The time in a message, after what time it begins anew, and whether it may be another's clock.
-
-    In seconds; None where it carries none. `time_boot_ms` is of the one clock whose restart is
-    known. `time_usec` may be of a receiver or of an odometry that restarts by itself; 0 is how PX4
-    tells that a receiver is silent.
-    """
-    if hasattr(message, "time_boot_ms"):
-        return message.time_boot_ms * 1e-3, _ROUND_32_BITS * 1e-3, False
-    time_usec = getattr(message, "time_usec", 0)
-    if not time_usec:
-        return None
-    short = message.fieldtypes[message.fieldnames.index("time_usec")] == "uint32_t"
-    return time_usec * 1e-6, _ROUND_32_BITS * 1e-6 if short else math.inf, True

@@ -29,8 +29,9 @@ one; one that was heard for longer keeps it for as long, up to the time-out."""
 _AUTOPILOT_TIMEOUT_S = 3.0
 """After so long without the autopilot at its address another one may be its new one: a router that
 was started anew, for example. The autopilot's link is lost after the same time."""
-_REFUSAL_PERIOD_S = 60.0
-"""Between two reports of a system that is not sent to: it may be one of many in a network."""
+_REPORT_PERIOD_S = 60.0
+"""Between two reports of systems that are not sent to, and of addresses with the autopilot's ids.
+Of either a network may have many, and an operator may have connected since the last report."""
 _SOURCES_TOLD = 8
 
 
@@ -87,7 +88,7 @@ class Peers:
         self._home: Address | None = None
         """Where the autopilot is heard; None on a stream, and before."""
         self._home_s: float | None = None
-        self._elsewhere_told = False
+        self._elsewhere_due_s = -math.inf
         self._refusal_due_s = -math.inf
         self._events: list[AutopilotElsewhere | PeerRefused] = []
         self.sources: set[tuple[int, int]] = set()
@@ -145,8 +146,8 @@ class Peers:
         if self._home_s is None or now_s - self._home_s > _AUTOPILOT_TIMEOUT_S:
             self._home = address
         elif address != self._home:
-            if address is not None and not self._elsewhere_told:
-                self._elsewhere_told = True
+            if address is not None and now_s >= self._elsewhere_due_s:
+                self._elsewhere_due_s = now_s + _REPORT_PERIOD_S
                 self._events.append(AutopilotElsewhere(link=self._link, address=address))
             return True
         self._home_s = now_s
@@ -154,7 +155,7 @@ class Peers:
 
     def forget_autopilot(self) -> None:
         """Another autopilot was found: it is where it is heard next."""
-        self._home, self._home_s, self._elsewhere_told = None, None, False
+        self._home, self._home_s, self._elsewhere_due_s = None, None, -math.inf
 
     def admit(
         self,
@@ -175,7 +176,7 @@ class Peers:
         if any(map(allows, systems)):
             self._note_valid(address, now_s)
         elif now_s >= self._refusal_due_s:
-            self._refusal_due_s = now_s + _REFUSAL_PERIOD_S
+            self._refusal_due_s = now_s + _REPORT_PERIOD_S
             self._events.append(PeerRefused(link=self._link, address=address, system_id=systems[0]))
 
     def _note_valid(self, address: Address, now_s: float) -> None:

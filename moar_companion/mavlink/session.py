@@ -195,6 +195,11 @@ class Session:
         return {link: dict(signing.behind_s) for link, signing in self._signing.items()}
 
     @property
+    def signing_ahead_s(self) -> float:
+        """How far what new senders are judged by is ahead of the wall clock, on any link."""
+        return max((signing.ahead_s for signing in self._signing.values()), default=0.0)
+
+    @property
     def packets_refused(self) -> dict[str, dict[Refusal, int]]:
         """How many packets each signed link has refused, and why."""
         return {link: dict(signing.refused) for link, signing in self._signing.items()}

@@ -106,6 +106,8 @@ class LinkSigning:
 
         While the wall clock is not set (before 2015, or over a minute behind this), peers' time
         stamps count, too: there is nothing else to tell a recorded packet from a new one."""
+        self.ahead_s = 0.0
+        """How far the reference is ahead of the wall clock, where that is less than it."""
         self.behind_s: dict[int, float] = {}
         """By system id: how far those are behind whose first packet was refused as too old."""
         self._clock_is_set = False
@@ -118,7 +120,8 @@ class LinkSigning:
         """Takes the wall clock, in seconds since 1970; a clock that goes back moves no stamp."""
         wall = timestamp_at(wall_s)
         self._clock_is_set = wall > 0 and wall >= self.reference - _NEW_STREAM_UNITS
-        self.reference = min(LATEST_TIMESTAMP, max(self.reference, wall))
+        self.reference = max(self.reference, wall)
+        self.ahead_s = (self.reference - wall) / UNITS_PER_S
         self._advance_to(wall)
 
     def next_timestamp(self) -> int:
@@ -155,8 +158,12 @@ class LinkSigning:
 
 
 def timestamp_at(wall_s: float) -> int:
-    """The time stamp of a wall clock in seconds since 1970; before 2015 it is 0."""
-    return max(0, int((wall_s - _EPOCH_S) * UNITS_PER_S))
+    """The time stamp of a wall clock in seconds since 1970; 0 before 2015 and from 2104 on.
+
+    No time stamp can follow the last one there is.
+    """
+    timestamp = int((wall_s - _EPOCH_S) * UNITS_PER_S)
+    return timestamp if 0 <= timestamp < LATEST_TIMESTAMP else 0
 
 
 def link_signings(links: Iterable[LinkConfig], signing: Signing | None) -> dict[str, LinkSigning]:

@@ -470,6 +470,6 @@ class Companion:
             None if pose is None else pose.position_m,
             now_s,
         )
-        behind_s = self._session.signers_behind_s
-        for words in self._refusals.texts(self.packets_refused, behind_s, now_s):
+        behind_s, ahead_s = self._session.signers_behind_s, self._session.signing_ahead_s
+        for words in self._refusals.texts(self.packets_refused, behind_s, now_s, ahead_s=ahead_s):
             self._reports.say(Severity.WARNING, words, now_s)

@@ -17,7 +17,7 @@ from typing import Annotated, Literal
 from pydantic import Field, TypeAdapter
 
 from ..config import CompanionConfig
-from ..mavlink.signing import LATEST_TIMESTAMP, UNITS_PER_S, Signing
+from ..mavlink.signing import LATEST_TIMESTAMP, UNITS_PER_S, Signing, timestamp_at
 from ..outlets.writer import Batches, Writer
 from .memory_file import write_whole
 from .places import state_folder
@@ -31,6 +31,15 @@ _AHEAD_UNITS = 5 * UNITS_PER_S
 restarts again and again does not run ahead of the clocks of its peers."""
 _LEAST_AHEAD_UNITS = 2 * UNITS_PER_S
 """With less lead than this the file is written again."""
+
+_SET_SINCE_S = 1_767_225_600
+"""2026-01-01 UTC, in seconds since 1970. A clock that tells less was never set: this software is
+younger."""
+_BELIEVED_AHEAD_S = 5 * 365 * 86400
+"""A clock that is not set may begin with the date of the system's image; none is so old. What is
+kept and farther ahead was told by a clock that was wrong."""
+_DOUBTED_AHEAD_S = 60.0
+"""So far behind what is kept new senders are refused."""
 
 _Timestamp = Annotated[int, Field(ge=0, le=LATEST_TIMESTAMP)]
 
@@ -103,9 +112,30 @@ def load_signing(config: CompanionConfig, wall_s: float) -> Signing | None:
         return None
     folder = state_folder(config)
     file = None if folder is None else _kept(folder.path / _NAME)
-    if file is None:
+    if folder is None or file is None:
         return Signing(key=key, wall_s=wall_s)
-    return Signing(key=key, wall_s=wall_s, kept=file.timestamps, references=file.references)
+    references = _believed(file.references, wall_s, folder.path / _NAME)
+    return Signing(key=key, wall_s=wall_s, kept=file.timestamps, references=references)
+
+
+def _believed(references: Mapping[str, int], wall_s: float, path: Path) -> dict[str, int]:
+    """Those that a wall clock which is set does not prove wrong; what is ahead of it is told."""
+    now = timestamp_at(wall_s)
+    ahead_s = (max(references.values(), default=0) - now) / UNITS_PER_S
+    if wall_s < _SET_SINCE_S or ahead_s <= _DOUBTED_AHEAD_S:
+        return dict(references)
+    wrong = ahead_s > _BELIEVED_AHEAD_S
+    _logger.warning(
+        "%s: time stamps are %.1f days ahead of this computer's clock, %s",
+        path,
+        ahead_s / 86400.0,
+        "not used"
+        if wrong
+        else "senders that are behind them are refused: set the clock; where it is right delete "
+        "the file, and restart",
+    )
+    latest = now + _BELIEVED_AHEAD_S * UNITS_PER_S
+    return {link: timestamp for link, timestamp in references.items() if timestamp <= latest}
 
 
 def _kept(path: Path) -> _File | None:
