@@ -72,6 +72,7 @@ def setpoint(time_s, place_m, aircraft_m=None, **changes) -> Sent:
     values = {
         "time_s": float(time_s),
         "state": "flying",
+        "on_leg": False,
         "local_m": tuple(place_m),
         "moves": False,
         "told_m": tuple(place_m),
@@ -203,6 +204,25 @@ def test_a_setpoint_from_stale_input_is_found(age_s, moves, found):
     assert rules(from_step(500, at_rest(), position_age_s=age_s, moves=moves)) == found
 
 
+def test_a_stream_that_begins_anew_after_a_state_without_one_is_no_step():
+    away_m = (HERE_M[0] + 0.5, *HERE_M[1:])
+    record = from_step(500, at_rest(), local_m=away_m, told_m=away_m, aircraft_m=away_m)
+    assert rules(record) == {"step": ()}
+    states = ["flying"] * COUNT
+    states[499] = "idle"
+    assert rules(dataclasses.replace(record, states=states)) == {}
+
+
+def test_a_setpoint_at_rest_may_follow_the_aircraft_that_has_taken_it_along():
+    blown_m = (HERE_M[0] + 4.0, *HERE_M[1:])
+    taken_m, nearer_m = ((HERE_M[0] + away, *HERE_M[1:]) for away in (3.0, 3.2))
+    away = from_step(500, at_rest(), aircraft_m=blown_m)
+    taken = from_step(500, away, local_m=taken_m, told_m=taken_m)
+    along = from_step(501, taken, local_m=nearer_m, told_m=nearer_m)
+    assert "step" not in rules(along)
+    assert "step" in rules(from_step(501, taken, local_m=nearer_m, told_m=nearer_m, moves=True))
+
+
 def test_a_setpoint_while_the_mode_is_not_told_is_found():
     assert rules(from_step(500, at_rest(), mode_age_s=3.4)) == {"stale_mode": ()}
 
@@ -213,12 +233,12 @@ def test_a_setpoint_while_the_mode_is_not_told_is_found():
 def test_a_setpoint_outside_is_found_but_on_a_landing_leg(place_m):
     record = from_step(500, at_rest(), told_m=place_m)
     assert rules(record) == {"outside": ()}
-    assert rules(from_step(500, record, state="landing_leg")) == {}
+    assert rules(from_step(500, record, on_leg=True)) == {}
 
 
 def test_what_is_left_of_a_landing_leg_may_lead_outside_for_a_while():
     outside_m = (30.1, 0.0, 9.0)
-    record = from_step(500, from_step(400, at_rest(), state="landing_leg"), state="flying")
+    record = from_step(500, from_step(400, at_rest(), on_leg=True), on_leg=False)
     assert rules(from_step(600, record, told_m=outside_m)) == {}
     assert rules(from_step(700, record, told_m=outside_m)) == {"outside": ()}
 

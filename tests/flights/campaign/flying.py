@@ -59,6 +59,8 @@ class Sent:
 
     time_s: float
     state: str
+    on_leg: bool
+    """Whether the companion flies a landing leg, whatever its task is by now."""
     local_m: tuple[float, float, float]
     moves: bool
     told_m: tuple[float, float, float]
@@ -353,12 +355,14 @@ class RandomFlight(Lockstep):
             )
         )  # fmt: skip
         self.modes.append(truth.mode)
+        flown = self.companion._conduct.course.flight
         for item in setpoints:
             message, nav = item.message, self.autopilot.manner.navigation
             self.sent.append(
                 Sent(
                     time_s=item.time_s,
                     state=item.state,
+                    on_leg=flown is not None and flown.on_leg,
                     local_m=(message.x, message.y, message.z),
                     moves=any((message.vx, message.vy, message.vz)),
                     told_m=self._local_in_site(message.x, message.y, message.z),

@@ -28,6 +28,8 @@ from . import (
 from .flying import Record, Sent
 from .kinds import Breaks
 
+STREAMING = {"ready", "flying", "at_target", "landing_leg", "holding"}
+"""States in which setpoints are sent."""
 STREAK_S = 0.05
 """A longer pause ends a stream of setpoints; the next one begins another."""
 BEGINS_WITHIN_M = 2.0
@@ -252,6 +254,8 @@ class _Stream:
         told = np.array([item.told_m for item in self._sent]).reshape(-1, 3)
         self._room = room_m(record.draw.site, told[:, [0, 2]], vehicle.radius_m, keep_out=True)
         self._away = np.array([self._away_m(item.told_m) for item in self._sent])
+        silent = [state not in STREAMING for state in record.states]
+        self._silent_steps = np.concatenate([[0], np.cumsum(silent)])
 
     def _away_m(self, place_m) -> float:
         """How far a place is outside the workspace, too low, or beside the plane."""
@@ -276,13 +280,25 @@ class _Stream:
         return ranged if ranged > JUMP_M else 0.0
 
     def _pairs(self):
-        """(index, the setpoint before in the same stream or None, the setpoint)."""
+        """(index, the setpoint before in the same stream or None, the setpoint, whether taken).
+
+        Taken along by its aircraft: at rest, and nearer to it than before, from far away or since
+        it was taken along from there.
+        """
         before: Sent | None = None
+        taken = False
         for index, item in enumerate(self._sent):
-            if before is not None and item.time_s - before.time_s > STREAK_S:
+            if before is not None and self._is_other_stream(before, item):
                 before = None
-            yield index, before, item
+            taken = before is not None and self._is_taken(before, item, already=taken)
+            yield index, before, item, taken
             before = item
+
+    def _is_other_stream(self, before: Sent, item: Sent) -> bool:
+        """After a pause, or after a state in which nothing is streamed."""
+        steps = np.searchsorted(self._record.time_s, [before.time_s - 1e-6, item.time_s - 1e-6])
+        ended = self._silent_steps[steps[1]] > self._silent_steps[steps[0]]
+        return bool(ended or item.time_s - before.time_s > STREAK_S)
 
     def _goes_on(self, index: int) -> bool:
         """Whether a stream begins where the one before it may have come to since."""
@@ -296,20 +312,19 @@ class _Stream:
         """Of every setpoint that neither a jump nor its aircraft has moved."""
         return [
             speed
-            for _, before, item in self._pairs()
+            for _, before, item, taken in self._pairs()
             if before is not None
-            and not self._is_taken(before, item)
+            and not taken
             and (speed := _speed_mps(before, item)) is not None
             and (speed <= self._most_mps or not self._jumped_m(item.time_s))
         ]
 
-    def _is_taken(self, before: Sent, item: Sent) -> bool:
-        """Along by its aircraft: at rest, and nearer to it than before."""
-        was_m = math.dist(before.told_m, item.aircraft_m)
-        return (
-            not item.moves
-            and was_m > TAKEN_FROM_M
-            and math.dist(item.told_m, item.aircraft_m) < was_m
+    @staticmethod
+    def _is_taken(before: Sent, item: Sent, *, already: bool) -> bool:
+        was_m, is_m = (math.dist(each.told_m, item.aircraft_m) for each in (before, item))
+        return not item.moves and (
+            (is_m < was_m and (already or was_m > TAKEN_FROM_M))
+            or (already and item.told_m == before.told_m)
         )
 
     def violations(self):
@@ -331,9 +346,8 @@ class _Stream:
     def _found(self):
         """(index, rule, value) of every setpoint that breaks one."""
         on_leg, leg_s = False, -math.inf
-        for index, before, item in self._pairs():
+        for index, before, item, taken in self._pairs():
             near = math.dist(item.told_m, item.aircraft_m) <= BEGINS_WITHIN_M
-            taken = before is not None and self._is_taken(before, item)
             if before is None and not near and not self._goes_on(index):
                 yield index, "begins", math.dist(item.told_m, item.aircraft_m)
             if before is not None and not taken:
@@ -348,7 +362,7 @@ class _Stream:
             if item.mode_age_s > MODE_AGE_S:
                 yield index, "stale_mode", item.mode_age_s
             away = self._away[index]
-            if item.state == "landing_leg":
+            if item.on_leg:
                 leg_s = item.time_s
             on_leg = item.time_s - leg_s <= LEFT_LEG_S or (on_leg and away > TOLERANCE_M)
             if away > TOLERANCE_M and not on_leg and not taken:
