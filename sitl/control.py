@@ -57,6 +57,8 @@ class Gains:
     tilt_rad: float
     thrust_min: float
     thrust_max: float
+    braking_mps2: float = math.inf
+    """With which a speed towards a far position can still be lost before it."""
 
     @property
     def lean_mps2(self) -> float:
@@ -176,8 +178,10 @@ class PositionControl:
         quad, estimator, gains = self._quad, place.estimator, self.gains
         vx, vy = target.vx, target.vy
         if _isfinite(target.x) and _isfinite(target.y):
-            px = gains.position_xy * (target.x - place.x)
-            py = gains.position_xy * (target.y - place.y)
+            px, py = target.x - place.x, target.y - place.y
+            gain = _gain(math.hypot(px, py), gains.position_xy, gains.braking_mps2)
+            px *= gain
+            py *= gain
             vx = px + (vx if _isfinite(vx) else 0.0)
             vy = py + (vy if _isfinite(vy) else 0.0)
         speed = math.hypot(vx, vy)
@@ -216,3 +220,11 @@ class PositionControl:
         else:
             self.yaw_wish += self._drift_radps * dt
             demand.yaw_rad, demand.yaw_rate_radps = self.yaw_wish, None
+
+
+def _gain(distance_m: float, gain_per_s: float, braking_mps2: float) -> float:
+    """Speed per distance: the gain; far away, what can still be braked (sqrt_controller)."""
+    if distance_m * gain_per_s**2 <= braking_mps2:
+        return gain_per_s
+    linear_m = braking_mps2 / gain_per_s**2
+    return math.sqrt(2.0 * braking_mps2 * (distance_m - 0.5 * linear_m)) / distance_m

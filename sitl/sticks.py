@@ -18,6 +18,8 @@ class Sticks:
         self.roll = self.pitch = self.throttle = self.yaw = 0.0
         self.switch_us = CENTRE_US
         """The flight mode switch, channel 5."""
+        self._override: tuple[int, int] | None = None
+        """What a ground station says instead of the switch, and until when."""
         self.remote_control = False
         self.last_us: int | None = None
         self.ever = False
@@ -31,10 +33,18 @@ class Sticks:
         """Turn the flight mode switch to a position, 1 to 6."""
         self.switch_us = _SWITCH_US[position - 1]
 
+    def override_switch(self, us: int, until_us: int) -> None:
+        """Let a ground station's channel 5 stand for the flight mode switch; 0 gives it back."""
+        self._override = (us, until_us) if us else None
+
     @property
     def switch_position(self) -> int:
         """The position of the flight mode switch, 1 to 6."""
-        return 1 + sum(self.switch_us > bound for bound in _SWITCH_BOUNDS_US)
+        return 1 + sum(self._channel_5_us > bound for bound in _SWITCH_BOUNDS_US)
+
+    @property
+    def _channel_5_us(self) -> int:
+        return self.switch_us if self._override is None else self._override[0]
 
     def release(self) -> None:
         """Switch the remote control off."""
@@ -49,6 +59,8 @@ class Sticks:
 
     def step(self, now_us: int) -> None:
         """Let the remote control repeat itself."""
+        if self._override is not None and now_us >= self._override[1]:
+            self._override = None
         if self.remote_control:
             self.last_us = now_us
         if self.last_us is not None:
@@ -67,6 +79,6 @@ class Sticks:
         moved = [self.roll, -self.pitch, self.throttle, self.yaw]
         return [
             *(CENTRE_US + math.floor(500 * value + 0.5) for value in moved),
-            self.switch_us,
+            self._channel_5_us,
             *[CENTRE_US] * 3,
         ]

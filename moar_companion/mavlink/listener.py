@@ -55,7 +55,7 @@ class Listener:
         self.identity = Identity()
         self.telemetry = Telemetry()
         self._boot_clock = SourceClock(round_s=_BOOT_ROUND_S, behind_s=_CLOCK_TOLERANCE_S)
-        self._order = PacketOrder(same={CURRENT_MODE_ID: _HEARTBEAT})
+        self._order = PacketOrder(same={CURRENT_MODE_ID: _HEARTBEAT}, boot_clock=self._boot_clock)
         self._packet_s = 0.0
 
     @property

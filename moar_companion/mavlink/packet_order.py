@@ -2,9 +2,10 @@
 
 A link with varying delay delivers some packets after their successors. Such a late packet must not
 replace newer data. For a message with the autopilot's time (`time_boot_ms`, `time_usec`) that time
-decides. For others the sequence number of the header decides: above all for the mode, as neither
-HEARTBEAT nor CURRENT_MODE carries a time. Only states of the same instance are ordered; events
-count whenever they arrive.
+decides. `time_boot_ms` is of one clock, tracked in one place. `time_usec` may be of a receiver or
+an odometry that restarts by itself, so each message has its own clock. For others the sequence
+number of the header decides: above all for the mode, as neither HEARTBEAT nor CURRENT_MODE carries
+a time. Only states of the same instance are ordered; events count whenever they arrive.
 """
 
 from __future__ import annotations
@@ -42,27 +43,34 @@ _OF_A_PLACE = {
 }
 """Messages ordered by sequence number despite a time. PX4 stamps them with the time of setting,
 ArduPilot with that of sending: one wrong later stamp would block the true place for good."""
-_ROUND_32_BITS = 2**32
+_ROUND_32_BITS_S = 2**32 * 1e-6
+"""Wrap of a `time_usec` of 32 bits."""
 
 
 class PacketOrder:
     """Positions of one source's packets, and the latest of each message.
 
     same: by message id, another message with the same content, ordered together with it.
+    boot_clock: the source's clock for all messages with `time_boot_ms`; the caller updates it.
     """
 
-    def __init__(self, *, same: Mapping[int, int]) -> None:
+    def __init__(self, *, same: Mapping[int, int], boot_clock: SourceClock) -> None:
         self._same = dict(same)
+        self._boot_clock = boot_clock
         self._newest = 0
         self._received_s = -math.inf
         self._latest: dict[tuple[int, int], int] = {}
+        self._boot_s: dict[tuple[int, int], float] = {}
+        """Latest `time_boot_ms` of each message, in seconds."""
         self._clocks: dict[tuple[int, int], SourceClock] = {}
+        """Clocks of messages with `time_usec`."""
         self.late = 0
         """Count of packets that were late, or ahead of the autopilot's clock."""
 
     def restart(self) -> None:
         """Resets the order after a restart of the source."""
         self._received_s = -math.inf
+        self._boot_s.clear()
         self._clocks.clear()
 
     def is_late(self, message: Message, now_s: float) -> bool:
@@ -73,9 +81,9 @@ class PacketOrder:
         message_id = message.get_msgId()
         field = _INSTANCES.get(message_id)
         instance = 0 if field is None else getattr(message, field)
-        stamp = None if message_id in _OF_A_PLACE else _stamp(message)
-        if stamp is not None:
-            late = self._is_older(stamp, (message_id, instance), now_s)
+        timed = None if message_id in _OF_A_PLACE else self._is_older(message, instance, now_s)
+        if timed is not None:
+            late = timed
             if not late:
                 self._place_of(message, now_s, timed=True)
         else:
@@ -85,14 +93,24 @@ class PacketOrder:
         self.late += late
         return late
 
-    def _is_older(
-        self, stamp: tuple[float, float, bool], kind: tuple[int, int], now_s: float
-    ) -> bool:
-        """Returns True if the packet is late by its time stamp."""
-        stamp_s, round_s, restarts = stamp
+    def _is_older(self, message: Message, instance: int, now_s: float) -> bool | None:
+        """Returns True if the packet is late by its time stamp; None without one."""
+        kind = message.get_msgId(), instance
+        if hasattr(message, "time_boot_ms"):
+            boot_s, clock = message.time_boot_ms * 1e-3, self._boot_clock
+            older = clock.passed_s(self._boot_s.get(kind, boot_s), boot_s) < 0.0
+            if older or clock.is_ahead(boot_s, now_s):
+                return True
+            self._boot_s[kind] = boot_s
+            return False
+        # PX4 reports 0 for a silent receiver.
+        time_usec = getattr(message, "time_usec", 0)
+        if not time_usec:
+            return None
         if kind not in self._clocks:
-            self._clocks[kind] = SourceClock(round_s=round_s, restarts=restarts)
-        return self._clocks[kind].read(stamp_s, now_s) in {Reading.LATE, Reading.FOREIGN}
+            short = message.fieldtypes[message.fieldnames.index("time_usec")] == "uint32_t"
+            self._clocks[kind] = SourceClock(round_s=_ROUND_32_BITS_S if short else math.inf)
+        return self._clocks[kind].read(time_usec * 1e-6, now_s) in {Reading.LATE, Reading.FOREIGN}
 
     def _is_overtaken(self, kind: tuple[int, int], place: int | None) -> bool:
         """Returns True if the packet is late by its sequence number."""
@@ -118,19 +136,3 @@ class PacketOrder:
             place = self._newest + ahead
         self._newest, self._received_s = max(self._newest, place), now_s
         return place
-
-
-def _stamp(message: Message) -> tuple[float, float, bool] | None:
-    """Time in a message, the wrap of its clock, and True if that clock may restart by itself.
-
-    In seconds; None without a time. `time_boot_ms` is the autopilot's clock, whose restart is
-    detected elsewhere. `time_usec` may be of a receiver or an odometry that restarts by itself; PX4
-    reports 0 for a silent receiver.
-    """
-    if hasattr(message, "time_boot_ms"):
-        return message.time_boot_ms * 1e-3, _ROUND_32_BITS * 1e-3, False
-    time_usec = getattr(message, "time_usec", 0)
-    if not time_usec:
-        return None
-    short = message.fieldtypes[message.fieldnames.index("time_usec")] == "uint32_t"
-    return time_usec * 1e-6, _ROUND_32_BITS * 1e-6 if short else math.inf, True

@@ -29,8 +29,9 @@ received for longer keeps its place for as long, up to the timeout."""
 _AUTOPILOT_TIMEOUT_S = 3.0
 """Silence of the autopilot at its address after which it may have another address, for example
 after a router's restart. The autopilot's link is lost after the same time."""
-_REFUSAL_PERIOD_S = 60.0
-"""Least time between two reports of refused systems: a network may have many."""
+_REPORT_PERIOD_S = 60.0
+"""Least time between two reports of refused systems, and of foreign addresses with the autopilot's
+ids. A network may have many of both, and an operator may connect after a report."""
 _SOURCES_TOLD = 8
 
 
@@ -87,7 +88,7 @@ class Peers:
         self._home: Address | None = None
         """Address of the autopilot; None on a stream, and before its first packet."""
         self._home_s: float | None = None
-        self._elsewhere_told = False
+        self._elsewhere_due_s = -math.inf
         self._refusal_due_s = -math.inf
         self._events: list[AutopilotElsewhere | PeerRefused] = []
         self.sources: set[tuple[int, int]] = set()
@@ -145,8 +146,8 @@ class Peers:
         if self._home_s is None or now_s - self._home_s > _AUTOPILOT_TIMEOUT_S:
             self._home = address
         elif address != self._home:
-            if address is not None and not self._elsewhere_told:
-                self._elsewhere_told = True
+            if address is not None and now_s >= self._elsewhere_due_s:
+                self._elsewhere_due_s = now_s + _REPORT_PERIOD_S
                 self._events.append(AutopilotElsewhere(link=self._link, address=address))
             return True
         self._home_s = now_s
@@ -154,7 +155,7 @@ class Peers:
 
     def forget_autopilot(self) -> None:
         """Forgets the autopilot's address after another was found; its next packet sets it."""
-        self._home, self._home_s, self._elsewhere_told = None, None, False
+        self._home, self._home_s, self._elsewhere_due_s = None, None, -math.inf
 
     def admit(
         self,
@@ -175,7 +176,7 @@ class Peers:
         if any(map(allows, systems)):
             self._note_valid(address, now_s)
         elif now_s >= self._refusal_due_s:
-            self._refusal_due_s = now_s + _REFUSAL_PERIOD_S
+            self._refusal_due_s = now_s + _REPORT_PERIOD_S
             self._events.append(PeerRefused(link=self._link, address=address, system_id=systems[0]))
 
     def _note_valid(self, address: Address, now_s: float) -> None:

@@ -196,6 +196,11 @@ class Session:
         return {link: dict(signing.behind_s) for link, signing in self._signing.items()}
 
     @property
+    def signing_ahead_s(self) -> float:
+        """Greatest lead of the reference for new senders over the wall clock, of all links."""
+        return max((signing.ahead_s for signing in self._signing.values()), default=0.0)
+
+    @property
     def packets_refused(self) -> dict[str, dict[Refusal, int]]:
         """Count of refused packets by signed link and reason."""
         return {link: dict(signing.refused) for link, signing in self._signing.items()}

@@ -106,6 +106,8 @@ class LinkSigning:
 
         While the wall clock is not set (before 2015, or over a minute behind this), peers' time
         stamps count, too: nothing else distinguishes a recorded packet from a new one."""
+        self.ahead_s = 0.0
+        """Lead of the reference over the wall clock at the last reading; 0 without a lead."""
         self.behind_s: dict[int, float] = {}
         """Lag of the systems whose first packet was refused as too old, by system id."""
         self._clock_is_set = False
@@ -118,7 +120,8 @@ class LinkSigning:
         """Takes the wall clock, in seconds since 1970; a clock that goes back moves no stamp."""
         wall = timestamp_at(wall_s)
         self._clock_is_set = wall > 0 and wall >= self.reference - _NEW_STREAM_UNITS
-        self.reference = min(LATEST_TIMESTAMP, max(self.reference, wall))
+        self.reference = max(self.reference, wall)
+        self.ahead_s = (self.reference - wall) / UNITS_PER_S
         self._advance_to(wall)
 
     def next_timestamp(self) -> int:
@@ -155,8 +158,12 @@ class LinkSigning:
 
 
 def timestamp_at(wall_s: float) -> int:
-    """Time stamp of a wall clock in seconds since 1970; 0 before 2015."""
-    return max(0, int((wall_s - _EPOCH_S) * UNITS_PER_S))
+    """Time stamp of a wall clock in seconds since 1970; 0 before 2015 and from 2104 on.
+
+    No time stamp can follow the greatest one.
+    """
+    timestamp = int((wall_s - _EPOCH_S) * UNITS_PER_S)
+    return timestamp if 0 <= timestamp < LATEST_TIMESTAMP else 0
 
 
 def link_signings(links: Iterable[LinkConfig], signing: Signing | None) -> dict[str, LinkSigning]:

@@ -48,16 +48,12 @@ class SourceClock:
     """Tracker of one clock.
 
     round_s: wrap of the stamps. behind_s: greatest lag of a stamp behind the last one, for senders
-    with several modules. restarts: True if the tracker detects restarts itself; otherwise the
-    caller resets it.
+    with several modules.
     """
 
-    def __init__(
-        self, *, round_s: float = math.inf, behind_s: float = 0.0, restarts: bool = True
-    ) -> None:
+    def __init__(self, *, round_s: float = math.inf, behind_s: float = 0.0) -> None:
         self._round_s = round_s
         self._behind_s = behind_s
-        self._restarts = restarts
         self._last: tuple[float, float] | None = None
         """Newest stamp, and the time of its arrival."""
         self._delay_s = 0.0
@@ -73,9 +69,7 @@ class SourceClock:
         if self._last is None:
             self._begin(stamp_s, now_s)
             return Reading.CURRENT
-        last_s, arrived_s = self._last
-        passed_s = self._passed_s(last_s, stamp_s)
-        lead_s = passed_s - (now_s - arrived_s) - self._delay_s
+        passed_s, lead_s = self._compared(*self._last, stamp_s, now_s)
         if passed_s >= -self._behind_s and lead_s <= AHEAD_S:
             self._other = None
             if passed_s >= 0.0:
@@ -83,25 +77,39 @@ class SourceClock:
                 self._delay_s = max(0.0, -lead_s)
             return Reading.CURRENT
         caught_up = passed_s >= 0.0 and lead_s <= FOREIGN_S
-        if self._is_confirmed(stamp_s, now_s) and (caught_up or self._restarts):
+        if self._is_confirmed(stamp_s, now_s):
             self._begin(stamp_s, now_s)
             return Reading.CURRENT if caught_up else Reading.RESTARTED
         return Reading.FOREIGN if lead_s > FOREIGN_S else Reading.LATE
 
-    def _begin(self, stamp_s: float, now_s: float) -> None:
-        self._last, self._delay_s, self._other = (stamp_s, now_s), 0.0, None
+    def is_ahead(self, stamp_s: float, now_s: float) -> bool:
+        """Returns True if a stamp that arrives now is ahead of the line; does not take it."""
+        if self._last is None:
+            return False
+        return self._compared(*self._last, stamp_s, now_s)[1] > AHEAD_S
 
-    def _passed_s(self, before_s: float, after_s: float) -> float:
+    def passed_s(self, before_s: float, after_s: float) -> float:
+        """Time from one stamp to another: negative if the other one is older."""
         passed_s = after_s - before_s
         if self._round_s == math.inf:
             return passed_s
         return (passed_s + 0.5 * self._round_s) % self._round_s - 0.5 * self._round_s
 
+    def _compared(
+        self, last_s: float, arrived_s: float, stamp_s: float, now_s: float
+    ) -> tuple[float, float]:
+        """Time since the newest stamp, and lead of the stamp over the line."""
+        passed_s = self.passed_s(last_s, stamp_s)
+        return passed_s, passed_s - (now_s - arrived_s) - self._delay_s
+
+    def _begin(self, stamp_s: float, now_s: float) -> None:
+        self._last, self._delay_s, self._other = (stamp_s, now_s), 0.0, None
+
     def _is_confirmed(self, stamp_s: float, now_s: float) -> bool:
         """Returns True if this stamp and those before it advance like a clock."""
         other = self._other
         if other is not None:
-            passed_s, elapsed_s = self._passed_s(other.stamp_s, stamp_s), now_s - other.arrived_s
+            passed_s, elapsed_s = self.passed_s(other.stamp_s, stamp_s), now_s - other.arrived_s
             if passed_s < -self._behind_s or abs(passed_s - elapsed_s) > _RATE_S + self._behind_s:
                 other = None
         since_s = now_s if other is None else other.since_s

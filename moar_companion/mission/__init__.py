@@ -1,1 +1,1 @@
-"""The mission: what the companion is doing, on whose word, and what may be streamed now."""
+"""The mission: its state, the orders behind it, and what may be streamed now."""

@@ -1,7 +1,8 @@
-"""The supervisor's table: every condition that stands against a flight, and what it does to it.
+"""The supervisor's table: every condition against a flight, and its action.
 
-What starts each, how long its cause lasts before it acts, how it clears, and who may override it;
-a pilot always may, by taking the mode. `supervisor` applies the table, `page` shows it.
+For each: its start, the time that its cause lasts before it acts, how it clears, and who may
+override it; a pilot always may, by taking the mode. `supervisor` applies the table, `page` shows
+it.
 """
 
 from __future__ import annotations
@@ -15,10 +16,10 @@ from .states import MissionState
 
 
 class Action(enum.IntEnum):
-    """What a condition does to the flight; the greater goes before the less."""
+    """Effect of a condition on the flight; the greater takes precedence."""
 
     CONTINUE = 0
-    """What is flown goes on."""
+    """The flight continues."""
     SLOW = 1
     HOLD = 2
     EXIT = 3
@@ -28,7 +29,7 @@ class Action(enum.IntEnum):
 
 
 class Override(enum.Enum):
-    """Whose new order is carried out although a condition acts."""
+    """Orders that are carried out although a condition acts."""
 
     NOBODY = "nobody"
     SAFER = "a hold, an exit or an evacuation that is ordered"
@@ -37,9 +38,9 @@ class Override(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Causes:
-    """Why each condition should start, in words with the number; None is healthy.
+    """Reason why each condition starts, as text with the number; None is healthy.
 
-    A measurement that is needed and missing is a cause. The fields are the names in CONDITIONS.
+    A required measurement that is missing is a cause. The fields are the names in CONDITIONS.
     """
 
     thinking: str | None = None
@@ -96,11 +97,10 @@ class Causes:
 class Condition:
     """A row of the table.
 
-    name: a field of Causes. starts: what it is that starts it. after_s: how long its cause lasts
-    before it acts, breaks included that are shorter than that and over_s. over_s: how long the
-    cause must be over before it is forgotten. latched: then still not without a new order.
-    farewell: whether a last setpoint at rest does good when the stream ends. rest: the state in
-    which it ends.
+    name: a field of Causes. starts: the cause that starts it. after_s: time that its cause lasts
+    before it acts, including breaks shorter than that and over_s. over_s: time that the cause
+    must be over before it clears. latched: it then still needs a new order to clear. farewell: a
+    last setpoint at rest is useful when the stream ends. rest: the mission's state after that.
     """
 
     name: str
@@ -114,7 +114,7 @@ class Condition:
     rest: MissionState = MissionState.RELEASED
 
     def objects_to(self, mission: Mission) -> bool:
-        """Whether this mission must not be ordered while the condition lasts."""
+        """True if this mission must not be ordered while the condition lasts."""
         if self.override is Override.SAFER:
             return mission is Mission.INSPECTION
         return self.override is Override.NOBODY
@@ -468,7 +468,7 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
 )
-"""In the order in which their reasons are told; of equal actions the first speaks."""
+"""In the order in which their reasons are reported; of equal actions the first one leads."""
 
 
 def conditions(limits: Supervision) -> tuple[Condition, ...]:

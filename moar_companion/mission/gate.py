@@ -1,8 +1,8 @@
-"""The gate: the last look at a setpoint before it leaves.
+"""The setpoint gate: the last check of a setpoint before it is sent.
 
 Pure: the setpoint and the maps in, a reason to refuse it out. A setpoint lies in a free cell of
 the workspace, near the plane; or in the corridor of a leg that was checked when it was made. From
-the one before it has moved no faster and changed its speed no harder than the vehicle may.
+its predecessor it moves no faster and changes its speed no harder than the vehicle may.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ Corridor = tuple[Vector, ...]
 
 _TOLERANCE_M = 1e-9
 _TOLERANCE_MPS = 0.05
-"""What the rounding of corners adds to a speed."""
+"""Speed that the rounding of corners adds."""
 _HARDER = 4.0
-"""A setpoint changes its speed up to so much harder than planned: it brakes twice as hard for an
-aircraft that falls behind, while it may turn and begin or end to move over from elsewhere."""
+"""Factor on the planned acceleration: a setpoint brakes twice as hard for an aircraft that falls
+behind, while it may turn and begin or end to move over from elsewhere."""
 _SMALL_CORNER = 0.15
-"""Arcs are made of straights: from one to the next the speed turns by this part of itself."""
+"""Arcs are made of straights: fraction of the speed that turns from one to the next."""
 
 
 def refusal(
@@ -45,16 +45,15 @@ def refusal(
     corridor_width_m: float,
     plane_tolerance_m: float,
 ) -> str | None:
-    """Why a setpoint must not be sent, by where it is; None when it may.
+    """Reason why a setpoint must not be sent, by its position; None if it may be sent.
 
     position_m, velocity_mps: (x, y, z) in the site's frame. yaw_rad: the heading. cell: of the
     position, None outside the workspace. room_m: from the hull in each cell to the nearest
-    keep-out, which is widened by widened_m for a setpoint that moves: to stay where it is free,
-    nobody has to know better where that is; below 0 they are taken for less wide, of their margin.
-    margin_m: what keep-outs contain for the errors of a flight: to come to rest there is better
-    than to go on. corridors_m: the checked legs that may be
-    flown now, by their points: through what is not free, or too near. ways_back_m: those of them
-    that begin beside the plane.
+    keep-out. widened_m: inflation of keep-outs for a setpoint that moves; a hold in free space
+    needs no better position. Below 0 it takes from the margin of keep-outs. margin_m: part of
+    keep-outs for the errors of a flight: coming to rest there is better than flying on.
+    corridors_m: the checked legs that may be flown now, by their points: through what is not
+    free, or too near. ways_back_m: those of them that begin beside the plane.
     """
     if not all(math.isfinite(value) for value in (*position_m, *velocity_mps, yaw_rad)):
         return "setpoint not finite"
@@ -88,18 +87,18 @@ def motion_refusal(
     acceleration_mps2: float,
     blown_to_m: Vector | None = None,
 ) -> str | None:
-    """Why a setpoint must not be sent, by how it moves; None when it may.
+    """Reason why a setpoint must not be sent, by its motion; None if it may be sent.
 
     before, after: position and velocity of the setpoint that was sent `elapsed_s` ago, None for
-    the first one, and of this one. greatest_mps: the vehicle's speed; least_mps: with which a
-    setpoint moves over to its path. blown_to_m: where an aircraft is that takes its setpoint
-    along: to there, at rest, it may move at any speed.
+    the first one, and of this one. greatest_mps: the vehicle's speed; least_mps: speed of a
+    setpoint that moves over to its path. blown_to_m: position of an aircraft that takes its
+    setpoint along: to there, at rest, the setpoint may move at any speed.
     """
     if blown_to_m is not None and before is not None and not any(after[1]):
         nearer = math.dist(after[0], blown_to_m) <= math.dist(before[0], blown_to_m)
         return None if nearer else "the setpoint moves away from an aircraft that is blown off"
     speed_mps = math.hypot(*after[1])
-    # It may begin to move over while it still brakes on its path.
+    # A setpoint may begin to move over while it still brakes on its path.
     most_mps = greatest_mps + least_mps
     if speed_mps > most_mps + _TOLERANCE_MPS:
         return f"setpoint moves at {speed_mps:.1f} m/s > {most_mps:g}"
@@ -121,7 +120,7 @@ def distance_m(point_m: Vector, corridor_m: Corridor) -> float:
 
 
 def distances_m(points_m: Distances, corridor_m: Corridor) -> Distances:
-    """The same from points (n, 3): (n,)."""
+    """Distances from points (n, 3) to a line through points: (n,)."""
     points, line = points_m[:, None], np.array(corridor_m)
     if len(line) == 1:
         line = np.concatenate([line, line])

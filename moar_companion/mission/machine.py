@@ -1,13 +1,13 @@
-"""The mission machine: what moves between the states of the contract.
+"""The mission machine: transitions between the states of the contract.
 
-A pure step machine: `command`, `planned`, `unplanned` and `tick` take the present status and what
-happened, and return the next status with the effects that the companion carries out. What may be
-flown is the supervisor's ruling, a part of the situation.
+A pure step machine: `command`, `planned`, `unplanned` and `tick` take the present status and an
+event, and return the next status with the effects that the companion carries out. The supervisor's
+ruling on the flight is a part of the situation.
 
     idle -> planning -> ready -> flying -> at_target | landing_leg -> holding
     in control, and a pilot takes the mode:        -> overridden
     streaming, and failsafe, stale data or fault:  -> released
-    in control, and the supervisor says so:        -> holding, or an exit, or an evacuation
+    in control, and the supervisor requires it:    -> holding, or an exit, or an evacuation
 """
 
 from __future__ import annotations
@@ -34,44 +34,44 @@ from .values import (
 )
 
 _INTERRUPTED = IN_CONTROL - {MissionState.HOLDING}
-"""What a pilot interrupts here may be resumed; what an operator held is not."""
+"""Flights that may be resumed after a pilot's takeover; a hold by an operator may not."""
 
 _CONTINUED = set(MissionState) - STREAMING | {MissionState.HOLDING}
-"""The task of these states may be continued by an operator's order."""
+"""States whose task may be continued by an operator's order."""
 
 _LET_GO = {MissionState.OVERRIDDEN, MissionState.RELEASED}
 
 _CROSSED_S = 0.5
-"""An order that comes so soon after something was given before its sender knew of that."""
+"""An order this soon after an event was sent before its operator knew of the event."""
 
 _HELD_S = 1.0
-"""What goes on by itself has been held for so long: as long as any condition that holds."""
+"""Minimum hold before a flight resumes by itself: as long as any condition that holds."""
 
 _DONE = Say("every target is done", MissionState.HOLDING.words)
 _ARRIVED = Say("above the landing point", MissionState.HOLDING.words)
 
 _AGAIN_S = 2.0
-"""A way out that was sought in vain is sought again after that: much may have changed."""
+"""Time until an escape route without a path is sought again: much may have changed."""
 
 _WAYS_OUT = {
     Action.EXIT: (Mission.EXIT, Mission.EVACUATION),
     Action.EVACUATION: (Mission.EVACUATION,),
 }
-"""What is sought of the supervisor's actions: the first of which there is a plan."""
+"""Missions sought for the supervisor's actions: the first one that has a plan."""
 _LEADS_OUT = {Mission.EXIT: "exiting", Mission.EVACUATION: "evacuating"}
-"""What the companion does then, for people."""
+"""Texts for the companion's action then."""
 _OUTWARD = tuple(Task(mission=way) for way in _WAYS_OUT[Action.EXIT])
 
 
 def restarted(rest: Task | None) -> MissionStatus:
-    """Where a process begins. rest: what the one before it has left to fly, for a `continue`."""
+    """Status at the start of a process. rest: task left by the process before, for a `continue`."""
     return MissionStatus(task=rest)
 
 
 def command(
     status: MissionStatus, order: Task | Order, order_id: int, world: Situation, now_s: float
 ) -> Step:
-    """An operator's order."""
+    """Carries out an operator's order."""
     if isinstance(order, Task):
         return _sought(status, order, order_id, world, now_s)
     if order is Order.CONTINUE:
@@ -87,7 +87,7 @@ def command(
         held, effects = _enter(replace(status, goes_on=False), MissionState.HOLDING, now_s)
         return held, (*overtaken, *effects, Do.BRAKE, Overrule(_known(world, now_s)), done)
     if order is Order.HOLD and status.state is MissionState.READY:
-        # The mode may have been given and not yet heard of: the stream must not end.
+        # The mode may have been given and not yet received: the stream must not end.
         ready = replace(status, held=True, sought=None)
         return ready, (*overtaken, Do.BRAKE, done, Say("ready to hold"))
     if status.state in STREAMING or status.state is MissionState.PLANNING:
@@ -95,7 +95,7 @@ def command(
         silent, effects = _silenced(status, rest, f"{order.value} on command", now_s, farewell=True)
         return silent, (*overtaken, *effects, done)
     if status.state is MissionState.OVERRIDDEN:
-        # Whatever the mode given back would have gone on with is not wanted any more.
+        # The task that a returned mode would resume is dropped.
         dropped = replace(status, task=None)
         if order is Order.RELEASE:
             dropped, effects = _enter(dropped, MissionState.RELEASED, now_s)
@@ -107,7 +107,7 @@ def command(
 
 
 def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
-    """The plan of `sought` was found; it begins where the aircraft was when it was asked for."""
+    """Takes the plan of `sought`; it begins where the aircraft was at the request."""
     if status.sought is None:
         return status, ()
     in_control = status.state in IN_CONTROL
@@ -135,11 +135,11 @@ def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
 def unplanned(
     status: MissionStatus, reason: str, now_s: float, *, waits: bool = False, failed: bool = False
 ) -> Step:
-    """There is no plan of `sought`; what is flown goes on, what is not is idle.
+    """Handles a missing plan of `sought`: a flight continues or holds, planning ends in idle.
 
-    waits: a condition says so, too, and when that clears, what no operator has ordered is sought
-    again. failed: the planner has not said so, it has failed; nothing is asked of it for a while,
-    but how to go on along a way out that was begun.
+    waits: a condition reports the same, and when it clears, a task that no operator has ordered
+    is sought again. failed: the planner has failed, rather than found no path. Nothing is
+    requested of it for a while, except to continue an escape route that was begun.
     """
     sought = status.sought
     if sought is None:
@@ -161,7 +161,7 @@ def unplanned(
 
 
 def withdrawn(status: MissionStatus, order_id: int, now_s: float) -> Step:
-    """The operator took an order back while its plan was awaited."""
+    """Drops an order that the operator cancelled while its plan was awaited."""
     if status.order_id != order_id:
         return status, ()
     if status.state is MissionState.PLANNING:
@@ -177,12 +177,12 @@ def tick(
     resume: bool,
     now_s: float,
 ) -> Step:
-    """One look at the world; what ends our control comes first."""
+    """Runs one cycle; conditions that end our control come first."""
     state, ruling = status.state, world.ruling
     if status.no_way and status.sought is None and now_s - status.no_way_s >= _AGAIN_S:
         status = replace(status, no_way=frozenset())
     if status.order_id is not None:
-        # Whoever has ordered knew them: what is sought does not fail for them.
+        # The operator knew these conditions when ordering: the request does not fail for them.
         status = replace(status, known=status.known & ruling.names)
         ruling = ruling.apart_from(status.known)
     if state is MissionState.IDLE and status.task is not None and ruling.acts("ground"):
@@ -209,26 +209,26 @@ def tick(
 def _released(
     status: MissionStatus, ruling: Ruling, leading: Acting, world: Situation, now_s: float
 ) -> Step:
-    """The supervisor ends control; a last setpoint at rest where the mode is still ours."""
+    """Ends control for the supervisor; a last setpoint at rest while the mode is still ours."""
     farewell = ruling.farewell and world.mode_ours
     return _silenced(status, leading.condition.rest, leading.reason, now_s, farewell=farewell)
 
 
 def _heeds(status: MissionStatus, action: Action) -> bool:
-    """Whether what is flown or sought is the way out that the supervisor wants, or a graver one."""
+    """True if the flown or sought task is the escape that `action` requires, or a graver one."""
     task = status.sought or status.task
     return task is not None and _suits(task, action)
 
 
 def _suits(task: Task, action: Action) -> bool:
-    """Whether a task is the way out that an action wants, or a graver one."""
+    """True if a task is the escape that an action requires, or a graver one."""
     return not task.flown and task.mission in _WAYS_OUT.get(action, ())
 
 
 def _supervised(
     status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool
 ) -> Step | None:
-    """What the supervisor makes of a flight in control; None where it has nothing to say."""
+    """Applies the supervisor's action to a flight in control; None if there is nothing to do."""
     if ruling.action is Action.HOLD:
         return _braked(status, ruling, now_s, goes_on=True)
     if ruling.action in _WAYS_OUT:
@@ -243,7 +243,7 @@ def _supervised(
 
 
 def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, goes_on: bool) -> Step:
-    """Hold here; what an operator has held meanwhile, and what is done, does not go on."""
+    """Holds here; a task that an operator has held meanwhile, or that is done, does not resume."""
     failed = _failed(status, ruling.reason)
     if status.state is MissionState.HOLDING:
         if status.sought is None:
@@ -260,10 +260,10 @@ def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, goes_on: boo
 
 
 def _led_out(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool) -> Step | None:
-    """The way out that the supervisor wants, where it is not flown already, or the next best.
+    """Seeks the required escape route, if it is not flown already, or the next best.
 
-    Where there is none, one that is flown goes on as it can; anything else holds. A landing leg is
-    flown to its end, also from a hold on it.
+    Without one, an escape that is flown continues as it can; anything else holds. A landing leg
+    is flown to its end, also from a hold on it.
     """
     task, holds = status.task, status.state is MissionState.HOLDING
     if task is None or task.flown:
@@ -294,13 +294,13 @@ def _led_out(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: boo
 
 
 def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now_s: float) -> Step:
-    """What the mission does next while nothing stands against it."""
+    """Takes the next step of the mission while no condition is against it."""
     state, task = status.state, status.task
     if state is MissionState.READY:
         if world.mode_ours:
             given = MissionState.HOLDING if status.held else MissionState.FLYING
             return _enter(replace(status, held=False), given, now_s, keep_sought=True)
-        # By a mode heard after the deadline: before that it may have been given.
+        # Only a mode received after the deadline counts: it may have been given before that.
         late = world.mode_heard_s - status.since_s >= ready_timeout_s
         if late or world.astray:
             reason = "the mode was not given" if late else "the aircraft has left its place"
@@ -327,16 +327,16 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
 
 
 def _landed_above(status: MissionStatus, now_s: float) -> Step:
-    """The landing leg is done: what is left is the autopilot's landing."""
+    """Ends the landing leg: only the autopilot's landing is left."""
     held = _entered(status, MissionState.HOLDING, now_s, keep_sought=True)
     task = None if held.task is None else replace(held.task, flown=True)
     return replace(held, task=task), (_ARRIVED, Do.LAND)
 
 
 def _overridden(status: MissionStatus, world: Situation, *, resume: bool, now_s: float) -> Step:
-    """A pilot flies: silent, unless the mode is given back and `resume` says to go on.
+    """Stays silent while a pilot flies, unless the mode is given back and `resume` is set.
 
-    What would have ended our control ends what may be resumed, also where an order overrode it.
+    A condition that would have ended our control ends what may be resumed, also if overridden.
     """
     gravest, task = next(iter(world.ruling.conditions), None), status.task
     if gravest is not None and gravest.condition.action is Action.RELEASE:
@@ -349,7 +349,7 @@ def _overridden(status: MissionStatus, world: Situation, *, resume: bool, now_s:
 def _sought(
     status: MissionStatus, task: Task, order_id: int | None, world: Situation, now_s: float
 ) -> Step:
-    """Ask for a task's plan, if it could be flown; in control the flight goes on meanwhile."""
+    """Seeks a task's plan, if it could be flown; in control the flight continues meanwhile."""
     obstruction = world.ruling.against(task.mission)
     if obstruction is not None:
         return status, () if order_id is None else _rejected(status, order_id, obstruction)[1]
@@ -369,12 +369,12 @@ def _sought(
 
 
 def _known(world: Situation, now_s: float) -> frozenset[str]:
-    """The conditions of which who orders now can know."""
+    """Conditions that an operator who orders now can know."""
     return world.ruling.names_since(now_s - _CROSSED_S)
 
 
 def _unfit(task: Task, world: Situation) -> str | None:
-    """Why what was planned cannot be begun from where the aircraft is now."""
+    """Reason why a found plan cannot begin from where the aircraft is now."""
     return "the aircraft has left its place" if world.astray else world.ruling.against(task.mission)
 
 
@@ -385,7 +385,7 @@ def _rejected(status: MissionStatus, order_id: int, reason: str) -> Step:
 def _enter(
     status: MissionStatus, state: MissionState, now_s: float, *, keep_sought: bool = False
 ) -> Step:
-    """A new state, and the word on it; likewise."""
+    """Enters a state and reports it; drops the awaited plan, unless kept."""
     entered = _entered(status, state, now_s, keep_sought=keep_sought)
     return entered, (Say(state_words(state, status.task)),)
 
@@ -393,13 +393,13 @@ def _enter(
 def _entered(
     status: MissionStatus, state: MissionState, now_s: float, *, keep_sought: bool = False
 ) -> MissionStatus:
-    """A new state; whatever plan was awaited is awaited no more, unless kept."""
+    """Enters a state; drops the awaited plan, unless kept."""
     entered = replace(status, state=state, since_s=now_s)
     return entered if keep_sought else replace(entered, sought=None, order_id=None)
 
 
 def state_words(state: MissionState, task: Task | None) -> str:
-    """A state for people: `flying inspection to splice-inner`, `at target splice-inner`."""
+    """Text of a state: `flying inspection to splice-inner`, `at target splice-inner`."""
     if task is None or state in {MissionState.IDLE, MissionState.RELEASED}:
         return state.words
     goal = task.stops[0] if task.stops else ""
@@ -414,14 +414,14 @@ def state_words(state: MissionState, task: Task | None) -> str:
 
 
 def _cancelled(status: MissionStatus) -> tuple[Effect, ...]:
-    """The answer to an order that another one overtakes."""
+    """Answer to an order that a newer one overtakes."""
     if status.order_id is None:
         return ()
     return (Answer(status.order_id, Verdict.CANCELLED, "overtaken by a newer order"),)
 
 
 def _failed(status: MissionStatus, reason: str) -> tuple[Effect, ...]:
-    """The answer to an order that the supervisor does not let be flown."""
+    """Answer to an order that the supervisor forbids."""
     return () if status.order_id is None else (Answer(status.order_id, Verdict.FAILED, reason),)
 
 
@@ -433,10 +433,10 @@ def _silenced(
     *,
     farewell: bool = False,
 ) -> Step:
-    """The stream ends; an open order fails.
+    """Ends the stream; an open order fails.
 
-    With `farewell` a last setpoint at rest is sent, where there was a stream. Without it nothing
-    more is sent: the autopilot has left us, or what we know of the aircraft is not to be trusted.
+    With `farewell` a last setpoint at rest is sent, if there was a stream. Without it nothing
+    more is sent: the autopilot has left our control, or our data on the aircraft is not reliable.
     """
     taken_over = state is MissionState.OVERRIDDEN and status.state in _INTERRUPTED
     interrupted = status.task if taken_over else None

@@ -8,7 +8,7 @@ from .conditions import CONDITIONS, Action
 
 
 def documentation() -> str:
-    """CONDITIONS as the table of configs/README.md."""
+    """Returns CONDITIONS as the table of configs/README.md."""
     rows = ["| condition | starts when | action | acts after | clears | overridden by |"]
     rows.append("|---|---|---|---|---|---|")
     for row in CONDITIONS:

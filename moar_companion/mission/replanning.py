@@ -1,8 +1,8 @@
-"""When a plan in flight is made anew, and when the path that is flown stays all the same.
+"""Rules for a new plan in flight, and for keeping the path that is flown.
 
-It is made anew on time, when a risk has left its dead band, when obstacles have become wider or
-less wide; not too often. What comes back has to be better by a margin: of two paths that cost
-nearly the same, noise on the risks would choose another one every few seconds.
+A new plan is due periodically, when a risk has left its dead band, and when obstacles have become
+wider or less wide; not too often. The new path has to be better by a margin: between two paths of
+nearly equal cost, noise on the risks would choose another one every few seconds.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ def replan_reason(
     widening_m: float,
     age_s: float,
 ) -> str | None:
-    """Why to plan again, `age_s` after the last plan; None when there is no reason.
+    """Reason to plan again, `age_s` after the last plan; None if there is no reason.
 
-    planned_widening_m, widening_m: by what obstacles were, and are, to be avoided beyond their
-    keep-outs; in steps, so that any change counts.
+    planned_widening_m, widening_m: inflation of obstacles beyond their keep-outs, at the last
+    plan and now; in steps, so that any change counts.
     """
     if age_s < policy.min_interval_s:
         return None
@@ -37,5 +37,5 @@ def replan_reason(
 
 
 def stays(policy: Replanning, *, flown_cost: float, new_cost: float) -> bool:
-    """Whether a path stays that is still free. Costs: J of both from one place, by new weights."""
+    """True if a path that is still free stays. Costs: J of both from one place, by new weights."""
     return flown_cost - new_cost <= policy.improvement * flown_cost

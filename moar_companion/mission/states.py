@@ -1,4 +1,4 @@
-"""The states of a mission, in the words of the contract."""
+"""States of a mission, in the terms of the contract."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import enum
 
 
 class MissionState(str, enum.Enum):
-    """What the companion is doing."""
+    """State of the companion's mission."""
 
     IDLE = "idle"
     PLANNING = "planning"
@@ -20,12 +20,12 @@ class MissionState(str, enum.Enum):
 
     @property
     def words(self) -> str:
-        """For people."""
+        """Text for operators."""
         return self.value.replace("_", " ")
 
     @property
     def number(self) -> int:
-        """Its place in the contract's table, from 0: custom_mode of our heartbeat."""
+        """Position in the contract's table, from 0: custom_mode of our heartbeat."""
         return tuple(MissionState).index(self)
 
 
@@ -37,7 +37,7 @@ IN_CONTROL = frozenset(
         MissionState.HOLDING,
     }
 )
-"""The autopilot follows our setpoints."""
+"""States in which the autopilot follows our setpoints."""
 
 STREAMING = IN_CONTROL | {MissionState.READY}
-"""Setpoints are sent."""
+"""States in which setpoints are sent."""

@@ -1,4 +1,4 @@
-"""The supervisor: what may be flown now. A pure step machine above the mission.
+"""The supervisor: decides what may be flown now. A pure step machine above the mission.
 
 Inputs: the causes of this instant and the time; output: a ruling, the gravest action of all the
 conditions that act, with their reasons.
@@ -15,16 +15,16 @@ from .conditions import CONDITIONS, Action, Causes, Condition, Override
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watch:
-    """What is remembered of a condition: since when its cause lasts, and is over.
+    """State of a condition: times since which its cause lasts, and is over.
 
-    A cause that flickers lasts: one that has not acted is forgotten only when it has been over for
-    the shorter of the condition's two times.
+    A cause that flickers lasts: one that has not acted clears only when it has been over for the
+    shorter of the condition's two times.
     """
 
     began_s: float | None = None
     over_s: float | None = None
     acting_s: float | None = None
-    """Since when it acts; None while it does not."""
+    """Time since which it acts; None while it does not."""
     overridden: bool = False
     reason: str = ""
 
@@ -38,8 +38,8 @@ HEALTHY: Watches = (_HEALTHY,) * len(CONDITIONS)
 class Acting:
     """A condition that acts now, or would if an operator had not overridden it.
 
-    since_s: when it began to. lasts: whether its cause still does, and it is not only not over for
-    long enough.
+    since_s: time when it began to act. lasts: its cause is still present; False while the
+    condition only waits to clear.
     """
 
     condition: Condition
@@ -51,33 +51,33 @@ class Acting:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ruling:
-    """What may be flown. conditions: those that act, the gravest first, overridden ones too."""
+    """Ruling on the flight. conditions: those that act, the gravest first, overridden ones too."""
 
     conditions: tuple[Acting, ...] = ()
 
     @property
     def leading(self) -> Acting | None:
-        """The gravest that is not overridden; None when nothing is against the flight."""
+        """Gravest condition that is not overridden; None if there is none."""
         return next((item for item in self.conditions if not item.overridden), None)
 
     @property
     def action(self) -> Action:
-        """What is to be done."""
+        """Action of the gravest condition."""
         return Action.CONTINUE if self.leading is None else self.leading.condition.action
 
     @property
     def reason(self) -> str:
-        """The gravest condition's words; empty when nothing is against the flight."""
+        """Reason of the gravest condition; empty if there is none."""
         return "" if self.leading is None else self.leading.reason
 
     @property
     def name(self) -> str:
-        """The gravest condition's; empty when nothing is against the flight."""
+        """Name of the gravest condition; empty if there is none."""
         return "" if self.leading is None else self.leading.condition.name
 
     @property
     def farewell(self) -> bool:
-        """Whether a last setpoint at rest does good when the stream ends."""
+        """True if a last setpoint at rest is useful when the stream ends."""
         return all(
             item.condition.farewell
             for item in self.conditions
@@ -85,7 +85,7 @@ class Ruling:
         )
 
     def apart_from(self, known: Collection[str]) -> Ruling:
-        """What may be flown if the conditions of these names were overridden."""
+        """Returns the ruling with the conditions of these names overridden."""
         return Ruling(
             conditions=tuple(
                 replace(item, overridden=item.overridden or item.condition.name in known)
@@ -95,21 +95,21 @@ class Ruling:
 
     @property
     def names(self) -> frozenset[str]:
-        """Of all the conditions that act, overridden ones too."""
+        """Names of all the conditions that act, overridden ones too."""
         return frozenset(item.condition.name for item in self.conditions)
 
     def names_since(self, time_s: float) -> frozenset[str]:
-        """Of those that have acted since then, or for longer."""
+        """Names of the conditions that have been active continuously since `time_s`."""
         return frozenset(item.condition.name for item in self.conditions if item.since_s <= time_s)
 
     def acts(self, name: str) -> bool:
-        """Whether a condition acts, and nobody has overridden it."""
+        """True if a condition acts and is not overridden."""
         return any(item.condition.name == name and not item.overridden for item in self.conditions)
 
     def against(self, mission: Mission) -> str | None:
-        """Why a mission must not be ordered now; None when it may.
+        """Reason why a mission must not be ordered now; None if it may be ordered.
 
-        What an operator has overridden for a safer order still stands against an inspection.
+        A condition that an operator has overridden for a safer order still forbids an inspection.
         """
         return next(
             (item.reason for item in self.conditions if item.condition.objects_to(mission)), None
@@ -122,7 +122,7 @@ def step(
     now_s: float,
     table: tuple[Condition, ...] = CONDITIONS,
 ) -> tuple[Watches, Ruling]:
-    """One look at the causes. table: CONDITIONS, or what `conditions` made of them."""
+    """Runs one cycle on the causes. table: CONDITIONS, or the result of `conditions`."""
     after = tuple(
         _watched(condition, watch, getattr(causes, condition.name), now_s)
         for condition, watch in zip(table, watches, strict=True)
@@ -131,7 +131,7 @@ def step(
 
 
 def ruling(watches: Watches, table: tuple[Condition, ...] = CONDITIONS) -> Ruling:
-    """What these watches allow."""
+    """Returns the ruling of these watches."""
     acting = [
         Acting(
             condition=condition,
@@ -153,9 +153,9 @@ def overridden(
     *,
     known: Collection[str],
 ) -> Watches:
-    """After an operator's order: what acts and may be overridden does not, until it starts anew.
+    """Returns the watches after an order, which overrides acting conditions until they clear.
 
-    known: the conditions of which who gave it knew.
+    known: the conditions known to the operator; only those that may be overridden are.
     """
     return tuple(
         replace(watch, overridden=True)

@@ -108,12 +108,14 @@ class FlightStory:
         )
 
     @property
-    def landing_leg_m(self) -> list[PlanePoint]:
-        """The last planned way out of the workspace, from its last cell; empty without one."""
-        for plan in reversed(self.plans):
+    def landing_legs_m(self) -> list[list[PlanePoint]]:
+        """For each place where one ended, the last planned way out, from its last cell."""
+        legs: dict[PlanePoint, list[PlanePoint]] = {}
+        for plan in self.plans:
             if plan.states < len(plan.points_m):
-                return [(float(x), float(z)) for x, z in plan.points_m[plan.states - 1 :]]
-        return []
+                leg = [(float(x), float(z)) for x, z in plan.points_m[plan.states - 1 :]]
+                legs[leg[-1]] = leg
+        return list(legs.values())
 
 
 def draw_flight(

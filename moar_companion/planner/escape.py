@@ -2,13 +2,15 @@
 
 A gust, a low take-off, a pilot or a new obstacle can leave the vehicle where nothing is planned.
 The escape leg is the shortest straight one to a free cell along which the clearance never decreases
-(planner page, "Starts in flight"). The recovery leg leads a vehicle that is outside the workspace
-or too low back: first straight up to the minimum altitude, then by the shortest straight one to a
-free cell; every keep-out is kept. Both may begin outside the autopilot's fence, and never lead out
-of it.
+(planner page, "Starts in flight"), and that enters no keep-out; to an obstacle in whose keep-out it
+begins it comes no nearer. The recovery leg leads a vehicle that is outside the workspace or too low
+back: first straight up to the minimum altitude, then by the shortest straight one to a free cell;
+every keep-out is kept. Both may begin outside the autopilot's fence, and never lead out of it.
 """
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -16,10 +18,13 @@ from ..site import PlanePoint, Site
 from ..vehicle import Vehicle
 from .fence import PlaneFence
 from .geometry import rings
-from .grid import TOLERANCE, BoolArray, FloatArray
+from .grid import TOLERANCE, BoolArray, FloatArray, IntArray
 from .legs import leg_clearances
 from .maps import Maps
 from .regions import obstacle_clearance_m
+
+Rings = tuple[FloatArray, IntArray, FloatArray, FloatArray]
+"""Obstacles as `rings` gives them: vertices, first, radius, keep-out."""
 
 _SAMPLES_PER_CELL = 10
 _REACH_M = 10.0
@@ -45,7 +50,7 @@ def way_in(
         return recovery_leg(site, vehicle, maps, start_m, widened_m, barred=barred)
 
     def escapes() -> tuple[PlanePoint, ...]:
-        end_m = escape_leg(site, maps, start_m, barred)
+        end_m = escape_leg(site, vehicle, maps, start_m, barred)
         return () if end_m is None else (end_m,)
 
     if _is_low(site, start_m) or site.workspace.outside_m(start_m):
@@ -54,23 +59,29 @@ def way_in(
 
 
 def escape_leg(
-    site: Site, maps: Maps, start_m: PlanePoint, barred: BoolArray | None = None
+    site: Site,
+    vehicle: Vehicle,
+    maps: Maps,
+    start_m: PlanePoint,
+    barred: BoolArray | None = None,
 ) -> PlanePoint | None:
     """The centre of the free cell at the end of the escape leg; None if there is no such leg."""
     start = np.array(start_m, dtype=np.float64)
-    here = float(obstacle_clearance_m(site, start))
-    if here <= 0.0:
+    obstacles = rings(site.obstacles)
+    at_start_m = _clear_m(obstacles, start[None], start)[0]
+    if at_start_m.min(initial=np.inf) <= 0.0:
         return None
+    whole_m = obstacles[-1] + vehicle.radius_m + maps.position_uncertainty_m
+    least_m = np.minimum(whole_m, at_start_m)
     centres = _centres_m(maps, ~maps.occupied, barred)
-    distance = np.hypot(*(centres - start).T)
-    near = np.flatnonzero(distance <= _REACH_M)
-    for index in near[np.argsort(distance[near], kind="stable")]:
-        places_m = _samples(maps, start, centres[index])
+    near = centres[np.hypot(*(centres - start).T) <= _REACH_M]
+    for end_m in _ends_m(obstacles, least_m, near, start):
+        places_m = _samples(maps, start, end_m)
         clearance = obstacle_clearance_m(site, places_m)
         # Infinite without obstacles: then nothing decreases.
         away = (clearance[1:] >= clearance[:-1] - TOLERANCE).all()
         if away and _stays_inside(maps.fence, places_m):
-            return _point(centres[index])
+            return _point(end_m)
     return None
 
 
@@ -98,28 +109,20 @@ def recovery_leg(
     centres = _centres_m(maps, ~maps.occupied & (room_m >= widened_m - TOLERANCE), barred)
     if fence is not None:
         centres = centres[fence.holds(centres)]
-    vertices_m, first, radius_m, keep_out_m = rings(site.obstacles)
-    own_m = keep_out_m + vehicle.radius_m - site.margin.total_m
-    at_start_m = leg_clearances(start[None], start, vertices_m, first, radius_m)[0]
+    obstacles = rings(site.obstacles)
+    own_m = obstacles[-1] + vehicle.radius_m - site.margin.total_m
+    at_start_m = _clear_m(obstacles, start[None], start)[0]
     least_m = np.minimum(own_m + site.margin.total_m + widened_m, np.maximum(own_m, at_start_m))
-
-    def free(ends_m: FloatArray, from_m: FloatArray) -> BoolArray:
-        """Which straight legs from a place (2,) to ends (n, 2) keep their distances: (n,)."""
-        clear_m = leg_clearances(ends_m, from_m, vertices_m, first, radius_m)
-        return np.asarray((clear_m >= least_m - TOLERANCE).all(axis=1))
 
     def end_from(from_m: FloatArray) -> PlanePoint | None:
         """The nearest centre to which a leg from a place (2,) is free."""
-        nearest = np.argsort(np.hypot(*(centres - from_m).T), kind="stable")
-        for begin in range(0, len(nearest), _BATCH):
-            ends_m = centres[nearest[begin : begin + _BATCH]]
-            for end_m in ends_m[free(ends_m, from_m)]:
-                if _stays_inside(fence, _samples(maps, from_m, end_m)):
-                    return _point(end_m)
+        for end_m in _ends_m(obstacles, least_m, centres, from_m):
+            if _stays_inside(fence, _samples(maps, from_m, end_m)):
+                return _point(end_m)
         return None
 
     above = _above(site, maps, start) if _is_low(site, start_m) else None
-    if above is not None and free(above[None], start)[0]:
+    if above is not None and _kept(obstacles, least_m, above[None], start)[0]:
         end_m = end_from(above)
         if end_m is not None and _stays_inside(fence, _samples(maps, start, above)):
             corner_m = _point(above)
@@ -144,6 +147,30 @@ def pocket(maps: Maps, place_m: PlanePoint) -> BoolArray:
         wider[:, :-1] |= joined[:, 1:]
         joined = wider & free
     return joined
+
+
+def _clear_m(obstacles: Rings, ends_m: FloatArray, from_m: FloatArray) -> FloatArray:
+    """Least distance, (n, obstacles), of the straight legs from a place (2,) to ends (n, 2)."""
+    vertices_m, first, radius_m, _ = obstacles
+    return leg_clearances(ends_m, from_m, vertices_m, first, radius_m)
+
+
+def _kept(
+    obstacles: Rings, least_m: FloatArray, ends_m: FloatArray, from_m: FloatArray
+) -> BoolArray:
+    """The legs from a place (2,) to ends (n, 2) that keep distances (obstacles,): (n,)."""
+    clear_m = _clear_m(obstacles, ends_m, from_m)
+    return np.asarray((clear_m >= least_m - TOLERANCE).all(axis=1))
+
+
+def _ends_m(
+    obstacles: Rings, least_m: FloatArray, ends_m: FloatArray, from_m: FloatArray
+) -> Iterator[FloatArray]:
+    """The ends of these legs that keep their distances, the nearest first."""
+    nearest = np.argsort(np.hypot(*(ends_m - from_m).T), kind="stable")
+    for begin in range(0, len(nearest), _BATCH):
+        batch_m = ends_m[nearest[begin : begin + _BATCH]]
+        yield from batch_m[_kept(obstacles, least_m, batch_m, from_m)]
 
 
 def _lowest_m(site: Site) -> float:

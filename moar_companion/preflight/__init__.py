@@ -1,1 +1,1 @@
-"""Before the flight: what the files and the aircraft say, and how to mend it."""
+"""Preflight checks: findings on the files and the aircraft, and how to fix them."""

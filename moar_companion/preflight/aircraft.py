@@ -1,4 +1,4 @@
-"""Whether the aircraft is fit to fly: what was heard of it in, findings out. Pure."""
+"""Check of the aircraft before the flight: received data in, findings out. Pure."""
 
 from __future__ import annotations
 
@@ -25,20 +25,20 @@ _MEASURED = {AutopilotKind.PX4: ((1, 17), (1, 18)), AutopilotKind.ARDUPILOT: ((4
 _OLDEST = {AutopilotKind.PX4: (1, 14), AutopilotKind.ARDUPILOT: (4, 3)}
 """Versions before these have other failsafes and other parameters for them."""
 _FAR_M = 500.0
-"""Nobody takes off so far from the structure."""
+"""Distance from the structure beyond which no take-off is plausible."""
 _HEIGHT_ERROR_M = 1.0
-"""Of an altitude that was told as good: PX4's estimate was off by up to 0.83 m, once by 1.4 m."""
+"""Error of an altitude reported as good: PX4's estimate was off by up to 0.83 m, once by 1.4 m."""
 _NO_KEEP_OUT_M = 3.0
-"""What a receiver's altitude is usually good for, where nothing is to be kept clear of."""
+"""Usual error of a receiver's altitude, on a site without obstacles."""
 _ENOUGH = 0.5
-"""Of the wanted rate."""
+"""Fraction of the wanted rate."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arrivals:
-    """How often something came: its number, from when to when, and the longest pause.
+    """Arrivals of a message: their number, first and last time, and the longest pause.
 
-    What comes in one piece with another counts once.
+    Messages in one piece of data count once.
     """
 
     count: int = 0
@@ -47,31 +47,30 @@ class Arrivals:
     longest_gap_s: float = 0.0
 
     def another(self, now_s: float) -> Arrivals:
-        """With one that came now."""
+        """Returns the arrivals with one more now."""
         if self.count == 0:
             return Arrivals(count=1, first_s=now_s, last_s=now_s)
         return replace(self.until(now_s), count=self.count + 1, last_s=now_s)
 
     def until(self, now_s: float) -> Arrivals:
-        """With the pause that lasts until now."""
+        """Returns the arrivals with the pause that lasts until now."""
         if self.count == 0:
             return self
         return replace(self, longest_gap_s=max(self.longest_gap_s, now_s - self.last_s))
 
     @property
     def rate_hz(self) -> float | None:
-        """The mean rate; None before it came twice."""
+        """Mean rate; None before two arrivals."""
         elapsed_s = self.last_s - self.first_s
         return (self.count - 1) / elapsed_s if elapsed_s > 0.0 else None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sight:
-    """What was heard of an aircraft while it was looked at.
+    """Data received of an aircraft during the check.
 
-    pose: in the frame of the site; None without one. causes: what the service would have against
-    a flight.
-    positions, attitudes: how often LOCAL_POSITION_NED and ATTITUDE came.
+    pose: in the frame of the site; None without one. causes: the service's reasons against a
+    flight. positions, attitudes: arrivals of LOCAL_POSITION_NED and ATTITUDE.
     """
 
     autopilot: Autopilot
@@ -88,7 +87,7 @@ class Sight:
 def aircraft_findings(
     sight: Sight, vehicle: Vehicle, site: Site | None, limits: Supervision
 ) -> list[Finding]:
-    """Everything that can be said of the aircraft but its parameters."""
+    """Returns all findings on the aircraft but those on its parameters."""
     batteries = battery_findings(sight.telemetry, vehicle.risk)
     return [
         *_identity(sight, vehicle),
@@ -276,7 +275,7 @@ def _place(sight: Sight, site: Site) -> Iterator[Finding]:
 
 
 def _height(z_m: float, site: Site) -> Finding:
-    """Of an aircraft on the ground, where the site's z should be that of the ground.
+    """Checks z of an aircraft on the ground, which should be that of the site's ground.
 
     An error shifts the whole flight up or down, in addition to what the margin allows for.
     """
@@ -307,9 +306,9 @@ def _height(z_m: float, site: Site) -> Finding:
 
 
 def _ground_m(site: Site, slack_m: float) -> tuple[float, float]:
-    """The lowest and the highest z at which an aircraft may stand on a site's ground.
+    """Lowest and highest z at which an aircraft may stand on a site's ground.
 
-    That is where z = 0 is, and where the landing points are.
+    The ground is at z = 0, and at the landing points.
     """
     grounds_m = [0.0, *(z_m for points in site.landing_m.values() for _, z_m in points)]
     return min(grounds_m) - slack_m, max(grounds_m) + slack_m
@@ -320,7 +319,7 @@ def _distance(distance_m: float) -> str:
 
 
 def _drag(risk: RiskModel) -> Finding:
-    """By which the lean tells the wind."""
+    """Checks the drag, by which the lean gives the wind."""
     text = f"{risk.drag_per_s:g} /s and {risk.drag_per_m:g} /m"
     if not risk.drag_is_usual:
         return Finding(level=Level.OK, subject="drag", text=text)
@@ -335,11 +334,11 @@ def _drag(risk: RiskModel) -> Finding:
 
 
 def _people(sight: Sight) -> Iterator[Finding]:
-    """Who can take over."""
+    """Checks the links by which a pilot or operator can take over."""
     ground, remote = sight.telemetry.ground_station, sight.telemetry.remote_control
     readiness = sight.telemetry.readiness
     if readiness is not None and readiness.remote_control_ok is None:
-        remote = None  # ArduPilot tells channels without any receiver, too
+        remote = None  # ArduPilot sends channels without any receiver, too
     rssi = None if remote is None else remote.rssi
     signal = "unknown signal" if rssi is None else f"signal {rssi:.0%}"
     people = (
@@ -368,7 +367,7 @@ def _people(sight: Sight) -> Iterator[Finding]:
 
 
 def _person(risk: RiskEstimate, subject: str, heard: str | None, remedy: str) -> Finding:
-    """A way by which somebody takes over, by its inputs of the communication risk. heard: words."""
+    """Checks a link for take-over by its inputs of the communication risk. heard: its text."""
     if heard is None:
         return Finding(level=Level.WARNING, subject=subject, text="not heard", remedy=remedy)
     bad = [

@@ -1,7 +1,7 @@
-"""ArduCopter's parameters that decide what happens when something fails.
+"""ArduCopter's parameters that decide its reaction to failures.
 
-Sources: ArduCopter 4.6, "Failsafes" and the parameters' descriptions; what it does when the
-companion dies, as measured.
+Sources: ArduCopter 4.6, "Failsafes" and the parameters' descriptions; its reaction to a companion
+failure, as measured.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ _BATTERY = {
 
 
 def _where_it_happens(judge: Judge, stage: str) -> Judge:
-    """Without a threshold the action of a stage of the battery never happens."""
+    """Warns if a stage of the battery has no threshold: its action never happens."""
     return where_zero(
         judge,
         (f"BATT_{stage}_VOLT", f"BATT_{stage}_MAH"),
@@ -246,4 +246,4 @@ RULES = (
         for name in ("EK3_DRAG_BCOEF_X", "EK3_DRAG_BCOEF_Y", "EK3_DRAG_MCOEF")
     ),
 )
-"""In the order in which they are told."""
+"""In the order of the report."""

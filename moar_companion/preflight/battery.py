@@ -1,4 +1,4 @@
-"""Whether the batteries are what the vehicle file says: what was heard in, findings out. Pure."""
+"""Check of the batteries against the vehicle file: received data in, findings out. Pure."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from ..vehicle import RiskModel
 from .findings import Finding, Level
 
 _USB_V = 5.5
-"""Below, it is no flight battery that feeds the autopilot."""
+"""Below this, no flight battery feeds the autopilot."""
 _HIGH_CHARGE = 0.8
 _HIGH_CELL_V = 4.0
-"""A lithium-polymer cell has it at rest at about that charge."""
+"""Voltage of a lithium-polymer cell at rest at about that charge."""
 CHARGE = "charge it"
-"""The remedy of a battery of which nothing else is wrong."""
+"""Remedy of a battery that has no other fault."""
 
 
 def battery_findings(telemetry: Telemetry, model: RiskModel) -> list[Finding]:
-    """One for each battery; one with another remedy than `CHARGE` is misread."""
+    """Returns a finding for each battery; one with another remedy than `CHARGE` is misread."""
     if not telemetry.batteries:
         return [
             Finding(
@@ -42,7 +42,7 @@ def _tells(battery: Battery) -> bool:
 
 
 def _silent(subject: str, *, beside: bool) -> Finding:
-    """A battery of which nothing is known; beside: another tells.
+    """Returns the finding of a battery without data; beside: another battery has data.
 
     That other one may feed all, as where a monitor is set up for a pack that is not fitted.
     """
@@ -103,14 +103,14 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
 
 
 def _charged(subject: str, text: str, risk: float, least: Level) -> Finding:
-    """A battery that is read right, by the risk of its charge."""
+    """Returns the finding of a battery that is read right, by the risk of its charge."""
     level = max(least, Level.of_risk(risk))
     remedy = CHARGE if level >= Level.WARNING else ""
     return Finding(level=level, subject=subject, text=text, remedy=remedy)
 
 
 def _contradictory(remaining: float, cell_v: float, model: RiskModel) -> bool:
-    """Whether the charge says full and the voltage of a cell does not, or the reverse."""
+    """True if the charge is high and the voltage of a cell is not, or the reverse."""
     if remaining > _HIGH_CHARGE:
         return model.cell_voltage_v.fraction(cell_v) > 0.0
     charge_risk = model.battery_remaining.fraction(remaining)

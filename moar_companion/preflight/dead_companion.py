@@ -1,6 +1,6 @@
-"""What would become of the aircraft if the companion died on any way of the site. Pure.
+"""Check of a companion failure on every route of the site. Pure.
 
-In the words in which the service refuses such a flight, or warns of it.
+The texts are those with which the service refuses such a flight, or warns of it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ SUBJECT = "dead companion"
 
 
 def objection_level(policy: LossCheck, mission: Mission = Mission.INSPECTION) -> Level:
-    """What an objection to a mission comes to: the service never refuses a way out."""
+    """Level of an objection to a mission: the service never refuses an escape route."""
     refused = policy is LossCheck.REFUSE and mission is Mission.INSPECTION
     return Level.NO_GO if refused else Level.WARNING
 
@@ -24,7 +24,7 @@ def objection_level(policy: LossCheck, mission: Mission = Mission.INSPECTION) ->
 def loss_findings(
     planner: Planner, loss: Loss, home_m: Vector | None, policy: LossCheck
 ) -> list[Finding]:
-    """One for each thing that would be hit, or that all is well. home_m: in the site's frame."""
+    """Returns a finding for each collision, or one if there is none. home_m: site's frame."""
     objections: dict[tuple[Level, str], list[str]] = {}
     all_ways = ways_of(planner)
     for target, ways in all_ways.items():

@@ -1,4 +1,4 @@
-"""What the autopilot would hit by itself on any way of the site, and what mends that. Pure."""
+"""Collisions of the autopilot's own failsafes on any route of the site, and remedies. Pure."""
 
 from __future__ import annotations
 
@@ -28,9 +28,9 @@ SUBJECT = "failsafe"
 def failsafe_findings(
     planner: Planner, failsafes: Failsafes, limits: Supervision, power: PowerModel
 ) -> list[Finding]:
-    """One for each trigger whose action would hit something, or that there is none.
+    """Returns a finding for each trigger whose action would hit something, or one if none would.
 
-    What a lost companion comes to is judged by `dead_companion`.
+    `dead_companion` judges the loss of the companion.
     """
     ways = [
         (target, way)
@@ -64,7 +64,7 @@ def failsafe_findings(
 
 
 def _level(item: FailsafeAction, limits: Supervision) -> Level:
-    """No-go where nothing protects, or as configured; a note where no parameter mends it."""
+    """No-go if nothing protects, or as configured; a note if no parameter helps."""
     if item.action is Action.FALL:
         return Level.NO_GO
     if item.trigger in LINKS and limits.failsafe_action is LossCheck.REFUSE:
@@ -75,7 +75,7 @@ def _level(item: FailsafeAction, limits: Supervision) -> Level:
 
 
 def _protection(item: FailsafeAction, limits: Supervision, power: PowerModel) -> str:
-    """What protects from a battery's action, in words."""
+    """Text about the protection from a battery's action."""
     if item.trigger not in BATTERY or item.action is Action.FALL:
         return ""
     if item.voltage_v is not None and power.cells is None:
@@ -84,7 +84,7 @@ def _protection(item: FailsafeAction, limits: Supervision, power: PowerModel) ->
 
 
 def _hits(planner: Planner, failsafe: Failsafes, ways: list[tuple[str, Way]]) -> str:
-    """Where on each way it would hit what; empty where it hits nothing."""
+    """Text about the collisions on each route; empty if there are none."""
     reach, found = planner.maps.reach, []
     for target, way in ways:
         waypoints = way.plan.waypoints

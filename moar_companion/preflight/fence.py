@@ -1,6 +1,6 @@
-"""Where the autopilot's fence is in the way of a site: what was told of it in, findings out. Pure.
+"""Conflicts of the autopilot's fence with a site: the reported fence in, findings out. Pure.
 
-By the same functions as in flight: `fence_of`, `plane_fence`, and plans within it.
+Uses the same functions as in flight: `fence_of`, `plane_fence`, and plans within it.
 """
 
 from __future__ import annotations
@@ -26,10 +26,10 @@ _WIDEN = "widen the autopilot's fence, or move it"
 def fence_findings(
     planner: Planner | None, fence: Fence, home_m: Vector | None, margin_m: float, *, told: bool
 ) -> list[Finding]:
-    """Everything about the autopilot's fence.
+    """Returns all findings on the autopilot's fence.
 
-    planner: of the site, without the fence; None without a site. home_m: in the site's frame, None
-    where unknown. told: whether the autopilot has told which areas were uploaded to it.
+    planner: of the site, without the fence; None without a site. home_m: in the site's frame,
+    None if unknown. told: the autopilot has reported which areas were uploaded to it.
     """
     found = [_summary(fence)]
     if not told:
@@ -85,7 +85,7 @@ def _source(fence: Fence) -> Iterator[Finding]:
 
 
 def _outside(planner: Planner, fence: PlaneFence) -> Iterator[Finding]:
-    """What of the site is outside, by its places and by its ways."""
+    """Yields findings on places and routes of the site that are outside."""
     site, vehicle = planner.site, planner.vehicle
     inner = Planner(site, vehicle, fence=fence, clock=planner.clock)
     places = [

@@ -1,4 +1,4 @@
-"""What a look before the flight finds: one line each, with how to mend it."""
+"""Findings of the preflight checks: one line each, with a remedy."""
 
 from __future__ import annotations
 
@@ -8,22 +8,22 @@ from dataclasses import dataclass
 
 
 class Level(enum.IntEnum):
-    """How much a finding matters, the least first."""
+    """Severity of a finding, the least first."""
 
     OK = 0
     NOTE = 1
     """Good to know."""
     WARNING = 2
-    """May be flown with, by somebody who knows what it means."""
+    """The flight is possible for an operator who understands the finding."""
     NO_GO = 3
-    """Must be mended before the flight."""
+    """Must be fixed before the flight."""
 
     def __str__(self) -> str:
         return self.name.lower().replace("_", "-")
 
     @classmethod
     def of_risk(cls, risk: float) -> Level:
-        """The level of a risk in [0, 1], as the risk indices have them."""
+        """Level of a risk in [0, 1], as the risk indices have them."""
         if risk <= 0.0:
             return cls.OK
         if risk >= 1.0:
@@ -32,12 +32,12 @@ class Level(enum.IntEnum):
 
 
 _WORRYING_RISK = 0.5
-"""Half way from where an input begins to count to its worst."""
+"""Middle between the value at which an input begins to count and its worst value."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Finding:
-    """What was looked at, what was found there, and what to do about it."""
+    """Result of one check: subject, text and remedy."""
 
     level: Level
     subject: str
@@ -49,10 +49,10 @@ class Finding:
 
     @property
     def explanation(self) -> str:
-        """What was found and how to mend it."""
+        """Text and remedy."""
         return f"{self.text}; {self.remedy}" if self.remedy else self.text
 
 
 def worst(findings: Iterable[Finding]) -> Level:
-    """The greatest level among findings; OK without any."""
+    """Returns the greatest level among findings; OK without any."""
     return max((finding.level for finding in findings), default=Level.OK)

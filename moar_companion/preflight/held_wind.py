@@ -1,4 +1,4 @@
-"""The wind that the aircraft can hold, against the wind in which it is to be flown. Pure."""
+"""Wind that the aircraft can hold, against the wind limit of the flight. Pure."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ def held_wind_finding(
     vehicle: Vehicle,
     limits: Supervision,
 ) -> Finding:
-    """By drag and lean, with the key and the parameter that they come from."""
+    """Returns a finding by drag and lean, with the key and the parameter that they come from."""
     limit_rad, source = tilt_limit(kind, parameters, vehicle.risk)
     held_mps = held_wind_mps(vehicle.risk, limit_rad)
     allowed_mps = MARGIN * held_mps

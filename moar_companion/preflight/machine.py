@@ -1,6 +1,6 @@
-"""Looking at the aircraft before the flight: one machine without I/O. Bytes and time in, bytes out.
+"""Check of the aircraft before the flight: one machine without I/O. Bytes and time in, bytes out.
 
-It listens as the service does, under the same ids and with a heartbeat, and asks for streams,
+It receives as the service does, with the same ids and a heartbeat, and requests streams,
 parameters and the version. It never sends a setpoint, a mode or a parameter.
 """
 
@@ -36,11 +36,11 @@ from .held_wind import held_wind_finding
 from .rules import Case, parameter_findings
 
 WAIT_S = 10.0
-"""Ten heartbeats: an autopilot that is not heard in this time is not there."""
+"""Ten heartbeats: an autopilot that sends none in this time is absent."""
 _LOOK_S = 6.0
-"""Six heartbeats, three words on the battery, enough packets for a loss of some percent."""
+"""Six heartbeats, three battery messages, enough packets for a loss of some percent."""
 _LONGEST_LOOK_S = 20.0
-"""Whatever is not told by then is unknown."""
+"""Data that has not come by then is unknown."""
 _RISK_PERIOD_S = 0.1
 _VERSION_PERIOD_S = 1.0
 
@@ -57,7 +57,7 @@ _RULES = {
 
 
 def _parameters(kind: AutopilotKind) -> tuple[str, ...]:
-    """What is asked of an autopilot, each once."""
+    """Names of the parameters requested of an autopilot, each once."""
     rules = (rule.parameter for rule in _RULES.get(kind, ()))
     asked = (
         *loss_parameters(kind),
@@ -69,9 +69,9 @@ def _parameters(kind: AutopilotKind) -> tuple[str, ...]:
 
 
 class Preflight:
-    """The machine. planner: of the site; None looks at the aircraft alone.
+    """Machine of the preflight check. planner: of the site; None checks the aircraft alone.
 
-    signing: needed where links are signed.
+    signing: needed if links are signed.
     """
 
     def __init__(
@@ -108,16 +108,16 @@ class Preflight:
 
     @property
     def done(self) -> bool:
-        """Whether enough was heard, or nothing for too long."""
+        """True if enough data was received, or none for too long."""
         return self._done
 
     @property
     def found(self) -> bool:
-        """Whether an autopilot was heard, and so the aircraft looked at."""
+        """True if an autopilot was received, and so the aircraft was checked."""
         return self._session.telemetry.autopilot is not None
 
     def receive(self, link: str, data: bytes, now_s: float, address: Address | None = None) -> None:
-        """Takes bytes from a link, split anywhere. address: who sent them to a listening link."""
+        """Takes bytes from a link, split anywhere. address: their sender on a listening link."""
         before = self._session.telemetry
         self._bytes_heard += len(data)
         self._session.receive(link, data, now_s, address)
@@ -128,7 +128,7 @@ class Preflight:
             self._attitudes = self._attitudes.another(now_s)
 
     def tick(self, now_s: float) -> None:
-        """Thinks; made to be called at 10 Hz or more."""
+        """Runs one cycle; to be called at 10 Hz or more."""
         self._now_s = now_s
         if self._began_s is None:
             self._began_s = now_s
@@ -164,15 +164,15 @@ class Preflight:
         self._done = looked_s >= (_LOOK_S if self._all_told() else _LONGEST_LOOK_S)
 
     def data_to_send(self) -> list[tuple[str, bytes]]:
-        """Packets since the last call, in order, each with its link's name."""
+        """Returns the packets since the last call, in order, each with its link's name."""
         return self._session.data_to_send()
 
     def peers(self, link: str) -> tuple[Address, ...]:
-        """The addresses to which a listening link sends; empty for other links."""
+        """Addresses to which a listening link sends; empty for other links."""
         return self._session.peers(link)
 
     def findings(self) -> list[Finding]:
-        """What was found, once `done`."""
+        """Returns the findings, once `done`."""
         session = self._session
         autopilot, status = session.autopilot, session.telemetry.autopilot
         if autopilot is None or status is None:
@@ -205,7 +205,7 @@ class Preflight:
         ]
 
     def _causes(self) -> Causes:
-        """What the service would have against a flight now."""
+        """Returns the service's reasons against a flight now."""
         seen = Seen(
             telemetry=self._session.telemetry,
             risk=self._risk,
@@ -251,7 +251,7 @@ class Preflight:
         return failsafe_findings(self._planner, told, self._limits, self._power)
 
     def _all_told(self) -> bool:
-        """Whether nothing that was asked for may still come."""
+        """True if nothing that was requested may still come."""
         session = self._session
         assert session.autopilot is not None
         fence_told = session.fence_items is not None or session.fence_silent
@@ -261,7 +261,7 @@ class Preflight:
         )
 
     def _refusals(self) -> list[Finding]:
-        """What the signed links have refused."""
+        """Returns findings on packets that the signed links have refused."""
         behind = [
             Finding(
                 level=Level.WARNING,
@@ -285,7 +285,7 @@ class Preflight:
         ]
 
     def _silence(self) -> Finding:
-        """Nobody there, with what tells one cause from another."""
+        """Returns the finding of a missing autopilot, with hints at the cause."""
         links = ", ".join(self._asked_links)
         if self._bytes_heard == 0:
             remedy = (

@@ -1,7 +1,7 @@
-"""PX4's parameters that decide what happens when something fails.
+"""PX4's parameters that decide its reaction to failures.
 
-Sources: PX4 v1.17, "Safety configuration (failsafes)" and the parameters' descriptions; what it
-does when the companion dies, as measured.
+Sources: PX4 v1.17, "Safety configuration (failsafes)" and the parameters' descriptions; its
+reaction to a companion failure, as measured.
 """
 
 from __future__ import annotations
@@ -206,4 +206,4 @@ RULES = (
         unknown=Level.NOTE,
     ),
 )
-"""In the order in which they are told."""
+"""In the order of the report."""

@@ -1,6 +1,6 @@
-"""What would keep the service from an inspection: risk indices, and its supervisor's limits. Pure.
+"""Reasons of the service against an inspection: risk indices, and its supervisor's limits. Pure.
 
-Inputs: the indices and the causes as the service has them, what is found of the batteries.
+Inputs: the indices and the causes as the service has them, the findings on the batteries.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from .battery import CHARGE
 from .findings import Finding, Level
 
 _INDICES = (
-    # The lean, of which wind is mostly told, says something in the air only.
+    # The lean, the main measure of wind, is valid in the air only.
     ("wind", "wait for calmer air", Level.NOTE, ("wind",)),
     (
         "communication",
@@ -29,18 +29,18 @@ _INDICES = (
     ),
     ("battery", CHARGE, Level.NO_GO, ("battery_critical", "battery_reserve")),
 )
-"""Each index with how to mend it, what it comes to when nothing tells of it, and the causes for
-which the service refuses an inspection whatever the index is."""
+"""Each index with its remedy, its level without data, and the causes for which the service
+refuses an inspection at any value of the index."""
 _UNTOLD = "the autopilot has to tell it: set it up there, or look at the link's rates"
 
 
 def risk_findings(
     estimate: RiskEstimate, causes: Causes, batteries: Iterable[Finding]
 ) -> Iterator[Finding]:
-    """One for each index, and one for each limit that is passed. batteries: `battery_findings`."""
+    """Yields a finding for each index, and for each limit passed. batteries: `battery_findings`."""
     misread = next((item.remedy for item in batteries if item.remedy not in ("", CHARGE)), None)
     for name, usual, unknown, limits in _INDICES:
-        other = misread if name == "battery" else None  # charging it mends nothing
+        other = misread if name == "battery" else None  # charging does not help
         remedy = other or usual
         yield _index(name, estimate, unknown, remedy, other or _UNTOLD)
         for cause in limits:
@@ -55,9 +55,9 @@ def risk_findings(
 
 
 def _index(name: str, estimate: RiskEstimate, unknown: Level, remedy: str, untold: str) -> Finding:
-    """An index as the service will move it, with its inputs or the last word that it is held at.
+    """Returns the finding of an index's target, with its inputs or the last value that holds it.
 
-    unknown, untold: the level and the remedy where nothing tells of it.
+    unknown, untold: the level and the remedy without data.
     """
     report: IndexReport = getattr(estimate.report, name)
     if report.value is None:

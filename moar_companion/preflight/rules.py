@@ -1,7 +1,7 @@
-"""How a parameter of the autopilot is judged: its value in, a finding out.
+"""Judgement of the autopilot's parameters: a value in, a finding out.
 
-The tables are `px4` and `ardupilot`. Only what was told is judged: a parameter that was not told is
-unknown, and never taken for its default.
+The tables are `px4` and `ardupilot`. Only reported values are judged: a parameter that was not
+reported is unknown, and never taken for its default.
 """
 
 from __future__ import annotations
@@ -21,46 +21,46 @@ CLIMBING = f"return, {CLIMBS}"
 FALLING = "motors off: it falls"
 UNTIL_IT_FALLS = "the companion leads out before; without one it flies on until it falls"
 _SHORT_S = 0.5
-"""As the manual asks for."""
+"""As the manual requires."""
 _NOT_TOLD = "check again over a better link, or look it up in the ground station"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """What a value is judged against."""
+    """Context of a judgement."""
 
     vehicle: Vehicle
     parameters: Mapping[str, float | None]
     ground_station_heard: bool
     objection: Level = Level.NO_GO
-    """What an objection to a death in flight comes to, as configured."""
+    """Level of an objection to an offboard loss in flight, as configured."""
 
     def has_bit(self, name: str, bit: int) -> bool:
-        """Whether a parameter is known to have a bit set."""
+        """True if a parameter is known to have a bit set."""
         value = self.parameters.get(name)
         return value is not None and bool(int(value) >> bit & 1)
 
 
 Verdict = tuple[Level, str]
-"""A level, and the value in words."""
+"""A level, and the value as text."""
 Judge = Callable[[float, Case], Verdict]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Rule:
-    """How one parameter is judged, what it decides, and what to set."""
+    """Judgement of one parameter, its meaning, and the remedy."""
 
     parameter: str
     judge: Judge
     meaning: str
     remedy: str = ""
-    """Said from a warning on."""
+    """Shown from a warning on."""
     unknown: Level = Level.WARNING
-    """How much it matters that it was not told: a no-go where its value may be one."""
+    """Level of a parameter that was not reported: a no-go if its value may be one."""
 
 
 def parameter_findings(rules: Iterable[Rule], case: Case) -> list[Finding]:
-    """One finding for each rule."""
+    """Returns one finding for each rule."""
     return [_finding(rule, case) for rule in rules]
 
 
@@ -83,7 +83,7 @@ def _finding(rule: Rule, case: Case) -> Finding:
 
 
 def choice(verdicts: Mapping[int, Verdict]) -> Judge:
-    """By the value of an enumeration."""
+    """Judges by the value of an enumeration."""
 
     def judge(value: float, _: Case) -> Verdict:
         level, word = verdicts.get(int(value), (Level.WARNING, "not known here"))
@@ -95,7 +95,7 @@ def choice(verdicts: Mapping[int, Verdict]) -> Judge:
 def where_zero(
     judge: Judge, others: tuple[str, ...], level_of: Callable[[Level], Level], words: str
 ) -> Judge:
-    """At another level, with a word more, where other parameters are all known to be 0."""
+    """Judges at another level, with more text, if other parameters are all known to be 0."""
 
     def judging(value: float, case: Case) -> Verdict:
         level, text = judge(value, case)
@@ -108,7 +108,7 @@ def where_zero(
 
 
 def excepted(judge: Judge, by: tuple[str, int], words: str) -> Judge:
-    """All is well where a bit of another parameter makes an exception of our mode."""
+    """Judges as OK if a bit of another parameter exempts our mode."""
 
     def excepting(value: float, case: Case) -> Verdict:
         if case.has_bit(*by):
@@ -119,7 +119,7 @@ def excepted(judge: Judge, by: tuple[str, int], words: str) -> Judge:
 
 
 def bits(mask: int, *, clear: Verdict, is_set: Verdict) -> Judge:
-    """By whether any bit of a mask is set."""
+    """Judges by any set bit of a mask."""
 
     def judge(value: float, _: Case) -> Verdict:
         level, words = is_set if int(value) & mask else clear
@@ -129,12 +129,12 @@ def bits(mask: int, *, clear: Verdict, is_set: Verdict) -> Judge:
 
 
 def switch(off: Level) -> Judge:
-    """What is wrong when it is 0."""
+    """Judges 0 at the level `off`, all else as OK."""
     return lambda value, _: (Level.OK if value else off, f"{value:g}")
 
 
 def excepts_us(parameter: str, source: str, mode: str) -> Rule:
-    """Bit 2 says in both autopilots that a loss does not count in our mode."""
+    """Rule of bit 2, by which a loss does not count in our mode, in both autopilots."""
     return Rule(
         parameter=parameter,
         judge=bits(0b100, clear=(Level.OK, "it counts"), is_set=(Level.NOTE, "it does not")),
@@ -149,7 +149,7 @@ def speed_limits(
     scale: float = 1.0,
     unknown: Level = Level.WARNING,
 ) -> tuple[Rule, ...]:
-    """The parameters that limit the speed level, upwards and downwards; scale: to m/s."""
+    """Rules of the parameters that limit the speed level, upwards and downwards; scale: to m/s."""
     asked: tuple[tuple[str, Callable[[Vehicle], float]], ...] = (
         ("level", lambda vehicle: vehicle.speed.horizontal_mps),
         ("upwards", lambda vehicle: vehicle.speed.up_mps),
@@ -168,12 +168,12 @@ def speed_limits(
 
 
 def told(unit: str, scale: float = 1.0) -> Judge:
-    """Good to know, whatever it is."""
+    """Judges any value as a note."""
     return lambda value, _: (Level.NOTE, f"{value * scale:g} {unit}")
 
 
 def time_on_last_setpoint(kind: AutopilotKind) -> Judge:
-    """Seconds in which nobody steers, and how far the aircraft comes before it rests."""
+    """Judges the seconds without new setpoints, with the stopping distance."""
 
     def judge(value: float, case: Case) -> Verdict:
         speed_mps, loss = case.vehicle.speed.max_mps, Loss.of(kind, case.parameters)
@@ -188,7 +188,7 @@ def time_on_last_setpoint(kind: AutopilotKind) -> Judge:
 
 
 def follows_setpoints() -> tuple[Rule, ...]:
-    """Whether ArduPilot accelerates as hard as our setpoints do; else no inspection is begun."""
+    """Rules of ArduPilot's acceleration: below that of our setpoints no inspection begins."""
 
     def judge(value: float, case: Case) -> Verdict:
         limit_mps2, asked_mps2 = 0.01 * value, case.vehicle.guidance.acceleration_mps2
@@ -207,7 +207,7 @@ def follows_setpoints() -> tuple[Rule, ...]:
 
 
 def _covers(asked: Callable[[Vehicle], float], scale: float) -> Judge:
-    """A speed limit that must not be below what the vehicle file asks for; scale: to m/s."""
+    """Judges a speed limit, which must not be below that of the vehicle file; scale: to m/s."""
 
     def judge(value: float, case: Case) -> Verdict:
         limit_mps, asked_mps = value * scale, asked(case.vehicle)
@@ -218,7 +218,7 @@ def _covers(asked: Callable[[Vehicle], float], scale: float) -> Judge:
 
 
 def cell_voltage(least_v: float) -> Judge:
-    """A threshold of the whole pack, which in volts of a cell must not be below `least_v`."""
+    """Judges a threshold of the whole pack, which must not be below `least_v` for one cell."""
 
     def judge(value: float, case: Case) -> Verdict:
         cells = case.vehicle.risk.cells

@@ -1,7 +1,7 @@
-"""What can be said of site and vehicle before anything flies: values in, findings out. Pure.
+"""Check of site and vehicle before the flight: values in, findings out. Pure.
 
-Beyond what makes a file unreadable: places where nothing can be flown, ways that do not exist,
-cells too coarse for what they keep clear of, missions that cannot be ordered.
+Beyond errors that make a file unreadable: places where nothing can be flown, missing routes, cells
+too coarse for their keep-outs, missions that cannot be ordered.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ from .findings import Finding, Level
 from .ways import Way, place_problem, too_near, unseen, ways_of
 
 _LARGE_BYTES = 500_000_000
-"""More than this is felt on a companion computer of 4 GB."""
+"""More than this is a burden on a companion computer of 4 GB."""
 _LOST_SHARE = 0.5
-"""Of what is to be kept clear, how much may be lost on the way between two cells."""
+"""Fraction of a required clearance that may be lost on the way between two cells."""
 _PX4_STRAY_S2 = 0.58
-"""Metres that PX4 strays for each m/s^2 of the setpoint (`vehicle.Guidance`)."""
+"""Deviation of PX4 in metres for each m/s^2 of the setpoint (`vehicle.Guidance`)."""
 _ENDURANCE_SHARE = 0.8
-"""The rest is for take-off and landing, the wind and waiting."""
+"""Fraction for the flight; the rest is for take-off and landing, the wind and waiting."""
 
 
 def site_findings(planner: Planner) -> list[Finding]:
-    """Everything about a site and a vehicle, as the planner sees them."""
+    """Returns all findings on a site and a vehicle, as the planner has them."""
     return [
         _size(planner),
         _speed(planner),
@@ -62,7 +62,7 @@ def _size(planner: Planner) -> Finding:
 
 
 def _speed(planner: Planner) -> Finding:
-    """The vehicle's greatest speed, against the room that it has."""
+    """Checks the vehicle's greatest speed against the room of the site."""
     vehicle, grid = planner.vehicle, planner.maps.grid
     speed_mps, acceleration_mps2 = vehicle.speed.max_mps, vehicle.guidance.acceleration_mps2
     stopping_m = 0.5 * speed_mps**2 / acceleration_mps2
@@ -78,7 +78,7 @@ _GRAPH_ARRAYS = ("allowed", "safety", "speed")
 
 
 def _obstacles(planner: Planner) -> Iterator[Finding]:
-    """What is kept clear of each obstacle, against the cells."""
+    """Checks the clearance of each obstacle against the cells."""
     vehicle, resolution_m = planner.vehicle, planner.maps.grid.resolution_m
     for obstacle in planner.site.obstacles:
         required_m = vehicle.radius_m + obstacle.keep_out_m
@@ -94,7 +94,7 @@ def _obstacles(planner: Planner) -> Iterator[Finding]:
 
 
 def _margin(planner: Planner) -> Finding:
-    """What is kept clear beyond keep-outs, against what the autopilot was seen to need."""
+    """Checks the margin beyond keep-outs against the measured need of the autopilot."""
     vehicle, margin = planner.vehicle, planner.site.margin
     seen, whose = seen_margin(vehicle.autopilot), "PX4"
     if vehicle.autopilot is AutopilotKind.ARDUPILOT:
@@ -115,7 +115,7 @@ def _margin(planner: Planner) -> Finding:
 
 
 def _least_between_cells_m(obstacle: Obstacle, required_m: float, resolution_m: float) -> float:
-    """The least clearance on a diagonal between free cells, whose centres have the required one."""
+    """Least clearance on a diagonal between free cells, whose centres have the required one."""
     radius_m = obstacle.radius_m if isinstance(obstacle, Conductor) else 0.0
     half_diagonal_squared = 0.5 * resolution_m**2
     across = (radius_m + required_m) ** 2 - half_diagonal_squared
@@ -160,7 +160,7 @@ def _landings(planner: Planner) -> Iterator[Finding]:
 
 
 def _targets(planner: Planner) -> Iterator[Finding]:
-    """Each target: whether it can be, and from it every mission can be flown."""
+    """Checks each target: its place, and every mission to it and from it."""
     site = planner.site
     if not site.targets:
         yield Finding(
@@ -196,7 +196,7 @@ def _targets(planner: Planner) -> Iterator[Finding]:
 
 
 def _ways(subject: str, times_s: dict[Way, float]) -> Finding:
-    """What leads to and from a target. times_s: how long each way takes."""
+    """Checks the routes to and from a target. times_s: flight time of each route."""
     lost = [way.name for way in times_s if way.plan.status is not PlanStatus.FOUND]
     if lost:
         return Finding(

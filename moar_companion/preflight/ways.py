@@ -1,7 +1,7 @@
-"""The ways of a site: what every mission would fly from rest at its targets. Pure.
+"""Routes of a site: the flight of every mission from rest at its targets. Pure.
 
-Inputs: a planner, what the autopilot does when the companion is lost. Outputs: plans, how long they
-take to fly, and why nobody should die on them.
+Inputs: a planner, the autopilot's offboard-loss action. Outputs: plans, their flight times, and
+reasons against an offboard loss on them.
 """
 
 from __future__ import annotations
@@ -25,12 +25,12 @@ from ..types import AutopilotKind, Mission, Vector
 from ..vehicle import Vehicle
 
 _STEP_S = 0.1
-"""Of a flight that is tried."""
+"""Time step of a simulated flight."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Way:
-    """One way of a mission from rest; name: to people who know its target."""
+    """One route of a mission from rest; name: for readers who know its target."""
 
     name: str
     mission: Mission
@@ -38,10 +38,10 @@ class Way:
     plan: Plan
 
     def flown_s(self, planner: Planner) -> float:
-        """How long it takes in still air, landing leg included; 0 without a plan.
+        """Flight time in still air, landing leg included; 0 without a plan.
 
-        Flown by an aircraft that never falls behind its setpoint, with an autopilot as it comes: a
-        plan's own duration knows nothing of how the vehicle gathers speed and brakes.
+        For an aircraft that never falls behind its setpoint, with default autopilot parameters: a
+        plan's own duration ignores the vehicle's acceleration and braking.
         """
         if self.plan.status is not PlanStatus.FOUND:
             return 0.0
@@ -57,7 +57,7 @@ class Way:
         return steps * _STEP_S
 
     def objection(self, planner: Planner, loss: Loss, home_m: Vector | None) -> str | None:
-        """Why nobody should die on it, as the service says it; None when all is well."""
+        """Reason against an offboard loss on it, as the service reports it; None if it is safe."""
         if self.plan.status is not PlanStatus.FOUND:
             return None
         flight, pose = self._flight(planner, loss)
@@ -66,7 +66,7 @@ class Way:
         return lag or loss.objection(planner.maps.reach, rests_m, home_m)
 
     def _flight(self, planner: Planner, loss: Loss) -> tuple[Flight, Pose]:
-        """A flight that has not begun, and where."""
+        """Returns a flight that has not begun, and its pose."""
         x_m, z_m = self.start_m
         pose = Pose(position_m=(x_m, 0.0, z_m), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
         site, vehicle, maps = planner.site, planner.vehicle, planner.maps
@@ -74,7 +74,7 @@ class Way:
 
 
 def ways_of(planner: Planner) -> dict[str, list[Way]]:
-    """By the names of targets where the vehicle can be: the ways out, and that from the one before.
+    """By names of reachable targets: escape routes, and the route from the target before.
 
     The first target's is from the start, if the vehicle can be there.
     """
@@ -106,7 +106,7 @@ def ways_of(planner: Planner) -> dict[str, list[Way]]:
 
 
 def unseen(planner: Planner, mission: Mission, index: int | None = None) -> str | None:
-    """What keeps a landing point, or all of a mission (None), from being reached."""
+    """Reason why a landing point, or all of a mission (None), cannot be reached; None if it can."""
     try:
         goal_region(planner.site, planner.vehicle, planner.maps, mission, index)
     except InputError as error:
@@ -115,7 +115,7 @@ def unseen(planner: Planner, mission: Mission, index: int | None = None) -> str 
 
 
 def place_problem(planner: Planner, point_m: PlanePoint) -> str | None:
-    """What is wrong with a place where the vehicle should be; None: nothing."""
+    """Reason why the vehicle cannot be at a place; None if it can."""
     grid, space = planner.maps.grid, planner.site.workspace
     cell = grid.cell_of(point_m)
     if cell is None:
@@ -123,7 +123,7 @@ def place_problem(planner: Planner, point_m: PlanePoint) -> str | None:
         return f"outside the workspace (x {x_low:g} to {x_high:g}, z {z_low:g} to {z_high:g})"
     if not planner.maps.occupied[cell]:
         return None
-    # A cell is occupied by its centre, of which the point in it is up to half a cell away.
+    # A cell is occupied by its centre, up to half a cell away from a point in it.
     x_m, z_m = grid.centre_m(cell)
     if space.min_altitude_m is not None and z_m < space.min_altitude_m:
         return f"below workspace.min_altitude_m ({space.min_altitude_m:g})"
@@ -131,7 +131,7 @@ def place_problem(planner: Planner, point_m: PlanePoint) -> str | None:
 
 
 def requirement(site: Site, vehicle: Vehicle, obstacle: Obstacle) -> str:
-    """What the distance from an obstacle is made of, in words."""
+    """Text about the parts of the distance from an obstacle."""
     parts = [f"vehicle radius {vehicle.radius_m:g}"]
     own_m = obstacle.keep_out_m - site.margin.total_m
     if own_m > TOLERANCE:
@@ -142,7 +142,7 @@ def requirement(site: Site, vehicle: Vehicle, obstacle: Obstacle) -> str:
 
 
 def too_near(planner: Planner, point_m: PlanePoint) -> str | None:
-    """The first obstacle that a place is too near to, with the distances."""
+    """Text about the first obstacle that a place is too near to, with the distances."""
     for obstacle in planner.site.obstacles:
         distance_m = float(geometry.obstacle_distance_m(obstacle, np.array(point_m)))
         required_m = planner.vehicle.radius_m + obstacle.keep_out_m

@@ -1,6 +1,6 @@
-"""The airspace of a flight: where its setpoints may be, and how fast there.
+"""The flight volume: places and speeds that are permitted for setpoints.
 
-Inputs: the site's maps, the vehicle, what its autopilot does when nothing more is sent; places.
+Inputs: the site's maps, the vehicle, the autopilot's offboard-loss behaviour; places.
 Outputs: speeds, and reasons to refuse a setpoint.
 """
 
@@ -30,17 +30,17 @@ from .motion import Pose, Setpoint
 from .paths import CheckedLeg, approach_m, vector
 
 _PER_CELL = 10
-"""Samples of a straight that must be free, for each cell of its length."""
+"""Samples of a straight line per cell of its length; each must be free."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Airspace:
-    """What the site and the maps allow a vehicle; beside them, its checked legs are open to it.
+    """Flight volume that the site and the maps permit; checked legs are permitted as well.
 
-    maps: of the site, with keep-outs as they are: what the gate widens by what is true now.
-    reach: to obstacles as wide as the plan that is flown takes them; None: as on `maps`.
-    fence: of the autopilot, less its margin; None where there is none. narrowed_m: how much of the
-    margin the plan that is flown does without.
+    maps: of the site, keep-outs without inflation; the gate adds the present inflation.
+    reach: to obstacles with the inflation of the active plan; None: as on `maps`.
+    fence: of the autopilot, less its margin; None where there is none. narrowed_m: part of the
+    margin that the active plan omits.
     """
 
     site: Site
@@ -53,13 +53,13 @@ class Airspace:
 
     @property
     def corridor_width_m(self) -> float:
-        """How far from a checked leg a setpoint may be."""
+        """Maximum distance from a checked leg to a setpoint, in metres."""
         return self.maps.grid.resolution_m
 
     def leg_speeds_mps(self, points_m: FloatArray) -> FloatArray:
-        """How fast the segments between points (n, 3) of a leg to a plan are flown: (n - 1,).
+        """Speeds (n - 1,) of the segments between points (n, 3) of a leg to a plan.
 
-        From outside as fast as the vehicle may in their direction, from beside what is near v_MIN.
+        From clear space outside the workspace: the vehicle's limit in each direction; else v_MIN.
         """
         x_m, _, z_m = start_m = vector(points_m[0])
         workspace, speed = self.site.workspace, self.vehicle.speed
@@ -70,15 +70,15 @@ class Airspace:
         return np.full(len(points_m) - 1, speed.min_mps)
 
     def recovery_speeds_mps(self, points_m: FloatArray) -> FloatArray:
-        """How fast the vehicle may fly the segments between points (n, 3): (n - 1,)."""
+        """The vehicle's speed limits (n - 1,) on the segments between points (n, 3)."""
         return elevation_speed_mps(self.vehicle.speed, np.diff(points_m, axis=0)[:, ::2])
 
     def widened(self, reach: Reach | None, narrowed_m: float = 0.0) -> Airspace:
-        """The same with obstacles as wide as another plan takes them."""
+        """Returns the same volume with the obstacle inflation of another plan."""
         return replace(self, reach=reach, narrowed_m=narrowed_m)
 
     def trajectory(self, path: PathPoints, lead_in: PathPoints | None = None) -> Trajectory:
-        """How a path is flown."""
+        """Returns the trajectory along a path, with the speed cap."""
         return make_trajectory(
             path,
             lead_in=lead_in,
@@ -88,18 +88,18 @@ class Airspace:
         )
 
     def rests_m(self, trajectory: Trajectory, from_m: float = 0.0) -> FloatArray:
-        """Where it could come to rest if nothing more were sent from a distance on: (n, 2)."""
+        """Possible stop points (n, 2) if the setpoint stream ends at `from_m` or later."""
         ahead = trajectory.distance_m >= min(from_m, trajectory.length_m)
         places, speed_mps = trajectory.position_m[ahead], trajectory.speed_mps[ahead]
         beyond = trajectory.direction[ahead] * self.loss.way_m(speed_mps)[:, None]
         return np.concatenate([places, places + beyond])[:, ::2]
 
     def speed_cap_mps(self, position_m: FloatArray, direction: FloatArray) -> FloatArray:
-        """The greatest speeds (n,) from which the aircraft comes to rest in free space.
+        """Maximum speeds (n,) from which the aircraft stops in free space.
 
-        No lower than the site's least altitude either, nor, outside the workspace, on a leg that
-        leads lower, than the leg. A path leads through the middle of its cells, so that half a cell
-        is always free, and no cap is 0.
+        It stops no lower than the site's minimum altitude. Outside the workspace, on a leg that
+        leads lower, it stops no lower than the leg. A path leads through cell centres. Half a cell
+        is therefore always free, and no cap is 0.
         """
         places, ways = position_m[:, ::2], direction[:, ::2]
         farthest_m = float(self.loss.way_m(np.array(self.vehicle.speed.max_mps)))
@@ -113,7 +113,7 @@ class Airspace:
         return self.loss.speed_mps(np.maximum(free_m, 0.5 * self.maps.grid.resolution_m))
 
     def _lowest_m(self, places_m: FloatArray) -> FloatArray:
-        """The heights (n,) below which nothing may come to rest that passes places (n, 2)."""
+        """Minimum heights (n,) of the stop points of an aircraft at places (n, 2)."""
         workspace, lowest_m = self.site.workspace, places_m[:, 1].min()
         if workspace.min_altitude_m is None:
             return np.full(len(places_m), lowest_m)
@@ -123,7 +123,7 @@ class Airspace:
         return np.where(inside, workspace.min_altitude_m, outside_m)
 
     def free_between(self, start_m: FloatArray, end_m: Vector) -> bool:
-        """Whether the setpoint may move straight from one place to another: in free cells only."""
+        """True if the straight line between two places is in free cells only."""
         grid = self.maps.grid
         line = np.array(end_m) - start_m
         samples = 2 + math.ceil(float(np.sqrt(line @ line)) / grid.resolution_m * _PER_CELL)
@@ -137,25 +137,25 @@ class Airspace:
         return True
 
     def is_crowded(self, places_m: FloatArray) -> bool:
-        """Whether one of some places (n, 3) is within an obstacle's margin, or a cell of it."""
+        """True if one of the places (n, 3) is within an obstacle's margin, or a cell of it."""
         least_m = self.vehicle.radius_m + self.maps.grid.resolution_m
         return bool((obstacle_room_m(self.site, places_m[:, ::2]) < least_m).any())
 
     def leaves_fence(self, places_m: FloatArray) -> str | None:
-        """The limit of the autopilot's fence that one of some places (n, 3) is outside of.
+        """The autopilot's fence limit that one of the places (n, 3) violates; None: no limit.
 
-        Within a cell, for cells are inside by their centres.
+        Tolerance: one cell, because cells are inside by their centres.
         """
         if self.fence is None:
             return None
         return self.fence.crossed(places_m[:, ::2], self.maps.grid.resolution_m)
 
     def carried_m(self, setpoint_m: Vector, aircraft_m: Vector, leash_m: float) -> Vector | None:
-        """Where the setpoint is, at rest, that an aircraft takes along at a distance.
+        """New setpoint, at rest, when the wind has blown the aircraft off by more than `leash_m`.
 
-        That is on the straight between the two, as near to the aircraft as `leash_m` allows, where
-        it may be and from where the way back to it is free; else nearer, at last where the aircraft
-        is. None where that is nowhere nearer than it is, and where it is no farther than that.
+        It is on the straight line to the aircraft, `leash_m` away, where a setpoint is permitted
+        and the line to the aircraft is free. Other places follow: farther ones, then nearer ones,
+        at last the aircraft's own. None within `leash_m`, or where no permitted place is nearer.
         """
         setpoint, aircraft = np.array(setpoint_m), np.array(aircraft_m)
         line = setpoint - aircraft
@@ -174,13 +174,13 @@ class Airspace:
         return None
 
     def is_free_leg(self, start_m: Vector, end_m: Vector) -> bool:
-        """Whether a straight leg keeps every keep-out; in one it begins in, comes no nearer."""
+        """True if a straight leg keeps every keep-out; in one it begins in, comes no nearer."""
         return bool(self._leads_back(np.array([end_m]), np.array(start_m))[0])
 
     def _leads_back(self, places_m: FloatArray, aircraft_m: FloatArray) -> BoolArray:
-        """From which places (n, 3) the straight to the aircraft keeps every keep-out: (n,).
+        """Mask (n,) of places (n, 3) whose straight line to the aircraft keeps every keep-out.
 
-        Of one in which the aircraft is, it comes no nearer to the obstacle.
+        If the aircraft is in a keep-out, the line comes no nearer to that obstacle.
         """
         vertices_m, first, radius_m, keep_out_m = rings(self.site.obstacles)
         least_m = keep_out_m + self.vehicle.radius_m - self.site.margin.total_m
@@ -190,19 +190,19 @@ class Airspace:
         return np.asarray(kept.all(axis=1))
 
     def _least_m(self, from_z_m: float) -> float:
-        """How low a setpoint may be carried from a height: no lower, where that is too low."""
+        """Minimum height of a moved setpoint: the minimum altitude, or `from_z_m` if lower."""
         low_m = self.site.workspace.min_altitude_m
         return -math.inf if low_m is None else min(low_m, from_z_m)
 
     def keeps_clear(self, place_m: Vector) -> bool:
-        """Whether a place, anywhere, is in no obstacle's own keep-out: within the margin it is."""
+        """True if a place, anywhere, is outside every keep-out less its margin."""
         return self._may_be_carried_to(place_m, place_m[2], self.site.margin.total_m)
 
     def _may_be_carried_to(self, place_m: Vector, from_z_m: float, within_m: float) -> bool:
-        """Whether a place keeps every keep-out, also outside the workspace, and is not too low.
+        """True if a place keeps every keep-out, also outside the workspace, and is not too low.
 
-        from_z_m: the height from which it is carried. within_m: how far it may be in a keep-out:
-        to draw an aircraft back through the margin is worse than to leave it there.
+        from_z_m: height before the move. within_m: permitted depth in a keep-out. A return through
+        the margin is worse than a stay in the margin.
         """
         x_m, _, z_m = place_m
         if z_m < self._least_m(from_z_m):
@@ -214,7 +214,7 @@ class Airspace:
         return room_m >= self.vehicle.radius_m - within_m
 
     def way_back(self, place_m: Vector, widened_m: float) -> CheckedLeg | None:
-        """The recovery leg from outside the workspace, or straight back to the plane in it."""
+        """Recovery leg from outside the workspace; inside, the straight leg back to the plane."""
         x_m, y_m, z_m = place_m
         if abs(y_m) > self.vehicle.guidance.recovery_m:
             return None
@@ -230,9 +230,9 @@ class Airspace:
         return CheckedLeg(points_m=tuple(points_m), room_m=math.inf, leads_in=True)
 
     def strays(self, pose: Pose, legs: tuple[CheckedLeg, ...]) -> str | None:
-        """How far the aircraft is too low, or outside the workspace or plane; None where it may be.
+        """Text for an aircraft that is too low, or outside the workspace or plane; None: it is not.
 
-        That is, no farther outside than it may lag behind, or no farther from a checked leg.
+        The tracking tolerance is permitted outside the workspace, and beside a checked leg.
         """
         x_m, y_m, z_m = pose.position_m
         workspace, beside_m = self.site.workspace, self.vehicle.guidance.tracking_hold_m
@@ -259,12 +259,12 @@ class Airspace:
         carried_from_z_m: float | None = None,
         brakes: bool = False,
     ) -> str | None:
-        """Why a setpoint must not be where it is; None when it may.
+        """Reason to refuse a setpoint; None when the setpoint is permitted.
 
-        widened_m: what the distance from obstacles grows by for a setpoint that moves.
-        Both as far as the plan keeps the margin.
-        carried_from_z_m: at rest it may be wherever a wind can have carried it from that height;
-        None where none has. brakes: it comes to rest, which it may outside the fence, too.
+        widened_m: obstacle inflation for a moving setpoint, less the margin that the plan omits.
+        carried_from_z_m: height from which wind has moved the setpoint; at rest, all places that
+        wind can reach from there are permitted. None: no wind has moved it. brakes: the setpoint
+        comes to rest, which is permitted outside the fence, too.
         """
         widened_m = max(widened_m - self.narrowed_m, -self.site.margin.total_m)
         if any(setpoint.velocity_mps):

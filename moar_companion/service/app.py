@@ -1,9 +1,9 @@
 """The asyncio shell around the companion: links, clock, planner, recorder, view.
 
-One loop thinks at the setpoint rate and sends what the machine gives it; bytes are handed over as
-they arrive; plans are made in one thread, whose compiled search does not hold the interpreter.
-The planner is made ready in that thread, too, while the loop hears and heartbeats already.
-Whatever may wait for a disk or for who reads the log has a thread of its own: the loop never does.
+One loop runs the machine at the setpoint rate, with the bytes received since, and sends its output.
+Plans are made in one thread, whose compiled search does not hold the interpreter. That thread also
+prepares the planner, while the loop already receives and sends heartbeats. Operations that can wait
+for a disk or for a reader of the log have their own threads: the loop never waits for them.
 """
 
 from __future__ import annotations
@@ -53,27 +53,26 @@ from .view_socket import open_view_socket
 _SWITCH_INTERVAL_S = 0.0005
 """The planner thread gives the interpreter back to the streaming loop at least this often."""
 _LONGEST_THOUGHT_S = 0.1
-"""What was thought earlier than this is not sent any more. No setpoint leaves 200 ms after its
-thought began: the rest is for what the operating system does between a look at the clock and the
-sending."""
+"""Output of a cycle older than this is discarded. No setpoint leaves 200 ms after its cycle began:
+the rest is for operating-system delays between the clock reading and the sending."""
 _LONGEST_WAIT_S = 0.05
-"""What moves the aircraft waits no longer than this for a serial line that is behind."""
+"""Maximum wait of packets that command motion for a serial line that is behind."""
 _CATCHING_UP_S = 0.001
 _LONGEST_CATCHING_UP_S = 0.1
-"""Period of the looks for bytes that have waited while we slept too long, and how long there are
-looks, however much still comes: 4 MB of waiting datagrams are read in 30 ms."""
+"""After a loop stall: period of the reads of queued bytes, and their maximum total time, even if
+more bytes arrive. 4 MB of queued datagrams are read in 30 ms."""
 _LOOK_PERIOD_S = 1.0
-"""How often it is looked at who is heard, and what the computer has left."""
+"""Period of the checks of the autopilot's status and the computer's free resources."""
 _SILENCE_S = 5.0
-"""An autopilot's heartbeat comes each second: after this time without one the user is told."""
+"""An autopilot's heartbeat comes each second: after this time without one a warning is logged."""
 
 _logger = logging.getLogger(__name__)
 
 
 def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
-    """Run until SIGTERM or SIGINT; the exit status.
+    """Runs until SIGTERM or SIGINT; returns the exit status.
 
-    speed: seconds of the companion's clock in a real one; not 1 beside a simulator only.
+    speed: seconds of the companion's clock per real second; other than 1 only with a simulator.
     Raises InputError for files that cannot be used, LinkError for links that cannot be opened.
     """
     vehicle = Vehicle.load(config.vehicle)
@@ -96,7 +95,7 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
 
 
 def _clock_s(speed: float) -> float:
-    """The companion's clock: goes on evenly whatever is done to the host's, and in its sleep."""
+    """The companion's clock: monotonic, unaffected by host clock changes, runs during suspend."""
     return clock_s() * speed
 
 
@@ -152,19 +151,19 @@ class Service:
         self._arrived: list[Arrival] = []
         self._host = Host()
         self._read_late_s = 0.0
-        """How long what arrived has waited to be read, at most, since the last look."""
+        """Maximum delay between arrival and reading of bytes since the last check."""
         self._recorder: Recorder | None = None
         self._heard: AutopilotStatus | None = None
 
     async def run(self) -> None:
-        """Open the links, think until a signal comes, say farewell and close."""
+        """Opens the links, runs cycles until a signal, sends the last setpoint and closes."""
         loop = asyncio.get_running_loop()
         stopped = asyncio.Event()
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stopped.set)
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
-        # Names of hosts are looked up, and serial ports opened, in flight, too: a thread for each
-        # link, none of which has two of these at a time.
+        # Host names are looked up, and serial ports opened, in flight, too. One thread for each
+        # link is enough: no link has two of these at a time.
         loop.set_default_executor(started_pool("links", len(self._config.links)))
         async with contextlib.AsyncExitStack() as stack:
             stack.callback(self._worker.close)
@@ -180,7 +179,7 @@ class Service:
                 signed = "signed " if link.signed else ""
                 _logger.info("%s%s link on %s", signed, link.role.value, address)
             self._links = links
-            # What was imported lives as long as the process: no need to look through it again.
+            # Imported objects stay until the process ends: the collector can skip them.
             gc.freeze()
             gc.enable()
             notify("READY=1")
@@ -206,10 +205,10 @@ class Service:
             self._send(now_s)
 
     def _look_after_planner(self) -> None:
-        """Take the planner when it is ready, and tell how far it is until then."""
+        """Takes the planner when it is ready; reports its progress until then."""
         planner, progress = self._worker.new_planner(), self._worker.new_progress()
         if planner is not None:
-            # So do the compiler's objects: a look through them stops all threads for 0.2 s.
+            # So do the compiler's objects: a collection over them stops all threads for 0.2 s.
             gc.freeze()
             self._companion.take_ground(Ground(site=planner.site, maps=planner.maps))
             _logger.info("planner ready")
@@ -224,7 +223,7 @@ class Service:
         return _clock_s(self._speed)
 
     async def _think_loop(self, host: HostWatch) -> None:
-        """Think and send at the setpoint rate, by deadlines that do not drift."""
+        """Runs one cycle and sends per setpoint period, by deadlines that do not drift."""
         period_s = 1.0 / self._config.setpoint_rate_hz
         due_s = look_s = self._now_s()
         while True:
@@ -255,25 +254,25 @@ class Service:
                     )
             due_s += period_s
             if due_s <= now_s:
-                # After a pause nothing is sent twice to catch up.
+                # After a stall no packet is sent twice to catch up.
                 due_s = now_s + period_s
             await asyncio.sleep((due_s - self._now_s()) / self._speed)
             if self._is_late(due_s):
                 await self._catch_up()
 
     def _is_late(self, due_s: float) -> bool:
-        """Whether too long has passed since then: real time, at whatever speed."""
+        """True if more than the maximum cycle age has passed since `due_s`, in real time."""
         return self._now_s() - due_s > _LONGEST_THOUGHT_S * self._speed
 
     async def _catch_up(self) -> None:
-        """After a pause: hear all that has waited, so that the next thought is of the newest."""
+        """Receives all queued bytes after a stall, so that the next cycle uses the newest."""
         heard, end_s = -1, clock_s() + _LONGEST_CATCHING_UP_S
         while heard < len(self._arrived) and clock_s() < end_s:
             heard = len(self._arrived)
             await asyncio.sleep(_CATCHING_UP_S)
 
     def _note_late_reading(self) -> None:
-        """Before the thought to which a position is old for that."""
+        """Reports late reading to the companion before the cycle that finds the position old."""
         if self._read_late_s > self._host.read_late_s:
             self._host = replace(self._host, read_late_s=self._read_late_s)
             self._companion.note_host(self._host)
@@ -283,7 +282,7 @@ class Service:
         self._read_late_s = max(self._read_late_s, self._now_s() - arrived_s * self._speed)
 
     def _take_in(self, now_s: float) -> None:
-        """Hand over what has arrived: here, so that what fails ends the thinking, too."""
+        """Passes received bytes to the companion; here, so that an error also ends the loop."""
         arrived, self._arrived = self._arrived, []
         self._companion.take_in(arrived, now_s)
         for contingency, answer in self._worker.answers():
@@ -293,7 +292,7 @@ class Service:
                 self._companion.plan_answered(answer, now_s)
 
     def _send(self, now_s: float) -> bool:
-        """Send what was thought at `now_s`; whether that was still young enough to fly by."""
+        """Sends the output of the cycle at `now_s`; True if it was young enough to fly by."""
         late = self._is_late(now_s)
         control = [] if late else self._companion.control_to_send()
         outgoing = [packet for packet in control if self._send_in_time(now_s, *packet)]
@@ -316,21 +315,21 @@ class Service:
         return not late
 
     def _send_in_time(self, now_s: float, url: str, data: bytes) -> bool:
-        """Send a packet that was thought at `now_s`, but not after a pause; whether it was sent."""
+        """Sends a packet of the cycle at `now_s`, but not after a stall; True if it was sent."""
         in_time = not self._is_late(now_s)
         if in_time:
             self._links[url].send(data, _LONGEST_WAIT_S, self._companion.peers(url))
         return in_time
 
     def _remember(self, now_s: float) -> None:
-        """Have what has changed written, for the process after this one."""
+        """Saves changed memory for the next process."""
         memory = self._companion.memory
         if self._memory is not None and memory is not None and memory != self._remembered:
             self._remembered = memory
             self._memory.save(memory, time.time() - now_s)
 
     def _file_faults(self) -> tuple[FileFault, ...]:
-        """What is wrong with the files that are written."""
+        """Faults of the files that the service writes."""
         faults = () if self._memory is None else self._memory.faults
         ended = None if self._recorder is None else self._recorder.ended
         if ended is None:
@@ -369,7 +368,7 @@ class Service:
         return recorder
 
     def _say_if_nobody_is_heard(self) -> None:
-        """One line in the log, so that a wrong port or baud rate is found."""
+        """Logs one line when no autopilot is received: the port or baud rate may be wrong."""
         if self._companion.telemetry.autopilot is None:
             links = [link.url for link in self._config.links if link.role is LinkRole.AUTOPILOT]
             _logger.warning(
@@ -379,7 +378,7 @@ class Service:
             )
 
     def _say_who_is_heard(self) -> None:
-        """One line in the log when the autopilot appears or its mode changes."""
+        """Logs one line when the autopilot appears, or its mode or arming changes."""
         heard = self._companion.telemetry.autopilot
         before = self._heard
         if heard is not None and (

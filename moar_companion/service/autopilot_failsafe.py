@@ -1,7 +1,7 @@
-"""Autopilot failsafes: which one is reported, and whether it has taken the mode. Pure.
+"""Autopilot failsafes: the ones that are reported, and the one that has taken the mode. Pure.
 
 ArduPilot reports system_status 5 for any failsafe, also where its action is none and GUIDED goes
-on (ArduCopter 4.6.3, Copter::any_failsafe_triggered). What decides about control is the mode.
+on (ArduCopter 4.6.3, Copter::any_failsafe_triggered). The mode decides about control.
 """
 
 from __future__ import annotations
@@ -14,14 +14,14 @@ _LOW, _FAILED = 2, 5
 _BATTERY = "battery"
 """The battery's name in `Readiness.unhealthy`."""
 _WITH_MODE_S = 2.5
-"""Before the mode, of a failsafe that chose it: two heartbeats, one of which may be lost."""
+"""Maximum time from a failsafe to the mode that it chose: two heartbeats, one may be lost."""
 _WITHOUT_POSITION = frozenset({Failsafe.ESTIMATOR, Failsafe.DEAD_RECKONING})
 
 
 def took_mode(autopilot: AutopilotStatus | None) -> bool:
-    """Returns whether a failsafe, not a pilot, has chosen a mode that is not ours.
+    """True if a failsafe, not a pilot, has chosen a mode that is not ours.
 
-    PX4 reports a failsafe only while the failsafe flies. ArduPilot goes on reporting it in a mode
+    PX4 reports a failsafe only while the failsafe flies. ArduPilot also reports it in a mode
     that the pilot has chosen: there only a return, a landing or a stop is the failsafe's.
     """
     if autopilot is None or not autopilot.failsafe or autopilot.ours:
@@ -30,10 +30,10 @@ def took_mode(autopilot: AutopilotStatus | None) -> bool:
 
 
 def taken_mode(telemetry: Telemetry) -> str | None:
-    """Returns in words who has chosen the mode that `took_mode` tells; None: none does.
+    """Text with the source of the mode that `took_mode` reports; None: it reports none.
 
-    On ArduPilot a failsafe that has stood in another mode goes on standing in one that a pilot or
-    operator orders: it chose the mode where one began, or was told again, with that mode or after.
+    On ArduPilot a failsafe stays reported in a mode that a pilot or operator orders later. A
+    failsafe chose the mode only if it began, or was reported again, with that mode or after.
     """
     autopilot = telemetry.autopilot
     if autopilot is None or not took_mode(autopilot):
@@ -50,9 +50,9 @@ def taken_mode(telemetry: Telemetry) -> str | None:
 
 
 def reported(telemetry: Telemetry) -> frozenset[Failsafe] | None:
-    """Returns the failsafes that are on while the mode is not theirs; None: there is none.
+    """Returns the active failsafes that have not taken the mode; None: there is none.
 
-    Empty where none of texts, charge states, sensor health and estimator says which.
+    Empty where texts, charge states, sensor health and estimator do not identify one.
     """
     autopilot = telemetry.autopilot
     if autopilot is None or not autopilot.failsafe or took_mode(autopilot):
@@ -72,13 +72,13 @@ def reported(telemetry: Telemetry) -> frozenset[Failsafe] | None:
 
 
 def battery_failsafe(telemetry: Telemetry) -> str | None:
-    """Returns why the aircraft must leave by its battery's failsafe; None: it need not."""
+    """Reason to leave because of the battery's failsafe; None: there is none."""
     found = reported(telemetry)
     return "autopilot battery failsafe" if found and Failsafe.BATTERY in found else None
 
 
 def holding_failsafe(telemetry: Telemetry, *, escaping: bool) -> str | None:
-    """Returns why the aircraft must hold by another failsafe, or one of unknown cause.
+    """Reason to hold because of another failsafe, or one of unknown cause; None: there is none.
 
     escaping: an exit or evacuation is flown. It goes on, unless the position is in doubt.
     """

@@ -1,6 +1,6 @@
-"""What a process finds when it is started: a flight that was cut short, an aircraft in the air.
+"""The restart report: an interrupted flight, or an aircraft in the air, at process start.
 
-Pure: what the process before it remembered and what the aircraft says in, texts for people out.
+Inputs: the memory of the previous process, telemetry. Outputs: texts for people. Pure.
 """
 
 from __future__ import annotations
@@ -13,28 +13,28 @@ from .memory import Memory
 from .surroundings import airborne, grounded
 
 _PATIENCE_S = 3.0
-"""EXTENDED_SYS_STATE may come later than the heartbeat; on ArduPilot it has to be asked for."""
+"""EXTENDED_SYS_STATE may come later than the heartbeat; ArduPilot sends it only on request."""
 
 
 class Awakening:
-    """Tells it once, as soon as there is an autopilot through which people hear it."""
+    """Reports once, as soon as an autopilot is known that can forward the texts."""
 
     def __init__(self, before: Memory | None) -> None:
         self.before = before
-        """What it remembered, less what was released since."""
+        """Memory of the previous process, without a task that was released since."""
         self._heard_s: float | None = None
         self._told = False
 
     def note_stop(self, command: Command) -> None:
-        """Take in a hold or a release before the planner is ready: after a release no rest is left.
+        """Takes a hold or a release before the planner is ready; a release drops the task.
 
-        Where the mission stands begins anew with the planner, from `before`.
+        The mission status is created again from `before` when the planner is ready.
         """
         if self.before is not None and not holds(command):
             self.before = replace(self.before, task=None)
 
     def texts(self, telemetry: Telemetry, now_s: float, *, may_continue: bool) -> list[str]:
-        """What is to be said now. may_continue: whether there is a rest that can be ordered."""
+        """Texts to report now. may_continue: the operator can order the rest of the task."""
         autopilot, before = telemetry.autopilot, self.before
         if self._told or autopilot is None:
             return []

@@ -1,8 +1,8 @@
-"""The causes of this instant: telemetry, flight and computer against the limits. Pure.
+"""The checks of one cycle: telemetry, flight and computer against the limits. Pure.
 
-Inputs: what was seen, the limits, the time; output: the supervisor's `Causes`, in words with the
-number. A measurement that is needed and missing is a cause. A value that was told once counts
-until the next one, however old: only a measurement makes a cause end.
+Inputs: observations, limits, time; output: the supervisor's `Causes`, as texts with the value. A
+required measurement that is missing is a cause. A reported value counts until the next one,
+whatever its age: only a measurement ends a cause.
 """
 
 from __future__ import annotations
@@ -33,24 +33,24 @@ from .motion import Pose
 from .surroundings import airborne, grounded
 
 _READ_LATE_S = 0.2
-"""What has waited for longer to be read is late by us, not by the network."""
+"""Above this wait for reading, data is late because of the companion, not the network."""
 _ATTITUDE_TIMEOUT_S = 1.0
 """ATTITUDE comes at 100 Hz, at 10 Hz on a slow link."""
 _HOVER_MPS = 1.0
-"""A hold is offered to an aircraft that is nearly at rest: one that the mode is given to in full
-flight would swing back to it. ArduPilot may be in GUIDED already, flying elsewhere."""
+"""A hold is offered only to an aircraft that is nearly at rest: one that gets the mode in full
+flight would swing back to the hold. ArduPilot may be in GUIDED already, flying elsewhere."""
 _SATURATED_OFF_M = 1.5
-"""With lean or motors at their limits nothing brings an aircraft back from there: in calm air PX4
-strays by 1.15 m."""
+"""Beyond this error, with tilt or motors at their limits, the aircraft cannot return. In calm air
+PX4 strays by 1.15 m."""
 _OFF_M = 0.5
-"""In flight the local position, by its origin, is within 0.11 m of the global one in recordings of
-PX4, and within 0.03 m in those of ArduPilot, height included. When its receiver was back PX4 told
+"""In recordings of flights the local position, by its origin, is near the global one: within 0.11 m
+(PX4) or 0.03 m (ArduPilot), height included. After receiver recovery PX4 reported
 0.73 m for 0.24 s, and once 56 m for one message."""
 _CRITICAL = 3
 _FAILED = 5
 """MAV_BATTERY_CHARGE_STATE: critical, emergency, failed."""
 WAY_MAX_AGE_S = 15.0
-"""Ways out are planned anew about every 2 s; in 15 s as much is flown as in a battery's longest
+"""Escape routes are replanned about every 2 s; 15 s of flight correspond to a battery's longest
 silence."""
 _COMPASS = (
     "north",
@@ -64,13 +64,13 @@ _COMPASS = (
 )
 _MOST_NAMED = 2
 _WHOLE = 100.0
-"""From here on digits after the point tell nobody anything."""
+"""From this value on decimals are omitted."""
 _MOST_SHOWN = 99_999.0
 _MOST_DIGITS = 2
 _NONE_LEFT_S = 0.5
-"""Less would be told as 0 s."""
+"""A shorter time would be shown as 0 s."""
 _SOON_S = 60.0
-"""How long before it has to leave people are told."""
+"""Lead time of the warning before the aircraft has to leave."""
 _MB = 1e6
 _ESTIMATOR = (ESTIMATOR_ACCURACY, ODOMETRY_ACCURACY)
 _HEIGHT = (ESTIMATOR_HEIGHT_ACCURACY, ODOMETRY_HEIGHT_ACCURACY)
@@ -78,10 +78,10 @@ _HEIGHT = (ESTIMATOR_HEIGHT_ACCURACY, ODOMETRY_HEIGHT_ACCURACY)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Host:
-    """What the computer has left, in bytes; None where that is not known or not wanted.
+    """Free resources of the computer, in bytes; None where unknown or not required.
 
-    read_late_s: how long what arrived has waited to be read, at most, in the last second.
-    file_faults: what is wrong with the files that the service writes.
+    read_late_s: maximum wait of received data for reading in the last second.
+    file_faults: faults of the files that the service writes.
     """
 
     disk_free: float | None = None
@@ -92,10 +92,10 @@ class Host:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WayOut:
-    """The better way out. left_s: the flight time that would be left after it; None: unknown.
+    """The better escape route. left_s: flight time left after it; None: unknown.
 
-    age_s: since it was asked for. flown_left_s: the same after the exit that is flown, where that
-    takes too much and this takes clearly less.
+    age_s: since its request. flown_left_s: flight time left after the active exit, where that
+    exit takes too much and this route takes clearly less.
     """
 
     mission: Mission
@@ -104,30 +104,30 @@ class WayOut:
     age_s: float
     flown_left_s: float | None = None
     exposed_s: float = 0.0
-    """Until the last place is behind from where a battery's action would hit something."""
+    """Time until the last place from where a battery's action would hit an obstacle is passed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Seen:
-    """What the causes are looked for in.
+    """Observations for the checks.
 
-    faults: causes that are known as such. conflict: words for a second autopilot that is heard.
+    faults: causes that are known as such. conflict: text about a second autopilot.
     expected: the autopilot of the vehicle file, whose margin is kept; None where it names none.
-    position_late_s: how much later than the fastest one it has come, by the clock in it.
-    jumped_m: how far it has jumped of late. jump_margin_m: how far it may be wrong where it is.
-    origin_moved_m: how far the origin is from where it was when the flight began, or when an
-    operator last ordered over that. origin_margin_m: how far it may be. global_off_m, home_off_m:
-    from what the local position says by the origin to what the autopilot tells otherwise.
+    position_late_s: extra delay against the fastest position message, by its own clock.
+    jumped_m: total of recent position jumps. jump_margin_m: permitted position error here.
+    origin_moved_m: distance of the origin from its place at flight begin, or at an operator's last
+    override. origin_margin_m: its limit. global_off_m, home_off_m: from the local position, by the
+    origin, to the autopilot's other reports of the same place.
     error_m: from the setpoint to the aircraft.
     escaping: an exit or evacuation is flown.
-    drifted_m: how far a wind has carried it off; None where it holds. saturated: lean or motors at
-    their limits. held_wind_mps: the wind in which it can hold.
-    stands: whether the setpoint does not move although it is on its way.
-    strays: how far it is outside the workspace and its checked legs, in words. room_m: from the
-    hull to the nearest keep-out. widening_m: what keep-outs have to grow by. azimuth_rad: of +x,
-    from north. misread: what is wrong with the vehicle file's number of cells, in words.
-    plan_awaited_s: how long a new plan of an inspection is awaited. fence_silent: whether the
-    autopilot does not tell the fence that was uploaded to it.
+    drifted_m: distance that the wind has moved the aircraft; None while it holds. saturated: tilt
+    or motors at their limits. held_wind_mps: maximum wind in which the aircraft can hold.
+    stands: the setpoint does not move although a path is flown.
+    strays: text for an aircraft outside the workspace and its checked legs. room_m: from the hull
+    to the nearest keep-out. widening_m: required inflation of keep-outs. azimuth_rad: of +x, from
+    north. misread: text for a wrong number of cells in the vehicle file.
+    plan_awaited_s: wait for a new inspection plan. fence_silent: the autopilot does not report its
+    uploaded fence.
     """
 
     telemetry: Telemetry
@@ -160,13 +160,13 @@ class Seen:
     fence_silent: bool = False
     way_out: WayOut | None = None
     exposure: str | None = None
-    """Why it should leave before the autopilot acts by itself."""
+    """Reason to leave before an autopilot failsafe acts; None if there is none."""
     host: Host = field(default_factory=Host)
     faults: Causes = field(default_factory=Causes)
 
 
 def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> Causes:
-    """Everything that stands against a flight now. off_path_m: the vehicle's."""
+    """Returns all present reasons against a flight. off_path_m: the vehicle's."""
     telemetry, faults = seen.telemetry, seen.faults
     return Causes(
         control=_control(seen),
@@ -241,12 +241,12 @@ def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> 
 
 
 def uncertainty_m(risk: RiskEstimate) -> float | None:
-    """How well the position is known: the estimator's worst word (PX4), else the receiver's.
+    """Position uncertainty: the estimator's largest value (PX4), else the receiver's, in metres.
 
-    Of each source what it told last. While the estimator tells nothing, the receiver counts, too.
-    The plane is vertical: both its axes, level and height, count, and the worse is taken for all
-    directions, across the plane, too. Of the height only the estimator's word (ArduPilot has none):
-    it is barometric, and the receiver's v_acc says nothing of that.
+    Each source's last value counts. While the estimator reports nothing, the receiver counts, too.
+    The plane is vertical: level and height accuracy count, and the worse applies to all directions,
+    across the plane, too. For height only the estimator counts (ArduPilot reports none): height is
+    barometric, which the receiver's v_acc does not describe.
     """
     told = risk.last_known.get("localization", {})
     estimator_tells = _known_now(risk.report.localization, _ESTIMATOR)
@@ -256,7 +256,7 @@ def uncertainty_m(risk: RiskEstimate) -> float | None:
 
 
 def widening_m(risk: RiskEstimate, margin: Margin) -> float:
-    """What the distance from obstacles has to grow by, for the position is known worse."""
+    """Obstacle inflation: position uncertainty above the margin's position error, in metres."""
     return max(0.0, (uncertainty_m(risk) or 0.0) - margin.position_m)
 
 
@@ -295,7 +295,7 @@ def _mode(seen: Seen, *, landing: bool) -> str | None:
     autopilot = seen.telemetry.autopilot
     if not seen.in_control or autopilot is None or seen.landing is not landing:
         return None
-    # It may have been left and given back between two looks.
+    # The mode may have been left and given back between two cycles.
     return seen.faults.pilot if autopilot.ours else f"the autopilot is in {autopilot.mode}"
 
 
@@ -335,13 +335,13 @@ def _battery_silent(seen: Seen, now_s: float) -> str | None:
 
 
 def _told_before(seen: Seen, number: int, what: str) -> float | None:
-    """What a battery said last of its charge, where it says nothing of that now."""
+    """Last reported value of a battery that the risk estimate keeps; None if there is none."""
     last = seen.risk.last_known.get("battery", {}).get(f"battery {number} {what}")
     return None if last is None else last.value
 
 
 def _tells(battery: Battery) -> bool:
-    """Whether it says how full it is; a summary only repeats the state that was told before."""
+    """True if it reports its charge; a summary only repeats an earlier charge state."""
     told = battery.charge_state is not None and not battery.summary
     return battery.remaining is not None or told
 
@@ -422,7 +422,7 @@ def _obstacle(seen: Seen) -> str | None:
 
 def _plane(seen: Seen, limits: Supervision) -> str | None:
     if seen.pose is None or seen.in_control:
-        return None  # what is flown goes on, and the way out stays open
+        return None  # the flight goes on, and the escape route stays open
     beside_m, limit_m = seen.pose.position_m[1], limits.plane_tolerance_m
     if abs(beside_m) <= limit_m:
         return None
@@ -432,14 +432,14 @@ def _plane(seen: Seen, limits: Supervision) -> str | None:
 
 
 def _side(beside_m: float, azimuth_rad: float | None) -> str:
-    """Where that is, by compass; without one as seen along +x. beside_m: y, to the left of +x."""
+    """Side of the plane by compass; without azimuth left or right of +x. beside_m: y, to left."""
     if azimuth_rad is None:
         return "left" if beside_m > 0.0 else "right"
     return compass(azimuth_rad - math.copysign(0.5 * math.pi, beside_m))
 
 
 def compass(towards_rad: float) -> str:
-    """A direction, from north, for people: of the compass's eight points the nearest."""
+    """The nearest of the eight compass points to a direction from north, as text."""
     return _COMPASS[round(towards_rad / (math.tau / len(_COMPASS))) % len(_COMPASS)]
 
 
@@ -480,9 +480,9 @@ def _free(what: str, left: float | None, limit_mb: float) -> str | None:
 
 
 def exceeds(what: str, value: float | None, limit: float, unit: str) -> str | None:
-    """A value above its limit for people: `wind 12.3 m/s > 10`; None where it is not above.
+    """Text for a value above its limit: `wind 12.3 m/s > 10`; None where it is not above.
 
-    With so many digits that both differ; `wind over 10 m/s` where that takes too many.
+    Enough digits are shown that both differ; `wind over 10 m/s` where that takes too many.
     """
     if value is None or value <= limit:
         return None
@@ -492,7 +492,7 @@ def exceeds(what: str, value: float | None, limit: float, unit: str) -> str | No
 
 
 def _shown(value: float, limit: float) -> str | None:
-    """A value above its limit, with so many digits that both differ; None where many are needed."""
+    """A value above its limit, with enough digits that both differ; None where too many."""
     value = min(value, _MOST_SHOWN)
     if value >= _WHOLE and round(value) > limit:
         return f"{value:.0f}"
@@ -501,5 +501,5 @@ def _shown(value: float, limit: float) -> str | None:
 
 
 def _distance(value_m: float) -> str:
-    """A distance above 0, which is not told as 0.0."""
+    """A distance above 0 as text, never 0.0."""
     return _shown(value_m, 0.0) or "0.01"

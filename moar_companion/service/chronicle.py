@@ -1,4 +1,4 @@
-"""What happened in a recording: what was said and how telemetry changed, as events. No I/O."""
+"""Events of a recording: messages, and changes of telemetry. No I/O."""
 
 from __future__ import annotations
 
@@ -13,34 +13,34 @@ from ..risk.indices import IndexReport
 from ..types import AutopilotStatus, Battery, Gnss, Telemetry
 
 SILENCE_S = 3.0
-"""Three missed heartbeats: the autopilot is not heard."""
+"""Three missed heartbeats: the autopilot is silent."""
 _TWICE_S = 1.0
-"""What is said over two links is in a recording twice."""
+"""A message that was sent over two links is in a recording twice."""
 _SAME_TEXT_S = 10.0
-"""What is said over and over is told once in so long."""
+"""Minimum time between two events with the same text."""
 _FIX_3D = 3
 _POWERED_V = 5.0
-"""Below, an autopilot is fed by USB, and its word on the battery says nothing."""
+"""Below this voltage USB feeds the autopilot, and its battery report is meaningless."""
 _RISK_HIGH, _RISK_LOW = 0.6, 0.3
-"""An index is told when it becomes high, and again only after it was low. High is above what an
-index is that knows nothing."""
+"""An index is reported when it becomes high, and again only after it was low. High is above the
+value of an index without inputs."""
 _MISSION_WORD = "MOAR: "
-"""Before the companion's texts, which begin or end with a state: `holding`, `at target A`."""
+"""Prefix of the companion's texts, which begin or end with a state: `holding`, `at target A`."""
 
 
 class Chronicle:
     """Events in order of time; `now_s` is set before each call.
 
-    battery_low: the fraction left at which a battery is low that has no word for it.
+    battery_low: the fraction left at which a battery without a charge state counts as low.
     """
 
     def __init__(self, *, battery_low: float) -> None:
         self.now_s = 0.0
         self.events: list[ReplayEvent] = []
         self.mission_state: str | None = None
-        """What the companion last said it was doing."""
+        """The state that the companion last reported."""
         self.silent = False
-        """The autopilot is not heard."""
+        """True while no message of the autopilot arrives."""
         self._battery_low = battery_low
         self._fix: bool | None = None
         self._had_fix = False
@@ -49,14 +49,14 @@ class Chronicle:
         self._high: set[str] = set()
 
     def tell(self, kind: str, text: str, *, again_after_s: float = 0.0) -> None:
-        """Note an event, unless the same was told less than `again_after_s` ago."""
+        """Adds an event, unless the same was added less than `again_after_s` ago."""
         told_s = self._told_s.get((kind, text))
         if told_s is None or self.now_s - told_s >= again_after_s:
             self._told_s[kind, text] = self.now_s
             self.events.append(ReplayEvent(time_s=self.now_s, kind=kind, text=text))
 
     def watch_link(self, telemetry: Telemetry) -> None:
-        """Takes telemetry as time goes on: whether the autopilot is heard."""
+        """Adds an event when the autopilot falls silent or is received again."""
         if telemetry.link is None:
             return
         silent = self.now_s - telemetry.link.received_s > SILENCE_S
@@ -67,7 +67,7 @@ class Chronicle:
         self.silent = silent
 
     def watch_risk(self, name: str, value: float, report: IndexReport) -> None:
-        """Takes an index as time goes on: when it becomes high by what was measured, and why."""
+        """Adds an event, with its cause, when measurements make an index high."""
         if name in self._high:
             if value < _RISK_LOW:
                 self._high.remove(name)
@@ -76,7 +76,7 @@ class Chronicle:
             self.tell("risk", rise_words(name, report))
 
     def take(self, said: Said) -> None:
-        """Takes what a witness heard."""
+        """Adds an event for a message that a witness received."""
         if isinstance(said, AutopilotFound):
             found = said.autopilot
             self.tell("autopilot", f"{found.kind.value}, system {found.system_id}")
@@ -105,7 +105,7 @@ class Chronicle:
         self.tell("text", f"{speaker} {said.heard.severity}: {text}", again_after_s=_SAME_TEXT_S)
 
     def compare(self, before: Telemetry, after: Telemetry) -> None:
-        """Takes telemetry before and after a message."""
+        """Adds events for the changes of telemetry by one message."""
         if after.autopilot is not None and after.autopilot is not before.autopilot:
             self._compare_status(before.autopilot, after.autopilot)
         if after.gnss is not None and after.gnss is not before.gnss:
@@ -133,7 +133,7 @@ class Chronicle:
         self._had_fix = self._had_fix or fix
 
     def _compare_battery(self, number: int, battery: Battery) -> None:
-        """By the autopilot's own word; by what is left where it never says one."""
+        """Compares the autopilot's charge state; the fraction left where it never reports one."""
         if battery.voltage_v is not None and battery.voltage_v < _POWERED_V:
             return
         known = self._battery_words.get(number, "")
@@ -149,7 +149,7 @@ class Chronicle:
 
 
 def _mission_state(text: str) -> MissionState | None:
-    """The state of which a text of the companion tells."""
+    """The state that a text of the companion reports; None if it reports none."""
     if not text.startswith(_MISSION_WORD):
         return None
     words = text.removeprefix(_MISSION_WORD)

@@ -3,8 +3,8 @@
     bytes -> session -> telemetry -> pose, risk indices -> weights -> plan job
     plan answer -> flight -> setpoint -> gate -> session -> bytes
 
-The shell feeds it with `receive` and `plan_answered`, lets it think with `tick` at the setpoint
-rate, and carries away `data_to_send`, `plan_jobs` and `decisions`. It never waits and has no clock;
+The shell feeds it with `receive` and `plan_answered`, runs a cycle with `tick` at the setpoint
+rate, and takes `data_to_send`, `plan_jobs` and `decisions`. It never waits and has no clock;
 the same inputs at the same times give the same outputs, byte for byte.
 """
 
@@ -57,16 +57,16 @@ from .surroundings import Ground, Surroundings
 _RISK_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 0.5
 _READING_S = 1.0
-"""So long after the start an order waits for the autopilot, whose heartbeat comes each second, and
-as long again for its parameters: over UDP they are read within 0.3 s."""
+"""Maximum wait of an order, after the start, for the autopilot, whose heartbeat comes each second;
+then as long again for its parameters. Over UDP they are read within 0.3 s."""
 _LONGEST_STEP_S = 0.1
-"""After a longer pause of the shell the reference moves on as if only this had passed."""
+"""Maximum time step of the reference, also after a longer stall of the shell."""
 
 
 class Companion:
     """The machine. ground: None without a site: then telemetry and risk only.
 
-    before: what the process before this one remembered. signing: needed where links are signed.
+    before: memory of the previous process. signing: needed where links are signed.
     """
 
     def __init__(
@@ -100,13 +100,13 @@ class Companion:
         self._file_faults = FileFaultTexts()
         self._misread_told = False
         self._read_by_s = -math.inf
-        """Until then an order waits for the autopilot, and for what must be known of it."""
+        """End of an order's wait for the autopilot and its parameters."""
         self._thought_s: float | None = None
         self._followed_s: float | None = None
-        """When the last thought began that was sent in time."""
+        """Start time of the last cycle whose output was sent in time."""
         self._risk_due_s = -math.inf
         self._told: tuple[object, ...] = ()
-        """Of the position's accuracy, when the risks were last judged."""
+        """Reports of position accuracy at the last risk estimate."""
         self._report_due_s = -math.inf
 
     def _begin(self, ground: Ground | None) -> None:
@@ -127,17 +127,17 @@ class Companion:
 
     @property
     def telemetry(self) -> Telemetry:
-        """The last word of every source."""
+        """Last report of every source."""
         return self._session.telemetry
 
     @property
     def status(self) -> MissionStatus:
-        """Where the mission stands."""
+        """Mission status: state, task and request."""
         return self._conduct.status
 
     @property
     def memory(self) -> Memory | None:
-        """What a process that is started after this one has to know."""
+        """Memory for the next process."""
         status = self.status
         if status == self._first_status:
             return self._awakening.before
@@ -146,22 +146,22 @@ class Companion:
 
     @property
     def signing_timestamps(self) -> dict[str, int]:
-        """The time stamp of each signed link, for the process after this one."""
+        """The time stamp of each signed link, for the next process."""
         return self._session.signing_timestamps
 
     @property
     def signing_references(self) -> dict[str, int]:
-        """What new senders of each signed link are judged by, for the process after this one."""
+        """Reference time of each signed link for new senders, for the next process."""
         return self._session.signing_references
 
     @property
     def packets_refused(self) -> dict[str, dict[Refusal, int]]:
-        """How many packets each signed link has refused, and why."""
+        """Number of refused packets of each signed link, by reason."""
         return self._session.packets_refused
 
     @property
     def risk(self) -> RiskEstimate:
-        """The risk indices and what they are made of."""
+        """The risk indices and their inputs."""
         return self._conduct.risk
 
     @property
@@ -178,23 +178,23 @@ class Companion:
 
     @property
     def ruling(self) -> Ruling:
-        """What may be flown, and what is against it."""
+        """Permitted action, and the conditions against a flight."""
         return self._conduct.ruling
 
     @property
     def outlook(self) -> Outlook | None:
-        """What is left in the batteries, and what is still to be flown; None without a site."""
+        """Battery energy left, and demand of the remaining flight; None without a site."""
         ways = self._conduct.prospects.ways
         return None if ways is None else ways.outlook(self.risk.meter)
 
     @property
     def pose(self) -> Pose | None:
-        """The aircraft in the site's frame; None while that is unknown."""
+        """Pose of the aircraft in the site's frame; None while unknown."""
         return self._surroundings.pose
 
     @property
     def clearance_m(self) -> float | None:
-        """From the aircraft's hull to the nearest obstacle; None where that is unknown."""
+        """Distance from the aircraft's hull to the nearest obstacle; None where unknown."""
         pose, ground = self._surroundings.pose, self._ground
         if pose is None or ground is None:
             return None
@@ -202,32 +202,33 @@ class Companion:
 
     @property
     def progress(self) -> Progress | None:
-        """How far the flight has come; None while there is none."""
+        """Progress of the flight; None while there is none."""
         pose, flight = self._surroundings.pose, self._conduct.course.flight
         return None if flight is None or pose is None else flight.progress(pose)
 
     # In
 
     def receive(self, link: str, data: bytes, now_s: float, address: Address | None = None) -> None:
-        """Takes bytes from a link, split anywhere. address: who sent them to a listening link."""
+        """Takes bytes from a link, split anywhere. address: their sender on a listening link."""
         self._session.receive(link, data, now_s, address)
 
     def take_in(self, arrived: Sequence[Arrival], now_s: float) -> None:
-        """Takes what has arrived on all links since the last cycle, in the order of arrival.
+        """Takes all bytes that arrived on all links since the last cycle, in order of arrival.
 
-        Of what neither the autopilot's address nor a stream has brought, so much as a cycle has
-        time for; the rest is dropped, counted and told.
+        Bytes from the autopilot's address or a stream are all read. Other bytes have a budget per
+        cycle; the rest is dropped, counted and reported.
         """
-        for time_s, link, data, address in self._intake.selected(arrived, self._session.precedence):
+        precedence = self._session.precedence
+        for time_s, link, data, address in self._intake.selected(arrived, precedence, now_s):
             self.receive(link, data, time_s, address)
         for words in self._intake.texts(now_s):
             self._reports.say(Severity.WARNING, words, now_s, action="dropped")
 
     def await_planner(self, compiling: str = "") -> None:
-        """The site's planner is being made ready; until `take_ground` telemetry and risk only.
+        """Notes that the planner is in preparation; until `take_ground` telemetry and risk only.
 
-        Orders wait for it, which is soon; but while something has to be compiled, which takes
-        long, they are temporarily rejected. compiling: in words, how far that is.
+        Orders wait for the planner, which is ready soon. During a compilation, which takes long,
+        orders are temporarily rejected. compiling: its progress as text.
         """
         self._planner_awaited = True
         if compiling and not self._compiling:
@@ -235,7 +236,7 @@ class Companion:
         self._compiling = compiling
 
     def take_ground(self, ground: Ground) -> None:
-        """Takes the site when its planner is ready: from now on orders are carried out."""
+        """Takes the site when its planner is ready: from now on orders are executed."""
         if self._compiling:
             self._reports.say(Severity.INFO, "the planner is ready", self._thought_s or 0.0)
         self._ground = ground
@@ -245,7 +246,7 @@ class Companion:
         self._conduct.host = host
 
     def note_host(self, host: Host) -> None:
-        """Takes what the computer has left."""
+        """Takes the computer's free resources."""
         self._conduct.host = host
 
     def note_wall_clock(self, wall_s: float) -> None:
@@ -253,7 +254,7 @@ class Companion:
         self._session.note_wall_clock(wall_s)
 
     def shut_down(self, now_s: float) -> None:
-        """The process is about to end: what is streamed ends at rest, if it still may."""
+        """Ends the setpoint stream at rest, if still permitted, before the process ends."""
         self._notice_pause(now_s)
         self._hear(now_s)
         self._conduct.shut_down(now_s)
@@ -268,7 +269,7 @@ class Companion:
         self._conduct.way_answered(answer)
 
     def tick(self, now_s: float) -> None:
-        """Think: what was heard, what it means, what is to be streamed now."""
+        """Runs one cycle: takes events, applies the checks, sends this instant's setpoint."""
         self._notice_pause(now_s)
         step_s = 0.0 if self._thought_s is None else min(_LONGEST_STEP_S, now_s - self._thought_s)
         if self._thought_s is None:
@@ -277,7 +278,7 @@ class Companion:
         self._hear(now_s)
         telemetry = self.telemetry
         told = telemetry.gnss, telemetry.second_gnss, telemetry.estimator, telemetry.odometry
-        # How well the position is known counts for the next setpoint already.
+        # A change of position accuracy must count for the next setpoint.
         due = now_s >= self._risk_due_s
         if due:
             self._risk_due_s = now_s + _RISK_PERIOD_S
@@ -303,7 +304,7 @@ class Companion:
             self._report(now_s)
 
     def _tell(self, now_s: float) -> None:
-        """Tell what was found at the start."""
+        """Reports the findings at start: restart, and a wrong number of cells."""
         may_continue = self.status == self._first_status and self.status.task is not None
         for text in self._awakening.texts(self.telemetry, now_s, may_continue=may_continue):
             self._reports.say(Severity.WARNING, text, now_s)
@@ -313,25 +314,25 @@ class Companion:
             self._reports.say(Severity.WARNING, words, now_s)
 
     def _tell_of_files(self, now_s: float) -> None:
-        """Tell what the service cannot write, and since when it can again."""
+        """Reports file faults of the service, and their ends."""
         for fault, over in self._file_faults.texts(self._conduct.host.file_faults, self.telemetry):
             severity = Severity.NOTICE if over else Severity.WARNING
             action = "over" if over else fault.action
             self._reports.say(severity, fault.reason, now_s, action=action, news=True)
 
     def _is_reading(self, now_s: float) -> bool:
-        """Whether the autopilot may be found, and what must be known of it read, any moment now.
+        """True while the autopilot, or its parameters, may still arrive within the waiting time.
 
-        An order that were rejected for that would stay so for all its repeats.
+        An order rejected meanwhile would stay rejected for all its repeats.
         """
         if self._ground is None or now_s > self._read_by_s:
             return False
         return self._session.autopilot is None or self._conduct.course.reluctance is not None
 
     def _put_off(self, now_s: float) -> None:
-        """Carry out what ends motion; all else waits, or is given again later.
+        """Executes orders that end motion; other orders wait, or are rejected while compiling.
 
-        What waits is cancelled by what ends motion, as if it had been carried out before.
+        An order that ends motion cancels the waiting orders, as if they had been executed before.
         """
         waiting: list[MissionCommand | PauseContinue] = []
         for command in self._orders.heard():
@@ -354,19 +355,19 @@ class Companion:
     def data_to_send(self, *, control: bool = True) -> list[tuple[str, bytes]]:
         """Packets since the last call, each with its link's URL.
 
-        control: False when the shell comes too late with the last thought. Then setpoints and modes
-        are left out, and for what ends our control that thought has not been.
+        control: False when the shell is too late for the last cycle. Then setpoints and modes are
+        left out, and the cycle does not count as sent.
         """
         if control:
             self.note_sent()
         return self._session.data_to_send(control=control)
 
     def control_to_send(self) -> list[tuple[str, bytes]]:
-        """Of that what moves the aircraft: for a shell that sends it in time, before the rest."""
+        """Packets that command motion; to be sent first, and in time."""
         return self._session.control_to_send()
 
     def note_sent(self) -> None:
-        """All of `control_to_send` was sent in time."""
+        """Notes that all of `control_to_send` was sent in time."""
         self._followed_s = self._thought_s
         self._conduct.setpoints.note_sent()
         self._conduct.engaging.note_sent()
@@ -376,7 +377,7 @@ class Companion:
         return self._session.peers(link)
 
     def packets_heard(self) -> list[tuple[float, bytes]]:
-        """Whole packets that arrived since the last call, with their times, for the record."""
+        """Whole packets received since the last call, with their times, for the record."""
         return self._session.packets_heard()
 
     def plan_jobs(self) -> list[PlanJob]:
@@ -384,20 +385,20 @@ class Companion:
         return self._conduct.course.plan_jobs()
 
     def contingency_jobs(self) -> list[PlanJob]:
-        """Planning jobs for ways out since the last call: to be done when no other one waits."""
+        """Planning jobs for escape routes since the last call; lower priority than `plan_jobs`."""
         ways = self._conduct.prospects.ways
         return [] if ways is None else ways.jobs()
 
     def decisions(self) -> list[Decision]:
-        """What was decided since the last call."""
+        """Decisions since the last call."""
         return self._reports.decisions()
 
-    # What is heard
+    # Received events
 
     def _hear(self, now_s: float) -> None:
-        """Take in telemetry and events.
+        """Takes telemetry and events.
 
-        Orders wait for the next thought, until what ends our control has been looked at.
+        Orders wait for the next `tick`, until the checks that end our control have run.
         """
         jump = self._surroundings.look(self.telemetry)
         if jump is not None:
@@ -450,16 +451,16 @@ class Companion:
             self._conduct.course.learn_failsafes(kind, parameters, home_m, self.telemetry, now_s)
 
     def _notice_pause(self, now_s: float) -> None:
-        """When the last thought that was sent in time is long ago, control has ended."""
+        """Notes a fault when the last output sent in time is too old: control has ended."""
         paused_s = 0.0 if self._followed_s is None else now_s - self._followed_s
         if paused_s > self._config.supervision.position_timeout_s:
-            # What has arrived meanwhile is old, and the autopilot may have given up on us.
+            # Data received meanwhile is old, and the autopilot may have acted on offboard loss.
             self._conduct.faults.note_pause(paused_s)
 
-    # What people see
+    # Reports
 
     def _report(self, now_s: float) -> None:
-        """Risk indices and weights for ground stations; the state of things for the record."""
+        """Sends risk indices and weights to ground stations; records the status."""
         indices, weights, pose = self.risk.indices, self.weights, self._surroundings.pose
         self._reports.send_values(indices, weights, now_s)
         self._reports.record_status(
@@ -469,6 +470,6 @@ class Companion:
             None if pose is None else pose.position_m,
             now_s,
         )
-        behind_s = self._session.signers_behind_s
-        for words in self._refusals.texts(self.packets_refused, behind_s, now_s):
+        behind_s, ahead_s = self._session.signers_behind_s, self._session.signing_ahead_s
+        for words in self._refusals.texts(self.packets_refused, behind_s, now_s, ahead_s=ahead_s):
             self._reports.say(Severity.WARNING, words, now_s)

@@ -1,6 +1,6 @@
-"""One process of `compiling`: kernels, named `module:function`, are compiled into the cache.
+"""One process of `compiling`: compiles kernels, named `module:function`, into the cache.
 
-It imports no more than these need.
+The process imports only the modules that these kernels need.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Iterable
 
 
 def main(names: Iterable[str]) -> None:
-    """Compile what is not in the cache yet."""
+    """Compiles the kernels that are not in the cache yet."""
     gc.disable()  # a tenth of the time, in a process that soon ends
     for name in names:
         module, _, function = name.partition(":")

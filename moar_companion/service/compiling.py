@@ -1,7 +1,7 @@
-"""The kernels of the planner made ready, by several processes where the cache lacks some.
+"""Preparation of the planner's kernels, by several processes where the cache lacks some.
 
-`python -m moar_companion.service.compiling` fills the cache and ends: for an installation. The
-service has the same done beside it at its first start, and goes on meanwhile.
+`python -m moar_companion.service.compiling` fills the cache and ends: for an installation. At its
+first start the service does the same in the background.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ _LOOK_PERIOD_S = 0.2
 _logger = logging.getLogger(__name__)
 
 Told = Callable[[int, int], None]
-"""Called with how many of how many kernels are compiled."""
+"""Callback with the number of compiled kernels, and of all kernels."""
 
 
 def make_ready(tell: Told, stopped: threading.Event) -> bool:
-    """Load all kernels; what is not in the cache is compiled by other processes first.
+    """Loads all kernels; other processes first compile those that are not in the cache.
 
-    tell: called while something has to be compiled. Returns False when `stopped` was set before.
+    tell: called during a compilation. Returns False when `stopped` was set before the end.
     """
     kernels = [kernel for kernel in KERNELS if not kernel.is_helper]
-    # Where nothing can be kept, what other processes compile is lost.
+    # Without a cache, kernels compiled by other processes are lost.
     missing = [kernel for kernel in kernels if kernel.has_cache and not kernel.is_cached]
     if missing:
         with _compilers(missing) as compilers:
@@ -46,15 +46,15 @@ def make_ready(tell: Told, stopped: threading.Event) -> bool:
     for kernel in kernels:
         if stopped.is_set():
             return False
-        # What could not be kept in the cache is compiled here.
+        # Kernels that could not be cached are compiled here.
         _ = kernel.entry
     return True
 
 
 def _shares(kernels: Sequence[Kernel], count: int) -> Iterator[list[str]]:
-    """The names of kernels in so many shares of about as much code.
+    """Names of the kernels, in up to `count` shares with about the same amount of code.
 
-    One after the other: those of one file call the same helpers, which each process compiles.
+    In order: kernels of one file call the same helpers, which each process compiles.
     """
     ends = list(itertools.accumulate(len(kernel.py_func.__code__.co_code) for kernel in kernels))
     shares: list[list[str]] = [[] for _ in range(count)]
@@ -67,7 +67,7 @@ def _shares(kernels: Sequence[Kernel], count: int) -> Iterator[list[str]]:
 
 @contextlib.contextmanager
 def _compilers(kernels: Sequence[Kernel]) -> Iterator[list[subprocess.Popen[bytes]]]:
-    """A process for each processor that we may use, behind whatever else runs; killed at last.
+    """One process for each permitted processor, at low priority; killed at the end.
 
     Fewer, or none, where the system has no memory for them: the rest is compiled here.
     """

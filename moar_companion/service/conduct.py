@@ -1,7 +1,7 @@
-"""The conduct of a mission: what the mission machine and the supervisor decide is carried out.
+"""The mission executor: executes the decisions of the mission machine and the supervisor.
 
-Inputs: orders, answers of the planner, what is known of aircraft and computer, the time.
-Outputs: plan jobs, setpoints, answers to orders, words for people.
+Inputs: orders, answers of the planner, state of aircraft and computer, time.
+Outputs: plan jobs, setpoints, answers to orders, texts for people.
 """
 
 from __future__ import annotations
@@ -53,13 +53,13 @@ from .surroundings import Ground, Surroundings
 
 _ON_THE_WAY = (MissionState.FLYING, MissionState.LANDING_LEG)
 _SLOW_PACE = 0.5
-"""Of the planned speed, while something asks for caution."""
+"""Fraction of the planned speed while a condition demands SLOW."""
 
 
 class Conduct:
-    """Keeps where the mission stands, and everything that flies it.
+    """Holds the mission status and executes the mission.
 
-    ground: None without a site. before: what the process before this one remembered.
+    ground: None without a site. before: memory of the previous process.
     """
 
     def __init__(
@@ -91,29 +91,29 @@ class Conduct:
         self._overseer = overseer
         site = None if ground is None else ground.site
         self.status = machine.restarted(None if before is None else before.rest(site))
-        """Where the mission stands."""
+        """Mission status: state, task and request."""
         self.prospects = Prospects(ground, vehicle)
-        """The risk indices of now, and the ways out."""
+        """The present risk indices, and the escape routes."""
         self.host = Host()
-        """What the computer has left."""
+        """Free resources of the computer."""
         self.faults = Faults()
-        """What went wrong since the last thought."""
+        """Faults since the last cycle."""
 
     @property
     def risk(self) -> RiskEstimate:
-        """The risk indices of now."""
+        """The present risk indices."""
         return self.prospects.risk
 
     @property
     def ruling(self) -> Ruling:
-        """What may be flown, and what is against it."""
+        """Permitted action, and the conditions against a flight."""
         return self._overseer.ruling
 
     @property
     def tracking_error_m(self) -> float | None:
-        """From our setpoint to the aircraft, infinite where it is not known where that is.
+        """Distance from our setpoint to the aircraft; infinite where its pose is unknown.
 
-        None where others fly it.
+        None while the companion is not in control.
         """
         flight, pose = self.course.flight, self._surroundings.pose
         if flight is None or self.status.state not in IN_CONTROL:
@@ -122,31 +122,31 @@ class Conduct:
 
     @property
     def _follows(self) -> bool:
-        """Whether the autopilot is in the mode in which it follows our setpoints."""
+        """True while the autopilot is in the mode in which it follows our setpoints."""
         autopilot = self._session.telemetry.autopilot
         return autopilot is not None and autopilot.ours
 
     @property
     def _escapes(self) -> bool:
-        """Whether an exit or evacuation is flown."""
+        """True while an exit or evacuation is flown."""
         task = self.status.task
         in_control = self.status.state in IN_CONTROL
         return in_control and task is not None and task.mission is not Mission.INSPECTION
 
     @property
     def _pace(self) -> float:
-        """The part of the planned speed that is flown."""
+        """Fraction of the planned speed that is flown."""
         return _SLOW_PACE if self.ruling.action is Action.SLOW else 1.0
 
-    # At each thought
+    # In each cycle
 
     def judge(self, now_s: float) -> None:
-        """Judge the risks anew, by what is told and by what is still to be flown."""
+        """Updates the risk indices from telemetry and the remaining flight."""
         session = self._session
         self.prospects.judge(session.telemetry, session.parameters, self.tracking_error_m, now_s)
 
     def look_ahead(self, now_s: float) -> None:
-        """Measure what is still to be flown, and what the autopilot's failsafes would hit here."""
+        """Updates the remaining flight, and the obstacles that autopilot failsafes would hit."""
         telemetry, pose = self._session.telemetry, self._surroundings.pose
         place_m = None if pose is None else pose.position_m
         self.prospects.look_for_ways_out(telemetry, self._scene(), place_m, now_s)
@@ -159,10 +159,10 @@ class Conduct:
                 self._reports.say(Severity.NOTICE, note, now_s)
 
     def supervise(self, now_s: float) -> None:
-        """One look at the world; what ends our control comes first."""
+        """Runs the mission machine for one cycle; before orders, so that a release comes first."""
         self.setpoints.widened_m = widening_m(self.risk, self._margin)
         if self.course.look(self.risk, None if self._escapes else self.tracking_error_m, now_s):
-            # What was sought in vain may be found now.
+            # A search that found no path may find one now.
             self.status = replace(self.status, no_way=frozenset())
         step = machine.tick(
             self.status,
@@ -175,7 +175,7 @@ class Conduct:
         self.faults.forget()
 
     def order(self, command: MissionCommand | PauseContinue, now_s: float) -> None:
-        """Carry out, or refuse, what was ordered."""
+        """Executes, or refuses, an order."""
         order_id = self._orders.enter(command, now_s)
         site = None if self._ground is None else self._ground.site
         order = understood(command, site, self._config.authority)
@@ -187,21 +187,21 @@ class Conduct:
             world, before = self._situation(now_s), self.status.state
             status, effects = machine.command(self.status, order, order_id, world, now_s)
             if not command.permitted:
-                # Who may not command may stop the aircraft, but no way out of the supervisor's.
+                # A sender without permission may stop the aircraft, but overrules no condition.
                 effects = tuple(item for item in effects if not isinstance(item, Overrule))
             self._carry_out((status, effects), now_s)
-            # By now it may be flown already: the rest of a landing leg needs no plan.
+            # The task may be flown already: the rest of a landing leg needs no plan.
             if status.order_id == order_id:
                 self.engaging.note_order(self._session.telemetry.autopilot, before, now_s)
 
     def withdraw(self, command: Command, now_s: float) -> None:
-        """An operator took an order back, which has been acknowledged."""
+        """Withdraws an order that an operator cancelled after its acknowledgement."""
         order_id = self._orders.withdraw(command)
         if order_id is not None:
             self._carry_out(machine.withdrawn(self.status, order_id, now_s), now_s)
 
     def fly(self, now_s: float, step_s: float) -> None:
-        """Go on along the course, and ask for better plans on the way. step_s: since last time."""
+        """Flies on along the route, and requests better plans. step_s: since the last cycle."""
         silence = self.course.overdue(now_s)
         if silence is not None:
             self.plan_answered(silence, now_s)
@@ -220,10 +220,10 @@ class Conduct:
         at_end = self.course.arrived(pose, now_s)
         self.engaging.act(self.status, telemetry, at_end=at_end, now_s=now_s)
 
-    # Between thoughts
+    # Between cycles
 
     def plan_answered(self, answer: PlanAnswer, now_s: float) -> None:
-        """Take the answer to a job; one that is no longer awaited is dropped."""
+        """Takes the answer to a job; one that is no longer awaited is dropped."""
         awaited = self.course.taken(answer)
         if awaited is None:
             return
@@ -238,12 +238,12 @@ class Conduct:
         if adopted is not Adoption.TOO_LATE:
             self._carry_out(machine.planned(self.status, self._situation(now_s), now_s), now_s)
         elif self.status.sought is not None and self.course.flight is not None:
-            # The planner is slower than the flight: it begins where that can be at rest.
+            # The planner is slower than the flight: the next plan begins at a stop point.
             self.course.brake()
             self._seek(self.status.sought, now_s)
 
     def _go_without(self, awaited: Awaited, answer: PlanAnswer, now_s: float) -> None:
-        """There is no plan: what was ordered is denied, what is sought anyway waits for room."""
+        """Handles a missing plan: an order is denied, another request stays pending for room."""
         reason = self.course.explained(answer)
         if answer.detail:
             self._reports.record("no_plan", now_s, reason=reason, detail=answer.detail)
@@ -258,18 +258,18 @@ class Conduct:
         elif not no_room:
             self._reports.say(Severity.NOTICE, reason, now_s, action="path kept")
             if self.status.task is not None and self.course.braked:
-                # Another way out may lead on.
+                # Another escape route may lead on.
                 self.status = self.status.without(self.status.task, now_s=now_s)
 
     def shift(self, jump: Jump, now_s: float) -> None:
-        """Take what is flown along with a position or heading that jumped."""
+        """Moves setpoint and flight with a position or heading that jumped."""
         self.setpoints.shift(jump, self._surroundings.plane)
         if self.course.flight is not None:
             self.course.flight.shift(jump)
             self._reports.record("jump", now_s, jump_m=list(jump.step_m), turn_rad=jump.turn_rad)
 
     def shut_down(self, now_s: float) -> None:
-        """The process is about to end: what is streamed ends at rest, if it still may."""
+        """Ends the setpoint stream at rest, if still permitted, before the process ends."""
         world = self._situation(now_s)
         if (
             self.status.state in STREAMING
@@ -279,15 +279,15 @@ class Conduct:
             self._say_farewell(now_s)
 
     def way_answered(self, answer: PlanAnswer) -> None:
-        """Take the answer to a contingency's job."""
+        """Takes the answer to a contingency's job."""
         if self.prospects.ways is not None:
             self.prospects.ways.answered(answer, self.course.airspace)
 
-    # What the machine is shown
+    # Inputs of the mission machine
 
     @property
     def _exposure_limit_s(self) -> float:
-        """How long it may stay where a failsafe that nobody can forecast would hit something."""
+        """Maximum stay where a failsafe without a forecast would hit an obstacle, dwell added."""
         return self._config.supervision.exposure_limit_s + self._dwell_s
 
     @property
@@ -297,7 +297,7 @@ class Conduct:
         return 0.0 if self._ground is None or task is None else self._ground.dwell_s(task.stops)
 
     def _exposure(self, way_out: WayOut | None, now_s: float) -> str | None:
-        """Why it should leave before the autopilot acts by itself."""
+        """Reason to leave before an autopilot failsafe acts; None if there is none."""
         return self.course.watch.reason(
             self._session.telemetry,
             self.risk.meter,
@@ -308,17 +308,17 @@ class Conduct:
         )
 
     def _scene(self) -> Scene | None:
-        """What contingencies are planned from; None where nothing can be planned."""
+        """Inputs of contingency planning; None where no plan is possible."""
         pose, airspace = self._surroundings.pose, self.course.airspace
         landed = self._session.telemetry.landed
         if pose is None or airspace is None:
             return None
         if landed is not None and landed.state is not LandedState.IN_AIR:
-            return None  # it takes off or lands
+            return None  # the aircraft takes off or lands
         plane, spread = self._surroundings.plane, self.risk.wind.spread
         beside = abs(pose.position_m[1]) > self._config.supervision.plane_tolerance_m
         if beside and self.status.state not in STREAMING:
-            return None  # others fly it elsewhere
+            return None  # the pilot or autopilot flies it elsewhere
         return Scene(
             pose=pose,
             status=self.status,
@@ -351,7 +351,7 @@ class Conduct:
         )
 
     def _seen(self, now_s: float) -> Seen:
-        """What the supervisor is shown."""
+        """Observations for the supervisor's checks."""
         flight, pose, ground = self.course.flight, self._surroundings.pose, self._ground
         telemetry, ways = self._session.telemetry, self.prospects.ways
         way_out = None if ways is None else ways.way_out(self.risk.meter)
@@ -401,16 +401,16 @@ class Conduct:
         )
 
     def _jump_margin_m(self, room_m: float | None, jumped_m: float) -> float:
-        """How far the position may be wrong, here or where it was before it jumped so far.
+        """Permitted position error, here and before a jump of `jumped_m`.
 
-        room_m: what the aircraft has beyond keep-outs.
+        room_m: from the aircraft's hull to the nearest keep-out.
         """
         if room_m is None:
             return math.inf
         spare_m = room_m - self._margin.tracking_m - jumped_m
         return max(0.0, self._margin.position_m + min(0.0, room_m) + max(0.0, spare_m))
 
-    # What follows
+    # Effects
 
     def _carry_out(self, step: Step, now_s: float) -> None:
         before = self.status.state
@@ -453,13 +453,13 @@ class Conduct:
                 self.engaging.note_landing()
 
     def _seek(self, task: Task, now_s: float) -> None:
-        """Ask the planner for a task's first plan."""
+        """Requests a task's first plan."""
         self.course.ask(task, self._surroundings.pose, self.risk.indices, now_s, first=True)
 
     def _stream(self, now_s: float, step_s: float) -> None:
-        """Send the setpoint of this instant; why not is told to the supervisor at the next thought.
+        """Sends this instant's setpoint; a refusal is a fault for the next cycle's checks.
 
-        Where another was sent in its place, the flight stays there, and seeks on from there.
+        Where another setpoint was sent instead, the flight stops there, and replans from there.
         """
         flight, pose = self.course.flight, self._surroundings.pose
         plane = self._surroundings.plane
@@ -472,7 +472,7 @@ class Conduct:
         if in_control:
             holds = self.status.state is MissionState.HOLDING
             flight.advance(pose, step_s, self._pace, holds=holds)
-        # The nose turns only once the aircraft follows: else it would be swung round then.
+        # The heading turns only in control: else the aircraft would swing round at engagement.
         setpoint = flight.setpoint(pose, plane, step_s if in_control else 0)
         refused = self.setpoints.send(setpoint, flight, plane, now_s)
         if refused is None:
@@ -484,7 +484,7 @@ class Conduct:
                 self._seek(self.status.sought, now_s)
 
     def _say_farewell(self, now_s: float) -> None:
-        """The last setpoint before silence: where the one before was, at rest."""
+        """Sends the last setpoint before the stream ends: the previous place, at rest."""
         flight, plane = self.course.flight, self._surroundings.plane
         if flight is not None and plane is not None:
             self.setpoints.say_farewell(flight, plane, now_s)

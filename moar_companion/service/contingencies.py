@@ -1,12 +1,11 @@
-"""Contingencies, always ready: the ways out of the site, and what is still to be flown.
+"""The contingency planner: escape routes from the site, and the remaining flight.
 
-While the aircraft is in the air on a site, an exit and an evacuation from where it is are kept
-planned, with time and energy, the landing leg and the landing included; likewise the rest of an
-inspection, from target to target, and the ways out behind it. One plan is asked for at a time, in a
-lane of its own behind those that are flown. A way that is known stays so until there is a newer
-one: until then the flight back to where it begins is a part of it. Inputs: where the aircraft is,
-what it flies, the risks, the time; plan answers. Outputs: plan jobs, `Demands`, and the better way
-out.
+While the aircraft is in the air on a site, an exit and an evacuation from its position are kept
+planned. Their time and energy include the landing leg and the landing. The rest of an inspection,
+from target to target, and the escape routes behind it are planned, too. One plan is requested at a
+time, at lower priority than active plans. A known route stays valid until a newer one exists; the
+flight back to its start is then a part of it. Inputs: pose, active flight, risks, time; plan
+answers. Outputs: plan jobs, `Demands`, and the better escape route.
 """
 
 from __future__ import annotations
@@ -38,20 +37,20 @@ from .paths import flown
 from .ways import Way, better_of, energy_wh_of
 
 _ROUND_S = 2.0
-"""Between two rounds of questions: at 5 m/s the aircraft has moved 10 m, which is 2 s of flight."""
+"""Time between two rounds of requests: at 5 m/s the aircraft moves 10 m."""
 _ANSWER_TIMEOUT_S = 5.0
-"""As long as for the plans that are flown, after which another one is asked for."""
+"""Timeout of an answer, as for active plans; then the next plan is requested."""
 _FASTEST_MPS = 100.0
-"""What tells to fly faster is mistaken: then it is planned from rest."""
+"""A velocity estimate above this is wrong: then the plan begins at rest."""
 _WAYS_OUT = (Mission.EXIT, Mission.EVACUATION)
 _FLOWN = frozenset({MissionState.FLYING, MissionState.AT_TARGET, MissionState.LANDING_LEG})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outcome:
-    """What a way would take of the batteries, as measured, and the flight time left after it.
+    """Time and measured battery energy of a route, and the flight time left after it.
 
-    age_s: since it was asked for; of several parts, of the oldest.
+    age_s: since its request; the oldest part counts.
     """
 
     duration_s: float
@@ -62,10 +61,10 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outlook:
-    """What is left, and how it lasts, for people; None is unknown, or that there is no such way.
+    """Energy left, and demand of each route, for people; None: unknown, or no such route.
 
-    left_wh and energies are real where the vehicle file has the capacity, else to scale. factor:
-    measured power over that of the file, by its source.
+    left_wh and energies are absolute where the vehicle file has the capacity, else relative.
+    factor: measured power over the vehicle file's. source: origin of the factor.
     """
 
     left_wh: float | None
@@ -80,7 +79,7 @@ class Outlook:
 
 @dataclass(frozen=True, slots=True)
 class _Question:
-    """A way to be planned. origin: a target's name; None for where the aircraft is."""
+    """A route to be planned. origin: a target's name; None for the aircraft's position."""
 
     origin: str | None
     mission: Mission
@@ -97,12 +96,12 @@ class _Asked:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """What contingencies are planned from: the aircraft in the air, and what it flies.
+    """Inputs of contingency planning: the aircraft in the air, and its active flight.
 
-    pace: the part of its planned speed at which that is flown. meter: of the batteries.
+    pace: flown fraction of the planned speed. meter: of the batteries.
     fence: of the autopilot, as far as it cuts the site.
     wind_mps: the mean wind over ground, in the site's frame; None where it is unknown. model: the
-    vehicle's, with the drag by which that is told.
+    vehicle's, with the drag of the wind estimate.
     """
 
     pose: Pose
@@ -120,7 +119,7 @@ class Scene:
 
 
 class Contingencies:
-    """Keeps the answers, and asks for them anew, one at a time."""
+    """Keeps the latest answers, and requests new ones, one at a time."""
 
     def __init__(self, site: Site, vehicle: Vehicle, power: PowerModel) -> None:
         self._site = site
@@ -133,29 +132,29 @@ class Contingencies:
         self._queue: list[_Question] = []
         self._due_s = -math.inf
         self._ways: dict[_Question, Way | None] = {}
-        """By the last answer with a plan; None where none had one."""
+        """Routes of the last answers with a plan; None where no answer had one."""
         self._starts: dict[_Question, Vector] = {}
-        """Where they begin."""
+        """Start points of the routes."""
         self._now_s = -math.inf
         self._failsafes = NO_FAILSAFES
-        """On which places count as exposed."""
+        """Battery failsafes, which make a place exposed."""
         self._wind_mps: Vector | None = None
-        """As last known in the air."""
+        """Last known wind in the air."""
         self._in_wind = vehicle
-        """The vehicle with the drag by which the wind is told."""
+        """The vehicle with the drag of the wind estimate."""
         self.demands: Demands | None = None
-        """What is still to be flown; None on the ground."""
+        """Energy demand of the remaining flight; None on the ground."""
         self._finish: Way | None = None
-        """The mission, and the better way out behind it; None while none is flown, or unknown."""
+        """Rest of the mission and the better escape route behind it; None: none, or unknown."""
         self._out: dict[Mission, Way | None] = {}
-        """The ways out; one that is flown, from where it has come to."""
+        """The escape routes; of an active one the remaining part."""
         self._flown: Mission | None = None
-        """What is flown."""
+        """The active mission."""
         self.better: Mission | None = None
-        """The way out that takes less, or that is flown; None while there is none."""
+        """The escape route that takes less energy, or is active; None while there is none."""
 
     def look(self, scene: Scene, now_s: float) -> None:
-        """See what is to be flown now."""
+        """Updates the remaining flight, and requests the next plan."""
         self._now_s = now_s
         self._wind_mps = scene.wind_mps or self._wind_mps
         self._in_wind = replace(self._vehicle, risk=scene.model)
@@ -170,7 +169,7 @@ class Contingencies:
         self._sum_up(scene)
 
     def wait(self, here_m: Vector | None, now_s: float) -> None:
-        """Where nothing can be planned, what was known stays; here_m: None where unknown."""
+        """Keeps the known routes while no plan is possible; here_m: None where unknown."""
         self._now_s = now_s
         demands = Demands() if self.demands is None else self.demands
         if here_m is not None:
@@ -180,13 +179,13 @@ class Contingencies:
         self.demands = demands
 
     def end(self) -> None:
-        """On the ground there is nothing to be flown."""
+        """Clears all routes on the ground."""
         self._asked, self.demands, self._finish, self.better = None, None, None, None
         self._queue, self._ways, self._out, self._due_s = [], {}, {}, -math.inf
         self._flown, self._wind_mps = None, None
 
     def outlook(self, meter: Meter) -> Outlook:
-        """How what is left lasts."""
+        """Energy left, and demand of each route."""
 
         def outcome(way: Way | None) -> Outcome | None:
             if way is None:
@@ -210,7 +209,7 @@ class Contingencies:
         )
 
     def way_out(self, meter: Meter) -> WayOut | None:
-        """The better way out, and what would be left after it; None while none is known."""
+        """The better escape route, and the flight time left after it; None while unknown."""
         way = None if self.better is None else self._out.get(self.better)
         if self.better is None or way is None:
             return None
@@ -234,7 +233,7 @@ class Contingencies:
         return jobs
 
     def answered(self, answer: PlanAnswer, airspace: Airspace | None) -> None:
-        """Take the answer to a job; one that is no longer awaited is dropped."""
+        """Takes the answer to a job; one that is no longer awaited is dropped."""
         asked = self._asked
         if asked is None or asked.job.job_id != answer.job_id or airspace is None:
             return
@@ -246,9 +245,9 @@ class Contingencies:
             self._ways[asked.question], self._starts[asked.question] = way, asked.start_m
 
     def _questions(self, scene: Scene) -> Iterator[_Question]:
-        """What has to be known: the ways out first."""
+        """Routes to be planned: the escape routes first."""
         task, flight = scene.status.task, scene.flight
-        if flight is None or not flight.on_leg:  # outside the workspace nothing can be planned
+        if flight is None or not flight.on_leg:  # outside the workspace no plan is possible
             yield from (_Question(None, mission) for mission in self._outwards)
         if task is not None and task.stops:
             for stop, following in itertools.pairwise(task.stops):
@@ -304,7 +303,7 @@ class Contingencies:
         )
 
     def _way(self, position_m: FloatArray, duration_s: FloatArray, asked_s: float) -> Way:
-        """What points (n, 3) in times (n - 1,) take, where the wind lets it be as fast."""
+        """Route through points (n, 3) in times (n - 1,), longer where the wind slows the flight."""
         if self._wind_mps is not None:
             steps_m = np.diff(position_m, axis=0)
             against_s = least_s(steps_m, self._wind_mps[:2], self._in_wind)
@@ -318,7 +317,7 @@ class Contingencies:
     def _exposed(
         self, way: Way, position_m: FloatArray, duration_s: FloatArray, airspace: Airspace
     ) -> Way:
-        """The way with its exposed time, by its points (n, 3) and the times (n - 1,) between."""
+        """The route with its exposed time, by its points (n, 3) and the times (n - 1,) between."""
         if not self._failsafes.actions:
             return way
         exposed = self._failsafes.exposed(airspace.maps.reach, position_m[:, ::2])
@@ -334,7 +333,7 @@ class Contingencies:
         )
 
     def _ways_out(self, here_m: Vector) -> dict[Mission, Way | None]:
-        """The ways out from here: as last planned, behind the flight back to where they begin."""
+        """The escape routes from here: flight back to their starts, then as last planned."""
         ways: dict[Mission, Way | None] = {}
         for mission in _WAYS_OUT:
             question = _Question(None, mission)
@@ -345,7 +344,7 @@ class Contingencies:
         return ways
 
     def _straight(self, here_m: Vector, there_m: Vector) -> Way:
-        """The straight way from here to there, at full speed."""
+        """The straight route from here to there, at full speed."""
         x_m, y_m, up_m = (there - here for here, there in zip(here_m, there_m, strict=True))
         power = self._power
         upward_mps = power.climb_mps if up_m > 0.0 else power.descent_mps
@@ -373,10 +372,10 @@ class Contingencies:
         )
 
     def _instead_of_exit(self, full_pace: Way | None, meter: Meter) -> Mission | None:
-        """The exit that is flown; where it takes too much, an evacuation that takes clearly less.
+        """The active exit; where it takes too much, an evacuation that takes clearly less.
 
-        The other way round the supervisor would not have it. full_pace: the exit as fast as the
-        evacuation would be.
+        The supervisor permits no change from evacuation to exit. full_pace: the exit at the speed
+        of an evacuation.
         """
         left_s = meter.left_after_s(self._power, energy_wh_of(full_pace))
         if left_s is None or left_s > self._power.reserve_s:
@@ -391,7 +390,7 @@ class Contingencies:
         )
 
     def _ahead(self, scene: Scene, pace: float) -> Way | None:
-        """What is ahead of the flight; None where a part is unknown, or where it was braked."""
+        """The rest of the flight; None where a part is unknown, or the flight was braked."""
         task, flight = scene.status.task, scene.flight
         if task is None or flight is None:
             return None
@@ -403,7 +402,7 @@ class Contingencies:
         return self._rest(task, rest, self._landing(scene.airspace), pace)
 
     def _rest(self, task: Task, rest: Way, landing: Way, pace: float) -> Way | None:
-        """A task's rest, from that of the plan that is flown; None where a part is unknown."""
+        """A task's rest, from the rest of the active plan; None where a part is unknown."""
         if task.mission in _WAYS_OUT:
             return rest.then(landing)
         if task.done:

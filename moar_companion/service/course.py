@@ -1,13 +1,13 @@
-"""The course: the flight along its plans, and the plans that are asked for on its way.
+"""The route manager: the flight along its plans, and the requests for new plans.
 
-Inputs: what is to be flown, where the aircraft is, the risks, the time. Outputs: plan jobs, and the
-flight that moves along the plans that were adopted.
+Inputs: task, pose, risks, time. Outputs: plan jobs, and the flight along the adopted plans.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -41,19 +41,19 @@ from .survival import Survival
 from .widening import Widening
 
 _TOLD_EVERY_S = 10.0
-"""People are told of a path that a risk has moved no more often; the record has all."""
+"""Minimum time between two texts about a path that a risk has moved; the record has all."""
 _RISK_MOVED = 0.05
-"""A risk that has changed less since the last path is not told as what has moved it."""
+"""Minimum change of a risk since the last path to be reported as the reason for a move."""
 _STANDS_FOR_S = 1.0
-"""Between two attempts to go on with an aircraft that was stopped and that nothing holds."""
+"""Time between two attempts to resume when the flight was stopped and no condition holds it."""
 _ENDS_AFTER_S = 5.0
-"""An aircraft that has not come nearer to the end in so long, by a gust or two, will not."""
+"""After this time at the plan's end, which covers a gust or two, a larger error is accepted."""
 _OFF_PATH_FOR_S = 1.0
-"""An aircraft that is off its path for so long will not be back by itself."""
+"""After this time off its path the aircraft does not return by itself."""
 
 
 class Course:
-    """An aircraft's way on a site. ground: None without a site, where nothing can be planned."""
+    """An aircraft's route on a site. ground: None without a site: then no plan is possible."""
 
     def __init__(
         self,
@@ -64,7 +64,7 @@ class Course:
         margin: Margin,
     ) -> None:
         self.flight: Flight | None = None
-        """What is flown or offered; None while nothing is."""
+        """Active or offered flight; None while there is none."""
         self._ground = ground
         self._vehicle = vehicle
         self._config = config
@@ -73,29 +73,29 @@ class Course:
         self._plans = PlanDesk()
         self._near_path_s = -math.inf
         self._under_way_s = -math.inf
-        """When the setpoint was last short of the plan's end."""
+        """Last time at which the setpoint was short of the plan's end."""
         self._resumed_s = -math.inf
-        """When it last went on along a landing leg on which it stood."""
+        """Time of the last resumption along a landing leg."""
         self._told_s = -math.inf
         self._flown_risk = RiskIndices()
-        """Under which the path that is flown was planned."""
+        """Risk indices of the active path's plan."""
         site = None if ground is None else ground.site
         self._fences = FenceWatch(site, config.supervision.fence_margin_m)
         self.fence: PlaneFence | None = None
-        """What of the autopilot's fence cuts the site: nothing is planned outside."""
+        """Part of the autopilot's fence that cuts the site: plans stay inside."""
         self.watch = FailsafeWatch(config.supervision, PowerModel.of(vehicle))
-        """What the autopilot does by itself."""
+        """Autopilot failsafes."""
         self._survival = Survival(ground, vehicle, config.supervision, reports)
         self._uncertainty_m: float | None = None
         self._needed_m = 0.0
-        """What obstacles are to be avoided by now, beyond their keep-outs."""
+        """Required obstacle inflation by position uncertainty, beyond keep-outs."""
         self._widening = Widening()
         self._lasting = Widening()
-        """The same without the tracking error, which a gust makes and takes back."""
+        """The same without the tracking error, which a gust causes only for a time."""
         self._left: Flight | None = None
-        """What was flown last, where it ended on a landing leg."""
+        """The last flight, if it ended on a landing leg."""
         self._in_vain: tuple[float, str] | None = None
-        """How wide obstacles were when no plan led on, and why none did."""
+        """Obstacle inflation at which no path was found, and the reason."""
 
     @property
     def awaited(self) -> Awaited | None:
@@ -104,19 +104,19 @@ class Course:
 
     @property
     def braked(self) -> bool:
-        """Whether the flight comes to rest, or stands, where no plan has led it."""
+        """True while the flight comes to rest, or stands, before its plan's end."""
         return self.flight is not None and self.flight.braked
 
     @property
     def reluctance(self) -> str | None:
-        """Why nothing may be begun yet; None when what becomes of it without us is known."""
+        """Reason why no mission can start; None once offboard-loss action and fence are known."""
         if not self._survival.loss or not self.watch.known:
             return "autopilot parameters not read yet"
         return None if self._ground is None else self._fences.reluctance
 
     @property
     def airspace(self) -> Airspace | None:
-        """Where the vehicle may fly; None while nothing may be begun."""
+        """Flight volume of the vehicle; None while no mission can start."""
         ground, loss = self._ground, self._survival.loss
         if ground is None or loss is None or self._fences.reluctance is not None:
             return None
@@ -138,9 +138,9 @@ class Course:
         *,
         enabled: bool,
     ) -> None:
-        """Take in the autopilot's fence; say once which of its parameters were never told.
+        """Takes the autopilot's fence; reports once the fence parameters that were never received.
 
-        items: as uploaded; None while that is not known. enabled: whether SYS_STATUS tells of one.
+        items: as uploaded; None while unknown. enabled: SYS_STATUS reports a fence.
         """
         before, assumption = self._fences.plane, self._fences.assumption
         self._fences.learn(kind, parameters, items, home_m, enabled=enabled)
@@ -155,7 +155,7 @@ class Course:
             self.flight.learn_fence(plane)
 
     def fence_objection(self, pose: Pose | None) -> str | None:
-        """Why what is flown should not be, by the autopilot's fence as it is now.
+        """Reason against the active flight by the autopilot's present fence; None if there is none.
 
         The aircraft itself may be within the margin, where the wind pushes it.
         """
@@ -172,16 +172,16 @@ class Course:
 
     @property
     def widening_m(self) -> float:
-        """Width beyond keep-outs of contingencies and recovery legs: what lasts, as in a way out.
+        """Obstacle inflation of contingencies and recovery legs, without the tracking error.
 
-        Above the limit of the uncertainty nothing is begun: ways out are measured as at the limit.
+        Above the uncertainty limit no mission starts: escape routes are measured as at the limit.
         """
         limits = self._config.supervision
         most_m = limits.position_uncertainty_limit_m - self._margin.position_m
         return min(self._lasting.width_m, max(0.0, most_m))
 
     def _width_m(self, mission: Mission) -> float:
-        """By how much wider obstacles are in a mission's plans: in a way out by what lasts."""
+        """Obstacle inflation of a mission's plans; on escape routes without the tracking error."""
         widening = self._widening if mission is Mission.INSPECTION else self._lasting
         return widening.width_m
 
@@ -192,7 +192,7 @@ class Course:
         home_m: Vector | None,
         now_s: float,
     ) -> None:
-        """Take in the autopilot's parameters and its home, (x, y, z) in the site's frame."""
+        """Takes the autopilot's parameters and its home, (x, y, z) in the site's frame."""
         self._survival.learn(kind, parameters, home_m, self.flight, now_s)
 
     def learn_failsafes(
@@ -203,7 +203,7 @@ class Course:
         telemetry: Telemetry,
         now_s: float,
     ) -> None:
-        """Take in what the autopilot does by itself; later plans avoid where that hits."""
+        """Takes the autopilot's failsafes; later plans avoid places where one would hit."""
         before = self.watch.untold
         if not self.watch.learn(kind, parameters, home_m, telemetry):
             return
@@ -213,14 +213,14 @@ class Course:
 
     @property
     def objection(self) -> str | None:
-        """Why what is flown or held should not be, by what the autopilot does without us."""
+        """Reason against the active flight or hold, by offboard loss or failsafe; None if none."""
         return self._survival.objection
 
     @property
     def no_room(self) -> str | None:
-        """Why nothing leads on; None once obstacles are less wide than when that was found.
+        """Reason why no path was found; None once the obstacle inflation is less than then.
 
-        Nor above the limit of the uncertainty: then that is why nothing is flown.
+        None, too, above the uncertainty limit: then the uncertainty is the reason.
         """
         if self._in_vain is None or self._uncertainty_m is None:
             return None
@@ -230,9 +230,9 @@ class Course:
         return None if over else reason
 
     def look(self, risk: RiskEstimate, tracking_error_m: float | None, now_s: float) -> bool:
-        """Take in how well position and setpoint are kept; whether obstacles are less wide now.
+        """Updates the obstacle inflation; returns True if it has become less.
 
-        tracking_error_m: None where others fly, and on a way out, which a gust must not hold up.
+        tracking_error_m: None without control, and on an escape route, which a gust must not stop.
         Beyond `tracking_hold_m` the setpoint waits.
         """
         before, most_m = self._widening, self._vehicle.guidance.tracking_hold_m
@@ -251,11 +251,11 @@ class Course:
         return self._plans.jobs()
 
     def taken(self, answer: PlanAnswer) -> Awaited | None:
-        """What an answer belongs to; None when it is no longer awaited."""
+        """Request of an answer; None when the answer is no longer awaited."""
         return self._plans.taken(answer)
 
     def overdue(self, now_s: float) -> PlanAnswer | None:
-        """The answer in place of one that has not come in time."""
+        """The answer in place of a timed-out one; None while there is still time."""
         return self._plans.overdue(now_s)
 
     def ask(
@@ -269,9 +269,9 @@ class Course:
         recover: bool = False,
         reason: str = "an order",
     ) -> bool:
-        """Ask for a task's plan, from where it can be joined; whether it was asked.
+        """Requests a task's plan from the junction; returns True if requested.
 
-        recover: from where the aircraft is, off its path. reason: why, for the record.
+        recover: from the aircraft's position, off its path. reason: for the record.
         """
         airspace = self.airspace
         if pose is None or airspace is None:
@@ -305,7 +305,10 @@ class Course:
     def survivable(
         self, awaited: Awaited, answer: PlanAnswer, now_s: float, *, ordered: bool
     ) -> PlanAnswer:
-        """The answer; without its plan, where nobody should die on it. ordered: by an operator."""
+        """The answer; without its plan if offboard loss or a failsafe on it would hit an obstacle.
+
+        ordered: by an operator.
+        """
         return self._survival.checked(
             awaited, answer, self.flight, self.watch.failsafes, now_s, ordered=ordered
         )
@@ -313,7 +316,7 @@ class Course:
     def adopt(
         self, awaited: Awaited, answer: PlanAnswer, estimate: RiskEstimate, now_s: float
     ) -> Adoption:
-        """Fly the plan if it is better than what is flown, and can still be joined; say why."""
+        """Adopts the plan if it beats the active one and can still be joined; records why."""
         flight, plan = self.flight, answer.plan
         if flight is None or plan is None:
             return Adoption.TOO_LATE
@@ -336,7 +339,7 @@ class Course:
         return adoption
 
     def _tell_narrow(self, plan: Plan, now_s: float) -> None:
-        """Say how near a way out passes that keeps less than the margin."""
+        """Reports the clearance of an escape route that keeps less than the margin."""
         if self._ground is None:
             return
         nearest = narrowest(self._ground.site, self._vehicle, plan.waypoints.position_m)
@@ -359,7 +362,7 @@ class Course:
         estimate: RiskEstimate,
         now_s: float,
     ) -> None:
-        """Put on record why a path is flown; tell people where a risk has moved it."""
+        """Records the reason for a path; reports a path that a risk has moved."""
         base = self._vehicle.weights[plan.mission]
         difference = None if flown is None else path_difference(flown, plan)
         self._reports.record(
@@ -387,9 +390,9 @@ class Course:
             self._reports.say(Severity.INFO, f"{change}, {difference.gist()}", now_s)
 
     def replan(self, task: Task, pose: Pose, risk: RiskIndices, now_s: float) -> None:
-        """Ask for a new plan when there is a reason, while a path is flown.
+        """Requests a new plan when there is a reason, while a path is flown.
 
-        Along a landing leg there is none; one on which it was braked is gone on along, if it may.
+        Along a landing leg there is none; a flight braked on one resumes, if permitted.
         """
         flight, awaited = self.flight, self._plans.awaited
         if flight is not None and not flight.arrived:
@@ -410,7 +413,7 @@ class Course:
             return
         age_s = now_s - self._plans.asked_s
         if flight.braked:
-            # It is to be flown all the same: a way out goes before what has braked it.
+            # The task continues: an escape route has precedence over the cause of the brake.
             reason = "no progress" if age_s >= _STANDS_FOR_S else None
         elif self._plans.asked_fence != self.fence:
             reason = "the autopilot's fence is another"
@@ -429,9 +432,9 @@ class Course:
             self.ask(task, pose, risk, now_s, first=False, reason=reason)
 
     def arrived(self, pose: Pose | None, now_s: float) -> bool:
-        """Whether the aircraft has come to the end of its plan, or in time as near as it is held.
+        """True if the aircraft is at its plan's end; after a wait a larger error is accepted.
 
-        An error that stays, by a steady wind, must not keep it there for ever.
+        A constant error, by a steady wind, must not keep it there for ever.
         """
         flight, guidance = self.flight, self._vehicle.guidance
         if flight is None or pose is None or not flight.arrived:
@@ -442,30 +445,30 @@ class Course:
         )
 
     def brake(self) -> None:
-        """Come to rest on the path; whatever was awaited is awaited no more."""
+        """Brakes to rest on the path; drops an awaited plan."""
         self._plans.forget()
         if self.flight is not None:
             self.flight.brake()
 
     def stand(self, position_m: Vector) -> None:
-        """Stay at a place at once; whatever was awaited is awaited no more."""
+        """Stops at a place at once; drops an awaited plan."""
         self._plans.forget()
         if self.flight is not None:
             self.flight.stand(position_m)
 
     def awaited_for_s(self, now_s: float) -> float | None:
-        """How long a new plan of an inspection in flight is awaited; None while none is.
+        """Wait for a new plan of an active inspection, in seconds; None while none is awaited.
 
-        A way out goes on without one: its path was checked, and to stay is no better.
+        An escape route goes on without one: its path was checked, and to stay is no better.
         """
         since_s, flight = self._plans.wanting_since_s, self.flight
         inspects = flight is not None and flight.mission is Mission.INSPECTION
         return now_s - since_s if inspects and since_s is not None else None
 
     def resume_leg(self) -> bool:
-        """Go on along the landing leg on which the flight was braked, while it has room.
+        """Resumes along the landing leg on which the flight was braked, if it has room.
 
-        False when it was not, or has none.
+        Returns False if it was not braked there, or the leg has no room.
         """
         if self.flight is None or not self.flight.resume_leg(self._needed_m):
             return False
@@ -474,10 +477,10 @@ class Course:
         return True
 
     def resume(self, task: Task, pose: Pose | None) -> bool:
-        """Go on with a task along the landing leg on which it stopped, or was taken over from.
+        """Resumes a task along the landing leg on which it stopped, or a pilot took over.
 
-        Where it stands at the leg's end, nothing is left of it; where it is so near the leg that no
-        other plan could be joined before, what is flown serves the task.
+        At the leg's end no more flight is needed. So near the leg that no other plan can be joined
+        before it, the active flight serves the task. Returns False where a plan is needed.
         """
         flight, airspace = self.flight, self.airspace
         left = self._left if flight is None else flight
@@ -490,6 +493,10 @@ class Course:
                 return True
         if pose is None or airspace is None:
             return False
+        if flight is not None:
+            # The gate compares with the last setpoint, which a wind may hold the aircraft beside.
+            last = flight.progress(pose).setpoint
+            pose = replace(pose, position_m=last.position_m, yaw_rad=last.yaw_rad)
         taken_up = left.taken_up(airspace, pose, self._needed_m)
         if taken_up is not None:
             self._plans.forget()
@@ -497,7 +504,7 @@ class Course:
         return taken_up is not None
 
     def explained(self, answer: PlanAnswer) -> str:
-        """Why there is no plan, with the uncertainty, or tracking, where that is to blame."""
+        """Reason why there is no plan, with the uncertainty, or tracking, if that is the cause."""
         if not answer.too_wide or self._uncertainty_m is None:
             return answer.reason
         if not self._needed_m:
@@ -505,16 +512,16 @@ class Course:
         return f"no way with uncertainty {self._uncertainty_m:.1f} m ({answer.reason})"
 
     def note_no_room(self, awaited: Awaited, reason: str) -> None:
-        """No plan leads on with obstacles as wide as they are."""
+        """Notes that no path was found with the present obstacle inflation."""
         self._in_vain = (awaited.job.widening_m, reason)
 
     def forget_first(self) -> None:
-        """A first plan that is awaited must not be flown when it comes."""
+        """Drops an awaited first plan, so that it is not flown when it comes."""
         if self._plans.awaited is not None and self._plans.awaited.first:
             self._plans.forget()
 
     def end(self) -> None:
-        """Nothing is flown any more."""
+        """Ends the flight."""
         if self.flight is not None and self.flight.mission is not None:
             self._left = self.flight if self.flight.on_leg else None
         self.flight = None

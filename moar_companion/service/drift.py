@@ -1,6 +1,6 @@
-"""What a wind does to a flight: an aircraft that is blown off takes its setpoint along on a leash.
+"""The wind leash: the setpoint follows an aircraft that is blown off, at a maximum distance.
 
-Then it is drawn back no faster than it flies, until it has come to rest.
+The distance then limits the speed of the return to the flight speed, until the aircraft rests.
 """
 
 from __future__ import annotations
@@ -13,19 +13,20 @@ from ..vehicle import Vehicle
 from .motion import Pose
 
 _DRAWN_S = 1.0
-"""Both autopilots fly to a point at its distance over this: MPC_XY_P 0.95/s, PSC_POSXY_P 1/s."""
+"""Both autopilots approach a point at its distance over this: MPC_XY_P 0.95/s, PSC_POSXY_P 1/s."""
 _RESTS_MPS, _RESTS_S = 0.5, 1.0
-"""Slower for so long near its setpoint, an aircraft that was blown off holds again."""
+"""Maximum speed, and minimum time at it near the setpoint, after which the aircraft holds again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drift:
-    """What a wind has done to the flight.
+    """Displacement of the setpoint by wind.
 
-    from_m: where the setpoint was when the aircraft began to take it along; None while it holds.
-    moved_to_m: where the aircraft is that has just moved it. carried: it stands where it was taken.
-    lowest_m: the height from which it was taken, and below which it is taken nowhere that is too
-    low. returns: it comes back by a recovery leg. rested_s: how long the aircraft is at rest.
+    from_m: the setpoint's place before the displacement; None while the aircraft holds.
+    moved_to_m: the aircraft's position if it has just moved the setpoint. carried: the setpoint
+    rests where the displacement left it. lowest_m: minimum setpoint height before displacements; a
+    displaced setpoint may be this low. returns: the flight comes back by a recovery leg.
+    rested_s: time for which the aircraft is at rest.
     """
 
     from_m: Vector | None = None
@@ -36,7 +37,7 @@ class Drift:
     rested_s: float = 0.0
 
     def leash_m(self, vehicle: Vehicle) -> float:
-        """How far the setpoint may be from the aircraft."""
+        """Maximum distance from the setpoint to the aircraft, in metres."""
         guidance = vehicle.guidance
         longest_m = max(guidance.leash_m, guidance.off_path_m)
         if self.from_m is None:
@@ -45,7 +46,7 @@ class Drift:
         return min(longest_m, max(guidance.tracking_slow_m, drawn_m))
 
     def after(self, error_m: float, leash_m: float, pose: Pose, step_s: float) -> Drift:
-        """The same a step later, in which the aircraft has not moved its setpoint."""
+        """Returns the state after a step without a displacement."""
         rests = error_m <= leash_m and math.hypot(*pose.velocity_mps) <= _RESTS_MPS
         rested_s = self.rested_s + step_s if rests else 0.0
         over = self.from_m is None or rested_s >= _RESTS_S

@@ -1,4 +1,4 @@
-"""Under `engage`: when the companion itself asks for its mode, or for LAND."""
+"""The mode requester: under `engage`, the companion itself requests its mode, or LAND."""
 
 from __future__ import annotations
 
@@ -14,68 +14,68 @@ from .reports import Reports
 from .surroundings import grounded
 
 _ENGAGE_AFTER_S = 1.2
-"""PX4 gives OFFBOARD to a stream that has run for a second."""
+"""PX4 accepts OFFBOARD after a stream of one second."""
 _OFFERING = {MissionState.PLANNING, MissionState.READY}
-"""What an order is in until its flight begins."""
+"""States of an order until its flight begins."""
 _FRESH_S = 0.1
-"""A mode that was told longer ago may not be the mode any more: PX4 tells it once a second."""
+"""Maximum age of a mode report: the mode may change, and PX4 reports it once a second."""
 _AGAIN_S = 1.0
-"""Both autopilots answer within milliseconds, and PX4 tells its mode once a second."""
+"""Both autopilots answer within milliseconds, and PX4 reports its mode once a second."""
 _MOST_REQUESTS = 3
 _LAND = "LAND"
 _LAND_AGAIN_S = 3.0
-"""A landing that the link has carried is told by the heartbeat of the next second."""
+"""A LAND request that arrived shows in the heartbeat of the next second."""
 _MOST_LANDINGS = 3
-"""Asked for so often in vain, it is the pilot's."""
+"""After so many requests without effect the pilot must land."""
 
 
 class Engaging:
-    """Asks only while a heartbeat has just shown the mode that may be taken.
+    """Requests modes, only while a fresh heartbeat shows a mode that may be replaced.
 
-    For its mode once, and twice more while nothing answers, since the link may lose it. An order
-    may take the mode that it was given in, and no other; not out of a failsafe, a return or a
-    landing, which both autopilots would let it end; and not from a pilot who has taken over from us
-    or from a failsafe, until he has given the mode himself or has landed. A release that ends an
-    offered hold takes nothing over: the mode was the pilot's all along. Whoever orders where the
-    mode will not be asked for is told so.
+    Own mode: one request, and two more without an answer, since the link may lose it. An order may
+    replace only the mode in which it was given. It replaces no failsafe, return or landing, though
+    both autopilots would permit that. It replaces no mode of a pilot who has taken over from the
+    companion or a failsafe, until the pilot gives the mode or lands. A release that ends an offered
+    hold is no takeover: the mode was the pilot's all along. The operator is informed when an order
+    does not request the mode.
 
-    For LAND a few times, since the link may lose it; not while the plan of another order is
-    awaited, nor after one was carried out, a hold too.
+    LAND: a few requests, since the link may lose one. None while another order's plan is awaited,
+    nor after an order was executed, a hold included.
     """
 
     def __init__(
         self, authority: Authority, session: Session, reports: Reports, *, pilot_flies: bool
     ) -> None:
-        """pilot_flies: whether he may have taken over before this process began."""
+        """pilot_flies: the pilot may have taken over before this process began."""
         self._allowed = authority is Authority.ENGAGE
         self._session = session
         self._reports = reports
         self._in_mode: str | None = None
         self._requests = 0
-        """For the mode of the order, the last of them at `_requested_s`."""
+        """Number of mode requests for the order, the last of them at `_requested_s`."""
         self._requested_s = -math.inf
         self._pilot_flies = pilot_flies
         self._had_control = False
-        """Whether the mission has been in control since the aircraft was last on the ground."""
+        """True if the mission has been in control since the aircraft was last on the ground."""
         self._autopilots = False
-        """Whether a failsafe, a return or a landing was seen since then while nothing was flown."""
+        """True if a failsafe, a return or a landing occurred since then, out of our control."""
         self._landing_due = False
         self._landing_asked_s: float | None = None
-        """In the last thought, which may not have been sent."""
+        """Time of a LAND request in the last cycle, which may not have been sent."""
         self._landing_sent_s = -math.inf
         self._landings_sent = 0
         self._lands = False
-        """The landing that we asked for has begun, and has not been flown to its end."""
+        """True while the requested landing has begun, and has not ended."""
 
     def is_landing(self, autopilot: AutopilotStatus | None, now_s: float) -> bool:
-        """Whether the autopilot begins the landing that we asked for."""
+        """True if the autopilot begins the requested landing."""
         asked = self._landings_sent > 0 and now_s - self._landing_sent_s <= _LAND_AGAIN_S
         return asked and autopilot is not None and autopilot.mode == _LAND
 
     def note_order(
         self, autopilot: AutopilotStatus | None, before: MissionState, now_s: float
     ) -> None:
-        """A mission was ordered and is being planned. before: the state in which it was."""
+        """Notes an order whose mission is in planning. before: the state at the order."""
         self._requests, self._requested_s = 0, -math.inf
         self._pilot_flies = self._pilot_flies or before is MissionState.OVERRIDDEN
         may = self._allowed and not self._pilot_flies
@@ -85,7 +85,7 @@ class Engaging:
             self._tell_waiting(autopilot, now_s)
 
     def _tell_waiting(self, autopilot: AutopilotStatus | None, now_s: float) -> None:
-        """Tell people that our mode will not be asked for: they must give it."""
+        """Reports that our mode is not requested: the operator must select it."""
         if autopilot is None or autopilot.ours:
             return
         own = "OFFBOARD" if autopilot.kind is AutopilotKind.PX4 else "GUIDED"
@@ -93,15 +93,15 @@ class Engaging:
         self._reports.say(Severity.WARNING, reason, now_s, action=f"waiting for {own}", news=True)
 
     def note_landing(self) -> None:
-        """The mission ends above its landing point."""
+        """Notes that the mission ends above its landing point: LAND is due."""
         self._landing_due = self._allowed
 
     def forget_landing(self) -> None:
-        """An operator's order is carried out: whoever gave it wants no landing now."""
+        """Cancels the LAND request when an operator's order is executed."""
         self._landing_due = False
 
     def note_sent(self) -> None:
-        """What the last thought asked for has left."""
+        """Notes that the requests of the last cycle were sent."""
         if self._landing_asked_s is not None:
             self._landing_sent_s, self._landing_asked_s = self._landing_asked_s, None
             self._landings_sent += 1
@@ -109,9 +109,9 @@ class Engaging:
     def act(
         self, status: MissionStatus, telemetry: Telemetry, *, at_end: bool, now_s: float
     ) -> None:
-        """Look at who flies, and ask for what is due; at the end of every thought.
+        """Updates the control state, and requests the modes that are due; at each cycle's end.
 
-        at_end: whether the aircraft is where its mission ends.
+        at_end: the aircraft is at its mission's end.
         """
         autopilot = telemetry.autopilot
         self._landing_asked_s = None
@@ -143,7 +143,7 @@ class Engaging:
             self._session.request_own_mode()
 
     def _ask_for_landing(self, now_s: float) -> None:
-        """Ask for LAND, and again where the link may have lost it; at last tell people."""
+        """Requests LAND, again where the link may have lost it; at last warns people."""
         if self._landings_sent and now_s - self._landing_sent_s < _LAND_AGAIN_S:
             return
         if self._landings_sent < _MOST_LANDINGS:
@@ -154,7 +154,7 @@ class Engaging:
         self._reports.say(Severity.WARNING, words, now_s)
 
     def _may_take(self, status: MissionStatus, autopilot: AutopilotStatus, now_s: float) -> bool:
-        """Whether to ask for our mode now: once for an order, and again while none answers."""
+        """True if our mode is to be requested now: once for an order, again without an answer."""
         if (
             self._in_mode is None
             or status.state is not MissionState.READY
@@ -162,7 +162,7 @@ class Engaging:
             or now_s - status.since_s < _ENGAGE_AFTER_S
         ):
             return False
-        # After a take-off PX4 goes over to HOLD by itself, and says so up to a second later.
+        # After a take-off PX4 changes to HOLD by itself, and reports that up to a second later.
         same = autopilot.mode == self._in_mode
         took_off = (self._in_mode, autopilot.mode) == ("TAKEOFF", "HOLD")
         fit = (same or took_off) and not took_mode(autopilot) and not self._pilot_flies

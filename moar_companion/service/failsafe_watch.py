@@ -1,9 +1,9 @@
-"""The failsafe watch: what the autopilot does by itself, and whether that would hit something here.
+"""Failsafe exposure: autopilot failsafes, and the obstacles that they would hit from here.
 
-Inputs: the autopilot's parameters and home, who is heard, where the aircraft is, its batteries, the
-time. Outputs: the failsafes that count now, and why the aircraft should leave the place where it
-is: before a battery's action that would hit something, or after long enough where one would that
-nobody can forecast. Pure.
+Inputs: the autopilot's parameters and home, received links, the aircraft's place, its batteries,
+the time. Outputs: the failsafes that count now, and a reason to leave the place. The aircraft must
+leave before a battery's action that would hit an obstacle. It must also leave after a maximum stay
+where an action without a forecast would hit one. Pure.
 """
 
 from __future__ import annotations
@@ -31,20 +31,20 @@ from ..types import AutopilotKind, Telemetry, Vector
 from .motion import home_moved
 
 _STAYS = frozenset({Action.NONE, Action.HOLD})
-"""Actions on which the aircraft goes nowhere."""
+"""Actions after which the aircraft stays in place."""
 _NEAR_VOLTAGE = 1.03
-"""Of a threshold: a lithium cell sags by 0.1 V, 3 % of it, when a multirotor climbs."""
+"""Factor on a voltage threshold: a lithium cell sags by 0.1 V (3 %) when a multirotor climbs."""
 _UNKNOWN_LEAVING_S = 60.0
 """Time to leave where no escape route is known: that of the longest exit of the shipped sites."""
 _OVER_S = 2.0
-"""A place that is not exposed for shorter, as between two cells, does not interrupt."""
+"""A shorter time without exposure, as between two cells, does not end an exposure."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Exposed:
-    """An action that would hit something from where the aircraft is.
+    """An action that would hit an obstacle from the aircraft's place.
 
-    forecast: whether the time until it is known, not only a bound of it.
+    forecast: the time until the action is known, not only a bound of it.
     """
 
     action: FailsafeAction
@@ -53,7 +53,7 @@ class Exposed:
 
 
 class FailsafeWatch:
-    """Keeps what the autopilot does by itself, and since when it would hit something."""
+    """Keeps the autopilot's failsafes, and the time since when one would hit an obstacle."""
 
     def __init__(self, limits: Supervision, power: PowerModel) -> None:
         self._limits = limits
@@ -61,17 +61,17 @@ class FailsafeWatch:
         self._told: tuple[object, ...] = ()
         self._all = NO_FAILSAFES
         self.known = False
-        """Whether all parameters were told, or asked for often enough."""
+        """True once all parameters were received, or requested often enough."""
         self._heard: frozenset[Trigger] = frozenset()
         self._exposed: tuple[Exposed, ...] = ()
         self._since_s: float | None = None
         self._seen_s = self._noted_s = -math.inf
         self.failsafes = NO_FAILSAFES
-        """Those that lead somewhere; of the remote control only once it was heard."""
+        """Failsafes that move the aircraft; RC loss counts only once RC was received."""
 
     @property
     def untold(self) -> tuple[str, ...]:
-        """Parameters that the autopilot never told, taken at their defaults."""
+        """Parameters that the autopilot never reported, taken at their defaults."""
         return self._all.untold
 
     def learn(
@@ -81,7 +81,7 @@ class FailsafeWatch:
         home_m: Vector | None,
         telemetry: Telemetry,
     ) -> bool:
-        """Take in parameters and home, (x, y, z) in the site's frame; whether any is news."""
+        """Takes parameters and home, (x, y, z) in the site's frame; returns True if any is new."""
         heard = self._heard | heard_links(kind, telemetry)
         told = (kind, heard, *(parameters.get(name, "") for name in failsafe_parameters(kind)))
         before_m = self._all.home_m
@@ -105,7 +105,7 @@ class FailsafeWatch:
         meter: Meter,
         now_s: float,
     ) -> None:
-        """See what an action would hit from here; unknown places keep what was seen."""
+        """Updates the obstacles that actions would hit from here; no update at unknown places."""
         if place_m is None or reach is None:
             return
         place = np.array([[place_m[0], place_m[2]]])
@@ -124,7 +124,7 @@ class FailsafeWatch:
             self._since_s = None
 
     def end(self) -> None:
-        """Nothing is flown any more."""
+        """Clears the exposure after a flight."""
         self._exposed, self._since_s, self._seen_s = (), None, -math.inf
 
     def reason(
@@ -137,10 +137,10 @@ class FailsafeWatch:
         from_s: float,
         now_s: float,
     ) -> str | None:
-        """Why the aircraft should leave, in words with the number; None while it may stay.
+        """Reason to leave, as text with the value; None while the aircraft may stay.
 
-        leaving_s: to the last exposed place of the escape route; None: unknown. limit_s: of the
-        time where nobody can forecast an action, which counts from `from_s` at the earliest.
+        leaving_s: to the last exposed place of the escape route; None: unknown. limit_s: maximum
+        stay where an action has no forecast, counted from `from_s` at the earliest.
         """
         battery = self._battery_reason(telemetry, meter, leaving_s)
         if battery is not None:
@@ -151,7 +151,7 @@ class FailsafeWatch:
         return f"{self._where()}: {stayed_s:.0f} s ({limit_s:.0f})"
 
     def note(self, limit_s: float, from_s: float, now_s: float) -> str | None:
-        """What people are told once, halfway to the limit; None before."""
+        """Warning text, once, halfway to the limit; None at other times."""
         stayed_s = self._stayed_s(from_s, now_s)
         if stayed_s is None or not 0.5 * limit_s <= stayed_s <= limit_s or self._noted_s >= from_s:
             return None
@@ -170,9 +170,9 @@ class FailsafeWatch:
     def _times_s(
         self, action: FailsafeAction, telemetry: Telemetry, meter: Meter
     ) -> list[float | None]:
-        """Flight times until an action, or until an earlier one of the battery ends our control.
+        """Flight times until an action, or until an earlier battery action ends our control.
 
-        After a hold on a low battery nobody leads the aircraft away before the critical one acts.
+        After a hold on a low battery, no controller moves the aircraft before the critical action.
         """
         if action.trigger not in BATTERY:
             return []
@@ -186,7 +186,7 @@ class FailsafeWatch:
     def _battery_reason(
         self, telemetry: Telemetry, meter: Meter, leaving_s: float | None
     ) -> str | None:
-        """The battery's action that comes too soon to leave in time."""
+        """Text for a battery action that comes too soon to leave in time; None if there is none."""
         here = {
             item.action.trigger: item for item in self._exposed if item.action.trigger in BATTERY
         }
@@ -209,9 +209,9 @@ class FailsafeWatch:
 
 
 def moving(failsafes: Failsafes, heard: frozenset[Trigger]) -> Failsafes:
-    """Those that lead somewhere; of the remote control, which is lost only once heard, if it was.
+    """Returns the failsafes that move the aircraft; RC loss only if RC was ever received.
 
-    A ground station always counts: the autopilot may hear one that is not forwarded to us.
+    A ground station always counts: the autopilot may receive one that is not forwarded to us.
     """
     return replace(
         failsafes,
@@ -225,16 +225,16 @@ def moving(failsafes: Failsafes, heard: frozenset[Trigger]) -> Failsafes:
 
 
 def heard_links(kind: AutopilotKind, telemetry: Telemetry) -> frozenset[Trigger]:
-    """The links that the autopilot is known to hear, by the trigger of their loss."""
+    """The links that the autopilot is known to receive, by the trigger of their loss."""
     readiness, remote = telemetry.readiness, telemetry.remote_control
     if kind is AutopilotKind.ARDUPILOT and readiness is not None:
-        # It tells channels without any receiver, too.
+        # ArduPilot reports channels without any receiver, too.
         remote = None if readiness.remote_control_ok is None else remote
     return frozenset() if remote is None else frozenset({Trigger.RC_LOSS})
 
 
 def _soonest_s(times_s: Iterable[float | None]) -> float | None:
-    """The earliest of those that are forecast; None where none is."""
+    """The earliest time with a forecast; None where there is none."""
     return min((time_s for time_s in times_s if time_s is not None), default=None)
 
 

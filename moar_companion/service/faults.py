@@ -1,4 +1,4 @@
-"""The faults: causes that no measurement shows, noted until the supervisor has looked at them."""
+"""The faults: causes that no measurement shows, kept until the supervisor has checked them."""
 
 from __future__ import annotations
 
@@ -9,25 +9,25 @@ from .stream import Refusal
 
 
 class Faults:
-    """What went wrong since the last look."""
+    """Faults since the last check."""
 
     def __init__(self) -> None:
         self.causes = Causes()
 
     def note_pause(self, paused_s: float) -> None:
-        """For so long nothing was thought, and then sent in time."""
+        """Notes a control-loop stall: time without an output that was sent in time."""
         self.causes = replace(self.causes, thinking=f"control loop stalled {paused_s:.1f} s")
 
     def note_mode_left(self, mode: str) -> None:
-        """The autopilot has left our mode, and may be back in it."""
+        """Notes that the autopilot has left our mode; it may be back in it."""
         self.causes = replace(self.causes, pilot=f"the autopilot was in {mode}")
 
     def note_restart(self) -> None:
-        """The autopilot restarted."""
+        """Notes a restart of the autopilot."""
         self.causes = replace(self.causes, restart="the autopilot restarted")
 
     def note_refusal(self, refused: Refusal) -> None:
-        """A setpoint was not sent."""
+        """Notes a setpoint that was not sent."""
         if refused.rest is None:
             self.causes = replace(self.causes, stream=refused.reason)
         elif refused.narrow:
@@ -36,5 +36,5 @@ class Faults:
             self.causes = replace(self.causes, gate=refused.reason)
 
     def forget(self) -> None:
-        """They have been looked at."""
+        """Clears the faults after a check."""
         self.causes = Causes()

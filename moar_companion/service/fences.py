@@ -1,8 +1,8 @@
-"""The autopilot's fence on a site: where it cuts the site's plane, and whether that is known.
+"""The site fence: the autopilot's fence in the site's plane.
 
-Inputs: the fence, home, the site's frame, the margin. Outputs: a `PlaneFence`; why it is not known.
-A circle and a polygon become intervals of x, less all that is nearer to their border than the
-margin; heights count from home. Pure.
+Inputs: the fence, home, the site's frame, the margin. Outputs: a `PlaneFence`, or the reason why
+it is unknown. Circles and polygons become intervals of x, less all that is nearer to their border
+than the margin. Heights count from home. Pure.
 
 The fence is kept whatever its action: it is a limit that the operator has set.
 """
@@ -25,30 +25,30 @@ from .motion import home_moved
 _UNREAD = "the autopilot's fence is not read yet"
 _NO_HOME = "the fence counts from home, which is unknown"
 _HOME_MOVES_M = 0.1
-"""Less of a home that moves, as its estimate does, is within what the fence's margin allows for; a
-metre, by which a way home may change, would be most of that."""
+"""A smaller move of home, as of its estimate, is covered by the fence's margin. One metre, the
+tolerance for a return route, would be most of that margin."""
 _Intervals = tuple[Interval, ...]
 _Place = tuple[float, float]
 _EVERYWHERE: _Intervals = ((-math.inf, math.inf),)
 
 
 class FenceWatch:
-    """Remembers the fence as last told; what is only asked for again stays what it was."""
+    """Keeps the last reported fence, also while it is requested again."""
 
     def __init__(self, site: Site | None, margin_m: float) -> None:
         self._site = site
         self._margin_m = margin_m
         self._told: tuple[object, ...] = ()
         self._home_m: Vector | None = None
-        """As the fence was last looked at with it."""
+        """Home of the last fence calculation."""
         self._placed: Fence | None = None
-        """The fence that `plane` shows; None before any."""
+        """The source of `plane`; None before the first fence."""
         self.plane: PlaneFence | None = None
         """In the site's plane; None where there is no fence, or none is known."""
         self.reluctance: str | None = _UNREAD
-        """Why nothing may be begun yet; None once it is known where the fence is."""
+        """Reason why no mission can start; None once the fence's place is known."""
         self.assumption: str | None = None
-        """What the autopilot has not told of it; None while it is still asked for, too."""
+        """Text about unreported parts of the fence; None: all reported, or still requested."""
 
     def learn(
         self,
@@ -59,10 +59,10 @@ class FenceWatch:
         *,
         enabled: bool = False,
     ) -> None:
-        """Take in what is told. items: None while the uploaded fence is still asked for.
+        """Takes the reported fence. items: None while the uploaded fence is still requested.
 
-        enabled: whether SYS_STATUS tells of a fence. home_m: (x, y, z) in the site's frame; None
-        where unknown.
+        enabled: SYS_STATUS reports a fence. home_m: (x, y, z) in the site's frame; None where
+        unknown.
         """
         if self._site is None or items is None:
             return
@@ -91,10 +91,10 @@ class FenceWatch:
 def plane_fence(
     fence: Fence, frame: SiteFrame, home_m: Vector | None, margin_m: float
 ) -> PlaneFence | None:
-    """A fence in the plane of a site; None where nothing is fenced.
+    """A fence in the plane of a site; None where the fence has no limits.
 
-    home_m: needed where the fence is about it. margin_m: the least that is kept from it; where the
-    autopilot's own margin is greater, that.
+    home_m: required for limits about home. margin_m: minimum distance from the fence; a greater
+    margin of the autopilot replaces it.
     """
     margin_m = max(margin_m, fence.margin_m)
     bounds: list[Bound] = []
@@ -113,7 +113,7 @@ def plane_fence(
 
 
 def fenced(fence: PlaneFence | None, site: Site, landing_height_m: float) -> PlaneFence | None:
-    """What of a fence can be in the way of a plan on a site; None: nothing."""
+    """The part of a fence that can restrict a plan on a site; None: no part."""
     if fence is None:
         return None
     space = site.workspace
@@ -138,7 +138,7 @@ def _heights(limit: Limit, home_z_m: float, margin_m: float, *, low: bool) -> In
 
 
 def _area_intervals(area: Area, frame: SiteFrame, margin_m: float) -> _Intervals:
-    """Where the plane's line (y = 0) is within an inclusion, or outside an exclusion."""
+    """Intervals of the plane's line (y = 0) within an inclusion, or outside an exclusion."""
     places = [frame.place_of(*vertex) for vertex in area.vertices_deg]
     if area.radius_m is not None:
         ((x_m, y_m),) = places
@@ -154,7 +154,7 @@ def _area_intervals(area: Area, frame: SiteFrame, margin_m: float) -> _Intervals
 
 
 def _disk(x_m: float, y_m: float, radius_m: float) -> _Intervals:
-    """Where the line is within a circle."""
+    """Interval of the line within a circle."""
     if radius_m <= abs(y_m):
         return ()
     half_m = math.sqrt(radius_m**2 - y_m**2)
@@ -162,7 +162,7 @@ def _disk(x_m: float, y_m: float, radius_m: float) -> _Intervals:
 
 
 def _inside(edges: Iterable[tuple[_Place, _Place]]) -> _Intervals:
-    """Where the line is inside a polygon (even-odd, as both autopilots count)."""
+    """Intervals of the line inside a polygon (even-odd rule, as in both autopilots)."""
     crossings = sorted(
         x0 + (x1 - x0) * y0 / (y0 - y1) for (x0, y0), (x1, y1) in edges if (y0 > 0.0) != (y1 > 0.0)
     )
@@ -170,7 +170,7 @@ def _inside(edges: Iterable[tuple[_Place, _Place]]) -> _Intervals:
 
 
 def _near_edge(start: _Place, end: _Place, margin_m: float) -> _Intervals:
-    """Where the line is nearer to an edge than the margin: one interval, for that is convex."""
+    """Interval of the line nearer to an edge than the margin: one, since that area is convex."""
     (x0, y0), (x1, y1) = start, end
     reached = [x_m for x, y in (start, end) for part in _disk(x, y, margin_m) for x_m in part]
     length_m = math.hypot(x1 - x0, y1 - y0)

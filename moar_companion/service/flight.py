@@ -1,10 +1,9 @@
-"""The flight: from plans to the setpoint of this instant, and where the next plan may begin.
+"""The path follower: from plans to this instant's setpoint, and the next plan's junction.
 
 A reference moves along a trajectory (`guidance`). Every new plan begins at a point of the present
-trajectory that lies beyond the distance in which the reference can stop, so that it can be joined
-without a jump whatever the plan turns out to be; what is left of the trajectory leads there. Only
-when the aircraft has been pushed off its path does a plan begin at the aircraft, and the setpoint
-then moves over to it.
+trajectory beyond the stopping distance of the reference. Any plan can therefore be joined without a
+jump; the rest of the trajectory leads to it. Only for an aircraft off its path does a plan begin
+at the aircraft; the setpoint then moves over to it.
 """
 
 from __future__ import annotations
@@ -33,17 +32,17 @@ from .motion import Jump, Pose, Setpoint
 from .paths import CheckedLeg, approach_m, checked_legs, flown, standing, vector
 
 _STANDS_MPS = 0.05
-"""Slower than any plan is flown, even at half its pace: what is left where it only waits."""
+"""Slower than any planned speed, even at half its pace: the residue of a waiting reference."""
 _PLANNING_TIME_S = 0.3
-"""The reference moves on while a plan is made; the next one begins beyond that."""
+"""Time of a plan search, in which the reference moves on; the next plan begins beyond that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Progress:
-    """How far a flight has come.
+    """Progress of a flight.
 
     setpoint: of this instant. error_m: from there to the aircraft. left_m, left_s: to the end of
-    what is planned, landing leg included.
+    the plan, landing leg included.
     """
 
     setpoint: Setpoint
@@ -55,12 +54,12 @@ class Progress:
 class Flight:
     """The reference and everything that moves it.
 
-    At every instant the way is free that the aircraft would go on if nothing more were sent: that
-    caps the speed next to obstacles.
+    Invariant: if the setpoint stream stops now, the aircraft stops in free space. This caps the
+    speed next to obstacles.
     """
 
     def __init__(self, airspace: Airspace, pose: Pose) -> None:
-        """The setpoint is where the aircraft is."""
+        """Sets the setpoint to the aircraft's pose."""
         self._airspace = airspace
         self._vehicle = airspace.vehicle
         self._plan: Plan | None = None
@@ -74,53 +73,53 @@ class Flight:
 
     @property
     def arrived(self) -> bool:
-        """Whether the plan's end is reached; where it was braked is not its end."""
+        """True if the setpoint is at the plan's end; a stop by a brake does not count."""
         return self._reference.arrived and not self.braked and not self.returns
 
     @property
     def braked(self) -> bool:
-        """Whether it comes to rest, or stands, where no plan has led it."""
+        """True while the flight comes to rest, or stands, before its plan's end."""
         return self._reference.stop_m is not None
 
     @property
     def stands(self) -> bool:
-        """Whether the setpoint does not move, or hardly."""
+        """True if the setpoint does not move, or hardly."""
         return math.hypot(*self._reference.velocity_mps) < _STANDS_MPS
 
     @property
     def mission(self) -> Mission | None:
-        """Of the plan that is flown, or was until it was braked; None while there was none."""
+        """Mission of the active plan, also after a brake; None before the first plan."""
         return None if self._plan is None else self._plan.mission
 
     @property
     def margin_m(self) -> float:
-        """What keep-outs contain for the errors of a flight."""
+        """Margin of keep-outs for the errors of a flight, in metres."""
         return self._airspace.site.margin.total_m
 
     @property
     def narrowed_m(self) -> float:
-        """How much of the margin the plan that is flown does without."""
+        """Part of the margin that the active plan omits, in metres."""
         return self._airspace.narrowed_m
 
     @property
     def reach(self) -> Reach | None:
-        """As the plan that is flown takes obstacles; None: no wider than their keep-outs."""
+        """Reach to obstacles with the active plan's inflation; None: no inflation."""
         return self._airspace.reach
 
     @property
     def on_leg(self) -> bool:
-        """Whether the reference is on the landing leg."""
+        """True while the reference is on the landing leg."""
         return self._leaves_workspace_by(self._reference.distance_m)
 
     @property
     def _last_corner(self) -> int:
-        """The point of the trajectory at which the planned path, without its landing leg, ends."""
+        """Index of the trajectory's point at the end of the path without its landing leg."""
         if self._region_corner is not None:
             return self._region_corner
         return len(self._reference.trajectory.corner_m) - 1
 
     def _leaves_workspace_by(self, distance_m: float) -> bool:
-        """Whether the landing leg has begun at a distance along the trajectory."""
+        """True if the landing leg has begun at a distance along the trajectory."""
         corner = self._region_corner
         if corner is None:
             return False
@@ -128,40 +127,40 @@ class Flight:
 
     @property
     def blown_to_m(self) -> Vector | None:
-        """Where the aircraft is that has just taken its setpoint along; None where it has not."""
+        """Position of an aircraft that has just moved its setpoint by drift; None otherwise."""
         return self._drift.moved_to_m
 
     @property
     def returns(self) -> bool:
-        """Whether it comes back by a recovery leg, without a plan."""
+        """True while the flight comes back by a recovery leg, without a plan."""
         return self._drift.returns
 
     def drifted_m(self, pose: Pose) -> float | None:
-        """How far the aircraft was blown from where it would be; None where it is not."""
+        """Distance that the wind has moved the aircraft; None while it holds."""
         from_m = self._drift.from_m
         return None if from_m is None else math.dist(from_m, pose.position_m)
 
     @property
     def outside_m(self) -> float:
-        """How far the setpoint is outside the workspace, or beside the plane."""
+        """Distance of the setpoint outside the workspace, or beside the plane, in metres."""
         x_m, y_m, z_m = vector(self._reference.position_m)
         return max(abs(y_m), self._airspace.site.workspace.outside_m((x_m, z_m)))
 
     @property
     def why_it_returns(self) -> str:
-        """For people, where it comes back by a recovery leg."""
+        """Text for people about the recovery leg."""
         return f"{self.outside_m:.0f} m outside, wind is less"
 
     @property
     def is_carried_off(self) -> bool:
-        """Whether it stands where only a recovery leg leads on, and the wind has let go of it."""
+        """True if the setpoint, after a displacement by wind, needs a recovery leg to go on."""
         place_m = vector(self._reference.position_m)
         beside = len(approach_m(place_m)) > 1
         outside = self._airspace.site.workspace.outside_m((place_m[0], place_m[2])) > 0.0
         return self._drift.carried and self._drift.from_m is None and (beside or outside)
 
     def come_back(self, widened_m: float) -> bool:
-        """Begin the recovery leg from where the setpoint stands; whether there is one."""
+        """Begins the recovery leg at the setpoint; returns False if there is none."""
         place_m = vector(self._reference.position_m)
         leg = self._airspace.way_back(place_m, widened_m)
         if leg is None:
@@ -175,21 +174,21 @@ class Flight:
         return True
 
     def shift(self, jump: Jump) -> None:
-        """Take the setpoint along with an estimate that jumped, so that the jump is not chased."""
+        """Moves the setpoint with an estimate that jumped, so that the aircraft does not follow."""
         reference = self._reference
         self._reference = replace(reference, offset_m=reference.offset_m + np.array(jump.step_m))
         self._yaw_rad = math.remainder(self._yaw_rad + jump.turn_rad, math.tau)
 
     def learn_loss(self, loss: Loss) -> None:
-        """Go on no faster than what the autopilot now does without us allows."""
+        """Caps the speed by the new offboard-loss behaviour."""
         self._go_on_in(replace(self._airspace, loss=loss))
 
     def learn_fence(self, fence: PlaneFence | None) -> None:
-        """Take in where the autopilot's fence now is, and go on no faster than it allows."""
+        """Takes the autopilot's new fence, and caps the speed by it."""
         self._go_on_in(replace(self._airspace, fence=fence))
 
     def _go_on_in(self, airspace: Airspace) -> None:
-        """Fly the same path in an airspace that may allow less speed."""
+        """Keeps the path in another flight volume, which may lower the speed."""
         self._airspace = airspace
         trajectory = self._reference.trajectory.capped(
             airspace.speed_cap_mps, self._vehicle.guidance.acceleration_mps2
@@ -197,9 +196,9 @@ class Flight:
         self._reference = replace(self._reference, trajectory=trajectory)
 
     def leaves_fence(self) -> str | None:
-        """The limit of the autopilot's fence that its path ahead crosses; None: none.
+        """The autopilot's fence limit that the path ahead crosses; None: no limit.
 
-        An escape leg leads in, wherever it begins.
+        Escape and recovery legs are permitted outside the fence.
         """
         reference, end_m = self._reference, self._reference.stop_m
         trajectory = reference.trajectory
@@ -215,33 +214,35 @@ class Flight:
         return self._airspace.leaves_fence(places_m[np.min(from_legs_m, axis=0) > width_m])
 
     def error_m(self, pose: Pose) -> float:
-        """How far the aircraft is from its setpoint."""
+        """Distance from the setpoint to the aircraft, in metres."""
         return math.dist(self._reference.position_m, pose.position_m)
 
     def brake(self) -> None:
-        """Come to rest as soon as the acceleration allows, and stay there."""
+        """Brakes to rest as soon as the acceleration limit permits."""
         if self.returns:
             self._drift = Drift(carried=True)
         if not self.braked:
             self._reference = self._reference.braked(self._vehicle.guidance.acceleration_mps2)
 
     def stand(self, position_m: Vector) -> None:
-        """Stay at a place at once, where the path has just led.
+        """Stops at once at a place that the path has just passed.
 
-        In the workspace plans lead on from there, whatever the path; a landing leg is kept.
+        Plans lead on from there, whatever the path; a landing leg is kept within its corridor.
         """
-        if not self.on_leg:
+        leg = self._legs[-1] if self.on_leg and self._legs else None
+        beside_m = math.inf if leg is None else distance_m(position_m, leg.points_m)
+        if beside_m > self._airspace.corridor_width_m:
             trajectory = self._airspace.trajectory(standing(position_m))
             self._reference = Reference.start(trajectory, position_m)
             self._region_corner = None
         self._reference = self._reference.stood(position_m)
 
     def resume_leg(self, widened_m: float) -> bool:
-        """Go on along the landing leg on which the flight was braked, if it was, and has room.
+        """Resumes along the landing leg on which the flight was braked, if the leg has room.
 
-        Outside the workspace only an escape leg can be planned, and the leg was checked when it
-        was. widened_m: what the distance from obstacles grows by. False, too, where a jump has
-        taken the setpoint out of the leg's corridor.
+        Outside the workspace only an escape leg can be planned; the landing leg was checked when
+        planned. widened_m: obstacle inflation. Returns False, too, where a jump has moved the
+        setpoint out of the leg's corridor.
         """
         reference, leg = self._reference, self._legs[-1] if self._legs else None
         stop_m, here = reference.stop_m, vector(reference.position_m)
@@ -256,20 +257,19 @@ class Flight:
         return True
 
     def keeps_clear(self, place_m: Vector) -> bool:
-        """Whether a place, anywhere, is in no obstacle's own keep-out."""
+        """True if a place, anywhere, is outside every keep-out less its margin."""
         return self._airspace.keeps_clear(place_m)
 
     def serves(self, mission: Mission, goal: str | int | None) -> bool:
-        """Whether the plan that is flown is one of a mission and its target or landing point."""
+        """True if the active plan has this mission and this target or landing point."""
         plan = self._plan
         return plan is not None and (plan.mission, plan.request.target) == (mission, goal)
 
     def taken_up(self, airspace: Airspace, pose: Pose, widened_m: float) -> Flight | None:
-        """The flight on its landing leg again, where a pilot has left it near that; None elsewhere.
+        """Flight resumed on its landing leg after a pilot's takeover near the leg; None elsewhere.
 
-        Outside the workspace, and no farther from the leg than the aircraft may lag behind. The
-        setpoint is where the aircraft is, and moves over to the leg. widened_m: what the distance
-        from obstacles grows by.
+        The aircraft is outside the workspace, and within the tracking tolerance of the leg. The
+        setpoint begins at the aircraft, and moves over to the leg. widened_m: obstacle inflation.
         """
         x_m, _, z_m = pose.position_m
         leg = self._legs[-1] if self.on_leg and self._legs else None
@@ -305,7 +305,7 @@ class Flight:
         return flight
 
     def junction(self) -> Junction:
-        """Where a plan that is asked for now will begin: where the reference could still stop."""
+        """Start of a plan that is requested now: a point where the reference can still stop."""
         reference = self._reference
         trajectory = reference.trajectory
         if reference.stop_m is not None:
@@ -331,9 +331,9 @@ class Flight:
         )
 
     def junction_at(self, pose: Pose) -> Junction:
-        """The beginning of a plan for an aircraft that has been pushed off its path.
+        """Start of a plan for an aircraft that is off its path.
 
-        It is in the plane: an aircraft beside it comes back to it.
+        The start is in the plane: an aircraft beside the plane comes back to it.
         """
         x_m, _, z_m = pose.position_m
         return Junction(
@@ -350,18 +350,18 @@ class Flight:
         reach: Reach | None = None,
         narrowed_m: float = 0.0,
     ) -> Adoption:
-        """Fly a plan that begins at a junction, if the junction is still ahead.
+        """Adopts a plan that begins at a junction, if the junction is still ahead.
 
-        reach: to obstacles as wide as the plan takes them; None: no wider than their keep-outs.
-        narrowed_m: how much of the margin it does without.
+        reach: to obstacles with the plan's inflation; None: no inflation. narrowed_m: part of the
+        margin that the plan omits.
         """
         reference, airspace = self._reference, self._airspace.widened(reach, narrowed_m)
         if junction.trajectory is not reference.trajectory:
             return Adoption.TOO_LATE
         path = self._path(plan, junction, escape_m)
         if junction.joined_m is None:
-            # The old path is free: where the way over is not, or the setpoint has not come to
-            # rest yet, it stays there, and the aircraft comes back to it.
+            # The old path is free. The setpoint stays there if it is not at rest yet, or if the
+            # line to the new path is not free. The aircraft then comes back to it.
             resting = reference.speed_mps <= self._vehicle.speed.min_mps
             if not resting or not self._airspace.free_between(
                 reference.position_m, junction.position_m
@@ -402,10 +402,10 @@ class Flight:
         return Adoption.NEW_PATH
 
     def rest_of_plan(self, newer: Plan, junction: Junction, reach: Reach | None) -> Plan | None:
-        """What is left of the plan that is flown, as an answer to the newer one's request.
+        """Rest of the active plan, as an answer to the newer plan's request.
 
-        None where it must not stay: it leads elsewhere, is not free any more, or the airspace is
-        another. reach: as in `adopt`.
+        None where the active plan must not stay: its goal differs, its path is not free any more,
+        or the flight volume has changed. reach: as in `adopt`.
         """
         plan = self._plan
         if (
@@ -427,10 +427,10 @@ class Flight:
         return rest_of(plan, self._airspace.maps, first, newer.request, newer.graph)
 
     def advance(self, pose: Pose, step_s: float, pace: float = 1.0, *, holds: bool = False) -> None:
-        """Move the reference on by one step, as far as the aircraft has kept up.
+        """Moves the reference by one step, slower if the aircraft falls behind.
 
-        pace: the part of the planned speed that is flown. holds: nothing is to be flown; then, as
-        when it was braked, the setpoint comes to rest where it is, and so its path begins there.
+        pace: flown fraction of the planned speed. holds: the aircraft holds. Then, as after a
+        brake, the setpoint comes to rest where it is, and its path begins there.
         """
         self._go_along(pose, step_s)
         if self.returns and self._reference.arrived:
@@ -450,7 +450,7 @@ class Flight:
             self.stand(vector(reference.position_m))
 
     def _go_along(self, pose: Pose, step_s: float) -> None:
-        """Take the setpoint along with an aircraft that is blown off, at rest, on a leash."""
+        """Moves the setpoint, at rest, with an aircraft that is blown off beyond the leash."""
         leash_m = self._drift.leash_m(self._vehicle)
         place_m, error_m = vector(self._reference.position_m), self.error_m(pose)
         moved_m = None
@@ -472,7 +472,7 @@ class Flight:
         )
 
     def _fade_mps(self) -> float:
-        """How fast the setpoint may come back to the path that was moved under it."""
+        """Maximum speed of the setpoint's return to a path that was moved under it."""
         offset, slow_mps = self._reference.offset_m, self._vehicle.speed.min_mps
         length_m = float(np.sqrt(offset @ offset))
         if not length_m:
@@ -511,7 +511,7 @@ class Flight:
         )
 
     def progress(self, pose: Pose) -> Progress:
-        """How far the flight has come, for people."""
+        """Progress of the flight, for people."""
         reference = self._reference
         left_m = reference.trajectory.length_m - reference.distance_m
         return Progress(
@@ -522,16 +522,16 @@ class Flight:
         )
 
     def strays(self, pose: Pose) -> str | None:
-        """How far the aircraft is from both the workspace and its checked legs, if it is.
+        """Text for an aircraft outside both the workspace and its checked legs; None: it is not.
 
-        One that comes back does so until its recovery leg is over.
+        An aircraft on a recovery leg counts as outside until the leg's end.
         """
         if self.returns:
             return self.why_it_returns
         return self._airspace.strays(pose, self._legs)
 
     def refusal(self, setpoint: Setpoint, plane_tolerance_m: float, widened_m: float) -> str | None:
-        """Why a setpoint must not be where it is; None when it may."""
+        """Reason to refuse a setpoint; None when the setpoint is permitted."""
         return self._airspace.refusal(
             setpoint,
             self._legs,
@@ -548,7 +548,7 @@ class Flight:
         escape_m: tuple[PlanePoint, ...],
         reach: Reach | None = None,
     ) -> FloatArray:
-        """Where the aircraft could come to rest if nothing more were sent on a plan: (n, 2).
+        """Possible stop points (n, 2) if the setpoint stream ends on a plan.
 
         reach: as in `adopt`.
         """
@@ -556,7 +556,7 @@ class Flight:
         return airspace.rests_m(airspace.trajectory(self._path(plan, junction, escape_m)))
 
     def rests_ahead_m(self) -> FloatArray:
-        """The same on what is left of the path that is flown, to where it comes to rest."""
+        """Possible stop points (n, 2) on the rest of the active path, to its end or brake point."""
         reference = self._reference
         if reference.stop_m is None:
             return self._airspace.rests_m(reference.trajectory, reference.distance_m)

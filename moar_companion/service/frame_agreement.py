@@ -1,9 +1,9 @@
-"""The agreement of what the autopilot tells of where it is: telemetry in, distances out.
+"""Agreement of the autopilot's position reports: telemetry in, distances out.
 
-The local position is a place in the world only by the local frame's origin, which a message tells.
-It is compared with what tells the same place otherwise: the global position, and home where the
-autopilot derives both its coordinates from one another. The origin itself does not move in flight:
-in none of 31 recordings of both autopilots does it.
+Only the local frame's origin, which a message reports, gives the local position a place in the
+world. That place is compared with other reports: the global position, and home where the autopilot
+derives both its coordinates from one another. The origin itself does not move in flight: in none of
+31 recordings of both autopilots does it.
 """
 
 from __future__ import annotations
@@ -14,32 +14,30 @@ from ..frames import geodetic_to_local_ned
 from ..types import AutopilotKind, GeodeticPoint, GlobalPosition, Home, LocalOrigin, Telemetry
 
 _COMPARABLE_S = 0.3
-"""Between the stamps of local and global position: GLOBAL_POSITION_INT comes at 5 Hz or more, and
-the local position is carried on by its velocity for so long."""
-_KNOWN_S = 3.0
-"""After the last comparison nothing is known any more: the global position has fallen silent."""
+"""Maximum difference of the stamps of local and global position. GLOBAL_POSITION_INT comes at 5 Hz
+or more; the local position is extrapolated by its velocity for so long."""
 
 
 class FrameAgreement:
-    """Follows the origin, and compares the local position with others."""
+    """Tracks the origin, and compares the local position with other reports."""
 
     def __init__(self) -> None:
         self.global_off_m: float | None = None
-        """From the local position, by its origin, to the global one; None while it is not known."""
+        """Distance from the local position, by its origin, to the global one, when last compared.
+
+        None before that. Silence of either changes nothing."""
         self.home_off_m: float | None = None
-        """The same of home's two coordinates; None, too, where the autopilot keeps them apart."""
+        """The same for home's two coordinates; None, too, where the autopilot keeps them apart."""
         self.origin_moved_m = 0.0
-        """From where the origin was when the flight began, or when it was last accepted."""
+        """Move of the origin since the flight began, or since it was last accepted."""
         self._kind = AutopilotKind.UNKNOWN
         self._accepted: GeodeticPoint | None = None
         self._origin: GeodeticPoint | None = None
         self._compared: GlobalPosition | None = None
-        self._compared_s = -math.inf
-        """When they were compared last, by the autopilot's clock."""
         self._home_compared: tuple[Home | None, LocalOrigin] | None = None
 
     def look(self, telemetry: Telemetry, kind: AutopilotKind, *, grounded: bool) -> None:
-        """Takes in new telemetry. grounded: no flight has begun, any origin is accepted."""
+        """Takes new telemetry. grounded: no flight has begun, any origin is accepted."""
         origin, self._kind = telemetry.local_origin, kind
         self._origin = None if origin is None else origin.point
         if origin is None:
@@ -49,18 +47,16 @@ class FrameAgreement:
             self._accepted = origin.point
         self.origin_moved_m = self._distance_m(origin.point, self._accepted, (0.0, 0.0, 0.0))
         if kind is AutopilotKind.UNKNOWN:
-            return  # nor is its projection known
+            return  # the projection is unknown, too
         self._compare_global(telemetry, origin.point)
         self._compare_home(telemetry.home, origin)
 
     def accept_origin(self) -> None:
-        """The origin stays where it is now: who orders has been told how far it has moved."""
+        """Accepts the present origin: the operator who orders has seen how far it moved."""
         self._accepted, self.origin_moved_m = self._origin, 0.0
 
     def _compare_global(self, telemetry: Telemetry, origin: GeodeticPoint) -> None:
         local, other = telemetry.local_position, telemetry.global_position
-        if local is not None and abs(local.boot_s - self._compared_s) > _KNOWN_S:
-            self.global_off_m = None
         if local is None or other is None or other.boot_s is None or other is self._compared:
             return
         self._compared = other
@@ -72,10 +68,9 @@ class FrameAgreement:
             for place_m, speed_mps in zip(local.position_ned_m, local.velocity_ned_mps, strict=True)
         )
         self.global_off_m = self._distance_m(other.point, origin, (north_m, east_m, down_m))
-        self._compared_s = local.boot_s
 
     def _compare_home(self, home: Home | None, origin: LocalOrigin) -> None:
-        """ArduPilot's alone: PX4's local home is what it was when home was set.
+        """Compares ArduPilot's home only: PX4's local home keeps its value from when home was set.
 
         In recordings ArduPilot's differ by less than 1 mm, PX4's by up to 0.8 m level and 1.4 m in
         height.
@@ -89,5 +84,5 @@ class FrameAgreement:
     def _distance_m(
         self, point: GeodeticPoint, origin: GeodeticPoint, local_m: tuple[float, float, float]
     ) -> float:
-        """Between a point in the world and one in the local frame at an origin."""
+        """Distance between a point in the world and one in the local frame at an origin."""
         return math.dist(geodetic_to_local_ned(point, origin, self._kind), local_m)

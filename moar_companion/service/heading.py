@@ -1,4 +1,4 @@
-"""Where the nose should point: along the path, at what is inspected, or always the same way."""
+"""Heading of the aircraft: along the path, to the inspected object, or fixed."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from ..vehicle import Guidance, YawMode
 from .motion import Pose
 
 _LEAST_PATH_MPS = 0.1
-"""Slower than this the path has no direction to look along."""
+"""Minimum setpoint speed at which the path has a direction."""
 _LOOK_FROM_M = 1.0
-"""Nearer than this the direction to what is looked at says nothing, and the heading is kept."""
+"""Minimum distance to the inspected point; nearer, its direction is undefined: heading kept."""
 
 
 def wanted_yaw_rad(
@@ -27,7 +27,7 @@ def wanted_yaw_rad(
     velocity_mps: Vector,
     arrived: bool,
 ) -> float | None:
-    """The heading from north that a flight should have; None to keep the one it has.
+    """Heading from north that a flight should have; None to keep the present one.
 
     velocity_mps: of the setpoint. arrived: at the plan's end.
     """
@@ -49,7 +49,7 @@ def wanted_yaw_rad(
 
 
 def _target(site: Site, plan: Plan) -> Target | None:
-    """The target of an inspection's plan."""
+    """The target of an inspection's plan; None for other missions."""
     if plan.mission is not Mission.INSPECTION:
         return None
     return site.target(str(plan.request.target))

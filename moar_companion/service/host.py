@@ -1,4 +1,4 @@
-"""What the computer has left: room for recordings, and memory. Linux's word, in bytes."""
+"""Free resources of the computer: disk for recordings, and memory. As Linux reports, in bytes."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _PERIOD_S = 1.0
 
 
 class HostWatch:
-    """Looks at the disk in a thread, each second: one that is dead makes nobody wait.
+    """Reads the free disk space in a thread, each second: a failed disk blocks only that thread.
 
     recordings: the folder in which flights are recorded, if any.
     """
@@ -29,14 +29,14 @@ class HostWatch:
             ).start()
 
     def look(self) -> Host:
-        """What is left now; of the disk, its last word. What the system does not tell is None."""
+        """Free resources now; of the disk, the last value. None: not reported by the system."""
         memory = None
         with contextlib.suppress(OSError):
             memory = memory_available(_MEMORY.read_text())
         return Host(disk_free=self._disk_free, memory_available=memory)
 
     def close(self) -> None:
-        """Look at the disk no more."""
+        """Ends the reading of the disk."""
         self._closing.set()
 
     def _look_loop(self, recordings: Path) -> None:
@@ -45,14 +45,14 @@ class HostWatch:
 
 
 def disk_free(folder: Path) -> float | None:
-    """Room for who is not root, in bytes; None for a folder that is gone. May wait for the disk."""
+    """Free space for non-root users, in bytes; None for a missing folder. May wait for the disk."""
     with contextlib.suppress(OSError):
         return float(shutil.disk_usage(folder).free)
     return None
 
 
 def memory_available(meminfo: str) -> float | None:
-    """MemAvailable of /proc/meminfo, in bytes; None where it is not told."""
+    """MemAvailable of /proc/meminfo, in bytes; None where it is missing."""
     for line in meminfo.splitlines():
         name, _, value = line.partition(":")
         if name == "MemAvailable":

@@ -1,7 +1,7 @@
-"""Planning jobs: what the companion asks of the planner, and what comes back.
+"""Planning jobs: requests of the companion to the planner, and the answers.
 
-A job leaves the machine as a value and its answer enters it as another, so that the planner may
-run in a thread, in lockstep, or from a recording.
+A job leaves the machine as a value, and its answer enters the machine as another. The planner can
+therefore run in a thread, in lockstep, or from a recording.
 """
 
 from __future__ import annotations
@@ -31,25 +31,24 @@ from .causes import compass
 from .planners import Planners
 
 _NARROWED = (0.5, 1.0)
-"""Of the tracking error, what a way out is planned without that the whole margin closes. That the
-position is wrong is not seen in flight; that the aircraft strays from its setpoint is, and it waits
-for it: so the position's error is kept."""
+"""Fractions of the tracking error that a blocked escape route omits, in this order. A tracking
+error is visible in flight, and the setpoint waits for the aircraft. A position error is not visible
+in flight: its margin is kept."""
 _AWAY_M = 0.5
-"""In which direction an obstacle is farther is seen by this."""
+"""Distance of the sample points that show the direction away from an obstacle."""
 _MOST_POCKETS = 8
-"""Of free cells that the goal cannot be reached from, of which legs are looked for to others."""
+"""Maximum number of tried pockets: free cells from which the goal cannot be reached."""
 _REASON_LENGTH = 36
-"""Of a text's 50 characters, what is left between "MOAR: " and ", denied"."""
+"""Length of a text's 50 characters that is left between "MOAR: " and ", denied"."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanJob:
     """A request with the number that its answer carries.
 
-    widening_m: what obstacles are to be avoided by beyond their keep-outs. fence: of the autopilot,
-    as far as it cuts the site. failsafes: what the autopilot does by itself: places from where that
-    would hit something cost more. narrowed_m: how much of the margin a way out does
-    without that is flown already.
+    widening_m: obstacle inflation beyond keep-outs. fence: of the autopilot, as far as it cuts the
+    site. failsafes: of the autopilot; places from where one would hit an obstacle cost more.
+    narrowed_m: part of the margin that an active escape route omits.
     """
 
     job_id: int
@@ -62,15 +61,15 @@ class PlanJob:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanAnswer:
-    """The plan of a job, or why there is none.
+    """The plan of a job, or the reason why there is none.
 
-    escape_m: the corners of the escape or recovery leg by which the start had to be left, the place
-    where the plan begins last; () where the plan begins at the start.
-    reach: to obstacles as wide as the plan takes them; None: no wider than their keep-outs.
-    too_wide: there would be a plan, if they were no wider. failed: the planner has said nothing.
-    narrowed_m: how much of the margin the plan does without, since there is none with all of it.
-    deadly: there was one, on which nobody should die. detail: the reason as a whole sentence, where
-    that is too long for a pilot's text.
+    escape_m: corners of the escape or recovery leg from the start, the plan's first point last; ()
+    where the plan begins at the start.
+    reach: to obstacles with the plan's inflation; None: no inflation.
+    too_wide: a plan exists without inflation. failed: the planner has not answered.
+    narrowed_m: part of the margin that the plan omits, since none keeps the whole margin.
+    deadly: rejected; an offboard loss or link failsafe on this path would hit an obstacle.
+    detail: the reason as a whole sentence, where that is too long for a pilot's text.
     """
 
     job_id: int
@@ -86,14 +85,14 @@ class PlanAnswer:
 
 
 def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
-    """Plan; from where nothing can be planned, plan from the end of the escape leg.
+    """Plans; where the start permits no plan, plans from the end of the escape leg.
 
-    A way out that the margin closes is planned with less of it, at least with the position's error.
+    An escape route that the margin blocks is planned with less of it; the position error is kept.
     """
     planners.expose(job.failsafes)
     cell = planners.exact.maps.grid.cell_of(job.request.start_m)
     if job.narrowed_m and cell is not None and planners.exact.maps.occupied[cell]:
-        # On its way through the margin it goes on, and does not turn to leave it.
+        # Inside the margin the flight goes on, and does not turn to leave the margin.
         going_on = _narrowed(planners, job, job.narrowed_m)
         if going_on is not None and not going_on.escape_m:
             return going_on
@@ -106,7 +105,7 @@ def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
         narrower = _narrowed(planners, job, part * tracking_m)
         if narrower is not None:
             return narrower
-    # Within the fence first: one that is only passed by a detour is not what takes the room.
+    # Within the fence first: a fence that only forces a detour is not the cause.
     if job.widening_m and _answer(planners.widened_by(0.0, job.fence), job).plan is not None:
         return replace(answer, too_wide=True)
     crowded = _crowded(planners.exact, answer, job) if inspects else None
@@ -118,13 +117,13 @@ def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
 
 
 def _narrowed(planners: Planners, job: PlanJob, narrowed_m: float) -> PlanAnswer | None:
-    """The answer with so much less of the margin; None where that finds no plan either."""
+    """The answer with the margin reduced by `narrowed_m`; None where that finds no plan either."""
     answer = _answer(planners.widened_by(job.widening_m - narrowed_m, job.fence), job)
     return None if answer.plan is None else replace(answer, narrowed_m=narrowed_m)
 
 
 def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer | None:
-    """The answer that the margin, or a part of it, takes the room that a target needs."""
+    """The answer that the margin, or a part of it, blocks a target; None if it does not."""
     part = part_in_the_way(exact, lambda freer: _answer(freer, job).plan is not None, job.fence)
     if part is None:
         return None
@@ -136,7 +135,7 @@ def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer | N
 
 
 def _fenced_off(answer: PlanAnswer, plan: Plan, fence: PlaneFence) -> PlanAnswer:
-    """The answer that the fence alone is in the way of a plan."""
+    """The answer that only the fence blocks a plan."""
     goal_m = plan.waypoints.position_m[-1:]
     all_limits = ", ".join(bound.name for bound in fence.bounds)
     crossed = fence.crossed(goal_m) or fence.crossed(plan.waypoints.position_m) or all_limits
@@ -179,9 +178,9 @@ def _answer(planner: Planner, job: PlanJob) -> PlanAnswer:
 def _led_in(
     planner: Planner, request: PlanRequest, start_m: PlanePoint
 ) -> tuple[Plan, tuple[PlanePoint, ...]]:
-    """The plan, and the corners of the leg to where it begins; () where it begins at the start.
+    """The plan, and the corners of the leg to its start; () where it begins at the request's start.
 
-    Of the legs to free cells the shortest from whose end there is a plan.
+    The leg is the shortest one to a free cell from which there is a plan.
     """
     maps, low_m = planner.maps, planner.site.workspace.min_altitude_m
     cell = maps.grid.cell_of(start_m)
@@ -202,14 +201,14 @@ def _led_in(
 
 
 def too_far(outside_m: float, vehicle: Vehicle) -> str:
-    """Why nothing is flown so far outside the workspace."""
+    """Reason why no flight begins so far outside the workspace."""
     return f"{outside_m:.0f} m outside > {vehicle.guidance.recovery_m:g}, fly it back"
 
 
 def _words(planner: Planner, request: PlanRequest, status: PlanStatus, *, begins: bool) -> str:
-    """Why there is no plan, for people: of the aircraft, a target by its name, or the way.
+    """Reason why there is no plan, for people: about aircraft, target by name, or path.
 
-    begins: the plan was to begin where the aircraft is.
+    begins: the plan was to begin at the aircraft.
     """
     if begins and status in {PlanStatus.OUT_OF_BOUNDS, PlanStatus.START_OCCUPIED}:
         place = _words_of_start(planner, (request.start_m[0], request.start_m[1]))
@@ -225,9 +224,9 @@ def _words(planner: Planner, request: PlanRequest, status: PlanStatus, *, begins
 
 
 def _words_of_start(planner: Planner, start_m: PlanePoint) -> str | None:
-    """Why nothing leads on from a place, and where to fly by hand; None where a plan may begin.
+    """Reason why no plan can begin at a place, with a manual direction; None where one can.
 
-    Towards the workspace, or away from the nearest obstacle.
+    The direction is towards the workspace, or away from the nearest obstacle.
     """
     site, maps = planner.site, planner.maps
     x_m, z_m = start_m
@@ -254,9 +253,9 @@ def _words_of_start(planner: Planner, start_m: PlanePoint) -> str | None:
 
 
 def preparations(planner: Planner) -> list[Callable[[], None]]:
-    """What makes ready whatever is precomputed for the site's goals: one call for each goal.
+    """Calls that precompute the data of the site's goals, one call for each goal.
 
-    The first target and the ways out are the first; no more than can be kept.
+    The first target and the escape routes come first; no more than can be kept.
     """
     site = planner.site
     targets = [(Mission.INSPECTION, target.name) for target in site.targets]
@@ -266,12 +265,12 @@ def preparations(planner: Planner) -> list[Callable[[], None]]:
 
 
 def prepare_for(planners: Planners, job: PlanJob) -> None:
-    """Make ready whatever is precomputed for a job's goal, if it is not yet, or no more."""
+    """Precomputes the data of a job's goal, if it is not available."""
     if not job.widening_m and job.fence is None:
         _prepare(planners.exact, job.request.mission, job.request.target)
 
 
 def _prepare(planner: Planner, mission: Mission, target: str | int | None) -> None:
-    # What is wrong with a goal is said when it is ordered.
+    # A fault of a goal is reported when the goal is ordered.
     with contextlib.suppress(InputError):
         planner.prepare(mission=mission, target=target)

@@ -1,4 +1,4 @@
-"""Where a plan that is being made joins what is flown, and what became of it."""
+"""Point where a requested plan joins the flown trajectory, and the outcome of the plan."""
 
 from __future__ import annotations
 
@@ -13,12 +13,12 @@ from ..types import Vector
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Junction:
-    """Where a plan that is being made will begin.
+    """Point where a requested plan will begin.
 
-    trajectory: what was flown when the plan was asked for. joined_m: the distance along it; None
-    for the aircraft's own place, off the trajectory. corner: the index of its point there; None
-    where there is none. at_end: the trajectory ends there, or leaves the workspace by its landing
-    leg: there is nothing left to plan better.
+    trajectory: the trajectory at the time of the request. joined_m: the distance along it; None
+    for the aircraft's own position, off the trajectory. corner: the index of its point there;
+    None if there is none. at_end: the trajectory ends there, or leaves the workspace by its
+    landing leg: no part is left to plan better.
     """
 
     trajectory: Trajectory
@@ -29,7 +29,7 @@ class Junction:
     at_end: bool = False
 
     def is_followed_by(self, path: PathPoints) -> bool:
-        """Whether the trajectory leads on by these points already."""
+        """True if the trajectory already continues by these points."""
         if self.corner is None:
             return False
         points_m = self.trajectory.points_m[self.corner :]
@@ -37,7 +37,7 @@ class Junction:
 
 
 class Adoption(enum.Enum):
-    """What became of a plan."""
+    """Outcome of a plan."""
 
     NEW_PATH = "its path is flown"
     SAME_PATH = "its path was flown already"

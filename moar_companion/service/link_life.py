@@ -1,6 +1,6 @@
-"""Life of the link to the autopilot: how old its last packet, its mode and a position are. Pure.
+"""State of the link to the autopilot: ages of its last packet, its mode and a position. Pure.
 
-Any packet shows that the autopilot lives; its mode and its armed state have ages of their own.
+Any packet shows that the autopilot works; its mode and its armed state have ages of their own.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from ..types import LinkStatistics, Telemetry
 
 
 def silence(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
-    """Returns for how long no packet of the autopilot has come; None while that is allowed."""
+    """Returns the reason when no packet of the autopilot has come for too long; else None."""
     autopilot = telemetry.autopilot
     if autopilot is None:
         return "no heartbeat is heard"
@@ -22,7 +22,7 @@ def silence(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | No
 
 
 def mode_unconfirmed(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
-    """Returns for how long mode or armed state have not been told; None while that is allowed."""
+    """Returns the reason when mode or armed state are too old; None while they are not."""
     autopilot = telemetry.autopilot
     if autopilot is None:
         return None
@@ -34,12 +34,11 @@ def mode_unconfirmed(telemetry: Telemetry, limits: Supervision, now_s: float) ->
 
 
 def delay_s(link: LinkStatistics | None, late_s: float) -> float:
-    """Time that a position was under way, at most; 0 where that is not known.
+    """Upper bound of a position's transmission delay; 0 if it is unknown.
 
-    late_s: how much later than the fastest position it has come, by the clock in it. A link is
-    taken to be equally slow in both directions at its best. Whatever a question and its answer
-    take longer than that may be the way back alone; but the position is no later than its clock
-    says.
+    late_s: delay of this position relative to the fastest one, by its own clock. The shortest
+    round trip is taken as equal in both directions. Any longer part of a round trip may lie in
+    the direction to the companion alone. The position's clock limits that part to late_s.
     """
     if link is None or link.round_trip_s is None:
         return 0.0

@@ -1,14 +1,14 @@
-"""If we die now: how far the aircraft comes without us, and what its autopilot does then.
+"""Offboard loss: the stopping distance after it, and the autopilot's action.
 
-A killed process says no farewell: the last setpoint stands, with its velocity. Inputs: the
-autopilot's parameters; places where the aircraft would come to rest. Outputs: the way that a speed
-takes, the speed that a free way allows, and why a flight should not be flown.
+A killed process sends no last setpoint at rest: the previous one stands, with its velocity.
+Inputs: the autopilot's parameters; stop points of the aircraft. Outputs: the stopping distance at
+a speed, the speed that a free distance allows, and the reason why a flight should not be flown.
 
 PX4 holds the last point with its velocity as feed-forward, and so comes to rest v / MPC_XY_P beyond
 it; where COM_OF_LOSS_T ends before that, it brakes at MPC_ACC_HOR. ArduPilot moves the point on at
 that velocity for GUID_TIMEOUT, and brakes at WPNAV_ACCEL or WPNAV_ACCEL_Z, as its jerk allows.
-The ways are bounds over flights of the fake autopilots, level, up, down and diagonal, at 0.7 to
-5 m/s, with time-outs of 0.1 to 3 s, in wind of 0 and 6 m/s (`tests/service/test_loss.py`).
+The distances are bounds over flights of the fake autopilots, level, up, down and diagonal, at 0.7
+to 5 m/s, with time-outs of 0.1 to 3 s, in wind of 0 and 6 m/s (`tests/service/test_loss.py`).
 """
 
 from __future__ import annotations
@@ -25,24 +25,24 @@ from ..planner.reach import Reach
 from ..types import AutopilotKind, Vector
 
 _PX4_OVERSHOOT = 1.2
-"""Of v / MPC_XY_P: the control's integral has learnt the drag of the flight."""
+"""Factor of v / MPC_XY_P: the controller's integral has learnt the drag of the flight."""
 _PX4_S2PM = 0.1
-"""What COM_OBL_RC_ACT adds, which brakes from the velocity of its moment."""
+"""Term of v^2 that COM_OBL_RC_ACT adds: it brakes from the velocity at its start."""
 _PX4_HARD_MPS2 = 3.0
-"""MPC_ACC_HOR as it comes: v^2 / 2a of less is longer than that."""
+"""Default of MPC_ACC_HOR: v^2 / 2a is longer with a lower value."""
 _ARDUPILOT_S = 0.4
-"""0.1 s until the silence is noticed; the rest is the shaper's jerk."""
+"""0.1 s until ArduPilot detects missing setpoints; the rest is the shaper's jerk."""
 _ARDUPILOT_SHAPING_S = 0.5
-"""In that time the jerk builds the acceleration up, as it comes; 1.1 s/s of any more."""
+"""Time in which the default jerk builds the acceleration up; any more counts 1.1 s/s."""
 _ARDUPILOT_SHAPED = 1.1
 _ARDUPILOT_LEVEL = 0.5
-"""Of WPNAV_ACCEL, by which it brakes with the wind from behind."""
+"""Fraction of WPNAV_ACCEL with which ArduPilot brakes in a tail wind."""
 _SOFT_MPS2 = 0.1
-"""No autopilot brakes less hard: parameters of 0 or less mean something else."""
+"""Lower bound of braking: a parameter of 0 or less means something else."""
 _TOLERANCE_MPS2 = 1e-3
-"""Parameters are told as 32-bit floats."""
+"""Autopilots report parameters as 32-bit floats."""
 _LONGEST_S = 5.0
-"""The end of GUID_TIMEOUT's range: with more, next to an obstacle, nothing is left of the speed."""
+"""Upper end of GUID_TIMEOUT's range; above it no speed is left next to an obstacle."""
 
 
 _DEFAULTS = {
@@ -66,41 +66,41 @@ _DEFAULTS = {
         "WPNAV_ACCEL_Z": 100.0,
     },
 }
-"""As PX4 v1.17 and ArduCopter 4.6 have them: taken for what is never told."""
+"""Defaults of PX4 v1.17 and ArduCopter 4.6, for parameters that are never reported."""
 
 
 def loss_parameters(kind: AutopilotKind) -> tuple[str, ...]:
-    """What must be known of an autopilot before it is controlled."""
+    """Names of the parameters that must be known before the companion takes control."""
     return tuple(_DEFAULTS.get(kind, {}))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Loss:
-    """What becomes of a flight that nobody steers. The way to rest is a v + b v^2.
+    """Flight after an offboard loss. The stopping distance is a v + b v^2.
 
-    way_s, way_s2pm: a and b. untold: parameters that the autopilot never told.
+    way_s, way_s2pm: a and b. untold: parameters that the autopilot never reported.
     """
 
     kind: AutopilotKind
     action: Action
     timeout_s: float | None
-    """How long the setpoint moves on; None: it stands."""
+    """Time for which the autopilot moves the setpoint on; None: the setpoint stands."""
     way_s: float
     way_s2pm: float
     follows_mps2: float | None = None
-    """The acceleration with which it follows setpoints; None: without a limit of its own."""
+    """Acceleration limit of the autopilot when it follows setpoints; None: no limit of its own."""
     home: px4.Return | None = None
-    """How a return leads home; None: it leads elsewhere, or there is none."""
+    """Route of a return to home; None: it leads elsewhere, or the action is no return."""
     untold: tuple[str, ...] = ()
 
     @classmethod
     def of(cls, kind: AutopilotKind, parameters: Mapping[str, float | None]) -> Loss | None:
-        """By what is known of the parameters now; None for a kind that nobody knows."""
+        """Returns the loss by the parameters known now; None for an unknown kind of autopilot."""
         return cls.told(kind, {**dict.fromkeys(_DEFAULTS.get(kind, ())), **parameters})
 
     @classmethod
     def told(cls, kind: AutopilotKind, parameters: Mapping[str, float | None]) -> Loss | None:
-        """By an autopilot's parameters, None for those it never told; None: not all asked yet."""
+        """Returns the loss by parameters (None: never reported); None until all were asked for."""
         defaults = _DEFAULTS.get(kind)
         if defaults is None or not defaults.keys() <= parameters.keys():
             return None
@@ -146,17 +146,17 @@ class Loss:
         )
 
     def way_m(self, speed_mps: FloatArray) -> FloatArray:
-        """How far beyond the last setpoint the aircraft comes, at speeds (n,): (n,)."""
+        """Stopping distance beyond the last setpoint, at speeds (n,): (n,)."""
         return self.way_s * speed_mps + self.way_s2pm * speed_mps**2
 
     def speed_mps(self, free_m: FloatArray) -> FloatArray:
-        """The greatest speeds (n,) from which it comes no farther than (n,)."""
+        """Greatest speeds (n,) whose stopping distance is within (n,)."""
         half = 0.5 * self.way_s / self.way_s2pm
         return np.asarray(np.sqrt(half**2 + free_m / self.way_s2pm) - half)
 
     @property
     def assumption(self) -> str | None:
-        """What is not known of the autopilot; None when all was told."""
+        """Text about parameters taken as default; None if all were reported."""
         if not self.untold:
             return None
         count, names = len(self.untold), ", ".join(self.untold)
@@ -164,7 +164,7 @@ class Loss:
         return f"{count} {what} not told ({names}), taken as default"
 
     def lag(self, acceleration_mps2: float) -> str | None:
-        """Why it cannot follow setpoints of an acceleration; None when it can."""
+        """Reason why ArduPilot cannot follow this acceleration; None if it can."""
         follows_mps2 = self.follows_mps2
         if follows_mps2 is None or follows_mps2 >= acceleration_mps2 - _TOLERANCE_MPS2:
             return None
@@ -176,7 +176,7 @@ class Loss:
 
     @property
     def objection_anywhere(self) -> str | None:
-        """Why nobody should die anywhere; None where it depends on the place."""
+        """Reason why an offboard loss is unsafe anywhere; None if that depends on the place."""
         if self.timeout_s is not None and self.timeout_s > _LONGEST_S:
             return f"it would fly on for {self.timeout_s:.3g} s (if we died; set GUID_TIMEOUT 0.5)"
         if self.action is Action.RETURN and self.home is None:
@@ -186,10 +186,10 @@ class Loss:
         return self._against(self.action.value) if self.action is Action.FALL else None
 
     def objection(self, reach: Reach, rests_m: FloatArray, home_m: Vector | None) -> str | None:
-        """Why nobody should die at rest at any of some places (n, 2); None when all is well.
+        """Reason why an offboard loss at these stop points (n, 2) is unsafe; None if it is safe.
 
-        home_m: (x, y, z) in the site's frame. Only what stands on the site is known: a return is
-        looked at as far as it is in the plane, and without a home as far as it climbs.
+        home_m: (x, y, z) in the site's frame. Only the site's obstacles are known. A return is
+        checked as far as it lies in the plane; without a home, only its climb.
         """
         if self.objection_anywhere is not None or self.action is Action.HOLD:
             return self.objection_anywhere

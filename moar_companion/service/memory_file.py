@@ -1,10 +1,10 @@
-"""The file of the memory: whole at any moment, and written without making the thinking wait.
+"""File of the mission snapshot: complete at any moment, written without blocking the control loop.
 
     DIRECTORY/mission.json
 
-A new file is written beside it and renamed over it, so that a process that is killed, or a computer
-that loses its power, leaves the old one or the new one. What cannot be written is taken away: a
-file that tells of what is over is worse than none.
+A new file is written beside it and renamed over it. A killed process or a loss of power leaves the
+old file or the new one. After a failed write the file is removed: an outdated snapshot is worse
+than none.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from .memory import Memory, decoded, encoded
 
 _NAME = "mission.json"
 _LONGEST_BYTES = 65536
-"""A file that is longer is none of ours."""
+"""A longer file is not a mission snapshot."""
 
 _logger = logging.getLogger(__name__)
 
 
 class MemoryFile:
-    """The file in a folder, and the thread that writes it.
+    """File in a folder, and the thread that writes it.
 
-    Nothing here raises OSError but the constructor, when the folder cannot be written.
+    Only the constructor raises OSError, if the folder cannot be written.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -43,11 +43,11 @@ class MemoryFile:
 
     @property
     def faults(self) -> tuple[FileFault, ...]:
-        """What is wrong with the file now; one that was unusable at the start remains so."""
+        """Current faults of the file; a file that was unusable at the start stays in the list."""
         return tuple(filter(None, (self._load_fault, self._write_fault)))
 
     def load(self, clock_offset_s: float) -> Memory | None:
-        """What is remembered; None for nothing. What cannot be read is said, and put aside.
+        """Returns the snapshot; None without one. Logs an unusable file, moves a broken one aside.
 
         clock_offset_s: wall clock minus the machine's clock, now.
         """
@@ -68,11 +68,11 @@ class MemoryFile:
         return None
 
     def save(self, memory: Memory, clock_offset_s: float) -> None:
-        """Write it soon; of several that wait, only the newest."""
+        """Queues a snapshot for writing; of several that wait, only the newest is written."""
         self._writer.put(encoded(memory, clock_offset_s))
 
     def close(self) -> None:
-        """Wait a while for what is to be written."""
+        """Waits a limited time for the pending write."""
         self._writer.close()
 
     def _write_loop(self, batches: Batches) -> None:
@@ -95,7 +95,7 @@ class MemoryFile:
 
 
 def write_whole(path: Path, data: bytes) -> None:
-    """Write a file so that it is the old one or the new one at any moment; raises OSError."""
+    """Writes a file so that it is the old one or the new one at any moment; raises OSError."""
     beside = _beside(path)
     with beside.open("wb") as file:
         file.write(data)
@@ -110,7 +110,7 @@ def _beside(path: Path) -> Path:
 
 
 def _sync(directory: Path) -> None:
-    """Make a renaming outlive a loss of power."""
+    """Makes a rename survive a loss of power."""
     descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
     try:
         os.fsync(descriptor)

@@ -1,4 +1,4 @@
-"""Where the aircraft is, and where it is told to be: values in the site's frame."""
+"""Pose of the aircraft, jumps of its estimate, and setpoints: values in the site's frame."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from ..types import Vector
 
 _HOME_MOVES_M = 1.0
-"""Nearer to where it was a home leads home by the same way."""
+"""A home that moves by less than this keeps its route."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Pose:
-    """The aircraft in the site's frame (x, y, z); its heading from north."""
+    """Aircraft in the site's frame (x, y, z); its heading from north."""
 
     position_m: Vector
     velocity_mps: Vector
@@ -22,18 +22,18 @@ class Pose:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Jump:
-    """What the estimator was reset by: the aircraft is where it was, and told to be elsewhere."""
+    """Step of a reset estimator: the aircraft has not moved, its reported pose has."""
 
     step_m: Vector = (0.0, 0.0, 0.0)
     origin_step_m: Vector = (0.0, 0.0, 0.0)
-    """What of the step is the origin's: in the local frame nothing has moved by that."""
+    """Part of the step that the origin caused; in the local frame nothing moves by it."""
     turn_rad: float = 0.0
-    """Of the heading, to the right."""
+    """Step of the heading, to the right."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setpoint:
-    """What is sent: position and velocity in the site's frame, heading from north."""
+    """Setpoint: position and velocity in the site's frame, heading from north."""
 
     position_m: Vector
     velocity_mps: Vector
@@ -41,7 +41,7 @@ class Setpoint:
 
 
 def home_moved(home_m: Vector | None, before_m: Vector | None, by_m: float = _HOME_MOVES_M) -> bool:
-    """Whether a home is known that was not before, or has moved by more than so much."""
+    """True if a home becomes known, or moves by more than `by_m`."""
     if home_m is None:
         return False
     return before_m is None or math.dist(home_m, before_m) > by_m

@@ -1,4 +1,4 @@
-"""The service manager's notification socket (systemd, sd_notify(3)); silent where there is none."""
+"""The service manager's notification socket (systemd, sd_notify(3)); silent if there is none."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ import os
 import socket
 
 _FED_PER_TIMEOUT = 2.0
-"""How often the watchdog is fed within the time after which it bites (sd_watchdog_enabled(3))."""
+"""Watchdog messages per time-out (sd_watchdog_enabled(3))."""
 
 
 def notify(state: str) -> None:
-    """Tell the service manager, e.g. `READY=1`; without one that listens, do nothing."""
+    """Sends a state to the service manager, e.g. `READY=1`; does nothing without one."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address:
         return
@@ -24,7 +24,7 @@ def notify(state: str) -> None:
 
 
 class Watchdog:
-    """The service manager's watchdog; none where it does not ask this process to feed one."""
+    """The service manager's watchdog; inactive unless systemd requests it of this process."""
 
     def __init__(self) -> None:
         timeout_us = os.environ.get("WATCHDOG_USEC", "")
@@ -34,7 +34,7 @@ class Watchdog:
         self._fed_s = -math.inf
 
     def feed(self, now_s: float) -> None:
-        """What is watched has worked; tells the service manager when that is due."""
+        """Marks a completed cycle; sends `WATCHDOG=1` when that is due."""
         if now_s - self._fed_s >= self._period_s and self._period_s < math.inf:
             self._fed_s = now_s
             notify("WATCHDOG=1")

@@ -1,4 +1,4 @@
-"""Operators' orders: what a command means on this site, and the answer it is owed."""
+"""Operators' commands: their meaning on this site, and the answers to them."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..types import Mission
 from .reports import Reports
 
 _IN_PROGRESS_AFTER_S = 0.2
-"""An order that is still being planned after this is answered IN_PROGRESS (contract)."""
+"""Planning time after which an order is answered IN_PROGRESS (contract)."""
 
 _RESULTS = {
     Verdict.ACCEPTED: CommandResult.ACCEPTED,
@@ -26,7 +26,7 @@ _RESULTS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refused:
-    """An order that cannot be carried out here, whatever the aircraft does."""
+    """An order that is impossible on this site, independent of the aircraft's state."""
 
     reason: str
 
@@ -34,7 +34,7 @@ class Refused:
 def understood(
     command: MissionCommand | PauseContinue, site: Site | None, authority: Authority
 ) -> Task | Order | Refused:
-    """What a command orders."""
+    """Returns the task or order in a command, or the reason for its refusal."""
     if isinstance(command, PauseContinue):
         return Order.HOLD if command.pause else Order.CONTINUE
     if not isinstance(command.mission, Mission):
@@ -64,7 +64,7 @@ class _Open:
 
 
 class OrderBook:
-    """The commands that wait to be carried out or answered; the latter by the number of each."""
+    """Commands that wait for a cycle, and unanswered orders by their numbers."""
 
     def __init__(self, session: Session, reports: Reports) -> None:
         self._session = session
@@ -74,26 +74,26 @@ class OrderBook:
         self._last_id = 0
 
     def hear(self, command: MissionCommand | PauseContinue) -> None:
-        """Keep a command until the next thought."""
+        """Keeps a command until the next cycle."""
         self._heard.append(command)
 
     def heard(self) -> list[MissionCommand | PauseContinue]:
-        """Commands since the last call."""
+        """Returns the commands since the last call."""
         heard, self._heard = self._heard, []
         return heard
 
     def reject(self, command: Command, reason: str, now_s: float) -> None:
-        """Answer that a command may be given again later."""
+        """Answers that a command is rejected temporarily: it may be given again later."""
         self.answer(self.enter(command, now_s), Verdict.TEMPORARILY_REJECTED, reason, now_s)
 
     def enter(self, command: Command, now_s: float) -> int:
-        """Note a command that will be answered; its number."""
+        """Registers a command that will be answered; returns its number."""
         self._last_id += 1
         self._open[self._last_id] = _Open(command=command, received_s=now_s)
         return self._last_id
 
     def withdraw(self, command: Command) -> int | None:
-        """Forget a command that its sender took back; its number, if it was open."""
+        """Removes a command that its sender cancelled; returns its number, if it was open."""
         self._heard = [heard for heard in self._heard if heard != command]
         for order_id, order in self._open.items():
             if order.command == command:
@@ -102,7 +102,7 @@ class OrderBook:
         return None
 
     def answer(self, order_id: int, verdict: Verdict, reason: str, now_s: float) -> None:
-        """The final answer to an order."""
+        """Sends the final answer to an order."""
         command = self._open.pop(order_id).command
         self._session.answer(command, _RESULTS[verdict])
         self._reports.record("answer", now_s, verdict=verdict.value, reason=reason)
@@ -110,12 +110,12 @@ class OrderBook:
             self.tell_why(command, verdict, reason, now_s)
 
     def tell_why(self, command: Command, verdict: Verdict, reason: str, now_s: float) -> None:
-        """An acknowledgement has no words: the reason goes to the sender's link as a text."""
+        """Sends the reason as a text to the sender's link: an acknowledgement carries none."""
         action, link = verdict.value.rpartition(" ")[2], command.sender.link
         self._reports.say(Severity.WARNING, reason, now_s, action=action, news=True, link=link)
 
     def tell_progress(self, now_s: float) -> None:
-        """Tell those that have waited for long, once each."""
+        """Answers IN_PROGRESS once to each order that has waited for long."""
         for order_id, order in self._open.items():
             if not order.progress_told and now_s - order.received_s > _IN_PROGRESS_AFTER_S:
                 self._open[order_id] = replace(order, progress_told=True)
@@ -123,7 +123,7 @@ class OrderBook:
 
 
 def words(order: Task | Order | Refused) -> str:
-    """An order for the record."""
+    """Text of an order for the record."""
     if isinstance(order, Task):
         return " ".join([order.mission.value, *order.stops])
     return order.reason if isinstance(order, Refused) else order.value

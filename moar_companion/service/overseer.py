@@ -1,4 +1,4 @@
-"""The overseer: asks the supervisor what may be flown, and tells what began and what is over."""
+"""Safety monitor: asks the supervisor what may be flown, reports conditions that begin or end."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .causes import Seen, causes
 from .reports import Reports
 
 _LISTENS_AFTER_S = 1.0
-"""Its first heartbeat is an answer to one of ours, before it is ready for texts."""
+"""Delay of texts: a station's first heartbeat answers ours, before it is ready for texts."""
 _DOES = {
     Action.SLOW: "slowing",
     Action.HOLD: "holding",
@@ -23,11 +23,11 @@ _DOES = {
     Action.EVACUATION: "evacuating",
     Action.RELEASE: "released",
 }
-"""What the companion does, for people."""
+"""Texts for the companion's actions."""
 
 
 class _Audience:
-    """The ground stations that are heard. lost_s: one that is silent for longer has left."""
+    """Ground stations on the links. lost_s: a station that is silent for longer has left."""
 
     def __init__(self, lost_s: float) -> None:
         self._lost_s = lost_s
@@ -35,7 +35,7 @@ class _Audience:
         self._due_s = math.inf
 
     def has_grown(self, heard: Heard | None, now_s: float) -> bool:
-        """Whether one has come that was not there before, and listens by now; once for each."""
+        """True once for each new ground station, when it is ready for texts."""
         if heard is not None:
             before_s = self._heard_s.get(heard.system_id, -math.inf)
             self._heard_s[heard.system_id] = heard.received_s
@@ -48,7 +48,7 @@ class _Audience:
 
 
 class Overseer:
-    """Keeps what the supervisor remembers. off_path_m: the vehicle's."""
+    """Keeps the supervisor's state. off_path_m: the vehicle's."""
 
     def __init__(self, limits: Supervision, off_path_m: float, reports: Reports) -> None:
         self._limits = limits
@@ -59,27 +59,27 @@ class Overseer:
         self._ruling = Ruling()
         self._recorded: dict[str, str] = {}
         self._told: dict[str, bool] = {}
-        """The names of those that people were told of, and whether by what the mission does."""
+        """Names of the reported conditions; True if the mission reported one by its action."""
         self._audience = _Audience(limits.ground_link_lost_s)
 
     @property
     def ruling(self) -> Ruling:
-        """What may be flown, as of the last look."""
+        """Ruling of the last cycle."""
         return self._ruling
 
     def rule(self, seen: Seen, now_s: float) -> Ruling:
-        """What may be flown now."""
+        """Judges the causes found now; returns the new ruling."""
         found = causes(seen, self._limits, self._off_path_m, now_s)
         self._watches, self._ruling = supervisor.step(self._watches, found, now_s, self._table)
         return self._ruling
 
     def override(self, known: Collection[str]) -> None:
-        """An operator has ordered, knowing that these conditions act."""
+        """Overrides the conditions that were known to the operator who ordered."""
         self._watches = supervisor.overridden(self._watches, self._table, known=known)
         self._ruling = supervisor.ruling(self._watches, self._table)
 
     def note_told(self, name: str) -> None:
-        """The mission has told of this condition, by what it does about it."""
+        """Notes that the mission has reported this condition, by its action."""
         self._told[name] = True
 
     def tell(
@@ -90,27 +90,30 @@ class Overseer:
         streaming: bool,
         known: Collection[str] = (),
     ) -> None:
-        """Record what has begun and what is over; to people what the mission does not tell.
+        """Records conditions that begin or end; sends texts the mission does not send.
 
-        That is, while something is streamed, whatever stands against it; and to a ground station
-        that was not there before, all that does. known: what does not stand against the order that
-        a plan is awaited for, as who gave it knew of it.
+        Texts are sent while something is streamed, about every condition against it. A new
+        ground station receives all of them. known: conditions that do not count against the
+        order whose plan is awaited, because its operator knew of them.
         """
         missed = self._audience.has_grown(station, now_s)
         ruling = self._ruling.apart_from(known)
         acting = {item.condition.name: item for item in ruling.conditions}
         reasons = {item.reason for item in acting.values()}
-        for name in acting.keys() - self._recorded.keys():
+        for name, item in acting.items():
+            if name in self._recorded:
+                continue
             self._reports.record(
                 "condition",
                 now_s,
                 name=name,
-                action=acting[name].condition.action.name.lower(),
+                action=item.condition.action.name.lower(),
                 began=True,
-                reason=acting[name].reason,
+                reason=item.reason,
             )
-        for name in self._recorded.keys() - acting.keys():
-            reason = self._recorded[name]
+        for name, reason in self._recorded.items():
+            if name in acting:
+                continue
             self._reports.record("condition", now_s, name=name, began=False, reason=reason)
             # Another condition may have begun for the same reason.
             if not self._told.get(name, True) and reason not in reasons:
@@ -131,12 +134,12 @@ class Overseer:
 
 
 def _is_past(item: Acting) -> bool:
-    """Whether what would hold it or lead it out does so no more."""
+    """True if a condition above SLOW is overridden, or over and not latched."""
     acts = not item.overridden and (item.lasts or item.condition.latched)
     return item.condition.action > Action.SLOW and not acts
 
 
 def _before_control(item: Acting) -> bool:
-    """Whether it only stands against beginning: who orders is told."""
+    """True if the condition only prevents a start: the operator who orders receives it."""
     row = item.condition
     return row.action is Action.CONTINUE and row.override is Override.NOBODY

@@ -1,6 +1,6 @@
-"""From a plan to the points that are flown, and the legs among them that were checked as a whole.
+"""Flown points of a plan, and the legs among them that were checked as a whole.
 
-Inputs: a plan of the plane and where it begins in flight; outputs: points in the site's frame.
+Inputs: a plan of the plane and its start in flight; outputs: points in the site's frame.
 """
 
 from __future__ import annotations
@@ -19,12 +19,12 @@ from ..types import Vector
 
 _TOLERANCE_M = 1e-6
 _BESIDE_M = 1.0
-"""An aircraft farther beside the plane comes back to it straight, before it goes anywhere else."""
+"""An aircraft farther beside the plane first returns to it straight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckedLeg:
-    """A leg through what is not free. room_m: from the hull on it to the nearest keep-out.
+    """A leg through cells that are not free. room_m: from the hull on it to the nearest keep-out.
 
     leads_in: an escape or recovery leg, which may begin outside the autopilot's fence.
     """
@@ -35,11 +35,11 @@ class CheckedLeg:
 
     @property
     def begins_beside(self) -> bool:
-        """Whether it leads back from beside the plane."""
+        """True if the leg leads back from beside the plane."""
         return abs(self.points_m[0][1]) > _BESIDE_M
 
     def has_room(self, widened_m: float) -> bool:
-        """Whether it may be flown where the distance from obstacles has grown by so much."""
+        """True if the leg may be flown with obstacles inflated by `widened_m`."""
         return self.room_m >= widened_m - _TOLERANCE_M
 
 
@@ -49,11 +49,12 @@ def flown(
     escape_m: tuple[PlanePoint, ...],
     leg_speeds_mps: Callable[[FloatArray], FloatArray],
 ) -> PathPoints:
-    """A plan's points from where it begins in flight, which is in its first cell.
+    """Points of a plan from its start in flight, which is in its first cell.
 
     Any straight from within a cell to the centre of the next stays in cells that the plan may
-    pass; a plan of one state leads to its cell's centre. escape_m: the corners of a leg that leads
-    there, the plan's first point last. leg_speeds_mps: of the segments between points (n, 3) of it.
+    pass; a plan of one state leads to its cell's centre. escape_m: the corners of a leg that
+    leads there, the plan's first point last. leg_speeds_mps: speeds of its segments, by points
+    (n, 3).
     """
     points = _in_space(plan.waypoints.position_m)
     speed = plan.waypoints.speed_mps[1:]
@@ -70,24 +71,24 @@ def flown(
 
 
 def approach_m(start_m: Vector) -> FloatArray:
-    """The points (1, 3), or (2, 3) by which a way begins: from beside the plane, straight to it."""
+    """First points of a path, (1, 3), or (2, 3) from beside the plane straight to it."""
     x_m, y_m, z_m = start_m
     points_m = [start_m, (x_m, 0.0, z_m)] if abs(y_m) > _BESIDE_M else [start_m]
     return np.array(points_m)
 
 
 def standing(position_m: Vector) -> PathPoints:
-    """A path of one point."""
+    """Returns a path of one point."""
     return PathPoints(position_m=np.array(position_m)[None], speed_mps=np.zeros(0))
 
 
 def checked_legs(
     plan: Plan, path: PathPoints, escape_m: tuple[PlanePoint, ...]
 ) -> tuple[CheckedLeg, ...]:
-    """The leg that leads to a plan that is flown by a path, and its landing leg.
+    """Returns the leg that leads to a plan, and the plan's landing leg.
 
-    An escape leg leads away from what is near: it has all the room there is. A recovery leg was
-    found by the room that it has.
+    An escape leg leads away from a near obstacle: its room is unlimited. A recovery leg was
+    found by its room.
     """
     points = [vector(point) for point in path.position_m]
     legs = []
@@ -102,10 +103,10 @@ def checked_legs(
 
 
 def vector(values: FloatArray) -> Vector:
-    """Three plain numbers."""
+    """Converts to three plain numbers."""
     return float(values[0]), float(values[1]), float(values[2])
 
 
 def _in_space(points_m: FloatArray) -> FloatArray:
-    """Points (n, 2) of the plane as (n, 3) of the site's frame."""
+    """Converts points (n, 2) of the plane to (n, 3) of the site's frame."""
     return np.stack([points_m[:, 0], np.zeros(len(points_m)), points_m[:, 1]], axis=1)

@@ -1,4 +1,4 @@
-"""Where the service writes, and is looked at: as the configuration says, else as systemd does."""
+"""Folders and socket of the service: from the configuration, else from systemd."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ..errors import InputError
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Place:
-    """A path, and who has named it: a key of a file, or (without a key) the environment."""
+    """A path and its source: a key of a file, or (without a key) the environment."""
 
     path: Path
     source: str
@@ -21,16 +21,16 @@ class Place:
 
     @property
     def name(self) -> str:
-        """What is to be corrected."""
+        """Name of the setting to correct."""
         return self.key or self.source
 
     def unwritable(self, error: OSError) -> InputError:
-        """Why nothing can be written to this folder."""
+        """Returns the error for a folder that cannot be written."""
         problem = f"is {str(self.path)!r}, must be a folder that can be written: {error.strerror}"
         return InputError(self.source, self.key, problem)
 
     def not_free(self, error: OSError) -> InputError:
-        """Why no socket can be made there."""
+        """Returns the error for a path where no socket can be made."""
         taken = error.errno == errno.EADDRINUSE
         reason = "something else is there" if taken else error.strerror or str(error)
         must = "must be a free name in a folder that can be written"
@@ -38,19 +38,19 @@ class Place:
 
 
 def recorder_folder(config: CompanionConfig) -> Place | None:
-    """Where flights are recorded; None where they are not."""
+    """Folder of the flight records; None if flights are not recorded."""
     return _of_file(config, "recorder.directory", config.recorder.directory)
 
 
 def state_folder(config: CompanionConfig) -> Place | None:
-    """Where the mission is remembered; None where it is not."""
+    """Folder of the mission snapshot; None if there is none."""
     if config.state.directory is not None:
         return _of_file(config, "state.directory", config.state.directory)
     return _of_systemd("STATE_DIRECTORY")
 
 
 def view_socket(config: CompanionConfig) -> Place | None:
-    """Where the view is served; None where it is not."""
+    """Socket of the view; None if the view is not served."""
     if config.view.socket is not None:
         return _of_file(config, "view.socket", config.view.socket)
     return _of_systemd("RUNTIME_DIRECTORY", "view.sock")
@@ -65,6 +65,6 @@ def _of_file(config: CompanionConfig, key: str, path: Path | None) -> Place | No
 
 
 def _of_systemd(variable: str, name: str = "") -> Place | None:
-    """In the first of its folders."""
+    """Returns a place in the first folder of the variable."""
     folder, _, _ = os.environ.get(variable, "").partition(":")
     return Place(path=Path(folder, name), source=variable) if folder else None

@@ -1,7 +1,7 @@
-"""The planner's threads: kernels, maps and plans in one, what is precomputed in the other.
+"""The planner's threads: one for kernels, maps and plans, one for precomputed tables.
 
-The compiled search does not hold the interpreter, so that the loop goes on meanwhile. Both threads
-are made at once, with the priority of who makes the worker.
+The compiled search does not hold the interpreter lock, so that the loop keeps running. Both threads
+start at once, with the priority of the thread that makes the worker.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _logger = logging.getLogger(__name__)
 
 
 class PlannerWorker:
-    """Makes the planner ready, and then plans; asked by the loop, which never waits for it."""
+    """Makes the planner ready, then plans for the loop, which never waits for it."""
 
     def __init__(self) -> None:
         self._planners: Planners | None = None
@@ -34,27 +34,27 @@ class PlannerWorker:
         self._tables_thread = started_pool("tables")
         self._planning: Future[None] | None = None
         self._failsafes: Failsafes | None = None
-        """Those of the tables; None: these have not been begun."""
+        """Failsafes of the tables; None: tables have not been begun."""
         self._tables_failed = False
         self._answers: queue.SimpleQueue[tuple[bool, PlanAnswer]] = queue.SimpleQueue()
         self._ready: Future[Planner | None] | None = None
         self._progress: tuple[int, int] | None = None
-        """How many of how many kernels are compiled, where some had to be."""
+        """Count of compiled kernels and their total, if some had to be compiled."""
         self._told: tuple[int, int] | None = None
         self._ending = threading.Event()
 
     def begin(self, make_planner: Callable[[], Planner]) -> None:
-        """Have the planner made."""
+        """Starts making the planner."""
         self._ready = self._planning_thread.submit(self._make_ready, make_planner)
 
     def close(self, *, wait: bool = False) -> None:
-        """End; what has not begun is not done any more, unless it is waited for."""
+        """Ends the threads; drops work that has not begun, unless `wait` is set."""
         self._ending.set()
         for pool in (self._tables_thread, self._planning_thread):
             pool.shutdown(wait=wait, cancel_futures=not wait)
 
     def new_planner(self) -> Planner | None:
-        """The planner, once, when it is ready; raises what its making did."""
+        """Returns the planner once, when it is ready; raises the error of its making."""
         if self._ready is None or not self._ready.done():
             return None
         planner = self._ready.result()
@@ -64,11 +64,11 @@ class PlannerWorker:
         return planner
 
     def take(self, planner: Planner) -> None:
-        """Plan with this one; tables are made behind the first plan, which would wait for them."""
+        """Sets the planner; tables follow the first plan, which would wait for them."""
         self._planners = Planners(planner)
 
     def new_progress(self) -> tuple[int, int] | None:
-        """How many of how many kernels are compiled, whenever that has changed."""
+        """Returns count and total of compiled kernels when these have changed."""
         progress = self._progress
         if self._ready is None or progress == self._told:
             return None
@@ -76,9 +76,9 @@ class PlannerWorker:
         return progress
 
     def plan(self, job: PlanJob) -> None:
-        """Make a plan; one that has not begun yet is overtaken.
+        """Submits a plan; cancels one that has not begun yet.
 
-        A contingency is not: of these there is one at a time, which is all that a plan waits for.
+        Contingency plans are not cancelled: at most one is pending, so a plan waits for one only.
         """
         if self._planning is not None:
             self._planning.cancel()
@@ -87,17 +87,17 @@ class PlannerWorker:
             self._in_tables_thread(partial(prepare_for, self._planners, job))
 
     def plan_contingency(self, job: PlanJob) -> None:
-        """Make a plan of a way out."""
+        """Submits a contingency plan."""
         self._submit(job, contingency=True)
 
     def answers(self) -> Iterator[tuple[bool, PlanAnswer]]:
-        """Whether a contingency was planned, and its plan, of those made since the last call."""
+        """Yields the answers since the last call; True marks a contingency plan."""
         with contextlib.suppress(queue.Empty):
             while True:
                 yield self._answers.get_nowait()
 
     def _make_ready(self, make_planner: Callable[[], Planner]) -> Planner | None:
-        """In the planner's thread: the kernels, then the maps; None when the service ends."""
+        """Runs in the planner's thread: kernels, then maps; None when the service ends."""
         if not make_ready(self._note_progress, self._ending):
             return None
         planner = make_planner()
@@ -105,22 +105,22 @@ class PlannerWorker:
         return planner
 
     def _note_progress(self, count: int, of: int) -> None:
-        """In the planner's thread."""
+        """Runs in the planner's thread."""
         self._progress = count, of
 
     def _prepare(self) -> None:
-        """Have whatever is precomputed made ready, unless the service ends."""
+        """Submits all precomputation, unless the service ends."""
         if self._planners is not None:
             for prepare in preparations(self._planners.exact):
                 self._in_tables_thread(prepare)
 
     def _in_tables_thread(self, work: Callable[[], None]) -> None:
-        """Have something done that no plan waits for; nothing where the service ends."""
+        """Submits work that no plan waits for; does nothing when the service ends."""
         with contextlib.suppress(RuntimeError):
             self._tables_thread.submit(self._try, work)
 
     def _try(self, work: Callable[[], None]) -> None:
-        """In the tables' thread: plans are found without them, too."""
+        """Runs in the tables' thread; logs errors, as plans are found without tables too."""
         try:
             work()
         except Exception as error:  # noqa: BLE001 - the flight goes on without it
@@ -134,7 +134,7 @@ class PlannerWorker:
         return self._planning_thread.submit(self._answer, self._planners, job, contingency)
 
     def _answer(self, planners: Planners, job: PlanJob, contingency: bool) -> None:
-        """In the planner's thread."""
+        """Runs in the planner's thread."""
         try:
             answer = answer_job(planners, job)
         except Exception as error:  # noqa: BLE001 - the flight goes on without this plan
@@ -143,6 +143,6 @@ class PlannerWorker:
             answer = PlanAnswer(job_id=job.job_id, plan=None, reason=reason, failed=True)
         self._answers.put((contingency, answer))
         if job.failsafes != self._failsafes and (self._failsafes is not None or not contingency):
-            # Their places cost more in all plans: the tables were dropped, and are made anew.
+            # Exposed cells cost more in all plans: the tables were dropped, and are made anew.
             self._failsafes = job.failsafes
             self._prepare()

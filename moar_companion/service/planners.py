@@ -1,8 +1,8 @@
-"""The planners of a site: one for keep-outs as they are, and some for what differs in flight.
+"""Planners of a site: one for keep-outs as they are, others for changes in flight.
 
-That is, obstacles that are wider, or a fence of the autopilot. For the planning worker alone: what
-differs is built here when it is first asked for. These plan without tables: a width may be over
-before they are made, and a plan takes a millisecond.
+Changes are wider obstacles or a fence of the autopilot. For the planning worker alone: a changed
+planner is built at its first request. It has no tables: an inflation may end before they are made,
+and a plan takes a millisecond.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from ..planner.maps import Maps
 from ..planner.planner import Planner
 
 _MOST = 4
-"""Of these are kept: what the position's uncertainty comes by within a flight."""
+"""Changed planners kept: enough for the position's uncertainties within a flight."""
 _MOST_CELLS = 1_000_000
-"""Of these together, 0.2 kB each; of a greater site one is kept."""
+"""Limit on the cells of these together, 0.2 kB each; of a greater site one is kept."""
 
 
 class Planners:
-    """Not safe for use by two threads at once."""
+    """Planners by inflation and fence. Not safe for use by two threads at once."""
 
     def __init__(self, planner: Planner) -> None:
         """planner: the one for keep-outs as they are."""
@@ -32,7 +32,7 @@ class Planners:
         self._failsafes = NO_FAILSAFES
 
     def expose(self, failsafes: Failsafes) -> None:
-        """What the autopilot does by itself; where it is another than before, maps change."""
+        """Sets the autopilot's own failsafes; maps change when these differ from before."""
         if failsafes == self._failsafes:
             return
         self._failsafes = failsafes
@@ -43,9 +43,9 @@ class Planners:
         planner.set_exposed(exposed_cells(planner.maps, self._failsafes))
 
     def widened_by(self, width_m: float, fence: PlaneFence | None = None) -> Planner:
-        """The planner whose occupied distance is wider by so much, built once while it is used.
+        """Returns the planner whose occupied distance is wider by `width_m`, cached while in use.
 
-        fence: what cuts the site; nothing is planned outside.
+        fence: limits the site; nothing is planned outside.
         """
         if not width_m and fence is None:
             return self.exact
@@ -68,7 +68,7 @@ class Planners:
 
 
 def exposed_cells(maps: Maps, failsafes: Failsafes) -> BoolArray:
-    """Free cells from which a failsafe would hit something: (nx, nz)."""
+    """Free cells from which a failsafe would hit an obstacle: (nx, nz)."""
     exposed = np.zeros(maps.grid.shape, dtype=np.bool_)
     free = np.argwhere(~maps.occupied)
     centres_m = np.array(maps.grid.lower_m) + maps.grid.resolution_m * (free + 0.5)

@@ -1,4 +1,4 @@
-"""The plan desk: which plan is awaited, where it will begin, and since when.
+"""Plan desk: the awaited plan, its start in flight, and the time of its request.
 
 Jobs go out as values and answers come back as values; only the newest job's answer counts.
 """
@@ -17,22 +17,22 @@ from .jobs import PlanAnswer, PlanJob
 from .junction import Junction
 
 _ANSWER_TIMEOUT_S = 5.0
-"""Plans take milliseconds: a planner that is silent for so long has failed."""
+"""Plans take milliseconds: a planner without an answer for this long has failed."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Awaited:
-    """A plan that was asked for: where it begins, and whether it is the mission's first."""
+    """A requested plan: its start, and if it is the mission's first."""
 
     job: PlanJob
     junction: Junction
     first: bool
     reason: str
-    """Why it was asked for."""
+    """Reason for the request."""
 
 
 class PlanDesk:
-    """Asks for plans one at a time."""
+    """Requests plans one at a time."""
 
     def __init__(self) -> None:
         self._last_id = 0
@@ -43,14 +43,13 @@ class PlanDesk:
         self.asked_widening_m = 0.0
         self.asked_fence: PlaneFence | None = None
         self.asked_failsafes = NO_FAILSAFES
-        """When the last plan was asked for, under which risks, how wide obstacles were, within
-        which fence, and with which failsafes."""
+        """Time of the last request, with its risks, inflation of obstacles, fence and failsafes."""
         self.wanting_since_s: float | None = None
-        """When a new plan of what is flown was first asked for, of which none has come since."""
+        """Time of the first request for a new plan of the current task; None if none is pending."""
 
     @property
     def awaited(self) -> Awaited | None:
-        """The plan whose answer is still to come."""
+        """Plan whose answer is pending."""
         return self._awaited
 
     def ask(
@@ -68,7 +67,7 @@ class PlanDesk:
         reason: str,
         now_s: float,
     ) -> None:
-        """Ask for a task's plan; whatever was awaited is awaited no more."""
+        """Requests a task's plan; drops the request that was pending."""
         (x_m, _, z_m), (vx_mps, _, vz_mps) = junction.position_m, junction.velocity_mps
         self._last_id += 1
         job = PlanJob(
@@ -97,12 +96,12 @@ class PlanDesk:
         self.asked_failsafes = failsafes
 
     def forget(self) -> None:
-        """Nothing is awaited any more."""
+        """Drops the pending request."""
         self._awaited = None
         self.wanting_since_s = None
 
     def taken(self, answer: PlanAnswer) -> Awaited | None:
-        """What an answer belongs to; None when it is no longer awaited."""
+        """Returns the request of an answer; None if it is no longer awaited."""
         awaited = self._awaited
         if awaited is None or awaited.job.job_id != answer.job_id:
             return None
@@ -112,7 +111,7 @@ class PlanDesk:
         return awaited
 
     def overdue(self, now_s: float) -> PlanAnswer | None:
-        """The answer in place of one that has not come in time."""
+        """Returns an answer of failure if none has come in time."""
         if self._awaited is None or now_s - self.asked_s < _ANSWER_TIMEOUT_S:
             return None
         return PlanAnswer(
@@ -123,6 +122,6 @@ class PlanDesk:
         )
 
     def jobs(self) -> list[PlanJob]:
-        """Jobs since the last call."""
+        """Returns the jobs since the last call."""
         jobs, self._jobs = self._jobs, []
         return jobs

@@ -1,12 +1,11 @@
-"""A recording through the companion's own eyes: packets and their times in, a `Replay` out. No I/O.
+"""Plays a recording: packets and their times in, a `Replay` out. No I/O.
 
-What stands for a packet is the witness's affair: of a .tlog it is one of MAVLink, of a ULog a
-sample of a topic.
+The witness defines a packet: of a .tlog it is one of MAVLink, of a ULog a sample of a topic.
 
-Telemetry is read and risk is judged by the code that flies, at its rate. Nothing is decided and
-nothing is said: what the companion did in this flight is in the recording.
+The flight code reads telemetry and judges risk, at its rate. The player decides and sends nothing:
+the companion's actions in this flight are in the recording.
 
-Between packets, time goes on as recorded: what falls silent grows stale as it did in flight.
+Between packets, time advances as recorded: a silent source grows stale as it did in flight.
 """
 
 from __future__ import annotations
@@ -32,25 +31,25 @@ if TYPE_CHECKING:
     from ..risk.drag_fit import DragFlight
 
 RISK_PERIOD_S = 0.1
-"""As in flight."""
+"""Period of the risk estimate, as in flight."""
 SAMPLE_PERIOD_S = 0.5
-"""Between samples: as often as the service reports its indices."""
+"""Period of samples: as often as the service reports its indices."""
 _LATE_S = 1.0
-"""A packet dated so little before the one before it is late, and the clock has not stepped."""
+"""A packet dated back by less than this is late; by more, the clock has stepped."""
 _LEAP_S = 3600.0
 """A longer pause is a clock that was set, or a recording that was continued another day."""
 _SAMPLE_TICKS = round(SAMPLE_PERIOD_S / RISK_PERIOD_S)
 _SETTLED_S = 60.0
-"""After so long without a packet all is stale and the indices stand: the samples tell enough."""
+"""After this time without a packet all data is stale and the indices stand: samples suffice."""
 _ROUNDING = 1e-3
-"""Of a period: microseconds since 1970 are not exact in floating point."""
+"""Fraction of a period: microseconds since 1970 are not exact in floating point."""
 
 
 Packet_contra = TypeVar("Packet_contra", contravariant=True)
 
 
 class Hears(Protocol[Packet_contra]):
-    """What listens to a recording, and knows what was heard so far; a `Witness` is one."""
+    """Reader of a recording, with the state received so far; a `Witness` is one."""
 
     inputs: dict[str, Input]
     vehicle_type: str | None
@@ -58,21 +57,21 @@ class Hears(Protocol[Packet_contra]):
 
     @property
     def telemetry(self) -> Telemetry:
-        """The last word of every source."""
+        """Latest value of every source."""
 
     @property
     def autopilot(self) -> AutopilotKind | None:
-        """Whose autopilot was heard first."""
+        """Kind of the first autopilot received."""
 
     @property
     def sources(self) -> Mapping[tuple[int, int], SourceStatistics]:
         """Packets by system and component id."""
 
     def hear(self, packet: Packet_contra, now_s: float, /) -> list[Said]:
-        """Takes a packet; what was said with it."""
+        """Takes a packet; returns the events in it."""
 
     def tick(self, now_s: float, /) -> None:
-        """Takes that time goes on."""
+        """Takes a step of time."""
 
 
 class Playback(Generic[Packet_contra]):
@@ -102,7 +101,7 @@ class Playback(Generic[Packet_contra]):
         self._samples: list[ReplaySample] = []
 
     def feed(self, recorded_s: float, packet: Packet_contra) -> None:
-        """Takes the next packet and when it was recorded; never raises, whatever they are."""
+        """Takes the next packet and its time of recording; never raises, for any content."""
         now_s, step = self._clock.read(recorded_s)
         self._think_until(math.ceil(now_s / RISK_PERIOD_S - _ROUNDING))
         self._chronicle.now_s = now_s
@@ -121,12 +120,12 @@ class Playback(Generic[Packet_contra]):
             self._chronicle.compare(before, after)
 
     def note(self, text: str) -> None:
-        """An event of the recording itself, after its last packet."""
+        """Adds an event of the recording itself, after its last packet."""
         self._think_to_the_end()
         self._chronicle.tell("recording", text)
 
     def finish(self, recording: str) -> Replay:
-        """The whole of it, after the last packet; `recording` is its name."""
+        """Returns the whole replay, after the last packet; `recording` is its name."""
         self._think_to_the_end()
         witness = self._witness
         if witness.autopilot is None:
@@ -163,23 +162,23 @@ class Playback(Generic[Packet_contra]):
         self._chronicle.now_s = self._packet_s
 
     def _think_until(self, tick: int) -> None:
-        """Think at every instant before this one, by their numbers."""
+        """Runs the cycles before this tick."""
         while self._ticks < tick:
             self._chronicle.now_s = now_s = self._ticks * RISK_PERIOD_S
             settled = now_s - self._packet_s > _SETTLED_S and self._ticks % _SAMPLE_TICKS == 0
-            # The last instant is always looked at: what is heard next is followed from there.
+            # The last instant always has a cycle: the next packet is compared with it.
             ticks = max(1, min(_SAMPLE_TICKS, tick - 1 - self._ticks)) if settled else 1
             self._think(now_s, ticks)
             self._ticks += ticks
 
     def _think(self, now_s: float, ticks: int) -> None:
-        """Look at this instant, which stands for so many: what is known now is so in all."""
+        """Runs a cycle that stands for `ticks` of them: the known data is the same in all."""
         self._witness.tick(now_s)
         telemetry = self._witness.telemetry
         self._chronicle.watch_link(telemetry)
         judged = telemetry
         if not self._witness.leans:
-            # A plane banks, a rover tilts with the ground: their lean is no wind's.
+            # A plane banks, a rover tilts with the ground: wind does not cause their lean.
             judged = replace(telemetry, attitude=None, motors=None, motor_speeds=None)
         if self._drag is not None:
             self._drag.hear(judged)
@@ -238,14 +237,14 @@ class Playback(Generic[Packet_contra]):
 
 
 class _Clock:
-    """The recorder's clock to time since the start, which never goes back."""
+    """Converts the recorder's clock to time since the start, which never goes back."""
 
     def __init__(self) -> None:
         self._begin_s: float | None = None
         self._last_s = 0.0
 
     def read(self, recorded_s: float) -> tuple[float, str | None]:
-        """The time of a packet; with words where the clock stepped: then no time has passed."""
+        """Returns a packet's time, and a text if the clock stepped: then no time has passed."""
         if self._begin_s is None:
             self._begin_s = recorded_s
         step_s = recorded_s - self._begin_s - self._last_s

@@ -1,4 +1,4 @@
-"""Pools whose threads run from the beginning: none has to be started in flight."""
+"""Pools whose threads start at construction: none has to be started in flight."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from concurrent.futures import ThreadPoolExecutor
 
 
 def started_pool(name: str, count: int = 1) -> ThreadPoolExecutor:
-    """A pool of so many threads, all of them started, with the priority of the caller.
+    """Returns a pool of `count` threads, all started, with the priority of the caller.
 
-    Raises RuntimeError where the system has no memory or no task for one.
+    Raises RuntimeError if the system has no memory or no task for a thread.
     """
     pool = ThreadPoolExecutor(max_workers=count, thread_name_prefix=name)
-    # A thread that has nothing to do would take the next one's turn.
+    # An idle thread would take the next one's task: the barrier keeps each until all run.
     all_run = threading.Barrier(count)
     try:
         for _ in range(count):

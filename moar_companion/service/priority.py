@@ -1,4 +1,4 @@
-"""The priority of the service's threads over other programs, and of what it starts behind them."""
+"""Priority of the service's threads over other programs, and of child processes behind them."""
 
 from __future__ import annotations
 
@@ -7,20 +7,20 @@ import os
 from collections.abc import Iterator
 
 NICE = -10
-"""As in the systemd unit: beside three busy processes on one core nine times their
+"""Nice value of the systemd unit: beside three busy processes on one core nine times their
 share; at 0 it is a quarter of the core, in slices."""
 _USUAL = 0
 _REAL_TIME = 1
-"""Of 1 to 99: ahead of whatever is not in real time. A nice value counts within a session or group
-only, where the kernel shares processors among those first."""
+"""Priority of 1 to 99: ahead of all threads without one. A nice value counts within a session or
+group only, where the kernel shares processors among those first."""
 
 
 @contextlib.contextmanager
 def ahead_of_others() -> Iterator[bool]:
-    """Puts the calling thread ahead of other programs, with those that it makes meanwhile.
+    """Puts the calling thread, and the threads it makes meanwhile, ahead of other programs.
 
-    All of them: one of less priority that holds the interpreter would hold up the others. Yields
-    False where that is not permitted.
+    All of them: a thread of less priority that holds the interpreter lock would delay the
+    others. Yields False if that is not permitted.
     """
     before = os.getpriority(os.PRIO_PROCESS, 0)
     try:
@@ -36,10 +36,10 @@ def ahead_of_others() -> Iterator[bool]:
 
 @contextlib.contextmanager
 def in_real_time() -> Iterator[bool]:
-    """Gives the calling thread a processor as soon as it has something to do.
+    """Gives the calling thread a processor as soon as the thread has work.
 
-    It alone: threads and processes that it makes meanwhile have no priority at all. Yields False
-    where that is not permitted.
+    This thread alone: threads and processes that it makes meanwhile have no priority at all.
+    Yields False if that is not permitted.
     """
     before = os.sched_getscheduler(0)
     try:
@@ -54,11 +54,11 @@ def in_real_time() -> Iterator[bool]:
         try:
             os.sched_setscheduler(0, before, os.sched_param(0))
         except OSError:
-            # Without privileges it may give back all but what is made from now on.
+            # Without privileges SCHED_RESET_ON_FORK cannot be cleared.
             os.sched_setscheduler(0, before | os.SCHED_RESET_ON_FORK, os.sched_param(0))
 
 
 def put_behind(process_id: int) -> None:
-    """Takes from a process of ours what it has inherited of that."""
+    """Takes the inherited priority from a child process."""
     if os.getpriority(os.PRIO_PROCESS, process_id) < _USUAL:
         os.setpriority(os.PRIO_PROCESS, process_id, _USUAL)

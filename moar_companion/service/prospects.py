@@ -1,4 +1,4 @@
-"""The prospects of a flight: the risks as judged now, and the ways out, kept ready."""
+"""Risk monitor of a flight: the current risk indices, and contingency plans kept ready."""
 
 from __future__ import annotations
 
@@ -15,26 +15,26 @@ from .surroundings import Ground, grounded
 
 
 class Prospects:
-    """What is told, and what is still to be flown, as risks. ground: None without a site."""
+    """Risks by telemetry and by the path still to be flown. ground: None without a site."""
 
     def __init__(self, ground: Ground | None, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._power = PowerModel.of(vehicle)
         self.risk = RiskEstimate.unknown(vehicle.risk)
-        """The risk indices of now."""
+        """Current risk indices."""
         self.held_wind_mps: float | None = None
-        """The wind in which the aircraft can hold; None before an autopilot is heard."""
+        """Wind in which the aircraft can hold; None before an autopilot is received."""
         self.saturated = False
-        """Whether lean or motors are at their limits."""
+        """True while lean or motors are at their limits."""
         self.ways = None if ground is None else Contingencies(ground.site, vehicle, self._power)
-        """The ways out; None without a site."""
+        """Contingency plans; None without a site."""
 
     def look_for_ways_out(
         self, telemetry: Telemetry, scene: Scene | None, place_m: Vector | None, now_s: float
     ) -> None:
-        """Keep them ready. scene: None where nothing can be planned; place_m: of the aircraft.
+        """Updates the contingency plans. scene: None if nothing can be planned; place_m: aircraft.
 
-        What is not known to be over goes on, seen or not.
+        A flight continues until the aircraft is known to be on the ground or disarmed.
         """
         if self.ways is None:
             return
@@ -52,7 +52,7 @@ class Prospects:
         tracking_error_m: float | None,
         now_s: float,
     ) -> None:
-        """Judge the risks anew. tracking_error_m: None where others fly it."""
+        """Updates the risks. tracking_error_m: None while the companion does not fly."""
         self.risk = update(
             self.risk,
             telemetry,

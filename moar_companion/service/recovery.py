@@ -1,8 +1,8 @@
-"""Recovery: the way back of an aircraft that a wind has carried off, and what people are told.
+"""Recovery of an aircraft that wind has carried off, and texts about its drift.
 
-While it holds, and nothing else holds it, an aircraft that was carried out of the workspace or off
-the plane comes back by a recovery leg. The mission goes on when its conditions allow, not before.
-Inputs: the flight, the mission's state, the ruling; outputs: a flight on its way back, texts.
+A recovery leg leads back an aircraft outside the workspace or beside the plane, while the mission
+holds and no other condition holds it. The mission goes on when its conditions allow, not before.
+Inputs: the flight, the mission's state, the ruling; outputs: a recovery leg, texts.
 """
 
 from __future__ import annotations
@@ -19,15 +19,15 @@ from .motion import Pose
 from .reports import Reports
 
 _OUTSIDE = frozenset({"fence", "geofence", "off_path"})
-"""The conditions that a way back ends, and so do not stand against it."""
+"""Conditions that a recovery leg ends, and that therefore do not prevent it."""
 _AGAIN_S = 5.0
-"""Between two searches for a way back."""
+"""Time between two searches for a recovery leg."""
 _TOLD_AGAIN = 2.0
-"""People are told of a drift again when it has grown by this factor."""
+"""A drift is reported again when it has grown by this factor."""
 
 
 class Recovery:
-    """Remembers what people were told, and when a way back was last looked for."""
+    """Keeps the drift reported last, and the time of the next search for a recovery leg."""
 
     def __init__(self, reports: Reports) -> None:
         self._reports = reports
@@ -43,7 +43,7 @@ class Recovery:
         widened_m: float,
         now_s: float,
     ) -> None:
-        """One look: tell of a drift that grows, begin the way back, or end it."""
+        """Runs one cycle: reports a growing drift, begins a recovery leg, or ends it."""
         if flight is None or pose is None or status.state not in IN_CONTROL:
             self._told_m = None
             return
@@ -73,7 +73,7 @@ class Recovery:
         if drifted_m is None:
             self._told_m = None
         elif self._told_m is None:
-            self._told_m = drifted_m  # the condition tells it
+            self._told_m = drifted_m  # the condition reports it
         elif drifted_m >= _TOLD_AGAIN * self._told_m:
             self._told_m = drifted_m
             reason = f"wind too strong, drifting {drifted_m:.0f} m"

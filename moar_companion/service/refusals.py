@@ -1,4 +1,4 @@
-"""Texts about packets that signed links have refused: how many, and why. Pure."""
+"""Texts about packets that signed links have refused: count and reason. Pure."""
 
 from __future__ import annotations
 
@@ -8,11 +8,16 @@ from collections.abc import Mapping
 from ..mavlink.signing import Refusal
 
 _PERIOD_S = 30.0
-"""A link that refuses all tells it so often: a pilot sees it, and other texts beside it."""
+"""Time between two texts of one reason, which leaves room for other texts."""
+
+_AHEAD_S = 60.0
+"""Tolerance for new senders: with the reference less than this ahead of our clock, the sender's clock
+is wrong."""
+_REMEDY = "set this computer's clock; where it is right delete signing.json, and restart"
 
 
 class Refusals:
-    """What has been told, and when."""
+    """Counts reported so far, and the times of the reports."""
 
     def __init__(self) -> None:
         self._told = dict.fromkeys(Refusal, 0)
@@ -23,10 +28,13 @@ class Refusals:
         refused: Mapping[str, Mapping[Refusal, int]],
         behind_s: Mapping[str, Mapping[int, float]],
         now_s: float,
+        *,
+        ahead_s: float = 0.0,
     ) -> list[str]:
-        """What is to be told now. refused: by link and reason, since the start.
+        """Returns the texts due now. refused: by link and reason, since the start.
 
-        behind_s: by link and system id, how far the clocks are behind of those refused for that.
+        behind_s: delay of the clocks of senders refused for that, by link and system id.
+        ahead_s: lead of the reference they are judged by over this computer's clock.
         """
         texts = []
         for reason in Refusal:
@@ -35,16 +43,28 @@ class Refusals:
                 number = count - self._told[reason]
                 plural = "" if number == 1 else "s"
                 words = f"{number} packet{plural} refused: {reason.value}"
-                if reason is Refusal.OLD:
-                    words = f"{_slowest(behind_s)} ({words})" if any(behind_s.values()) else words
+                if reason is Refusal.OLD and any(behind_s.values()):
+                    slowest = _slowest(behind_s)
+                    words = f"{slowest} ({words})"
+                    if ahead_s > _AHEAD_S:
+                        words = f"{_ahead(ahead_s)} ({_REMEDY}; {slowest})"
                 texts.append(words)
                 self._told[reason], self._told_s[reason] = count, now_s
         return texts
 
 
 def _slowest(behind_s: Mapping[str, Mapping[int, float]]) -> str:
-    """The signer that is farthest behind."""
+    """Text about the signer that is farthest behind."""
     most_s, system_id = max(
         (seconds, system_id) for link in behind_s.values() for system_id, seconds in link.items()
     )
     return f"system {system_id} signs {most_s:.0f} s behind"
+
+
+def _ahead(ahead_s: float) -> str:
+    """How far the kept time stamps are ahead of the computer's clock, in few words."""
+    minutes = ahead_s / 60.0
+    amount = f"{minutes:.0f} min"
+    if minutes >= 120.0:
+        amount = f"{minutes / 60.0:.1f} h" if minutes < 2880.0 else f"{minutes / 1440.0:.0f} d"
+    return f"signing.json {amount} ahead of the clock"

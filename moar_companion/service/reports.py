@@ -1,4 +1,4 @@
-"""What people and the record are told: texts, risk indices and weights, decisions."""
+"""Reports to operators and to the record: texts, risk indices and weights, decisions."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ..types import RiskIndices, Weights
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decision:
-    """Something the companion decided, for the record: its kind and data fit for JSON."""
+    """A decision of the companion, for the record: its kind and data fit for JSON."""
 
     time_s: float
     kind: str
@@ -20,7 +20,7 @@ class Decision:
 
 
 class Reports:
-    """Says things over the session, and keeps them for the record."""
+    """Sends reports over the session, and keeps them for the record."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
@@ -36,16 +36,16 @@ class Reports:
         news: bool = False,
         link: str | None = None,
     ) -> None:
-        """A STATUSTEXT of a reason and what the companion does, recorded with the whole reason.
+        """Sends a STATUSTEXT of a reason and the companion's action; records the whole reason.
 
-        link: whom it concerns is on this link alone; None: it is for everybody.
+        link: the only link that receives it; None: all links.
         """
         text = pilot_text(reason, action)
         self._session.send_text(severity, text, now_s, news=news, link=link)
         self.record("text", now_s, text=text, reason=reason)
 
     def send_values(self, risk: RiskIndices, weights: Weights, now_s: float) -> None:
-        """Risk indices and weights as NAMED_VALUE_FLOAT (contract)."""
+        """Sends risk indices and weights as NAMED_VALUE_FLOAT (contract)."""
         for name, value in (
             ("RISK_WIND", risk.wind),
             ("RISK_COMM", risk.communication),
@@ -65,7 +65,7 @@ class Reports:
         position_m: tuple[float, ...] | None,
         now_s: float,
     ) -> None:
-        """How things stand, for the record."""
+        """Records the status."""
         self.record(
             "status",
             now_s,
@@ -76,10 +76,10 @@ class Reports:
         )
 
     def record(self, kind: str, now_s: float, **data: Any) -> None:
-        """A decision, for the record only."""
+        """Keeps a decision, for the record only."""
         self._decisions.append(Decision(time_s=now_s, kind=kind, data=data))
 
     def decisions(self) -> list[Decision]:
-        """What was decided since the last call."""
+        """Returns the decisions since the last call."""
         decisions, self._decisions = self._decisions, []
         return decisions

@@ -1,9 +1,9 @@
-"""Resident memory of the process: what glibc and LLVM keep without need. Linux.
+"""Resident memory of the process: releases what glibc and LLVM keep without need. Linux.
 
     before the threads start    limit_arenas: few arenas, large arrays go back to the system
     once all kernels are loaded release_compiler: LLVM's code and data, of which none is used again
 
-What the system lacks is left out: both are about memory alone.
+A call that the system lacks is left out: both save memory only.
 """
 
 from __future__ import annotations
@@ -18,9 +18,9 @@ _ARENA_MAX = -8
 _MMAP_THRESHOLD = -3
 """M_ARENA_MAX and M_MMAP_THRESHOLD of mallopt(3)."""
 _MOST_ARENAS = 2
-"""By default a thread has one of its own, each with 64 MB of address space that is reserved."""
+"""By default each thread has its own, which reserves 64 MB of address space."""
 _LARGE_BYTES = 2**20
-"""Arrays above it (tables, solvers) are mapped one by one. By default glibc raises this to the
+"""Larger arrays (tables, solvers) are mapped one by one. By default glibc raises this to the
 largest that was freed, up to 32 MB: the next tables would lie in an arena, and leave holes."""
 _MADV_DONTNEED = 4
 _COMPILER = "libllvmlite.so"
@@ -29,7 +29,7 @@ _SMAPS = Path("/proc/self/smaps")
 
 
 def limit_arenas() -> None:
-    """Have all threads share two arenas of malloc, and large arrays lie outside of these."""
+    """Makes all threads share two arenas of malloc, with large arrays outside of these."""
     with contextlib.suppress(OSError, AttributeError):
         libc = ctypes.CDLL(None)
         libc.mallopt(_ARENA_MAX, _MOST_ARENAS)
@@ -37,9 +37,9 @@ def limit_arenas() -> None:
 
 
 def release_compiler() -> None:
-    """Give back what loading the kernels has left: LLVM's pages, and what malloc has free.
+    """Frees what loading the kernels has left: LLVM's pages, and free memory of malloc.
 
-    These pages are the file's, never written: one that is used after all is read again.
+    These pages are the file's, never written: a page that is used after all is read again.
     """
     with contextlib.suppress(OSError, AttributeError):
         libc = ctypes.CDLL(None)
@@ -50,7 +50,7 @@ def release_compiler() -> None:
 
 
 def unwritten(smaps: Iterable[str], name: str) -> Iterator[tuple[int, int]]:
-    """First and last address + 1 of a file's mappings that nobody may write, and nobody has.
+    """First and last address + 1 of a file's mappings that are not writable and not written.
 
     smaps: lines of /proc/PID/smaps, proc_pid_smaps(5). What relocation wrote before the mapping
     was protected is anonymous memory, in RAM or swapped, and has no copy in the file.

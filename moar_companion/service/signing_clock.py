@@ -1,9 +1,9 @@
-"""The time stamps of our signatures, kept for the process after this one.
+"""Time stamps of our signatures, kept for the next process.
 
     DIRECTORY/signing.json
 
-The file is always ahead of what was sent: peers refuse what is older, and a computer without a
-clock does not know how old it is. It is written by a thread of its own, as a rule every 3 s.
+The file is always ahead of the sent time stamps: peers refuse older ones, and a computer without a
+clock cannot determine the file's age. A thread of its own writes it, as a rule every 3 s.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from typing import Annotated, Literal
 from pydantic import Field, TypeAdapter
 
 from ..config import CompanionConfig
-from ..mavlink.signing import LATEST_TIMESTAMP, UNITS_PER_S, Signing
+from ..mavlink.signing import LATEST_TIMESTAMP, UNITS_PER_S, Signing, timestamp_at
 from ..outlets.writer import Batches, Writer
 from .memory_file import write_whole
 from .places import state_folder
@@ -25,12 +25,21 @@ from .signing_key import read_signing_key
 
 _NAME = "signing.json"
 _LONGEST_BYTES = 65536
-"""A file that is longer is none of ours."""
+"""A longer file was not written by this program."""
 _AHEAD_UNITS = 5 * UNITS_PER_S
-"""How far the file is ahead when it is written. A restart takes about as long, so that a service
-that is started again and again does not run away from the clocks of its peers."""
+"""Lead of the file when it is written. A restart takes about as long, so that a service that
+restarts again and again does not run ahead of the clocks of its peers."""
 _LEAST_AHEAD_UNITS = 2 * UNITS_PER_S
-"""With less than this left it is written again."""
+"""With less lead than this the file is written again."""
+
+_SET_SINCE_S = 1_767_225_600
+"""2026-01-01 UTC, in seconds since 1970. A clock that tells less was never set: this software is
+younger."""
+_BELIEVED_AHEAD_S = 5 * 365 * 86400
+"""A clock that is not set may begin with the date of the system's image; none is so old. What is
+kept and farther ahead was told by a clock that was wrong."""
+_DOUBTED_AHEAD_S = 60.0
+"""So far behind what is kept new senders are refused."""
 
 _Timestamp = Annotated[int, Field(ge=0, le=LATEST_TIMESTAMP)]
 
@@ -39,7 +48,7 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _File:
-    """By the URL of each link: the time stamps of ours, and what new senders are judged by."""
+    """By the URL of each link: our time stamps, and the references for new senders."""
 
     version: Literal[1] = 1
     timestamps: dict[str, _Timestamp]
@@ -50,9 +59,9 @@ _FILE = TypeAdapter(_File)
 
 
 class SigningClock:
-    """The file in a folder, and the thread that writes it.
+    """File in a folder, and the thread that writes it.
 
-    Nothing here raises OSError but the constructor, when the folder cannot be made.
+    Only the constructor raises OSError, if the folder cannot be made.
     """
 
     def __init__(self, directory: Path) -> None:
@@ -63,7 +72,7 @@ class SigningClock:
         self._writer = Writer("signing", self._write_loop)
 
     def keep(self, timestamps: Mapping[str, int], references: Mapping[str, int]) -> None:
-        """Have them written soon, when the file is no longer ahead of our time stamps."""
+        """Queues them for writing when the file's lead over our time stamps is used up."""
         if all(
             timestamp + _LEAST_AHEAD_UNITS <= self._saved.get(link, 0)
             for link, timestamp in timestamps.items()
@@ -77,7 +86,7 @@ class SigningClock:
         self._writer.put(_FILE.dump_json(file, indent=1))
 
     def close(self) -> None:
-        """Wait a while for what is to be written."""
+        """Waits a limited time for the pending write."""
         self._writer.close()
 
     def _write_loop(self, batches: Batches) -> None:
@@ -94,7 +103,7 @@ class SigningClock:
 
 
 def load_signing(config: CompanionConfig, wall_s: float) -> Signing | None:
-    """What signs on the configuration's links; None where none of them is signed.
+    """Returns the signing of the configuration's links; None if none of them is signed.
 
     wall_s: the wall clock, in seconds since 1970. Raises InputError when there is no usable key.
     """
@@ -103,13 +112,34 @@ def load_signing(config: CompanionConfig, wall_s: float) -> Signing | None:
         return None
     folder = state_folder(config)
     file = None if folder is None else _kept(folder.path / _NAME)
-    if file is None:
+    if folder is None or file is None:
         return Signing(key=key, wall_s=wall_s)
-    return Signing(key=key, wall_s=wall_s, kept=file.timestamps, references=file.references)
+    references = _believed(file.references, wall_s, folder.path / _NAME)
+    return Signing(key=key, wall_s=wall_s, kept=file.timestamps, references=references)
+
+
+def _believed(references: Mapping[str, int], wall_s: float, path: Path) -> dict[str, int]:
+    """Those that a wall clock which is set does not prove wrong; what is ahead of it is told."""
+    now = timestamp_at(wall_s)
+    ahead_s = (max(references.values(), default=0) - now) / UNITS_PER_S
+    if wall_s < _SET_SINCE_S or ahead_s <= _DOUBTED_AHEAD_S:
+        return dict(references)
+    wrong = ahead_s > _BELIEVED_AHEAD_S
+    _logger.warning(
+        "%s: time stamps are %.1f days ahead of this computer's clock, %s",
+        path,
+        ahead_s / 86400.0,
+        "not used"
+        if wrong
+        else "senders that are behind them are refused: set the clock; where it is right delete "
+        "the file, and restart",
+    )
+    latest = now + _BELIEVED_AHEAD_S * UNITS_PER_S
+    return {link: timestamp for link, timestamp in references.items() if timestamp <= latest}
 
 
 def _kept(path: Path) -> _File | None:
-    """What is in a file; None where nothing was kept. What cannot be read is said."""
+    """Returns the content of a file; None if there is none. Logs an unusable file."""
     try:
         with path.open("rb") as file:
             return _FILE.validate_json(file.read(_LONGEST_BYTES), strict=True)

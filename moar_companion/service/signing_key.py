@@ -1,6 +1,6 @@
-"""The key of the signed links: from a file that nobody else can read, or from systemd.
+"""Key of the signed links: from a file that only its owner can read, or from systemd.
 
-Nothing here, nor any error, tells a byte of it.
+Nothing here, and no error, reveals a byte of it.
 """
 
 from __future__ import annotations
@@ -17,26 +17,26 @@ from ..mavlink.signing import KEY_BYTES, SigningKey
 _CREDENTIALS = "CREDENTIALS_DIRECTORY"
 _CREDENTIAL, _KEY_FILE = "signing.credential", "signing.key_file"
 _LONGEST_BYTES = 4096
-"""A file that is longer is no key."""
+"""A longer file is no key."""
 _DIGITS = re.compile(rb"\s*([0-9A-Fa-f]{%d})\s*" % (2 * KEY_BYTES))
 _FORMS = f"must be {KEY_BYTES} bytes or {2 * KEY_BYTES} hexadecimal digits"
 
 
 class _UnusableError(Exception):
-    """Why a file is no key."""
+    """Reason why a file is no key."""
 
 
 def read_signing_key(config: CompanionConfig) -> SigningKey | None:
-    """The key of the configuration's links; None where none of them is signed.
+    """Returns the key of the configuration's links; None if none of them is signed.
 
-    Raises InputError when it cannot be had, or others can read it.
+    Raises InputError if there is no usable key, or if others can read it.
     """
     if not any(link.signed for link in config.links):
         return None
     path, key = _place(config)
     try:
-        # systemd gives its credentials to the service's user alone, with an access list or as the
-        # owner: their mode says nothing.
+        # systemd gives its credentials to the service's user alone, by access list or ownership:
+        # their mode does not show that.
         return _key_in(_content(path, private=key == _KEY_FILE))
     except OSError as error:
         reason = error.strerror
@@ -46,7 +46,7 @@ def read_signing_key(config: CompanionConfig) -> SigningKey | None:
 
 
 def _place(config: CompanionConfig) -> tuple[Path, str]:
-    """The file, and the key of the configuration that names it."""
+    """Returns the file, and the key of the configuration that names it."""
     key_file, credential = config.signing.key_file, config.signing.credential
     passed = os.environ.get(_CREDENTIALS)
     if credential is not None and passed:
@@ -58,8 +58,8 @@ def _place(config: CompanionConfig) -> tuple[Path, str]:
 
 
 def _content(path: Path, *, private: bool) -> bytes:
-    """What is in a file. private: only its owner, we or root, may be able to read it."""
-    # O_NONBLOCK: a pipe without a writer would hold up the start.
+    """Returns a file's content. private: only its owner (this user or root) may have access."""
+    # O_NONBLOCK: a pipe without a writer would block the start.
     descriptor = os.open(path, os.O_RDONLY | os.O_NONBLOCK | os.O_CLOEXEC)
     with os.fdopen(descriptor, "rb") as file:
         status = os.fstat(descriptor)

@@ -1,7 +1,7 @@
-"""The status: how everything stands at one instant, as a dict fit for JSON.
+"""Status of the companion at one instant, as a dict fit for JSON.
 
-One shape for whatever shows it. Units are in the names; positions are in the site's frame unless
-named otherwise; None (null) is unknown, or that there is no such thing now.
+One shape for all displays. Units are in the names; positions are in the site's frame unless
+named otherwise; None (null): unknown, or not present now.
 
     time_s       wall clock, seconds since 1970
     autopilot    kind, system_id, mode, ours, armed, failsafe, age_s
@@ -10,13 +10,13 @@ named otherwise; None (null) is unknown, or that there is no such thing now.
     aircraft     landed, position_m, position_ned_m, velocity_mps, speed_mps, yaw_rad, clearance_m
     path         setpoint: position_m, velocity_mps, yaw_rad; error_m; left_m, left_s
     risk         by index: value, target (where it moves to), known, worst, cause, held (at the
-                 last word of its cause), words; inputs: name, value, unit, reading (the value for
-                 people), age_s, risk, known
+                 last value of its cause), words; inputs: name, value, unit, reading (the value as
+                 text), age_s, risk, known
     energy       left_wh, flight_s, factor, source; finish, exit, evacuation: duration_s, energy_wh,
                  left_s, age_s; better
-    weights      base, adjusted: safety, time, energy; by_risk: what each index did to them; words
+    weights      base, adjusted: safety, time, energy; by_risk: effect of each index; words
     plan         status, mission, target, cost, search_ms, age_s, reason, change (of the path before
-                 it, in words); paths, replans: how many
+                 it, as text); paths, replans: counts
     link         packets_received, packets_lost, packets_late, rate_hz
     radio        rssi, remote_rssi, noise, remote_noise, transmit_buffer_percent, age_s
     age_s        by source of telemetry
@@ -47,13 +47,13 @@ _NO_SOURCES = {
     "motor_min_us",
     "motor_max_us",
 }
-"""What of the telemetry has no age of its own."""
+"""Fields of the telemetry without an age of their own."""
 _RATE_PERIOD_S = 1.0
-"""Over which packets are counted for a rate."""
+"""Time over which packets are counted for a rate."""
 
 
 class LatestDecisions:
-    """What was decided last: the part of the status that has to be remembered."""
+    """Latest decisions: the part of the status that needs memory."""
 
     def __init__(self) -> None:
         self._text: Decision | None = None
@@ -64,7 +64,7 @@ class LatestDecisions:
         self._rate_hz: float | None = None
 
     def note(self, decisions: Iterable[Decision], link: LinkStatistics | None) -> None:
-        """Take in what was decided, and how many packets were heard, since the last call."""
+        """Takes the decisions since the last call, and the count of received packets."""
         for decision in decisions:
             match decision.kind:
                 case "text":
@@ -89,7 +89,7 @@ class LatestDecisions:
     def status_of(
         self, companion: Companion, now_s: float, *, clock_offset_s: float, recorder: Path | None
     ) -> dict[str, Any]:
-        """The status. clock_offset_s: wall clock minus the machine's clock."""
+        """Returns the status. clock_offset_s: wall clock minus the machine's clock."""
         telemetry = companion.telemetry
         return {
             "time_s": now_s + clock_offset_s,
@@ -143,7 +143,7 @@ class LatestDecisions:
 
 
 def _refused(companion: Companion) -> dict[str, dict[str, int]] | None:
-    """Packets refused by signed link and reason; None where no link is signed."""
+    """Packets refused by signed link and reason; None if no link is signed."""
     refused = companion.packets_refused
     if not refused:
         return None
@@ -208,7 +208,7 @@ def _aircraft(companion: Companion) -> dict[str, Any]:
 
 
 def _path(companion: Companion) -> dict[str, Any] | None:
-    """What is flown; None while nothing is streamed."""
+    """Path that is flown; None while nothing is streamed."""
     progress = companion.progress
     if progress is None or companion.status.state not in STREAMING:
         return None
@@ -230,7 +230,7 @@ def _radio(telemetry: Telemetry, now_s: float) -> dict[str, Any] | None:
 
 
 def _ages_s(telemetry: Telemetry, now_s: float) -> dict[str, float | None]:
-    """How long ago every source was last heard; of batteries the newest."""
+    """Age of every source; of batteries the newest."""
     latest = {
         source.name: getattr(telemetry, source.name)
         for source in fields(telemetry)

@@ -1,4 +1,4 @@
-"""The stream: setpoints in the autopilot's frame that the gate lets pass, and the last one."""
+"""Setpoint streamer: sends the setpoints that the gate passes, and keeps the last one."""
 
 from __future__ import annotations
 
@@ -18,11 +18,10 @@ from .motion import Jump, Setpoint
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Refusal:
-    """Why a setpoint was not sent.
+    """Reason why a setpoint was not sent.
 
-    narrow: only the margin, or the position's uncertainty, was against it. rest: what was sent in
-    its place, the last one at rest; None where that must not be sent either, and the stream has to
-    end.
+    narrow: only the margin, or the position's uncertainty, forbids it. rest: the setpoint sent
+    instead, the last one at rest; None if that is forbidden too, and the stream has to end.
     """
 
     reason: str
@@ -31,7 +30,7 @@ class Refusal:
 
 
 class Stream:
-    """Looks at every setpoint, sends it, and remembers the last one."""
+    """Checks every setpoint, sends it, and keeps the last one."""
 
     def __init__(
         self, session: Session, vehicle: Vehicle, limits: Supervision, margin: Margin
@@ -41,26 +40,26 @@ class Stream:
         self._limits = limits
         self._margin = margin
         self.widened_m = 0.0
-        """What the distance from obstacles has to grow by now."""
+        """Current inflation of obstacles."""
         self._last: Setpoint | None = None
         self._last_ned_m: Vector = (0.0, 0.0, 0.0)
-        """Where it is in the autopilot's frame."""
+        """Position of the last setpoint in the autopilot's frame."""
         self._last_s = -math.inf
         self._jumped_m: Vector = (0.0, 0.0, 0.0)
-        """How far the estimate has jumped since a setpoint moved."""
+        """Jump of the estimate since a setpoint last moved."""
         self._owed: tuple[Setpoint, float] | None = None
-        """The farewell of a thought that has not been sent, and when that was."""
+        """Last setpoint at rest of a cycle whose output was not sent, and the cycle's time."""
 
     def send(
         self, setpoint: Setpoint, flight: Flight, plane: PlaneToLocal, now_s: float
     ) -> Refusal | None:
-        """Send a flight's setpoint of the site's frame, or say why it must not be sent.
+        """Sends a flight's setpoint of the site's frame, or returns the reason for its refusal.
 
-        Then the last one is sent at rest: as a hold where that may be; where only a jump has made
-        it refused, too, as the last word, for the aircraft is where it was when it was accepted,
-        and else would fly on.
+        After a refusal the last setpoint is sent at rest: as a hold, if it passes the checks. If
+        only a jump makes it fail, it is sent too, as the end of the stream. The aircraft is where
+        that setpoint was accepted, and would fly on otherwise.
         """
-        # Within the margin it may be no more than narrow: an estimate that jumps a little does it.
+        # Inside the margin a setpoint is only narrow: a small jump of the estimate may cause it.
         reason = self._place_refusal(setpoint, flight, -flight.margin_m) or self._motion_refusal(
             setpoint, flight, plane, now_s
         )
@@ -81,7 +80,7 @@ class Stream:
         return Refusal(reason=reason, narrow=narrow, rest=rest)
 
     def rest(self, flight: Flight, plane: PlaneToLocal, now_s: float) -> Setpoint | None:
-        """Send the place of what was sent last, at rest; None where that must not be sent."""
+        """Sends the last setpoint's position, at rest; None if that must not be sent."""
         rest = self._rest
         if rest is None:
             return None
@@ -91,16 +90,16 @@ class Stream:
         return rest
 
     def say_farewell(self, flight: Flight, plane: PlaneToLocal, now_s: float) -> None:
-        """Send the same as the last word; it is owed until the thought was sent."""
+        """Sends the last setpoint at rest; keeps it until the cycle's output is sent."""
         rest = self.rest(flight, plane, now_s)
         self._owed = None if rest is None else (rest, now_s)
 
     def note_sent(self) -> None:
-        """What the last thought wanted to send has left."""
+        """Notes that the output of the last cycle was sent."""
         self._owed = None
 
     def repay(self, plane: PlaneToLocal, now_s: float) -> None:
-        """Send the farewell that is owed, while the aircraft is still near its place."""
+        """Sends the pending last setpoint again, while the aircraft is still near its position."""
         if self._owed is None:
             return
         farewell, said_s = self._owed
@@ -112,9 +111,9 @@ class Stream:
         return None if self._last is None else replace(self._last, velocity_mps=(0.0, 0.0, 0.0))
 
     def shift(self, jump: Jump, plane: PlaneToLocal | None) -> None:
-        """The estimate has jumped: what was sent last jumps with it.
+        """Shifts the last setpoint by a jump of the estimate.
 
-        In the autopilot's frame it does so by what is not the origin's.
+        In the autopilot's frame, by the part that is not the origin's.
         """
         if plane is not None:
             own_m = _plus(jump.step_m, jump.origin_step_m, -1.0)
@@ -126,15 +125,16 @@ class Stream:
             self._owed = (_shifted(self._owed[0], jump), self._owed[1])
 
     def end(self) -> None:
-        """Nothing is streamed any more."""
+        """Ends the stream: there is no last setpoint any more."""
         self._last = None
+        self._jumped_m = (0.0, 0.0, 0.0)
 
     def _place_refusal(self, setpoint: Setpoint, flight: Flight, widened_m: float) -> str | None:
-        """Why it must not be where it is; widened_m: what the distance from obstacles grows by.
+        """Reason why a setpoint's position is forbidden; widened_m: inflation of obstacles.
 
-        At rest it may be where only a jump has taken it that is no greater than the margin: out of
-        a leg's corridor or the workspace, though no nearer to an obstacle than its own keep-out.
-        There the aircraft is.
+        At rest, a position is allowed if only a jump, no greater than the margin, has put it there.
+        It may be outside a leg's corridor or the workspace, but not inside an obstacle's keep-out.
+        The aircraft is at that position.
         """
         tolerance_m = self._limits.plane_tolerance_m
         reason = flight.refusal(setpoint, tolerance_m, widened_m)
@@ -148,9 +148,9 @@ class Stream:
     def _motion_refusal(
         self, setpoint: Setpoint, flight: Flight, plane: PlaneToLocal, now_s: float
     ) -> str | None:
-        """Why it must not follow the one that was sent last, or begin.
+        """Reason why a setpoint must not follow the last one, or begin the stream.
 
-        It moves as the vehicle may in the world and in the autopilot's frame, whichever of them the
+        The vehicle's limits apply in the world and in the autopilot's frame, whichever of them the
         map between them moves.
         """
         last, speed, blown_to_m = self._last, self._vehicle.speed, flight.blown_to_m
@@ -177,7 +177,7 @@ class Stream:
     def _pass(
         self, setpoint: Setpoint, place_ned_m: Vector, plane: PlaneToLocal, now_s: float
     ) -> None:
-        """As SET_POSITION_TARGET_LOCAL_NED. place_ned_m: the setpoint's in the local frame."""
+        """Sends SET_POSITION_TARGET_LOCAL_NED. place_ned_m: the setpoint's in the local frame."""
         self._last, self._last_s, self._last_ned_m = setpoint, now_s, place_ned_m
         if any(setpoint.velocity_mps):
             self._jumped_m = (0.0, 0.0, 0.0)
@@ -190,7 +190,7 @@ class Stream:
 
 
 def _shifted(setpoint: Setpoint, jump: Jump) -> Setpoint:
-    """The same place and heading, as an estimate that has jumped has them."""
+    """Returns the same place and heading in an estimate that has jumped."""
     yaw_rad = math.remainder(setpoint.yaw_rad + jump.turn_rad, math.tau)
     return replace(setpoint, position_m=_plus(setpoint.position_m, jump.step_m), yaw_rad=yaw_rad)
 

@@ -1,4 +1,4 @@
-"""Where the aircraft is, and what stands against flying it: telemetry in, values out."""
+"""Pose tracker: pose of the aircraft and jumps of its estimate; telemetry in, values out."""
 
 from __future__ import annotations
 
@@ -26,41 +26,41 @@ from .motion import Jump, Pose
 _LANDED_TIMEOUT_S = 5.0
 """EXTENDED_SYS_STATE comes at 5 Hz; on a slow link at less than 1 Hz."""
 _JUMP_M = 0.5
-"""A position that is farther than this from where the velocity leads has jumped: the estimator
-was reset. In flight PX4's own estimate wanders by centimetres."""
+"""A position farther than this from the velocity's prediction has jumped: the estimator was
+reset. In flight PX4's own estimate wanders by centimetres."""
 _RESET_JUMP_M = 0.1
-"""The same where the estimator says that it was reset. In PX4's recordings the position moves by
-up to 0.02 m when it is the heading alone."""
+"""The same if the estimator reports a reset. In PX4's recordings the position moves by up to
+0.02 m when only the heading is reset."""
 _RESET_WITHIN_S = 0.3
-"""Between a step of the position and the word of the reset: ODOMETRY comes at 5 Hz or more."""
+"""Time between a position step and the report of the reset: ODOMETRY comes at 5 Hz or more."""
 _JUMPS_WITHIN_S = 10.0
 _TURN_RAD = 0.1
-"""A heading that is farther than this from where the rate of turn leads was reset. In recordings
-of both autopilots up to 0.05 rad of a turn are left; when its receiver was back, PX4's heading was
-reset by 0.43."""
+"""A heading farther than this from the turn rate's prediction was reset. In recordings of both
+autopilots up to 0.05 rad of a turn are left; when its receiver was back, PX4's heading was reset by
+0.43."""
 _TURN_WITHIN_S = 0.2
-"""ATTITUDE comes at 20 Hz or more, on a slow link at 10: of a longer time rates tell too little."""
+"""ATTITUDE comes at 20 Hz or more, on a slow link at 10: over longer times rates are too coarse."""
 _MOST_JUMPS = 100
-"""Kept, of an estimator that does nothing but jump."""
+"""Maximum number of jumps kept, of an estimator that jumps continuously."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ground:
-    """What a companion that plans needs to know of its site."""
+    """Site and maps of a companion that plans."""
 
     site: Site
     maps: Maps
 
     def clearance_m(self, pose: Pose, radius_m: float) -> float | None:
-        """From a hull at a place to the nearest obstacle; None where there is none."""
+        """Distance from a hull at a place to the nearest obstacle; None if there is none."""
         clearance_m = float(obstacle_clearance_m(self.site, np.array(pose.position_m[::2])))
         return clearance_m - radius_m if self.site.obstacles else None
 
     def room_m(self, pose: Pose, radius_m: float) -> float | None:
-        """From a hull at a place to the nearest keep-out; None where there is no obstacle.
+        """Distance from a hull at a place to the nearest keep-out; None without an obstacle.
 
-        The place is the aircraft's own, with which tracking has nothing to do. By the place itself:
-        on the border of two cells theirs would alternate.
+        The place is the aircraft's own, so the tracking margin does not apply. The place itself
+        counts: on the border of two cells the cells' values would alternate.
         """
         room_m = float(obstacle_room_m(self.site, np.array(pose.position_m[::2])))
         return room_m + self.site.margin.tracking_m - radius_m if self.site.obstacles else None
@@ -74,7 +74,7 @@ class Surroundings:
     """Reads telemetry for a companion on a site.
 
     kind: the autopilot whose projection its local frame has; None: taken from its heartbeat.
-    Remembers the map between the two frames, and when the position last moved on.
+    Keeps the map between the two frames, and the time when the position last advanced.
     """
 
     def __init__(self, site: Site | None, kind: AutopilotKind | None) -> None:
@@ -87,35 +87,35 @@ class Surroundings:
         self._attitude: Attitude | None = None
         self._home_m: Vector | None = None
         self.agreement = FrameAgreement()
-        """Of the local position with its origin, the global one, and home."""
+        """Agreement of the local position with its origin, the global one, and home."""
         self._position_boot_s = -math.inf
         self._position_moved_s = -math.inf
         self._position_late_s = 0.0
         self._clock_ahead_s = math.inf
-        """By how much our clock was ahead of the position's, when the fastest one arrived."""
+        """Lead of our clock over the position's clock, when the fastest position arrived."""
         self._jumps: deque[tuple[float, float]] = deque(maxlen=_MOST_JUMPS)
         self._reset_counter: int | None = None
         self._reset_s = -math.inf
         self._step: tuple[float, Vector] | None = None
-        """When the position moved on farther than the velocity leads, and by what."""
+        """Time and size of the last position step that the velocity does not explain."""
 
     @property
     def plane(self) -> PlaneToLocal | None:
-        """The map from the site's frame to the autopilot's."""
+        """Map from the site's frame to the autopilot's."""
         return self._plane
 
     @property
     def pose(self) -> Pose | None:
-        """The aircraft in the site's frame; None while that is unknown."""
+        """Pose of the aircraft in the site's frame; None while that is unknown."""
         return self._pose
 
     @property
     def home_m(self) -> Vector | None:
-        """The autopilot's home in the site's frame; None while that is unknown."""
+        """Home of the autopilot in the site's frame; None while that is unknown."""
         return self._home_m
 
     def look(self, telemetry: Telemetry) -> Jump | None:
-        """Take in new telemetry. Returns how position and heading jumped, if they did."""
+        """Takes new telemetry. Returns the jump of position and heading, if there was one."""
         if telemetry is self._looked_at:
             return None
         self._looked_at = telemetry
@@ -132,7 +132,7 @@ class Surroundings:
         return Jump(step_m=whole_m, origin_step_m=origin_step_m, turn_rad=turn_rad)
 
     def _look_at_origin(self, telemetry: Telemetry) -> Vector:
-        """Take in the map. Returns how far the aircraft jumped in the site's frame with it."""
+        """Updates the map. Returns the aircraft's jump in the site's frame that it causes."""
         before, self._plane = self._plane, self._plane_to_local(telemetry)
         still, origin = (0.0, 0.0, 0.0), telemetry.local_origin
         if before is self._plane or before is None or self._plane is None:
@@ -146,11 +146,11 @@ class Surroundings:
         return step_m
 
     def _look_at_position(self, telemetry: Telemetry, origin_step_m: Vector) -> Vector | None:
-        """Take in where it is. Returns how far the estimate jumped, if it did."""
+        """Updates the pose. Returns the jump of the estimate, if there was one."""
         before, boot_before_s = self._pose, self._position_boot_s
         position = telemetry.local_position
         if position is not None and position.boot_s != self._position_boot_s:
-            # A dead estimator may repeat its last words: only its own clock shows that it lives.
+            # A failed estimator may repeat its last message: only its own clock reveals that.
             ahead_s = position.received_s - position.boot_s
             restarted = position.boot_s < self._position_boot_s
             self._clock_ahead_s = ahead_s if restarted else min(self._clock_ahead_s, ahead_s)
@@ -172,19 +172,19 @@ class Surroundings:
 
     @property
     def position_moved_s(self) -> float:
-        """When the position, by the clock in it, last moved on."""
+        """Time when the position, by its own clock, last advanced."""
         return self._position_moved_s
 
     @property
     def position_late_s(self) -> float:
-        """How much later than the fastest one the last position has come, by the clock in it.
+        """Delay of the last position relative to the fastest one, by its own clock.
 
         Both clocks are taken to run equally fast.
         """
         return self._position_late_s
 
     def jumped_m(self, now_s: float) -> float:
-        """How far the position has jumped within the last seconds, there and back."""
+        """Total length of the position's jumps within the last 10 s, there and back."""
         return sum(
             length_m for time_s, length_m in self._jumps if now_s - time_s <= _JUMPS_WITHIN_S
         )
@@ -198,7 +198,7 @@ class Surroundings:
         self._reset_counter = odometry.reset_counter
 
     def _jump(self) -> Vector | None:
-        """The last step, if it is as long as only a jump is, or if there was a reset with it."""
+        """Returns the last step if it is long enough for a jump, or if a reset came with it."""
         if self._step is None:
             return None
         step_s, step_m = self._step
@@ -210,7 +210,7 @@ class Surroundings:
         return step_m
 
     def _plane_to_local(self, telemetry: Telemetry) -> PlaneToLocal | None:
-        """The map, made anew when the estimator's origin moves."""
+        """Returns the map; makes a new one when the estimator's origin moves."""
         origin, autopilot = telemetry.local_origin, telemetry.autopilot
         if self._site is None or origin is None or autopilot is None:
             return None
@@ -232,7 +232,7 @@ class Surroundings:
 
 
 def _unexplained(before: Pose, now: Pose, elapsed_s: float) -> Vector:
-    """What of a step in position the velocities do not explain."""
+    """Part of a step in position that the velocities do not explain."""
     step = _difference(now.position_m, before.position_m)
     moved = [
         0.5 * (new + old) * max(0.0, elapsed_s)
@@ -253,7 +253,7 @@ def _difference(after_m: Vector, before_m: Vector) -> Vector:
 
 
 def _reset_turn_rad(before: Attitude | None, now: Attitude | None) -> float:
-    """A step in heading that the rates of turn do not explain; 0 without one."""
+    """Step in heading that the turn rates do not explain; 0 without one."""
     if before is None or now is None or before.boot_s is None or now.boot_s is None:
         return 0.0
     if before.yaw_rate_radps is None or now.yaw_rate_radps is None:
@@ -267,11 +267,11 @@ def _reset_turn_rad(before: Attitude | None, now: Attitude | None) -> float:
 
 
 def airborne(telemetry: Telemetry, now_s: float) -> bool:
-    """Armed, and known to be in the air; not while it takes off or lands.
+    """True if armed and known to be in the air; False in take-off and landing.
 
     Setpoints between the acknowledgement of a take-off and lift-off cancel ArduPilot's take-off;
-    a stream during a landing makes PX4 resume OFFBOARD. A landing is one in a mode that lands:
-    EXTENDED_SYS_STATE still tells the landing that a new mode has just ended (measured on
+    a stream during a landing makes PX4 resume OFFBOARD. A landing counts in a landing mode only:
+    EXTENDED_SYS_STATE still reports the landing that a new mode has just ended (measured on
     ArduCopter 4.6.3: for 40 to 110 ms, and up to 200 ms at its rate).
     """
     autopilot, landed = telemetry.autopilot, telemetry.landed
@@ -283,7 +283,7 @@ def airborne(telemetry: Telemetry, now_s: float) -> bool:
 
 
 def grounded(telemetry: Telemetry) -> bool:
-    """Disarmed, or known to be on the ground; unknown is neither."""
+    """True if disarmed, or known to be on the ground; False if both are unknown."""
     autopilot, landed = telemetry.autopilot, telemetry.landed
     if autopilot is not None and not autopilot.armed:
         return True

@@ -1,7 +1,7 @@
-"""Survival: whether what is flown may be, by what becomes of it if the companion dies.
+"""Offboard-loss check: refuses or warns of flights that a companion failure would make unsafe.
 
 Inputs: the autopilot's parameters and its home, the flight, plans for it. Outputs: reasons to
-refuse a plan or to hold, and warnings for people.
+refuse a plan or to hold, and warnings for operators.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ from .surroundings import Ground
 
 
 class Survival:
-    """Remembers what the autopilot does without us, and what there is against it.
+    """Keeps the autopilot's behaviour after an offboard loss, and the objection to it.
 
-    limits: what is done about an objection; a way out is only warned about: to stay is no better.
+    limits: the action on an objection. An escape route only causes a warning: staying is no better.
     """
 
     def __init__(
@@ -40,11 +40,11 @@ class Survival:
         self._failsafe_check = limits.failsafe_action
         self._reports = reports
         self._home_m: Vector | None = None
-        """In the site's frame, as what is flown was last judged by it."""
+        """Home in the site's frame, as used in the last check of the flight."""
         self.loss: Loss | None = None
-        """What becomes of a flight that nobody steers; None while that is not known."""
+        """Flight after an offboard loss; None while that is unknown."""
         self.objection: str | None = None
-        """Why what is flown or held should not be, by what has changed since it was planned."""
+        """Reason against the current flight or hold, by changes since it was planned."""
 
     def learn(
         self,
@@ -54,9 +54,9 @@ class Survival:
         flight: Flight | None,
         now_s: float,
     ) -> None:
-        """Take in the autopilot's parameters and home, for what is flown, or held, as well.
+        """Takes the autopilot's parameters and home; checks the current flight or hold by them.
 
-        Say which of the parameters it never told.
+        Reports the parameters that the autopilot never sent.
         """
         before, self.loss = self.loss, Loss.told(kind, parameters)
         if self.loss is None:
@@ -79,9 +79,9 @@ class Survival:
             self._reports.say(Severity.WARNING, objection, now_s)
 
     def reconsider(self, flight: Flight | None) -> None:
-        """Obstacles are less wide, or failsafes others: what the companion's own loss does counts.
+        """Repeats the check after less inflation or other failsafes: offboard loss alone counts.
 
-        The next plan is judged by all of their width.
+        The next plan is checked with all of the obstacles' width.
         """
         if self.objection is not None and flight is not None:
             self.objection = self._objection_to(None, flight.rests_ahead_m())
@@ -96,10 +96,10 @@ class Survival:
         *,
         ordered: bool,
     ) -> PlanAnswer:
-        """The answer; without its plan, where the autopilot would hit something if we died on it.
+        """Returns the answer; without its plan, if an offboard loss on it would hit an obstacle.
 
-        Then the path that is flown stays, unless to die on that were no better. A first plan that
-        no operator has ordered is objected to until something changes.
+        The current path then stays, unless an offboard loss on that is no better. The objection to
+        a first plan that no operator has ordered stands until something changes.
         """
         plan = answer.plan
         if flight is None or plan is None:
@@ -130,7 +130,7 @@ class Survival:
     def _by_itself(
         self, failsafes: Failsafes, reach: Reach | None, rests_m: FloatArray
     ) -> str | None:
-        """What the autopilot would hit from some places (n, 2) when a link is lost, in words."""
+        """Text of a failsafe's collision from places (n, 2) after a link loss; None without one."""
         if self._ground is None:
             return None
         found = failsafes.of(LINKS).hit(reach or self._ground.maps.reach, rests_m)
@@ -140,7 +140,7 @@ class Survival:
         return f"{action.trigger.value}: {action.action.value} hits {hit.obstacle}"
 
     def _objection_to(self, reach: Reach | None, rests_m: FloatArray) -> str | None:
-        """Why nobody should die at rest at any of some places (n, 2); None when all is well."""
+        """Reason why an offboard loss at stop points (n, 2) is unsafe; None if it is safe."""
         loss, ground = self.loss, self._ground
         if loss is None or ground is None:
             return None
@@ -148,5 +148,5 @@ class Survival:
         return lag or loss.objection(reach or ground.maps.reach, rests_m, self._home_m)
 
     def _refuses(self, mission: Mission) -> bool:
-        """Whether an objection forbids a mission."""
+        """True if an objection forbids a mission."""
         return self._check is LossCheck.REFUSE and mission is Mission.INSPECTION

@@ -1,7 +1,7 @@
-"""A PX4 ULog as a recording: its topics and texts in the order of time, and who speaks. No I/O.
+"""A PX4 ULog as a recording: topics and texts in the order of time, and the autopilot. No I/O.
 
-The autopilot's own log says what its MAVLink would have said, and more often; `ulog_topics` reads
-it. The companion's link to the autopilot is not in it.
+The autopilot's own log contains the data of its MAVLink messages, at higher rates; `ulog_topics`
+reads it. The companion's link to the autopilot is not in it.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ _SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "
 def samples(
     topics: Sequence[Topic], texts: Sequence[tuple[int, int, str]], begin_us: int
 ) -> Iterator[tuple[float, Sample]]:
-    """All samples with their times in seconds since boot, in order. texts: time (us), level, text.
+    """Yields all samples in order, with times in seconds since boot. texts: time (us), level, text.
 
-    What was published before the log began is there from its beginning. Topics that say nothing to
+    Data published before the log began is present from its beginning. Topics without use for
     a companion are left out.
     """
 
@@ -46,7 +46,7 @@ def samples(
 
 
 class UlogWitness:
-    """Reads a log's samples as the companion hears its autopilot; a `Witness` of another tongue."""
+    """Reads a log's samples as the companion reads its autopilot; a `Witness` of another format."""
 
     def __init__(self) -> None:
         self.telemetry = Telemetry()
@@ -58,10 +58,10 @@ class UlogWitness:
         self._estimator = 0
 
     def tick(self, now_s: float) -> None:
-        """A log has no packets to count."""
+        """Does nothing: a log has no packets to count."""
 
     def hear(self, sample: Sample, now_s: float) -> list[Said]:
-        """Takes a sample; what was said with it."""
+        """Takes a sample; returns the events in it."""
         if sample.heard is not None:
             return [TextSaid(ours=False, heard=sample.heard)]
         assert sample.topic is not None

@@ -1,6 +1,6 @@
-"""What a PX4 ULog has in its topics: a row of one to `Telemetry`. Pure.
+"""Translation of a PX4 ULog: a row of a topic to `Telemetry`. Pure.
 
-Each topic becomes the value that its message becomes in `mavlink.translate`, with the same words
+Each topic becomes the value that its message becomes in `mavlink.translate`, with the same values
 for unknown. Names and fields are those of PX4 v1.8 to v1.17 (msg/*.msg); what a log lacks stays
 unknown.
 """
@@ -42,7 +42,7 @@ from ..types import (
 )
 
 ESTIMATOR, ESTIMATOR_SELECTOR = "estimator_status", "estimator_selector_status"
-"""Of several estimators, each an instance of the first, the second tells by which it is flown."""
+"""Each estimator is an instance of the first topic; the second names the one in use."""
 _MODES = {
     0: (1, 0),
     1: (2, 0),
@@ -84,14 +84,14 @@ class Topic:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """What was logged at one instant: a row of a topic, or a text with its level."""
+    """Entry of one instant: a row of a topic, or a text with its level."""
 
     topic: Topic | None
     row: int
     heard: HeardText | None = None
 
     def value(self, *names: str) -> float | None:
-        """The first of these fields that the log has; None where it has none, or no number."""
+        """First of these fields in the log; None if it has none of them, or no number."""
         assert self.topic is not None
         for name in names:
             column = self.topic.columns.get(name)
@@ -101,12 +101,12 @@ class Sample:
         return None
 
     def values(self, *names: str) -> tuple[float, ...] | None:
-        """These fields; None where one of them is missing or no number."""
+        """Values of these fields; None if one of them is missing or no number."""
         found = tuple(value for name in names if (value := self.value(name)) is not None)
         return found if len(found) == len(names) else None
 
     def whole(self, name: str) -> int:
-        """A whole number or flag; 0 where the log does not have it."""
+        """Whole number or flag; 0 if the log does not have it."""
         return int(self.value(name) or 0)
 
 
@@ -284,7 +284,7 @@ def _radio(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
 
 
 def _ground_station(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
-    """By a flag, and before v1.12 by the last heartbeats with their times."""
+    """Reads a flag, and before v1.12 the last heartbeats with their times."""
     stamp_us = sample.whole("timestamp")
     ages_s = [
         (stamp_us - sample.whole(f"heartbeats[{slot}].timestamp")) * 1e-6
@@ -330,6 +330,6 @@ _TRANSLATORS: dict[str, tuple[str, _Translator]] = {
     "actuator_outputs": ("motors", _motors),
 }
 TOPICS: dict[str, _Translator] = {name: entry[1] for name, entry in _TRANSLATORS.items()}
-"""The topics that are read."""
+"""Topics that are read."""
 INPUT_OF = {name: entry[0] for name, entry in _TRANSLATORS.items()}
-"""The input that each of them is."""
+"""Input of each topic."""

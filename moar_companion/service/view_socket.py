@@ -1,8 +1,8 @@
-"""The view socket: the status as JSON lines to whoever connects to a Unix socket.
+"""The view socket: the status as JSON lines to clients of a Unix socket.
 
-Read-only: nothing is ever read from a client. A client that does not keep up misses lines, whole
-ones, so that neither the control loop waits for it nor memory grows. Clients beyond the limit are
-refused. A fault here ends the view and not the flight.
+Read-only: nothing is ever read from a client. A slow client misses whole lines, so that the
+control loop never waits and memory does not grow. Clients beyond the limit are refused. A fault
+here ends the view and not the flight.
 """
 
 from __future__ import annotations
@@ -34,10 +34,10 @@ StatusNow = Callable[[], dict[str, Any]]
 
 @contextlib.asynccontextmanager
 async def open_view_socket(path: Path, status_now: StatusNow) -> AsyncIterator[None]:
-    """Serve the status on a socket; it is made only while somebody reads.
+    """Serves the status on a socket; the status is made only while a client reads.
 
-    The socket file that a dead service left is replaced. One on which somebody listens is left to
-    him: a warning, and there is no view. Raises OSError for a path that cannot be had.
+    The socket file of a failed service is replaced. A socket that another program serves is left
+    alone: a warning, and there is no view. Raises OSError for an unusable path.
     """
     listener = _listen(path)
     if listener is None:
@@ -68,10 +68,10 @@ async def _publish_loop(readers: _Readers, status_now: StatusNow) -> None:
 
 
 class _Readers:
-    """The clients of a listening socket, each with what it has not taken yet of its last line.
+    """Clients of a listening socket, each with the unsent rest of its last line.
 
-    One is accepted in a turn of the loop, and those beyond the limit are closed at once: however
-    many call, links and files find a descriptor.
+    Each turn of the loop accepts one client, and closes it at once beyond the limit: links and
+    files find a descriptor however many clients connect.
     """
 
     def __init__(self, listener: socket.socket, path: Path) -> None:
@@ -89,7 +89,7 @@ class _Readers:
         return len(self._unsent)
 
     def write(self, line: bytes) -> None:
-        """Send a line to all that have taken the one before."""
+        """Sends a line to all clients that have taken the one before."""
         for reader, unsent in tuple(self._unsent.items()):
             data = unsent or line
             try:
@@ -100,7 +100,7 @@ class _Readers:
                 self._drop(reader)
 
     def close(self) -> None:
-        """Turn all away, and listen no more."""
+        """Closes all clients and the listener."""
         if self._listener.fileno() < 0:
             return
         if self._accept_later is not None:
@@ -123,7 +123,7 @@ class _Readers:
         except BlockingIOError:
             return
         except OSError as error:
-            # The client goes on waiting, and its call would wake the loop at once again.
+            # The client keeps waiting, and its request would start the loop at once again.
             self._warn(f"no reader accepted: {error.strerror}")
             self._loop.remove_reader(self._listener)
             self._accept_later = self._loop.call_later(_RETRY_S, self._listen)
@@ -136,14 +136,14 @@ class _Readers:
         self._unsent[reader] = b""
 
     def _warn(self, words: str) -> None:
-        """One warning; who calls again and again fills no log."""
+        """Logs one warning; repeats only at debug level."""
         level = logging.DEBUG if self._warned else logging.WARNING
         self._warned = True
         _logger.log(level, "view on %s: %s", self._path, words)
 
 
 def _most_readers() -> int:
-    """How many readers leave enough of the process's file descriptors to the rest of it."""
+    """Number of readers that leaves enough file descriptors to the rest of the process."""
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
     with contextlib.suppress(OSError):
         opened = len(os.listdir("/proc/self/fd"))  # noqa: PTH208 - in a loop that has not begun
@@ -152,7 +152,7 @@ def _most_readers() -> int:
 
 
 def _listen(path: Path) -> socket.socket | None:
-    """A socket bound to a path, not listening yet; None where another program listens."""
+    """Returns a socket bound to a path, not listening yet; None if another program listens."""
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK)
     try:
         if path.is_socket():
@@ -169,7 +169,7 @@ def _listen(path: Path) -> socket.socket | None:
 
 
 def _is_served(path: Path) -> bool:
-    """Whether somebody listens on a socket file."""
+    """True if a program listens on a socket file."""
     with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM | socket.SOCK_NONBLOCK) as caller:
         try:
             caller.connect(str(path))

@@ -1,4 +1,4 @@
-"""Ways that may have to be flown: what they take, and which of two ways out is the better one."""
+"""Cost of routes that may have to be flown, and the choice between two escape routes."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from ..types import Mission
 from .causes import WAY_MAX_AGE_S
 
 _CLEARLY_LESS = 0.9
-"""Of the other way's energy: else the better way out stays what it was."""
+"""Fraction of the other route's energy: above it, the better escape route does not change."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Way:
-    """What a way takes. energy_wh: as the vehicle file has it.
+    """Cost of a route. energy_wh: as the vehicle file has it.
 
-    asked_s: when it was asked for; of several parts, the oldest. exposed_s: until the last place
-    is behind from where a battery's action of the autopilot would hit something; 0: there is none.
+    asked_s: time of its request; of several parts, the oldest. exposed_s: time until the last
+    place is passed where a battery failsafe of the autopilot would hit something; 0: there is none.
     """
 
     duration_s: float
@@ -26,7 +26,7 @@ class Way:
     exposed_s: float = 0.0
 
     def then(self, other: Way) -> Way:
-        """Both, one behind the other."""
+        """Returns the cost of both routes, one after the other."""
         return replace(
             self,
             duration_s=self.duration_s + other.duration_s,
@@ -36,7 +36,7 @@ class Way:
         )
 
     def paced(self, pace: float) -> Way:
-        """The same at a part of its speeds; what is flown slower takes the power of a hover."""
+        """Returns the cost at a fraction of the speeds; slower flight takes a hover's power."""
         return replace(
             self,
             duration_s=self.duration_s / pace,
@@ -46,9 +46,9 @@ class Way:
 
 
 def better_of(ways: Mapping[Mission, Way | None], before: Mission | None) -> Mission | None:
-    """The way out that takes less; the one before, unless another takes clearly less.
+    """Returns the escape route that takes less; the one before, unless another takes clearly less.
 
-    One that was not found again for long, while another was, does not count.
+    A route that was not found again for long, while another was, does not count.
     """
     known = {mission: way for mission, way in ways.items() if way is not None}
     if not known:
@@ -64,5 +64,5 @@ def better_of(ways: Mapping[Mission, Way | None], before: Mission | None) -> Mis
 
 
 def energy_wh_of(way: Way | None) -> float | None:
-    """What a way takes, if it is known."""
+    """Energy of a route, if it is known."""
     return None if way is None else way.energy_wh

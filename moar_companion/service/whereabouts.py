@@ -1,4 +1,4 @@
-"""Where a recorded aircraft was on a site, and how long its way out of there would have been."""
+"""Position of a recorded aircraft on a site, and the flight time of its evacuation."""
 
 from __future__ import annotations
 
@@ -17,15 +17,15 @@ from .planners import Planners
 from .surroundings import Ground, Surroundings
 
 _EVACUATION_PERIOD_S = 2.0
-"""Between two plans."""
+"""Time between two plans."""
 _POSITION_MAX_AGE_S = 2.0
 """GLOBAL_POSITION_INT comes at 1 Hz or more, even on a slow link: 2 periods."""
 _NEAR_M = 10_000.0
-"""Farther from the site its plane is no frame any more."""
+"""Farther from the site, its plane is no valid frame."""
 
 
 class Whereabouts:
-    """Looks the aircraft up on a planner's site, which is the one that was flown: with its margin.
+    """Locates the aircraft on a planner's site, which is the one that was flown: with its margin.
 
     Raises InputError for a site whose landing points for an evacuation cannot be seen.
     """
@@ -43,9 +43,9 @@ class Whereabouts:
             planner.prepare(mission=Mission.EVACUATION)
 
     def at(self, telemetry: Telemetry, risk: RiskIndices, now_s: float) -> ReplayPlace | None:
-        """The aircraft's place; None where its position is unknown, or far from the site.
+        """Place of the aircraft; None if its position is unknown, or far from the site.
 
-        Clearance and way out are those of the plane: None where the aircraft is not in it.
+        Clearance and evacuation are those of the plane: None if the aircraft is not in it.
         """
         pose = self._pose(telemetry, now_s)
         if pose is None or math.hypot(*pose.position_m) > _NEAR_M:
@@ -64,7 +64,7 @@ class Whereabouts:
         )
 
     def _pose(self, telemetry: Telemetry, now_s: float) -> Pose | None:
-        """As the companion sees it; where the local frame's origin is unknown, by GNSS."""
+        """Pose as the companion has it; by GNSS if the local frame's origin is unknown."""
         self._surroundings.look(telemetry)
         local, geodetic = telemetry.local_position, telemetry.global_position
         pose = self._surroundings.pose
@@ -85,9 +85,9 @@ class Whereabouts:
         return Pose(position_m=here.position_from_ned(still), velocity_mps=still, yaw_rad=0.0)
 
     def _evacuation(self, pose: Pose, risk: RiskIndices) -> float | None:
-        """The flight time of the evacuation planned from here; None where there is none.
+        """Flight time of the evacuation planned from here; None if there is none.
 
-        With the leg that leads to where a plan may begin.
+        Includes the leg to the point where a plan may begin.
         """
         start_m = (pose.position_m[0], pose.position_m[2])
         request = PlanRequest(

@@ -1,8 +1,8 @@
-"""The widening: by how much more than their keep-outs obstacles are avoided in plans.
+"""Obstacle inflation: extra distance from obstacles in plans, beyond their keep-outs.
 
-Input: by how much the position is known worse than keep-outs allow for, at each moment; output:
-what plans are made with, in steps, never less than needed. It grows at once, and shrinks when less
-would have done for a while, so that a measurement that wavers makes no plan anew. Pure.
+Input: position uncertainty beyond that in the keep-outs, at each moment; output: the inflation for
+plans, in steps, never less than needed. It grows at once, and shrinks when less would have been
+enough for a while, so that noise in a measurement causes no new plan. Pure.
 """
 
 from __future__ import annotations
@@ -13,22 +13,22 @@ from dataclasses import dataclass
 STEP_M = 0.1
 """A third of a usual cell: less would not change its maps."""
 _SLACK_M = 0.1
-"""Receivers' accuracies waver by as much under an open sky."""
+"""Fluctuation of receivers' accuracies under an open sky."""
 _SHRINKS_AFTER_S = 3.0
-"""Less than the time for which the supervisor's hold on the uncertainty outlasts it: the first
-plan after that is made with what is true again."""
+"""Less than the time for which the supervisor's hold outlasts the uncertainty: the first plan
+after that uses the true value again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Widening:
-    """width_m: what plans are made with. since_s: when less began to do, and how much then."""
+    """width_m: inflation in plans. since_s, less_m: start and size of a smaller need."""
 
     width_m: float = 0.0
     less_m: float = 0.0
     since_s: float | None = None
 
     def followed(self, needed_m: float, now_s: float) -> Widening:
-        """The widening after a look at what is needed now."""
+        """Returns the inflation after a cycle that needs `needed_m`."""
         if needed_m > self.width_m:
             return Widening(width_m=_stepped_m(needed_m))
         enough_m = _stepped_m(needed_m + _SLACK_M) if needed_m > 0.0 else 0.0
@@ -43,7 +43,7 @@ class Widening:
 
 
 def _stepped_m(needed_m: float) -> float:
-    """The least whole number of steps that is enough."""
+    """Smallest whole number of steps that is enough."""
     steps = math.ceil(needed_m / STEP_M)
     while steps * STEP_M < needed_m:
         steps += 1  # where the quotient was rounded down

@@ -29,6 +29,7 @@ def gains(parameters: Parameters) -> Gains:
         tilt_rad=math.radians(value("ANGLE_MAX") / 100.0),
         thrust_min=_THRUST_MIN,
         thrust_max=_THRUST_MAX,
+        braking_mps2=value("WPNAV_ACCEL") / 100.0,
     )
 
 

@@ -24,6 +24,8 @@ from sitl.world import World
 _SIGNAL_KEPT_S: Final = 7.0
 _UNKNOWN_SIGNAL: Final = 255
 _SIGNAL_BY_RADIO_STATUS: Final = 5
+_UNCHANGED_US: Final = 65535
+"""Of a channel in RC_CHANNELS_OVERRIDE."""
 
 
 @dataclass(slots=True, kw_only=True)
@@ -61,6 +63,7 @@ class Inbox:
             "SET_POSITION_TARGET_LOCAL_NED": self._position_setpoint,
             "REQUEST_DATA_STREAM": self._data_stream,
             "MANUAL_CONTROL": self._manual_control,
+            "RC_CHANNELS_OVERRIDE": self._override_channels,
             "RADIO_STATUS": self._radio_status,
             "PARAM_REQUEST_LIST": self._parameter,
             "PARAM_REQUEST_READ": self._parameter,
@@ -121,6 +124,15 @@ class Inbox:
     def _manual_control(self, _: str, message: Any) -> None:
         if self._from_ground_station(message):
             self._r.sticks.take(message, self._r.world.now_us)
+
+    def _override_channels(self, _: str, message: Any) -> None:
+        """Take channel 5, the flight mode switch."""
+        if not self._from_ground_station(message):
+            return
+        self._r.commander.hear_ground_station()
+        if message.chan5_raw != _UNCHANGED_US:
+            lasts_us = round(self._r.parameters.value("RC_OVERRIDE_TIME") * 1e6)
+            self._r.sticks.override_switch(message.chan5_raw, self._r.world.now_us + lasts_us)
 
     def _radio_status(self, link: str, message: Any) -> None:
         self._r.schedules[link].hear_radio(message.txbuf)

@@ -25,8 +25,8 @@ _ARDUPILOT: Final[dict[int, dict[str, float]]] = {
         "MOT_SPIN_MIN": 0.15, "MOT_SPOOL_TIME": 0.5, "MOT_THST_EXPO": 0.65,
         "MOT_THST_HOVER": 0.39, "PILOT_Y_RATE": 202.5, "PSC_JERK_XY": 5.0, "PSC_JERK_Z": 5.0,
         "PSC_POSXY_P": 1.0, "PSC_POSZ_P": 1.0, "PSC_VELXY_D": 0.25, "PSC_VELXY_I": 1.0,
-        "PSC_VELXY_P": 2.0, "PSC_VELZ_P": 5.0, "RTL_CONE_SLOPE": 3.0, "WPNAV_ACCEL": 250.0,
-        "WPNAV_ACCEL_Z": 100.0, "WPNAV_JERK": 1.0, "WPNAV_SPEED": 1000.0,
+        "PSC_VELXY_P": 2.0, "PSC_VELZ_P": 5.0, "RC_OVERRIDE_TIME": 3.0, "RTL_CONE_SLOPE": 3.0,
+        "WPNAV_ACCEL": 250.0, "WPNAV_ACCEL_Z": 100.0, "WPNAV_JERK": 1.0, "WPNAV_SPEED": 1000.0,
         "WPNAV_SPEED_DN": 150.0, "WPNAV_SPEED_UP": 250.0,
     },
     INT32: {

@@ -2,8 +2,8 @@
 
 Starts the fake autopilot (with --real one that the user has built) and the companion service as two
 processes that know of each other only by MAVLink, plays the operator, and judges the flight by the
-truth log. Exit status 0 when the aircraft flew its mission and landed without touching anything and
-without leaving the workspace other than by its landing leg.
+truth log. Exit status 0 when the aircraft was at every target, landed at each landing point that is
+asked for, touched nothing, and left the workspace by its landing legs alone.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from moar_companion.config import shipped_configs
 from moar_companion.errors import InputError
 from moar_companion.outlets.flight_picture import FlightStory, draw_flight
 from moar_companion.planner.maps import build_maps
-from moar_companion.site import Site
+from moar_companion.site import PlanePoint, Site
 from moar_companion.types import Mission
 from moar_companion.vehicle import Vehicle
 from sitl.geodesy import Geodetic
@@ -36,7 +36,7 @@ from .options import parser
 from .processes import Process, free_ports, running
 from .real import RealError, RealOptions, autopilot_at, numbers_of, running_real
 from .screen import Screen, open_screen, say
-from .script import Script
+from .script import LandingPoint, Script
 from .weather import Weather
 
 _SCENARIOS = Path(__file__).parents[1] / "scenarios"
@@ -46,6 +46,9 @@ _VEHICLE_FILE = "vehicle.yaml"
 _SITE = "315kv_double_circuit.yaml"
 _WAYS_OUT = {Mission.EXIT: EXIT, Mission.EVACUATION: EVACUATION}
 """The first for which a site has landing points is flown, unless another is asked for."""
+_ALL = "all"
+_TOUR = "tour.yaml"
+"""The scenario of a user's own site."""
 _ABOVE_M = 0.5
 """A take-off ends at least so far above the least height."""
 _LATEST = "latest"
@@ -66,7 +69,7 @@ class Settings:
     links_latest: bool
     """Whether it is one of the flights in `flights/`."""
     landing: str | None
-    """A mission, or a mission and the index of its landing point: `exit`, `evacuation:1`."""
+    """`exit`, `evacuation:1` (a mission, and the index of its landing point), or `all`."""
     real: Path | None
     """PX4's build folder or ArduCopter's program; None: the fake."""
 
@@ -78,7 +81,7 @@ def main(arguments: list[str] | None = None) -> int:
         site = Site.load(settings.site)
         Scenario.load(settings.scenario)
         _check(site, settings.site)
-        _way_out(site, settings)
+        _ways_out(site, settings.landing)
         _make_folder(settings.out)
         vehicle = _vehicle(settings)
     except (InputError, ScenarioError, RealError) as error:
@@ -111,20 +114,32 @@ def _check(site: Site, path: Path) -> None:
         raise InputError(str(path), "", "must have targets and landing points to be flown")
 
 
-def _way_out(site: Site, settings: Settings) -> tuple[Mission, int]:
-    """The mission that ends the flight and its landing point, -1 for any."""
+def _ways_out(site: Site, wanted: str | None) -> list[tuple[Mission, int]]:
+    """The missions that end the flights and their landing points, -1 for any."""
     ways = [way for way in _WAYS_OUT if site.landing_m.get(way)]
-    if settings.landing is None:
-        return ways[0], -1
-    name, _, index = settings.landing.partition(":")
+    if wanted is None:
+        return [(ways[0], -1)]
+    if wanted == _ALL:
+        places: dict[PlanePoint, tuple[Mission, int]] = {}
+        for way in ways:
+            for index, point in enumerate(site.landing_m[way]):
+                places.setdefault(point, (way, index))
+        return list(places.values())
+    name, _, number = wanted.partition(":")
     chosen = next((way for way in ways if way.value == name), None)
     points = () if chosen is None else site.landing_m[chosen]
-    if chosen is not None and not index:
-        return chosen, -1
-    if chosen is None or not (index.isascii() and index.isdigit() and int(index) < len(points)):
-        allowed = " or ".join(f"{way.value}[:N], N < {len(site.landing_m[way])}" for way in ways)
-        raise InputError("--landing", "", f"is {settings.landing!r}, must be {allowed}")
-    return chosen, int(index)
+    if chosen is not None and not number:
+        return [(chosen, -1)]
+    if chosen is None or not (number.isascii() and number.isdigit() and int(number) < len(points)):
+        allowed = [f"{way.value}[:N], N < {len(site.landing_m[way])}" for way in ways]
+        raise InputError("--landing", "", f"is {wanted!r}, must be {' or '.join([*allowed, _ALL])}")
+    return [(chosen, int(number))]
+
+
+def _points(site: Site, way: Mission, index: int) -> tuple[PlanePoint, ...]:
+    """The landing points that an order allows."""
+    points = site.landing_m[way]
+    return points if index < 0 else (points[index],)
 
 
 def _height_m(site: Site) -> float:
@@ -166,7 +181,10 @@ def _settings(arguments: list[str] | None) -> Settings:
         autopilot = autopilot_at(real)
         if read.autopilot not in {None, autopilot}:
             raise RealError(f"--real {real} is {autopilot}, not --autopilot {read.autopilot}")
-    scenario = read.scenario or _SCENARIOS / MANNERS[autopilot].scenario
+    usual, landing = MANNERS[autopilot].scenario, read.landing
+    if read.site is not None:
+        usual, landing = _TOUR, landing or _ALL
+    scenario = read.scenario or _SCENARIOS / usual
     started = datetime.now(tz=timezone.utc).strftime("%Y%m%dT%H%M%SZ")
     return Settings(
         headless=read.headless,
@@ -177,7 +195,7 @@ def _settings(arguments: list[str] | None) -> Settings:
         scenario=scenario.resolve(),
         out=(read.out or Path("flights") / started).resolve(),
         links_latest=read.out is None,
-        landing=read.landing,
+        landing=landing,
     )
 
 
@@ -215,15 +233,16 @@ def _fly(settings: Settings, site: Site) -> str | None:
             "sitl.demonstration.companion",
             *("--config", str(config), "--speed", speed),
         )
-        way, landing = _way_out(site, settings)
+        vehicle = Vehicle.load(settings.out / _VEHICLE_FILE)
         script = Script(
             operator=operator,
             manner=manner,
             processes=(stack.enter_context(autopilot), stack.enter_context(companion)),
             speed=settings.speed,
             height_m=_height_m(site),
-            way_out=(way.value, _WAYS_OUT[way]),
-            landing=landing,
+            dwells_s=tuple(target.dwell_s for target in site.targets),
+            landings=_landings(site, settings.landing, vehicle),
+            battery_falls=_battery_falls(settings.scenario),
             say=screen.say,
         )
         try:
@@ -233,6 +252,26 @@ def _fly(settings: Settings, site: Site) -> str | None:
             hint = f"; is --speed {settings.speed:g} too much for this machine?" if fast else ""
             return f"{error}{hint}"
     return None
+
+
+def _landings(site: Site, wanted: str | None, vehicle: Vehicle) -> tuple[LandingPoint, ...]:
+    """The landing points as the operator's script has them."""
+    above_m = vehicle.guidance.landing_height_m
+    return tuple(
+        LandingPoint(
+            name=way.value,
+            mission=_WAYS_OUT[way],
+            index=index,
+            above_m=_points(site, way, index)[0][1] + above_m,
+        )
+        for way, index in _ways_out(site, wanted)
+    )
+
+
+def _battery_falls(scenario: Path) -> bool:
+    """Whether the battery does, in a scenario."""
+    changes = Scenario.load(scenario).changes
+    return any("battery_percent" in change.targets for change in changes)
 
 
 def _gather(out: Path) -> bool:
@@ -313,7 +352,8 @@ def _report(settings: Settings, site: Site, vehicle: Vehicle, problem: str | Non
         return 1
     story = FlightStory.read(settings.out / "decisions.jsonl")
     flight = read_truth(truth, site)
-    verdict = judge(flight, site, vehicle.radius_m, story.landing_leg_m)
+    landings = [_points(site, *way) for way in _ways_out(site, settings.landing)]
+    verdict = judge(flight, site, vehicle.radius_m, story.landing_legs_m, landings)
     picture = settings.out / "flight.png"
     flown = [(row.position_m[0], row.position_m[2]) for row in flight if not row.on_ground]
     draw_flight(story, flown, site, vehicle, build_maps(site, vehicle), picture)

@@ -6,6 +6,7 @@ Independent of the planner's geometry on purpose: distances are Shapely's.
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,10 +15,12 @@ from shapely.geometry import LineString, Point, Polygon, box
 from shapely.geometry.base import BaseGeometry
 
 from moar_companion.frames import radii_of_curvature_m
-from moar_companion.site import Conductor, Obstacle, Site
+from moar_companion.site import Conductor, Obstacle, PlanePoint, Site
 
 _LEG_TOLERANCE_M = 2.0
 """How far from its landing leg an aircraft in wind may be, outside the workspace."""
+_THERE_M = 3.0
+"""At a target or a landing point; PX4 strays 2.55 m from where it is sent."""
 _GROUND_M = 0.0
 """PX4's own simulator stands centimetres below it, and is still there as it says that it flies."""
 _OFF_PLANE_M = 3.0
@@ -74,13 +77,15 @@ def judge(
     flight: list[FlightTruth],
     site: Site,
     radius_m: float,
-    landing_leg_m: list[tuple[float, float]],
+    landing_legs_m: list[list[PlanePoint]],
+    landings_m: list[tuple[PlanePoint, ...]],
 ) -> Verdict:
-    """Whether the aircraft flew, touched nothing, kept to its workspace and landed.
+    """What is to be said of targets, landings, obstacles and the workspace.
 
-    landing_leg_m: the last planned way out of the workspace, from its last cell to above the
-    landing point; the way down from there belongs to it, as the climb from the ground into a
-    workspace that begins above it does to the take-off.
+    landing_legs_m: the planned ways out of the workspace, from their last cells to above their
+    landing points; the way down from there belongs to each, as the climb from the ground into a
+    workspace that begins above it does to the take-off. landings_m: where each flight was to land,
+    at any of some points. From a landing point the way back is straight.
     """
     faults: list[str] = []
     obstacles = [_shape(obstacle) for obstacle in site.obstacles]
@@ -91,12 +96,11 @@ def judge(
     if flown and space.lower_m[1] > _GROUND_M:
         x_m = flown[0].position_m[0]
         legs.append(LineString([(x_m, _GROUND_M), (x_m, space.lower_m[1])]))
-    if landing_leg_m:
-        x_m, _ = landing_leg_m[-1]
-        legs.append(LineString([*landing_leg_m, (x_m, _GROUND_M)]))
+    legs += [LineString([*leg_m, (leg_m[-1][0], _GROUND_M)]) for leg_m in landing_legs_m]
+    legs += _ways_back(flight, workspace, landing_legs_m)
     least_m = math.inf
     for row in flown:
-        place = Point(row.position_m[0], row.position_m[2])
+        place = Point(_place(row))
         least_m = min(least_m, *(shape.distance(place) for shape in obstacles), math.inf)
         above_ground = Point(place.x, max(place.y, _GROUND_M))
         outside = workspace.distance(above_ground) > 0.0 and not any(
@@ -112,7 +116,53 @@ def judge(
         faults.append("never flew")
     elif flight[-1].armed or not flight[-1].on_ground:
         faults.append("did not land")
+    else:
+        faults += _missed(flight, site, landings_m)
     return Verdict(faults=tuple(faults), least_clearance_m=least_m - radius_m)
+
+
+def _missed(
+    flight: list[FlightTruth], site: Site, landings_m: list[tuple[PlanePoint, ...]]
+) -> list[str]:
+    """Targets that were not reached, and landings that were not at their points."""
+    faults = []
+    for target in site.targets:
+        nearest_m = min(math.dist(_place(row), target.position_m) for row in flight)
+        if nearest_m > _THERE_M:
+            faults.append(f"target {target.name} was not reached: {nearest_m:.1f} m from it")
+    ends = [_place(rows[-1]) for rows in _flights(flight)]
+    for number, points in enumerate(landings_m):
+        x_m = ends[number][0] if number < len(ends) else math.inf
+        if min(abs(x_m - point[0]) for point in points) > _THERE_M:
+            where = " or ".join(f"{point[0]:g}" for point in points)
+            found = f"landed at {x_m:.1f} m" if math.isfinite(x_m) else "not flown"
+            faults.append(f"landing {number + 1} was to be at x {where} m: {found}")
+    return faults
+
+
+def _ways_back(
+    flight: list[FlightTruth], workspace: BaseGeometry, landing_legs_m: list[list[PlanePoint]]
+) -> list[LineString]:
+    """From above each landing point straight to where the next flight entered the workspace."""
+    ways = []
+    for before, after in itertools.pairwise(_flights(flight)):
+        entry = next((_place(row) for row in after if workspace.covers(Point(_place(row)))), None)
+        if landing_legs_m and entry is not None:
+            landed_x_m, _ = _place(before[-1])
+            leg_m = min(landing_legs_m, key=lambda leg_m: abs(leg_m[-1][0] - landed_x_m))
+            ways.append(LineString([leg_m[-1], entry]))
+    return ways
+
+
+def _flights(flight: list[FlightTruth]) -> list[list[FlightTruth]]:
+    """Where it was in the air, from each arming to disarming."""
+    groups = itertools.groupby(flight, key=lambda row: row.armed)
+    in_air = ([row for row in rows if not row.on_ground] for armed, rows in groups if armed)
+    return [rows for rows in in_air if rows]
+
+
+def _place(row: FlightTruth) -> PlanePoint:
+    return row.position_m[0], row.position_m[2]
 
 
 def _shape(obstacle: Obstacle) -> BaseGeometry:

@@ -183,7 +183,9 @@ class Operator:
             self.command(name, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, _INTERVAL_US)
 
     def take_off(self, height_m: float) -> None:
-        """Arm and climb to a height above where the aircraft stands."""
+        """Arm and climb to a height above where the aircraft stands; a new flight begins."""
+        self.landing = False
+        self.texts.clear()
         if self._manner.takes_off_in_given_mode:
             self.give_mode()
             self.command("arm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)

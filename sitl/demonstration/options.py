@@ -28,13 +28,22 @@ def parser() -> argparse.ArgumentParser:
         metavar="PATH",
         help="fly a real one: PX4's build folder or the program arducopter (sitl/REAL.md)",
     )
-    made.add_argument("--site", type=Path, metavar="FILE", help="default: 315 kV double circuit")
-    made.add_argument("--scenario", type=Path, metavar="FILE", help="default: wind, battery")
+    made.add_argument(
+        "--site",
+        type=Path,
+        metavar="FILE",
+        help="your own: every target, every landing point; default: 315 kV double circuit",
+    )
+    made.add_argument(
+        "--scenario", type=Path, metavar="FILE", help="default: wind, battery; with --site calm"
+    )
     made.add_argument(
         "--speed", type=_speed, default=1.0, metavar="N", help="simulated seconds in a real one"
     )
     made.add_argument(
-        "--landing", metavar="MISSION[:N]", help="default: exit, to any of its landing points"
+        "--landing",
+        metavar="MISSION[:N]|all",
+        help="where it ends; all: a flight to each landing point; default: exit, with --site all",
     )
     made.add_argument("--out", type=Path, metavar="DIR", help="default: flights/ and the time")
     return made

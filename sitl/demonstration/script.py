@@ -1,7 +1,11 @@
-"""The operator's script: take-off, inspection, exit when the battery is low, landing."""
+"""The operator's script: take-off, inspection of every target, and each landing point in turn.
+
+From a landing point the next one is flown to after a take-off of its own.
+"""
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -20,19 +24,33 @@ _STREAM_FIRST_S: Final = 1.5
 """PX4 gives OFFBOARD to a stream that has run for a second."""
 _START_S: Final = 30.0
 """Within which both processes are heard; real seconds, as they do not start faster."""
-_LONGEST_INSPECTION_S: Final = 600.0
+_LONGEST_TO_TARGET_S: Final = 300.0
 _LONGEST_HOLD_S: Final = 60.0
 _LONGEST_EXIT_S: Final = 300.0
+_LONGEST_LANDING_S: Final = 60.0
 _MOST_LAG_S: Final = 2.0
 """Real seconds that a machine may lose; the simulator makes up for half a second by itself."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Script:
-    """One flight, step by step; each may raise OperatorError. say: tells the user.
+class LandingPoint:
+    """Where a flight ends: the order for it, and how high above the ground its leg ends.
 
-    height_m: of the take-off. way_out, landing: the mission that ends the flight, and the index of
-    its landing point, -1 for any.
+    index: -1 for any of the mission's. above_m: to there a later take-off from it climbs.
+    """
+
+    name: str
+    mission: int
+    index: int
+    above_m: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Script:
+    """Flights, step by step; each may raise OperatorError. say: tells the user.
+
+    height_m: of the first take-off. dwells_s: of each target. battery_falls: in the scenario; the
+    first exit then waits for that.
     """
 
     operator: Operator
@@ -40,16 +58,26 @@ class Script:
     processes: tuple[Process, ...]
     speed: float
     height_m: float
-    way_out: tuple[str, int]
-    landing: int
+    dwells_s: tuple[float, ...]
+    landings: tuple[LandingPoint, ...]
+    battery_falls: bool
     say: Callable[[str], None]
 
     def fly(self) -> None:
-        """From two processes that have just been started to the landing."""
+        """From two processes that have just been started to the last landing."""
         self._start()
-        self._take_off()
+        self._take_off(self.height_m)
         self._inspect()
-        self._exit_and_land()
+        operator, first = self.operator, self.landings[0]
+        battery = f"battery at {operator.battery_percent} %, {operator.battery_v} V"
+        self.say(f"{battery}: order the {first.name}")
+        operator.order(first.name, first.mission, first.index)
+        self._land(first)
+        for before, after in itertools.pairwise(self.landings):
+            self._wait_until(lambda: False, _SETTLE_S)
+            self._take_off(before.above_m)
+            self._begin(after.name, after.mission, after.index)
+            self._land(after)
 
     def _start(self) -> None:
         operator, start_s = self.operator, _START_S * self.speed
@@ -61,47 +89,51 @@ class Script:
         self._wait_for("ready to arm", lambda: operator.ready_to_arm, ready_s)
         operator.wait_compiled()
 
-    def _take_off(self) -> None:
+    def _take_off(self, height_m: float) -> None:
         operator = self.operator
         self.say("arm, take off")
-        operator.take_off(self.height_m)
-        done_m, longest_s = self.height_m - _BELOW_M, 20.0 + _CLIMB_S_PER_M * self.height_m
+        operator.take_off(height_m)
+        done_m, longest_s = height_m - _BELOW_M, 20.0 + _CLIMB_S_PER_M * height_m
         self._wait_for("in the air", lambda: operator.landed_state == _IN_AIR, 20.0)
         self._wait_for("take-off done", lambda: operator.altitude_m > done_m, longest_s)
         self._wait_until(lambda: False, _SETTLE_S)
 
-    def _inspect(self) -> None:
+    def _begin(self, name: str, mission: int, index: int) -> None:
+        """Order a mission and give the companion its mode."""
         operator = self.operator
-        self.say(f"order the inspection, give {self.manner.given_mode}")
-        operator.order("inspection", INSPECTION)
+        self.say(f"order the {name}, give {self.manner.given_mode}")
+        operator.order(name, mission, index)
         self._wait_until(lambda: False, _STREAM_FIRST_S)
         operator.give_mode()
-        self._wait_for("flying", lambda: operator.said("MOAR: flying inspection"), 5.0)
-        self.say("flying; the wind will rise")
+        self._wait_for("flying", lambda: operator.said(f"MOAR: flying {name}"), 5.0)
+        self.say("flying")
+
+    def _inspect(self) -> None:
+        operator = self.operator
+        self._begin("inspection", INSPECTION, -1)
         self._wait_for(
             "the end of the inspection",
             lambda: operator.said("MOAR: every target is done") or self._battery_is_low(),
-            _LONGEST_INSPECTION_S,
+            sum(self.dwells_s) + len(self.dwells_s) * _LONGEST_TO_TARGET_S,
         )
-        if not operator.said("MOAR: at target"):
-            raise OperatorError("no target was reached before the battery was low")
-        if not self._battery_is_low():
+        if self._battery_is_low():
+            self.say("the battery is low before every target is done")
+        elif self.battery_falls:
             self.say("every target is done; holding until the battery falls")
             self._wait_until(self._battery_is_low, _LONGEST_HOLD_S)
 
-    def _exit_and_land(self) -> None:
-        operator, (name, mission) = self.operator, self.way_out
-        battery = f"battery at {operator.battery_percent} %, {operator.battery_v} V"
-        self.say(f"{battery}: order the {name}")
-        operator.order(name, mission, self.landing)
+    def _land(self, landing: LandingPoint) -> None:
+        """From a way out that is flown to the ground."""
+        operator = self.operator
         self._wait_for(
-            f"the end of the {name}",
+            f"the end of the {landing.name}",
             lambda: operator.said("MOAR: above the landing point"),
             _LONGEST_EXIT_S,
         )
         self.say("above the landing point: LAND")
         operator.land()
-        self._wait_for("landed and disarmed", lambda: not operator.armed, 60.0)
+        longest_s = _LONGEST_LANDING_S + _CLIMB_S_PER_M * landing.above_m
+        self._wait_for("landed and disarmed", lambda: not operator.armed, longest_s)
         self.say("landed")
 
     def _battery_is_low(self) -> bool:

@@ -15,6 +15,7 @@ from sitl.px4.contact import Contact
 from sitl.px4.failsafe import Action, Charge, Flags, due
 from sitl.px4.fence import Geofence
 from sitl.px4.flight import FlightTasks
+from sitl.px4.link_loss import LinkLosses
 from sitl.px4.modes import AUTO_MODES, Mode
 from sitl.px4.navigation import Navigation
 from sitl.px4.offboard import OffboardStream
@@ -78,6 +79,7 @@ class Commander:
             regained="GCS connection regained",
         )
         self._overridden = Charge.OK
+        self._links = LinkLosses(parts.parameters)
         self._hold_until_us: int | None = None
         self._announced: Mode | None = None
         self._contact_us: int | None = None
@@ -119,6 +121,7 @@ class Commander:
             self._parts.navigation.since_boot_s >= _READY_S
             and self.can_run(self.mode)
             and self.charge < Charge.CRITICAL
+            and (self.ground_station.there or not self._parts.parameters.value("NAV_DLL_ACT"))
         )
 
     @property
@@ -157,7 +160,7 @@ class Commander:
         self._mode_chosen = True
         self._intend(mode)
         if self.armed:
-            self._overridden = max(self._overridden, self.charge)
+            self._overrule()
         self._hold_until_us = None
         self.failsafe = None
         self._parts.fence.note_mode(self._parts.world.now_us)
@@ -178,6 +181,7 @@ class Commander:
         self.landed = True
         self._landed_us = parts.world.now_us
         self._overridden = Charge.OK
+        self._links.arm()
         parts.navigation.set_home()
         self._enter(self.intended)
         parts.voice.say(say.INFO, f"Armed by {by}")
@@ -308,10 +312,15 @@ class Commander:
             self._intend(mode)
             self.failsafe = None
             self._hold_until_us = None
-            self._overridden = max(self._overridden, self.charge)
+            self._overrule()
             self._enter(mode)
             parts.voice.say(say.INFO, "Pilot took over using sticks")
             parts.voice.event(say.PILOT_TOOK_OVER, 0x66)
+
+    def _overrule(self) -> None:
+        """Let a mode that is chosen be flown whatever battery and links ask for now."""
+        self._overridden = max(self._overridden, self.charge)
+        self._links.overrule()
 
     def _recovered(self) -> bool:
         return self.intended is Mode.OFFBOARD and self.can_run(Mode.OFFBOARD)
@@ -319,17 +328,22 @@ class Commander:
     def _failsafe(self, now_us: int) -> None:
         parts = self._parts
         value = parts.parameters.value
+        sticks, links = self.sticks_present, self._links
+        links.step(self.intended, sticks=sticks, ground_station=self.ground_station.there)
         action = due(
             Flags(
                 mode=self.intended,
                 stream_alive=self.stream_alive,
                 position_valid=parts.navigation.position_valid,
-                sticks=self.sticks_present,
+                sticks=sticks,
                 charge=self.charge,
                 overridden_charge=self._overridden,
                 offboard_action=int(value("COM_OBL_RC_ACT")),
                 battery_action=int(value("COM_LOW_BAT_ACT")),
                 sticks_action=int(value("NAV_RCL_ACT")),
+                sticks_lost=links.sticks.due,
+                ground_station_lost=links.ground_station.due,
+                ground_station_action=int(value("NAV_DLL_ACT")),
                 fence_action=parts.fence.action,
             )
         )

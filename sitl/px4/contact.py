@@ -31,6 +31,11 @@ class Contact:
         self._heard_us: int | None = None
         self._lost = False
 
+    @property
+    def there(self) -> bool:
+        """Whether it was heard, and is not lost."""
+        return self._heard_us is not None and not self._lost
+
     def hear(self) -> None:
         """Note a heartbeat."""
         self._heard_us = self._world.now_us

@@ -2,7 +2,8 @@
 
 Precedence is severity: the most severe action wins. Measured on PX4 v1.17.0; parameter values
 COM_OBL_RC_ACT: 0 position, 1 altitude, without sticks by NAV_RCL_ACT, 3 return, 4 land, 5 hold;
-COM_LOW_BAT_ACT: 0 warn, 2 land, 3 return at critical and land at emergency.
+COM_LOW_BAT_ACT: 0 warn, 2 land, 3 return at critical and land at emergency. NAV_RCL_ACT and
+NAV_DLL_ACT: 1 hold, 2 return, 3 land; their stops of the motors, 5 and 6, are not imitated.
 """
 
 from dataclasses import dataclass
@@ -23,6 +24,7 @@ _SEVERITY: Final = (
 )
 _FENCE: Final = {fence.HOLD: Mode.HOLD, fence.RETURN: Mode.RTL, fence.LAND: Mode.LAND}
 _OFFBOARD_LOSS: Final = {3: Mode.RTL, 4: Mode.LAND, 5: Mode.HOLD}
+_LINK_LOSS: Final = {1: Mode.HOLD, 2: Mode.RTL, 3: Mode.LAND}
 
 
 class Charge(IntEnum):
@@ -35,12 +37,13 @@ class Charge(IntEnum):
 
 
 class Cause(IntEnum):
-    """Why; the battery's numbers are those of PX4's events."""
+    """Why: the numbers of PX4's events; those below 0 it tells without a cause."""
 
-    OFFBOARD_LOST = 0
+    OFFBOARD_LOST = -1
+    POSITION_LOST = -2
+    FENCE_BREACHED = -3
     STICKS_LOST = 1
-    POSITION_LOST = 2
-    FENCE_BREACHED = 3
+    GROUND_STATION_LOST = 2
     BATTERY_CRITICAL = 4
     BATTERY_EMERGENCY = 5
 
@@ -59,6 +62,10 @@ class Flags:
     offboard_action: int
     battery_action: int
     sticks_action: int
+    sticks_lost: bool = False
+    """The pilot's input was lost, and no mode was chosen since (`LinkLoss`)."""
+    ground_station_lost: bool = False
+    ground_station_action: int = 0
     fence_action: int = fence.NONE
     """What the breached fence asks for, as GF_ACTION."""
 
@@ -84,7 +91,8 @@ def due(flags: Flags) -> Action | None:
         action
         for action in (
             _offboard(flags),
-            _sticks(flags),
+            _link(flags, Cause.STICKS_LOST),
+            _link(flags, Cause.GROUND_STATION_LOST),
             _position(flags),
             _battery(flags),
             _fence(flags),
@@ -119,14 +127,22 @@ def _offboard(flags: Flags) -> Action | None:
     return Action(mode=mode, delayed=False, cause=Cause.OFFBOARD_LOST)
 
 
-def _sticks(flags: Flags) -> Action | None:
-    if flags.sticks or flags.mode not in (Mode.POSCTL, Mode.ALTCTL, Mode.MANUAL):
+def _link(flags: Flags, cause: Cause) -> Action | None:
+    """Return what a lost link asks for; what lands or returns does not begin to return."""
+    lost, number = {
+        Cause.STICKS_LOST: (flags.sticks_lost, flags.sticks_action),
+        Cause.GROUND_STATION_LOST: (flags.ground_station_lost, flags.ground_station_action),
+    }[cause]
+    mode = _LINK_LOSS.get(number)
+    if not lost or mode is None:
         return None
-    return Action(mode=_sticks_lost(flags), delayed=True, cause=Cause.STICKS_LOST)
+    if mode is Mode.RTL and flags.mode in (Mode.LAND, Mode.RTL):
+        return None
+    return Action(mode=mode, delayed=mode is not Mode.HOLD, cause=cause)
 
 
 def _sticks_lost(flags: Flags) -> Mode:
-    return {1: Mode.HOLD, 3: Mode.LAND}.get(flags.sticks_action, Mode.RTL)
+    return _LINK_LOSS.get(flags.sticks_action, Mode.RTL)
 
 
 def _position(flags: Flags) -> Action | None:

@@ -118,7 +118,7 @@ class Voice:
             return
         self.say(CRITICAL, "Failsafe activated")
         arguments = struct.pack("<IB", intended.custom_mode, _ACTIONS.get(mode, 0))
-        if cause in (Cause.BATTERY_CRITICAL, Cause.BATTERY_EMERGENCY):
+        if cause > 0:
             self.event(FAILSAFE_CAUSED, 0x42, arguments + bytes((cause.value,)))
         elif mode is Mode.ALTCTL:
             self.event(FAILSAFE_DISENGAGED, 0x42, arguments)

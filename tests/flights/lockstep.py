@@ -106,7 +106,8 @@ class Lockstep:
         self.vehicle = as_simulated(vehicle, manner)
         limits = config.get("supervision", Supervision())
         self.flown_site = flown_site(site, self.vehicle, limits)
-        self.planner = Planner(self.flown_site, self.vehicle)
+        # Decisions tell how long a plan took: here no time passes meanwhile.
+        self.planner = Planner(self.flown_site, self.vehicle, clock=lambda: 0.0)
         self.planners = Planners(self.planner)
         x_m, y_m = (self.site.start_m[0], 0.0) if start_m is None else start_m
         options = dict(options or {})

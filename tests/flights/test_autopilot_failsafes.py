@@ -1,4 +1,4 @@
-"""Failsafes that ArduPilot reports while GUIDED goes on: what they are, and what is flown."""
+"""Failsafes that ArduPilot reports while GUIDED goes on, and lost links that end our mode."""
 
 from __future__ import annotations
 
@@ -156,6 +156,45 @@ def test_a_landing_that_a_second_failsafe_chooses_is_told_as_its_own():
     flight.run_until_state("released", 10.0)
     flight.run(0.1)
     assert flight.operator.said("MOAR: autopilot failsafe chose LAND, released")
+
+
+# Lost links -------------------------------------------------------------------------------------
+
+ACTS = {
+    Manner.PX4: {"NAV_DLL_ACT": 1, "NAV_RCL_ACT": 1},
+    Manner.ARDUPILOT: {"FS_GCS_ENABLE": 7, "FS_THR_ENABLE": 7},
+}
+"""A lost ground station or remote control holds or brakes."""
+CHOSEN = {Manner.PX4: "HOLD", Manner.ARDUPILOT: "BRAKE"}
+
+
+def lose_ground_station(flight):
+    flight.operator.silent = True
+
+
+def lose_sticks(flight):
+    if flight.operator.manner is Manner.PX4:
+        flight.autopilot.move_sticks()
+        flight.run(1.0)
+        flight.autopilot.no_sticks()
+    else:
+        flight.autopilot.set_parameter("SIM_RC_FAIL", 1)
+
+
+@pytest.mark.parametrize("manner", Manner)
+@pytest.mark.parametrize(
+    ("lose", "within_s"), [(lose_ground_station, 12.0), (lose_sticks, 3.0)], ids=["gcs", "rc"]
+)
+def test_a_lost_link_that_the_autopilot_acts_on_releases(manner, lose, within_s):
+    flight = hovering(vehicle="x500", manner=manner, options={"parameters": ACTS[manner]})
+    flight.begin(INSPECTION, 1)
+    flight.run(3.0)
+    lose(flight)
+    flight.run_until_state("released", within_s)
+    flight.run(0.1)
+    assert flight.operator.said(f"MOAR: autopilot failsafe chose {CHOSEN[manner]}, released")
+    assert not flight.operator.in_mode("ours")
+    assert_nothing_was_touched(flight)
 
 
 # Orders -----------------------------------------------------------------------------------------

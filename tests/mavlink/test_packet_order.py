@@ -11,6 +11,7 @@ from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.identity import AutopilotConflict
 from moar_companion.mavlink.listener import Listener
 from moar_companion.mavlink.packet_order import PacketOrder
+from moar_companion.mavlink.source_clock import SourceClock
 from moar_companion.types import Failsafe
 
 HEARTBEAT, CURRENT_MODE, ATTITUDE = 0, 436, 30
@@ -21,13 +22,17 @@ def packet(message_id, sequence):
     return SimpleNamespace(get_msgId=lambda: message_id, get_seq=lambda: sequence % 256)
 
 
+def order_of(same):
+    return PacketOrder(same=same, boot_clock=SourceClock())
+
+
 def late(order, *arrivals):
     """Which of (time, message, sequence) are late."""
     return [order.is_late(packet(message_id, seq), now_s) for now_s, message_id, seq in arrivals]
 
 
 def test_a_message_that_its_successor_has_overtaken_is_late_and_others_beside_it_are_not():
-    order = PacketOrder(same={CURRENT_MODE: HEARTBEAT})
+    order = order_of({CURRENT_MODE: HEARTBEAT})
     assert late(
         order,
         (0.00, HEARTBEAT, 10),
@@ -40,7 +45,7 @@ def test_a_message_that_its_successor_has_overtaken_is_late_and_others_beside_it
 
 
 def test_a_packet_that_is_late_by_most_of_a_round_is_not_taken_for_one_ahead():
-    order = PacketOrder(same={})
+    order = order_of({})
     told = [(count * 0.005, ATTITUDE, count) for count in range(200)]
     assert not any(late(order, *told))
     assert late(order, (1.0, HEARTBEAT, 200), (1.002, HEARTBEAT, 0), (1.005, HEARTBEAT, 201)) == [
@@ -98,6 +103,49 @@ def test_a_restarted_autopilot_is_heard_from_when_its_clock_has_run_on():
     assert listener.telemetry.attitude.roll_rad == pytest.approx(0.4)
 
 
+def positions_told(listener, *arrivals):
+    """Of (time, time since boot) of positions: those that are taken."""
+    told = []
+    for number, (now_s, boot_s) in enumerate(arrivals, start=1):
+        heard(listener, position(boot_s, north_m=boot_s), number, now_s)
+        local = listener.telemetry.local_position
+        told.append(local is not None and local.position_ned_m[0] == boot_s)
+    return told
+
+
+def test_a_step_of_the_clock_is_one_step_for_all_messages():
+    listener = Listener()
+    heard(listener, heartbeat(HOLD), 0, 0.0)
+    for count in range(10):
+        heard(listener, attitude(50.0 + 0.1 * count), count, 0.1 * count)
+    assert positions_told(listener, (0.95, 50.95)) == [True]
+    step_s, delay_s = 5.02, 0.05
+    for count in range(10, 15):
+        heard(listener, attitude(50.0 + step_s + 0.1 * count), count, 0.1 * count + delay_s)
+    steps = [1.5 + 0.1 * n for n in range(20)]
+    assert all(positions_told(listener, *[(now_s, 50.0 + step_s + now_s) for now_s in steps]))
+
+
+def test_a_packet_of_the_clock_before_a_restart_hides_nothing_that_follows():
+    listener = Listener()
+    heard(listener, heartbeat(HOLD), 0, 0.0)
+    heard(listener, attitude(1000.0), 1, 0.1)
+    for count in range(5):
+        heard(listener, attitude(0.3 + 0.1 * count), 2 + count, 1.0 + 0.1 * count)
+    arrivals = [(1.5, 1000.5), *[(1.6 + 0.1 * n, 0.9 + 0.1 * n) for n in range(20)]]
+    assert positions_told(listener, *arrivals) == [False, *[True] * 20]
+
+
+def test_positions_that_run_on_in_the_past_beside_the_clock_are_late():
+    listener = Listener()
+    heard(listener, heartbeat(HOLD), 0, 0.0)
+    assert positions_told(listener, (0.1, 50.1)) == [True]
+    for count in range(50):
+        now_s = 0.2 + 0.02 * count
+        heard(listener, attitude(50.0 + now_s), count, now_s)
+        assert positions_told(listener, (now_s, 49.0 + 0.02 * count)) == [False]
+
+
 def test_a_system_time_far_ahead_is_another_autopilots_and_hides_nothing():
     listener = Listener()
     heard(listener, heartbeat(HOLD), 0, 0.0)
@@ -113,20 +161,20 @@ def test_a_system_time_far_ahead_is_another_autopilots_and_hides_nothing():
 
 @pytest.mark.parametrize("begins", range(0, 256, 15))
 def test_sequence_numbers_go_round(begins):
-    order = PacketOrder(same={})
+    order = order_of({})
     for count in range(600):
         assert late(order, (count * 0.01, ATTITUDE, begins + count)) == [False]
     assert late(order, (6.0, ATTITUDE, begins + 540)) == [True]
 
 
 def test_a_number_that_never_changes_is_never_late():
-    order = PacketOrder(same={})
+    order = order_of({})
     assert not any(late(order, *[(0.01 * count, ATTITUDE, 7) for count in range(50)]))
 
 
 @pytest.mark.parametrize("lost", [50, 130, 200, 255])
 def test_after_a_silence_nothing_is_late_however_many_were_lost(lost):
-    order = PacketOrder(same={})
+    order = order_of({})
     assert late(order, (0.0, ATTITUDE, 3), (0.5, ATTITUDE, 3 + lost)) == [False, False]
 
 
@@ -142,6 +190,10 @@ def heartbeat(mode, status=4):
 
 def attitude(boot_s, roll=0.0):
     return mavlink.MAVLink_attitude_message(round(boot_s * 1000), roll, 0, 0, 0, 0, 0)
+
+
+def position(boot_s, north_m):
+    return mavlink.MAVLink_local_position_ned_message(round(boot_s * 1000), north_m, *[0.0] * 5)
 
 
 def current_mode(mode, intended=None):

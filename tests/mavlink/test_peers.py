@@ -181,6 +181,24 @@ def test_a_packet_with_the_autopilots_ids_from_elsewhere_is_ignored_and_told_onc
     assert (link.packets_received, link.packets_lost) == (2, 0)
 
 
+def test_an_address_with_the_autopilots_ids_is_told_again_each_minute_while_it_is_heard(
+    network, autopilot
+):
+    """Also that of the true autopilot, where somebody else was heard first."""
+    network.tick()
+    network.hear_from(STRANGER, Peer(1, 1).heartbeat())
+    network.events()
+    told_s, began_s = [], network.now_s
+    for _ in range(150):
+        network.now_s += 1.0
+        network.hear_from(STRANGER, Peer(1, 1).heartbeat())
+        network.hear_from(AUTOPILOT, autopilot.heartbeat())
+        events = network.events()
+        assert events in ([], [AutopilotElsewhere(link="serial", address=AUTOPILOT)])
+        told_s += [network.now_s - began_s] * len(events)
+    assert told_s == [1.0, 61.0, 121.0]
+
+
 def test_what_is_ignored_is_not_recorded_and_the_rest_of_its_datagram_is(network, autopilot):
     network.tick()
     network.hear_from(AUTOPILOT, autopilot.heartbeat())

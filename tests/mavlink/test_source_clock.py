@@ -89,15 +89,8 @@ def test_one_packet_repeated_does_not_run_on():
     assert set(readings(clock, *[(10.0 + count, 105.0) for count in range(1, 9)])) == {LATE}
 
 
-def test_a_clock_whose_restart_somebody_else_knows_waits_for_that():
-    clock = ran_for(restarts=False)
-    assert set(readings(clock, *[(11.0 + 0.1 * n, 0.3 + 0.1 * n) for n in range(50)])) == {LATE}
-    clock.reset()
-    assert readings(clock, (17.0, 6.3), (17.1, 6.4)) == [CURRENT, CURRENT]
-
-
 def test_a_line_that_began_with_a_packet_that_was_late_is_set_right():
-    clock = SourceClock(restarts=False)
+    clock = SourceClock()
     arrivals = [(0.0, 100.0), *[(0.1 * n, 102.0 + 0.1 * n) for n in range(1, 7)]]
     assert readings(clock, *arrivals) == [CURRENT, LATE, LATE, LATE, CURRENT, CURRENT, CURRENT]
 
@@ -139,7 +132,8 @@ def test_in_recordings_clocks_begin_anew_only_at_restarts_and_nothing_is_late(
     recording, name, restarts
 ):
     codec = Codec(system_id=9, component_id=9, wanted=MESSAGE_IDS)
-    clock, order, seen = SourceClock(round_s=ROUND_S, behind_s=1.0), PacketOrder(same={}), 0
+    clock, seen = SourceClock(round_s=ROUND_S, behind_s=1.0), 0
+    order = PacketOrder(same={}, boot_clock=clock)
     late = []
     for now_s, packet in recording(name):
         for message in codec.receive(packet):

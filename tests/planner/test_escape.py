@@ -33,8 +33,19 @@ def falls(site, start, end, samples, by):
     return False
 
 
+def enters_keep_out(site, vehicle, start, end, by):
+    """Whether the leg comes too near an obstacle: nearer than its keep-out, or than the start."""
+    leg, here = shapely.LineString([start, end]), Point(start)
+    return any(
+        oracle.clearance(item, leg)
+        < min(item.keep_out_m + vehicle.radius_m, oracle.clearance(item, here)) - by
+        for item in site.obstacles
+    )
+
+
 def escape(site, start, **vehicle):
-    return escape_leg(site, build_maps(site, make_vehicle(**vehicle)), start)
+    vehicle = make_vehicle(**vehicle)
+    return escape_leg(site, vehicle, build_maps(site, vehicle), start)
 
 
 def test_next_to_a_conductor_the_way_out_is_away_from_it():
@@ -91,7 +102,8 @@ def test_escape_legs_are_the_shortest_along_which_clearance_never_falls():
         cell = oracle.cell_of(space, start)
         if cell is not None and not maps.occupied[cell]:
             continue
-        end = escape_leg(site, build_maps(site, problem.vehicle), start)
+        maps_of = build_maps(site, problem.vehicle)
+        end = escape_leg(site, problem.vehicle, maps_of, start)
         if clearance(site, start) == 0.0:
             assert end is None
             continue
@@ -102,10 +114,47 @@ def test_escape_legs_are_the_shortest_along_which_clearance_never_falls():
             assert not maps.occupied[oracle.cell_of(space, end)]
             # Clearance is sampled ten times per cell: between two samples it may dip.
             assert not falls(site, start, end, 200, 0.05 * space.resolution_m)
+            assert not enters_keep_out(site, problem.vehicle, start, end, 1e-6)
         for other, occupied in maps.occupied.items():
             centre = oracle.centre_of(space, other)
             if not occupied and math.dist(start, centre) < length - 1e-9:
-                assert falls(site, start, centre, 200, 0.0)
+                assert falls(site, start, centre, 200, 0.0) or enters_keep_out(
+                    site, problem.vehicle, start, centre, 0.0
+                )
+
+
+@pytest.mark.parametrize(
+    ("start", "keep_outs", "widened_m"),
+    [
+        ((3.18, 0.83), (2.0, 4.0, 3.0), 0.0),  # out of the third one's by the second one's
+        ((3.18, 0.83), (1.0, 3.0, 2.0), 1.0),
+    ],
+)
+def test_out_of_one_keep_out_no_leg_leads_through_that_of_another(start, keep_outs, widened_m):
+    places = ((0.40, 1.60), (-0.86, 3.18), (3.97, 0.77))
+    wires = [
+        conductor(*place, 0.02, keep_out=m) for place, m in zip(places, keep_outs, strict=True)
+    ]
+    site, vehicle = make_site(*wires, size=(12.0, 10.0), min_altitude=2.0), make_vehicle(radius=0.6)
+    maps = build_maps(site, vehicle, widened_m)
+    assert escape_leg(site, vehicle, maps, start) is None
+    assert way_in(site, vehicle, maps, start) == ()
+
+
+@pytest.mark.parametrize(
+    ("wires", "start", "end"),
+    [
+        # The cell (8.5, 2.5) is nearer, but on the way the wire at (6, 1) comes nearer.
+        ([(6.0, 1.0, 2.0), (5.5, 4.5, 1.0), (2.0, 7.0, 4.0)], (5.9, 2.9), (8.5, 3.5)),
+        # So is (11.5, 7.5), on the way to which the keep-out of the wire at (7.5, 8.5) begins.
+        ([(7.5, 8.5, 3.0), (10.5, 4.0, 3.0), (0.0, 8.0, 1.0)], (9.5, 5.4), (6.5, 3.5)),
+    ],
+)
+def test_where_the_nearest_leg_leads_through_a_keep_out_another_one_is_flown(wires, start, end):
+    wires = [conductor(x, z, 0.02, keep_out=keep_out) for x, z, keep_out in wires]
+    site, vehicle = make_site(*wires, size=(12.0, 10.0)), make_vehicle(radius=0.6)
+    assert escape_leg(site, vehicle, build_maps(site, vehicle), start) == end
+    assert not enters_keep_out(site, vehicle, start, end, 1e-6)
 
 
 def recovery(site, start, widened_m=0.0, **vehicle):

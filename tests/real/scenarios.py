@@ -244,7 +244,6 @@ def reboot(rig):
     rig.operator.drop_sticks()  # a throttle in its middle is not armed
     rig.restart_autopilot()
     rig.expects_release = False
-    rig.operator.landing = False
     rig.boot()
     rig.take_off()
     rig.watch(12.0)  # the estimator's resets on the ground count for so long
@@ -304,12 +303,6 @@ def _windless(kind):
     return None
 
 
-def _switchless(kind):
-    if not kind.real and kind.autopilot == "ardupilot":
-        return "the fake takes no RC_CHANNELS_OVERRIDE"
-    return None
-
-
 SCENARIOS = {
     scenario.name: scenario
     for scenario in (
@@ -339,7 +332,6 @@ SCENARIOS = {
             "takeover_by_sticks",
             takeover_by_sticks,
             parameters=_switch_parameters,
-            unable=_switchless,
             speed=1.0,
         ),
         Scenario("gps_loss", gps_loss, let_go=True),

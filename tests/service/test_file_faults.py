@@ -56,6 +56,13 @@ def test_the_first_ground_station_is_told_what_was_told_before_it_came():
     assert told == [[(FULL, False)], [], [(FULL, False)], []]
 
 
+def test_faults_that_end_together_are_told_in_the_order_in_which_they_began():
+    faults = tuple(replace(FULL, reason=f"fault {number}") for number in range(8))
+    texts, telemetry = FileFaultTexts(), Desk().run(2.0).companion.telemetry
+    began = [fault for fault, _ in texts.texts(faults, telemetry)]
+    assert [fault for fault, _ in texts.texts((), telemetry)] == began == list(faults)
+
+
 def test_a_new_planner_does_not_forget_a_fault():
     desk = Desk().run(2.0)
     desk.companion.note_host(Host(file_faults=(FULL,)))

@@ -9,6 +9,7 @@ import pytest
 
 from moar_companion.frames import SiteFrame
 from moar_companion.mavlink.codec import Codec
+from moar_companion.mavlink.dialect import create
 from moar_companion.mavlink.listener import MESSAGE_IDS
 from moar_companion.mavlink.translate import update
 from moar_companion.service.frame_agreement import FrameAgreement
@@ -22,6 +23,8 @@ from moar_companion.types import (
     Telemetry,
 )
 from tests.mavlink.conftest import SHARED, packets
+
+from .desk import ACCEPTED, EXIT, STEP_S, Desk
 
 PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
 SITE = SiteFrame(
@@ -84,13 +87,58 @@ def test_positions_that_are_far_apart_in_time_are_not_compared():
     assert agreement.global_off_m == pytest.approx(0.0, abs=0.05)
 
 
-@pytest.mark.parametrize(("later_s", "off_m"), [(2.0, 45.0), (4.0, None)])
-def test_a_global_position_that_falls_silent_counts_for_three_seconds(later_s, off_m):
-    """One wrong word must not hold a flight for ever."""
+@pytest.mark.parametrize("later_s", [2.0, 4.0, 600.0])
+def test_a_global_position_that_falls_silent_counts_until_another_one_agrees(later_s):
     wrong = told(place=(55.0, 5.0, 8.0))
     later = replace(wrong, local_position=replace(wrong.local_position, boot_s=50.0 + later_s))
-    found_m = looked(wrong, later).global_off_m
-    assert found_m is None if off_m is None else found_m == pytest.approx(off_m, abs=0.5)
+    agreement = looked(wrong, later)
+    assert agreement.global_off_m == pytest.approx(45.0, abs=0.5)
+    right = replace(later, global_position=replace(told().global_position, boot_s=50.0 + later_s))
+    agreement.look(right, PX4, grounded=False)
+    assert agreement.global_off_m == pytest.approx(0.0, abs=0.05)
+
+
+def fly(desk, seconds, off_m=None):
+    """With a global position so far north of the local one; None: silent."""
+    names = ("latitude_deg", "longitude_deg", "altitude_amsl_m")
+    origin = GeodeticPoint(**dict(zip(names, desk.origin, strict=True)))
+    frame = SiteFrame(origin=origin, azimuth_deg=90.0)
+    for _ in range(round(seconds / STEP_S)):
+        if off_m is not None:
+            north_m, east_m, down_m = desk.position_ned_m
+            place = frame.to_geodetic((east_m, north_m + off_m, -down_m))
+            message = create(
+                "GLOBAL_POSITION_INT",
+                time_boot_ms=round(desk.boot_s * 1e3),
+                lat=round(place.latitude_deg * 1e7),
+                lon=round(place.longitude_deg * 1e7),
+                alt=round(place.altitude_amsl_m * 1e3),
+                relative_alt=0,
+                vx=0,
+                vy=0,
+                vz=0,
+                hdg=0,
+            )
+            desk.hear(desk.autopilot.pack(message))
+        desk.step()
+    return desk
+
+
+@pytest.mark.parametrize("end", ["agrees", "an exit"])
+def test_a_hold_for_a_disagreement_is_not_ended_by_silence(end):
+    desk = fly(Desk().come_to("flying"), 2.0, 0.0)
+    fly(desk, 2.0, 45.0)
+    assert desk.said("global position off 45")
+    fly(desk, 30.0)
+    assert desk.state == "holding"
+    began_s = desk.now_s
+    if end == "agrees":
+        fly(desk, 7.0, 0.0)
+    else:
+        desk.order(EXIT).run(2.0)
+        assert desk.answers()[-1] == ACCEPTED
+    assert desk.state == "flying"
+    assert any(any((m.vx, m.vy, m.vz)) for m in desk.setpoints(began_s))
 
 
 def test_what_is_not_known_is_not_compared():

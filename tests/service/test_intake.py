@@ -7,7 +7,13 @@ import pytest
 from moar_companion.mavlink import codec as codec_module
 from moar_companion.mavlink.peers import Precedence
 from moar_companion.mavlink.texts import pilot_text
-from moar_companion.service.intake import BUDGET_BYTES, LEAST_BYTES, Intake
+from moar_companion.service.intake import (
+    BUDGET_BYTES,
+    LEAST_BYTES,
+    LONGEST_S,
+    RATE_BYTES_PS,
+    Intake,
+)
 
 from ..mavlink.peer import Peer
 from .commands import OPERATOR_LINK, hovering
@@ -17,11 +23,12 @@ AUTOPILOT, STATION, FLOODER = ("10.0.0.2", 14580), ("10.0.0.3", 14550), ("10.0.0
 RANKS = {AUTOPILOT: Precedence.AUTOPILOT, STATION: Precedence.PEER, FLOODER: Precedence.PEER}
 
 
-def selected(intake, *arrived):
+def selected(intake, *arrived, now_s=0.0):
     def precedence(_link, address):
         return Precedence.AUTOPILOT if address is None else RANKS.get(address, Precedence.STRANGER)
 
-    return intake.selected([(time_s, LINK, *rest) for time_s, *rest in arrived], precedence)
+    items = [(time_s, LINK, *rest) for time_s, *rest in arrived]
+    return intake.selected(items, precedence, now_s)
 
 
 def test_what_is_within_the_budget_is_all_read_in_the_order_of_arrival():
@@ -42,6 +49,17 @@ def test_all_other_addresses_share_one_budget_however_many_they_are():
     assert len(selected(Intake(), *items)) == BUDGET_BYTES // 100
     empty = [(number, b"", ("10.0.1.1", number)) for number in range(1000)]
     assert len(selected(Intake(), *empty)) == BUDGET_BYTES // LEAST_BYTES
+
+
+@pytest.mark.parametrize(
+    ("since_s", "bytes_read"),
+    [(0.02, BUDGET_BYTES), (0.1, 6_400), (0.25, 16_000), (0.5, 32_000), (60.0, 32_000)],
+)
+def test_after_a_pause_the_budget_is_larger_once_and_bounded(since_s, bytes_read):
+    intake, flood = Intake(), [(number, bytes(64), FLOODER) for number in range(1000)]
+    selected(intake, now_s=0.0)
+    assert len(selected(intake, *flood, now_s=since_s)) == bytes_read // 64
+    assert len(selected(intake, *flood, now_s=since_s + 0.02)) == BUDGET_BYTES // 64
 
 
 def test_a_peer_is_read_before_strangers_and_a_quiet_peer_before_one_that_floods():
@@ -97,6 +115,36 @@ def test_a_flood_of_start_markers_costs_a_cycle_no_more_than_the_budget(size, kn
         desk.step()
     told = [m.text for _, link, m in desk.sent if m.get_type() == "STATUSTEXT" and link == LINK]
     assert sum(text.endswith("datagrams too many, dropped") for text in told) == 1
+
+
+def test_a_flood_after_a_pause_costs_one_cycle_no_more_than_the_longest_pauses_budget(steps):
+    desk, most = hovering(), []
+    greeting = Peer(255, 77).ground_heartbeat()
+    desk.companion.receive(OPERATOR_LINK, greeting, desk.now_s, FLOODER)
+    for pause_s in (0.0, 10.0, 0.0):
+        desk.now_s += pause_s
+        steps.clear()
+        flood = [(desk.now_s, OPERATOR_LINK, b"\xfe" * 1472, FLOODER)] * 512
+        desk.companion.take_in(flood, desk.now_s)
+        most.append(len(steps))
+        desk.step()
+    assert max(most[0], most[2]) <= BUDGET_BYTES < most[1] <= RATE_BYTES_PS * LONGEST_S
+
+
+@pytest.mark.parametrize("packets_ps", [412, 824])
+@pytest.mark.parametrize("stall_s", [0.05, 0.1, 0.25, 0.5])
+def test_an_order_behind_a_routers_telemetry_is_carried_out_after_a_stall(packets_ps, stall_s):
+    """The router hands on what the autopilot says, and the operator's order comes last."""
+    desk = hovering()
+    desk.companion.take_in([], desk.now_s)
+    desk.now_s += stall_s
+    telemetry = Peer(255, 190).ground_heartbeat()
+    arrived = [(desk.now_s, OPERATOR_LINK, telemetry, STATION)] * int(packets_ps * stall_s)
+    order = desk.operator.command(USER_1, HOLD)
+    desk.companion.take_in([*arrived, (desk.now_s, OPERATOR_LINK, order, STATION)], desk.now_s)
+    desk.run(0.2)
+    assert [o["order"] for o in desk.decided("order")] == ["hold"]
+    assert not desk.said("too many")
 
 
 def test_a_strangers_datagram_ends_at_its_first_byte_that_is_no_packet(steps):

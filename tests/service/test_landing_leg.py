@@ -22,6 +22,7 @@ from .desk import (
     AUTO_HOLD,
     CANCELLED,
     DENIED,
+    EVACUATION,
     EXIT,
     INSPECTION,
     OFFBOARD,
@@ -141,6 +142,23 @@ def test_a_reset_out_of_the_legs_corridor_is_a_hold_from_which_an_exit_is_flown(
     assert desk.companion.status.task.done
 
 
+@pytest.mark.parametrize("behind_m", [0.0, 0.5])
+@pytest.mark.parametrize("order", [EXIT, INSPECTION, EVACUATION])
+def test_an_order_after_a_jump_off_the_leg_is_flown(desk, order, behind_m):
+    """Not accepted and then held."""
+    desk.fall_behind(behind_m, 0.0, 0.0).set(reset_counter=1).run(0.2)
+    desk.jump(0.0, 0.0, -0.4).set(reset_counter=2).run(2.5)
+    assert desk.state == "holding"
+    began_s, texts = desk.now_s, len(desk.texts())
+    desk.order(order).run(2.5)
+    assert desk.answers()[-1] == ACCEPTED
+    assert desk.state == "flying"
+    assert not any("holding" in text for text in desk.texts()[texts:])
+    assert any(any((m.vx, m.vy, m.vz)) for m in desk.setpoints(began_s))
+    desk.run(3.0)
+    assert desk.state != "holding"
+
+
 @pytest.mark.parametrize("seconds", [0.3, 3.0])
 def test_a_hold_on_the_leg_is_continued_along_it(desk, seconds):
     desk.pause().run(seconds)
@@ -180,6 +198,25 @@ def test_what_a_pilot_has_interrupted_on_the_leg_is_gone_on_with_from_near_it(
     assert along_m(desk) > place_m - 0.5
     desk.run_until("holding", 30.0)
     assert desk.companion.status.task.done
+
+
+@pytest.mark.parametrize("behind_m", [0.3, 0.6])
+@pytest.mark.parametrize("battery_percent", [90, 8])
+def test_a_leg_that_was_taken_up_is_gone_on_with_by_an_aircraft_that_is_held_beside_its_setpoint(
+    desk, behind_m, battery_percent
+):
+    """Also by the way out of a critical battery, which no operator orders."""
+    taken_over(desk, 0.0, 0.0, -0.9)
+    desk.order(EXIT).run_until("ready", 2.0).run(1.1).say_heartbeat(OFFBOARD).run(0.5)
+    desk.pause().run(1.0).fall_behind(behind_m, 0.0, 0.0).run(1.0)
+    if battery_percent == 90:
+        desk.go_on()
+    else:
+        desk.set(battery_percent=battery_percent, charge_state=3)
+    desk.run(4.0)
+    assert not desk.said("setpoint jumps")
+    assert desk.state == "landing_leg"
+    assert moving(desk, 1.0) == 1.0
 
 
 def test_from_farther_off_the_leg_it_comes_back_and_leaves_anew(desk):

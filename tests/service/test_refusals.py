@@ -2,9 +2,17 @@
 
 from __future__ import annotations
 
-from moar_companion.mavlink.signing import Refusal
+import pytest
+
+from moar_companion.config import CompanionConfig, LinkConfig, shipped_configs
+from moar_companion.mavlink.signing import Refusal, Signing, SigningKey, timestamp_at
 from moar_companion.mavlink.texts import pilot_text
+from moar_companion.service.companion import Companion
 from moar_companion.service.refusals import Refusals
+from moar_companion.vehicle import Vehicle
+
+from ..mavlink.signed import SECRET, SignedPeer
+from .desk import LINK
 
 NOBODY = {"a": {}}
 
@@ -43,3 +51,33 @@ def test_a_signer_whose_clock_is_behind_is_named_with_how_far_that_is():
     (words,) = Refusals().texts({"a": refused(old=12)}, behind_s, 1.0)
     assert words == "system 1 signs 120 s behind (12 packets refused: old or replayed)"
     assert pilot_text(words) == "MOAR: system 1 signs 120 s behind"
+
+
+@pytest.mark.parametrize(
+    ("ahead_s", "told"),
+    [
+        (120.0, "MOAR: signing.json 2 min ahead of the clock"),
+        (5 * 3600.0, "MOAR: signing.json 5.0 h ahead of the clock"),
+        (26_800 * 86400.0, "MOAR: signing.json 26800 d ahead of the clock"),
+    ],
+)
+def test_a_time_that_was_kept_ahead_of_the_clock_is_told_with_the_remedy(ahead_s, told):
+    behind_s = {"a": {1: 120.0}}
+    (words,) = Refusals().texts({"a": refused(old=12)}, behind_s, 1.0, ahead_s=ahead_s)
+    assert "where it is right delete signing.json, and restart; system 1 signs" in words
+    assert pilot_text(words) == told
+
+
+def test_a_clock_that_was_ahead_for_a_moment_is_told_when_senders_are_refused_for_it():
+    wall_s, day_s = 1_800_000_000.0, 86400.0
+    config = CompanionConfig(vehicle=shipped_configs(), links=(LinkConfig(url=LINK, signed=True),))
+    vehicle = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
+    signing = Signing(key=SigningKey(SECRET), wall_s=wall_s)
+    companion = Companion(config, vehicle, None, signing=signing)
+    for told_s in (wall_s + 700 * day_s, wall_s):
+        companion.note_wall_clock(told_s)
+    station = SignedPeer(255, 190, timestamp=timestamp_at(wall_s))
+    companion.receive(LINK, station.ground_heartbeat(), 1.0)
+    companion.tick(1.0)
+    reasons = [item.data["reason"] for item in companion.decisions() if item.kind == "text"]
+    assert any(reason.startswith("signing.json 700 d ahead") for reason in reasons)

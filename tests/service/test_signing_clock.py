@@ -10,10 +10,16 @@ import os
 import pytest
 
 from moar_companion.config import CompanionConfig, KeySource, LinkConfig, State
-from moar_companion.mavlink.signing import LATEST_TIMESTAMP, UNITS_PER_S, link_signings
+from moar_companion.mavlink.signing import (
+    LATEST_TIMESTAMP,
+    UNITS_PER_S,
+    Refusal,
+    link_signings,
+    timestamp_at,
+)
 from moar_companion.service.signing_clock import SigningClock, load_signing
 
-from ..mavlink.signed import SECRET
+from ..mavlink.signed import SECRET, SignedPeer
 
 URL = "udp:127.0.0.1:14540"
 EPOCH_S = 1_420_070_400
@@ -59,6 +65,46 @@ def test_a_file_that_lacks_it_is_used_with_the_wall_clock(config, tmp_path):
     (tmp_path / "signing.json").write_text(json.dumps(file))
     link = start(config, wall_s=EPOCH_S + 50.0)
     assert (link.timestamp, link.reference) == (500 * UNITS_PER_S, 50 * UNITS_PER_S)
+
+
+YEAR_S = 365 * 86400
+NOW_S = 1_800_000_000.0
+
+
+def test_a_wall_clock_that_was_far_in_the_future_once_is_not_believed_for_good(
+    config, tmp_path, caplog
+):
+    wrong = start(config, wall_s=NOW_S + 60 * YEAR_S)
+    clock = SigningClock(tmp_path)
+    clock.keep({URL: wrong.timestamp}, {URL: wrong.reference})
+    clock.close()
+    link = start(config, wall_s=NOW_S)
+    assert link.reference == timestamp_at(NOW_S)
+    assert link.timestamp > wrong.timestamp  # peers refuse what is older than what they have heard
+    sender = SignedPeer(timestamp=timestamp_at(NOW_S - 30.0))
+    assert link.refusal(sender.ground_heartbeat()) is None
+    old = SignedPeer(system_id=2, timestamp=timestamp_at(NOW_S - 90.0))
+    assert link.refusal(old.ground_heartbeat()) is Refusal.OLD
+    assert "21900.0 days ahead of this computer's clock, not used" in caplog.text
+
+
+@pytest.mark.parametrize(
+    ("wall_s", "told"),
+    [(NOW_S - 2 * YEAR_S, False), (NOW_S - YEAR_S, True), (NOW_S, False)],
+)
+def test_on_a_computer_whose_clock_may_not_be_set_what_was_kept_is_believed(
+    config, tmp_path, caplog, wall_s, told
+):
+    clock = SigningClock(tmp_path)
+    clock.keep({URL: timestamp_at(NOW_S)}, {URL: timestamp_at(NOW_S)})
+    clock.close()
+    assert start(config, wall_s=wall_s).reference == timestamp_at(NOW_S)
+    assert ("where it is right delete the file, and restart" in caplog.text) is told
+
+
+def test_a_wall_clock_after_the_last_time_stamp_leaves_room_for_the_next(config):
+    link = start(config, wall_s=EPOCH_S + LATEST_TIMESTAMP / UNITS_PER_S + 1.0)
+    assert link.next_timestamp() < link.next_timestamp()
 
 
 def in_file(folder):

@@ -8,11 +8,16 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion.config import Supervision
+from moar_companion.frames import PlaneToLocal
 from moar_companion.service.conduct import Conduct
 from moar_companion.service.flight import Flight
-from moar_companion.types import Mission
+from moar_companion.service.motion import Jump, Setpoint
+from moar_companion.service.stream import Stream
+from moar_companion.site import Margin
+from moar_companion.types import AutopilotKind, Mission
 
-from .desk import INSPECTION, Desk
+from .desk import INSPECTION, Desk, usual_planner
 
 
 def jumped(setpoint):
@@ -80,3 +85,44 @@ def test_a_flight_that_is_stopped_seeks_its_way_out_from_where_it_stands(monkeyp
         desk.step()
     assert desk.set(plan_delay_s=0.04).answer_plan().run(0.5).state == "flying"
     assert desk.companion.status.task.mission is Mission.EXIT
+
+
+class Anywhere:
+    """A flight that lets a setpoint be anywhere, or nowhere: `reason`."""
+
+    margin_m, blown_to_m, reason = 0.9, None, None
+
+    def refusal(self, *_):
+        return self.reason
+
+    def keeps_clear(self, _place_m):
+        return True
+
+
+class Sent:
+    """A session that keeps the places of the setpoints that are handed to it."""
+
+    def __init__(self):
+        self.places_ned_m = []
+
+    def send_setpoint(self, place_ned_m, *_):
+        self.places_ned_m.append(place_ned_m)
+
+
+@pytest.mark.parametrize(("ends", "sent"), [(False, 2), (True, 1)])
+def test_what_a_jump_allows_a_setpoint_at_rest_ends_with_the_stream(ends, sent):
+    """A place outside what may be flown, to which no jump has taken this flight."""
+    planner, session, flight = usual_planner(), Sent(), Anywhere()
+    frame = planner.site.frame
+    plane = PlaneToLocal.between(frame, frame.to_geodetic((0.0, 0.0, 0.0)), AutopilotKind.PX4)
+    stream = Stream(session, planner.vehicle, Supervision(), Margin(position_m=0.9, tracking_m=0.0))
+    rest = Setpoint(position_m=(5.0, 0.0, 5.0), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
+    assert stream.send(rest, flight, plane, 1.0) is None
+    jump = Jump(step_m=(0.0, 0.0, 0.6), origin_step_m=(0.0, 0.0, 0.0), turn_rad=0.0)
+    stream.shift(jump, plane)
+    if ends:
+        stream.end()
+    flight.reason = "setpoint outside the workspace"
+    refused = stream.send(replace(rest, position_m=(5.0, 0.0, 5.6)), flight, plane, 1.02)
+    assert (refused is not None) is ends
+    assert len(session.places_ned_m) == sent

@@ -484,3 +484,17 @@ def test_a_heading_that_is_no_number_is_held_and_never_sent():
     setpoints = desk.setpoints(began)
     assert len(setpoints) == 25
     assert all(math.isfinite(m.yaw) and not any((m.vx, m.vy, m.vz)) for m in setpoints)
+
+
+def test_conditions_that_begin_or_end_together_are_recorded_in_the_order_of_the_ruling():
+    """The same in each process, whatever its strings hash to."""
+    desk = Desk()
+    desk.companion.tick(desk.now_s)
+    acting = [item.condition.name for item in desk.companion.ruling.conditions]
+    assert len(acting) > 5
+    began = [item.data["name"] for item in desk.companion.decisions() if item.kind == "condition"]
+    assert began == acting
+    desk.step()
+    ended = [item["name"] for item in desk.decided("condition") if not item["began"]]
+    assert len(ended) > 4
+    assert ended == sorted(ended, key=acting.index)

@@ -1,0 +1,75 @@
+"""Lost links as causes of PX4's failsafes: the pilot's sticks and the ground station.
+
+After PX4 v1.17.0's Failsafe::checkStateAndMode: what a loss asks for goes on when the link is back,
+until a mode is chosen; a mode that was chosen meanwhile is flown until the link is lost anew.
+"""
+
+from typing import Final
+
+from sitl.parameters import Parameters
+from sitl.px4.modes import Mode
+
+_EXCEPTED: Final = {Mode.MISSION: 1, Mode.HOLD: 2, Mode.TAKEOFF: 2, Mode.OFFBOARD: 4}
+"""Bits of COM_RCL_EXCEPT and COM_DLL_EXCEPT."""
+_NO_MANUAL_CONTROL: Final = 4
+"""COM_RC_IN_MODE."""
+
+
+class LinkLoss:
+    """One link: `due` from its loss until a mode is chosen."""
+
+    def __init__(self) -> None:
+        """Nothing is lost."""
+        self.due = False
+        self._overruled = False
+
+    def step(self, *, lost: bool) -> None:
+        """Look at the link; lost: and no exception is made of it."""
+        if not lost:
+            self._overruled = False
+        elif not self._overruled:
+            self.due = True
+
+    def overrule(self) -> None:
+        """Note that the pilot has chosen a mode."""
+        self._overruled = self._overruled or self.due
+        self.due = False
+
+
+class LinkLosses:
+    """Both links of an armed vehicle."""
+
+    def __init__(self, parameters: Parameters) -> None:
+        """Nothing is lost."""
+        self._parameters = parameters
+        self.sticks = LinkLoss()
+        self.ground_station = LinkLoss()
+        self._needs_sticks = False
+
+    def arm(self) -> None:
+        """Begin a flight; sticks that were not there at arming may be lost until they come."""
+        self.sticks, self.ground_station = LinkLoss(), LinkLoss()
+        self._needs_sticks = False
+
+    def step(self, intended: Mode, *, sticks: bool, ground_station: bool) -> None:
+        """Look at both, by the mode that is intended; True: the link is there."""
+        value = self._parameters.value
+        bit = _EXCEPTED.get(intended, 0)
+        self._needs_sticks = self._needs_sticks or sticks
+        self.sticks.step(
+            lost=not sticks
+            and self._needs_sticks
+            and value("COM_RC_IN_MODE") != _NO_MANUAL_CONTROL
+            and not int(value("COM_RCL_EXCEPT")) & bit
+        )
+        self.ground_station.step(
+            lost=not ground_station
+            and value("NAV_DLL_ACT") > 0
+            and intended is not Mode.LAND
+            and not int(value("COM_DLL_EXCEPT")) & bit
+        )
+
+    def overrule(self) -> None:
+        """Note that the pilot has chosen a mode."""
+        self.sticks.overrule()
+        self.ground_station.overrule()

@@ -1,0 +1,9 @@
+"""Hostile input for the companion: bytes, messages with hostile fields, coverage-guided.
+
+    .venv/bin/python -m tests.fuzz bytes [COUNT] [--lives FIRST:END]      10^7 bytes
+    .venv/bin/python -m tests.fuzz messages [COUNT] [--lives FIRST:END]   2 * 10^6 messages
+    .venv/bin/python -m tests.fuzz coverage [SECONDS]                     900 s; extra `fuzz`
+
+`flights` feeds the whole companion in flight beside the fake autopilots and judges every cycle;
+`coverage` feeds codec and session alone. The exit status is 1 when something was found.
+"""

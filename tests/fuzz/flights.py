@@ -1,0 +1,357 @@
+"""Hostile input in flight: the whole companion beside a fake autopilot, by the seed of a life.
+
+A life is a companion that hears bursts of hostile input, each 2 s, and in between flies on as an
+operator orders. In even lives PX4 flies, in odd ones ArduPilot. Of messages, in every second pair
+of lives none has the autopilot's ids from its own address. Judged are
+
+- every cycle (what arrived read, thought, and packed): no exception, and its processor time;
+- every setpoint: its form, and the obstacles on the site by the origin that was told;
+- where nobody speaks for the autopilot: setpoints never jump, and the aircraft touches nothing.
+"""
+
+from __future__ import annotations
+
+import gc
+import itertools
+import math
+import sys
+import time
+import traceback
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from random import Random
+
+import numpy as np
+
+from moar_companion.config import LinkConfig, LinkRole
+from moar_companion.mavlink.dialect import mavlink
+from moar_companion.mavlink.signing import Signing, SigningKey, timestamp_at
+from moar_companion.service.companion import Companion
+from moar_companion.service.intake import BUDGET_BYTES, LEAST_BYTES
+from moar_companion.service.surroundings import Ground
+from sitl.wire import packet_header, packets
+
+from ..benchmarks.soak import anonymous_mb, forget
+from ..copies import flown_once
+from ..flights import judging
+from ..flights.lockstep import COMPANION_LINK, Lockstep
+from ..flights.operator import EXIT, INSPECTION, Manner
+from .frames import OURS, Shape, frame, hostile_payload, nearly_frames, shape_of
+
+LONGEST_MS = 50.0
+SHOWN = 4
+"""So many rows of figures for a life."""
+BURST_STEPS = 150
+CALM_STEPS = 750
+"""At most, until it flies again."""
+_VAIN = 2
+"""After so many bursts without a flight a copy begins anew: messages are for flights."""
+ENDED = {"released", "overridden"}
+"""States without a stream."""
+AUTOPILOT = ("127.0.0.1", 14580)
+STATIONS, STREAM, SIGNED = "udp:0.0.0.0:14550", "tcp:127.0.0.1:5760", "udp:0.0.0.0:14551"
+SECRET = bytes(range(32))
+WALL_S = 1_800_000_000.0
+
+Place = tuple[str, tuple[str, int] | None]
+"""A link, and on those that listen an address."""
+Hostile = tuple[Place, bytes]
+Source = Callable[[], Iterator[Hostile]]
+"""What arrives in a cycle."""
+
+HOME: Place = (COMPANION_LINK, AUTOPILOT)
+STATION: Place = (STATIONS, ("10.0.0.3", 14550))
+ELSEWHERE: list[Place] = [
+    (STREAM, None),
+    *(
+        (link, (f"10.0.{net}.66", 4242))
+        for net in range(6)
+        for link in (COMPANION_LINK, STATIONS, SIGNED)
+    ),
+]
+OPERATORS = [(255, 190), (245, 190), (1, 154)]
+STRANGERS = [(42, 1), (2, 1), (51, 68), (0, 0), OURS, (1, 1), (255, 1)]
+
+
+class Cycles:
+    """A companion as the service runs it; the processor time of each cycle."""
+
+    def __init__(self, companion: Companion) -> None:
+        self.companion = companion
+        self.costs_ms: list[float] = []
+        self.arrived: list = []
+        self._out: list[tuple[str, bytes]] = []
+
+    def __getattr__(self, name: str):
+        return getattr(self.companion, name)
+
+    def receive(self, link, data, now_s, address) -> None:
+        self.arrived.append((now_s, link, data, address))
+
+    def tick(self, now_s: float) -> None:
+        arrived, self.arrived = self.arrived, []
+        began_ns = time.thread_time_ns()
+        self.companion.take_in(arrived, now_s)
+        self.companion.tick(now_s)
+        self._out = self.companion.data_to_send()
+        self.costs_ms.append((time.thread_time_ns() - began_ns) * 1e-6)
+        self.companion.packets_heard()
+
+    def data_to_send(self) -> list[tuple[str, bytes]]:
+        return [item for item in self._out if item[0] == COMPANION_LINK]
+
+
+class FuzzedFlight(Lockstep):
+    """A flight on four links, with what the autopilot said last."""
+
+    def __init__(self, **options) -> None:
+        self.last: dict[int, bytes] = {}
+        """The autopilot's last packet of each message."""
+        self.boot_s = 0.0
+        self._order_s = 0.0
+        super().__init__(**options)
+
+    def new_companion(self, before=None) -> Companion:
+        others = (
+            LinkConfig(url=STATIONS, role=LinkRole.OPERATOR),
+            LinkConfig(url=STREAM, role=LinkRole.OPERATOR),
+            LinkConfig(url=SIGNED, role=LinkRole.OPERATOR, signed=True),
+        )
+        config = replace(self.config, links=(*self.config.links, *others))
+        ground = Ground(site=self.flown_site, maps=self.planner.maps)
+        signing = Signing(key=SigningKey(SECRET), wall_s=WALL_S)
+        return Companion(config, self.vehicle, ground, before=before, signing=signing)
+
+    def hear(self, data: bytes) -> None:
+        for packet in packets(data):
+            number = packet_header(packet)[0]
+            self.last[number] = packet
+            if number == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED:
+                (self._position,) = self._position_codec.parse_buffer(packet)
+                self.boot_s = self._position.time_boot_ms * 1e-3
+        self.companion.receive(COMPANION_LINK, data, self.now_s, AUTOPILOT)
+
+    def fly_on(self, pick: Random) -> None:
+        """What the operator does once a second to have it fly."""
+        if self.now_s < self._order_s:
+            return
+        self._order_s = self.now_s + 1.0
+        if self.state == "ready" and not self.operator.in_mode("ours"):
+            self.operator.mode("ours")
+        elif self.state not in {"ready", "planning", "flying", "landing_leg"}:
+            self.operator.mission(pick.choice((INSPECTION, INSPECTION, EXIT)))
+
+
+@flown_once
+def hovering(manner: Manner) -> FuzzedFlight:
+    flight = FuzzedFlight(manner=manner)
+    flight.take_off()
+    return flight
+
+
+class Report:
+    """What was heard and found in a process."""
+
+    def __init__(self) -> None:
+        self.given = 0
+        self.companions = 0
+        self.by_state: Counter[str] = Counter()
+        self.costs_ms: list[np.ndarray] = []
+        self.found: list[str] = []
+
+    def find(self, words: str) -> None:
+        self.found.append(words)
+        sys.stdout.write(words + "\n")
+
+    def show(self, words: str) -> None:
+        """A row: how much was given, the memory, the longest cycle."""
+        greatest = max(max(costs, default=0.0) for costs in self.costs_ms)
+        row = f"| {words} | {self.given} | {anonymous_mb():.1f} MB | {greatest:.1f} ms |\n"
+        sys.stdout.write(row)
+        sys.stdout.flush()
+
+    def __str__(self) -> str:
+        costs = np.concatenate(self.costs_ms)
+        median, p99, p9999 = np.percentile(costs, (50.0, 99.0, 99.99))
+        states = ", ".join(
+            f"{state} {100 * count / self.given:.0f} %"
+            for state, count in self.by_state.most_common()
+        )
+        return (
+            f"{self.given} in {len(costs)} cycles of {self.companions} companions: {states}\n"
+            f"processor time of a cycle: median {median:.2f}, p99 {p99:.2f}, p99.99 {p9999:.2f}, "
+            f"greatest {costs.max():.2f} ms\nfound: {len(self.found)}\n"
+        )
+
+
+class Life:
+    """Bursts on one companion until so much was given."""
+
+    def __init__(self, what: str, seed: int, report: Report) -> None:
+        self.pick = Random(f"{what} {seed}")
+        self.what, self.seed, self.report = what, seed, report
+        self.manner = list(Manner)[seed % 2]
+        self.speaks_for_autopilot = what == "messages" and seed // 2 % 2 == 0
+        self.vain = 0
+        self._begin()
+        codec = self.flight.companion.companion._session._codecs[COMPANION_LINK]
+        self.shapes = [shape_of(mavlink.mavlink_map[number]) for number in sorted(codec._wanted)]
+
+    def _begin(self) -> None:
+        self.flight = hovering(self.manner)
+        self.cycles = self.flight.companion = Cycles(self.flight.companion)
+        self.report.companions += 1
+        # As in the service: what was there at the start is not looked through in a cycle.
+        gc.unfreeze()
+        gc.collect()
+        gc.freeze()
+
+    def live(self, count: int) -> None:
+        report = self.report
+        end, shown_every = report.given + count, max(1, count // SHOWN)
+        for burst in itertools.count():
+            name, before = f"life {self.seed}, burst {burst}", report.given
+            try:
+                self._calm()
+                self._burst(end)
+                self._judge()
+            except Exception as error:  # noqa: BLE001 - any is a finding
+                told = "".join(traceback.format_exception(error)[-3:])
+                report.find(f"{name}, state {self.flight.state}: {told}")
+                self._begin()
+            costs_ms = np.array(self.cycles.costs_ms)
+            report.costs_ms.append(costs_ms)
+            self.cycles.costs_ms.clear()
+            if max(costs_ms, default=0.0) > LONGEST_MS:
+                report.find(f"{name}: a cycle of {max(costs_ms):.0f} ms")
+            forget(self.flight)
+            if before // shown_every != report.given // shown_every:
+                report.show(name)
+            if report.given >= end:
+                break
+
+    def _calm(self) -> None:
+        """The operator has it fly; not always until it does."""
+        pick, flight = self.pick, self.flight
+        wanted = pick.choice(
+            [{"flying", "landing_leg"}] * 5 + [{"ready"}, {"landing_leg"}, {flight.state}]
+        )
+        self.vain += 1
+        for step in range(CALM_STEPS):
+            if flight.state in {"flying", "landing_leg"}:
+                self.vain = 0
+            if flight.state in wanted and step >= 20:
+                break
+            if not (flight.state == "ready" and "ready" in wanted):
+                flight.fly_on(pick)
+            flight.step()
+        if self.vain >= _VAIN:
+            self.vain = 0
+            self._begin()
+
+    def _burst(self, end: int) -> None:
+        flight, report = self.flight, self.report
+        source = self._messages() if self.what == "messages" else self._noise()
+        for _ in range(BURST_STEPS):
+            left = BUDGET_BYTES
+            for place, data in source():
+                if place != HOME and place[0] != STREAM:
+                    left -= max(LEAST_BYTES, len(data))
+                    if left < 0:
+                        break
+                flight.companion.receive(place[0], data, flight.now_s, place[1])
+                amount = 1 if self.what == "messages" else len(data)
+                report.given += amount
+                report.by_state[flight.state] += amount
+            self.pick.shuffle(self.cycles.arrived)
+            flight.step()
+            if report.given >= end:
+                break
+
+    def _messages(self) -> Source:
+        """Of this burst: who speaks, and of what."""
+        pick = self.pick
+        groups: list[list[tuple[Place, tuple[int, int]]]] = [
+            [(place, ids) for place in (HOME, STATION, (STREAM, None)) for ids in OPERATORS],
+            [(place, ids) for place in ELSEWHERE for ids in [*OPERATORS, *STRANGERS]],
+            [(HOME, ids) for ids in STRANGERS if ids != (1, 1)],
+        ]
+        if self.speaks_for_autopilot:
+            groups += [[(HOME, (1, 1))]] * 4
+        speakers = pick.choice([*groups, list(itertools.chain(*groups))])
+        shapes = pick.choice([self.shapes, pick.sample(self.shapes, pick.choice((1, 2, 5)))])
+        count = pick.choice((8, 30, 80))
+
+        def source() -> Iterator[Hostile]:
+            for _ in range(count):
+                place, ids = pick.choice(speakers)
+                yield place, self._message(pick.choice(shapes), place, ids)
+
+        return source
+
+    def _message(self, shape: Shape, place: Place, ids: tuple[int, int]) -> bytes:
+        pick, flight = self.pick, self.flight
+        genuine = flight.last.get(shape.message_class.id)
+        seq = pick.randrange(256)
+        if genuine is not None:
+            seq = genuine[4] if pick.random() < 0.8 else seq
+            genuine = genuine[10:-2]
+        signed = None
+        if place[0] == SIGNED and pick.random() < 0.8:
+            off_s = pick.choice((0.0, 0.0, 0.0, -100.0, 1e7))
+            signed = SECRET, timestamp_at(WALL_S + flight.now_s + off_s)
+        payload = hostile_payload(pick, shape, genuine, flight.boot_s)
+        return frame(shape.message_class, payload, ids, seq, signed)
+
+    def _noise(self) -> Source:
+        """Of this burst: where bytes come from, and how many pieces at once."""
+        pick, flight = self.pick, self.flight
+        everywhere = [HOME, *ELSEWHERE]
+        places = pick.choice([[HOME], [(STREAM, None)], ELSEWHERE, everywhere])
+        count = pick.choice((4, 20, 60))
+
+        def source() -> Iterator[Hostile]:
+            orders = [
+                self._message(pick.choice(self.shapes), place, (255, 190))
+                for place in (STATION, (SIGNED, None))
+            ]
+            genuine = [*flight.last.values(), *orders]
+            for _ in range(count):
+                yield pick.choice(places), nearly_frames(pick, genuine)
+
+        return source
+
+    def _judge(self) -> None:
+        flight = self.flight
+        if flight.setpoints:
+            judging.assert_the_stream_is_sound(flight)
+            self._take_last_setpoints()
+        if flight.setpoints:
+            room_m = judging.clearances_m(flight.site, judging.setpoint_places(flight))
+            assert min(room_m) > flight.vehicle.radius_m, "a setpoint inside an obstacle"
+        if not self.speaks_for_autopilot:
+            if flight.setpoints:
+                judging.assert_setpoints_never_jump(flight)
+            if not all(truth.on_ground for truth in flight.truths):
+                judging.assert_nothing_was_touched(flight)
+
+    def _take_last_setpoints(self) -> None:
+        """Sees that what ends a stream is where the one before was, at rest, and takes it out."""
+        flight, before = self.flight, None
+        for item in flight.setpoints:
+            if item.state in ENDED:
+                assert not any((item.message.vx, item.message.vy, item.message.vz))
+            if item.state in ENDED and before is not None:
+                ends = [(m.x, m.y, m.z) for m in (before.message, item.message)]
+                assert math.dist(*ends) < 2e-3 or self.speaks_for_autopilot, "the last one jumps"
+            before = item
+        flight.setpoints = [item for item in flight.setpoints if item.state not in ENDED]
+
+
+def run(what: str, count: int, seeds: Iterable[int]) -> Report:
+    """Lives of a count each."""
+    report = Report()
+    for seed in seeds:
+        Life(what, seed, report).live(count)
+    return report

@@ -1,0 +1,23 @@
+"""Reference traces: what the companion sends and decides in many flights in lockstep.
+
+    python -m tests.traces make|compare [--only PATTERN] [--workers N] [--renamed OLD=NEW,...]
+
+`make` flies all flights and stores a trace of each in tests/data/traces; `compare` flies them again
+and prints for each channel when a flight first differs from its trace, what was so then, and what
+is so now. Exit status of `compare`: 1 when anything differs. Channels:
+
+- setpoints: SET_POSITION_TARGET_LOCAL_NED packets with their times;
+- packets: all other packets of the companion but STATUSTEXT;
+- decisions: the records of decisions without their free texts;
+- texts: STATUSTEXT packets, and the free texts of decisions.
+
+A channel has a digest of everything in it, one of each second, and lines with rounded numbers: of
+the last setpoint of each second, of commands, decisions (but `status`) and texts. Packets are taken
+without sequence number, checksum and signature: one text more changes no setpoint.
+
+--renamed: words of decisions and texts that have changed on purpose. Where NEW stands alone between
+other words it is taken for OLD.
+
+Digests are exact on one processor, with one version of Python, numpy and numba; each trace names
+them. On another one numbers may differ by less than the lines are rounded to: `compare` says so.
+"""

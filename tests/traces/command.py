@@ -1,0 +1,93 @@
+"""The command: makes traces, or compares with them."""
+
+from __future__ import annotations
+
+import argparse
+import fnmatch
+import json
+import lzma
+import multiprocessing
+import sys
+import time
+from functools import partial
+from pathlib import Path
+
+import llvmlite.binding
+import numba
+import numpy as np
+
+from tests import traces
+
+from .flights import FLIGHTS
+from .trace import CHANNELS, Trace, difference, trace_of
+
+FOLDER = Path(__file__).parents[1] / "data" / "traces"
+MADE_WITH = {
+    "processor": llvmlite.binding.get_host_cpu_name(),
+    "python": ".".join(map(str, sys.version_info[:2])),
+    "numpy": np.__version__,
+    "numba": numba.__version__,
+}
+
+
+def path(name: str) -> Path:
+    return FOLDER / f"{name}.json.xz"
+
+
+def flown(name: str, renamed: dict[str, str]) -> tuple[str, Trace, str, float]:
+    """A flight's name, its trace, why it did not come to its end, and its processor time."""
+    began_s, failed = time.process_time(), ""
+    ready, fly = FLIGHTS[name]
+    flight = ready()
+    try:
+        fly(flight)
+    except AssertionError as error:
+        failed = f"not flown to its end: {error}"
+    return name, trace_of(flight, renamed), failed, time.process_time() - began_s
+
+
+def make(name: str, trace: Trace, failed: str) -> list[str]:
+    """Store a trace; why it cannot be stored."""
+    if failed:
+        return [failed]
+    text = json.dumps({"made_with": MADE_WITH, **trace}, indent=0)
+    path(name).write_bytes(lzma.compress(text.encode(), preset=9))
+    return []
+
+
+def compare(name: str, trace: Trace, failed: str) -> list[str]:
+    """How a flight differs from its trace."""
+    if not path(name).exists():
+        return ["has no trace"]
+    then = json.loads(lzma.decompress(path(name).read_bytes()))
+    found = [told for channel in CHANNELS if (told := difference(channel, then, trace))]
+    if found and then["made_with"] != MADE_WITH:
+        found.append(f"made with {then['made_with']}, compared with {MADE_WITH}")
+    return [*found, failed] if failed else found
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(
+        prog="python -m tests.traces",
+        description=traces.__doc__,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("do", choices=("make", "compare"))
+    parser.add_argument("--only", default="*", metavar="PATTERN", help="of flights: 'exit*'")
+    parser.add_argument("--workers", type=int, default=1, metavar="N")
+    parser.add_argument("--renamed", default="", metavar="OLD=NEW,...")
+    options = parser.parse_args(arguments)
+    names = fnmatch.filter(FLIGHTS, options.only)
+    if not names:
+        parser.error(f"no flight is named {options.only!r}")
+    pairs = [pair.split("=") for pair in options.renamed.split(",") if pair]
+    fly = partial(flown, renamed={new: old for old, new in pairs})
+    differing, spent_s = 0, 0.0
+    with multiprocessing.get_context("spawn").Pool(options.workers) as pool:
+        for name, trace, failed, took_s in pool.imap(fly, names):
+            found = (make if options.do == "make" else compare)(name, trace, failed)
+            differing, spent_s = differing + bool(found), spent_s + took_s
+            print("\n  ".join([f"{name}: {took_s:.1f} s", *found]), flush=True)  # noqa: T201
+    bad = "not made" if options.do == "make" else "differ"
+    print(f"{len(names)} flights, {differing} {bad}, {spent_s:.0f} s of processor")  # noqa: T201
+    return int(differing > 0)
