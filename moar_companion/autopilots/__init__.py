@@ -1,6 +1,6 @@
-"""What differs between PX4 and ArduPilot: their fences, and what each does by itself.
+"""Differences between PX4 and ArduPilot: their fences and their failsafe actions.
 
-A third autopilot is one more file. Pure: parameters in, `Failsafes` out.
+A third autopilot needs one more file. Pure: parameters in, `Failsafes` out.
 """
 
 from __future__ import annotations
@@ -15,14 +15,14 @@ _FILES = {AutopilotKind.PX4: px4, AutopilotKind.ARDUPILOT: ardupilot}
 
 
 def failsafe_parameters(kind: AutopilotKind) -> tuple[str, ...]:
-    """Names of the parameters that decide what an autopilot does by itself."""
+    """Names of the parameters that decide an autopilot's failsafe actions."""
     return tuple(_FILES[kind].DEFAULTS) if kind in _FILES else ()
 
 
 def failsafes_of(kind: AutopilotKind, parameters: Mapping[str, float | None]) -> Failsafes | None:
-    """The failsafes of an autopilot; None while a parameter is still asked for, or for its kind.
+    """Failsafes of an autopilot; None while a parameter is awaited, or for an unknown kind.
 
-    A parameter that was never told is taken at the autopilot's default, and named.
+    A parameter that was never reported has the autopilot's default, and is listed in `untold`.
     """
     names = failsafe_parameters(kind)
     if not names or not set(names) <= parameters.keys():

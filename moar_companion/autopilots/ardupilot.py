@@ -1,4 +1,4 @@
-"""ArduCopter: what it does by itself in GUIDED, by its parameters.
+"""ArduCopter: its failsafe actions in GUIDED, by its parameters.
 
 Sources: ArduCopter 4.6.3, `ArduCopter/events.cpp` (failsafe_radio_on_event,
 failsafe_gcs_on_event, handle_battery_failsafe, failsafe_deadreckon_check, do_failsafe_action),
@@ -33,7 +33,7 @@ DEFAULTS = {
 }
 """Parameters and their defaults in 4.6.3."""
 _RC_IN_GUIDED = 1 << 2
-"""Bit of FS_OPTIONS: GUIDED goes on without the remote control. There is none for the GCS."""
+"""Bit of FS_OPTIONS: GUIDED continues without the remote control. The GCS has no such bit."""
 _ACTIONS = {
     0: Action.NONE,
     1: Action.LAND,
@@ -44,9 +44,9 @@ _ACTIONS = {
     6: Action.RETURN,
     7: Action.HOLD,
 }
-"""FailsafeAction: of the battery and of dead reckoning. A smart return (3, 4) is taken for what it
-falls back to: whether it has a path (SRTL_POINTS, a buffer that is full) is not told, and on its
-path it cuts corners by SRTL_ACCURACY, 2 m."""
+"""FailsafeAction: of the battery and of dead reckoning. A smart return (3, 4) counts as its
+fallback: ArduPilot does not report if it has a path (SRTL_POINTS, a full buffer), and on that path
+it cuts corners by SRTL_ACCURACY, 2 m."""
 _RADIO = {
     0: Action.NONE,
     1: Action.RETURN,
@@ -61,27 +61,27 @@ _RADIO = {
 _GROUND_STATION = {**_RADIO, 3: Action.RETURN, 4: Action.LAND}
 """FS_GCS_ENABLE; any other value returns."""
 _DRIFT_M = 5.3
-"""After the loss of GPS, until the estimator's failsafe has landed it; measured on 4.6.3."""
+"""Drift after the loss of GPS until the estimator failsafe has landed; measured on 4.6.3."""
 _ESTIMATOR = {2: Action.DRIFT}
 """FS_EKF_ACTION: ALT_HOLD keeps the height and drifts; any other value lands."""
 _LEAST_HEIGHT_M = 0.3
-"""RTL_ALT_MIN."""
+"""Least height of a return, RTL_ALT_MIN."""
 _LEAST_SLOPE = 0.5
-"""RTL_MIN_CONE_SLOPE: below it there is no cone."""
+"""Least slope of the cone, RTL_MIN_CONE_SLOPE: none below it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Return:
-    """ArduPilot's way home (no rally points, no terrain): up, level, down; heights above home."""
+    """ArduPilot's return (no rally points, no terrain): up, level, down; heights above home."""
 
     altitude_m: float
     climb_m: float
     slope: float
-    """Of the cone over home below which it stays when near."""
+    """Slope of the cone over home below which a near return stays."""
 
     @classmethod
     def of(cls, value: Mapping[str, float]) -> Return:
-        """By parameters."""
+        """Return by the values of the parameters."""
         return cls(
             altitude_m=0.01 * value["RTL_ALT"],
             climb_m=0.01 * max(0.0, value["RTL_CLIMB_MIN"]),
@@ -89,7 +89,7 @@ class Return:
         )
 
     def height_m(self, height_m: float, distance_m: float) -> float:
-        """The height of the level part, from a height and a level distance to home."""
+        """Height of the level part, from a height and a level distance to home."""
         least_m = max(_LEAST_HEIGHT_M, height_m + self.climb_m)
         top_m = max(self.altitude_m, least_m)
         if self.slope >= _LEAST_SLOPE:
@@ -98,7 +98,7 @@ class Return:
 
 
 def actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
-    """What ArduPilot does by itself in GUIDED, by the values of all parameters of DEFAULTS."""
+    """Yields ArduPilot's failsafe actions in GUIDED, by the values of all of DEFAULTS."""
     home = Return.of(value)
     capacity_mah = value["BATT_CAPACITY"]
     for trigger, stage in ((Trigger.LOW_BATTERY, "LOW"), (Trigger.CRITICAL_BATTERY, "CRT")):
@@ -132,7 +132,7 @@ def actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
         home=home,
     )
     if value["EK3_DRAG_BCOEF_X"] > 0.0 or value["EK3_DRAG_MCOEF"] > 0.0:
-        # Dead reckoning needs an estimate of the wind, which a copter has by its drag alone.
+        # Dead reckoning needs a wind estimate, which a copter has only by its drag.
         yield FailsafeAction(
             trigger=Trigger.GPS_LOSS,
             action=_ACTIONS.get(int(value["FS_DR_ENABLE"]), Action.NONE),

@@ -1,4 +1,4 @@
-"""What an autopilot does by itself, and where that leads: triggers, actions, their straight paths.
+"""Failsafe actions of an autopilot: triggers, actions, and the straight paths they fly.
 
 Inputs: actions as `px4` and `ardupilot` read them from parameters; places in the plane; the reach
 to obstacles. Outputs: the obstacle that an action would hit from each place.
@@ -19,11 +19,11 @@ from ..planner.reach import Reach
 from ..types import Vector
 
 _LEAST_M = 1e-9
-"""A path that is shorter leads nowhere."""
+"""Least length of a path."""
 
 
 class Trigger(enum.Enum):
-    """The event on which an autopilot acts by itself; the value is for people."""
+    """Event that triggers a failsafe of the autopilot; the value is for people."""
 
     LOW_BATTERY = "low battery"
     CRITICAL_BATTERY = "critical battery"
@@ -39,7 +39,7 @@ LINKS = frozenset({Trigger.RC_LOSS, Trigger.GCS_LOSS})
 
 
 class Action(enum.Enum):
-    """What the autopilot does; the value completes "it would"."""
+    """Action of the autopilot; the value completes "it would"."""
 
     NONE = "go on"
     HOLD = "hold"
@@ -54,21 +54,21 @@ _DOWN = frozenset({Action.LAND, Action.DESCEND, Action.FALL})
 
 
 class ReturnHeight(Protocol):
-    """The height above home at which an autopilot returns."""
+    """Height above home at which an autopilot returns."""
 
     def height_m(self, height_m: float, distance_m: float) -> float:
-        """From a height above home and a level distance to it."""
+        """Height of the return, from a height above home and a level distance to it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FailsafeAction:
-    """One trigger and what follows.
+    """One trigger and its action.
 
-    setting: the parameter that decides, with its value, as people write it. remedy: what to set;
-    empty where no parameter mends it. charge, voltage_v: thresholds of a battery, None where there
-    is none. home: heights of a return; None: it leads elsewhere. drift_m: how far aside it has
-    been seen to be carried. Beside a line every place has something within that, so that no path is
-    better than another by it: it is for the check before a flight.
+    setting: the deciding parameter with its value, for people. remedy: parameter to set; empty if
+    no parameter prevents the action. charge, voltage_v: thresholds of a battery; None without one.
+    home: heights of a return; None: it leads elsewhere. drift_m: measured drift to the side, for
+    the preflight check only. Beside a power line every place has an obstacle within it, so that it
+    does not distinguish paths.
     """
 
     trigger: Trigger
@@ -83,10 +83,10 @@ class FailsafeAction:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Failsafes:
-    """Everything that an autopilot does by itself, where it is enabled.
+    """All failsafe actions that an autopilot has enabled.
 
-    home_m: its home in the site's frame; None where unknown. untold: parameters taken at their
-    defaults because the autopilot never told them.
+    home_m: its home in the site's frame; None if unknown. untold: parameters at their defaults
+    because the autopilot never reported them.
     """
 
     actions: tuple[FailsafeAction, ...] = ()
@@ -94,7 +94,7 @@ class Failsafes:
     untold: tuple[str, ...] = ()
 
     def of(self, triggers: Iterable[Trigger]) -> Failsafes:
-        """Those of some triggers."""
+        """Failsafes of some triggers."""
         wanted = frozenset(triggers)
         kept = tuple(item for item in self.actions if item.trigger in wanted)
         return replace(self, actions=kept)
@@ -102,9 +102,9 @@ class Failsafes:
     def hit(
         self, reach: Reach, places_m: FloatArray, *, drifting: bool = False
     ) -> tuple[FailsafeAction, Hit] | None:
-        """The first action that would hit something from some places (n, 2), and where.
+        """First action that would hit an obstacle from these places (n, 2), and its hit.
 
-        drifting: also where it is carried aside.
+        drifting: includes the drift to the side.
         """
         for item in self.actions:
             drift_m = item.drift_m if drifting else 0.0
@@ -115,7 +115,10 @@ class Failsafes:
         return None
 
     def exposed(self, reach: Reach, places_m: FloatArray, *, drifting: bool = False) -> BoolArray:
-        """Places (n, 2) from which an action would hit something: (n,). drifting: as `hit`."""
+        """Mask (n,) of the places (n, 2) from which an action hits an obstacle.
+
+        drifting: as in `hit`.
+        """
         exposed = np.zeros(len(places_m), dtype=np.bool_)
         looked_at: set[tuple[Action, ReturnHeight | None, float]] = set()
         for item in self.actions:
@@ -139,14 +142,14 @@ NO_FAILSAFES = Failsafes()
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hit:
-    """An obstacle in the way. index: of the first place from where it is."""
+    """Obstacle on a path. index: of the first place whose path hits it."""
 
     obstacle: str
     index: int
 
 
 Path = tuple[FloatArray, FloatArray]
-"""Straight paths from places (n, 2) to places (n, 2)."""
+"""Straight paths: starts (n, 2) and ends (n, 2)."""
 
 
 def paths(
@@ -157,11 +160,11 @@ def paths(
     home_m: Vector | None,
     drift_m: float = 0.0,
 ) -> list[Path]:
-    """The straight paths of an action; none where it stays.
+    """Straight paths of an action; none if it stays in place.
 
-    home_m: (x, y, z) in the site's frame. A return is looked at as far as it is in the plane, and
-    without a home as far as it climbs. drift_m: a descent is looked at from every cell that is no
-    farther aside; who holds his height is carried so far level.
+    home_m: (x, y, z) in the site's frame. A return has its path in the plane, without a home only
+    its climb. drift_m: a descent has a path from every cell within this distance to the side; a
+    hold of the height drifts level by it.
     """
     x_m, z_m = places_m.T
     if action is Action.DRIFT:
@@ -191,9 +194,9 @@ def paths(
 
 
 def first_hit(reach: Reach, ways: list[Path], *, from_within: bool = False) -> Hit | None:
-    """The first obstacle that is in the way, and of which place; None when there is none.
+    """First obstacle on these paths, and the index of its place; None without one.
 
-    from_within: also the one in whose keep-out a path begins, unless it leads away from it.
+    from_within: includes an obstacle whose keep-out contains the start, unless the path leaves it.
     """
     for starts_m, ends_m in ways:
         free_m, length_m, starts, direction, there = _looked_along(
@@ -211,10 +214,10 @@ def first_hit(reach: Reach, ways: list[Path], *, from_within: bool = False) -> H
 def _looked_along(
     reach: Reach, starts_m: FloatArray, ends_m: FloatArray, *, from_within: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
-    """Of straight paths what is free, and what there is of them on the grid (both in metres).
+    """Free length of straight paths, and their length on the grid, both in metres.
 
-    With where they begin there, their directions, and which of the paths they are. A home may be
-    an ocean away, by mistake, and a path is looked at cell by cell.
+    With their starts on the grid, their directions and their indices. Paths are clipped to the
+    grid: they are checked cell by cell, and a home may be wrong by thousands of kilometres.
     """
     along = ends_m - starts_m
     borders = np.array([reach.grid.lower_m, reach.grid.upper_m])[:, None]

@@ -1,6 +1,6 @@
 """The autopilot's own fence: its parameters and the uploaded areas as one value. Pure.
 
-Inputs: parameters by name, the items of the uploaded fence. Output: a `Fence`, in metres about home
+Inputs: parameters by name, the items of the uploaded fence. Output: a `Fence`, in metres from home
 and in degrees.
 
 Sources: PX4 v1.17, `navigator/geofence.cpp` (Geofence::checkPointAgainstAllGeofences; the distances
@@ -19,11 +19,11 @@ from ..types import AutopilotKind, FenceItem
 _ALTITUDE_MAX, _CIRCLE, _AREAS, _ALTITUDE_MIN = 1, 2, 4, 8
 """Bits of FENCE_TYPE."""
 _INCLUSION_UNION = 2
-"""Bit of FENCE_OPTIONS: the inclusion areas count together."""
+"""Bit of FENCE_OPTIONS: the union of the inclusion areas counts."""
 _POLYGON_INCLUSION, _POLYGON_EXCLUSION, _CIRCLE_INCLUSION, _CIRCLE_EXCLUSION = range(5001, 5005)
 """MAV_CMD_NAV_FENCE_*; 5000 is a return point, which limits nothing."""
 _HOLD = 2
-"""Of GF_ACTION."""
+"""Value of GF_ACTION."""
 
 _PARAMETERS = {
     AutopilotKind.PX4: ("GF_ACTION", "GF_MAX_HOR_DIST", "GF_MAX_VER_DIST", "GF_SOURCE"),
@@ -43,7 +43,7 @@ _PARAMETERS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limit:
-    """A limit that a parameter sets, in metres from home."""
+    """Limit set by a parameter, in metres from home."""
 
     parameter: str
     value_m: float
@@ -54,9 +54,9 @@ class Limit:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Area:
-    """An uploaded polygon or circle. inclusion: to be stayed in; else to be stayed out of.
+    """Uploaded polygon or circle. inclusion: the aircraft must stay inside; otherwise outside.
 
-    vertices_deg: (latitude, longitude) of each; of a circle, its centre alone. radius_m: of a
+    vertices_deg: (latitude, longitude) of each; of a circle only its centre. radius_m: of a
     circle; None for a polygon.
     """
 
@@ -68,12 +68,13 @@ class Area:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fence:
-    """All limits that are in force. union: one of the inclusion areas is enough.
+    """All limits in force. union: one of the inclusion areas is enough.
 
-    margin_m: what the autopilot itself is told to keep from its fence (FENCE_MARGIN).
-    action: in words. overrules_land: whether a LAND ordered outside is taken back.
-    source_gnss: whether the receiver's position counts, and not the estimator's (GF_SOURCE 1).
-    untold: parameters that the autopilot never told, the action aside: what they limit is unknown.
+    margin_m: distance that the autopilot keeps from its fence (FENCE_MARGIN). action: for people.
+    overrules_land: True if the autopilot overrides a LAND ordered outside.
+    source_gnss: True if the receiver's position counts, not the estimator's (GF_SOURCE 1).
+    untold: parameters that the autopilot never reported, except the action: their limits are
+    unknown.
     """
 
     circle: Limit | None = None
@@ -89,7 +90,7 @@ class Fence:
 
     @property
     def assumption(self) -> str | None:
-        """What is not known of it; None when all was told."""
+        """Text of the unknown parameters; None if all were reported."""
         if not self.untold:
             return None
         count, names = len(self.untold), ", ".join(self.untold)
@@ -98,12 +99,12 @@ class Fence:
 
     @property
     def about_home(self) -> bool:
-        """Whether home has to be known to know where the fence is."""
+        """True if the fence's position depends on home."""
         return any((self.circle, self.ceiling, self.floor))
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All limits in words; none where there is no fence."""
+        """Texts of all limits; empty without a fence."""
         limits = [str(limit) for limit in (self.circle, self.ceiling, self.floor) if limit]
         return (*limits, *(area.name for area in self.areas))
 
@@ -120,7 +121,7 @@ _ARDUPILOT_ACTIONS = {
 
 
 def fence_parameters(kind: AutopilotKind) -> tuple[str, ...]:
-    """Names of the parameters that make an autopilot's fence."""
+    """Names of the parameters of an autopilot's fence."""
     return _PARAMETERS.get(kind, ())
 
 
@@ -131,11 +132,11 @@ def fence_of(
     *,
     enabled: bool = False,
 ) -> Fence | None:
-    """The fence; None while a parameter is still asked for.
+    """Fence of an autopilot; None while a parameter is awaited.
 
-    parameters: None as a value says that the autopilot never told it. enabled: whether SYS_STATUS
-    tells of a fence: ArduPilot's RC switch, mission items and DO_FENCE_ENABLE change no parameter
-    (AC_Fence::enable); what they switch off counts while a parameter has it on.
+    parameters: None as a value means never reported. enabled: True if SYS_STATUS reports a fence.
+    ArduPilot's RC switch, mission items and DO_FENCE_ENABLE change no parameter
+    (AC_Fence::enable). A fence that they disable still counts while a parameter enables it.
     """
     names = fence_parameters(kind)
     if any(name not in parameters for name in names):
@@ -185,10 +186,10 @@ def _limit(values: Mapping[str, float], name: str, *, on: float) -> Limit | None
 
 
 def areas_of(items: Iterable[FenceItem]) -> tuple[Area, ...]:
-    """The areas that items of an uploaded fence make.
+    """Areas of the items of an uploaded fence.
 
-    A polygon's vertices follow each other, each with their number (param1). One that is not
-    complete is taken as far as it goes.
+    A polygon's vertices follow each other, each with their number (param1). An incomplete polygon
+    has the vertices that are present.
     """
     areas: list[Area] = []
     waiting = list(items)

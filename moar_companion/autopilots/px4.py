@@ -1,4 +1,4 @@
-"""PX4: what it does by itself in OFFBOARD, by its parameters.
+"""PX4: its failsafe actions in OFFBOARD, by its parameters.
 
 Sources: PX4 v1.17, `src/modules/commander/failsafe/failsafe.cpp` (fromNavDllOrRclActParam,
 fromBatteryWarningActParam, fromOffboardLossActParam, checkModeFallback), `framework.cpp`
@@ -28,11 +28,11 @@ DEFAULTS = {
     "RTL_RETURN_ALT": 30.0,
     "RTL_TYPE": 0.0,
 }
-"""Parameters and their defaults in v1.17; RTL_RETURN_ALT as `init.d/rc.mc_defaults` has it."""
+"""Parameters and their defaults in v1.17; RTL_RETURN_ALT from `init.d/rc.mc_defaults`."""
 _DRIFT_M = 4.5
-"""After the loss of GPS in OFFBOARD, until it lands; measured on v1.17."""
+"""Drift after the loss of GPS in OFFBOARD until landing; measured on v1.17."""
 _OFFBOARD_BIT = 4
-"""Of COM_RCL_EXCEPT and COM_DLL_EXCEPT."""
+"""Bit of COM_RCL_EXCEPT and COM_DLL_EXCEPT."""
 _OFFBOARD_LOSS = {
     0: (None, "position mode; without sticks by NAV_RCL_ACT"),
     1: (None, "altitude mode; without sticks by NAV_RCL_ACT"),
@@ -43,7 +43,7 @@ _OFFBOARD_LOSS = {
     6: (Action.FALL, "terminate"),
     7: (Action.FALL, "disarm"),
 }
-"""COM_OBL_RC_ACT: what comes of it, None as NAV_RCL_ACT says, and PX4's own word."""
+"""COM_OBL_RC_ACT: the resulting action (None: that of NAV_RCL_ACT), and PX4's name for it."""
 _UNKNOWN = (Action.RETURN, "not known here, taken for a return")
 _LINK_LOSS = {
     0: Action.NONE,
@@ -53,17 +53,17 @@ _LINK_LOSS = {
     5: Action.FALL,
     6: Action.FALL,
 }
-"""NAV_RCL_ACT, NAV_DLL_ACT; any other value does nothing."""
+"""NAV_RCL_ACT, NAV_DLL_ACT; any other value means no action."""
 _BATTERY = {
     1: (Action.RETURN, Action.RETURN),
     2: (Action.LAND, Action.LAND),
     3: (Action.RETURN, Action.LAND),
 }
-"""COM_LOW_BAT_ACT: at BAT_CRIT_THR, at BAT_EMERGEN_THR; at BAT_LOW_THR it only warns."""
+"""COM_LOW_BAT_ACT: at BAT_CRIT_THR, at BAT_EMERGEN_THR; at BAT_LOW_THR PX4 only warns."""
 
 
 def offboard_loss(value: Mapping[str, float]) -> tuple[Action, str]:
-    """What PX4 does without setpoints and sticks, and its own word for COM_OBL_RC_ACT."""
+    """Action of PX4 without setpoints and sticks, and PX4's name of COM_OBL_RC_ACT's value."""
     action, word = _OFFBOARD_LOSS.get(int(value["COM_OBL_RC_ACT"]), _UNKNOWN)
     if action is None:
         action = _LINK_LOSS.get(int(value["NAV_RCL_ACT"]), Action.RETURN)
@@ -72,21 +72,21 @@ def offboard_loss(value: Mapping[str, float]) -> tuple[Action, str]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Return:
-    """PX4's way home (RTL_TYPE 0, no rally points): up, level, down; heights above home.
+    """PX4's return (RTL_TYPE 0, no rally points): up, level, down; heights above home.
 
-    As its `calculate_return_alt_from_cone_half_angle`.
+    As in PX4's `calculate_return_alt_from_cone_half_angle`.
     """
 
     altitude_m: float
     cone_rad: float
-    """Half angle of the cone over home below which it stays when near; 0: there is none."""
+    """Half angle of the cone over home below which a near return stays; 0: no cone."""
     least_m: float
-    """Nearer to home than this it is near."""
+    """Distance to home up to which a return is near."""
     arrived_m: float
 
     @classmethod
     def of(cls, value: Mapping[str, float]) -> Return | None:
-        """By parameters; None where it leads elsewhere."""
+        """Return by the values of the parameters; None if it leads elsewhere than home."""
         if value["RTL_TYPE"]:
             return None
         return cls(
@@ -97,7 +97,7 @@ class Return:
         )
 
     def height_m(self, height_m: float, distance_m: float) -> float:
-        """The height of the level part, from a height and a level distance to home."""
+        """Height of the level part, from a height and a level distance to home."""
         if self.cone_rad <= 0.0:
             return max(height_m, self.altitude_m)
         if distance_m <= self.arrived_m:
@@ -110,7 +110,7 @@ class Return:
 
 
 def actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
-    """What PX4 does by itself in OFFBOARD, by the values of all parameters of DEFAULTS."""
+    """Yields PX4's failsafe actions in OFFBOARD, by the values of all parameters of DEFAULTS."""
     home = Return.of(value)
     battery = int(value["COM_LOW_BAT_ACT"])
     for trigger, threshold, action in zip(
@@ -142,8 +142,8 @@ def actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
         )
     offboard = f"COM_OBL_RC_ACT {value['COM_OBL_RC_ACT']:g}"
     lost, _ = offboard_loss(value)
-    # Setpoints of a position need one: without it the loss of OFFBOARD acts, and whatever needs a
-    # position, too, falls back to a descent, which ALTCTL without sticks is as well.
+    # Position setpoints need a position: without one the offboard-loss action runs. An action that
+    # needs a position, too, falls back to a descent. ALTCTL without sticks is a descent as well.
     yield FailsafeAction(
         trigger=Trigger.GPS_LOSS,
         action=Action.FALL if lost is Action.FALL else Action.DESCEND,

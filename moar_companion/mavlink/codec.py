@@ -1,8 +1,8 @@
 """Bytes to messages and back: MAVLink 1 and 2 framing, checks, signatures, numbers. No I/O.
 
 pymavlink's own parser drops as many bytes as a false start marker claims, up to 280, and builds
-every message. This one steps over a false marker by one byte, and builds only what is wanted: PX4
-sends 350 messages a second, half of which concern us.
+every message. This parser skips one byte at a false marker and builds only the wanted messages.
+PX4 sends 350 messages a second; the companion needs half of them.
 
 Source: https://mavlink.io/en/guide/serialization.html.
 """
@@ -23,13 +23,13 @@ from .signing import SIGNATURE_BYTES, SIGNED_FLAG, LinkSigning, Refusal
 _MARKERS = re.compile(b"[\xfd\xfe]")
 _MARKER_V2 = 0xFD
 _OVERHEAD_V1 = 8
-"""Bytes of a MAVLink 1 frame about its payload: header 6, checksum 2."""
+"""Bytes of a MAVLink 1 frame around its payload: header 6, checksum 2."""
 _OVERHEAD_V2 = 12
-"""Bytes of a MAVLink 2 frame about its payload: header 10, checksum 2."""
+"""Bytes of a MAVLink 2 frame around its payload: header 10, checksum 2."""
 
 _LATE_WINDOW = 80
-"""Packets that come up to so much later than their successor are late, not the end of a round of
-256: those of 0.15 s of PX4 (412 a second), on a link that delays each by 50 to 200 ms."""
+"""Packets by which a late one may be behind; more is a wrap at 256. Delays of 50 to 200 ms shift a
+packet by 0.15 s, in which PX4 sends 62 (412 a second)."""
 
 _SECRETS = frozenset(
     {int(mavlink.MAVLINK_MSG_ID_AUTH_KEY), int(mavlink.MAVLINK_MSG_ID_SETUP_SIGNING)}
@@ -38,8 +38,8 @@ _SECRETS = frozenset(
 _RADIO_WORDS = frozenset(
     {int(mavlink.MAVLINK_MSG_ID_RADIO_STATUS), int(mavlink.MAVLINK_MSG_ID_RADIO)}
 )
-"""What a telemetry radio puts into the stream without a key: refused as all that is unsigned, but
-not counted, because it comes each second on a healthy link."""
+"""Status messages that a telemetry radio inserts unsigned. They are refused like all unsigned
+packets, but not counted: a healthy link carries one each second."""
 
 _ANSWERS = frozenset(
     {
@@ -53,10 +53,10 @@ _ANSWERS = frozenset(
         int(mavlink.MAVLINK_MSG_ID_STATUSTEXT),
     }
 )
-"""What comes in bursts, when somebody asks for it or there is something to say."""
+"""Messages that are no streams: they come in bursts, on a request or an event."""
 
 _MOST_SOURCES = 256
-"""Of which packets are counted: ids that anybody invents need no memory."""
+"""Limit of sources with counted packets: invented ids must not fill the memory."""
 
 _BITS_REVERSED = bytes(int(f"{byte:08b}"[::-1], 2) for byte in range(256))
 
@@ -71,7 +71,7 @@ def checksum(data: bytes | bytearray) -> int:
 class SourceStatistics:
     """Packets of one source on one link, by the sequence numbers of their headers.
 
-    off_stream: those of the received that belong to no stream that is read.
+    off_stream: received packets that belong to no stream that the companion reads.
     """
 
     received: int
@@ -80,7 +80,7 @@ class SourceStatistics:
 
 
 class _Source:
-    """The sequence of one source: which of the last numbers have come."""
+    """Sequence of one source: which of the last numbers were received."""
 
     __slots__ = ("_last", "_seen", "lost", "off_stream", "received")
 
@@ -92,7 +92,7 @@ class _Source:
         self._seen = 0
 
     def hear(self, sequence: int) -> None:
-        """Counts a packet; what is missing before it is lost until it comes late."""
+        """Counts a packet; packets missing before it count as lost until they arrive late."""
         if self._last is None:
             self._last = sequence
             self._seen = (1 << _LATE_WINDOW) - 1
@@ -109,19 +109,18 @@ class _Source:
             return
         self.received += 1
         if sequence != 0 or ahead <= _LATE_WINDOW:
-            # A leap to 0 is a sender that restarted.
+            # A jump to 0 is a restart of the sender.
             self.lost += ahead - 1
         self._last = sequence
         self._seen = (self._seen << ahead | 1) & ((1 << _LATE_WINDOW) - 1)
 
 
 class Codec:
-    """One link's framing: bytes in any portions to messages, messages to bytes.
+    """Framing of one link: bytes in any portions to messages, messages to bytes.
 
-    system_id, component_id: ours, in everything encoded. wanted: the ids of messages to build;
-    others are checked and counted only. None builds all that the dialect knows. signing: with it
-    all that is sent is signed, and what is not signed correctly is refused; without it signatures
-    are read past.
+    system_id, component_id: the companion's, in every encoded packet. wanted: ids of the messages
+    to build; others are only checked and counted; None builds all of the dialect. signing: signs
+    every sent packet and refuses packets without a correct signature; None ignores signatures.
     """
 
     def __init__(
@@ -140,28 +139,28 @@ class Codec:
             self._packer.signing.link_id = signing.link_id
             self._packer.signing.sign_outgoing = True
         self.whole_packets = False
-        """Whether all bytes of one `receive` are a datagram of whole packets: its first byte that
-        begins no sound one ends it. So its cost is that of the packets in it."""
+        """True where one `receive` gets one datagram of whole packets. The first byte that starts
+        no valid packet ends the datagram, so the cost is that of its packets."""
         self._buffer = bytearray()
         self._sources: dict[tuple[int, int], _Source] = {}
         self.packets: list[bytes] = []
-        """The packets that the last `receive` completed, wanted or not, for a record.
+        """Packets that the last `receive` completed, wanted or not, for a record.
 
-        Those that carry a secret (SETUP_SIGNING, AUTH_KEY), and those refused, are left out."""
+        Without refused packets and those with a secret (SETUP_SIGNING, AUTH_KEY)."""
         self.sound_sources: set[tuple[int, int]] = set()
-        """Sources of the packets of the last `receive` whose checksum or signature is right."""
+        """Sources of the packets of the last `receive` with a correct checksum or signature."""
         self.unwanted: list[tuple[tuple[int, int], int]] = []
         """Source and message id of the streamed messages that the last `receive` did not build."""
         self.unknown_messages = 0
-        """Frames of messages that the dialect does not have; their checksum cannot be verified."""
+        """Count of frames of messages outside the dialect; their checksum cannot be verified."""
         self.dropped_bytes = 0
-        """Bytes that belonged to no frame: noise, and what corruption left."""
+        """Bytes outside frames: noise and remains of corrupted frames."""
         self.refused = dict.fromkeys(Refusal, 0) if signing is None else signing.refused
-        """Whole packets that their signature, or the lack of one, has refused on this link."""
+        """Whole packets refused on this link for their signature or the lack of one, by reason."""
 
     @property
     def system_id(self) -> int:
-        """The system id in everything encoded from now on."""
+        """System id of every packet encoded from now on."""
         return int(self._packer.srcSystem)
 
     @system_id.setter
@@ -169,7 +168,7 @@ class Codec:
         self._packer.srcSystem = system_id
 
     def statistics(self, system_id: int, component_id: int) -> SourceStatistics:
-        """What came from one source on this link."""
+        """Packet counts of one source on this link."""
         source = self._sources.get((system_id, component_id))
         if source is None:
             return SourceStatistics(received=0, lost=0)
@@ -179,11 +178,11 @@ class Codec:
 
     @property
     def sources(self) -> list[tuple[int, int]]:
-        """System and component ids of all that were heard, in order."""
+        """System and component ids of all received sources, in order."""
         return list(self._sources)
 
     def encode(self, message: Message) -> bytes:
-        """The message as a MAVLink 2 packet under our ids and this link's next sequence number."""
+        """Message as a MAVLink 2 packet with the companion's ids and the next sequence number."""
         if self._signing is not None:
             self._packer.signing.timestamp = self._signing.next_timestamp()
         data = bytes(message.pack(self._packer))
@@ -191,15 +190,15 @@ class Codec:
         return data
 
     def forget(self) -> None:
-        """Begins anew: no bytes wait for the rest of their frame, and no source is known."""
+        """Resets the parser: drops incomplete frames and all known sources."""
         self._buffer.clear()
         self._sources.clear()
 
     def receive(self, data: bytes) -> list[Message]:
-        """The wanted messages that these bytes complete; never raises.
+        """Returns the wanted messages that these bytes complete; never raises.
 
-        Bytes may come split anywhere. Noise, corrupted and truncated frames are stepped over.
-        `get_signed()` of a message tells whether its packet was correctly signed.
+        Bytes may be split anywhere. Noise, corrupted and truncated frames are skipped.
+        `get_signed()` of a message is True if its packet was correctly signed.
         """
         buffer = self._buffer
         buffer += data
@@ -235,7 +234,7 @@ class Codec:
         return messages
 
     def _accept(self, buffer: bytearray, position: int, size: int, messages: list[Message]) -> bool:
-        """Whether a frame is one; counts it, and appends its message when it is wanted."""
+        """Returns True for a valid frame; counts it and appends its message if wanted."""
         length = buffer[position + 1]
         sequence, system_id, component_id, message_id, payload_start = _header(buffer, position)
         payload_end = payload_start + length
@@ -246,8 +245,8 @@ class Codec:
         refusal = None if self._signing is None else self._signing.refusal(packet)
         source = self._sources.get((system_id, component_id))
         if message_class is None:
-            # Without its definition a frame cannot be checked but by its signature: else it counts
-            # when its source is known and a frame follows it, or noise would pass for it.
+            # A frame of an unknown message can only be checked by its signature. Unsigned, the
+            # frame counts if its source is known and a frame follows; noise would pass otherwise.
             after = position + size
             if self._signing is None:
                 if source is None or (after < len(buffer) and buffer[after] not in {0xFD, 0xFE}):
@@ -287,7 +286,7 @@ class Codec:
         return True
 
     def _new_source(self, system_id: int, component_id: int) -> _Source:
-        """Begins to count a source; of too many, forgets that of the fewest packets."""
+        """Starts to count a source; beyond the limit, drops the source with the fewest packets."""
         sources = self._sources
         if len(sources) >= _MOST_SOURCES:
             del sources[min(sources, key=lambda ids: sources[ids].received)]
@@ -296,7 +295,7 @@ class Codec:
 
 
 def is_sound(buffer: bytes | bytearray, position: int) -> bool | None:
-    """Whether the whole frame that starts here has its checksum; None: its message is unknown."""
+    """Returns True if the whole frame at `position` has its checksum; None: unknown message."""
     *_, message_id, payload_start = _header(buffer, position)
     message_class = mavlink.mavlink_map.get(message_id)
     if message_class is None:
@@ -311,7 +310,7 @@ def packet_source(packet: bytes) -> tuple[int, int]:
 
 
 def _header(buffer: bytes | bytearray, position: int) -> tuple[int, int, int, int, int]:
-    """Sequence, system, component and message id of a frame, and where its payload starts."""
+    """Sequence, system, component and message id of a frame, and the start of its payload."""
     if buffer[position] == _MARKER_V2:
         sequence, system_id, component_id, low, middle, high = buffer[position + 4 : position + 10]
         return sequence, system_id, component_id, low | middle << 8 | high << 16, position + 10
@@ -328,9 +327,9 @@ def _is_sound(
 
 
 def frame_size(buffer: bytes | bytearray, position: int, end: int) -> int | None:
-    """Length of the frame that starts here; None: not told yet; 0: no frame starts here.
+    """Length of the frame at `position`; None: more bytes are needed; 0: no frame starts there.
 
-    There is a marker at `position`; `end` is the buffer's.
+    `position` must hold a marker; `end` is the buffer's.
     """
     if end - position < 3:
         return None
@@ -344,9 +343,9 @@ def frame_size(buffer: bytes | bytearray, position: int, end: int) -> int | None
 
 
 def _build(message_class: Any, payload: bytes) -> Message:
-    """The message of a payload; MAVLink 2 cuts trailing zeros, which come back here.
+    """Message of a payload; restores the trailing zeros that MAVLink 2 cuts.
 
-    A payload longer than known has fields of a newer definition at its end: they are ignored.
+    A payload longer than the definition ends with fields of a newer one: they are ignored.
     """
     size = message_class.unpacker.size
     values = message_class.unpacker.unpack(payload.ljust(size, b"\x00")[:size])
@@ -355,7 +354,7 @@ def _build(message_class: Any, payload: bytes) -> Message:
 
 @cache
 def _arranger(message_class: Any) -> Callable[[tuple[Any, ...]], Any]:
-    """A function from unpacked values in wire order to the constructor's arguments."""
+    """Function from unpacked values in wire order to the constructor's arguments."""
     lengths = message_class.lengths
     orders = message_class.orders
     if len(orders) == 1:

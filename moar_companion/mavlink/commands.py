@@ -5,10 +5,10 @@
 | MAV_CMD_USER_1 (31010) | 0 to 4, see `_MISSIONS` | index | MissionCommand |
 | MAV_CMD_DO_PAUSE_CONTINUE (193) | 0 pause, 1 continue | | PauseContinue |
 
-Addressed to us, everything is answered, the unknown with UNSUPPORTED. Addressed to component 0,
-only these two: both autopilots broadcast commands that are none of our business (PX4 sends
-gimbal commands in landing and RTL). What belongs to the autopilot is not in the table, so
-DO_SET_MISSION_CURRENT and DO_REPOSITION are answered only when they are addressed to us exactly.
+The companion answers every command addressed to it, unknown ones with UNSUPPORTED. Of commands to
+component 0 it answers only these two: both autopilots broadcast commands for other components (PX4
+sends gimbal commands in landing and RTL). DO_SET_MISSION_CURRENT and DO_REPOSITION belong to the
+autopilot: the companion answers them only when they carry exactly its address.
 
 Source: https://mavlink.io/en/services/command.html.
 """
@@ -28,21 +28,21 @@ MissionWord = Mission | Literal["hold", "release"]
 _MISSIONS: tuple[MissionWord, ...] = (
     "hold", Mission.INSPECTION, Mission.EXIT, Mission.EVACUATION, "release"
 )  # fmt: skip
-"""By param1 of MAV_CMD_USER_1."""
+"""Orders by param1 of MAV_CMD_USER_1."""
 
 _MAX_INDEX = 65535
-"""No site file has more targets; a float holds such integers exactly."""
+"""Greatest index: no site file has more targets, and a float holds such integers exactly."""
 
 
 class CommandResult(enum.IntEnum):
     """MAV_RESULT."""
 
     ACCEPTED = 0
-    """Will try."""
+    """The companion will try."""
     TEMPORARILY_REJECTED = 1
     """Busy or not ready."""
     DENIED = 2
-    """A parameter is bad, or what it asks for cannot be."""
+    """A parameter is invalid, or the request is impossible."""
     UNSUPPORTED = 3
     FAILED = 4
     IN_PROGRESS = 5
@@ -52,7 +52,7 @@ class CommandResult(enum.IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sender:
-    """Who sent a command, and over which of our links."""
+    """Sender of a command, and the companion's link that received it."""
 
     link: str
     system_id: int
@@ -61,40 +61,40 @@ class Sender:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """A command to us; its parameters 1 to 7, NaN as None."""
+    """Command to the companion; its parameters 1 to 7, NaN as None."""
 
     sender: Sender
     command: int
     parameters: tuple[float | None, ...]
     permitted: bool = True
-    """Whether its sender may command; what only holds is taken from anybody."""
+    """True if its sender may command; holds and pauses are accepted from any sender."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionCommand(Command):
-    """MAV_CMD_USER_1: awaits an answer."""
+    """MAV_CMD_USER_1; the ledger waits for its answer."""
 
     mission: MissionWord
     index: int | None
-    """Of the target or landing point, 0-based; None: all targets in turn, any landing point."""
+    """Index of the target or landing point, 0-based; None: all targets in turn, any point."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PauseContinue(Command):
-    """MAV_CMD_DO_PAUSE_CONTINUE: awaits an answer."""
+    """MAV_CMD_DO_PAUSE_CONTINUE; the ledger waits for its answer."""
 
     pause: bool
 
 
 def stops(command: Command) -> bool:
-    """Whether a command ends motion: given once too often, it does no harm."""
+    """Returns True for a command that ends motion: a repeat of it is harmless."""
     return holds(command) or (isinstance(command, MissionCommand) and command.mission == "release")
 
 
 def holds(command: Command) -> bool:
-    """Whether a command is a hold or a pause.
+    """Returns True for a hold or a pause.
 
-    Not a release: what the autopilot does once the setpoints end may be a return, with a climb.
+    Not for a release: once setpoints end, the autopilot may return, with a climb.
     """
     if isinstance(command, PauseContinue):
         return command.pause
@@ -103,26 +103,26 @@ def holds(command: Command) -> bool:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class UnsupportedCommand(Command):
-    """A command that we do not know; it has been answered."""
+    """Unknown command; already answered."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DeniedCommand(Command):
-    """A command with a bad parameter; it has been answered."""
+    """Command with an invalid parameter, or of a sender that may not command; already answered."""
 
     reason: str
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommandCancelled:
-    """COMMAND_CANCEL for a command that had no final answer yet; it has been answered."""
+    """COMMAND_CANCEL for a command without a final answer; already answered."""
 
     command: Command
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Answer:
-    """A COMMAND_ACK and where it goes."""
+    """COMMAND_ACK and its receiver."""
 
     receiver: Sender
     command: int
@@ -144,7 +144,10 @@ class Answer:
 
 
 def interpret(message: Message, *, link: str, system_id: int, component_id: int) -> Command | None:
-    """What a COMMAND_LONG or COMMAND_INT asks of us (our ids); None: not for us. Never raises."""
+    """Returns the command of a COMMAND_LONG or COMMAND_INT; None: other addressee. Never raises.
+
+    system_id, component_id: the companion's.
+    """
     if message.target_system not in {0, system_id}:
         return None
     if message.target_component not in {0, component_id}:
@@ -164,7 +167,7 @@ def interpret(message: Message, *, link: str, system_id: int, component_id: int)
 
 
 class _Given(TypedDict):
-    """What all commands have."""
+    """Fields that all commands have."""
 
     sender: Sender
     command: int

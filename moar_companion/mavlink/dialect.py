@@ -1,9 +1,9 @@
-"""The MAVLink messages known here: pymavlink's `all` dialect and those it lacks.
+"""MAVLink messages of the companion: pymavlink's `all` dialect and the messages it lacks.
 
-PX4 sends LINK_NODE_STATUS, EVENT, CURRENT_EVENT_SEQUENCE, COMPONENT_METADATA and ESC_STATUS by
-itself, ground stations send COMMAND_CANCEL, TIMESYNC has had a target for years, and none of
-pymavlink 2.4.50's dialects knows it. Importing this module adds them to the dialect's
-`mavlink_map`, where a later pymavlink that knows one keeps its own.
+PX4 sends LINK_NODE_STATUS, EVENT, CURRENT_EVENT_SEQUENCE, COMPONENT_METADATA and ESC_STATUS
+unrequested. Ground stations send COMMAND_CANCEL. TIMESYNC has target fields. No dialect of
+pymavlink 2.4.50 has these definitions. Importing this module adds them to the dialect's
+`mavlink_map`; a definition of a later pymavlink with all these fields has precedence.
 
 Source: the message definitions of mavlink/mavlink (common.xml, development.xml); checked against
 recordings of PX4 v1.17 and v1.18.
@@ -28,7 +28,7 @@ __all__ = [
 ]
 
 Message = Any
-"""An instance of one of pymavlink's generated message classes."""
+"""Instance of one of pymavlink's generated message classes."""
 
 LINK_NODE_STATUS_ID = 8
 ESC_STATUS_ID = 291
@@ -49,7 +49,7 @@ _FORMATS = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Definition:
-    """A message as it is on the wire: fields in wire order, each a type, a name, a length."""
+    """Definition of a message: fields in wire order, each a type, a name, a length."""
 
     message_id: int
     name: str
@@ -189,7 +189,7 @@ _DEFINITIONS = (
 
 
 def _message_class(definition: _Definition) -> Any:
-    """A message class such as pymavlink generates; its constructor takes the wire order."""
+    """Message class such as pymavlink generates; its constructor takes the wire order."""
     names = [name for _, name, _ in definition.fields]
     codes = [f"{length or ''}{_FORMATS[type_name]}" for type_name, _, length in definition.fields]
     lengths = [1 if t == "char" else max(length, 1) for t, _, length in definition.fields]
@@ -256,7 +256,7 @@ for _definition in _DEFINITIONS:
 
 
 def create(name: str, /, **fields: Any) -> Message:
-    """A message of the map by its MAVLink name, with all its fields by name."""
+    """Creates a message of the map by its MAVLink name, with all its fields by name."""
     return _BY_NAME[name](**fields)
 
 

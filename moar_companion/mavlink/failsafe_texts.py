@@ -1,10 +1,9 @@
-"""Failsafes by ArduPilot's own texts: STATUSTEXT to `Telemetry`. Pure.
+"""Failsafes from ArduPilot's texts: STATUSTEXT to `Telemetry`. Pure.
 
-HEARTBEAT tells only that there is a failsafe; its text says which. That one is over is told by one
-text, which a link may lose, so that each ends without a sign of it, too: all but that of a battery,
-which does not recover. Texts of ArduCopter 4.6.3
-(events.cpp, ekf_check.cpp, fence.cpp, AP_BattMonitor.cpp), the first of which is too long for one
-chunk: the words that matter are in the first chunk.
+HEARTBEAT reports only that a failsafe is active; the text names it. One text reports its end, and a
+link may lose that text. So each failsafe also ends some time after its last sign, except that of
+the battery, which does not recover. Texts of ArduCopter 4.6.3 (events.cpp, ekf_check.cpp,
+fence.cpp, AP_BattMonitor.cpp). The first is too long for one chunk; its first chunk identifies it.
 """
 
 from __future__ import annotations
@@ -38,17 +37,17 @@ _LASTS_S = {
     Failsafe.DEAD_RECKONING: 5.0,
     Failsafe.FENCE: 60.0,
 }
-"""After the last sign: ArduPilot ends one of the estimator after a second without its cause."""
+"""Duration after the last sign. ArduPilot ends an estimator failsafe 1 s after its cause ends."""
 _FRESH_S = 2.5
-"""Of two heartbeats, of EKF_STATUS_REPORT at 2 Hz, of GPS_RAW_INT: one may be lost."""
+"""Maximum age of HEARTBEAT, EKF_STATUS_REPORT (2 Hz) and GPS_RAW_INT: one may be lost."""
 _MOST_INNOVATION = 0.8
-"""FS_EKF_THRESH by default; ArduPilot keeps flags good while innovations are above it."""
+"""Default of FS_EKF_THRESH; ArduPilot's flags stay good while innovations are above it."""
 _FIX_3D = 3
-"""Dead reckoning by the wind claims an absolute position, too."""
+"""Fix type required beside an absolute position, which dead reckoning by the wind reports, too."""
 
 
 def read(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    """The telemetry with the failsafe that a text begins or ends."""
+    """Telemetry with the failsafe that a text begins or ends."""
     text, told = message.text, telemetry.failsafes_told
     begun = {failsafe: now_s for words, failsafe in _BEGINS if words.match(text)}
     left = {failsafe: sign_s for failsafe, sign_s in told.items() if failsafe != _ENDS.get(text)}
@@ -57,9 +56,9 @@ def read(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
 
 
 def lasting(telemetry: Telemetry, now_s: float) -> dict[Failsafe, float]:
-    """The failsafes told that still count, with the times of their last signs; at each heartbeat.
+    """Reported failsafes that are still active, with the times of their last signs.
 
-    A doubtful position is a sign of a failsafe of the estimator.
+    Called at each heartbeat. A doubtful position is a sign of an estimator failsafe.
     """
     autopilot, gnss = telemetry.autopilot, telemetry.gnss
     sure = (

@@ -1,8 +1,8 @@
-"""Reading the fence that was uploaded to the autopilot, by the mission protocol. No I/O.
+"""Download of the fence that was uploaded to the autopilot, by the mission protocol. No I/O.
 
 MISSION_REQUEST_LIST, MISSION_COUNT, then each item by MISSION_REQUEST_INT, MISSION_ACK at the end;
-all of MAV_MISSION_TYPE_FENCE. It is read again and again: neither autopilot tells on every link
-that somebody has uploaded another one. Source: https://mavlink.io/en/services/mission.html.
+all of MAV_MISSION_TYPE_FENCE. The download repeats: neither autopilot reports a new upload on
+every link. Source: https://mavlink.io/en/services/mission.html.
 """
 
 from __future__ import annotations
@@ -15,9 +15,9 @@ from .dialect import Message, create, mavlink
 _ANSWER_TIMEOUT_S = 1.0
 """Both autopilots answer within 20 ms; a slow radio takes some tenths of a second."""
 _MAX_REQUESTS = 5
-"""Of one message, before the reading is given up."""
+"""Requests of one message before the download fails."""
 _PERIOD_S = 10.0
-"""Between two readings: a fence of 20 items is 44 packets."""
+"""Time between two downloads: a fence of 20 items takes 44 packets."""
 _FENCE = int(mavlink.MAV_MISSION_TYPE_FENCE)
 _UNSUPPORTED = int(mavlink.MAV_MISSION_UNSUPPORTED)
 _DEGREES = 1e-7
@@ -31,30 +31,30 @@ MESSAGE_IDS = frozenset(
 
 
 class FenceDownload:
-    """Asks for one message at a time."""
+    """Download of the fence, with one request at a time."""
 
     def __init__(self) -> None:
         self.items: tuple[FenceItem, ...] | None = None
-        """As last read as a whole; None before the first time."""
+        """Last completely downloaded fence; None before the first."""
         self.silent = False
-        """Whether it has not answered, when it was last asked; not while areas are known of that
-        were never read."""
+        """True if the last download got no answer. False while the autopilot has reported a count
+        of items and no download is complete."""
         self._counted = False
-        """Whether it has ever told how many items there are."""
+        """True once the autopilot has reported a number of items."""
         self._due_s = -math.inf
-        """When to ask next: for the list, or for the same once more."""
+        """Time of the next request: of the list, or of the same message again."""
         self._asked = 0
-        """How often the present message was asked for."""
+        """Number of requests of the present message."""
         self._count: int | None = None
-        """Of items in the list that is read; None between two readings."""
+        """Number of items in the present download; None between two downloads."""
         self._read: list[FenceItem] = []
 
     def restart(self) -> None:
-        """The autopilot restarted: its list is read anew at once."""
+        """Starts a new download at once, after a restart of the autopilot."""
         self._end(-math.inf)
 
     def hear(self, message: Message, target: tuple[int, int], now_s: float) -> Message | None:
-        """Take what the autopilot answers. Returns what ends the reading, when this was the last.
+        """Takes an answer of the autopilot; returns the MISSION_ACK after the last item, or None.
 
         target: the autopilot's system and component.
         """
@@ -73,7 +73,7 @@ class FenceDownload:
                 )
             )
         elif name == "MISSION_ACK" and message.type != mavlink.MAV_MISSION_ACCEPTED:
-            # Somebody uploads just now, or there is no such list.
+            # An upload is in progress, or the autopilot has no fence list.
             if message.type == _UNSUPPORTED:
                 self.items = ()
             self._end(now_s + (_PERIOD_S if message.type == _UNSUPPORTED else _ANSWER_TIMEOUT_S))
@@ -88,7 +88,7 @@ class FenceDownload:
         return create("MISSION_ACK", **_to(target), type=mavlink.MAV_MISSION_ACCEPTED)
 
     def next_request(self, target: tuple[int, int], now_s: float) -> Message | None:
-        """What to ask for now; at most one per call."""
+        """Returns the request that is due now; at most one per call."""
         if now_s < self._due_s:
             return None
         if self._asked == _MAX_REQUESTS:

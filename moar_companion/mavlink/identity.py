@@ -1,4 +1,4 @@
-"""Who the autopilot is: latched once heard, refused when there are two, seen when it restarts."""
+"""Identity of the autopilot: latched at its first heartbeat; conflicts and restarts detected."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from . import translate
 from .dialect import Message, mavlink
 
 _LINK_TIMEOUT_S = 3.0
-"""Three periods of the heartbeat without any packet: the autopilot's link is lost, and another that
-hears it is used."""
+"""Three heartbeat periods without any packet: the link to the autopilot is lost. The companion then
+uses another link that receives the autopilot."""
 _CONFLICT_TIMEOUT_S = 10.0
-"""An autopilot that has been silent for so long is gone; nothing is streamed to it any more."""
+"""Silence after which an autopilot counts as gone and another may replace it."""
 _CONFLICT_PERIOD_S = 10.0
-"""Between two reports of conflicts: ids that somebody invents are reported no more often."""
+"""Least time between two reports of conflicts, so that invented ids cannot flood the reports."""
 _MOST_OTHERS = 8
-"""Other autopilots kept; with more, the one that has been silent longest is forgotten."""
+"""Limit of other autopilots remembered; beyond it the one silent longest is dropped."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Autopilot:
-    """An autopilot heard on a link with the role autopilot."""
+    """Autopilot received on a link with the role autopilot."""
 
     system_id: int
     component_id: int
@@ -35,23 +35,23 @@ class Autopilot:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotFound:
-    """The first heartbeat of an autopilot: from now on its system id is ours."""
+    """First heartbeat of an autopilot: the companion takes over its system id."""
 
     autopilot: Autopilot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotRestarted:
-    """Its clock went back, or it says that it boots: streams and origin are asked for anew."""
+    """The autopilot's clock went back, or it reports booting: the session repeats its requests."""
 
     autopilot: Autopilot
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotConflict:
-    """A second autopilot is heard: nothing is controlled while both are.
+    """A second autopilot is received: the companion controls neither while both are.
 
-    reason: what shows that there are two, in short words for people.
+    reason: sign of the second autopilot, as a short text for people.
     """
 
     autopilot: Autopilot
@@ -61,7 +61,7 @@ class AutopilotConflict:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Other:
-    """What was heard of a second autopilot. cause: the words for why there is no control."""
+    """Record of a second autopilot. cause: text of the reason for no control."""
 
     heard_s: float
     cause: str
@@ -69,16 +69,16 @@ class _Other:
 
 
 class Identity:
-    """Latches the only autopilot from heartbeats of component 1 on autopilot links."""
+    """Identification of the one autopilot, by heartbeats of component 1 on autopilot links."""
 
     def __init__(self) -> None:
         self.autopilot: Autopilot | None = None
         self.heard_s: float | None = None
-        """When the autopilot's last packet, of any kind, was received on its link."""
+        """Time of the autopilot's last packet, of any kind, on its link."""
         self._others: dict[tuple[int, AutopilotKind] | str, _Other] = {}
-        """By their ids; under the autopilot's own by what tells them apart."""
+        """Other autopilots by ids; one with the autopilot's own ids by its distinguishing sign."""
         self._told_s = -math.inf
-        """When a conflict was last reported."""
+        """Time of the last report of a conflict."""
         self._booting = False
 
     def hear(
@@ -121,7 +121,7 @@ class Identity:
         return AutopilotRestarted(autopilot=self.autopilot or known) if restarted else None
 
     def note_other_clock(self, now_s: float) -> AutopilotConflict | None:
-        """Takes note of a packet with the autopilot's ids and another clock."""
+        """Records a packet with the autopilot's ids and another clock; returns a due conflict."""
         if self.autopilot is None:
             return None
         words = f"two clocks under autopilot id {self.autopilot.system_id}"
@@ -135,7 +135,7 @@ class Identity:
         cause: str,
         now_s: float,
     ) -> AutopilotConflict | None:
-        """Takes note of another autopilot; the conflict when it is to be reported."""
+        """Records another autopilot; returns the conflict if it is to be reported."""
         known, others, before = self.autopilot, self._others, self._others.get(key)
         told = before is not None and before.told
         tells = known is not None and not told and now_s - self._told_s >= _CONFLICT_PERIOD_S
@@ -148,20 +148,20 @@ class Identity:
         return AutopilotConflict(autopilot=known, other=other, reason=reason)
 
     def _is_gone(self, now_s: float) -> bool:
-        """Whether the autopilot has been silent for so long that another may take its place."""
+        """True once the autopilot has been silent for so long that another may replace it."""
         return self.heard_s is not None and now_s - self.heard_s > _CONFLICT_TIMEOUT_S
 
     def alive(self, now_s: float) -> bool:
-        """Whether the autopilot's last packet is younger than three periods of its heartbeat."""
+        """True while the autopilot's last packet is at most three heartbeat periods old."""
         return self.heard_s is not None and now_s - self.heard_s <= _LINK_TIMEOUT_S
 
     def forget_silent(self, now_s: float) -> None:
-        """Ends a conflict when the other autopilot has not been heard for 10 s."""
+        """Ends a conflict when the other autopilot has been silent for 10 s."""
         for key, other in list(self._others.items()):
             if now_s - other.heard_s > _CONFLICT_TIMEOUT_S:
                 del self._others[key]
 
     @property
     def conflict(self) -> str | None:
-        """Words for more than one autopilot that is heard; None while there is one at most."""
+        """Text for the conflict of several received autopilots; None without one."""
         return next((other.cause for other in self._others.values()), None)

@@ -1,4 +1,4 @@
-"""The memory of commands: what is carried out of those that come twice, late or doubled. No I/O.
+"""Ledger of commands: executes each once, although packets come late, repeated or doubled. No I/O.
 
 Inputs: packets with commands and cancels, and the service's decisions; output: events for the
 service and answers for the senders.
@@ -27,24 +27,24 @@ from .limits import SenderLimit
 from .permissions import Permissions
 
 _REPEATS_S = 30.0
-"""How long a command may be repeated with a confirmation above 0: QGroundControl takes 9 s."""
+"""Time in which a confirmation above 0 marks a repeat: QGroundControl takes 9 s."""
 _DETOUR_S = 5.0
-"""A copy over another link comes within this."""
+"""Greatest delay of a copy over another link."""
 _SOON_S = 2.0
-"""MAVSDK's repeats, all with confirmation 0, come within this: it takes 1.5 s."""
+"""Time in which MAVSDK's repeats arrive, all with confirmation 0: it takes 1.5 s."""
 _OVERTAKEN_S = 0.05
-"""Networks change the order of packets by less. A ground station sends fewer than 128 packets in it
-and is not started anew, as a shell's next command is: their numbers tell the order."""
+"""Greatest reordering by a network. In this time a ground station sends fewer than 128 packets and
+does not restart (a shell starts one per command), so sequence numbers give the order."""
 _DOUBLED_S = 0.5
-"""The network's own copies of a packet come within milliseconds of it."""
+"""Time in which the network's own copies of a packet arrive: some milliseconds suffice."""
 _DECISION_TIMEOUT_S = 10.0
-"""A command that nobody has answered for so long may be given anew."""
+"""Time without an answer after which a command may be given anew."""
 _MAX_REMEMBERED = 64
 _PROGRESS_UNKNOWN = 255
 _COMMAND_CANCEL = 80
 
 _Key = tuple[int, int, int, tuple[float | None, ...]]
-"""The sender's ids, the command's number and its parameters."""
+"""Sender's ids, the command's number and its parameters."""
 
 
 def _key(command: Command) -> _Key:
@@ -53,7 +53,7 @@ def _key(command: Command) -> _Key:
 
 
 class _Remembered:
-    """A command from one sender, its packet's number, and its last answer."""
+    """Command from one sender, its packet's sequence number, and its last answer."""
 
     __slots__ = ("answer", "answered_s", "command", "given_s", "sequence")
 
@@ -65,22 +65,22 @@ class _Remembered:
 
     @property
     def open(self) -> bool:
-        """Whether the final answer is still to come."""
+        """True until the final answer is sent."""
         return self.answer.result is CommandResult.IN_PROGRESS
 
     def is_awaited(self, now_s: float) -> bool:
-        """Whether its final answer will come yet."""
+        """True while the final answer is still expected: 10 s at most since the last answer."""
         return self.open and now_s - self.answered_s <= _DECISION_TIMEOUT_S
 
     def is_repeat(self, sender: Sender, now_s: float, *, says_so: bool) -> bool:
-        """Whether its words, come again now, repeat it; says_so: by their confirmation."""
+        """Returns True if the same command received now is a repeat; says_so: confirmation > 0."""
         soon_s = _SOON_S if sender == self.command.sender else _DETOUR_S
         return now_s - self.given_s <= (_REPEATS_S if says_so else soon_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reception:
-    """What a received command leads to: an event for the service, an answer for its sender."""
+    """Result of a received command: an event for the service, an answer for its sender."""
 
     event: Command | CommandCancelled | None = None
     answer: Answer | None = None
@@ -90,50 +90,50 @@ _NOTHING = Reception()
 
 
 def _answer_limit() -> SenderLimit:
-    """Of answers that need no decision, and their texts: 90 bytes each.
+    """Limit of answers that need no decision, with their texts: 90 bytes each.
 
-    Ground stations repeat a command twice a second or less. A link of 57600 baud carries the ten a
-    second of all its senders beside telemetry.
+    Ground stations repeat a command at most twice a second. A link of 57600 baud carries ten such
+    answers a second beside telemetry.
     """
     return SenderLimit(burst=20, rate_hz=2.0, link_burst=60, link_rate_hz=10.0)
 
 
 def _stop_limit() -> SenderLimit:
-    """Of commands that stop and are carried out; one more than these changes nothing."""
+    """Limit of executed stop commands; one more than these changes nothing."""
     return SenderLimit(burst=50, rate_hz=20.0, link_burst=100, link_rate_hz=50.0)
 
 
 def _move_limit() -> SenderLimit:
-    """Of commands that move and are carried out: many times what people give."""
+    """Limit of executed motion commands: many times the rate of an operator."""
     return SenderLimit(burst=30, rate_hz=5.0, link_burst=60, link_rate_hz=20.0)
 
 
 class CommandLedger:
-    """Makes repeated commands idempotent, answers what needs no decision, and serves cancels.
+    """Makes repeated commands idempotent, answers commands that need no decision, handles cancels.
 
-    commands: who may command. Hold and pause are taken from anybody; any other command of a sender
-    that may not command is DENIED. Every sender has a limit; one that is beyond it is not answered.
-    Commands that stop, commands that move and those of senders that may not command have limits
-    of their own, so that none of them uses up another's.
+    commands: rules for permitted senders. Hold and pause are accepted from any sender; any other
+    command of a sender without permission is DENIED. Every sender has a limit, beyond which it gets
+    no answer. Stop commands, motion commands and commands without permission have separate limits,
+    so that none uses up another's.
 
-    A packet that the network doubles is dropped. A command that is still being decided is told so,
-    whenever it is given again. Else what stops the aircraft is always carried out, and what moves
-    it unless it is old, so that nothing old undoes a stop:
+    A packet that the network doubles is dropped. A repeat of an undecided command gets IN_PROGRESS.
+    Otherwise every stop command is executed. A motion command is executed unless it is old, so that
+    no old command undoes a stop. Old is:
 
-    - it is a repeat: its sender's words again within 2 s, over another link within 5 s, with a
-      confirmation above 0 within 30 s. It gets the last answer again, but CANCELLED when its
-      sender has given another command since, or anybody a stop;
-    - it was given before a stop that came before it: it has a confirmation above 0 and anybody's
-      stop is not 30 s old, or its packet is not numbered after its sender's own stop on that link
-      of the last 0.05 s. It is CANCELLED.
+    - a repeat: the same command from its sender within 2 s, over another link within 5 s, with a
+      confirmation above 0 within 30 s. The ledger repeats the last answer, or answers CANCELLED
+      if the sender has given another command since or any sender a stop;
+    - a command given before a stop but received after it: its confirmation is above 0 and a stop
+      of any sender is at most 30 s old; or its sequence number is not after that of its sender's
+      own stop on the same link within the last 0.05 s. The ledger answers CANCELLED.
     """
 
     def __init__(self, commands: Commands | None = None) -> None:
         self._permissions = Permissions(commands or Commands())
         self._remembered: dict[_Key, _Remembered] = {}
-        """In the order in which they were given."""
+        """Remembered commands in the order in which they were given."""
         self._packets: dict[tuple[str, bytes], float] = {}
-        """When a packet first came over a link; the oldest first."""
+        """Time of the first reception of a packet by link; the oldest first."""
         self._answers = _answer_limit()
         self._stops, self._strangers_holds = _stop_limit(), _stop_limit()
         self._moves = _move_limit()
@@ -148,9 +148,9 @@ class CommandLedger:
         now_s: float,
         signed: bool = False,
     ) -> Reception:
-        """Takes a COMMAND_LONG, COMMAND_INT or COMMAND_CANCEL; system_id, component_id: ours.
+        """Takes a COMMAND_LONG, COMMAND_INT or COMMAND_CANCEL.
 
-        signed: whether the packet that carries it has a correct signature.
+        system_id, component_id: the companion's. signed: True if the signature is correct.
         """
         if self._is_doubled(link, bytes(message.get_msgbuf()), now_s):
             return _NOTHING
@@ -173,7 +173,7 @@ class CommandLedger:
     def _reception(
         self, command: Command, message: Message, objection: str | None, now_s: float
     ) -> Reception:
-        """What a command leads to, by itself. objection: why its sender may not command."""
+        """Result of a command before the limit on answers. objection: reason against its sender."""
         if isinstance(command, UnsupportedCommand):
             return Reception(event=command, answer=_answer(command, CommandResult.UNSUPPORTED))
         if objection is not None and not holds(command):
@@ -208,10 +208,10 @@ class CommandLedger:
         result_param2: int = 0,
         now_s: float,
     ) -> Answer | None:
-        """The answer to a received command; None when it is not due.
+        """Returns the answer to a received command; None if no answer is due.
 
-        Not due: after its final answer, its cancellation, or another command of that number from
-        the same sender, since an acknowledgement names no more than the number.
+        None is due after the final answer, a cancel, or another command of that number from the
+        same sender, since an acknowledgement carries only the number.
         """
         remembered = self._latest(_key(command)[:3])
         if remembered is None or remembered.command != command or not remembered.open:
@@ -221,7 +221,7 @@ class CommandLedger:
         return remembered.answer
 
     def _is_doubled(self, link: str, packet: bytes, now_s: float) -> bool:
-        """Whether the same packet, its sequence number included, has just come over this link."""
+        """Returns True if this link just received the same packet, sequence number included."""
         heard_s = self._packets.get((link, packet))
         if heard_s is not None and now_s - heard_s <= _DOUBLED_S:
             return True
@@ -232,7 +232,7 @@ class CommandLedger:
         return False
 
     def _answer_to_old(self, command: Command, message: Message, now_s: float) -> Answer | None:
-        """The answer to a command that is not to be carried out; None when it is."""
+        """Returns the answer to a repeated or late command; None if the command is executed."""
         sender, known = command.sender, self._remembered.get(_key(command))
         if known and known.is_awaited(now_s) and known is self._latest(_key(command)[:3]):
             return replace(known.answer, receiver=sender)
@@ -247,13 +247,13 @@ class CommandLedger:
         return _answer(command, CommandResult.CANCELLED)
 
     def _is_superseded(self, known: _Remembered) -> bool:
-        """Whether its sender has given another command since, or anybody a stop."""
+        """Returns True if its sender has given another command since, or any sender a stop."""
         later = takewhile(lambda other: other is not known, reversed(self._remembered.values()))
         ids = _key(known.command)[:2]
         return any(stops(other.command) or _key(other.command)[:2] == ids for other in later)
 
     def _is_late(self, sender: Sender, sequence: int, now_s: float, *, says_so: bool) -> bool:
-        """Whether what comes after a stop was given before it."""
+        """Returns True if a command received after a stop was given before it."""
         for stop in filter(lambda given: stops(given.command), self._remembered.values()):
             after_s = now_s - stop.given_s
             if says_so and after_s <= _REPEATS_S:
@@ -264,7 +264,7 @@ class CommandLedger:
         return False
 
     def _latest(self, kind: tuple[int, ...]) -> _Remembered | None:
-        """What a sender has given last of one number: system id, component id, number."""
+        """Latest command of one kind: system id, component id, command number."""
         given = reversed(self._remembered.items())
         return next((remembered for key, remembered in given if key[:3] == kind), None)
 
@@ -278,7 +278,7 @@ class CommandLedger:
         self._remembered[key] = _Remembered(command, sequence, now_s)
 
     def _cancel(self, message: Message, *, system_id: int, component_id: int) -> Reception:
-        """COMMAND_CANCEL by the command's own sender; ignored when nothing is in progress."""
+        """Handles COMMAND_CANCEL by the command's own sender; no effect if none is in progress."""
         if message.target_system not in {0, system_id}:
             return _NOTHING
         if message.target_component not in {0, component_id}:

@@ -1,6 +1,6 @@
-"""How much a sender of commands may have done and answered: token buckets, by sender and link.
+"""Rate limits of commands and answers: token buckets, by sender and link.
 
-Pure: the time is handed in. Memory and the cost of a look are bounded for any number of senders.
+Pure: the time is an argument. Memory and cost are bounded for any number of senders.
 """
 
 from __future__ import annotations
@@ -10,20 +10,20 @@ from collections.abc import Hashable
 from .commands import Sender
 
 _MOST_KEYS = 64
-"""Of each kind; with more, those that were silent longest are forgotten, and begin anew."""
+"""Limit of keys per bucket; beyond it the key unused longest is dropped and starts anew."""
 
 
 class RateLimit:
-    """So many at once, and `rate_hz` of them in the long run, for each key by itself."""
+    """Token bucket per key: `burst` at once, `rate_hz` in the long run."""
 
     def __init__(self, *, burst: int, rate_hz: float) -> None:
         self._burst = float(burst)
         self._rate_hz = rate_hz
         self._left: dict[Hashable, tuple[float, float]] = {}
-        """What is left, and since when; the key that was silent longest first."""
+        """Tokens left and the time of that count, by key; the key unused longest first."""
 
     def allows(self, key: Hashable, now_s: float) -> bool:
-        """Whether one more is within the limit now; if so, it is counted."""
+        """Returns True if one more is within the limit now, and counts it."""
         left, since_s = self._left.pop(key, (self._burst, now_s))
         left = min(self._burst, left + max(0.0, now_s - since_s) * self._rate_hz)
         allowed = left >= 1.0
@@ -34,9 +34,9 @@ class RateLimit:
 
 
 class SenderLimit:
-    """A limit for each sender, and one for all senders of a link together.
+    """Limit for each sender, and one for all senders of a link together.
 
-    A sender beyond its own limit takes nothing of its link's.
+    A sender beyond its own limit uses nothing of its link's.
     """
 
     def __init__(self, *, burst: int, rate_hz: float, link_burst: int, link_rate_hz: float) -> None:
@@ -44,5 +44,5 @@ class SenderLimit:
         self._links = RateLimit(burst=link_burst, rate_hz=link_rate_hz)
 
     def allows(self, sender: Sender, now_s: float) -> bool:
-        """Whether one more of this sender is within both limits now; if so, it is counted."""
+        """Returns True if one more of this sender is within both limits now, and counts it."""
         return self._senders.allows(sender, now_s) and self._links.allows(sender.link, now_s)

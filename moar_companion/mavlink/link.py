@@ -1,15 +1,14 @@
-"""The sockets and the serial port: the only I/O, and the only clock, of this package.
+"""Sockets and serial port: the only I/O, and the only clock, of this package.
 
 `open_link` carries bytes between an address and a callback in the running asyncio loop. A
-connection (TCP, serial) is used once; that it is made again when it ends is the business of the
-loop outside it. UDP has no connection and nothing to make again.
+connection (TCP, serial) is used once; the loop around it reconnects. UDP has no connection.
 
-Every portion comes with the time of its arrival. That of a datagram is the kernel's own: how long
-it has waited to be read is no delay of the network. A stream's is when it was read.
+Every portion carries the time of its arrival. A datagram's is the kernel's, so that waiting in the
+kernel does not count as delay of the network. A stream's is the time of reading.
 
-Nothing here waits for a peer: what cannot be written at once is kept up to a limit, and then the
-oldest packets go first, since an old setpoint is worse than none. What the kernel has taken is out
-of reach: 4096 bytes of a UART, which at 921600 baud are 44 ms, and at 57600 0.7 s.
+No call waits for a peer. A serial port keeps unwritten packets up to a limit and drops the oldest
+first, since an old setpoint is worse than none. Bytes in the kernel cannot be dropped: 4096 bytes
+of a UART, which are 44 ms at 921600 baud and 0.7 s at 57600.
 """
 
 from __future__ import annotations
@@ -34,20 +33,20 @@ from .udp_link import open_udp
 from .urls import LinkAddress, LinkKind
 
 _RECONNECT_S = 1.0
-"""Pause before a lost connection is made again."""
+"""Pause before reconnecting."""
 _CONNECT_TIMEOUT_S = 5.0
 _READ_BYTES = 4096
 _UNSENT_BYTES = 512
-"""How much may wait in a TCP connection beyond what its peer has room for."""
+"""Limit of unsent bytes in a TCP connection beyond the peer's window."""
 _UNANSWERED_MS = 1000
-"""A TCP peer that takes nothing for so long is lost, and what waits for it with the connection."""
+"""Time without acknowledgement after which a TCP connection and its unsent bytes are dropped."""
 _SERIAL_BUFFER_S = 0.25
-"""How much of a serial line's time may wait in our own buffer."""
+"""Limit of the companion's serial buffer, in transmission time."""
 _MIN_SERIAL_BUFFER_BYTES = 1024
 _TCP_NOTSENT_LOWAT = 25
-"""Linux's; the socket module has it from Python 3.12 on."""
+"""Linux constant; the socket module has it from Python 3.12 on."""
 _BITS_PER_BYTE = 10
-"""On a serial line: start bit, eight, stop bit."""
+"""Bits of a byte on a serial line: start bit, eight data bits, stop bit."""
 
 _logger = logging.getLogger(__name__)
 
@@ -58,20 +57,19 @@ class Link(Protocol):
     def send(
         self, data: bytes, within_s: float = math.inf, peers: Sequence[Address] = (), /
     ) -> None:
-        """Sends one packet without waiting; drops it when nobody is there.
+        """Sends one packet without waiting; drops the packet if the link has no peer.
 
-        within_s: it is dropped, too, when it would have to wait for longer in a buffer of ours.
-        peers: where a listening link sends it; other links have one peer.
+        within_s: greatest time in the companion's buffer; an older packet is dropped.
+        peers: addresses to which a listening link sends; other links have one peer.
         """
 
 
 @contextlib.asynccontextmanager
 async def open_link(address: LinkAddress, on_bytes: OnBytes) -> AsyncIterator[Link]:
-    """The link to an address; on_bytes is called in the loop with whatever arrives.
+    """Opens the link to an address; calls on_bytes in the loop with received bytes.
 
-    Raises LinkError with one line when it cannot be opened: a port in use, a device that is
-    missing, a name that is not found. A TCP peer that is not there yet, and any connection lost
-    later, is tried again every second.
+    Raises LinkError with one line if the link cannot be opened: a port in use, a missing device, a
+    name that is not found. An absent TCP peer and a connection lost later are retried every second.
     """
     if address.kind in {LinkKind.UDP_LISTEN, LinkKind.UDP_SEND}:
         datagrams = await open_udp(address, on_bytes)
@@ -96,14 +94,14 @@ async def open_link(address: LinkAddress, on_bytes: OnBytes) -> AsyncIterator[Li
 
 
 def _keep_short(transport: Any) -> Any:
-    """Give a transport's socket a queue in which nothing grows old; the socket."""
+    """Limits the send queue of a transport's socket to fresh packets; returns the socket."""
     own = transport.get_extra_info("socket")
     own.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, SEND_BUFFER_BYTES)
     return own
 
 
 def _has_room(transport: Any) -> bool:
-    """Whether what is written now leaves at once."""
+    """Returns True if bytes written now leave at once."""
     return (
         transport is not None
         and not transport.is_closing()
@@ -115,14 +113,14 @@ def _now_s() -> float:
     return asyncio.get_running_loop().time()
 
 
-# Connections, and what makes them again
+# Connections and reconnecting
 
 
 class _Connection(Protocol):
     """One connection, used once."""
 
     lost: asyncio.Future[str]
-    """Why it ended, once it has."""
+    """Reason of its end, set when the connection ends."""
 
     def send(self, data: bytes, within_s: float, /) -> None: ...
 
@@ -139,7 +137,7 @@ class _Reconnecting:
         self._failing = False
 
     async def open(self) -> None:
-        """The first attempt; raises LinkError where another would not help."""
+        """First attempt; raises LinkError if a retry would not help."""
         try:
             self._connection = await self._connect()
         except socket.gaierror as error:
@@ -150,7 +148,7 @@ class _Reconnecting:
             self._complain(reason(error))
 
     async def keep_open_loop(self) -> None:
-        """Waits for the connection's end, makes it again, for ever."""
+        """Reconnects after each end of the connection; never returns."""
         while True:
             if self._connection is not None:
                 why = await self._connection.lost
@@ -177,7 +175,7 @@ class _Reconnecting:
             self._connection = None
 
     def _complain(self, why: str) -> None:
-        """The first failure is a warning, its repetitions are not."""
+        """Logs a failure: the first as a warning, repeats at debug level."""
         level = logging.DEBUG if self._failing else logging.WARNING
         self._failing = True
         _logger.log(level, "%s: %s", self._address, why)
@@ -205,7 +203,7 @@ class _TcpConnection(asyncio.Protocol):
             self.lost.set_result("closed by the peer" if exc is None else reason(exc))
 
     def send(self, data: bytes, _within_s: float, /) -> None:
-        # What is in a stream's buffer cannot be taken back, so a full one refuses the newest.
+        # Bytes in a stream's buffer cannot be withdrawn, so a full buffer refuses the newest.
         transport: Any = self._transport
         if _has_room(transport):
             transport.write(data)
@@ -218,8 +216,8 @@ class _TcpConnection(asyncio.Protocol):
 class _TcpConnector:
     """Makes the connections of one link, with one look-up of its name at a time.
 
-    A look-up cannot be cancelled: its thread waits for the name server, for longer than we do. A
-    second one beside it would take the thread of another link.
+    A look-up cannot be cancelled: its thread waits for the name server beyond the timeout here. A
+    second look-up would take the thread of another link.
     """
 
     def __init__(self, address: LinkAddress, on_bytes: OnBytes) -> None:
@@ -228,7 +226,7 @@ class _TcpConnector:
         self._looking_up: asyncio.Task[list[Any]] | None = None
 
     async def connect(self) -> _TcpConnection:
-        """Raises OSError, or TimeoutError when it takes too long."""
+        """Connects; raises OSError, or TimeoutError after 5 s."""
         return await asyncio.wait_for(self._connect(), timeout=_CONNECT_TIMEOUT_S)
 
     async def _connect(self) -> _TcpConnection:
@@ -253,7 +251,7 @@ class _TcpConnector:
         raise failed or socket.gaierror(socket.EAI_NODATA, "no address")
 
     async def _places(self) -> list[Any]:
-        """The addresses of the link's name, by the look-up that runs already if there is one."""
+        """Addresses of the link's name, from the look-up in progress if there is one."""
         if self._looking_up is None:
             address, loop = self._address, asyncio.get_running_loop()
             self._looking_up = asyncio.ensure_future(
@@ -268,7 +266,7 @@ class _TcpConnector:
 
 
 class _SerialConnection:
-    """An open serial port; a full buffer drops its oldest packets, those that may be late first."""
+    """Open serial port; a full buffer drops its oldest packets, those without a deadline first."""
 
     def __init__(self, port: Any, baud: int, on_bytes: OnBytes) -> None:
         self._loop = asyncio.get_running_loop()
@@ -280,9 +278,9 @@ class _SerialConnection:
             _MIN_SERIAL_BUFFER_BYTES, int(baud / _BITS_PER_BYTE * _SERIAL_BUFFER_S)
         )
         self._begun = b""
-        """What is left of the packet that the line has the beginning of."""
+        """Unwritten rest of the packet in transmission."""
         self._waiting: deque[tuple[float, bytes]] = deque()
-        """Packets, each with the time at which it is too old."""
+        """Waiting packets, each with its deadline."""
         self._waiting_bytes = 0
         self._loop.add_reader(self._descriptor, self._readable)
 
@@ -296,9 +294,9 @@ class _SerialConnection:
         self._writable()
 
     def _drop(self) -> None:
-        """Drops the oldest packet that may be late, or where there is none, the oldest.
+        """Drops the oldest packet without a deadline; the oldest of all where each has one.
 
-        So texts and answers never push out what moves the aircraft.
+        So texts and answers never displace setpoints.
         """
         late = (index for index, (last_s, _) in enumerate(self._waiting) if math.isinf(last_s))
         index = next(late, 0)
@@ -306,14 +304,14 @@ class _SerialConnection:
         del self._waiting[index]
 
     def _next(self) -> bytes:
-        """The oldest packet, which waits no more; nothing of one that is too old."""
+        """Removes and returns the oldest packet; empty if its deadline has passed."""
         last_s, data = self._waiting.popleft()
         self._waiting_bytes -= len(data)
         return data if _now_s() <= last_s else b""
 
     def close(self) -> None:
         if self.lost.done():
-            # The closing would wait, for 30 s, until the line has taken what it takes no more.
+            # Closing would wait up to 30 s for a lost line to take its output buffer.
             with contextlib.suppress(OSError, termios.error):
                 self._port.reset_output_buffer()
         self._end("closed")
@@ -352,7 +350,7 @@ class _SerialConnection:
 
 
 async def _connect_serial(address: LinkAddress, on_bytes: OnBytes) -> _SerialConnection:
-    # In a thread, since some drivers (Bluetooth) wait for their peer when a port is opened.
+    # In a thread: some drivers (Bluetooth) wait for their peer when a port is opened.
     port = await asyncio.to_thread(
         serial.Serial,
         address.device,

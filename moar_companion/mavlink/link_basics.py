@@ -1,4 +1,4 @@
-"""What the links share: the clock of arrivals, and the words for what fails."""
+"""Shared parts of the links: the clock of arrivals, and the texts of failures."""
 
 from __future__ import annotations
 
@@ -13,20 +13,21 @@ from collections.abc import Callable
 from .peers import Address
 
 SEND_BUFFER_BYTES = 16384
-"""Of the kernel's queue, which counts twice that and some 800 for a setpoint: a network that stands
-still finds what was said within half a second, not within a minute."""
+"""Size of the kernel's send queue, which counts twice that and some 800 bytes for a setpoint. After
+a network stall the queue holds half a second of packets, not a minute."""
 
 OnBytes = Callable[[bytes, float, Address | None], None]
-"""Called with what has arrived, when it did (`clock_s`), and on a listening link from where."""
+"""Callback with received bytes, their time of arrival (`clock_s`) and, on a listening link, the
+sender's address."""
 
 
 def clock_s() -> float:
-    """The clock of arrivals: goes on evenly whatever is done to the host's, and in its sleep."""
+    """Clock of arrivals: unaffected by changes of the host's clock, and runs during suspend."""
     return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
 def reason(error: BaseException) -> str:
-    """Why a link failed, in words."""
+    """Reason of a link's failure, as text."""
     if isinstance(error, socket.gaierror):
         return "the name is not found"
     if isinstance(error, TimeoutError | asyncio.TimeoutError):

@@ -1,6 +1,6 @@
-"""The autopilot's telemetry out of everybody's messages: who it is, what it says. No I/O.
+"""Identity and telemetry of the autopilot from the messages of all senders. No I/O.
 
-The session listens so on its own links, a witness on a recording of somebody's.
+The session uses a listener on its own links, a witness on a recording.
 """
 
 from __future__ import annotations
@@ -27,29 +27,29 @@ MESSAGE_IDS = translate.MESSAGE_IDS | {
     int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME),
     int(mavlink.MAVLINK_MSG_ID_TIMESYNC),
 }
-"""The messages that tell a listener something."""
+"""Messages that a listener reads."""
 
 _CLOCK_TOLERANCE_S = 1.0
-"""The modules of an autopilot stamp their messages at different times, milliseconds apart, and a
-link that reorders packets delivers them up to a second late."""
+"""Tolerance of stamps: modules of an autopilot stamp their messages milliseconds apart, and a link
+that reorders packets delivers them up to 1 s late."""
 _BOOT_ROUND_S = 2**32 * 1e-3
-"""`time_boot_ms` has 32 bits: it begins anew after 49.7 days."""
+"""Wrap of `time_boot_ms`: 32 bits, 49.7 days."""
 _HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModeLeft:
-    """The autopilot has left the mode in which it follows our setpoints. mode: the new one."""
+    """The autopilot has left the mode that follows the companion's setpoints. mode: the new one."""
 
     mode: str
 
 
 Shown = AutopilotFound | AutopilotRestarted | AutopilotConflict | ModeLeft
-"""What a message shows of the autopilot."""
+"""Event of the autopilot that a message reveals."""
 
 
 class Listener:
-    """Latches the autopilot, and keeps the last word of it, of radios and of ground stations."""
+    """Identifies the autopilot and keeps the telemetry of it, of radios and ground stations."""
 
     def __init__(self) -> None:
         self.identity = Identity()
@@ -60,11 +60,11 @@ class Listener:
 
     @property
     def autopilot(self) -> Autopilot | None:
-        """The autopilot that was heard first."""
+        """Autopilot that was received first."""
         return self.identity.autopilot
 
     def is_autopilots(self, message: Message, link: str) -> bool:
-        """Whether the autopilot says this, on the link on which it is ours."""
+        """Returns True for a message of the autopilot on its link."""
         autopilot = self.identity.autopilot
         source = (message.get_srcSystem(), message.get_srcComponent())
         return (
@@ -74,7 +74,7 @@ class Listener:
         )
 
     def hear(self, message: Message, *, link: str, role: LinkRole, now_s: float) -> Shown | None:
-        """Takes a message of anyone on a link with this role; what it shows of the autopilot."""
+        """Takes a message of any sender on a link with this role; returns its autopilot event."""
         event: Shown | None = None
         message_id = message.get_msgId()
         if message_id == _HEARTBEAT:
@@ -96,14 +96,14 @@ class Listener:
             if event is None and before and before.ours and after and not after.ours:
                 event = ModeLeft(mode=after.mode)
         elif message_id in RADIO_IDS:
-            # A telemetry radio speaks for itself, as system 51, component 68.
+            # A telemetry radio has its own ids: system 51, component 68.
             self.telemetry = translate.update(self.telemetry, message, now_s)
         return event
 
     def _read_clock(
         self, message: Message, now_s: float
     ) -> AutopilotRestarted | AutopilotConflict | None:
-        """What the autopilot's clock shows: a restart, or that somebody else has another clock."""
+        """Event from the autopilot's clock: its restart, or a second clock under its ids."""
         boot_s, autopilot = translate.boot_time_s(message), self.identity.autopilot
         if boot_s is None or autopilot is None:
             return None
@@ -120,7 +120,7 @@ class Listener:
         round_trip_s: float | None = None,
         shortest_round_trip_s: float = 0.0,
     ) -> None:
-        """Takes how many of the autopilot's packets came and were lost on its link, how late."""
+        """Takes the counts of the autopilot's packets on its link, and the round-trip times."""
         statistics = LinkStatistics(
             received_s=self._packet_s,
             packets_received=counted.received,
@@ -133,7 +133,7 @@ class Listener:
         self.telemetry = replace(self.telemetry, link=statistics)
 
     def _forget(self) -> None:
-        """Nothing the autopilot, or another before it, said holds any more; modes come at 1 Hz."""
+        """Drops the telemetry of the autopilot or its predecessor; the mode comes back at 1 Hz."""
         before = self.telemetry
         self._order.restart()
         self._boot_clock.reset()

@@ -1,7 +1,7 @@
-"""Flight modes: an autopilot's custom_mode to its name, and which mode follows our setpoints.
+"""Flight modes: an autopilot's custom_mode to its name, and the mode that follows setpoints.
 
-Numbers measured on PX4 v1.17 and ArduCopter 4.6; those not seen there are from PX4's
-`px4_custom_mode.h` and ArduCopter's `mode.h`.
+Numbers measured on PX4 v1.17 and ArduCopter 4.6; others are from PX4's `px4_custom_mode.h` and
+ArduCopter's `mode.h`.
 """
 
 from __future__ import annotations
@@ -76,7 +76,7 @@ _MULTIROTORS = frozenset(
         int(mavlink.MAV_TYPE_GENERIC_MULTIROTOR),
     }
 )
-"""MAV_TYPEs that can stand still in the air."""
+"""MAV_TYPEs that can hover."""
 _MOTORS = {
     _QUADROTOR: 4,
     int(mavlink.MAV_TYPE_HEXAROTOR): 6,
@@ -87,7 +87,7 @@ _MOTORS = {
 
 
 def _names(enum: str) -> dict[int, str]:
-    """The names of one of pymavlink's enums of modes."""
+    """Names of one of pymavlink's enums of modes."""
     names = {
         number: item.name.removeprefix(f"{enum}_") for number, item in mavlink.enums[enum].items()
     }
@@ -104,7 +104,7 @@ _OTHER_VEHICLES = {
     int(mavlink.MAV_TYPE_SURFACE_BOAT): _names("ROVER_MODE"),
     int(mavlink.MAV_TYPE_SUBMARINE): _names("SUB_MODE"),
 }
-"""The modes of ArduPilot's vehicles that are no copters, by MAV_TYPE."""
+"""Modes of ArduPilot's vehicles other than copters, by MAV_TYPE."""
 
 _HOMEWARD = frozenset(
     {
@@ -128,9 +128,9 @@ _ARMED = 128
 
 
 def mode_name(kind: AutopilotKind, custom_mode: int, vehicle_type: int = _QUADROTOR) -> str:
-    """The mode's name as its ground stations show it; an unknown number is shown as such.
+    """Name of the mode as its ground stations show it; an unknown mode as its number.
 
-    vehicle_type: MAV_TYPE; ArduPilot numbers the modes of planes, rovers and submarines otherwise.
+    vehicle_type: MAV_TYPE; ArduPilot numbers modes of planes, rovers and submarines differently.
     """
     name: str | None = None
     if kind is AutopilotKind.PX4:
@@ -149,10 +149,10 @@ def mode_name(kind: AutopilotKind, custom_mode: int, vehicle_type: int = _QUADRO
 
 
 def is_ours(kind: AutopilotKind, custom_mode: int, vehicle_type: int = _QUADROTOR) -> bool:
-    """Whether the autopilot follows setpoints in this mode: PX4's OFFBOARD, ArduPilot's GUIDED.
+    """Returns True if the autopilot follows setpoints: PX4's OFFBOARD, ArduPilot's GUIDED.
 
-    base_mode's guided bit says nothing: ArduPilot sets it in many modes. No plane, rover or
-    submarine is ours in any mode: it would not hold a setpoint that stands still.
+    base_mode's guided bit is no criterion: ArduPilot sets it in many modes. False for planes,
+    rovers and submarines in every mode: they would not hold a setpoint at rest.
     """
     if not is_multirotor(vehicle_type):
         return False
@@ -162,35 +162,35 @@ def is_ours(kind: AutopilotKind, custom_mode: int, vehicle_type: int = _QUADROTO
 
 
 def is_multirotor(vehicle_type: int) -> bool:
-    """Whether a vehicle of this MAV_TYPE hovers, and leans against the wind to do so."""
+    """Returns True if a vehicle of this MAV_TYPE hovers, leaning against the wind."""
     return vehicle_type in _MULTIROTORS
 
 
 def motor_count(vehicle_type: int) -> int | None:
-    """How many motors a vehicle of this MAV_TYPE has; None where that does not tell."""
+    """Number of motors of a vehicle of this MAV_TYPE; None where the type does not define it."""
     return _MOTORS.get(vehicle_type)
 
 
 def is_homeward(kind: AutopilotKind, custom_mode: int, vehicle_type: int = _QUADROTOR) -> bool:
-    """Whether the autopilot itself returns, lands, or stops for a fence or another aircraft.
+    """Returns True if the autopilot itself returns, lands, or stops for a fence or an aircraft.
 
-    Nobody but the pilot takes it out of these: ArduPilot lets a companion end any failsafe, and
-    its fence acts without system_status 5.
+    Only the pilot may end these modes: ArduPilot lets a companion end any failsafe, and its fence
+    acts without system_status 5.
     """
     return mode_name(kind, custom_mode, vehicle_type) in _HOMEWARD
 
 
 def is_failsafe(system_status: int) -> bool:
-    """Whether MAV_STATE says that a failsafe is on: CRITICAL or worse.
+    """Returns True if MAV_STATE reports an active failsafe: CRITICAL or worse.
 
-    Measured: PX4's POSCTL with status 5 is offboard loss, with status 4 the pilot. ArduPilot tells
-    status 5 also of a failsafe whose action is none, and in whatever mode.
+    Measured: PX4's POSCTL with status 5 is offboard loss, with status 4 the pilot's choice.
+    ArduPilot reports status 5 in any mode, even for a failsafe whose action is none.
     """
     return system_status >= int(mavlink.MAV_STATE_CRITICAL)
 
 
 def own_mode_parameters(kind: AutopilotKind, *, armed: bool) -> tuple[int, int, int] | None:
-    """The first parameters of MAV_CMD_DO_SET_MODE for OFFBOARD or GUIDED; None: kind unknown."""
+    """First parameters of MAV_CMD_DO_SET_MODE for OFFBOARD or GUIDED; None: kind unknown."""
     if kind is AutopilotKind.PX4:
         return _px4_parameters(_PX4_OFFBOARD, armed=armed)
     if kind is AutopilotKind.ARDUPILOT:
@@ -199,7 +199,7 @@ def own_mode_parameters(kind: AutopilotKind, *, armed: bool) -> tuple[int, int, 
 
 
 def land_parameters(kind: AutopilotKind, *, armed: bool) -> tuple[int, int, int] | None:
-    """The first parameters of MAV_CMD_DO_SET_MODE for LAND; None: kind unknown."""
+    """First parameters of MAV_CMD_DO_SET_MODE for LAND; None: kind unknown."""
     if kind is AutopilotKind.PX4:
         return _px4_parameters(_PX4_LAND, armed=armed)
     if kind is AutopilotKind.ARDUPILOT:

@@ -1,4 +1,4 @@
-"""What waits to be sent on our links, with our heartbeat before all else. No I/O."""
+"""Messages that wait to be sent on the companion's links, its heartbeat first. No I/O."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ _HEARTBEAT_PERIOD_S = 1.0
 
 
 class Outbox:
-    """Messages in the order in which they are sent, and a heartbeat a second on every link."""
+    """Queue of messages in the order of sending, and a heartbeat at 1 Hz on every link."""
 
     def __init__(self, links: Iterable[str]) -> None:
         self._links = tuple(links)
@@ -19,17 +19,17 @@ class Outbox:
         self._heartbeat_due_s: float | None = None
 
     def send(self, link: str, message: Message) -> None:
-        """On one link."""
+        """Queues a message on one link."""
         self._waiting.append((link, message))
 
     def send_to_all(self, message: Message) -> None:
-        """On every link."""
+        """Queues a message on every link."""
         self._waiting += [(link, message) for link in self._links]
 
     def send_heartbeat_if_due(
         self, now_s: float, system_status: SystemStatus, custom_mode: int
     ) -> None:
-        """On every link, before what waits already; what was missed is not made up for."""
+        """Queues a due heartbeat on every link, before all others; skips missed heartbeats."""
         due_s = self._heartbeat_due_s
         if due_s is not None and now_s < due_s:
             return
@@ -44,9 +44,9 @@ class Outbox:
             self._heartbeat_due_s = now_s
 
     def take(self, wanted: Callable[[Message], bool] = lambda _: True) -> list[tuple[str, Message]]:
-        """What waits and is wanted, with its link; nothing before the first heartbeat.
+        """Removes and returns the wanted messages with their links; none before a heartbeat.
 
-        Both autopilots route to a component only what follows its first packet.
+        Both autopilots route to a component only after its first packet.
         """
         if self._heartbeat_due_s is None:
             return []

@@ -1,13 +1,11 @@
-"""Order of an autopilot's packets by the times in them, and by their sequence numbers. No I/O.
+"""Order of an autopilot's packets by their time stamps and their sequence numbers. No I/O.
 
-A link that delays each packet by another time delivers some after their successors. What such a
-packet says is older than what is known, and must not replace it. Of a message that carries the
-autopilot's time (`time_boot_ms`, `time_usec`) the time decides, however late it is. `time_boot_ms`
-is of one clock, which is judged in one place; `time_usec` may be of a receiver or of an odometry
-that restarts by itself, so that each message has a clock of its own. Of others the
-sequence number of the header does: of the mode above all, as neither HEARTBEAT nor CURRENT_MODE
-carries a time. Only a state is replaced by its successor, and only that of the same instance:
-events count whenever they arrive.
+A link with varying delay delivers some packets after their successors. Such a late packet must not
+replace newer data. For a message with the autopilot's time (`time_boot_ms`, `time_usec`) that time
+decides. `time_boot_ms` is of one clock, tracked in one place. `time_usec` may be of a receiver or
+an odometry that restarts by itself, so each message has its own clock. For others the sequence
+number of the header decides: above all for the mode, as neither HEARTBEAT nor CURRENT_MODE carries
+a time. Only states of the same instance are ordered; events count whenever they arrive.
 """
 
 from __future__ import annotations
@@ -19,15 +17,15 @@ from .dialect import ESC_STATUS_ID, Message, mavlink
 from .source_clock import Reading, SourceClock
 
 _ROUND = 256
-"""Sequence numbers have 8 bits."""
+"""Wrap of the sequence numbers: 8 bits."""
 _SILENT_S = 0.2
-"""After a longer silence nobody knows how many packets were lost (PX4 sends half a round in
-0.3 s): the first packet then begins a new order."""
+"""Longest silence with a known number of lost packets (PX4 sends half a wrap in 0.3 s). After a
+longer one the first packet starts a new order."""
 _AT_ONCE = 32
 _MOST_HZ = 1000.0
-"""A number that is farther ahead than this, and than so many packets a second since the last, is of
-a packet that is late by most of a round: PX4 sends one in 0.6 s. On a link that delays packets by
-up to 0.15 s more than others, one of 230 a second is up to 20 ahead."""
+"""Limits of a jump ahead: _AT_ONCE and _MOST_HZ packets a second since the last. A number farther
+ahead is of a packet late by most of a wrap, which PX4 sends in 0.6 s. Measured jump: up to 20, on a
+link with 230 packets a second and up to 0.15 s of varying delay."""
 _EVENTS = {
     int(mavlink.MAVLINK_MSG_ID_STATUSTEXT),
     int(mavlink.MAVLINK_MSG_ID_PARAM_VALUE),
@@ -38,22 +36,22 @@ _INSTANCES = {
     int(mavlink.MAVLINK_MSG_ID_HIGHRES_IMU): "id",
     ESC_STATUS_ID: "index",
 }
-"""The field that says of which battery, port, sensor or motors a message tells the state."""
+"""Field with the instance: the battery, port, sensor or motors of a message."""
 _OF_A_PLACE = {
     int(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN),
     int(mavlink.MAVLINK_MSG_ID_HOME_POSITION),
 }
-"""PX4 stamps these with the time at which the place was set, ArduPilot with that of the packet: a
-place that was told with a later time would hide the true one for good."""
+"""Messages ordered by sequence number despite a time. PX4 stamps them with the time of setting,
+ArduPilot with that of sending: one wrong later stamp would block the true place for good."""
 _ROUND_32_BITS_S = 2**32 * 1e-6
-"""`time_usec` of 32 bits begins anew."""
+"""Wrap of a `time_usec` of 32 bits."""
 
 
 class PacketOrder:
     """Positions of one source's packets, and the latest of each message.
 
-    same: by message id, another message that tells the same and is ordered with it. boot_clock:
-    the source's clock, whose steps whoever reads it judges; for all messages with `time_boot_ms`.
+    same: by message id, another message with the same content, ordered together with it.
+    boot_clock: the source's clock for all messages with `time_boot_ms`; the caller updates it.
     """
 
     def __init__(self, *, same: Mapping[int, int], boot_clock: SourceClock) -> None:
@@ -63,23 +61,22 @@ class PacketOrder:
         self._received_s = -math.inf
         self._latest: dict[tuple[int, int], int] = {}
         self._boot_s: dict[tuple[int, int], float] = {}
-        """The latest `time_boot_ms` of each message, in seconds."""
+        """Latest `time_boot_ms` of each message, in seconds."""
         self._clocks: dict[tuple[int, int], SourceClock] = {}
-        """Of messages with `time_usec`."""
+        """Clocks of messages with `time_usec`."""
         self.late = 0
-        """How many packets were late, or ahead of the autopilot's clock."""
+        """Count of packets that were late, or ahead of the autopilot's clock."""
 
     def restart(self) -> None:
-        """The source has restarted: nothing before counts."""
+        """Resets the order after a restart of the source."""
         self._received_s = -math.inf
         self._boot_s.clear()
         self._clocks.clear()
 
     def is_late(self, message: Message, now_s: float) -> bool:
-        """Whether a later packet of the same message and instance was taken before this one.
+        """Returns True if a later packet of the same message and instance was accepted before.
 
-        Also when its time is ahead of what the autopilot's clock can tell by now. Such packets are
-        counted in `late`.
+        Also True if its time is ahead of the autopilot's clock. Counts both in `late`.
         """
         message_id = message.get_msgId()
         field = _INSTANCES.get(message_id)
@@ -97,7 +94,7 @@ class PacketOrder:
         return late
 
     def _is_older(self, message: Message, instance: int, now_s: float) -> bool | None:
-        """Whether it is late by the time in it; None where it carries none."""
+        """Returns True if the packet is late by its time stamp; None without one."""
         kind = message.get_msgId(), instance
         if hasattr(message, "time_boot_ms"):
             boot_s, clock = message.time_boot_ms * 1e-3, self._boot_clock
@@ -106,7 +103,7 @@ class PacketOrder:
                 return True
             self._boot_s[kind] = boot_s
             return False
-        # 0 is how PX4 tells that a receiver is silent.
+        # PX4 reports 0 for a silent receiver.
         time_usec = getattr(message, "time_usec", 0)
         if not time_usec:
             return None
@@ -116,16 +113,16 @@ class PacketOrder:
         return self._clocks[kind].read(time_usec * 1e-6, now_s) in {Reading.LATE, Reading.FOREIGN}
 
     def _is_overtaken(self, kind: tuple[int, int], place: int | None) -> bool:
-        """Whether it is late by its sequence number."""
+        """Returns True if the packet is late by its sequence number."""
         if place is None or place < self._latest.get(kind, place):
             return True
         self._latest[kind] = place
         return False
 
     def _place_of(self, message: Message, now_s: float, *, timed: bool) -> int | None:
-        """The position of a packet among all; None of one that is too far ahead.
+        """Position of a packet among all; None for a number too far ahead.
 
-        timed: whether it is known to be in time by the time in it.
+        timed: True if its time stamp shows that it is not late.
         """
         ahead = (int(message.get_seq()) - self._newest) % _ROUND
         silent_s = now_s - self._received_s

@@ -1,7 +1,7 @@
-"""The addresses that a listening link hears: which it sends to, and what reads their bytes. No I/O.
+"""Peer addresses of a listening link: the ones it sends to, and the codec of each. No I/O.
 
-UDP tells who sends, and the address may be forged. So an address is sent to only after a valid
-packet of a system that is allowed has come from it, and what others send cannot mix with its bytes.
+UDP carries the sender's address, which may be forged. So the link sends to an address only after a
+valid packet of an allowed system from it. Each peer has its own codec, so that bytes never mix.
 A stream (TCP, a serial line) has one peer, whose address is None.
 """
 
@@ -18,26 +18,26 @@ from ..config import LinkRole
 from .codec import Codec
 
 Address = tuple[Any, ...]
-"""A socket's: host and port, and for IPv6 two more."""
+"""Address of a socket: host and port, and for IPv6 two more values."""
 
 _MOST_PEERS = 8
 _PEER_TIMEOUT_S = 10.0
-"""A peer that has been silent for so long is not sent to any more."""
+"""Silence after which the link stops sending to a peer."""
 _SILENT_S = 3.0
-"""Three periods of a heartbeat: a peer that has been silent for so long may lose its place to a new
-one; one that was heard for longer keeps it for as long, up to the time-out."""
+"""Three heartbeat periods: the least silence after which a new peer may replace a peer. A peer
+received for longer keeps its place for as long, up to the timeout."""
 _AUTOPILOT_TIMEOUT_S = 3.0
-"""After so long without the autopilot at its address another one may be its new one: a router that
-was started anew, for example. The autopilot's link is lost after the same time."""
+"""Silence of the autopilot at its address after which it may have another address, for example
+after a router's restart. The autopilot's link is lost after the same time."""
 _REPORT_PERIOD_S = 60.0
-"""Between two reports of systems that are not sent to, and of addresses with the autopilot's ids.
-Of either a network may have many, and an operator may have connected since the last report."""
+"""Least time between two reports of refused systems, and of foreign addresses with the autopilot's
+ids. A network may have many of both, and an operator may connect after a report."""
 _SOURCES_TOLD = 8
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotElsewhere:
-    """Packets with the autopilot's ids come from an address where it is not; they are ignored."""
+    """Packets with the autopilot's ids arrive from a foreign address; the session ignores them."""
 
     link: str
     address: Address
@@ -45,7 +45,7 @@ class AutopilotElsewhere:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PeerRefused:
-    """A system that may not command sends to a listening link; nothing is sent to its address."""
+    """A system without permission sends to a listening link; the link does not send to it."""
 
     link: str
     address: Address
@@ -53,7 +53,7 @@ class PeerRefused:
 
 
 class Precedence(enum.IntEnum):
-    """Whose bytes are read first: the autopilot's and all of a stream, a peer's, a stranger's."""
+    """Reading order of bytes: the autopilot's and a stream's, then a peer's, then a stranger's."""
 
     AUTOPILOT = 0
     PEER = 1
@@ -73,9 +73,9 @@ class _Peer:
 
 
 class Peers:
-    """One link's peers: on a listening link eight addresses at most, the autopilot's among them.
+    """Peers of one link: on a listening link eight addresses at most, with the autopilot's.
 
-    role: who is at the other end. make_codec: what reads the bytes of one address.
+    role: of the link's other end. make_codec: makes the codec of one address.
     """
 
     def __init__(self, link: str, role: LinkRole, make_codec: Callable[[], Codec]) -> None:
@@ -86,21 +86,21 @@ class Peers:
         self._of_strangers = self._codec_of_strangers()
         self._peers: dict[Address, _Peer] = {}
         self._home: Address | None = None
-        """Where the autopilot is heard; None on a stream, and before."""
+        """Address of the autopilot; None on a stream, and before its first packet."""
         self._home_s: float | None = None
         self._elsewhere_due_s = -math.inf
         self._refusal_due_s = -math.inf
         self._events: list[AutopilotElsewhere | PeerRefused] = []
         self.sources: set[tuple[int, int]] = set()
-        """The first eight that were heard on this link: system and component ids."""
+        """First eight or more sources received on this link: system and component ids."""
 
     def events_received(self) -> list[AutopilotElsewhere | PeerRefused]:
-        """What has happened since the last call."""
+        """Returns the events since the last call."""
         events, self._events = self._events, []
         return events
 
     def codec(self, address: Address | None) -> Codec:
-        """What reads the next bytes from an address; of a stranger it reads whole packets only."""
+        """Codec for the next bytes from an address; a stranger's reads whole packets only."""
         if address is None:
             return self._of_stream
         peer = self._peers.get(address)
@@ -110,19 +110,19 @@ class Peers:
         return self._of_strangers
 
     def precedence(self, address: Address | None) -> Precedence:
-        """How soon the bytes from an address are read when there are too many."""
+        """Reading order of the bytes from an address under overload."""
         if address is None or address == self._home:
             return Precedence.AUTOPILOT
         return Precedence.PEER if address in self._peers else Precedence.STRANGER
 
     @property
     def autopilots_codec(self) -> Codec:
-        """What reads the bytes from the autopilot's address."""
+        """Codec of the autopilot's address."""
         peer = None if self._home is None else self._peers.get(self._home)
         return self._of_stream if peer is None else peer.codec
 
     def addresses(self, now_s: float) -> tuple[Address, ...]:
-        """Where to send."""
+        """Addresses to send to."""
         return tuple(
             address
             for address, peer in self._peers.items()
@@ -136,10 +136,10 @@ class Peers:
         autopilot: tuple[int, int] | None,
         now_s: float,
     ) -> bool:
-        """Whether the autopilot's ids are among these sources, but it is heard elsewhere.
+        """Returns True if these sources include the autopilot's ids at a foreign address.
 
-        autopilot: its system and component id; None: not known yet. It is where it was heard first,
-        until it has been silent there for 3 s. On an operator's link it is heard by nobody.
+        autopilot: its system and component id; None: not known yet. Its address is the one of its
+        first packet, until 3 s of silence there. An operator's link never carries the autopilot.
         """
         if autopilot not in sources or self._role is LinkRole.OPERATOR:
             return False
@@ -154,7 +154,7 @@ class Peers:
         return False
 
     def forget_autopilot(self) -> None:
-        """Another autopilot was found: it is where it is heard next."""
+        """Forgets the autopilot's address after another was found; its next packet sets it."""
         self._home, self._home_s, self._elsewhere_due_s = None, None, -math.inf
 
     def admit(
@@ -164,9 +164,9 @@ class Peers:
         allows: Callable[[int], bool],
         now_s: float,
     ) -> None:
-        """Take an address for a peer when a system that is allowed has sent a valid packet.
+        """Makes an address a peer after a valid packet of an allowed system.
 
-        sources: of the valid packets that have just come from it. allows: whether a system id is.
+        sources: of the valid packets just received from it. allows: True for an allowed system id.
         """
         if len(self.sources) < _SOURCES_TOLD:
             self.sources |= sources
@@ -180,9 +180,9 @@ class Peers:
             self._events.append(PeerRefused(link=self._link, address=address, system_id=systems[0]))
 
     def _note_valid(self, address: Address, now_s: float) -> None:
-        """Where eight are there, the one that has been silent longest leaves, if long enough.
+        """Adds or refreshes a peer; beyond eight, replaces the one silent longest, if long enough.
 
-        Else the new one has to wait. The autopilot's never leaves, and never waits.
+        Otherwise the new peer has to wait. The autopilot's address is never replaced, never waits.
         """
         peer = self._peers.get(address)
         if peer is not None:

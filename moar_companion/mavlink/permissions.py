@@ -1,7 +1,7 @@
-"""Who may command, by the section `commands` of the configuration. Pure.
+"""Permission to command, by the section `commands` of the configuration. Pure.
 
-The ids of a MAVLink packet are what its sender says they are: they keep apart those who mean well.
-Only a signature tells who somebody is.
+A sender chooses the ids of its MAVLink packets: ids separate cooperating systems only. Only a
+signature proves the sender's identity.
 """
 
 from __future__ import annotations
@@ -14,20 +14,20 @@ from .commands import Sender
 
 @dataclass(frozen=True, slots=True)
 class Permissions:
-    """The rules of the configuration, for the companion of one vehicle."""
+    """Rules of the configuration, for the companion of one vehicle."""
 
     rules: Commands
 
     def allows_system(self, system_id: int, *, vehicle_id: int) -> bool:
-        """Whether a system may command. vehicle_id: the system id of the autopilot, and ours."""
+        """Returns True if a system may command. vehicle_id: of the autopilot and the companion."""
         if self.rules.systems is None:
             return system_id in GROUND_STATION_IDS or system_id == vehicle_id
         return system_id in self.rules.systems
 
     def objection(self, sender: Sender, *, vehicle_id: int, signed: bool) -> str | None:
-        """Why a sender may not command, in words for people; None when it may.
+        """Reason why a sender may not command, as text for people; None if permitted.
 
-        signed: whether the packet that carries the command has a correct signature.
+        signed: True if the command's packet has a correct signature.
         """
         rules = self.rules
         if rules.links is not None and sender.link not in rules.links:

@@ -1,4 +1,4 @@
-"""Asking the autopilot for its local frame's origin and its home until it has told them. No I/O."""
+"""Requests of the autopilot's local origin and home until it reports them. No I/O."""
 
 from __future__ import annotations
 
@@ -11,20 +11,20 @@ _ORIGIN = int(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)
 _HOME = int(mavlink.MAVLINK_MSG_ID_HOME_POSITION)
 
 _ORIGIN_PERIOD_S = 5.0
-"""Estimators may move their origin in flight; PX4 tells it by itself only once."""
+"""Period of origin requests: estimators may move it in flight; PX4 reports it unasked only once."""
 _UNKNOWN_PERIOD_S = 2.0
-"""Between requests for an origin or a home that the autopilot has not told."""
+"""Period of requests of an origin or a home that the autopilot has not reported."""
 
 
 class PlaceRequests:
-    """Requests the origin for ever, and home until it is known; from the first call on."""
+    """Requests the origin continuously, and home until it is known; from the first call on."""
 
     def __init__(self) -> None:
         self._origin_requested_s = -math.inf
         self._home_requested_s = -math.inf
 
     def next_request(self, telemetry: Telemetry, now_s: float) -> int | None:
-        """The message to ask for now with MAV_CMD_REQUEST_MESSAGE; at most one per call."""
+        """Message to request now with MAV_CMD_REQUEST_MESSAGE; at most one per call."""
         origin = telemetry.local_origin
         if origin is None:
             origin_due_s = self._origin_requested_s + _UNKNOWN_PERIOD_S

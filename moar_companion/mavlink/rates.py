@@ -1,16 +1,16 @@
-"""Which messages are wanted how often, and asking for those that come too seldom. No I/O.
+"""Message rates: the wanted rates, and requests of messages that come too seldom. No I/O.
 
-PX4 sends most of it by itself; ArduPilot sends heartbeats only, and forgets what was requested
-when it restarts. MAV_CMD_SET_MESSAGE_INTERVAL's acknowledgement does not name the message, so one
-request is under way at a time, and an answer counts only where it can be no other request's. A
-stream that does not flow is asked for again after a pause, whatever was answered.
+PX4 sends most of them unrequested; ArduPilot sends only heartbeats, and loses its intervals at a
+restart. MAV_CMD_SET_MESSAGE_INTERVAL's acknowledgement does not name the message. So one request is
+open at a time, and an answer counts only if it can belong to no other request. A missing stream is
+requested again after a pause, whatever the answer was.
 
-Messages that the companion does not read are asked down to 1 Hz: a real PX4 sends 412 messages a
-second on an onboard link, a quarter of them for nothing. Both autopilots keep intervals by link,
-so that only what shares this one could miss them. A serial port has no other reader. On a network
-anybody but the autopilot who was ever heard on the link may share it, behind a router: then nothing
-is asked down, and what was is asked for again as it came before. Whom the autopilot forwards from
-another link cannot be told apart there, and counts, too.
+The companion lowers messages that it does not read to 1 Hz: a real PX4 sends 412 messages a second
+on an onboard link, a quarter of them unused. Both autopilots keep intervals by link, so that only
+other readers of this link could miss them. A serial port has no other reader. On a network, any
+other sender received on the link may be another reader, behind a router. Then the companion lowers
+nothing, and restores the rates that it lowered. Senders that the autopilot forwards from another
+link cannot be distinguished, and count, too.
 """
 
 from __future__ import annotations
@@ -38,8 +38,8 @@ _COMMON_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
 }
 
-"""PX4 sends 30 positions a second. On a link that loses 30 % and takes 0.2 s, one flight of 200 s
-in eight would then end, for none has come for the 0.3 s that are left; of 40 one in 250."""
+"""Positions: PX4's default is 30 Hz. On a link that loses 30 % and takes 0.2 s, one flight of 200 s
+in eight then ends for a gap over the remaining 0.3 s; at 40 Hz one in 250."""
 
 DEFAULT_RATES_HZ: Mapping[AutopilotKind, Mapping[int, float]] = {
     AutopilotKind.PX4: {
@@ -62,41 +62,42 @@ DEFAULT_RATES_HZ: Mapping[AutopilotKind, Mapping[int, float]] = {
     },
     AutopilotKind.UNKNOWN: _COMMON_RATES_HZ,
 }
-"""By autopilot, then by message id. PX4's own rates where those do, so that nothing is asked of a
-slow link; what an autopilot is known to deny is left out. The mode is asked for more often than
-the 1 Hz at which both tell it: a takeover is to show within 0.2 s, though packets are lost. Where
-30 % is lost and each packet takes 0.05 to 0.2 s, 20 Hz shows 83 % (PX4) and 95 % (ArduPilot) of
-takeovers within 0.2 s and all of 60 within 0.4 s; 10 Hz 55 % and 85 %. PX4 refuses another rate of
-its heartbeat, and accepts one of CURRENT_MODE."""
+"""Wanted rates by autopilot and message id. PX4's own rates where they suffice, so that a slow link
+carries no requests; without messages that an autopilot denies. Both report the mode at 1 Hz, which
+is too slow: a takeover must show within 0.2 s despite packet loss. At 30 % loss and delays of 0.05
+to 0.2 s, 20 Hz shows 83 % (PX4) and 95 % (ArduPilot) of takeovers within 0.2 s, and all of 60
+within 0.4 s; 10 Hz shows 55 % and 85 %. PX4 refuses another rate of its heartbeat, but accepts one
+of CURRENT_MODE."""
 
 _ENOUGH = 0.8
-"""Of the wanted rate: an autopilot's scheduler rounds, and a window cuts."""
+"""Sufficient share of the wanted rate: the autopilot's scheduler rounds, and a window cuts."""
 _MIN_WINDOW_S = 2.0
 _WINDOW_PERIODS = 2.5
-"""A rate is judged over so many of its wanted periods, at least."""
+"""Least window of a rate, in wanted periods."""
 _ACK_TIMEOUT_S = 0.5
-"""Both autopilots acknowledge within 10 ms, a link may delay each way by 0.2 s."""
+"""Time for an answer: both autopilots take 10 ms, a link may add 0.2 s each way."""
 _ANSWER_MAX_AGE_S = 5.0
-"""An acknowledgement may still come so long after its request."""
+"""Greatest age of a request that may still be acknowledged."""
 _SPACING_S = 0.02
-"""Between requests: at most five in 100 ms."""
+"""Least time between requests: at most five in 100 ms."""
 _MAX_REQUESTS = 3
 _AGAIN_S = 10.0
-"""A link may have lost so many requests, or their answers: one in seven loses them all three where
-it loses 30 % each way. Then another round begins."""
+"""Pause after three requests without success. A link that loses 30 % each way loses all three
+requests or answers one time in seven."""
 _DENIED_AGAIN_S = 60.0
-"""A denial may have been the answer to somebody else, or a copy of an earlier one."""
+"""Pause after a denial, which may have been for another sender or a copy of an earlier one."""
 
 _UNUSED_HZ = 1.0
-"""What is left of a message that is not read: a recording still shows it."""
+"""Rate of an unread message, kept for recordings."""
 _UNUSED_MOST_HZ = 2.0
-"""Less often than this it is not worth a request."""
+"""Rate up to which an unread message needs no request."""
 _UNUSED_WINDOW_S = 10.0
-"""Ten heartbeats of anybody who shares the link: at a loss of 30 % one is heard."""
+"""Window of an unread message: ten heartbeats of another reader, of which one survives 30 %
+loss."""
 
 
 class _Stream:
-    """One wanted message: how often it came, and what was done about it."""
+    """One wanted message: its count, and the state of its requests."""
 
     __slots__ = (
         "count",
@@ -124,7 +125,7 @@ class _Stream:
         self.denied = False
 
     def judge(self, now_s: float) -> None:
-        """At the end of a window: whether the message comes often enough."""
+        """Updates `low` and the state of requests at the end of a window."""
         if now_s < self.window_end_s:
             return
         self.low = self.count < _ENOUGH * self.rate_hz * self.window_s
@@ -141,12 +142,12 @@ class _Stream:
 
     @property
     def wanting(self) -> bool:
-        """Whether another request may help."""
+        """True while another request may help."""
         return self.low and not (self.settled or self.denied) and self.requests < _MAX_REQUESTS
 
 
 class _UnusedStream(_Stream):
-    """One message that is not read: asked down once, and back once where somebody misses it."""
+    """One unread message: lowered once, and restored once if the link has another reader."""
 
     __slots__ = ("given_back", "heard_hz")
 
@@ -158,7 +159,7 @@ class _UnusedStream(_Stream):
         self.given_back = False
 
     def judge(self, now_s: float) -> None:
-        """At the end of a window: whether the message comes as often as it should."""
+        """Updates `low` at the end of a window: True if the rate is not the wanted one."""
         if now_s < self.window_end_s:
             return
         heard_hz = self.count / self.window_s
@@ -169,7 +170,7 @@ class _UnusedStream(_Stream):
         else:
             self.low = heard_hz > _UNUSED_MOST_HZ
         if self.requests and not self.low:
-            # Done, though the answer was lost; whoever changes it after that has a reason.
+            # Success, although the answer was lost; a later change by another component stays.
             self.settled = True
         if self.requests == _MAX_REQUESTS and now_s >= self.requested_s + _AGAIN_S:
             self.requests = 0
@@ -178,11 +179,11 @@ class _UnusedStream(_Stream):
 
     @property
     def asked_down(self) -> bool:
-        """Whether it was ever asked for at the lower rate."""
+        """True once the lower rate was requested."""
         return self.requested_s > -math.inf
 
     def give_back(self) -> None:
-        """From now on it is wanted as it came before it was asked down, if it was."""
+        """Restores the rate before lowering, if the message was lowered."""
         if self.asked_down and not self.given_back:
             self.given_back = self.low = True
             self.rate_hz = self.heard_hz
@@ -192,7 +193,7 @@ class _UnusedStream(_Stream):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Asked:
-    """One request that was sent. rate_hz: what was asked for; the stream's may be another since."""
+    """One sent request. rate_hz: the requested rate; the stream's may have changed since."""
 
     sent_s: float
     stream: _Stream
@@ -202,21 +203,21 @@ class _Asked:
 class RateRequests:
     """Requests each wanted message until it flows, is acknowledged or denied.
 
-    Three times in a row, and then again after a pause. A message that does not flow is asked for
-    again whatever was answered, after a denial seldom.
+    Three times in a row, then again after a pause. A missing message is requested again whatever
+    the answer was, after a denial less often.
     """
 
     def __init__(self) -> None:
         self._streams: dict[int, _Stream] = {}
         self._unused: dict[tuple[str, int], _UnusedStream] = {}
-        """By link and message id."""
+        """Unread messages by link and message id."""
         self._under_way = False
         self._asked: list[_Asked] = []
-        """Whose answer may still come, the oldest first."""
+        """Requests whose answer may still come, the oldest first."""
         self._sent_s = -1.0
 
     def start(self, rates_hz: Mapping[int, float], *, silent: bool, now_s: float) -> None:
-        """An autopilot was found or restarted; silent: it sends nothing unasked, so ask at once."""
+        """Starts after an autopilot is found or restarts; silent: it needs requests at once."""
         first_window_s = 0.0 if silent else float("inf")
         self._streams = {
             message_id: _Stream(rate_hz, first_window_s, now_s)
@@ -235,7 +236,7 @@ class RateRequests:
             stream.count += 1
 
     def hear_unused(self, message_id: int, link: str, now_s: float) -> None:
-        """Counts a message of the autopilot that is not read, on the link on which it came."""
+        """Counts an unread message of the autopilot on its link."""
         stream = self._unused.get((link, message_id))
         if stream is None:
             stream = self._unused[link, message_id] = _UnusedStream(now_s)
@@ -244,8 +245,7 @@ class RateRequests:
     def answered(self, result: int) -> None:
         """Takes the result of COMMAND_ACK for MAV_CMD_SET_MESSAGE_INTERVAL.
 
-        It does not say what it answers: while it may be that of several requests, it counts for
-        none.
+        The result does not name its request: if it may belong to several, it counts for none.
         """
         self._under_way = False
         if len({(id(asked.stream), asked.rate_hz) for asked in self._asked}) != 1:
@@ -255,7 +255,7 @@ class RateRequests:
         if asked.rate_hz != stream.rate_hz:
             return
         if result == CommandResult.ACCEPTED:
-            # PX4 accepts what it has no data for, too; more requests would not change that.
+            # PX4 also accepts messages without data; more requests would not change that.
             stream.settled = True
         elif result not in {CommandResult.TEMPORARILY_REJECTED, CommandResult.IN_PROGRESS}:
             stream.denied = True
@@ -263,9 +263,9 @@ class RateRequests:
     def next_request(
         self, now_s: float, link: str = "", *, shared: bool = True
     ) -> tuple[int, float] | None:
-        """The message to ask for now and its interval in µs; at most one per call.
+        """Message to request now and its interval in µs; at most one per call.
 
-        link: the autopilot's. shared: somebody else may read it, too.
+        link: the autopilot's. shared: True if the link may have another reader.
         """
         streams: dict[int, _Stream] = {**self._streams}
         for (heard_on, message_id), unused in self._unused.items():
@@ -284,7 +284,7 @@ class RateRequests:
         wanting = [item for item in streams.items() if item[1].wanting]
         if not wanting:
             return None
-        # Those asked least often first, so that a lost answer holds up nothing else.
+        # The least requested first, so that a lost answer delays no other.
         message_id, stream = min(wanting, key=lambda item: item[1].requests)
         stream.requests += 1
         stream.requested_s = now_s

@@ -1,7 +1,7 @@
-"""How late the autopilot's words are: TIMESYNC requests to it, and how long its answers take.
+"""Delay of the autopilot's messages: TIMESYNC requests and the round-trip times of the answers.
 
-An answer waits in the same queues as telemetry, so that a link that falls behind shows itself,
-whatever the autopilot's clock does: a simulator's may run at any speed. No I/O.
+An answer waits in the same queues as telemetry, so that it shows a link that falls behind. The
+autopilot's clock has no influence: a simulator's may run at any speed. No I/O.
 Source: https://mavlink.io/en/services/timesync.html.
 """
 
@@ -15,29 +15,29 @@ from .dialect import Message, create, mavlink
 _TIMESYNC = int(mavlink.MAVLINK_MSG_ID_TIMESYNC)
 _PERIOD_S = 0.125
 _ANSWERS = 2
-"""One late answer may have been the autopilot's own idleness."""
+"""Answers of which the shortest counts: one may be late for the autopilot's own delay."""
 _LOST_S = 3.0
-"""Of 24 questions one is answered, even on a link that loses 30 % each way: but for one time in
-10^7."""
+"""Time for 24 requests: on a link that loses 30 % each way, one of them is answered except for one
+time in 10^7."""
 _WAITING = 480
-"""Requests that may still be answered: a minute's."""
+"""Requests that may still be answered: one minute of them."""
 
 
 class RoundTrips:
-    """Asks the autopilot now and then, and remembers how long the last answers took."""
+    """Sends periodic TIMESYNC requests and keeps the round-trip times of the last answers."""
 
     def __init__(self) -> None:
         self._asked_s: deque[tuple[int, float]] = deque(maxlen=_WAITING)
-        """Their ts1, and when."""
+        """ts1 and time of the open requests."""
         self._last_s: deque[float] = deque(maxlen=_ANSWERS)
         self.shortest_s = math.inf
-        """Of all answers so far."""
+        """Shortest round trip so far."""
         self._due_s = -math.inf
 
     def least_s(self, now_s: float) -> float | None:
-        """The shorter of the last two; None while fewer were answered.
+        """Shorter of the last two round trips; None before two answers.
 
-        Once answers were heard, what is not answered for long is under way for that long.
+        A request unanswered for 3 s or more counts with its waiting time.
         """
         if len(self._last_s) < _ANSWERS:
             return None
@@ -46,7 +46,7 @@ class RoundTrips:
         return max(least_s, waited_s) if waited_s >= _LOST_S else least_s
 
     def next_request(self, target: tuple[int, int], now_s: float) -> Message | None:
-        """The request that is due now, to this system and component."""
+        """Request that is due now, to this system and component; None if none is due."""
         if now_s < self._due_s:
             return None
         self._due_s = now_s + _PERIOD_S

@@ -1,4 +1,4 @@
-"""What any component answers at once when it is asked: TIMESYNC and PING. Pure.
+"""Immediate answers of any component: TIMESYNC and PING. Pure.
 
 Sources: https://mavlink.io/en/services/timesync.html and .../ping.html.
 """
@@ -12,23 +12,23 @@ _TIMESYNC = int(mavlink.MAVLINK_MSG_ID_TIMESYNC)
 _PING = int(mavlink.MAVLINK_MSG_ID_PING)
 
 MESSAGE_IDS: frozenset[int] = frozenset({_TIMESYNC, _PING})
-"""The messages that may be answered."""
+"""Messages that may get an answer."""
 
 _ALL = (0, 0)
 
 
 def answer_limit() -> SenderLimit:
-    """Limit of the answers to all but the autopilot: 5 a second for a sender, 20 for a link."""
+    """Limit of answers, except to the autopilot: 5 a second for a sender, 20 for a link."""
     return SenderLimit(burst=5, rate_hz=5.0, link_burst=20, link_rate_hz=20.0)
 
 
 def answer(
     message: Message, *, ours: tuple[int, int], autopilot: tuple[int, int] | None, now_s: float
 ) -> Message | None:
-    """The answer to a request, for the link it came on; None when none is due.
+    """Returns the answer to a request, for its link; None if none is due.
 
-    ours, autopilot: system and component ids. Answered are TIMESYNC requests (tc1 = 0) to us, and
-    the autopilot's to all; PING without a target.
+    ours (the companion's), autopilot: system and component ids. Answered are TIMESYNC requests
+    (tc1 = 0) to the companion, the autopilot's to all, and PING without a target.
     """
     source = (message.get_srcSystem(), message.get_srcComponent())
     message_id = message.get_msgId()

@@ -1,10 +1,10 @@
 """The companion's side of MAVLink over all its links: bytes and time in, bytes and events out.
 
-A machine without I/O and without a clock. The service feeds it with `receive`, calls `tick` at the
-rate at which it thinks (10 Hz or more), takes `events_received` and `telemetry`, and writes
-what `data_to_send` returns.
+A machine without I/O and without a clock. The service calls `receive` with bytes and `tick` at the
+rate of its control loop (10 Hz or more), takes `events_received` and `telemetry`, and writes the
+bytes of `data_to_send`.
 
-Heartbeats come from `tick` alone, so that a companion whose thinking has stopped falls silent.
+Only `tick` sends heartbeats, so that they stop when the control loop stalls.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from .translate_status import GNSS_PARAMETERS
 __all__ = ["CommandAnswered", "Event", "Session", "Severity", "SystemStatus"]
 
 _MAX_PACKETS = 4096
-"""Kept for a record until they are taken: ten seconds of PX4."""
+"""Limit of packets kept for a record until they are taken: ten seconds of PX4."""
 
 _COMMAND_CANCEL = 80
 _SET_MESSAGE_INTERVAL = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
@@ -71,9 +71,10 @@ Event = (
 class Session:
     """One companion on its links.
 
-    links: name of each link and who is there. system_id, component_id: ours; the system id is the
-    autopilot's once one is heard. commands: who may command. message_rates_hz: wanted rates by
-    autopilot kind and message id. signing: of those links on which all packets are signed.
+    links: name and role of each link. system_id, component_id: the companion's; once an autopilot
+    is found the companion takes its system id. commands: rules for permitted senders.
+    message_rates_hz: wanted rates by autopilot kind and message id. signing: of the links on which
+    all packets are signed.
     """
 
     def __init__(
@@ -106,14 +107,14 @@ class Session:
         )
         makers = {name: partial(make_codec, signing=self._signing.get(name)) for name in links}
         self._codecs = {name: make() for name, make in makers.items()}
-        """What packs for each link; what reads is its peers'."""
+        """Encoder of each link; its peers have the decoders."""
         self._peers = {name: Peers(name, role, makers[name]) for name, role in links.items()}
         self._permissions = Permissions(commands or Commands())
         self._system_id = system_id
         self._message_rates_hz = message_rates_hz
         self._listener = Listener()
         self._unidentified: tuple[str, tuple[int, int]] | None = None
-        """Link and ids of an autopilot that was heard, but not its heartbeat yet."""
+        """Link and ids of a received autopilot whose heartbeat has not come yet."""
         self._identify_s = -math.inf
         self._rates = RateRequests()
         self._places = PlaceRequests()
@@ -129,115 +130,115 @@ class Session:
         self._packets: deque[tuple[float, bytes]] = deque(maxlen=_MAX_PACKETS)
         self._now_s = 0.0
 
-    # What is known
+    # State
 
     @property
     def telemetry(self) -> Telemetry:
-        """The autopilot's last words, our link's statistics, the radio's and ground stations'."""
+        """Latest telemetry of the autopilot, its link, the radio and ground stations."""
         return self._listener.telemetry
 
     @property
     def system_id(self) -> int:
-        """Our system id: the configured one until an autopilot is heard, then its."""
+        """System id of the companion: the configured one, then that of the found autopilot."""
         return self._system_id
 
     @property
     def autopilot(self) -> Autopilot | None:
-        """The autopilot that was heard first."""
+        """Autopilot that was received first."""
         return self._listener.autopilot
 
     @property
     def control_allowed(self) -> bool:
-        """Whether there is one autopilot, and only one, to control."""
+        """True while there is exactly one autopilot to control."""
         return self.autopilot is not None and self.conflict is None
 
     @property
     def conflict(self) -> str | None:
-        """Words for a second autopilot that is heard, under whatever ids; None without one."""
+        """Text for a received second autopilot, under any ids; None without one."""
         return self._listener.identity.conflict
 
     @property
     def parameters(self) -> Mapping[str, float | None]:
-        """What `want_parameters` asked for, by name; None: the autopilot never told it."""
+        """Parameters requested by `want_parameters`, by name; None: never reported."""
         return self._parameters.values
 
     @property
     def fence_items(self) -> tuple[FenceItem, ...] | None:
-        """The fence that was uploaded to the autopilot, once `want_fence` was called.
+        """Fence that was uploaded to the autopilot, once `want_fence` was called.
 
-        None while it is not known; empty where there is none.
+        None while unknown; empty without a fence.
         """
         return None if self._fence is None else self._fence.items
 
     @property
     def fence_silent(self) -> bool:
-        """Whether the autopilot does not answer when it is asked for its uploaded fence."""
+        """True while the autopilot does not answer requests of its uploaded fence."""
         return self._fence is not None and self._fence.silent
 
     @property
     def mode_unanswered(self) -> bool:
-        """Whether the autopilot has not answered the last request for a mode."""
+        """True from a mode request until the autopilot answers it."""
         return self._modes.unanswered
 
     @property
     def signing_timestamps(self) -> dict[str, int]:
-        """The time stamp of each signed link: what a process after this one must begin after."""
+        """Time stamp of each signed link: a later process must start after it."""
         return {link: signing.timestamp for link, signing in self._signing.items()}
 
     @property
     def signing_references(self) -> dict[str, int]:
-        """What new senders of each signed link are judged by: for a process after this one."""
+        """Reference time stamp for new senders of each signed link, for a later process."""
         return {link: signing.reference for link, signing in self._signing.items()}
 
     @property
     def signers_behind_s(self) -> dict[str, dict[int, float]]:
-        """By signed link and system id: how far those are behind that are refused for that."""
+        """Lag of the systems that are refused as too old, by signed link and system id."""
         return {link: dict(signing.behind_s) for link, signing in self._signing.items()}
 
     @property
     def signing_ahead_s(self) -> float:
-        """How far what new senders are judged by is ahead of the wall clock, on any link."""
+        """Greatest lead of the reference for new senders over the wall clock, of all links."""
         return max((signing.ahead_s for signing in self._signing.values()), default=0.0)
 
     @property
     def packets_refused(self) -> dict[str, dict[Refusal, int]]:
-        """How many packets each signed link has refused, and why."""
+        """Count of refused packets by signed link and reason."""
         return {link: dict(signing.refused) for link, signing in self._signing.items()}
 
     def events_received(self) -> list[Event]:
-        """What has happened since the last call, in order."""
+        """Returns the events since the last call, in order."""
         events, self._events = self._events, []
         return events
 
     def packets_heard(self) -> list[tuple[float, bytes]]:
         """Whole packets of all links since the last call, with their times, for a record.
 
-        Without those ignored because they have the autopilot's ids and another address. The oldest
-        are dropped when nobody takes them; those with a secret never appear.
+        Without packets with a secret and those with the autopilot's ids from a foreign address.
+        The oldest are dropped if the service does not take them.
         """
         packets = list(self._packets)
         self._packets.clear()
         return packets
 
     def data_to_send(self, *, control: bool = True) -> list[tuple[str, bytes]]:
-        """Packets since the last call, in order, each with its link's name.
+        """Returns the packets since the last call, in order, each with its link's name.
 
-        Nothing before the first `tick`: a heartbeat is the first thing ever sent. Without `control`
-        setpoints and requests for a mode are left out for good.
+        None before the first `tick`: a heartbeat is always sent first. Without `control` setpoints
+        and mode requests are discarded.
         """
         waiting = self._outbox.take()
         return self._encoded(item for item in waiting if control or not _controls(item[1]))
 
     def peers(self, link: str) -> tuple[Address, ...]:
-        """The addresses to which a listening link sends; empty for other links."""
+        """Addresses to which a listening link sends; empty for other links."""
         return self._peers[link].addresses(self._now_s)
 
     def precedence(self, link: str, address: Address | None) -> Precedence:
-        """Whose bytes from a link are read first when there are too many."""
+        """Reading order of the bytes from an address under overload."""
         return self._peers[link].precedence(address)
 
     def control_to_send(self) -> list[tuple[str, bytes]]:
-        """Of that what moves the aircraft: setpoints, requests for a mode."""
+        """Returns the waiting packets that command motion: setpoints and mode requests."""
         return self._encoded(self._outbox.take(_controls))
 
     def _encoded(self, messages: Iterable[tuple[str, Message]]) -> list[tuple[str, bytes]]:
@@ -251,9 +252,9 @@ class Session:
             signing.advance(wall_s)
 
     def receive(self, link: str, data: bytes, now_s: float, address: Address | None = None) -> None:
-        """Takes bytes from a link, split anywhere. Never raises, whatever they are.
+        """Takes any bytes from a link, split anywhere; never raises.
 
-        address: who sent a datagram to a listening link; None on all other links.
+        address: sender of a datagram to a listening link; None on all other links.
         """
         self._now_s = now_s
         peers, before = self._peers[link], self.autopilot
@@ -283,9 +284,9 @@ class Session:
         )
 
     def _may_be_peer(self, link: str, system_id: int) -> bool:
-        """Whether an address of this system is sent to: the vehicle's, and who may command it.
+        """Returns True if the link may send to this system: the vehicle's or one with permission.
 
-        Before the autopilot is known, it may be the system that is asked for its heartbeat.
+        Before the autopilot is known, also the system whose heartbeat is requested.
         """
         vehicle_id, asked = self._system_id, self._unidentified
         if self.autopilot is None and asked is not None and asked[0] == link:
@@ -319,7 +320,7 @@ class Session:
             handler(link, message, now_s)
 
     def _start_conversation(self, event: AutopilotFound | AutopilotRestarted, now_s: float) -> None:
-        """Asks for streams and origin, with a heartbeat before all else."""
+        """Starts the requests of streams and origin, with a heartbeat first."""
         kind = event.autopilot.kind
         self._events.append(event)
         self._rates.start(
@@ -390,9 +391,9 @@ class Session:
             self._round_trips.hear(message, now_s)
 
     def _may_ask(self, link: str, message: Message, now_s: float) -> bool:
-        """Whether the sender of a request is answered: one that may be a peer, and not too often.
+        """Returns True if a request's sender gets an answer: one that may be a peer, within a rate.
 
-        An answer goes to all peers of a link, and takes its time from what the autopilot is sent.
+        An answer goes to all peers of a link and uses its bandwidth to the autopilot.
         """
         system_id, component_id = _source(message)
         sender = Sender(link=link, system_id=system_id, component_id=component_id)
@@ -401,7 +402,7 @@ class Session:
     # Out
 
     def tick(self, now_s: float, system_status: SystemStatus, custom_mode: int = 0) -> None:
-        """Sends what is due: our heartbeat, requests for streams, origin, home and parameters."""
+        """Queues all due messages: heartbeat, requests of streams, places, parameters, fence."""
         self._now_s = now_s
         self._outbox.send_heartbeat_if_due(now_s, system_status, custom_mode)
         self._listener.identity.forget_silent(now_s)
@@ -439,7 +440,7 @@ class Session:
                 self._outbox.send(autopilot.link, asked)
 
     def _identify(self, now_s: float) -> None:
-        """Asks an autopilot whose messages come for its heartbeat: the next may be 1 s away."""
+        """Requests the heartbeat of a received autopilot: the next may be 1 s away."""
         if self._unidentified is None or now_s < self._identify_s + _HEARTBEAT_PERIOD_S:
             return
         self._identify_s = now_s
@@ -450,10 +451,10 @@ class Session:
         self._outbox.send(link, request)
 
     def _is_shared(self, autopilot: Autopilot) -> bool:
-        """Whether anybody but the autopilot was ever heard on its link.
+        """Returns True if the autopilot's link ever carried another sender.
 
-        A serial port has one reader, which is us: whoever else is heard there is forwarded by the
-        autopilot from a link with streams of its own.
+        A serial port has one reader, the companion: the autopilot forwards other senders there from
+        links with their own streams.
         """
         if autopilot.link.startswith("serial:"):
             return False
@@ -461,31 +462,31 @@ class Session:
         return any(source not in known for source in self._peers[autopilot.link].sources)
 
     def want_parameters(self, names: Iterable[str], *, changing: bool = False) -> None:
-        """Has these parameters asked for, and again after the autopilot's restart.
+        """Adds parameters to request, and again after the autopilot's restart.
 
-        changing: again and again, for what somebody may set in flight.
+        changing: requests them periodically, for parameters that may change in flight.
         """
         self._parameters.want(names, changing=changing)
 
     def want_fence(self) -> None:
-        """Has the uploaded fence read, again and again."""
+        """Starts the periodic download of the uploaded fence."""
         self._fence = self._fence or FenceDownload()
 
     def request_version(self) -> None:
-        """Asks once for AUTOPILOT_VERSION, where an autopilot is known."""
+        """Requests AUTOPILOT_VERSION once, if an autopilot is known."""
         if self.autopilot is not None:
             self._command(self.autopilot, _REQUEST_MESSAGE, _AUTOPILOT_VERSION)
 
     def send_setpoint(
         self, position_ned_m: Vector, velocity_ned_mps: Vector, yaw_rad: float, now_s: float
     ) -> bool:
-        """Streams one setpoint to the autopilot; False when there is none to control.
+        """Queues one setpoint to the autopilot; returns False if there is none to control.
 
-        While another is heard, one at rest is sent all the same, as the last word to the one that
-        was flown: by its ids, so that others ignore it (measured), and one that has the same ids
-        comes to rest, too, where those before have drawn it.
+        During a conflict a setpoint at rest is still sent, as the last setpoint to the controlled
+        autopilot. It carries that autopilot's ids, so that others ignore it (measured). A second
+        autopilot with the same ids comes to rest, too, if earlier setpoints have moved it.
 
-        Raises ValueError when a value is not finite.
+        Raises ValueError if a value is not finite.
         """
         autopilot = self.autopilot
         message = translate_outgoing.setpoint_message(
@@ -501,14 +502,14 @@ class Session:
         return True
 
     def request_own_mode(self) -> bool:
-        """Asks once for OFFBOARD or GUIDED; False when there is no autopilot to control.
+        """Requests OFFBOARD or GUIDED once; returns False if there is no autopilot to control.
 
-        Never repeated by itself: both autopilots accept it during a failsafe, and cancel that.
+        Never repeated automatically: both autopilots accept it in a failsafe, and cancel that.
         """
         return self._request_mode(modes.own_mode_parameters)
 
     def request_land(self) -> bool:
-        """Asks once for the autopilot's LAND mode; False when there is none to control."""
+        """Requests the autopilot's LAND mode once; returns False if there is none to control."""
         return self._request_mode(modes.land_parameters)
 
     def _request_mode(self, parameters_of: Callable[..., tuple[int, int, int] | None]) -> bool:
@@ -531,7 +532,7 @@ class Session:
         progress: int = 0,
         result_param2: int = 0,
     ) -> bool:
-        """Acknowledges a received command on its link; False when no answer is due any more."""
+        """Acknowledges a received command on its link; returns False if no answer is due."""
         answer = self._ledger.answer(
             command, result, progress=progress, result_param2=result_param2, now_s=self._now_s
         )
@@ -539,9 +540,9 @@ class Session:
         return answer is not None
 
     def send_named_value(self, name: str, value: float, now_s: float) -> None:
-        """NAMED_VALUE_FLOAT on all links; what is not finite is not sent.
+        """Queues NAMED_VALUE_FLOAT on all links, if the value is finite.
 
-        Raises ValueError when the name is longer than 10 ASCII characters.
+        Raises ValueError if the name is longer than 10 ASCII characters.
         """
         message = translate_outgoing.named_value_message(name, value, now_s)
         if message is not None:
@@ -556,9 +557,9 @@ class Session:
         news: bool = False,
         link: str | None = None,
     ) -> None:
-        """STATUSTEXT in chunks; the same text not within 10 s, unless it is news.
+        """Queues a STATUSTEXT in chunks; the same text not within 10 s, unless it is news.
 
-        link: on this one alone; None: on all.
+        link: the only link; None: all links.
         """
         for message in self._texts.messages(severity, text, now_s, news=news, link=link):
             if link is None:
@@ -571,7 +572,7 @@ class Session:
             self._outbox.send(link, answer.message())
 
     def _command(self, autopilot: Autopilot, command: int, *parameters: float) -> None:
-        """A COMMAND_LONG to the autopilot; parameters not given are 0."""
+        """Queues a COMMAND_LONG to the autopilot; parameters not given are 0."""
         message = translate_outgoing.command_message(
             target=_address(autopilot), command=command, parameters=parameters
         )
@@ -587,7 +588,7 @@ def _source(message: Message) -> tuple[int, int]:
 
 
 def _controls(message: Message) -> bool:
-    """Whether it moves the aircraft."""
+    """Returns True if a message commands motion."""
     name: str = message.get_type()
     asks_for_mode = name == "COMMAND_LONG" and message.command == DO_SET_MODE
     return asks_for_mode or name == "SET_POSITION_TARGET_LOCAL_NED"

@@ -1,10 +1,10 @@
-"""MAVLink 2 message signing: which packets a link accepts, and the time stamps of ours. No I/O.
+"""MAVLink 2 message signing: acceptance of packets, and the companion's time stamps. No I/O.
 
 A signature is the link id, a time stamp in units of 10 us since 2015 and the first 48 bits of
-SHA-256 over key, packet, link id and time stamp. The wall clock comes in as a value; between two of
-its values a link's time stamp advances with each packet, and with each later one of a peer. New
-senders are judged by the wall clock alone, where it is set: else one peer whose clock is ahead
-would have all others refused.
+SHA-256 over key, packet, link id and time stamp. The wall clock is an input. Between two of its
+values a link's time stamp advances with each sent packet, and to each later stamp of a peer. New
+senders are compared with the wall clock alone, if it is set: otherwise one peer whose clock is
+ahead would cause the refusal of all others.
 
 Source: https://mavlink.io/en/guide/message_signing.html.
 """
@@ -22,9 +22,9 @@ from ..config import LinkConfig
 
 KEY_BYTES = 32
 SIGNATURE_BYTES = 13
-"""Link id 1, time stamp 6, hash 6."""
+"""Bytes of a signature: link id 1, time stamp 6, hash 6."""
 SIGNED_FLAG = 0x01
-"""In the incompatibility flags, the third byte of a MAVLink 2 packet."""
+"""Flag in the incompatibility flags, the third byte of a MAVLink 2 packet."""
 UNITS_PER_S = 100_000
 LATEST_TIMESTAMP = (1 << 48) - 1
 
@@ -33,17 +33,17 @@ _HASH_BYTES = 6
 _EPOCH_S = 1_420_070_400
 """2015-01-01 UTC, in seconds since 1970."""
 _NEW_STREAM_UNITS = 60 * UNITS_PER_S
-"""How far the first packet of a stream may be behind our time stamp (specification)."""
+"""Greatest lag of a stream's first packet behind the reference (specification)."""
 _DETOUR_UNITS = 5 * UNITS_PER_S
-"""How far a copy over another link may be behind: the time in which the command ledger knows it for
-a copy. Beyond it a packet that was recorded on one link cannot be replayed on another."""
+"""Greatest lag of a copy over another link: the time in which the command ledger detects copies.
+After it a packet recorded on one link cannot be replayed on another."""
 
 _Stream: TypeAlias = tuple[int, int, int]
 """System id, component id, link id of the sender."""
 
 
 class SigningKey:
-    """The secret of a network; never printed. Raises ValueError unless 32 bytes, not all zero."""
+    """Secret of a network; never printed. Raises ValueError unless 32 bytes, not all zero."""
 
     __slots__ = ("secret",)
 
@@ -59,7 +59,7 @@ class SigningKey:
 
 
 class Refusal(str, enum.Enum):
-    """Why a packet is refused, in words for people."""
+    """Reason why a packet is refused, as text for people."""
 
     UNSIGNED = "unsigned"
     WRONG = "wrong signature"
@@ -68,11 +68,11 @@ class Refusal(str, enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Signing:
-    """What the links start with.
+    """Initial state of the signed links.
 
-    wall_s: seconds since 1970. kept: the time stamp of each link (by its URL) that an earlier
-    process kept; a link without one starts after all of them. references: likewise what new senders
-    were judged by.
+    wall_s: seconds since 1970. kept: time stamp of each link (by URL) from an earlier process; a
+    link without one starts at the greatest of them. references: likewise the reference for new
+    senders.
     """
 
     key: SigningKey
@@ -82,10 +82,10 @@ class Signing:
 
 
 class LinkSigning:
-    """One link's signatures. link_id: of ours. newest: time stamps by stream over all links.
+    """Signatures of one link. link_id: of sent packets. newest: time stamps by stream, all links.
 
-    timestamp: our next ones are later. reference: what new streams are judged by, until the wall
-    clock is later; None: timestamp.
+    timestamp: the next sent stamps are later. reference: stamp with which new streams are compared,
+    until the wall clock is later; None: timestamp.
     """
 
     def __init__(
@@ -100,19 +100,19 @@ class LinkSigning:
         self.key = key
         self.link_id = link_id
         self.timestamp = timestamp
-        """The greatest that was sent, accepted, or told by the wall clock."""
+        """Greatest time stamp that was sent, accepted, or read from the wall clock."""
         self.reference = timestamp if reference is None else reference
-        """The greatest that the wall clock told, in this process or before.
+        """Greatest time stamp of the wall clock, in this process or before.
 
         While the wall clock is not set (before 2015, or over a minute behind this), peers' time
-        stamps count, too: there is nothing else to tell a recorded packet from a new one."""
+        stamps count, too: nothing else distinguishes a recorded packet from a new one."""
         self.ahead_s = 0.0
-        """How far the reference is ahead of the wall clock, where that is less than it."""
+        """Lead of the reference over the wall clock at the last reading; 0 without a lead."""
         self.behind_s: dict[int, float] = {}
-        """By system id: how far those are behind whose first packet was refused as too old."""
+        """Lag of the systems whose first packet was refused as too old, by system id."""
         self._clock_is_set = False
         self.refused = dict.fromkeys(Refusal, 0)
-        """Whole packets that its codecs have refused."""
+        """Count of whole packets refused by its codecs, by reason."""
         self._streams: dict[_Stream, int] = {}
         self._newest: MutableMapping[_Stream, int] = {} if newest is None else newest
 
@@ -125,12 +125,12 @@ class LinkSigning:
         self._advance_to(wall)
 
     def next_timestamp(self) -> int:
-        """The time stamp of our next packet: later than all before it."""
+        """Time stamp of the next sent packet: later than all before it."""
         self._advance_to(self.timestamp + 1)
         return self.timestamp
 
     def refusal(self, packet: bytes) -> Refusal | None:
-        """Why a whole packet is refused; None: it is accepted, and will not be a second time."""
+        """Reason why a whole packet is refused; None: accepted, and refused when repeated."""
         if packet[0] != _MARKER_V2 or not packet[2] & SIGNED_FLAG:
             return Refusal.UNSIGNED
         hashed = hashlib.sha256(self.key.secret + packet[:-_HASH_BYTES]).digest()
@@ -158,18 +158,18 @@ class LinkSigning:
 
 
 def timestamp_at(wall_s: float) -> int:
-    """The time stamp of a wall clock in seconds since 1970; 0 before 2015 and from 2104 on.
+    """Time stamp of a wall clock in seconds since 1970; 0 before 2015 and from 2104 on.
 
-    No time stamp can follow the last one there is.
+    No time stamp can follow the greatest one.
     """
     timestamp = int((wall_s - _EPOCH_S) * UNITS_PER_S)
     return timestamp if 0 <= timestamp < LATEST_TIMESTAMP else 0
 
 
 def link_signings(links: Iterable[LinkConfig], signing: Signing | None) -> dict[str, LinkSigning]:
-    """The signatures of those links that ask for them, by URL; the link id is the place in `links`.
+    """Signatures of the links configured as signed, by URL; link id: the index in `links`.
 
-    Raises ValueError when a link asks for them and there is no key.
+    Raises ValueError if a link is signed and there is no key.
     """
     newest: dict[_Stream, int] = {}
     found = {}

@@ -1,11 +1,11 @@
-"""A sender's clock as its packets tell it: what is late, what is ahead, what is another clock.
+"""Clock of a sender, from the stamps of its packets: detects late packets, jumps and restarts.
 
 Pure steps: a stamp and the time of its arrival in, a `Reading` out.
 
-The clock's line is where its packets would be if none were delayed. A packet may arrive later than
-on the line, in order; one that is older than the last is late. One that is ahead of the line, or
-late for long enough while nothing on the line arrives, belongs to another clock: that of a sender
-that has restarted, once it has run on by itself. A single packet never moves the line there.
+The clock's line is the arrival of its packets without delay. A packet may arrive after the line, in
+order; a packet older than the last one is late. Packets ahead of the line, or late for some time
+while none on the line arrives, belong to another clock. Once that clock has advanced by itself, it
+is the clock of a restarted sender. A single packet never moves the line to it.
 """
 
 from __future__ import annotations
@@ -15,19 +15,19 @@ import math
 from dataclasses import dataclass
 
 AHEAD_S = 0.5
-"""Delays do not put a packet ahead of the line, but for the first ones, which set it. What is taken
-hides its elders for as long as it is ahead: no longer than a position may be old."""
+"""Greatest accepted lead over the line. Only the first packets, which set the line, make later ones
+lead. An accepted packet hides older ones for its lead: no longer than a position may be old."""
 FOREIGN_S = 5.0
-"""No link is so late when a line begins that the packets after it are farther ahead."""
+"""Lead that no link's delay explains: the packet belongs to another clock."""
 _CONFIRMED_S = 0.3
-"""So long another clock must run on, with nothing of the old one in between. PX4 sends 100 stamps
+"""Time for which another clock must advance without a packet of the old one. PX4 sends 100 stamps
 in that time, ArduPilot 30; a restart is silent for as long or longer (measured: 0.3 s, 1.2 s)."""
 _RATE_S = 0.5
-"""By how much a clock may advance more or less than ours between two packets: their delays."""
+"""Greatest difference of advance to the companion's clock between two packets, by their delays."""
 
 
 class Reading(enum.Enum):
-    """What a stamp tells."""
+    """Meaning of a stamp."""
 
     CURRENT = "no older than the last"
     LATE = "older than the last, or ahead: not to be taken"
@@ -37,7 +37,7 @@ class Reading(enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Other:
-    """Packets that are not on the line, one after the other."""
+    """Sequence of packets off the line."""
 
     since_s: float
     stamp_s: float
@@ -45,19 +45,19 @@ class _Other:
 
 
 class SourceClock:
-    """Follows one clock.
+    """Tracker of one clock.
 
-    round_s: after which the stamps begin anew at 0. behind_s: how much older than the last a stamp
-    may be, where several modules stamp.
+    round_s: wrap of the stamps. behind_s: greatest lag of a stamp behind the last one, for senders
+    with several modules.
     """
 
     def __init__(self, *, round_s: float = math.inf, behind_s: float = 0.0) -> None:
         self._round_s = round_s
         self._behind_s = behind_s
         self._last: tuple[float, float] | None = None
-        """The newest stamp, and when it arrived."""
+        """Newest stamp, and the time of its arrival."""
         self._delay_s = 0.0
-        """How much later than on the line that was."""
+        """Delay of that arrival behind the line."""
         self._other: _Other | None = None
 
     def reset(self) -> None:
@@ -83,13 +83,13 @@ class SourceClock:
         return Reading.FOREIGN if lead_s > FOREIGN_S else Reading.LATE
 
     def is_ahead(self, stamp_s: float, now_s: float) -> bool:
-        """Whether a stamp that has arrived now is ahead of the line; it is not taken."""
+        """Returns True if a stamp that arrives now is ahead of the line; does not take it."""
         if self._last is None:
             return False
         return self._compared(*self._last, stamp_s, now_s)[1] > AHEAD_S
 
     def passed_s(self, before_s: float, after_s: float) -> float:
-        """The time from one stamp to another: negative when the other one is older."""
+        """Time from one stamp to another: negative if the other one is older."""
         passed_s = after_s - before_s
         if self._round_s == math.inf:
             return passed_s
@@ -98,7 +98,7 @@ class SourceClock:
     def _compared(
         self, last_s: float, arrived_s: float, stamp_s: float, now_s: float
     ) -> tuple[float, float]:
-        """The time since the newest stamp, and how far the stamp is ahead of the line."""
+        """Time since the newest stamp, and lead of the stamp over the line."""
         passed_s = self.passed_s(last_s, stamp_s)
         return passed_s, passed_s - (now_s - arrived_s) - self._delay_s
 
@@ -106,7 +106,7 @@ class SourceClock:
         self._last, self._delay_s, self._other = (stamp_s, now_s), 0.0, None
 
     def _is_confirmed(self, stamp_s: float, now_s: float) -> bool:
-        """Whether this and those before it run on as a clock does."""
+        """Returns True if this stamp and those before it advance like a clock."""
         other = self._other
         if other is not None:
             passed_s, elapsed_s = self.passed_s(other.stamp_s, stamp_s), now_s - other.arrived_s

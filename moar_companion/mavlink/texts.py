@@ -1,4 +1,4 @@
-"""STATUSTEXT: what people are told, short and not over and over; what others tell. No I/O."""
+"""STATUSTEXT: short texts for people without repeats, and texts of other senders. No I/O."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from .dialect import Message, create
 
 CHUNK_BYTES = 50
 _MAX_BYTES = 1000
-"""Nobody reads more of one message on a ground station."""
+"""Limit of one text: an operator reads no more on a ground station."""
 _OURS = "MOAR: "
 _NAME_CHARS = 16
 _CUT = ".."
 _DETAIL = re.compile(r"\s*\([^()]*\)")
 _MACHINE_WORD = re.compile(r"(?<=[a-z])_(?=[a-z])")
-"""In `at_target`; parameters, as GF_MAX_HOR_DIST, keep their names."""
+"""Underscore as in `at_target`; parameters, as GF_MAX_HOR_DIST, keep theirs."""
 _REPEAT_S = 10.0
 _NEWS_REPEAT_S = 1.0
 _MOST_REMEMBERED = 256
-"""Texts; far more than are said in 10 s. Beyond it the oldest is forgotten, and may be repeated."""
+"""Limit of remembered texts, far more than 10 s of them. Beyond it the oldest may be repeated."""
 _VALUE = re.compile(r"-?\d+\.\d+|\d+(?= ?(?:s|m|%|m/s)(?!\w))")
-"""A number of something measured, which is no other thing's name."""
+"""Measured number, as opposed to a number in a name."""
 
 _SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "info", "debug")
-"""MAV_SEVERITY in words."""
+"""Names of MAV_SEVERITY."""
 
 
 class Severity(enum.IntEnum):
-    """MAV_SEVERITY, as far as we use it."""
+    """Values of MAV_SEVERITY that the companion uses."""
 
     CRITICAL = 2
     """A primary failure."""
@@ -41,24 +41,24 @@ class Severity(enum.IntEnum):
 
 
 def pilot_text(reason: str, action: str = "") -> str:
-    """A text for pilots that fits into one chunk: `MOAR: wind 12.3 m/s > 10, holding`.
+    """Text for pilots that fits into one chunk: `MOAR: wind 12.3 m/s > 10, holding`.
 
-    reason: what is wrong, value and limit; details in parentheses are for the record. action: what
-    the companion does.
+    reason: the fault with value and limit; details in parentheses are left out. action: of the
+    companion.
     """
     tail = f", {action}" if action else ""
     return f"{_OURS}{_shortened(reason, CHUNK_BYTES - len(_OURS) - len(tail))}{tail}"
 
 
 def short_name(name: str) -> str:
-    """The name of a target or an obstacle, cut so that there is room for what is said of it."""
+    """Name of a target or an obstacle, cut to 16 characters to leave room for the rest."""
     return name if len(name) <= _NAME_CHARS else name[: _NAME_CHARS - len(_CUT)].rstrip() + _CUT
 
 
 def _shortened(reason: str, room: int) -> str:
-    """Without details; where that is too long, long names are cut, then clauses, then words."""
+    """Text without details; if too long, cuts long names, then clauses, then words."""
     before = ""
-    while before != reason:  # details may have details
+    while before != reason:  # details may be nested
         before, reason = reason, _DETAIL.sub("", reason)
     words = _MACHINE_WORD.sub(" ", reason).split()
     if len(" ".join(words)) > room:
@@ -71,14 +71,14 @@ def _shortened(reason: str, room: int) -> str:
 
 
 class StatusTexts:
-    """Texts to STATUSTEXT messages; the same not again within 10 s, unless it is news.
+    """Texts to STATUSTEXT messages; repeats within 10 s are dropped, unless they are news.
 
-    Texts that differ in measured values only are the same.
+    Texts that differ in measured values only are repeats.
     """
 
     def __init__(self) -> None:
         self._sent_s: dict[tuple[str | None, str], float] = {}
-        """When a text was last sent, by its link (None: all links); the oldest first."""
+        """Time of the last sending by link (None: all links) and text; the oldest first."""
         self._last_id = 0
 
     def messages(
@@ -90,14 +90,14 @@ class StatusTexts:
         news: bool = False,
         link: str | None = None,
     ) -> list[Message]:
-        """The chunks of a text, none when the same was sent within the last 10 s.
+        """Returns the chunks of a text; none if the same was sent within the last 10 s.
 
-        link: for which it is; None: for all. What is told on one counts for that one alone.
-        news: it says that something has changed, or answers somebody, and is sent again unless it
-        was said within a second and nothing else since: a mission that was held flies again.
+        link: the only link; None: all. Repeats are detected for each link by itself. news: the text
+        reports a change or answers a sender, for example that a held mission resumes. News is sent
+        again, unless the same text was the last one and less than a second ago.
 
-        Up to 50 characters go as one message with id 0; more as chunks of 50 with an id and a
-        chunk_seq, the last of which has a NUL in it. What is not ASCII becomes a question mark.
+        Up to 50 characters are one message with id 0; more are chunks of 50 with an id and a
+        chunk_seq, the last with a NUL. Characters outside ASCII become question marks.
         """
         self._forget_old(now_s)
         same = (link, _VALUE.sub("#", text))
@@ -115,7 +115,7 @@ class StatusTexts:
         ]
 
     def _forget_old(self, now_s: float) -> None:
-        """Each text is forgotten once, so that this costs the same however much is said."""
+        """Drops old texts, each once, so that the cost per text is constant."""
         while self._sent_s:
             oldest = next(iter(self._sent_s))
             recent = now_s - self._sent_s[oldest] < _REPEAT_S
@@ -130,14 +130,14 @@ class StatusTexts:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HeardText:
-    """A whole text of one speaker. severity: MAV_SEVERITY in a word."""
+    """Whole text of one sender. severity: name of its MAV_SEVERITY."""
 
     severity: str
     text: str
 
 
 class HeardTexts:
-    """STATUSTEXT messages to texts: the chunks of one speaker joined."""
+    """STATUSTEXT messages to texts: joins the chunks of one sender."""
 
     def __init__(self) -> None:
         self._text_id = 0
@@ -145,7 +145,7 @@ class HeardTexts:
         self._chunks: list[str] = []
 
     def hear(self, message: Message) -> list[HeardText]:
-        """The texts that this chunk completes; one whose end is lost ends where another begins."""
+        """Returns the texts that this chunk completes; a text without its end ends at the next."""
         done = []
         if self._chunks and message.id != self._text_id:
             done += self.rest()
@@ -156,7 +156,7 @@ class HeardTexts:
         return done
 
     def rest(self) -> list[HeardText]:
-        """What has been heard of a text whose end is missing."""
+        """Returns the received part of an incomplete text."""
         shown = "".join(char if char.isprintable() else " " for char in "".join(self._chunks))
         text = " ".join(shown.split())
         self._chunks = []

@@ -1,8 +1,7 @@
-"""A .tlog's bytes to packets with their times. No I/O.
+"""Bytes of a .tlog to packets with their times. No I/O.
 
 A record is 8 bytes of big-endian microseconds (since 1970, or since a start) and one raw packet,
-MAVLink 1 or 2. Records with a broken packet are left out; where what follows is no record, the
-next one is looked for.
+MAVLink 1 or 2. The reader skips records with a broken packet, and bytes up to the next record.
 """
 
 from __future__ import annotations
@@ -16,34 +15,34 @@ from .codec import frame_size, is_sound
 _MARKERS = re.compile(b"[\xfd\xfe]")
 _STAMP_BYTES = 8
 _MAX_STAMP_US = 1 << 52
-"""The year 2112: what looks like a later time is none."""
+"""Greatest plausible time: the year 2112."""
 _HEAD_BYTES = 65_536
-"""A recording that has no sound packet within these is none."""
+"""Head of a recording that must contain a valid packet."""
 
 
 @dataclass(frozen=True, slots=True)
 class Record:
-    """One packet and when it was recorded, by the recorder's clock."""
+    """One packet and the time of its recording, by the recorder's clock."""
 
     time_s: float
     packet: bytes
 
 
 class Tlog:
-    """The records of a .tlog; what was wrong with it is told once they have been read."""
+    """Records of a .tlog; its errors are known once all records have been read."""
 
     def __init__(self, data: bytes) -> None:
         self._data = data
         self.bad_packets = 0
-        """Records whose packet does not have its checksum."""
+        """Count of records whose packet has a wrong checksum."""
         self.skipped_bytes = 0
-        """Bytes between records that belong to none."""
+        """Count of bytes between records."""
         self.cut_short = False
-        """The last record is not whole."""
+        """True if the last record is incomplete."""
 
     @property
     def recognised(self) -> bool:
-        """Whether it begins as a .tlog does: with a time before the first sound packet."""
+        """True if the data start like a .tlog: with a time before the first valid packet."""
         head = self._data[:_HEAD_BYTES]
         return not _sound_at(head, 0) and _next_record(head, 0) is not None
 
@@ -73,9 +72,10 @@ class Tlog:
 
 
 def _record_at(data: bytes, position: int, end: int) -> tuple[int, bool | None] | None:
-    """Length of the record that starts here, and whether its packet is sound; None: none does.
+    """Length of the record at `position`, and True if its packet is valid; None: no record.
 
-    A packet that cannot be checked, or is not sound, stands for a record if another follows it.
+    The flag is None for an unknown message. A packet that is unknown or invalid counts as a record
+    if another record or the end of the data follows.
     """
     size = _framed(data, position, end)
     if size is None:
@@ -88,7 +88,7 @@ def _record_at(data: bytes, position: int, end: int) -> tuple[int, bool | None] 
 
 
 def _framed(data: bytes, position: int, end: int) -> int | None:
-    """Length of the time and the whole frame that seem to start here; None without these."""
+    """Length of the time and the whole frame that may start at `position`; None without them."""
     frame = position + _STAMP_BYTES
     if frame >= end or data[frame] not in {0xFD, 0xFE}:
         return None
@@ -99,7 +99,7 @@ def _framed(data: bytes, position: int, end: int) -> int | None:
 
 
 def _is_cut(data: bytes, position: int, end: int) -> bool:
-    """Whether the data end within the record that starts here."""
+    """Returns True if the data end within the record that starts at `position`."""
     frame = position + _STAMP_BYTES
     if frame >= end:
         return True
@@ -110,7 +110,7 @@ def _is_cut(data: bytes, position: int, end: int) -> bool:
 
 
 def _sound_at(data: bytes, frame: int) -> bool:
-    """Whether a whole sound frame of a known message starts here."""
+    """Returns True if a whole valid frame of a known message starts at `frame`."""
     end = len(data)
     if frame >= end or data[frame] not in {0xFD, 0xFE}:
         return False
@@ -119,7 +119,7 @@ def _sound_at(data: bytes, frame: int) -> bool:
 
 
 def _next_record(data: bytes, position: int) -> int | None:
-    """Where the next record with a sound packet starts, at `position` or later."""
+    """Start of the next record with a valid packet, at `position` or later; None: no more."""
     for marker in _MARKERS.finditer(data, position + _STAMP_BYTES):
         begin = marker.start() - _STAMP_BYTES
         if _sound_at(data, marker.start()) and _framed(data, begin, len(data)) is not None:

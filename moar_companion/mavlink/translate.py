@@ -1,9 +1,9 @@
-"""Where MAVLink's fields become ours: messages to `Telemetry`. Pure.
+"""Translation of MAVLink messages to `Telemetry`. Pure.
 
 Each message has one function, in `translate_motion`, `translate_motors`, `translate_status`, or
-the heartbeat's here; MAVLink's many ways to say "unknown" become `None` in these and nowhere else.
-The other way is `translate_outgoing`'s. Sources: the message definitions, and for what they leave
-open PX4 v1.17/v1.18 and ArduCopter 4.6.3 as recorded.
+the heartbeat's here. These alone turn MAVLink's many values for "unknown" into `None`. The opposite
+direction is `translate_outgoing`. Sources: the message definitions, and where they are ambiguous
+recordings of PX4 v1.17/v1.18 and ArduCopter 4.6.3.
 """
 
 from __future__ import annotations
@@ -48,32 +48,32 @@ _WITH_BOOT_TIME = frozenset(
 
 
 def update(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    """The telemetry with what this message says; unchanged by messages of no interest.
+    """Telemetry updated by this message; unchanged by messages without a translator.
 
-    Ids are not looked at: the caller passes messages of the autopilot, heartbeats of ground
-    stations and RADIO_STATUS. Never raises on a decoded message.
+    Ids are not checked: the caller passes messages of the autopilot, heartbeats of ground stations
+    and RADIO_STATUS. Never raises on a decoded message.
     """
     translator = _TRANSLATORS.get(message.get_msgId())
     return telemetry if translator is None else translator(telemetry, message, now_s)
 
 
 def autopilot_kind(message: Message) -> AutopilotKind | None:
-    """Whose autopilot a HEARTBEAT comes from; None when it is not an aircraft's autopilot's."""
+    """Kind of the autopilot that sent a HEARTBEAT; None if not from an aircraft's autopilot."""
     if message.autopilot == mavlink.MAV_AUTOPILOT_INVALID or message.type in _NO_AIRCRAFT:
         return None
     return _KINDS.get(message.autopilot, AutopilotKind.UNKNOWN)
 
 
 def is_ground_station(message: Message) -> bool:
-    """Whether a HEARTBEAT is a ground station's (MAV_TYPE_GCS)."""
+    """Returns True for a HEARTBEAT of a ground station (MAV_TYPE_GCS)."""
     return bool(message.type == mavlink.MAV_TYPE_GCS)
 
 
 def boot_time_s(message: Message) -> float | None:
-    """The autopilot's own clock in a message that carries it, else None.
+    """Autopilot's clock in a message that carries it, otherwise None.
 
-    Both autopilots' TIMESYNC requests carry the time since boot too; ArduPilot without requested
-    streams sends nothing else that does.
+    Both autopilots' TIMESYNC requests carry the time since boot, too; without requested streams
+    ArduPilot sends no other message with it.
     """
     message_id = message.get_msgId()
     if message_id in _WITH_BOOT_TIME:
@@ -123,9 +123,9 @@ def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetr
 
 
 def _current_mode(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    """The mode of CURRENT_MODE; whether it is armed, and what it is, only HEARTBEAT tells.
+    """Telemetry with the mode of CURRENT_MODE; only HEARTBEAT reports arming and vehicle type.
 
-    Measured on PX4 v1.17: while a failsafe flies, the intended mode is the one that was asked for.
+    Measured on PX4 v1.17: while a failsafe flies, the intended mode is the requested one.
     """
     before = telemetry.autopilot
     if before is None:
@@ -159,4 +159,4 @@ _TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {
 }
 
 MESSAGE_IDS: frozenset[int] = frozenset(_TRANSLATORS)
-"""The messages that change telemetry."""
+"""Messages that change telemetry."""

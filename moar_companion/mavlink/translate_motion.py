@@ -1,4 +1,4 @@
-"""Where the aircraft is and how it lies in the air: messages to `Telemetry`. Pure.
+"""Position, attitude and wind of the aircraft: messages to `Telemetry`. Pure.
 
 Part of `translate`, which names the sources.
 """
@@ -33,7 +33,7 @@ _LOCAL_FRAMES = {
     int(mavlink.MAV_FRAME_LOCAL_FLU),
 }
 _X, _Y, _Z = 0, 6, 11
-"""Of the upper right triangle of a 6 x 6 covariance matrix: where these variances are."""
+"""Indices of these variances in the upper right triangle of a 6 x 6 covariance matrix."""
 
 
 def _attitude(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
@@ -84,7 +84,7 @@ def _odometry(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry
 
 
 def _deviation_m(variance_m2: float) -> float | None:
-    """NaN, or 0, is how an odometry says that it does not know."""
+    """Standard deviation; None for NaN or 0, an odometry's values for unknown."""
     known = math.isfinite(variance_m2) and variance_m2 > 0.0
     return math.sqrt(variance_m2) if known else None
 
@@ -114,7 +114,7 @@ def _global_position(telemetry: Telemetry, message: Message, now_s: float) -> Te
 
 
 def _point(latitude_e7: int, longitude_e7: int, altitude_mm: int) -> GeodeticPoint | None:
-    """A point; ArduPilot sends 0, 0 until it has one."""
+    """Point in degrees and metres; None for 0, 0, which ArduPilot sends without a position."""
     if (latitude_e7 == 0 and longitude_e7 == 0) or abs(latitude_e7) > 900_000_000:
         return None
     return GeodeticPoint(
@@ -134,7 +134,7 @@ def _wind_cov(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry
     north, east, down = message.wind_x, message.wind_y, message.wind_z
     if not math.isfinite(north + east):
         return replace(telemetry, wind=None)
-    # Multirotor estimators know no vertical wind.
+    # Multirotor estimators do not estimate vertical wind.
     velocity = (north, east, down if math.isfinite(down) else 0.0)
     return wind_told(telemetry, now_s, velocity, message.var_horiz)
 
@@ -142,9 +142,10 @@ def _wind_cov(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry
 def wind_told(
     telemetry: Telemetry, now_s: float, velocity_ned_mps: Vector, variance_m2ps2: float
 ) -> Telemetry:
-    """The telemetry with PX4's wind, and the sum of its variances north and east; 0: none known.
+    """Telemetry with PX4's wind.
 
-    No wind at all and no variance is no estimate.
+    variance_m2ps2: sum of the variances north and east; 0: unknown. Zero wind without a variance is
+    no estimate.
     """
     told = math.isfinite(variance_m2ps2) and variance_m2ps2 > 0.0
     if not told and not any(velocity_ned_mps[:2]):
@@ -162,7 +163,7 @@ def _wind(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     unknown = speed == 0.0 and abs(direction_deg) >= 179.99
     if unknown or not math.isfinite(speed + direction_deg):
         return replace(telemetry, wind=None)
-    # The direction is where the wind comes from.
+    # ArduPilot reports the direction from which the wind blows.
     towards_rad = math.radians(direction_deg) + math.pi
     velocity = (
         speed * math.cos(towards_rad),

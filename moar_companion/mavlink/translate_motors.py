@@ -1,4 +1,4 @@
-"""What the motors are told, and how fast they turn: messages to `Telemetry`. Pure.
+"""Motor outputs and motor speeds: messages to `Telemetry`. Pure.
 
 Part of `translate`, which names the sources.
 """
@@ -14,7 +14,7 @@ from .dialect import ESC_STATUS_ID, Message, mavlink
 from .parameters import parameter_value
 
 _IDLE_PULSE_US = 900
-"""PX4 gives outputs without a function, and all while disarmed, 900 µs; ArduPilot gives 0."""
+"""PX4's pulse of outputs without a function, and of all while disarmed; ArduPilot's is 0."""
 _MOST_MOTORS = 32
 _UNKNOWN_U16 = 65535
 _MIN_PARAMETERS = {AutopilotKind.PX4: "PWM_MAIN_MIN1", AutopilotKind.ARDUPILOT: "MOT_PWM_MIN"}
@@ -22,11 +22,11 @@ _MAX_PARAMETERS = {AutopilotKind.PX4: "PWM_MAIN_MAX1", AutopilotKind.ARDUPILOT: 
 MOTOR_PARAMETERS: Mapping[AutopilotKind, tuple[str, ...]] = {
     kind: (name, _MAX_PARAMETERS[kind]) for kind, name in _MIN_PARAMETERS.items()
 }
-"""The range of the outputs; all motors of a vehicle have the same."""
+"""Parameters of the range of the outputs, which all motors of a vehicle share."""
 
 
 def motor_parameter(telemetry: Telemetry, message: Message) -> Telemetry:
-    """The telemetry with what a PARAM_VALUE says of the range of the outputs."""
+    """Telemetry with the limit of the range of the outputs in a PARAM_VALUE."""
     kind = AutopilotKind.UNKNOWN if telemetry.autopilot is None else telemetry.autopilot.kind
     if message.param_id == _MIN_PARAMETERS.get(kind):
         return replace(telemetry, motor_min_us=_pulse_us(message, kind))
@@ -36,7 +36,7 @@ def motor_parameter(telemetry: Telemetry, message: Message) -> Telemetry:
 
 
 def _pulse_us(message: Message, kind: AutopilotKind) -> float | None:
-    """A pulse width; ArduPilot's 0 is "as the transmitter's throttle"."""
+    """Pulse width; None for ArduPilot's 0, which means "as the transmitter's throttle"."""
     value = parameter_value(message, kind)
     return value if value is not None and value > 0.0 else None
 
@@ -66,12 +66,12 @@ def _servo_output_raw(telemetry: Telemetry, message: Message, now_s: float) -> T
 
 
 def _actuator_output_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    # `active` is a bit mask by its definition, a count in PX4: the outputs themselves tell.
+    # `active` is ambiguous: a bit mask by its definition, a count in PX4. Only the outputs count.
     return motor_outputs(telemetry, filter(math.isfinite, message.actuator), now_s)
 
 
 def motor_outputs(telemetry: Telemetry, pulses_us: Iterable[float], now_s: float) -> Telemetry:
-    """Motors come first in both autopilots' frames; gimbals and landing gears after them."""
+    """Telemetry with the motor outputs: both autopilots put motors before other actuators."""
     count = None if telemetry.autopilot is None else telemetry.autopilot.motors
     in_use = tuple(pulse for pulse in pulses_us if pulse > 0 and pulse != _IDLE_PULSE_US)[:count]
     before = None if telemetry.motors is None else telemetry.motors.least_us

@@ -1,6 +1,6 @@
-"""What we say, as MAVLink's messages. Pure; the other way is `translate`'s.
+"""MAVLink messages that the companion sends. Pure; the opposite direction is `translate`.
 
-Source: the message definitions, and PX4 v1.17/v1.18 and ArduCopter 4.6.3 as measured.
+Sources: the message definitions, and measurements of PX4 v1.17/v1.18 and ArduCopter 4.6.3.
 """
 
 from __future__ import annotations
@@ -11,14 +11,14 @@ from ..types import Vector
 from .dialect import Message, create, mavlink
 
 POSITION_VELOCITY_YAW = 0x9C0
-"""POSITION_TARGET_TYPEMASK: accelerations and yaw rate ignored; the mask both autopilots obey."""
+"""POSITION_TARGET_TYPEMASK: accelerations and yaw rate ignored; both autopilots obey it."""
 
 _MAX_FLOAT = 3.4028234663852886e38
 _NAME_LENGTH = 10
 
 
 class SystemStatus(enum.IntEnum):
-    """MAV_STATE of our own heartbeat."""
+    """MAV_STATE of the companion's heartbeat."""
 
     BOOT = 1
     STANDBY = 3
@@ -27,7 +27,7 @@ class SystemStatus(enum.IntEnum):
 
 
 def heartbeat_message(system_status: SystemStatus, custom_mode: int) -> Message:
-    """HEARTBEAT of an onboard controller; custom_mode is for the component to define."""
+    """HEARTBEAT of an onboard controller; each component defines its own custom_mode."""
     return create(
         "HEARTBEAT",
         type=mavlink.MAV_TYPE_ONBOARD_CONTROLLER,
@@ -49,8 +49,8 @@ def setpoint_message(
 ) -> Message:
     """SET_POSITION_TARGET_LOCAL_NED: position, feed-forward velocity, yaw; MAV_FRAME_LOCAL_NED.
 
-    target: system and component id. Raises ValueError when a value is not finite: ArduPilot's
-    process dies of a NaN position, PX4 drops the position without a word.
+    target: system and component id. Raises ValueError if a value is not finite: a NaN position
+    crashes ArduPilot's process, and PX4 drops it silently.
     """
     values = (*position_ned_m, *velocity_ned_mps, yaw_rad)
     if not all(_is_sendable(value) for value in values):
@@ -73,7 +73,7 @@ def setpoint_message(
 def command_message(
     *, target: tuple[int, int], command: int, parameters: tuple[float, ...]
 ) -> Message:
-    """COMMAND_LONG to a system and component id; parameters that are not given are 0."""
+    """COMMAND_LONG to a system and component id; missing parameters are 0."""
     padded = (*parameters, *[0.0] * (7 - len(parameters)))
     return create(
         "COMMAND_LONG",
@@ -97,9 +97,9 @@ def parameter_request_message(*, target: tuple[int, int], name: str) -> Message:
 
 
 def named_value_message(name: str, value: float, now_s: float) -> Message | None:
-    """NAMED_VALUE_FLOAT; None when the value is not finite.
+    """NAMED_VALUE_FLOAT; None if the value is not finite.
 
-    Raises ValueError when the name is longer than 10 ASCII characters.
+    Raises ValueError unless the name has 1 to 10 ASCII characters.
     """
     if not (name.isascii() and 0 < len(name) <= _NAME_LENGTH):
         raise ValueError(f"{name!r} is not a name of 1 to {_NAME_LENGTH} ASCII characters")
@@ -114,10 +114,10 @@ def named_value_message(name: str, value: float, now_s: float) -> Message | None
 
 
 def _is_sendable(value: float) -> bool:
-    """Whether a value is finite as MAVLink's float (single precision)."""
+    """Returns True if a value is finite as MAVLink's float (single precision)."""
     return abs(value) <= _MAX_FLOAT
 
 
 def _milliseconds(now_s: float) -> int:
-    """Our clock as MAVLink's time_boot_ms, which wraps after 49 days."""
+    """Companion's clock as MAVLink's time_boot_ms, which wraps after 49 days."""
     return int(now_s * 1000.0) & 0xFFFFFFFF

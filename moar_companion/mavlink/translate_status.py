@@ -1,4 +1,4 @@
-"""How the aircraft fares: batteries, receivers, estimator, radios to `Telemetry`. Pure.
+"""Health of the aircraft: batteries, receivers, estimator, radios to `Telemetry`. Pure.
 
 Part of `translate`, which names the sources.
 """
@@ -26,13 +26,13 @@ from .dialect import LINK_NODE_STATUS_ID, Message, mavlink
 from .translate_motors import motor_parameter
 
 RADIO_IDS = frozenset({int(mavlink.MAVLINK_MSG_ID_RADIO_STATUS), int(mavlink.MAVLINK_MSG_ID_RADIO)})
-"""RADIO_STATUS, and RADIO, as which radios sent the same before 2014."""
+"""RADIO_STATUS, and RADIO, which radios sent with the same content before 2014."""
 
 _UNKNOWN_DOP = 9999
-"""ArduPilot says 9999, PX4 10000, the definition 65535: 100 DOP from here on is unknown."""
+"""Least value of 100 DOP that means unknown: ArduPilot 9999, PX4 10000, the definition 65535."""
 _UNKNOWN_U8 = 255
 _MOST_CELL_MV = 5000
-"""No lithium cell has more."""
+"""Greatest voltage of a lithium cell."""
 _UNKNOWN_U16 = 65535
 _UNKNOWN_U32 = 4294967295
 _MAX_RSSI = {
@@ -40,22 +40,23 @@ _MAX_RSSI = {
     AutopilotKind.ARDUPILOT: 255,
     AutopilotKind.UNKNOWN: 254,
 }
-"""The definition says 254, and 255 for unknown. PX4 says in RC_CHANNELS what its receivers' drivers
-do, a percentage; of ArduPilot 255 is full signal."""
+"""RSSI of full signal in RC_CHANNELS. The definition has 254, and 255 for unknown. PX4 passes on
+the percentage of its receivers' drivers; ArduPilot has 255."""
 _NOT_FLOWN_WITH = {
     int(mavlink.MAV_BATTERY_FUNCTION_AVIONICS),
     int(mavlink.MAV_BATTERY_FUNCTION_PAYLOAD),
 }
 _BATTERY_STATUS_TIMEOUT_S = 5.0
-"""PX4 sends BATTERY_STATUS at 0.5 Hz: after two missed ones SYS_STATUS speaks for battery 0."""
+"""Age of BATTERY_STATUS from which SYS_STATUS describes battery 0: PX4 sends at 0.5 Hz, so two
+messages are missing."""
 _HORIZONTAL_POSITION = 0x10
 """Absolute horizontal position, in ESTIMATOR_STATUS and EKF_STATUS_REPORT alike."""
 PX4_GPS_GLITCH = 0x400
 _ARDUPILOT_GPS_GLITCH = 0x8000
 _MAGNETOMETER_UPDATED = 0x1C0
-"""The three axes in HIGHRES_IMU.fields_updated; what is not updated is repeated."""
+"""The three axes in HIGHRES_IMU.fields_updated; other values are repeats."""
 GNSS_PARAMETERS = ("GPS_AUTO_SWITCH", "GPS_PRIMARY")
-"""ArduPilot's, on which of two receivers it navigates by."""
+"""ArduPilot's parameters that select one of two receivers for navigation."""
 _BETTER_GNSS_TAKEN = {1.0, 2.0}
 """Values of GPS_AUTO_SWITCH: the best receiver, or a mean in which the better one weighs more."""
 _PREARM_CHECK = int(mavlink.MAV_SYS_STATUS_PREARM_CHECK)
@@ -71,14 +72,14 @@ _SENSOR_NAMES = {
     if 1 << bit != _PREARM_CHECK
 }
 _RELEASES = ((255, ""), (192, "rc"), (128, "beta"), (64, "alpha"), (0, "dev"))
-"""FIRMWARE_VERSION_TYPE: the least value of each, the greatest first."""
+"""FIRMWARE_VERSION_TYPE: the least value of each type, the greatest first."""
 
 
 def _battery_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     if message.battery_function in _NOT_FLOWN_WITH:
         return telemetry
-    # One entry is the whole pack (both autopilots' way), or there is one per cell; a pack of more
-    # than 65 V takes two.
+    # One entry for the whole pack (both autopilots), or one per cell; a pack above 65 V takes two
+    # entries.
     entries_mv = [
         value
         for value in (*message.voltages, *message.voltages_ext)
@@ -96,7 +97,7 @@ def _battery_status(telemetry: Telemetry, message: Message, now_s: float) -> Tel
     )
     batteries = {**telemetry.batteries, message.id: battery}
     zero = batteries.get(0)
-    # A state was told by battery 0 itself.
+    # A charge state comes only from battery 0's own message.
     only_summed_up = zero is not None and zero.summary and zero.charge_state is None
     if only_summed_up and _summary_is_of_any(telemetry, batteries):
         del batteries[0]
@@ -118,7 +119,10 @@ def _sys_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemet
 
 
 def _remote_control_ok(telemetry: Telemetry, message: Message) -> bool | None:
-    """Known from the first reception on; PX4 calls a receiver that has lost it not present."""
+    """State of the remote control; None until it was good once.
+
+    PX4 reports a receiver without signal as not present.
+    """
     ok = bool(
         message.onboard_control_sensors_present
         & message.onboard_control_sensors_enabled
@@ -144,30 +148,30 @@ def _battery_summary(telemetry: Telemetry, message: Message, now_s: float) -> Te
         remaining=_percent(message.battery_remaining),
         voltage_v=None if voltage_mv in {0, _UNKNOWN_U16} else voltage_mv * 1e-3,
         current_a=_current_a(message.current_battery),
-        # It tells none: what BATTERY_STATUS called critical is so until that says otherwise.
+        # SYS_STATUS has no charge state: the last one of BATTERY_STATUS stays valid.
         charge_state=None if known is None else known.charge_state,
         summary=True,
     )
     if battery.voltage_v is None and battery.remaining is None:
-        # ArduPilot without a battery monitor.
+        # ArduPilot has no battery monitor.
         return telemetry
     return replace(telemetry, batteries={**telemetry.batteries, 0: battery})
 
 
 def _summary_is_of_any(telemetry: Telemetry, batteries: Mapping[int, Battery]) -> bool:
-    """Whether SYS_STATUS may mean another battery than 0: PX4's is the emptiest connected one."""
+    """Returns True if SYS_STATUS may describe another battery than 0: PX4's is the emptiest one."""
     autopilot = telemetry.autopilot
     ardupilot = autopilot is not None and autopilot.kind is AutopilotKind.ARDUPILOT
     return not ardupilot and any(number != 0 for number in batteries)
 
 
 def _percent(value: int) -> float | None:
-    """battery_remaining: -1 is unknown."""
+    """Fraction from battery_remaining; None for -1."""
     return value * 0.01 if 0 <= value <= 100 else None
 
 
 def _current_a(value_ca: int) -> float | None:
-    """current_battery in cA: unknown is -1 in ArduPilot and in the definition, -100 in PX4."""
+    """Current from current_battery in cA; None for unknown (-1; in PX4 -100)."""
     return value_ca * 0.01 if value_ca >= 0 else None
 
 
@@ -190,7 +194,7 @@ def _gps_raw_int(telemetry: Telemetry, message: Message, now_s: float) -> Teleme
 
 def _gps2_raw(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     px4 = telemetry.autopilot is not None and telemetry.autopilot.kind is AutopilotKind.PX4
-    # PX4 weighs its receivers by their accuracy (SENS_GPS_MASK); ArduPilot's parameter tells.
+    # PX4 weights receivers by accuracy (SENS_GPS_MASK); ArduPilot's parameter selects the mode.
     return replace(
         telemetry,
         second_gnss=_gnss(message, now_s),
@@ -213,12 +217,12 @@ def _gnss(message: Message, now_s: float) -> Gnss:
 
 
 def _dilution(value: int) -> float | None:
-    """eph, epv: 100 times the dilution of precision; no receiver has a dilution of 0."""
+    """Dilution of precision from eph or epv (100 times); None for 0, which no receiver has."""
     return value * 0.01 if 0 < value < _UNKNOWN_DOP else None
 
 
 def _accuracy_m(value_mm: int) -> float | None:
-    """h_acc, v_acc in mm: extensions, so 0 where they are not sent."""
+    """Accuracy from h_acc or v_acc in mm; None for 0: the extension fields are not sent."""
     return None if value_mm in {0, _UNKNOWN_U32} else value_mm * 1e-3
 
 
@@ -249,7 +253,7 @@ def _estimator_status(telemetry: Telemetry, message: Message, now_s: float) -> T
 
 
 def _ekf_status_report(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    # Its variances are innovations, as fractions of what the filter accepts: not metres.
+    # EKF_STATUS_REPORT's variances are innovations as fractions of the accepted ones, not metres.
     return replace(
         telemetry,
         estimator=Estimator(
@@ -270,7 +274,7 @@ def _finite(value: float) -> float | None:
 
 
 def innovation(value: float) -> float | None:
-    """Exactly 0, or NaN, is how both autopilots say that a source is not in use."""
+    """Innovation; None for exactly 0 or NaN, both autopilots' values for an unused source."""
     return value if 0.0 < value < math.inf else None
 
 
@@ -281,7 +285,7 @@ def _highres_imu(telemetry: Telemetry, message: Message, now_s: float) -> Teleme
 
 
 def _raw_imu(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    # Raw by name: ArduPilot sends the calibrated field, in milligauss.
+    # Despite its name ArduPilot sends the calibrated field, in milligauss.
     return _magnetic_field(telemetry, message, 1e-3, now_s)
 
 
@@ -296,9 +300,9 @@ def _magnetic_field(
 
 
 def horizontal_position_ok(flags: int, glitch: int) -> bool:
-    """Absolute position claimed, and not while GPS is being refused.
+    """Returns True if the estimator reports an absolute position and does not reject GPS.
 
-    "Constant position" (0x80) is no objection: PX4 sets it while standing, beside a good position.
+    "Constant position" (0x80) is ignored: PX4 sets it at rest, beside a good position.
     """
     return bool(flags & _HORIZONTAL_POSITION) and not flags & glitch
 
@@ -323,9 +327,9 @@ def radio_told(
     receive_errors: int,
     free_percent: int,
 ) -> Telemetry:
-    """The telemetry with what a radio said. here, there: signal and noise, as it says them."""
+    """Telemetry with a radio's status. here, there: signal and noise in the radio's units."""
     known = telemetry.radio is not None and telemetry.radio.remote_rssi is not None
-    # A radio says 0 and 0 of its peer when it has lost it, or knows nothing of one.
+    # A radio reports 0 and 0 for its peer if it has lost the peer or never had one.
     remote = known or max(there) > 0
     return replace(
         telemetry,
@@ -361,8 +365,8 @@ def _rc_channels(telemetry: Telemetry, message: Message, now_s: float) -> Teleme
     if message.rssi > _MAX_RSSI[kind]:
         rssi = None
     elif message.rssi in {0, _UNKNOWN_U8} and not told:
-        # Autopilots without a signal strength to tell say one of these: only after another is it
-        # none, or full.
+        # Autopilots without a signal strength report one of these. Only after another value do
+        # they mean no or full signal.
         rssi = None
     heard = RemoteControl(received_s=now_s, rssi=rssi, ever_told=told or rssi is not None)
     return replace(telemetry, remote_control=heard)

@@ -1,4 +1,4 @@
-"""UDP links: read empty at each wake-up, each datagram with the kernel's time of its arrival."""
+"""UDP links: all waiting datagrams are read at once, each with the kernel's time of arrival."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from .urls import LinkAddress, LinkKind
 
 _DATAGRAM_BYTES = 65536
 _MOST_DATAGRAMS = 512
-"""Read in one go; the next go comes after others in the loop had their turn."""
+"""Limit of datagrams read in one call, so that other tasks of the loop run in between."""
 _TELL_AGAIN_S = 10.0
 _RECEIVE_BYTES = 4 * 2**20
 _LEAST_RECEIVE_BYTES = 2**20
-"""Room for what arrives while the process waits. The kernel counts 832 bytes for a datagram of one
-small message, of which PX4 sends 412 a second: 1 MB is three seconds, its usual 208 kB 0.6 s."""
+"""Receive buffer for datagrams that arrive while the process waits. The kernel counts 832 bytes for
+a small message, of which PX4 sends 412 a second: 1 MB is 3 s, the default 208 kB 0.6 s."""
 _SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_RXQ_OVFL = 33, 35, 40
-"""Linux's (asm-generic/socket.h); the socket module lacks them."""
+"""Linux constants (asm-generic/socket.h); the socket module lacks them."""
 _TIMESPEC = struct.Struct("@ll")
 _ANCILLARY_BYTES = 128
 
@@ -34,14 +34,14 @@ _logger = logging.getLogger(__name__)
 
 
 def _wall_offset_s() -> float:
-    """Our clock minus the wall clock; of two looks the one that was interrupted less."""
+    """Clock of arrivals minus the wall clock; the less interrupted of two readings."""
     return max(clock_s() - time.time(), clock_s() - time.time())
 
 
 class _Udp:
-    """A UDP socket that is read empty at each wake-up, each datagram with its time of arrival.
+    """UDP socket whose waiting datagrams are read at once, each with its time of arrival.
 
-    What listening and sending links share.
+    Base of the listening and the sending link.
     """
 
     _listens: bool
@@ -52,9 +52,9 @@ class _Udp:
         self._on_bytes = on_bytes
         self._failing = False
         self._view = memoryview(bytearray(_DATAGRAM_BYTES))
-        """Room for the greatest datagram, made once: there may be no memory for it in flight."""
+        """Buffer for the greatest datagram, allocated once: memory may be short in flight."""
         self._read_s = clock_s()
-        """Until when whatever had arrived has been read."""
+        """Time up to which all arrived datagrams have been read."""
         self._dropped = 0
         self._tell_again_s = -math.inf
         asyncio.get_running_loop().add_reader(own, self._readable)
@@ -64,10 +64,10 @@ class _Udp:
         self._socket.close()
 
     def _readable(self) -> None:
-        """Hand over the datagrams that wait, the oldest first."""
+        """Passes the waiting datagrams to the callback, the oldest first."""
         now_s = clock_s()
-        # The kernel's stamps are in wall-clock time, which may be set: none is before the last
-        # time at which nothing waited, nor after now.
+        # The kernel's stamps are in wall-clock time, which may be set. So each is limited to the
+        # time between the last reading of all datagrams and now.
         offset_s = _wall_offset_s()
         for _ in range(_MOST_DATAGRAMS):
             try:
@@ -88,7 +88,7 @@ class _Udp:
             self._on_bytes(data, self._read_s, peer if self._listens else None)
 
     def _stamp_s(self, extra: list[tuple[int, int, bytes]]) -> float | None:
-        """When the kernel took a datagram, by the wall clock; None where it does not tell."""
+        """Time at which the kernel received a datagram, by the wall clock; None without a stamp."""
         stamp_s = None
         for level, kind, value in extra:
             if level != socket.SOL_SOCKET:
@@ -101,7 +101,7 @@ class _Udp:
         return stamp_s
 
     def _note_dropped(self, count: int) -> None:
-        """The kernel's count of datagrams that found no room, since the socket was opened."""
+        """Takes the kernel's count of dropped datagrams since the socket was opened."""
         now_s = clock_s()
         if count != self._dropped and now_s >= self._tell_again_s:
             lost, self._dropped = (count - self._dropped) & 0xFFFFFFFF, count
@@ -109,7 +109,7 @@ class _Udp:
             _logger.warning("%s: %d datagrams lost, read too late", self._address, lost)
 
     def _fail(self, error: OSError) -> None:
-        """A datagram that nobody took: the peer is not there, now."""
+        """Logs a failed datagram, for example because the peer is absent."""
         level = logging.DEBUG if self._failing else logging.WARNING
         self._failing = True
         _logger.log(level, "%s: %s", self._address, reason(error))
@@ -121,13 +121,13 @@ class _Udp:
             else:
                 self._socket.sendto(data, peer)
         except BlockingIOError:
-            pass  # The network stands still: what is older goes first, and then it is too old.
+            pass  # The network stalls: older packets go first, and this one would be too old.
         except OSError as error:
             self._fail(error)
 
 
 class _UdpListener(_Udp):
-    """Hears anybody, and sends to the peers that it is given: who they are is not its business."""
+    """Listening link: receives from any address, and sends to the peers given by the caller."""
 
     _listens = True
 
@@ -139,7 +139,7 @@ class _UdpListener(_Udp):
 
 
 class _UdpSender(_Udp):
-    """Sends to one peer, and hears that one alone."""
+    """Sending link: sends to one peer, and receives only from it."""
 
     _listens = False
 
@@ -150,7 +150,7 @@ class _UdpSender(_Udp):
 
 
 async def open_udp(address: LinkAddress, on_bytes: OnBytes) -> _UdpListener | _UdpSender:
-    """Raises LinkError where the address is not to be had."""
+    """Opens a UDP link; raises LinkError if the address is not available."""
     listening = address.kind is LinkKind.UDP_LISTEN
     try:
         found = await asyncio.get_running_loop().getaddrinfo(
@@ -185,9 +185,9 @@ async def open_udp(address: LinkAddress, on_bytes: OnBytes) -> _UdpListener | _U
 
 
 def _enlarge(own: socket.socket) -> int:
-    """Give a socket room for what arrives while the process waits; the bytes that it got."""
+    """Enlarges a socket's receive buffer; returns the granted bytes."""
     for option in (_SO_RCVBUFFORCE, socket.SO_RCVBUF):
-        # The first is above the system's limit, and for root alone.
+        # The first option exceeds the system's limit and needs root.
         with contextlib.suppress(OSError):
             own.setsockopt(socket.SOL_SOCKET, option, _RECEIVE_BYTES)
             break

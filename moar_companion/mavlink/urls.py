@@ -15,11 +15,11 @@ ALLOWED = (
 
 
 _MAX_BAUD = 20_000_000
-"""Faster than any serial port."""
+"""Greatest baud rate: faster than any serial port."""
 
 
 class LinkKind(enum.Enum):
-    """What a link is made of."""
+    """Transport of a link."""
 
     UDP_LISTEN = "udpin"
     UDP_SEND = "udpout"
@@ -39,7 +39,7 @@ _SCHEMES = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkAddress:
-    """Where a link goes: host and port, or a device and its baud rate."""
+    """Address of a link: host and port, or a device and its baud rate."""
 
     kind: LinkKind
     host: str = ""
@@ -55,7 +55,7 @@ class LinkAddress:
 
 
 def parse_url(url: str, *, source: str = "--connect", key: str = "") -> LinkAddress:
-    """The address of a URL: the contract's forms, and MAVSDK's `udpin://…`, `serial:///dev/…:baud`.
+    """Address of a URL: the contract's forms, and MAVSDK's `udpin://…`, `serial:///dev/…:baud`.
 
     An empty host listens on all interfaces. Raises InputError(source, key, …) otherwise.
     """
@@ -90,7 +90,7 @@ def parse_url(url: str, *, source: str = "--connect", key: str = "") -> LinkAddr
 
 
 def _is_host(host: str) -> bool:
-    """Whether a resolver takes it: labels of 1 to 63 characters, no blanks."""
+    """Returns True for a host that a resolver accepts: labels of 1 to 63 characters, no blanks."""
     try:
         host.encode("idna")
     except UnicodeError:

@@ -1,7 +1,7 @@
-"""A conversation overheard: packets of everybody on a link to telemetry and what was said. No I/O.
+"""Passive observer: packets of all senders on a link to telemetry and events. No I/O.
 
-Where the session takes part, a witness only listens: to the autopilot and its radio, to ground
-stations, and to the companion itself, whose packets are in a recording like all others.
+Unlike the session a witness sends nothing. It reads the packets of the autopilot and its radio, of
+ground stations, and of the companion itself, which a recording contains, too.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ _INPUT_OF = {message_id: name for name, ids in _INPUTS.items() for message_id in
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Input:
-    """How often a source was heard. last_s: None where it never was."""
+    """Count of a source's messages. last_s: time of the last; None if none was received."""
 
     messages: int = 0
     last_s: float | None = None
@@ -70,7 +70,7 @@ class Input:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TextSaid:
-    """A STATUSTEXT of the autopilot or, with `ours`, of the companion."""
+    """STATUSTEXT of the autopilot or, with `ours`, of the companion."""
 
     ours: bool
     heard: HeardText
@@ -78,7 +78,7 @@ class TextSaid:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AnswerSaid:
-    """The companion's COMMAND_ACK to an order."""
+    """COMMAND_ACK of the companion to an order."""
 
     command: int
     result: CommandResult
@@ -88,7 +88,7 @@ Said = AutopilotFound | AutopilotRestarted | AutopilotConflict | Command | TextS
 
 
 class Witness:
-    """Listens to one link. component_id: the companion's."""
+    """Observer of one link. component_id: the companion's."""
 
     def __init__(self, *, component_id: int = 195) -> None:
         self._component_id = component_id
@@ -100,37 +100,37 @@ class Witness:
         self._listener = Listener()
         self._texts = {False: HeardTexts(), True: HeardTexts()}
         self.inputs = {name: Input() for name in ("autopilot", "ground_station", *_INPUTS)}
-        """How often each source of telemetry was heard, and when last."""
+        """Count and last time of the messages of each telemetry source."""
         self.vehicle_type: str | None = None
-        """MAV_TYPE of the autopilot's vehicle in words."""
+        """Name of the MAV_TYPE of the autopilot's vehicle."""
         self.leans = True
-        """Whether the vehicle's lean tells of wind: generic is what home-built copters say."""
+        """True if the vehicle's lean shows wind; also for generic, home-built copters' type."""
 
     @property
     def telemetry(self) -> Telemetry:
-        """The last word of every source."""
+        """Latest telemetry of all sources."""
         return self._listener.telemetry
 
     @property
     def autopilot(self) -> AutopilotKind | None:
-        """Whose autopilot was heard first."""
+        """Kind of the autopilot that was received first."""
         autopilot = self._listener.autopilot
         return None if autopilot is None else autopilot.kind
 
     @property
     def sources(self) -> dict[tuple[int, int], SourceStatistics]:
-        """Packets by system and component id, in the order in which these were heard."""
+        """Packet counts by system and component id, in the order of their first packets."""
         return {source: self._codec.statistics(*source) for source in self._codec.sources}
 
     def hear(self, packet: bytes, now_s: float) -> list[Said]:
-        """Takes a packet; what was said with it. Never raises, whatever it is."""
+        """Takes a packet of any content; returns its events. Never raises."""
         said: list[Said] = []
         for message in self._codec.receive(packet):
             said += self._hear(message, now_s)
         return said
 
     def tick(self, now_s: float) -> None:
-        """Brings counts of packets up to date; a second autopilot that is silent is forgotten."""
+        """Updates the packet counts; drops a second autopilot that is silent."""
         self._listener.identity.forget_silent(now_s)
         autopilot = self._listener.autopilot
         if autopilot is not None:
@@ -140,7 +140,7 @@ class Witness:
     def _hear(self, message: Message, now_s: float) -> list[Said]:
         before = self._listener.telemetry
         event = self._listener.hear(message, link=_LINK, role=LinkRole.AUTOPILOT, now_s=now_s)
-        # The telemetry itself tells the mode.
+        # The mode is in the telemetry.
         said: list[Said] = [] if event is None or isinstance(event, ModeLeft) else [event]
         message_id = message.get_msgId()
         if self._listener.telemetry is not before and message_id in _INPUT_OF:
@@ -170,7 +170,7 @@ class Witness:
         return [TextSaid(ours=ours, heard=text) for text in self._texts[ours].hear(message)]
 
     def _hear_order(self, message: Message) -> list[Said]:
-        """An order to the companion; what is said again for want of an answer is said once."""
+        """Returns an order to the companion; no repeats with a confirmation above 0."""
         autopilot = self._listener.autopilot
         if autopilot is None or message.command not in _ORDERS or _is_repeat(message):
             return []
@@ -183,7 +183,7 @@ class Witness:
         return [order] if isinstance(order, (MissionCommand, PauseContinue, DeniedCommand)) else []
 
     def _is_ours(self, message: Message) -> bool:
-        """Whether the companion says this."""
+        """Returns True for a message of the companion."""
         autopilot = self._listener.autopilot
         source = (message.get_srcSystem(), message.get_srcComponent())
         return autopilot is not None and source == (autopilot.system_id, self._component_id)
@@ -202,7 +202,7 @@ def _answer(message: Message) -> list[Said]:
 
 
 def type_in_words(vehicle_type: int) -> str:
-    """A MAV_TYPE for people."""
+    """Name of a MAV_TYPE for people."""
     known = mavlink.enums["MAV_TYPE"].get(vehicle_type)
     if known is None:
         return f"type {vehicle_type}"

@@ -1,8 +1,8 @@
-"""The power model: what flying takes of the batteries, and what is left in them. Pure.
+"""Power model: energy of flying, and energy left in the batteries. Pure.
 
-The vehicle file has the power of hovering, cruising, climbing and descending; a path takes what
-these say along it (`model`). In flight a `Meter` finds the one factor by which the aircraft takes
-more or less than that. Energies are in Wh as the file has it; `Meter` puts the factor to them.
+The vehicle file has the power of hovering, cruising, climbing and descending; `model` integrates it
+along a path. In flight a `Meter` measures the one factor between the real power and the file's.
+Energies are in Wh of the file; `Meter` applies the factor.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Whether the vehicle file's number of cells fits the batteries: what was heard in, words out."""
+"""Check of the vehicle file's number of cells against the batteries: telemetry in, text out."""
 
 from __future__ import annotations
 
@@ -6,13 +6,13 @@ from ..types import Telemetry
 from .meter import is_powered
 
 CELL_V = (3.0, 4.4)
-"""A lithium cell that is not ruined has a voltage between these."""
+"""Voltage range of an intact lithium cell."""
 
 
 def misread(telemetry: Telemetry, cells: int | None) -> str | None:
-    """What does not fit, for people; None where all does, or nothing tells.
+    """Text of a mismatch for people; None if all batteries fit, or none reports.
 
-    With the wrong number an empty battery looks full, or a full one empty.
+    With the wrong number an empty battery appears full, or a full one empty.
     """
     if cells is None:
         return None

@@ -1,16 +1,15 @@
-"""The meter: what the aircraft takes of its batteries, and what they have left, as measured.
+"""Meter: measured power of the aircraft, and energy left in its batteries.
 
-One factor on the powers of the vehicle file is measured: they keep their ratios, so that a minute
-in the air is enough for all of them. Measured is, in this order,
+The meter measures one factor on the powers of the vehicle file. Their ratios stay the same, so that
+a minute in the air suffices for all. Sources, in this order:
 
-    current   sum of U I of all batteries, where the file has their capacity
-    charge    the flight between two steps of the charge that the autopilot tells
+    current   sum of U I of all batteries, if the file has their capacity
+    charge    the flight between two steps of the charge that the autopilot reports
 
-A charge that falls clearly faster than the current says goes before it. A drain is believed however
-great it is, up to a limit where it is clamped: to ignore it would promise time that is not there.
-What is left is the charge of the emptiest battery: packs in parallel empty alike, and of two that
-do not one has failed. One that tells it no more is counted down by what is flown. Inputs: telemetry
-and time.
+A charge that falls clearly faster than by the current has precedence. Every drain counts, clamped
+at a limit: ignoring one would promise flight time that does not exist. The energy left is that of
+the emptiest battery: packs in parallel empty alike, and if two differ one has failed. A battery
+that no longer reports is counted down by the energy flown. Inputs: telemetry and time.
 """
 
 from __future__ import annotations
@@ -23,54 +22,54 @@ from ..types import Battery, LandedState, LocalPosition, Telemetry
 from .model import S_PER_H, PowerModel
 
 BATTERY_MAX_AGE_S = 15.0
-"""BATTERY_STATUS comes at 0.5 Hz, on a slow link once in 12 s. In 15 s a multirotor spends about a
-hundredth of its charge."""
+"""Maximum age of BATTERY_STATUS: 0.5 Hz, on a slow link once in 12 s. In 15 s a multirotor uses
+about a hundredth of its charge."""
 _VELOCITY_MAX_AGE_S = 0.5
-"""LOCAL_POSITION_NED comes at 10 Hz or more: 5 periods."""
+"""Maximum age of LOCAL_POSITION_NED: 5 periods at 10 Hz or more."""
 _FLIGHT_VOLTAGE_MIN_V = 5.0
-"""Below, the autopilot is fed by USB and claims a full battery; two empty cells have 6 V."""
+"""Least voltage of a flight battery. Below, USB powers the autopilot, which then reports a full
+battery; two empty cells have 6 V."""
 _CELL_FULL_V = 4.05
-"""Lithium-polymer under load; PX4's BAT1_V_CHARGED."""
+"""Full lithium-polymer cell under load; PX4's BAT1_V_CHARGED."""
 _MEASURING_S = 10.0
-"""When the measured power and the one before count alike. By then the current has settled, and a
-step of the charge, seen 2 s late at worst, is known to a fifth: as well as the file."""
+"""Measuring time at which the measured factor and the prior count alike. By then the current has
+settled, and a step of the charge, at most 2 s late, is known to a fifth: as well as the file."""
 _FORGETTING_S = 120.0
-"""Longer than a leg, so that all phases are in the mean; shorter than a battery. While much more is
-taken than that mean, what was before is forgotten as fast as a new power is measured."""
+"""Time constant of the mean: longer than a leg, so that it covers all phases; shorter than a
+battery. While the power is far above the mean, _MEASURING_S replaces it."""
 _MARKS_S = 300.0
 _MOST_MARKS = 100
 _RECENT_S = 20.0
 _RECENT_MARKS = 4
-"""A drain that has begun shows in so many steps and so long, at least: one late step or a small
-correction is no drain."""
+"""Least steps and duration of a drain: one late step or a small correction is no drain."""
 _DRAINS = 1.5
-"""Of the recent steps over all, where those go first."""
+"""Least ratio of the recent steps' rate to that of all at which the recent ones have precedence."""
 _LEAST_RATIO = 0.2
-"""Measured over the file's power. Below, a sensor is dead."""
+"""Least ratio of the measured to the file's power; below, the sensor has failed."""
 _GREATEST_RATIO = 20.0
-"""Above, it is clamped: what flies at all has a file that is less wrong, and one wrong reading does
-not empty a battery by itself."""
+"""Greatest such ratio; above, it is clamped. The file of a flying vehicle is less wrong, and one
+wrong reading must not empty a battery."""
 _SUDDEN_RATIO = 5.0
-"""Of one step of the charge over what was measured before: a charge was corrected. More such steps
-in a row than _MOST_SUDDEN are no corrections, and count."""
+"""Ratio of one step of the charge to the measured rate that means a correction of the charge. More
+such steps in a row than _MOST_SUDDEN are no corrections, and count."""
 _MOST_SUDDEN = 2
-"""One more may be a step that the one before it was late for."""
+"""Limit of corrections in a row; the second may be a step that follows a late one."""
 _AT_ODDS = 2.0
-"""Of one measure over another, where the greater goes first: a gauge may have another capacity, or
-follow a voltage, but not by so much unless a battery fails."""
+"""Ratio of two measures at which the greater has precedence: a gauge may assume another capacity or
+follow a voltage, but differs by less unless a battery fails."""
 _SWAPPED = 0.05
-"""A charge that rises by more is another battery's; by less it wavers, as where the autopilot
-takes it from a voltage."""
+"""Rise of the charge that means another battery; smaller rises are noise, as of a charge that the
+autopilot derives from a voltage."""
 _MEAN_CURRENT_S = 10.0
 _LONGEST_STEP_S = 1.0
-"""After a pause nothing is known of the time between."""
+"""Longest time between two updates that counts: the flight during a longer pause is unknown."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Mark:
-    """A step down of a battery's charge. flown_wh: until then, as the file has it.
+    """A step down of a battery's charge. flown_wh: energy flown until then, in Wh of the file.
 
-    sudden: how many in a row may be corrections; nothing is measured up to the last of them.
+    sudden: number of possible corrections in a row; no measurement reaches across them.
     """
 
     charge: float
@@ -80,10 +79,11 @@ class _Mark:
 
 @dataclass(frozen=True, slots=True)
 class _Pack:
-    """A battery by its last word on its charge, less what was flown since.
+    """A battery by its last reported charge, less the charge flown since.
 
-    heard_s: of that word. most: what its voltage allows. told: the charge that the autopilot told,
-    the least while it wavers; None where only a voltage tells it. marks: the steps down of that.
+    heard_s: time of that report. most: greatest charge that its voltage allows. told: charge that
+    the autopilot reported, the least of a noisy one; None if only a voltage gives it. marks: the
+    steps down of `told`.
     """
 
     heard_s: float
@@ -94,17 +94,17 @@ class _Pack:
 
     @property
     def left(self) -> float:
-        """Of its charge: below the range of good voltages what is claimed is not there."""
+        """Charge left, limited by the voltage: a low voltage overrides the reported charge."""
         return max(0.0, min(self.charge, self.most))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Meter:
-    """What was measured until `updated_s`; `metered` makes the next one.
+    """Measurements until `updated_s`; `metered` makes the next one.
 
-    left_wh: in real Wh or, without a capacity in the file, in those of the file; None: unknown.
+    left_wh: in real Wh or, without a capacity in the file, in Wh of the file; None: unknown.
     factor: measured over the file's power; source: `current`, `charge`, or the `vehicle file`.
-    What is told no more, or makes no sense, changes neither, but that what is flown goes on.
+    Missing or implausible values change neither; the energy flown is still subtracted.
     """
 
     updated_s: float | None = None
@@ -112,35 +112,35 @@ class Meter:
     factor: float = 1.0
     source: str = "vehicle file"
     prior: float = 1.0
-    """The factor before what it is measured by now."""
+    """Factor before the present measurement."""
     flies: bool = False
     flown_wh: float = 0.0
-    """In the air, as the file has it."""
+    """Energy flown in the air, in Wh of the file."""
     recent_wh: float = 0.0
-    """The same while the current was known, with what was long ago forgotten; of one flight."""
+    """The same while the current was known, with exponential forgetting; of one flight."""
     drawn_wh: float = 0.0
-    """By the current, likewise."""
+    """Energy drawn by the current, likewise."""
     mean_current_a: Mapping[int, float] = field(default_factory=dict)
     packs: Mapping[int, _Pack] = field(default_factory=dict)
-    """All batteries whose charge was ever known."""
+    """Batteries whose charge was ever known."""
     heard_s: float | None = None
-    """When the charge of the emptiest battery was last told."""
+    """Time of the last report of the emptiest battery's charge."""
 
     def flight_s(self, model: PowerModel) -> float | None:
-        """How long what is left lasts, hovering; None where that is not known."""
+        """Hover time of the energy left; None if unknown."""
         if self.left_wh is None:
             return None
         return self.left_wh / (self.factor * model.hover_w) * S_PER_H
 
     def until_s(self, model: PowerModel, charge: float) -> float | None:
-        """How long, hovering, until a charge in [0, 1] is left; None where that is not known."""
+        """Hover time until a charge in [0, 1] is left; None if unknown."""
         if self.left_wh is None:
             return None
         usable_wh = max(0.0, self.left_wh - charge * model.capacity_wh)
         return usable_wh / (self.factor * model.hover_w) * S_PER_H
 
     def left_after_s(self, model: PowerModel, need_wh: float | None) -> float | None:
-        """How long what is left then lasts, hovering. need_wh: as the file has it."""
+        """Hover time left after using need_wh, in Wh of the file; None if unknown."""
         flight_s = self.flight_s(model)
         if flight_s is None or need_wh is None:
             return None
@@ -148,7 +148,7 @@ class Meter:
 
 
 def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel) -> Meter:
-    """The meter after a look at the telemetry; made to be called at about 10 Hz."""
+    """Meter updated by the telemetry; designed for calls at about 10 Hz."""
     elapsed_s = 0.0 if meter.updated_s is None else now_s - meter.updated_s
     elapsed_s = min(_LONGEST_STEP_S, max(0.0, elapsed_s))
     batteries = {
@@ -166,7 +166,7 @@ def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel)
     before = {number: mean for number, mean in meter.mean_current_a.items() if number not in gone}
     currents = _mean_currents(before, batteries, elapsed_s)
     drawn_w = _drawn_w(batteries, currents) if model.capacity_known else None
-    # The factor learns late of a power that has risen.
+    # The factor follows a risen power with a delay.
     used_w = max(meter.factor * flight_w, min(drawn_w or 0.0, _GREATEST_RATIO * flight_w))
     used = used_w * elapsed_s / S_PER_H / model.capacity_wh
     packs = {
@@ -201,24 +201,24 @@ def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel)
 
 
 def is_powered(battery: Battery) -> bool:
-    """Whether the autopilot is fed by this battery, so that its word on it means something."""
+    """Returns True if this battery powers the autopilot, so that its report is meaningful."""
     return battery.voltage_v is None or battery.voltage_v >= _FLIGHT_VOLTAGE_MIN_V
 
 
 def in_the_air(telemetry: Telemetry) -> bool:
-    """Whether it is known to fly, and not to take off or to land."""
+    """Returns True if the aircraft is known to fly, not to take off or land."""
     landed = telemetry.landed
     return landed is not None and landed.state is LandedState.IN_AIR
 
 
 def on_the_ground(telemetry: Telemetry) -> bool:
-    """Whether it is known to stand there: a battery that is not told then was taken out."""
+    """Returns True if known to be on the ground: a battery not reported then was removed."""
     landed = telemetry.landed
     return landed is not None and landed.state is LandedState.ON_GROUND
 
 
 def cell_v(battery: Battery, model: PowerModel, mean_current_a: float | None) -> float | None:
-    """The voltage of a cell at the mean load, so that a short pull empties no battery.
+    """Voltage of a cell at the mean load, so that a short peak does not mean an empty battery.
 
     None without the number of cells. mean_current_a: of the last seconds.
     """
@@ -231,7 +231,7 @@ def cell_v(battery: Battery, model: PowerModel, mean_current_a: float | None) ->
 
 
 def _flight_w(local: LocalPosition | None, now_s: float, model: PowerModel) -> float:
-    """The power of flying as it flies now; of hovering where that is not known."""
+    """Power at the present velocity; of hovering if the velocity is unknown."""
     if local is None or now_s - local.received_s > _VELOCITY_MAX_AGE_S:
         return model.hover_w
     north_mps, east_mps, down_mps = local.velocity_ned_mps
@@ -262,9 +262,9 @@ def _heard(
     *,
     counts: bool,
 ) -> _Pack | None:
-    """A battery with its word of now; None while its charge was never known.
+    """Battery updated by its present report; None while its charge was never known.
 
-    counts: whether, where only a voltage tells its charge, that is better counted down.
+    counts: True if a charge known only by voltage is counted down instead of read again.
     """
     if pack is not None and pack.heard_s == battery.received_s:
         return pack
@@ -294,7 +294,7 @@ def _by_voltage(battery: Battery, model: PowerModel) -> float | None:
 def _steps(
     pack: _Pack | None, told: float, flown_wh: float, model: PowerModel
 ) -> tuple[float, tuple[_Mark, ...]]:
-    """The least charge told, and the steps down to it, without those that others flew."""
+    """Least reported charge and the steps down to it, without those of another battery."""
     if pack is None or pack.told is None or told > pack.told + _SWAPPED:
         return told, ()
     if told >= pack.told:
@@ -315,15 +315,15 @@ def _steps(
 
 
 def _drawn_w(batteries: Mapping[int, Battery], currents: Mapping[int, float]) -> float | None:
-    """What all batteries give by their currents; None where one does not tell: it were too small.
+    """Power of all batteries by their currents; None if one is missing: the sum is too small.
 
-    currents: of all that ever told one.
+    currents: of all batteries that ever reported one.
     """
     drawn_w = 0.0
     for number in batteries.keys() | currents.keys():
         battery = batteries.get(number)
         if battery is None or not battery.current_a or battery.voltage_v is None:
-            return None  # nor is 0 A a word of what flies
+            return None  # 0 A is no valid current in flight
         drawn_w += battery.current_a * battery.voltage_v
     return drawn_w
 
@@ -336,12 +336,12 @@ def _measured(
     elapsed_s: float,
     model: PowerModel,
 ) -> tuple[float, str, float, float, float]:
-    """The factor, by the current, else by the charge, as far as it was measured.
+    """Measured factor: by the current, otherwise by the charge.
 
-    With its source, the one before, and by the current what was flown and drawn: as in `Meter`.
+    With its source, the prior, and the energies flown and drawn by the current, as in `Meter`.
 
-    While the current is not told, the greater of what it said and what the charge says; else the
-    charge only where it says much more.
+    While the current is missing, the greater of its last measure and that of the charge counts;
+    otherwise the charge only where its measure is much greater.
     """
     if not flight_w or not elapsed_s:
         return meter.factor, meter.source, meter.prior, meter.recent_wh, meter.drawn_wh
@@ -371,10 +371,10 @@ def _measured(
 def _by_charge(
     packs: Mapping[int, _Pack], flown_wh: float, model: PowerModel
 ) -> tuple[float, float, float]:
-    """What the steps of the charge say was used, what was flown between them, what of that is sure.
+    """Energies by the steps of the charge: used, flown in between, certain part of the used one.
 
-    One step alone may be early or late. Of the battery that falls fastest: where they do not empty
-    alike that one ends the flight.
+    One step alone may be early or late. Of the battery that falls fastest: if they do not empty
+    alike, that one ends the flight.
     """
     oldest_wh = flown_wh - model.hover_wh(_MARKS_S)
     marked = [
@@ -391,7 +391,7 @@ def _by_charge(
 
 
 def _over(marks: tuple[_Mark, ...], model: PowerModel) -> Iterator[tuple[float, float, float]]:
-    """The same over all marks of a battery, and over the last ones where they fall much faster."""
+    """Yields the same over all marks of a battery, and over the last ones if much faster."""
     last, recent = marks[-1], marks[: 1 - _RECENT_MARKS]
     begins = [mark for mark in recent if last.flown_wh - mark.flown_wh >= model.hover_wh(_RECENT_S)]
     steps = [(marks[0], marks[1])]
@@ -410,9 +410,9 @@ def _over(marks: tuple[_Mark, ...], model: PowerModel) -> Iterator[tuple[float, 
 def _blended(
     prior: float, used_wh: float, flown_wh: float, sure_wh: float, model: PowerModel
 ) -> float:
-    """The factor that was measured, as far as that is known, and the one before.
+    """Mean of the measured factor and the prior, weighted by the measuring time.
 
-    Of much that was used in a short time as much is known as of a long one. sure_wh: of that.
+    A great use in a short time weighs as much as a long time. sure_wh: certain part of the use.
     """
     measured = min(_GREATEST_RATIO, used_wh / flown_wh)
     measured_s = max(flown_wh, sure_wh) / model.hover_w * S_PER_H

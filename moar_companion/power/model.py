@@ -1,6 +1,6 @@
-"""What flying takes: the powers of the phases, the energy of a path, of hovering, of a landing.
+"""Power of the flight phases, and energy of a path, of hovering and of a landing.
 
-Inputs: the vehicle file; paths with their times. Outputs: W, and Wh as the file has it.
+Inputs: the vehicle file; paths with their times. Outputs: W, and Wh of the file.
 """
 
 from __future__ import annotations
@@ -18,19 +18,18 @@ from ..vehicle import Power, Range, RiskModel, Vehicle
 FloatArray = npt.NDArray[np.floating[Any]]
 
 _LANDINGS = {AutopilotKind.PX4: (0.7, 5.0), AutopilotKind.ARDUPILOT: (0.5, 1.0)}
-"""Of the autopilots' own landings: the speed in m/s (MPC_LAND_SPEED, LAND_SPEED), and the hovering
-that is worth what the motors take on the ground until they stop, 8 s with PX4, 3 s with ArduPilot.
-"""
+"""Landing by the autopilot: speed in m/s (MPC_LAND_SPEED, LAND_SPEED), and the hover time in s with
+the energy of the motors on the ground until they stop, 8 s with PX4, 3 s with ArduPilot."""
 _INDUCED_MPS = 6.0
-"""Of the air through the rotors, hovering with some 90 N per square metre of them: what a climb
-takes more follows from it by momentum theory. A descent saves nothing: the rotors sink into their
-own downwash."""
+"""Speed of the air through the rotors in hover at some 90 N per square metre of rotor. Momentum
+theory gives from it the additional power of a climb. A descent saves none: the rotors sink into
+their own downwash."""
 S_PER_H = 3600.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PowerModel:
-    """A vehicle's powers, each with the speed at which it is taken; between them it is linear."""
+    """Powers of a vehicle, each with the speed at which it applies; linear in between."""
 
     hover_w: float
     cruise_w: float
@@ -41,7 +40,7 @@ class PowerModel:
     descent_mps: float
     capacity_wh: float
     capacity_known: bool
-    """Whether Wh are real: else only ratios are, and a current says nothing."""
+    """True if the Wh are real; otherwise only ratios are, and a current has no meaning."""
     reserve_s: float
     cells: int | None
     cell_voltage_v: Range
@@ -49,7 +48,7 @@ class PowerModel:
 
     @classmethod
     def of(cls, vehicle: Vehicle) -> PowerModel:
-        """The model of a vehicle file, with what it leaves out."""
+        """Model of a vehicle file, with defaults for missing values."""
         speed = vehicle.speed
         return cls.made(
             vehicle.power, vehicle.risk, speed.horizontal_mps, speed.up_mps, speed.down_mps
@@ -59,7 +58,7 @@ class PowerModel:
     def made(
         cls, power: Power, risk: RiskModel, cruise_mps: float, climb_mps: float, descent_mps: float
     ) -> PowerModel:
-        """The model of the file's sections and the speeds of its powers."""
+        """Model of the file's sections and the speeds of its powers."""
         hover_w, known_wh = power.hover_w, power.capacity_wh
         faster = 0.5 * climb_mps / _INDUCED_MPS
         return cls(
@@ -81,11 +80,11 @@ class PowerModel:
         )
 
     def power_w(self, level_mps: float, up_mps: float) -> float:
-        """The power at a level and an upward speed."""
+        """Power at a level and an upward speed."""
         return float(self._power_w(level_mps, up_mps, min, max))
 
     def _power_w(self, level_mps: Any, up_mps: Any, least: Any, most: Any) -> Any:
-        """The same, also of arrays (n,). least, most: of two such values, element by element."""
+        """The same, also for arrays (n,). least, most: elementwise minimum and maximum."""
         level, up = level_mps / self.cruise_mps, up_mps / self.climb_mps
         down = -up_mps / self.descent_mps
         return (
@@ -96,7 +95,7 @@ class PowerModel:
         )
 
     def path_wh(self, position_m: FloatArray, duration_s: FloatArray) -> float:
-        """The energy of a path through points (n, d), up last, in times (n - 1,) between them."""
+        """Energy of a path through points (n, d), up last, with durations (n - 1,) between them."""
         moves = duration_s > 0.0
         velocity = np.diff(position_m, axis=0)[moves] / duration_s[moves, None]
         level_mps = np.sqrt((velocity[:, :-1] ** 2).sum(axis=1))
@@ -104,18 +103,18 @@ class PowerModel:
         return float(power_w @ duration_s[moves]) / S_PER_H
 
     def hover_wh(self, seconds: float) -> float:
-        """The energy of hovering."""
+        """Energy of hovering."""
         return self.hover_w * seconds / S_PER_H
 
     def landing_wh(self, height_m: float, kind: AutopilotKind) -> float:
-        """The energy of the autopilot's landing from a height, until the motors stop."""
+        """Energy of the autopilot's landing from a height, until the motors stop."""
         return self.hover_wh(landing_s(height_m, kind))
 
 
 def landing_s(height_m: float, kind: AutopilotKind) -> float:
-    """How long the autopilot's landing from a height takes, what is taken on the ground as hover.
+    """Duration of the autopilot's landing from a height, with the ground phase as hover time.
 
-    One that is not known lands as slowly as any.
+    An unknown autopilot has the slowest landing.
     """
     slowest = min(_LANDINGS.values())[0], max(after_s for _, after_s in _LANDINGS.values())
     speed_mps, after_s = _LANDINGS.get(kind, slowest)
@@ -124,9 +123,9 @@ def landing_s(height_m: float, kind: AutopilotKind) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Demands:
-    """What is still to be flown, in Wh as the vehicle file has it; None where that is not known.
+    """Energy still to be flown, in Wh of the vehicle file; None if unknown.
 
-    flown: whether there is a mission to finish. finish_wh: it, and the better way out behind it.
+    flown: True if there is a mission to finish. finish_wh: of it and the better escape route after.
     """
 
     flown: bool = False

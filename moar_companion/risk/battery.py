@@ -1,9 +1,9 @@
-"""Battery risk BR (paper, Section IV-C (d)): what is left, against what is still to be flown.
+"""Battery risk BR (paper, Section IV-C (d)): remaining energy against the energy still needed.
 
-Inputs for each battery: the fraction left, the voltage of a cell, the autopilot's own warning, the
-flight time left on arrival at home. Each is judged by itself, so the worst battery decides. Of all
-together: the flight time left after the mission, after an exit and after an evacuation, by what
-the aircraft was measured to take (`power`).
+Inputs for each battery: the fraction left, the voltage of a cell, the autopilot's warning, the
+flight time left on arrival at home. Each is rated by itself, so the worst battery decides. Inputs
+of all together: the flight time left after the mission, after an exit and after an evacuation, by
+the measured power (`power`).
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from ..vehicle import RiskModel
 from .inputs import InputReport, heard, heard_at
 
 POSITION_MAX_AGE_S = 0.5
-"""LOCAL_POSITION_NED comes at 10 Hz or more: 5 periods."""
+"""Maximum age of LOCAL_POSITION_NED: 5 periods at 10 Hz or more."""
 _STATE_OK, _STATE_LOW = 1, 2
 WARNINGS = {2: "low", 3: "critical", 4: "emergency", 5: "failed", 6: "unhealthy"}
-"""MAV_BATTERY_CHARGE_STATE; 1 is well, 0 and 7 (charging) say nothing."""
+"""MAV_BATTERY_CHARGE_STATE; 1 is ok, 0 and 7 (charging) carry no warning."""
 _LOW_RISK = 0.8
-"""Low asks for the way home, not yet for haste at any price: Eq. 9 leaves nothing of the safety
-weight at a risk of 1."""
+"""Risk of a low battery: it calls for a return, not for speed at any cost. At a risk of 1 Eq. 9
+leaves nothing of the safety weight."""
 _S_PER_H = 3600.0
 _TITLE = "battery "
 
 
 def remember(meter: Meter, telemetry: Telemetry, now_s: float, power: PowerModel) -> Meter:
-    """What is measured of the batteries, up to this telemetry."""
+    """Meter of the batteries, updated by this telemetry."""
     return metered(meter, telemetry, now_s, power)
 
 
@@ -51,9 +51,9 @@ def inputs(
     cruise_mps: float,
     demands: Demands | None,
 ) -> tuple[InputReport, ...]:
-    """The normalised inputs of the battery risk; `meter` includes this telemetry.
+    """Normalised inputs of the battery risk; `meter` includes this telemetry.
 
-    cruise_mps: speed of the way home. demands: None where nothing is planned.
+    cruise_mps: speed of the return. demands: None without a plan.
     """
     home_s = _time_home_s(telemetry, now_s, cruise_mps)
     each = tuple(
@@ -82,7 +82,7 @@ def inputs(
 def still_there(
     last_known: Mapping[str, InputReport], telemetry: Telemetry
 ) -> Mapping[str, InputReport]:
-    """What was last known, without the batteries that were taken out on the ground."""
+    """Last known reports, without the batteries that were removed on the ground."""
     if not on_the_ground(telemetry):
         return last_known
     titles = tuple(f"{_TITLE}{number} " for number in telemetry.batteries)
@@ -112,7 +112,7 @@ def _battery(
     state = battery.charge_state if powered else None
     only_ok = state == _STATE_OK and remaining is None and volts is None
     if only_ok or state not in (_STATE_OK, *WARNINGS):
-        state = None  # "not low" alone does not say how much is left
+        state = None  # "not low" alone does not give the remaining charge
     told = heard(battery, now_s, BATTERY_MAX_AGE_S)
     title = f"{_TITLE}{number}"
     return (
@@ -128,14 +128,14 @@ def _battery(
 
 
 def _warning(state: float) -> float:
-    """The risk of the autopilot's word on the battery."""
+    """Risk of the charge state that the autopilot reports."""
     if state == _STATE_OK:
         return 0.0
     return _LOW_RISK if state == _STATE_LOW else 1.0
 
 
 def _time_home_s(telemetry: Telemetry, now_s: float, cruise_mps: float) -> float | None:
-    """The flight time to home along a straight line; None where either end is unknown."""
+    """Flight time to home along a straight line; None if either end is unknown."""
     home, local = telemetry.home, telemetry.local_position
     if home is None or local is None or now_s - local.received_s > POSITION_MAX_AGE_S:
         return None

@@ -1,12 +1,12 @@
-"""What the air does to a multirotor: attitude and velocity in, deceleration by the air out. Pure.
+"""Deceleration of a multirotor by the air, from its attitude and velocity. Pure.
 
-The thrust carries the weight and points where the aircraft leans, so the lean is known as an
-acceleration. What of it does not change the velocity is spent against the air:
+The thrust carries the weight and points along the lean, so the lean gives an acceleration. The part
+of it that does not change the velocity acts against the air:
 
-    b = lean - dv/dt,    lean = (g - dv_down/dt - k v_down) tan(tilt), where it leans to
+    b = lean - dv/dt,    lean = (g - dv_down/dt - k v_down) tan(tilt), towards the lean
 
-Both come from what every autopilot sends. Means over a short window, in which our own speeding up,
-braking and turning cancel: integral of the lean over time minus the difference of two velocities.
+Every autopilot sends both inputs. b is a mean over a short window, in which the aircraft's own
+manoeuvres cancel: integral of the lean over time minus the difference of two velocities.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from .drag import Level
 GRAVITY_MPS2 = 9.80665
 
 WINDOW_S = 1.5
-"""Over which means are taken. In calm flights of the fake autopilots, 3 m/s fast, the wind told is
-at most 0.8, 0.5, 0.4 m/s with 1, 1.5, 2 s; a step of the wind is followed as late."""
+"""Window of the means. In calm flights of the fake autopilots at 3 m/s the estimated wind is at
+most 0.8, 0.5, 0.4 m/s with 1, 1.5, 2 s; the delay after a step of the wind is as long."""
 WINDOW_MIN_S = 1.0
-"""What the window must span before its mean counts."""
+"""Least span of a window before its mean counts."""
 SETTLING_S = 3.0
-"""After take-off, a gap or a jump nothing counts: PX4 calls an aircraft in the air 1.5 s before its
-legs leave the ground, on which it may lean as it likes."""
+"""Time after take-off, a gap or a jump in which no mean counts: PX4 reports in the air 1.5 s before
+the legs leave the ground, and on the ground the lean shows no wind."""
 ATTITUDE_MAX_AGE_S = 0.5
-"""ATTITUDE and LOCAL_POSITION_NED come at 10 Hz or more, even on a slow link: 5 periods."""
+"""Maximum age of ATTITUDE and LOCAL_POSITION_NED: 5 periods at 10 Hz, also on a slow link."""
 _GAP_S = 1.0
-"""Between two samples: what the lean did in a longer one is not known."""
+"""Greatest time between two samples: the lean in a longer gap is unknown."""
 _JUMP_MPS2 = 20.0
-"""No multirotor accelerates so: the estimator has reset its velocity."""
+"""Acceleration beyond any multirotor's: the estimator has reset its velocity."""
 _JUMP_S = 0.1
-"""Packets come in bursts: velocities are not compared over less."""
+"""Least time over which velocities are compared: packets come in bursts."""
 _TILT_COSINE_MIN = 0.5
-"""60 deg: no multirotor holds its height beyond, and the tangent grows without bound."""
+"""Cosine of 60 deg: no multirotor holds its height beyond, and the tangent grows without bound."""
 _LIFT_MIN, _LIFT_MAX = 0.3, 2.0
-"""Of g: what the vertical acceleration may say of the thrust."""
+"""Range of the thrust's vertical part, as a fraction of g, by the vertical acceleration."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +50,7 @@ class AirSample:
     lean_ne_mps2: Level
     velocity_ned_mps: Vector
     begun_s: float
-    """When the first sample without a gap before it was taken."""
+    """Time of the first sample after the last gap."""
     lean_sum_ne_mps: Level = (0.0, 0.0)
     """Integral of the lean."""
     way_ned_m: Vector = (0.0, 0.0, 0.0)
@@ -59,7 +59,7 @@ class AirSample:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Braking:
-    """Means over a window: how it moved, and how the air braked it. time_s: the window's end."""
+    """Mean velocity and deceleration by the air over a window. time_s: the window's end."""
 
     time_s: float
     velocity_ne_mps: Level
@@ -67,10 +67,10 @@ class Braking:
 
 
 def tells_of_wind(telemetry: Telemetry) -> bool:
-    """Whether lean and motor outputs say anything about wind.
+    """Returns True if lean and motor outputs show wind: the aircraft flies.
 
-    During the landed state TAKEOFF the aircraft may still stand on its legs. Without any landed
-    state, armed has to do.
+    In the landed state TAKEOFF the aircraft may still stand on its legs. Without a landed state
+    armed decides.
     """
     armed = telemetry.autopilot is not None and telemetry.autopilot.armed
     landed = telemetry.landed
@@ -78,10 +78,10 @@ def tells_of_wind(telemetry: Telemetry) -> bool:
 
 
 def extended(samples: tuple[AirSample, ...], telemetry: Telemetry) -> tuple[AirSample, ...]:
-    """The samples of the last `WINDOW_S` with the latest one, oldest first; none on the ground.
+    """Samples of the last `WINDOW_S` with the latest one, oldest first; none on the ground.
 
-    The window ends at the latest attitude, so that without a new one nothing changes. It begins
-    anew after a gap and after a jump of the velocity.
+    The window ends at the latest attitude, so that without a new one it stays the same. It restarts
+    after a gap and after a jump of the velocity.
     """
     if not tells_of_wind(telemetry):
         return ()
@@ -98,9 +98,9 @@ def extended(samples: tuple[AirSample, ...], telemetry: Telemetry) -> tuple[AirS
 
 
 def braking(samples: tuple[AirSample, ...], drag_per_s: float) -> Braking | None:
-    """What the air did in the samples' window; None where that is too short to say.
+    """Mean deceleration in the samples' window; None if the window is too short.
 
-    drag_per_s: of the vertical motion, which changes the thrust that a lean stands for.
+    drag_per_s: of the vertical motion, which changes the thrust of a lean.
     """
     if len(samples) < 2:
         return None
@@ -124,7 +124,7 @@ def braking(samples: tuple[AirSample, ...], drag_per_s: float) -> Braking | None
 
 
 def _rates(before: Vector, after: Vector, span_s: float) -> Vector:
-    """The change a second of each of three."""
+    """Change per second of each of three components."""
     return (
         (after[0] - before[0]) / span_s,
         (after[1] - before[1]) / span_s,
@@ -147,9 +147,9 @@ def lean_acceleration_mps2(roll_rad: float, pitch_rad: float, yaw_rad: float) ->
 
 
 def _sample(telemetry: Telemetry) -> AirSample | None:
-    """The latest attitude with the velocity of the same time, if there is one.
+    """Latest attitude with the velocity of the same time; None without both.
 
-    An estimator without an absolute position guesses its velocity, too.
+    Also None without an absolute position, since the estimator's velocity is then a guess, too.
     """
     attitude, local, estimator = (
         telemetry.attitude,
@@ -186,7 +186,7 @@ def _continues(before: AirSample, after: AirSample) -> bool:
 
 
 def _summed(before: AirSample, latest: AirSample) -> AirSample:
-    """The latest sample with its sums, by trapezoids."""
+    """Latest sample with its sums, by trapezoids."""
     half_s = 0.5 * (latest.attitude_s - before.attitude_s)
     (lean_n, lean_e), (old_lean_n, old_lean_e) = latest.lean_ne_mps2, before.lean_ne_mps2
     (v_n, v_e, v_d), (old_n, old_e, old_d) = latest.velocity_ned_mps, before.velocity_ned_mps

@@ -1,10 +1,10 @@
-"""Communication risk CR (paper, Section IV-C (b)): the ways by which people reach the aircraft.
+"""Communication risk CR (paper, Section IV-C (b)): the links from the ground to the aircraft.
 
 Inputs: the telemetry radio's margin at both ends, its broken packets and its transmit buffer; the
-pilot's transmitter; the age of the ground station's last heartbeat; and our own link to the
-autopilot, by which its words come: packets lost on it both ways, its data rate and its silence. A
-good link to the autopilot does not say that anyone on the ground is heard: where nothing else is
-known, the number of known ways to the ground is 0, and that is what decides.
+pilot's transmitter; the age of the ground station's last heartbeat; and the companion's own link to
+the autopilot: packets lost on it both ways, its data rate and its silence. A good link to the
+autopilot does not prove a link to the ground: without any other input the number of known ways to
+the ground is 0, and decides.
 """
 
 from __future__ import annotations
@@ -19,23 +19,23 @@ from ..vehicle import RiskModel
 from .inputs import YES_OR_NO, InputReport, certain, heard
 
 _RADIO_MAX_AGE_S = 3.0
-"""A telemetry radio sends RADIO_STATUS about once a second: 3 periods."""
+"""Maximum age of RADIO_STATUS: 3 periods at about 1 Hz."""
 _REMOTE_CONTROL_MAX_AGE_S = 3.0
-"""RC_CHANNELS comes at 5 Hz, SYS_STATUS at 2 Hz, on a slow link at 1 Hz: 3 periods."""
+"""Maximum age of RC_CHANNELS (5 Hz) and SYS_STATUS (2 Hz): 3 periods at 1 Hz of a slow link."""
 _LINK_MAX_AGE_S = 3.0
-"""An autopilot's slowest streams are its heartbeat and LINK_NODE_STATUS, at 1 Hz: 3 periods."""
+"""Maximum age of the slowest streams, the heartbeat and LINK_NODE_STATUS: 3 periods at 1 Hz."""
 _SILENCE_MAX_AGE_S = math.inf
-"""Of a silence: it is the measurement itself, and never grows stale."""
+"""Maximum age of a silence: the age is the measurement itself, and never grows stale."""
 _WINDOW_S = 3.0
-"""Over which packets are counted: some hundred on a usual link, and three of a radio's words."""
+"""Window of the packet counts: some hundred packets on a usual link, three of a radio."""
 _SAMPLE_S = 0.5
-"""Between two remembered counts, so that the window is six of them."""
+"""Time between two remembered counts, so that the window has six of them."""
 _PACKETS_MIN = 20
-"""Fewer are no statistics: one packet in 20 lost is 5 %."""
+"""Least packets for a loss rate: one lost in 20 is 5 %."""
 _USUAL_RATE_S = 120.0
-"""Time constant of the usual data rate: links fade within seconds, streams change for good."""
+"""Time constant of the usual data rate: links fade within seconds, stream changes are permanent."""
 _USUAL_RATE_KNOWN_S = 20.0
-"""Streams are asked for, and flow, within some seconds."""
+"""Time until the usual rate counts: requested streams start within some seconds."""
 
 
 class _Counted(Protocol):
@@ -48,11 +48,11 @@ _Source = TypeVar("_Source", bound=_Counted)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CommunicationMemory:
-    """Counts over the last `_WINDOW_S`, oldest first: what comes here, goes there, and the radio's.
+    """Counts over the last `_WINDOW_S`, oldest first: received, sent to the autopilot, radio.
 
-    usual_rate_hz: the mean rate of streams on our own link since `usual_since_s`, or over the last
-    minutes; None before anything was counted. A rate so low that it is a risk becomes usual on the
-    ground alone.
+    usual_rate_hz: mean rate of streams on the companion's own link since `usual_since_s`, or over
+    the last minutes; None before any count. A rate so low that it is a risk becomes usual only on
+    the ground.
     """
 
     here: tuple[LinkStatistics, ...] = ()
@@ -65,9 +65,9 @@ class CommunicationMemory:
 def remember(
     memory: CommunicationMemory, telemetry: Telemetry, model: RiskModel
 ) -> CommunicationMemory:
-    """The memory with the latest counts; counts that went back begin a new window.
+    """Memory with the latest counts; counts that decrease start a new window.
 
-    A window ends at its source's latest word, so that without a new one nothing changes.
+    A window ends at its source's latest message, so that without a new one it stays the same.
     """
     here = _window(memory.here, telemetry.link, lambda link: link.packets_received)
     usual_rate_hz, usual_since_s = memory.usual_rate_hz, memory.usual_since_s
@@ -94,7 +94,7 @@ def remember(
 def inputs(
     telemetry: Telemetry, now_s: float, model: RiskModel, memory: CommunicationMemory
 ) -> tuple[InputReport, ...]:
-    """The normalised inputs of the communication risk; `memory` includes this telemetry."""
+    """Normalised inputs of the communication risk; `memory` includes this telemetry."""
     radio = _radio_inputs(telemetry, now_s, model, memory)
     remote = _remote_control_inputs(telemetry, now_s, model)
     station, link = telemetry.ground_station, telemetry.link
@@ -104,7 +104,7 @@ def inputs(
         "s",
         model.ground_station_age_s.fraction,
     )
-    # Signals and heartbeats: a free buffer or channels that go on do not say that anyone is there.
+    # Signals and heartbeats count: a free buffer or continuing channels prove no link to a person.
     ways = (radio[:2], remote[:2], (ground,))
     known_ways = heard(link, now_s, _LINK_MAX_AGE_S).says(
         "known ways to the ground",
@@ -161,7 +161,7 @@ def _remote_control_inputs(
     ok = None if readiness is None else readiness.remote_control_ok
     silence_s = None
     if remote is not None and link is not None:
-        # While all is silent, it is not the transmitter that is.
+        # While the whole link is silent, the transmitter does not count as silent.
         silence_s = max(0.0, link.received_s - remote.received_s)
     return (
         heard(remote, now_s, _REMOTE_CONTROL_MAX_AGE_S).says(
@@ -182,7 +182,7 @@ def _remote_control_inputs(
 def _link_inputs(
     telemetry: Telemetry, now_s: float, model: RiskModel, memory: CommunicationMemory
 ) -> tuple[InputReport, ...]:
-    """Of our own link to the autopilot."""
+    """Inputs of the companion's own link to the autopilot."""
     link, node = telemetry.link, telemetry.link_node
     told = heard(link, now_s, _LINK_MAX_AGE_S)
     return (
@@ -216,7 +216,7 @@ def _window(
     latest: _Source | None,
     count_of: Callable[[_Source], int],
 ) -> tuple[_Source, ...]:
-    """The window with the latest counts, or the same one where nothing is to be added."""
+    """Window with the latest counts, or the same window if there is none to add."""
     if latest is None:
         return window
     if window:
@@ -232,11 +232,11 @@ def _loss(
     window: tuple[LinkStatistics, ...] | tuple[LinkNode, ...],
     latest: LinkStatistics | LinkNode | None,
 ) -> float | None:
-    """The fraction of packets lost since the oldest remembered count."""
+    """Fraction of packets lost since the oldest remembered count."""
     if latest is None or not window:
         return None
     received = latest.packets_received - window[0].packets_received
-    # A late packet was counted as lost before it came.
+    # A late packet counts as lost before its arrival.
     lost = max(0, latest.packets_lost - window[0].packets_lost)
     return lost / (received + lost) if received + lost >= _PACKETS_MIN else None
 
@@ -252,7 +252,7 @@ def _rate_hz(window: tuple[LinkStatistics, ...], latest: LinkStatistics) -> floa
 
 
 def _streamed(link: LinkStatistics) -> int:
-    # A list of parameters in a burst is no usual rate, and its end no fall of it.
+    # A burst of parameters does not change the usual rate, and its end is no drop.
     return link.packets_received - link.off_stream
 
 

@@ -1,7 +1,7 @@
-"""The drag of a multirotor from a flight: what braked it at which speed -> k and q of `drag`. Pure.
+"""Fit of a multirotor's drag to a flight: deceleration by speed -> k and q of `drag`. Pure.
 
-Fitted together with the mean wind of the flight, by robust least squares: a hover tells the wind, a
-straight leg the drag at its speed, legs of two speeds or there and back both and their curvature.
+Robust least squares, together with the mean wind of the flight. A hover gives the wind, a straight
+leg the drag at its speed; legs at two speeds or both ways give both and the curvature.
 """
 
 from __future__ import annotations
@@ -20,28 +20,29 @@ from .braking import WINDOW_S, AirSample, Braking, braking, extended
 from .drag import Level
 
 _SPEED_MIN_MPS = 3.0
-"""What the flight must span: a calm hover's wind of 0.3 m/s is then a tenth."""
+"""Least range of speeds in the flight: a calm hover's wind of 0.3 m/s is then a tenth."""
 _COUNT_MIN = 10
-"""Windows, so 15 s in the air."""
+"""Least number of windows, so 15 s in the air."""
 _WIND_MAX_MPS = 4.0
-"""More is no calm day: gusts and what is taken for the wind spoil the drag."""
+"""Greatest mean wind: in more wind, gusts and the error of the wind falsify the drag."""
 _RESIDUAL_MAX_MPS2 = 0.8
-"""Two recorded flights in a light breeze leave 0.5, a hover in changing wind 2."""
+"""Greatest residual: two flights recorded in a light breeze leave 0.5, a hover in changing wind
+2."""
 _LEAST, _GREATEST = (1e-3, 0.0, -30.0, -30.0), (10.0, 10.0, 30.0, 30.0)
-"""Bounds of what is looked for: k, q, and the wind north and east."""
+"""Bounds of the fit: k, q, and the wind north and east."""
 _OUTLIER_MPS2 = 0.3
-"""From here on a residual is a gust rather than noise: a tenth of the lean in 10 m/s."""
+"""Residual above which a gust is likelier than noise: a tenth of the lean in 10 m/s."""
 _QUADRATIC_SCALE_PER_M = 0.03
-"""How far the quadratic drag strays from the default's for nothing: as from ArduPilot's simulated
-quadrotor, the most curved one known. One speed cannot tell the two drags apart."""
+"""Scale of the prior on the quadratic drag around the default: the distance to ArduPilot's
+simulated quadrotor, the most curved one known. One speed cannot separate the two drags."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DragFit:
-    """The drags, the mean wind, and how well they explain the flight.
+    """Drags, mean wind, and quality of the fit.
 
-    wind_ne_mps: towards which it blew. residual_mps2: root mean square. span_mps: between the
-    slowest and the fastest window, `seconds` of windows.
+    wind_ne_mps: direction towards which it blew. residual_mps2: root mean square. span_mps: range
+    of the windows' velocities. seconds: duration of all windows.
     """
 
     drag_per_s: float
@@ -61,7 +62,7 @@ class DragFlight:
         self._model = RiskModel()
 
     def hear(self, telemetry: Telemetry) -> None:
-        """The telemetry after a packet, or every tenth of a second."""
+        """Takes the telemetry after a packet, or every tenth of a second."""
         self._samples = extended(self._samples, telemetry)
         last_s = self._windows[-1].time_s if self._windows else -math.inf
         if self._samples and self._samples[-1].attitude_s >= last_s + WINDOW_S:
@@ -70,12 +71,12 @@ class DragFlight:
                 self._windows.append(window)
 
     def fit(self) -> DragFit | str:
-        """The drag, or what the flight lacks."""
+        """Returns the drag, or the reason why the flight does not suffice."""
         return fit_drag(self._windows)
 
 
 def fit_drag(windows: Sequence[Braking]) -> DragFit | str:
-    """The drag that explains these windows best, or what they lack, in words."""
+    """Returns the drag that fits these windows best, or the reason why they do not suffice."""
     seconds = WINDOW_S * len(windows)
     if len(windows) < _COUNT_MIN:
         return f"{seconds:.0f} s in the air with attitude and velocity: too short to measure drag"

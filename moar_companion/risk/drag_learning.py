@@ -1,11 +1,11 @@
-"""The linear drag of a multirotor, learnt in flight from its speed and lean. Pure.
+"""Linear drag of a multirotor, estimated in flight from its speed and lean. Pure.
 
     b - q |u| u = k v + c,    c: a random walk, of the wind
 
 b: deceleration by the air; v: velocity over ground; u: velocity through the air; k, q: of `drag`, q
 as the vehicle file has it. Recursive least squares (a Kalman filter of k, c north and east): a
-hover tells c, every change of the velocity k. The noise follows what the fit leaves unexplained, so
-that gusts make k less sure and not wrong.
+hover gives c, every change of the velocity k. The noise follows the residual of the fit, so that
+gusts make k less certain and not wrong.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from .braking import WINDOW_S, Braking
 from .drag import Level, air_velocity_mps
 
 LEAST_PER_S, GREATEST_PER_S = 0.05, 1.5
-"""Of the plausible: recorded quadrotors have 0.2 to 0.3, PX4's simulated one 1.0."""
+"""Range of plausible drag: recorded quadrotors have 0.2 to 0.3, PX4's simulated one 1.0."""
 _PRIOR_PER_S = 0.4
-"""Standard error of the vehicle file's drag before the flight has told it."""
+"""Standard error of the vehicle file's drag before the flight's estimate."""
 _KNOWN = 0.15
-"""Relative standard error from which the drag of the flight is used."""
+"""Greatest relative standard error at which the drag of the flight is used."""
 _NOISE_MPS2, _WALK_MPS2 = 0.1, 0.05
 """Least noise of a window, and least walk of the wind's deceleration in a second."""
 _NOISE_S = 20.0
-"""Time constant of what is left unexplained."""
+"""Time constant of the mean residual."""
 _GREATEST = 100.0
-"""In m/s and m/s^2: no multirotor flies or brakes so."""
+"""Greatest plausible speed in m/s and deceleration in m/s^2 of a multirotor."""
 _PERIOD_S = 0.5 * WINDOW_S
-"""Between two windows that count: half of each is new."""
+"""Least time between two windows that count: half of each is new."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class DragLearning:
-    """What a flight has told of the drag.
+    """Estimate of the drag from a flight.
 
     state: (3,), k and c; covariance: (3, 3); None before the first window. left_m2ps4: mean square
-    of what the fit leaves unexplained.
+    of the residual.
     """
 
     state: NDArray[np.float64] | None = None
@@ -56,31 +56,31 @@ class DragLearning:
 
     @property
     def wind_ne_mps2(self) -> Level:
-        """The deceleration by the wind of an aircraft at rest, c; none before it is told."""
+        """Deceleration of an aircraft at rest by the wind, c; 0 before the first window."""
         return (0.0, 0.0) if self.state is None else (float(self.state[1]), float(self.state[2]))
 
     def drag_per_s(self, model: RiskModel) -> float:
-        """The best estimate of the drag."""
+        """Best estimate of the drag."""
         return model.drag_per_s if self.state is None else float(self.state[0])
 
     def known(self, model: RiskModel) -> bool:
-        """Whether the flight tells the drag better than the vehicle file."""
+        """Returns True if the flight's drag is known well enough to replace the vehicle file's."""
         return self.error_per_s <= _KNOWN * self.drag_per_s(model)
 
     def used(self, model: RiskModel) -> RiskModel:
-        """The model with the drag of the flight, once it is known: with less drag, more wind."""
+        """Model with the flight's drag, once it is known, less its error: more estimated wind."""
         if not self.known(model):
             return model
         drag_per_s = max(LEAST_PER_S, self.drag_per_s(model) - self.error_per_s)
         return replace(model, drag_per_s=drag_per_s)
 
     def range_per_s(self, model: RiskModel) -> Level:
-        """Between what the drag may be."""
+        """Least and greatest possible drag: two standard errors."""
         drag, error = self.drag_per_s(model), 2.0 * self.error_per_s
         return max(LEAST_PER_S, drag - error), min(GREATEST_PER_S, drag + error)
 
     def then(self, air: Braking, model: RiskModel) -> DragLearning:
-        """With a window, if it is not mostly the last one again."""
+        """Estimate updated by a window; unchanged if the window mostly repeats the last one."""
         elapsed_s = air.time_s - self.time_s
         greatest = max(map(abs, (*air.velocity_ne_mps, *air.deceleration_ne_mps2)))
         if elapsed_s < _PERIOD_S or not greatest <= _GREATEST:
@@ -113,11 +113,11 @@ class DragLearning:
 
 
 def apart_from_own_motion(air: Braking, learning: DragLearning, model: RiskModel) -> Level:
-    """The deceleration without what another drag than the model's explains by the own motion.
+    """Deceleration less the part that a drag other than the model's causes by the own motion.
 
-    Of all that the drag may be, the one is taken that comes nearest to what is expected: by the
-    model's drag and c, which a hover tells within seconds. So a hover loses nothing, and the wind
-    that it told stays.
+    Among the possible drags the one is taken that brings the result nearest to the expected one: by
+    the model's drag and c, which a hover gives within seconds. So a hover's deceleration stays
+    unchanged, and the wind that it gave stays, too.
     """
     (north, east), (b_north, b_east) = air.velocity_ne_mps, air.deceleration_ne_mps2
     square = north * north + east * east
@@ -132,7 +132,7 @@ def apart_from_own_motion(air: Braking, learning: DragLearning, model: RiskModel
 
 
 def _linear_mps2(air: Braking, model: RiskModel) -> Level:
-    """The deceleration less that by the quadratic drag."""
+    """Deceleration less that by the quadratic drag."""
     (b_north, b_east), q = air.deceleration_ne_mps2, model.drag_per_m
     u_north, u_east = air_velocity_mps(air.deceleration_ne_mps2, model)
     factor = q * math.hypot(u_north, u_east)

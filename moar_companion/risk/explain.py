@@ -1,11 +1,11 @@
-"""Why the risk indices have their values, and what they did to the weights: words, and JSON. Pure.
+"""Causes of the risk indices and their effect on the weights, as text and JSON. Pure.
 
     wind 0.71: wind from tilt 9.2 m/s, 0.1 s old -> 0.71
     k_S 0.33 -> 0.45 (wind +0.13, battery -0.01), k_T 0.33 -> 0.18 (wind -0.14), k_E 0.33 -> 0.37
 
-An index follows its worst input, rising fast and falling slowly: where it is on its way, the words
-say so. What a risk did to a weight is what the weight would lose without it, the others being as
-they are (Eq. 9).
+An index follows its worst input, rising fast and falling slowly; the text names its target while it
+moves. The effect of a risk on a weight is the change of the weight without that risk, the others
+being equal (Eq. 9).
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ from .inputs import InputReport, read
 
 _SYMBOLS = {"safety": "k_S", "time": "k_T", "energy": "k_E"}
 _TOLD = 0.005
-"""Of an index or a weight: less is not told, for the words have two digits."""
+"""Least change of an index or a weight in the text, which has two decimals."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeightsReason:
-    """Weights before and after Eq. 9. by_risk: by index and weight, what the index did to it."""
+    """Weights before and after Eq. 9. by_risk: effect by index and weight."""
 
     base: Weights
     adjusted: Weights
@@ -33,7 +33,7 @@ class WeightsReason:
 
     @classmethod
     def of(cls, base: Weights, risk: RiskIndices) -> WeightsReason:
-        """What the indices do to weights."""
+        """Effect of the indices on weights."""
         adjusted, values = base.adjusted(risk), risk.as_dict()
         by_risk: dict[str, dict[str, float]] = {}
         for name, value in values.items():
@@ -46,7 +46,7 @@ class WeightsReason:
         return cls(base=base, adjusted=adjusted, by_risk=by_risk)
 
     def words(self) -> str:
-        """For people: `k_S 0.33 -> 0.45 (wind +0.13), k_T ...`."""
+        """Text for people: `k_S 0.33 -> 0.45 (wind +0.13), k_T ...`."""
         return ", ".join(self._words_of(weight, symbol) for weight, symbol in _SYMBOLS.items())
 
     def _words_of(self, weight: str, symbol: str) -> str:
@@ -60,7 +60,7 @@ class WeightsReason:
         return f"{symbol} {base:.2f} -> {adjusted:.2f}{reason}"
 
     def to_dict(self) -> dict[str, Any]:
-        """Fit for JSON."""
+        """Returns a dict for JSON."""
         return {
             "base": {weight: getattr(self.base, weight) for weight in _SYMBOLS},
             "adjusted": {weight: getattr(self.adjusted, weight) for weight in _SYMBOLS},
@@ -70,7 +70,7 @@ class WeightsReason:
 
 
 def index_words(name: str, value: float, report: IndexReport) -> str:
-    """Why an index has its value: the input that decides it, or that none does."""
+    """Text of an index and the input that decides it, or that none does."""
     words = f"{name} {value:.2f}"
     if value < report.target - _TOLD:
         words += f", rising to {report.target:.2f}"
@@ -87,13 +87,13 @@ def index_words(name: str, value: float, report: IndexReport) -> str:
 
 
 def rise_words(name: str, report: IndexReport) -> str:
-    """Where an index goes and why, for an event: `wind to 0.71: wind from tilt 9.2 m/s`."""
+    """Text of an index's target and its cause: `wind to 0.71: wind from tilt 9.2 m/s`."""
     why = "nothing tells of it" if report.told is None else report.told.phrase
     return f"{name} to {report.target:.2f}: {why}"
 
 
 def input_words(item: InputReport) -> str:
-    """`wind from tilt 9.2 m/s, 0.1 s old -> 0.71`; without the risk where it is unknown now."""
+    """Text `wind from tilt 9.2 m/s, 0.1 s old -> 0.71`; without the risk if it is unknown now."""
     words = item.phrase
     if item.age_s is not None and item.age_s != item.value:  # of a silence the age is the value
         words += f", {item.age_s:.1f} s old"
@@ -101,7 +101,7 @@ def input_words(item: InputReport) -> str:
 
 
 def index_dict(name: str, value: float, report: IndexReport) -> dict[str, Any]:
-    """An index and its inputs, fit for JSON."""
+    """An index and its inputs as a dict for JSON."""
     return {
         "value": value,
         "target": report.target,
@@ -126,7 +126,7 @@ def index_dict(name: str, value: float, report: IndexReport) -> dict[str, Any]:
 
 
 def risk_dict(estimate: RiskEstimate) -> dict[str, Any]:
-    """All indices and their inputs, fit for JSON."""
+    """All indices and their inputs as a dict for JSON."""
     return {
         name: index_dict(name, value, getattr(estimate.report, name))
         for name, value in estimate.indices.as_dict().items()

@@ -1,10 +1,10 @@
-"""Headway: how fast the wind lets an aircraft fly that leans at its limit. Pure.
+"""Headway: greatest speed over ground in wind for an aircraft at its lean limit. Pure.
 
     |v - w| <= u,    (k + q u) u = g tan(limit)
 
 v, w: the aircraft's and the wind's velocity over ground, both level; u: the airspeed at which the
-drag takes all that the lean gives; k, q: of `drag`; limit: `RiskModel.tilt_rad.high`. Inputs: the
-steps of a path, the mean wind. Outputs: times.
+drag equals the acceleration of the lean; k, q: of `drag`; limit: `RiskModel.tilt_rad.high`.
+Inputs: the steps of a path, the mean wind. Outputs: times.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ FloatArray = npt.NDArray[np.floating[Any]]
 
 
 def least_s(steps_m: FloatArray, wind_mps: Level, vehicle: Vehicle) -> FloatArray:
-    """The least times (n,) that steps (n, 3), up last, take; as at v_MIN where it were slower.
+    """Least durations (n,) of steps (n, 3), up last; at most those at v_MIN.
 
     wind_mps: level, towards which it blows, along the first two axes of the steps.
     """

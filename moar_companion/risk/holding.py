@@ -1,4 +1,4 @@
-"""The wind in which an aircraft can hold its place, and signs that it cannot. Pure.
+"""Greatest wind in which an aircraft holds its position, and signs of saturation. Pure.
 
     (k + q u) u = g tan(limit),    cos(limit) >= hover thrust / greatest thrust
 
@@ -23,19 +23,19 @@ _TILT_LIMITS = {
 """The parameters that limit the lean in position control, with their units in degrees; the first
 that is above 0 counts (AC_PosControl: PSC_ANGLE_MAX 0 means ANGLE_MAX)."""
 _HOVER_THRUSTS = {AutopilotKind.PX4: "MPC_THR_HOVER", AutopilotKind.ARDUPILOT: "MOT_THST_HOVER"}
-"""Of the greatest thrust."""
+"""Parameters of the hover thrust, as a fraction of the greatest thrust."""
 _THRUST_SHARE = 0.9
-"""Of the greatest thrust: the rest turns the aircraft."""
+"""Fraction of the greatest thrust for holding; the rest controls the attitude."""
 _STEEPEST_RAD = math.radians(80.0)
-"""No limit is above: the tangent grows without bound."""
+"""Greatest limit used: the tangent grows without bound."""
 _AT_LIMIT = 0.9
-"""Of the limit: from there on more error brings hardly more force."""
+"""Fraction of the limit from which more error causes hardly more force."""
 MARGIN = 0.8
-"""Of the wind that is held: the rest is for gusts, and to come back."""
+"""Usable fraction of the held wind; the rest is for gusts and to regain the position."""
 
 
 def holding_parameters(kind: AutopilotKind) -> tuple[str, ...]:
-    """What tells how far an autopilot leans, and what its motors have left."""
+    """Names of the parameters of an autopilot's lean limit and hover thrust."""
     names = tuple(name for name, _ in _TILT_LIMITS.get(kind, ()))
     return (*names, _HOVER_THRUSTS[kind]) if kind in _HOVER_THRUSTS else names
 
@@ -43,7 +43,7 @@ def holding_parameters(kind: AutopilotKind) -> tuple[str, ...]:
 def tilt_limit(
     kind: AutopilotKind, parameters: Mapping[str, float | None], model: RiskModel
 ) -> tuple[float, str]:
-    """The greatest lean in rad, and the parameter or key that sets it."""
+    """Greatest lean in rad, and the parameter or key that sets it."""
     limit_rad, source = model.tilt_rad.high, "risk.tilt_deg"
     for name, degrees in _TILT_LIMITS.get(kind, ()):
         value = parameters.get(name)
@@ -59,7 +59,7 @@ def tilt_limit(
 
 
 def held_wind_mps(model: RiskModel, limit_rad: float) -> float:
-    """The wind against which an aircraft leans at its limit."""
+    """Wind against which an aircraft leans at its limit."""
     u_mps, _ = air_velocity_mps((GRAVITY_MPS2 * math.tan(limit_rad), 0.0), model)
     return u_mps
 
@@ -67,9 +67,9 @@ def held_wind_mps(model: RiskModel, limit_rad: float) -> float:
 def is_saturated(
     telemetry: Telemetry, motor_output: float | None, limit_rad: float, model: RiskModel
 ) -> bool:
-    """Whether the lean or the motors are at their limits; unknown is no sign of it.
+    """Returns True if the lean or the motors are at their limits; False if unknown.
 
-    motor_output: the greatest, of its range; None where it is not known.
+    motor_output: of the strongest motor, as a fraction of its range; None if unknown.
     """
     attitude = telemetry.attitude
     if not tells_of_wind(telemetry) or attitude is None:

@@ -1,9 +1,9 @@
 """The four risk indices: telemetry and time -> RiskIndices (paper, Section IV-C).
 
-`update` is a pure step. Each index is the worst of its inputs, followed fast upwards and slowly
-downwards. Missing is unknown, never 0, and never lowers a risk:
+`update` is a pure step. Each index follows the worst of its inputs, fast upwards and slowly
+downwards. A missing input is unknown, never 0, and never lowers a risk:
 
-- an input keeps the last word by which its risk was known, until its next fresh measurement;
+- an input keeps its last report with a known risk until its next fresh measurement;
 - an index without any fresh input stays at its last value or rises to `RiskModel.unknown`.
 """
 
@@ -25,8 +25,8 @@ from .localization import LocalizationMemory
 from .wind import WindMemory
 
 RISE_S = 0.5
-"""Time constant upwards: a single bad packet at 10 Hz moves an index by 18 % of the way, a fault
-is followed within a second."""
+"""Time constant upwards: a single bad packet at 10 Hz moves an index by 18 % of the distance, a
+fault raises it within a second."""
 FALL_S = 5.0
 """Time constant downwards: longer than the lulls between gusts and the gaps of a fading radio, so
 that plans do not alternate with them."""
@@ -37,10 +37,10 @@ _RISK_OF = attrgetter("risk")
 class IndexReport(NamedTuple):
     """An index as measured now: value is the worst risk of its known inputs, None without any.
 
-    worst: the input that decides the value. target: what the index moves to. told: what the input
-    that decides this said last, and its age now; None where no input does. held: whether its risk
-    is unknown now, and that word is held. ever_known: whether any of its inputs was known since the
-    start. A named tuple, for forty are made a second.
+    worst: input that decides the value. target: value to which the index moves. told: last report
+    of the input that decides the target, with its present age; None if no input does. held: True if
+    that input's risk is unknown now and its last report is held. ever_known: True once any input
+    was known. A named tuple for speed: forty are made a second.
     """
 
     value: float | None = None
@@ -53,13 +53,13 @@ class IndexReport(NamedTuple):
 
     @property
     def cause(self) -> str | None:
-        """The name of the input that decides the target; None where none does."""
+        """Name of the input that decides the target; None if none does."""
         return None if self.told is None else self.told.name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RiskReport:
-    """What the four indices are made of."""
+    """Reports of the four indices."""
 
     wind: IndexReport = field(default_factory=IndexReport)
     communication: IndexReport = field(default_factory=IndexReport)
@@ -69,22 +69,22 @@ class RiskReport:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RiskEstimate:
-    """The indices, what they are made of, and what the next `update` has to remember."""
+    """Indices, their reports, and the memory for the next `update`."""
 
     indices: RiskIndices
     report: RiskReport = field(default_factory=RiskReport)
     updated_s: float | None = None
     last_known: Mapping[str, Mapping[str, InputReport]] = field(default_factory=dict)
-    """By index and input: its last word by which a risk was known; never changed in place."""
+    """Last report with a known risk, by index and input; never changed in place."""
     wind: WindMemory = field(default_factory=WindMemory)
     communication: CommunicationMemory = field(default_factory=CommunicationMemory)
     localization: LocalizationMemory = field(default_factory=LocalizationMemory)
     meter: Meter = field(default_factory=Meter)
-    """Of the batteries."""
+    """Meter of the batteries."""
 
     @classmethod
     def unknown(cls, model: RiskModel) -> RiskEstimate:
-        """The estimate before anything was heard: every index is `model.unknown`."""
+        """Estimate before any telemetry: every index is `model.unknown`."""
         return cls(
             indices=RiskIndices(
                 wind=model.unknown,
@@ -106,10 +106,10 @@ def update(
     power: PowerModel | None = None,
     demands: Demands | None = None,
 ) -> RiskEstimate:
-    """The estimate after a look at the telemetry at `now_s`; made to be called at about 10 Hz.
+    """Estimate updated by the telemetry at `now_s`; designed for calls at about 10 Hz.
 
-    cruise_mps: the speed at which the aircraft would fly home, positive. power: None for that of
-    a vehicle file without one. demands: what is to be flown; None where nothing is planned.
+    cruise_mps: speed of a return, positive. power: None for that of a vehicle file without one.
+    demands: energy still to be flown; None without a plan.
     """
     if power is None:
         power = PowerModel.made(Power(), model, cruise_mps, cruise_mps, cruise_mps)
@@ -148,7 +148,7 @@ def update(
 def _last_known(
     before: Mapping[str, InputReport], reports: tuple[InputReport, ...]
 ) -> Mapping[str, InputReport]:
-    """The last known report of every input that was ever known, and still applies."""
+    """Last known report of every input that was ever known, and still applies."""
     after = {**before}
     for report in reports:
         if report.risk is not None:
@@ -165,7 +165,7 @@ def _report(
     unknown: float,
     now_s: float,
 ) -> IndexReport:
-    """What an index that stands at `index` is made of, and where it goes from there."""
+    """Report of an index with the present value `index`, and its target."""
     known = [report for report in reports if report.risk is not None]
     worst = max(known, key=_RISK_OF, default=None)
     cause = max(last_known.values(), key=_RISK_OF, default=None)
@@ -187,7 +187,7 @@ def _report(
 
 
 def _follow(index: float, report: IndexReport, elapsed_s: float) -> float:
-    """The index after `elapsed_s`: first order towards its target; there at once in the dark."""
+    """Index after `elapsed_s`: first order towards its target; at once without known inputs."""
     target = report.target
     if report.value is None:
         return target

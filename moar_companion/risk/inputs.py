@@ -1,7 +1,7 @@
-"""One measured input of a risk index, and when it counts.
+"""One measured input of a risk index, and the conditions under which it counts.
 
-Risk is judged only from what was measured recently. An input that was never heard, says
-"unknown", or is older than its source allows has no risk (`None`), never a risk of 0.
+Only recent measurements give a risk. An input that was never received, is "unknown", or is older
+than its source allows has no risk (`None`), never a risk of 0.
 """
 
 from __future__ import annotations
@@ -11,12 +11,12 @@ from collections.abc import Callable
 from typing import NamedTuple, Protocol
 
 YES_OR_NO = "yes or no"
-"""The unit of what is so (1) or is not (0)."""
+"""Unit of an input that is true (1) or false (0)."""
 _OF = "of "
 
 
 def read(value: float | None, unit: str) -> str:
-    """A value for a person: angles in degrees, fractions in percent, counts as they are."""
+    """Text of a value for people: angles in degrees, fractions in percent, counts unchanged."""
     if value is None:
         return "unknown"
     if unit == "":
@@ -31,14 +31,14 @@ def read(value: float | None, unit: str) -> str:
 
 
 class InputReport(NamedTuple):
-    """An input as last heard: what it said, how long ago, and the risk that follows.
+    """An input as last received: its value, its age, and the resulting risk.
 
-    age_s: None where the source was never heard. risk: in [0, 1], None where it is unknown now.
-    applies: whether it could say anything now. What does not apply (the tracking error of an
-    aircraft that others fly) is not missing: its last risk is forgotten, and nothing is held.
-    unit: `YES_OR_NO` and `of ...`, of a fraction, among them. remark: what the value is worth, or
-    means. heard_s: when the source was last heard. A named tuple, for some hundreds are made a
-    second.
+    age_s: None if the source was never received. risk: in [0, 1], None if unknown now. applies:
+    False if the input has no meaning now, as the tracking error while the companion does not fly
+    the aircraft. Such an input is not missing: its last risk is dropped, and nothing is held.
+    unit: also `YES_OR_NO`, and `of ...` for a fraction. remark: reliability or meaning of the
+    value. heard_s: time of the source's last message. A named tuple for speed: some hundreds are
+    made a second.
     """
 
     name: str
@@ -52,17 +52,17 @@ class InputReport(NamedTuple):
 
     @property
     def known(self) -> bool:
-        """Whether it counts now."""
+        """True if the input counts now."""
         return self.risk is not None
 
     @property
     def reading(self) -> str:
-        """The value for a person."""
+        """Text of the value for people."""
         return read(self.value, self.unit)
 
     @property
     def phrase(self) -> str:
-        """What was said, in words: `motor output 93% of its range`; the name where nothing was."""
+        """Text of name and value: `motor output 93% of its range`; the name without a value."""
         if self.value is None:
             return self.name
         if self.unit == YES_OR_NO:
@@ -73,7 +73,7 @@ class InputReport(NamedTuple):
 
 
 class Source(NamedTuple):
-    """When a source was last heard. age_s: None where it never was. fresh: whether that counts."""
+    """Last reception of a source. age_s: None if never received. fresh: True if it counts."""
 
     age_s: float | None
     fresh: bool
@@ -89,12 +89,12 @@ class Source(NamedTuple):
         applies: bool = True,
         remark: str = "",
     ) -> InputReport:
-        """The report of a value that it told; one that is not finite is None."""
+        """Report of a value of this source; a value that is not finite is None."""
         age_s, fresh, heard_s = self
         if value is not None and not math.isfinite(value):
             value = None
         counts = risk(value) if fresh and value is not None else None
-        # Past its own __new__, which takes as long again.
+        # Bypasses the class's own __new__, which doubles the time.
         told = (name, value, unit, age_s, counts, applies, remark, heard_s)
         return tuple.__new__(InputReport, told)
 
@@ -108,12 +108,12 @@ class _Sample(Protocol):
 
 
 def heard(sample: _Sample | None, now_s: float, max_age_s: float) -> Source:
-    """The source of a sample; what it says counts for `max_age_s`."""
+    """Source of a sample, which counts for `max_age_s`."""
     return heard_at(None if sample is None else sample.received_s, now_s, max_age_s)
 
 
 def heard_at(received_s: float | None, now_s: float, max_age_s: float) -> Source:
-    """The source that was last heard then; None: never."""
+    """Source last received at `received_s`; None: never."""
     if received_s is None:
         return _NEVER
     age_s = max(0.0, now_s - received_s)
@@ -121,5 +121,5 @@ def heard_at(received_s: float | None, now_s: float, max_age_s: float) -> Source
 
 
 def certain(bad: float) -> float:
-    """The risk of a yes-or-no input: 1 where something is wrong (`bad` not 0), else 0."""
+    """Risk of a yes-or-no input: 1 for a fault (`bad` not 0), otherwise 0."""
     return 0.0 if bad == 0.0 else 1.0

@@ -1,13 +1,13 @@
 """Localization risk LR (paper, Section IV-C (c)): satellites and their dilution of precision.
 
-Inputs: the receivers' fix, satellites, dilution and accuracy, and whether their clocks still run;
-the estimator's accuracy, its innovations, its resets, and its own word on its horizontal position;
-the strength of the magnetic field, which changes near conductors and steel. The strength is the
-same however the aircraft is turned, so that its change needs no attitude of the same instant; a
-field that only turns is seen in the compass's innovation, which is how far the heading is from the
-field's. Reckoned here, from field and attitude, it would be that again, later and coarser: the
-heading follows the compass, so that where the estimator takes a false field in, both turn alike,
-and nothing but the strength shows it.
+Inputs: the receivers' fix, satellites, dilution, accuracy and running clocks; the estimator's
+accuracy, innovations, resets and horizontal position flag; the strength of the magnetic field,
+which changes near conductors and steel.
+
+The strength does not depend on the attitude, so that its change needs no simultaneous attitude. The
+compass innovation, the difference of heading and field direction, shows a field that only turns.
+The direction computed here from field and attitude would repeat that, later and less precisely. If
+the estimator accepts a false field, the heading turns with it, and only the strength shows it.
 """
 
 from __future__ import annotations
@@ -21,36 +21,37 @@ from .inputs import YES_OR_NO, InputReport, certain, heard
 from .receivers import Memories, ReceiverMemory, positive, receiver_inputs
 
 _ESTIMATOR_MAX_AGE_S = 3.0
-"""ESTIMATOR_STATUS comes at 1 Hz (PX4), EKF_STATUS_REPORT and ODOMETRY at 5 Hz: 3 periods."""
+"""Maximum age of ESTIMATOR_STATUS (PX4: 1 Hz), EKF_STATUS_REPORT and ODOMETRY (5 Hz): 3 periods
+at 1 Hz."""
 ESTIMATOR_ACCURACY = "estimator accuracy"
 ESTIMATOR_HEIGHT_ACCURACY = "estimator height accuracy"
 ODOMETRY_ACCURACY = "odometry accuracy"
 ODOMETRY_HEIGHT_ACCURACY = "odometry height accuracy"
 _RESETS_S = 10.0
-"""A reset is still news for so long: as long as the supervisor remembers a jump."""
+"""Time for which a reset counts: as long as the supervisor remembers a jump."""
 _CLOCK_BACK_S = 1.0
-"""Messages overtake one another by less."""
+"""Least step back of the autopilot's clock that means a restart: packets overtake by less."""
 _FIELD_MAX_AGE_S = 3.0
-"""HIGHRES_IMU comes at 50 Hz (PX4), RAW_IMU is asked for at 2 Hz; a slow link brings less."""
+"""Maximum age of HIGHRES_IMU (PX4: 50 Hz) and RAW_IMU (requested at 2 Hz); a slow link has less."""
 _FIELD_MIN_GAUSS = 0.01
-"""Less is no magnetometer's word: where the earth's field is weakest it has 0.2 gauss."""
+"""Least plausible field of a magnetometer: the earth's weakest field has 0.2 gauss."""
 _FIELD_MEAN_S = 300.0
-"""Time constant of the mean: an approach to a line takes less, an inspection little more."""
+"""Time constant of the mean: an approach to a line is shorter, an inspection little longer."""
 _FIELD_KNOWN_S = 5.0
-"""A mean over less is no mean."""
+"""Least duration of a valid mean."""
 _FIELD_SETTLED_S = 30.0
-"""Until then it still has the steel about the pad in it, and follows."""
+"""Time in the air until the mean is settled; before, it contains the steel around the pad."""
 _FIELD_CHANGED = 0.2
-"""How much of the time counts for which a change lasts that is a risk. Little, so that a line's
-field does not become usual; some, as the one before may have been that of steel under a hover."""
+"""Fraction of the time that counts while a change is a risk. Small, so that a line's field does not
+become usual; not 0, as the earlier mean may be that of steel under a hover."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldMean:
-    """The magnetic field's mean strength since `since_s`, or over the last minutes.
+    """Mean strength of the magnetic field since `since_s`, or over the last minutes.
 
-    It begins anew with each take-off and landing. In the air a change that is a risk becomes usual
-    slowly: of the time that it lasts a fifth counts. grounded: whether it is the ground's.
+    The mean restarts at each take-off and landing. In the air a change that is a risk becomes usual
+    slowly: a fifth of its duration counts. grounded: True for the mean on the ground.
     """
 
     since_s: float
@@ -59,7 +60,7 @@ class FieldMean:
     grounded: bool = False
 
     def read(self, heard: MagneticField, model: RiskModel) -> FieldMean:
-        """The mean with another measurement."""
+        """Mean updated by a measurement."""
         elapsed_s = heard.received_s - self.heard_s
         if elapsed_s <= 0.0:
             return self
@@ -74,7 +75,7 @@ class FieldMean:
         return replace(self, since_s=since_s, heard_s=heard.received_s, mean_gauss=mean_gauss)
 
     def change(self, heard: MagneticField) -> float | None:
-        """By what fraction of the mean a measurement differs from it; None: too early."""
+        """Difference of a measurement from the mean, as a fraction of it; None: too early."""
         if self.heard_s - self.since_s < _FIELD_KNOWN_S:
             return None
         return abs(heard.strength_gauss / self.mean_gauss - 1.0)
@@ -82,20 +83,20 @@ class FieldMean:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Resets:
-    """When the estimator's counter was seen to change, over the last seconds."""
+    """Times at which the estimator's reset counter changed, over the last seconds."""
 
     counter: int
     changed_s: tuple[float, ...] = ()
 
     def read(self, heard: Odometry) -> Resets:
-        """What is remembered after another word; several at once count as one."""
+        """Resets updated by an odometry message; several at once count as one."""
         if heard.reset_counter == self.counter:
             return self
         changed_s = (*self.changed_s, heard.received_s)
         return Resets(counter=heard.reset_counter, changed_s=_recent(changed_s, heard.received_s))
 
     def count(self, heard: Odometry) -> int:
-        """How many there were until this word."""
+        """Number of recent resets at the time of this message."""
         return len(_recent(self.changed_s, heard.received_s))
 
 
@@ -105,19 +106,19 @@ def _recent(times_s: tuple[float, ...], now_s: float) -> tuple[float, ...]:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalizationMemory:
-    """What is remembered of the receivers, of the estimator's resets and of the magnetic field."""
+    """Memory of the receivers, the estimator's resets and the magnetic field."""
 
     receivers: Memories = field(default=(ReceiverMemory(), ReceiverMemory()))
     resets: Resets | None = None
     boot_s: float = -math.inf
-    """The autopilot's own clock."""
+    """Time of the autopilot's own clock."""
     field_mean: FieldMean | None = None
 
 
 def remember(
     memory: LocalizationMemory, telemetry: Telemetry, model: RiskModel
 ) -> LocalizationMemory:
-    """The memory with the latest of what was heard."""
+    """Memory updated by the telemetry."""
     first, second = memory.receivers
     position, boot_s = telemetry.local_position, memory.boot_s
     if position is not None and math.isfinite(position.boot_s):
@@ -132,7 +133,7 @@ def remember(
 
 
 def _resets(before: Resets | None, heard: Odometry | None) -> Resets | None:
-    if heard is None:  # that takes back nothing that was counted
+    if heard is None:  # counted resets stay
         return before
     return Resets(counter=heard.reset_counter) if before is None else before.read(heard)
 
@@ -159,7 +160,7 @@ def _field_mean(
 def inputs(
     telemetry: Telemetry, now_s: float, model: RiskModel, memory: LocalizationMemory
 ) -> tuple[InputReport, ...]:
-    """The normalised inputs of the localization risk; `memory` includes this telemetry."""
+    """Normalised inputs of the localization risk; `memory` includes this telemetry."""
     estimator, odometry, resets = telemetry.estimator, telemetry.odometry, memory.resets
     magnetic, mean = telemetry.magnetic_field, memory.field_mean
     estimated = heard(estimator, now_s, _ESTIMATOR_MAX_AGE_S)
@@ -194,8 +195,7 @@ def inputs(
             model.horizontal_accuracy_m.fraction,
         ),
     )
-    # Neither a height, nor an estimator that is not reset, nor a steady field says that there is a
-    # position.
+    # A height, an estimator without resets and a steady field do not prove a position.
     alone = not any(report.known for report in position)
     return (
         *position,

@@ -1,7 +1,7 @@
-"""One satellite receiver or two: which one counts, and what is wrong with it.
+"""One satellite receiver or two: the one that counts, and its faults.
 
-Inputs: what the receivers say and what is known of the autopilot's choice between them. Outputs:
-the risk inputs of the one by which it navigates, and a word on the other one.
+Inputs: the receivers' reports and the autopilot's choice between them, as far as known. Outputs:
+the risk inputs of the receiver used for navigation, and the number of lost receivers.
 """
 
 from __future__ import annotations
@@ -15,9 +15,10 @@ from ..vehicle import RiskModel
 from .inputs import InputReport, certain, heard, heard_at
 
 _MAX_AGE_S = 3.0
-"""GPS_RAW_INT comes at 5 to 8 Hz, at 1 Hz while PX4's receiver is silent: 3 periods."""
+"""Maximum age of GPS_RAW_INT: 5 to 8 Hz, at 1 Hz while PX4's receiver is silent: 3 periods."""
 _FROZEN_S = 1.5
-"""A receiver measures at least once a second; ArduPilot repeats a dead one for 4 s."""
+"""Time without a new measurement after which a receiver counts as stopped. A receiver measures at
+least once a second; ArduPilot repeats the data of a failed one for 4 s."""
 _FIX_3D = 3
 """GPS_FIX_TYPE_3D_FIX; better fixes have greater numbers."""
 _FIXES = {0: "no receiver", 1: "no fix", 2: "2D"}
@@ -29,17 +30,17 @@ _MEASURES = {
     "horizontal_accuracy_m": ("receiver accuracy", "m"),
     "vertical_accuracy_m": ("receiver height accuracy", "m"),
 }
-"""What a receiver may tell, by the name of its field and of its threshold; input and unit."""
+"""Measures of a receiver: input name and unit, by the name of field and threshold."""
 _ACCURACIES = ("horizontal_accuracy_m", "vertical_accuracy_m")
 RECEIVER_ACCURACY = _MEASURES["horizontal_accuracy_m"][0]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReceiverMemory:
-    """What is remembered of one receiver.
+    """Memory of one receiver.
 
-    receiver_s, since_s: its clock, and when it was first received with that reading. known: its
-    latest word, completed by what it told before; without a fix no more accurate than before.
+    receiver_s, since_s: its clock, and the first reception of that reading. known: its latest
+    report, completed by earlier values; without a fix no more accurate than before.
     """
 
     receiver_s: float | None = None
@@ -47,7 +48,7 @@ class ReceiverMemory:
     known: Gnss | None = None
 
     def read(self, gnss: Gnss | None) -> ReceiverMemory:
-        """The memory after the receiver's latest word."""
+        """Memory updated by the receiver's latest report."""
         if gnss is None:
             return self
         moved = gnss.receiver_s != self.receiver_s
@@ -63,7 +64,7 @@ class ReceiverMemory:
         )
 
     def _counting(self, gnss: Gnss, name: str) -> float | None:
-        """What counts of a measure after the receiver's latest word."""
+        """Value of a measure that counts after the receiver's latest report."""
         told = _told(gnss, name)
         before: float | None = None if self.known is None else getattr(self.known, name)
         if told is None or before is None:
@@ -72,20 +73,20 @@ class ReceiverMemory:
         return max(told, before) if dark else told
 
     def stopped_s(self, gnss: Gnss) -> float | None:
-        """For how long the receiver repeats this reading; None: it tells no time."""
+        """Time for which the receiver has repeated this reading; None: it reports no time."""
         if gnss.receiver_s is None or gnss.receiver_s != self.receiver_s:
             return None
         return gnss.received_s - self.since_s
 
 
 Memories = tuple[ReceiverMemory, ReceiverMemory]
-"""Of the first and of the second receiver."""
+"""Memories of the first and of the second receiver."""
 
 
 def trouble(telemetry: Telemetry, memories: Memories, now_s: float) -> str | None:
-    """Why the receiver by which the autopilot navigates is of no use now; None: it is, or unknown.
+    """Fault of the receiver that the autopilot navigates by; None: no fault, or unknown.
 
-    Where the autopilot takes the better of two, only both of them together are lost.
+    If the autopilot takes the better of two, there is a fault only if both have one.
     """
     faults = [_fault(gnss, memory, now_s) for gnss, memory in _candidates(telemetry, memories)]
     return faults[0] if faults and None not in faults else None
@@ -94,7 +95,7 @@ def trouble(telemetry: Telemetry, memories: Memories, now_s: float) -> str | Non
 def receiver_inputs(
     telemetry: Telemetry, memories: Memories, now_s: float, model: RiskModel
 ) -> tuple[InputReport, ...]:
-    """The inputs of the receiver that counts; and how many of two are lost."""
+    """Inputs of the receiver that counts, and the number of lost receivers of two."""
     candidates = _candidates(telemetry, memories)
     if len(candidates) > 1:
         candidates.sort(key=lambda item: _badness(item[0], item[1], now_s, model))
@@ -104,7 +105,7 @@ def receiver_inputs(
     latest_s = max((gnss.received_s for gnss, _ in receivers), default=None)
     return (
         *_judged(gnss, memory, now_s, model),
-        # Silence is what is counted: it never grows stale.
+        # The count includes silent receivers, so that it never grows stale.
         heard_at(latest_s, now_s, math.inf).says(
             "receivers lost",
             lost if len(receivers) > 1 else None,
@@ -115,13 +116,13 @@ def receiver_inputs(
 
 
 def _receivers(telemetry: Telemetry, memories: Memories) -> list[tuple[Gnss, ReceiverMemory]]:
-    """The receivers there are, in the autopilot's numbers."""
+    """Present receivers, in the autopilot's order."""
     told = zip((telemetry.gnss, telemetry.second_gnss), memories, strict=True)
     return [(gnss, memory) for gnss, memory in told if gnss is not None]
 
 
 def _candidates(telemetry: Telemetry, memories: Memories) -> list[tuple[Gnss, ReceiverMemory]]:
-    """The receivers that the autopilot may navigate by, its first choice first."""
+    """Receivers that the autopilot may navigate by, its first choice first."""
     receivers = _receivers(telemetry, memories)
     if telemetry.second_gnss_first:
         receivers.reverse()
@@ -129,9 +130,9 @@ def _candidates(telemetry: Telemetry, memories: Memories) -> list[tuple[Gnss, Re
 
 
 def _badness(gnss: Gnss, memory: ReceiverMemory, now_s: float, model: RiskModel) -> float:
-    """The worst risk of a receiver, 1 more for a useless one, and another 1 for a silent one.
+    """Worst risk of a receiver, plus 1 for a useless one, and another 1 for a silent one.
 
-    What it told before and tells no more counts on.
+    Measures that it no longer reports count with their last values.
     """
     known = {name: _known(gnss, memory, name) for name in _MEASURES}
     risks = [
@@ -142,7 +143,7 @@ def _badness(gnss: Gnss, memory: ReceiverMemory, now_s: float, model: RiskModel)
 
 
 def _fault(gnss: Gnss, memory: ReceiverMemory, now_s: float) -> str | None:
-    """What makes a receiver useless, in words."""
+    """Text of the fault that makes a receiver useless; None without one."""
     age_s = now_s - gnss.received_s
     if age_s > _MAX_AGE_S:
         return f"the receiver is silent for {age_s:.1f} s"
@@ -157,7 +158,7 @@ def _fault(gnss: Gnss, memory: ReceiverMemory, now_s: float) -> str | None:
 def _judged(
     gnss: Gnss | None, memory: ReceiverMemory, now_s: float, model: RiskModel
 ) -> tuple[InputReport, ...]:
-    """The normalised inputs of one receiver."""
+    """Normalised inputs of one receiver."""
     told = heard(gnss, now_s, _MAX_AGE_S)
     return (
         told.says(
@@ -195,5 +196,5 @@ def _told(gnss: Gnss, name: str) -> float | None:
 
 
 def positive(value: float | None) -> float | None:
-    """An accuracy or dilution; 0 is how receivers say that they do not know."""
+    """Accuracy or dilution; None for 0, the receivers' value for unknown."""
     return value if value is not None and value > 0.0 else None

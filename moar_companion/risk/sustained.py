@@ -1,7 +1,7 @@
-"""A value that comes in samples, as its mean over a short time. Pure.
+"""Mean over a short time of a sampled value. Pure.
 
-A jump of the setpoint takes the motors to their limit for one sample; a wind holds them there. A
-sample stands until the next one, so that one after which none comes counts in full.
+A jump of the setpoint takes the motors to their limit for one sample; wind holds them there. A
+sample is valid until the next one, so that the last sample counts up to now.
 """
 
 from __future__ import annotations
@@ -9,20 +9,20 @@ from __future__ import annotations
 from typing import NamedTuple
 
 WINDOW_S = 0.8
-"""Four samples at 5 Hz, and less than the age at which a sample of the motors is too old."""
+"""Window of the mean: four samples at 5 Hz, and less than the maximum age of motor samples."""
 
 
 class Sample(NamedTuple):
-    """A value, and when it was heard."""
+    """A value, and the time of its reception."""
 
     heard_s: float
     value: float
 
 
 def then(samples: tuple[Sample, ...], latest: Sample, max_age_s: float) -> tuple[Sample, ...]:
-    """The samples of the last `WINDOW_S`, the one that stood before them, and the latest.
+    """Samples of the last `WINDOW_S`, the one valid before them, and the latest.
 
-    Begun anew after a gap of more than `max_age_s`.
+    The window restarts after a gap of more than `max_age_s`.
     """
     if samples and latest.heard_s <= samples[-1].heard_s:
         return samples
@@ -34,7 +34,7 @@ def then(samples: tuple[Sample, ...], latest: Sample, max_age_s: float) -> tuple
 
 
 def mean(samples: tuple[Sample, ...], now_s: float) -> float | None:
-    """The mean over the last `WINDOW_S`, or since the first of the samples; None without any."""
+    """Mean over the last `WINDOW_S`, or since the first of the samples; None without any."""
     if not samples:
         return None
     begin_s = max(samples[0].heard_s, now_s - WINDOW_S)

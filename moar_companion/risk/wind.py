@@ -1,12 +1,12 @@
-"""Wind risk WR (paper, Section IV-C (a)): wind speed and what is left to resist it.
+"""Wind risk WR (paper, Section IV-C (a)): wind speed and the reserve against it.
 
-Inputs: the autopilot's own wind estimate; the wind that explains how a multirotor leans, and how
-much it changes; the lean that it asks of a hover, against the tilt limit; the greatest motor output
-against its range, as a mean over a short time; how far the aircraft is from our setpoint.
+Inputs: the autopilot's wind estimate; the wind that explains the lean of a multirotor, and its
+variation; the lean that this wind requires in a hover, against the tilt limit; the greatest motor
+output against its range, as a mean over a short time; the distance of the aircraft to the setpoint.
 
-Many autopilots report no wind on a multirotor by default, or only after half a minute; the lean
-is always there. `braking` measures what the air does, `drag` makes an airspeed of it: the wind is
-the velocity over ground minus the velocity through the air.
+Many autopilots report no wind on a multirotor by default, or only after half a minute; the lean is
+always available. `braking` gives the deceleration by the air, `drag` the airspeed: the wind is the
+velocity over ground minus the velocity through the air.
 """
 
 from __future__ import annotations
@@ -35,27 +35,27 @@ FROM_TILT = "wind from tilt"
 _USUAL_DRAG = "default drag, not measured"
 _ALONE = "alone it tells of no calm"
 GUST_S = 15.0
-"""Time constant of the running spread: 86 % of its weight is of the last 30 s."""
+"""Time constant of the running spread: the last 30 s have 86 % of the weight."""
 WIND_MAX_AGE_S = 3.0
-"""Wind comes at 5 to 10 Hz, on a slow link at 1 Hz: 3 periods."""
+"""Maximum age of the wind: 5 to 10 Hz, on a slow link 1 Hz: 3 periods."""
 _WIND_MAX_MPS = 100.0
-"""Nothing flies in more, and the spread would not forget it."""
+"""Greatest wind used: no aircraft flies in more, and the spread would keep it long."""
 _DEVIATION_MAX_MPS = 3.0
-"""An estimate this uncertain cannot tell a calm from the wind at which the risk begins. PX4's has
-0.2 m/s when it has settled."""
+"""Greatest standard deviation of a usable wind estimate: beyond it calm and the wind at which the
+risk begins are indistinguishable. PX4's settled estimate has 0.2 m/s."""
 MOTORS_MAX_AGE_S = 1.0
-"""SERVO_OUTPUT_RAW comes at 5 to 10 Hz: 5 periods."""
+"""Maximum age of SERVO_OUTPUT_RAW: 5 periods at 5 to 10 Hz."""
 _USUAL_PULSE_US = Range(low=1000.0, high=2000.0)
-"""Both autopilots' default."""
+"""Default range of both autopilots."""
 _LEAST_PULSE_US = 800.0
-"""The least that PX4 allows for a motor (PWM_MAIN_MIN1); DShot idles at a twentieth of 1999."""
+"""Least pulse that PX4 allows for a motor (PWM_MAIN_MIN1); DShot idles at a twentieth of 1999."""
 _OUTPUT_MAX = 1.5
-"""Of the range: an output beyond it is told in another unit than the range (DroneCAN's 8191)."""
+"""Greatest plausible output over its range: beyond it the units differ (DroneCAN's 8191)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spread:
-    """Mean and variance of a wind, the present weighing most; `span_s` since its beginning."""
+    """Mean and variance of a wind, weighted to the present; span_s: duration since the start."""
 
     time_s: float
     mean_ne_mps: Level
@@ -68,7 +68,7 @@ class Spread:
         return math.sqrt(self.variance_m2ps2)
 
     def then(self, time_s: float, wind_ne_mps: Level) -> Spread:
-        """The spread with a later wind. The first seconds are a plain mean."""
+        """Spread updated by a later wind. The first seconds are a plain mean."""
         elapsed_s = max(0.0, time_s - self.time_s)
         span_s = self.span_s + elapsed_s
         weight = min(1.0, elapsed_s / max(1e-9, min(GUST_S, span_s)))
@@ -83,30 +83,30 @@ class Spread:
         )
 
     def told_by(self, before: RiskModel, after: RiskModel) -> Spread:
-        """The spread of the same leans by another drag: what is learnt of it is no gust."""
+        """Spread of the same leans with another drag, so that learning it is no gust."""
         mean = air_velocity_mps(deceleration_mps2(self.mean_ne_mps, before), after)
         return replace(self, mean_ne_mps=mean)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WindMemory:
-    """The last seconds in the air, oldest first, the wind that they tell of, and its spread.
+    """Samples of the last seconds in the air, oldest first, their wind, and its spread.
 
-    wind_ne_mps: towards which it blows; None where they do not tell.
+    wind_ne_mps: towards which it blows; None if unknown.
     """
 
     samples: tuple[AirSample, ...] = ()
     wind_ne_mps: Level | None = None
     spread: Spread | None = None
     learning: DragLearning = field(default_factory=DragLearning)
-    """Of the aircraft: it outlives a landing."""
+    """Drag of the aircraft, kept across landings."""
     outputs: tuple[Sample, ...] = ()
     motor_speeds: tuple[Sample, ...] = ()
-    """Both of the strongest motor, over its range."""
+    """Outputs and speeds of the strongest motor, as fractions of its range."""
 
 
 def remember(memory: WindMemory, telemetry: Telemetry, model: RiskModel) -> WindMemory:
-    """The memory with the latest attitude, velocity and motors; empty on the ground."""
+    """Memory with the latest attitude, velocity and motors; on the ground only the drag."""
     return replace(
         _with_air(memory, telemetry, model),
         outputs=_with_latest(memory.outputs, _output(telemetry, model)),
@@ -151,10 +151,10 @@ def inputs(
     memory: WindMemory,
     tracking_error_m: float | None,
 ) -> tuple[InputReport, ...]:
-    """The normalised inputs of the wind risk; `memory` includes this telemetry.
+    """Normalised inputs of the wind risk; `memory` includes this telemetry.
 
-    tracking_error_m: from our setpoint to the aircraft, infinite where it is not known where that
-    is; None where others fly it.
+    tracking_error_m: from the setpoint to the aircraft, infinite if its position is unknown; None
+    while the companion does not fly the aircraft.
     """
     told, wind, spread = telemetry.wind, memory.wind_ne_mps, memory.spread
     used = memory.learning.used(model)
@@ -194,7 +194,7 @@ def inputs(
 
 
 def _drag_remark(learning: DragLearning, model: RiskModel) -> str:
-    """What the wind from tilt is worth, by how well the drag is known."""
+    """Remark on the reliability of the wind from tilt, by the knowledge of the drag."""
     if learning.known(model):
         drag, error = learning.drag_per_s(model), learning.error_per_s
         return f"drag {drag:.2f} ± {error:.2f} /s, of this flight"
@@ -202,13 +202,13 @@ def _drag_remark(learning: DragLearning, model: RiskModel) -> str:
 
 
 def strongest(inputs: tuple[InputReport, ...]) -> InputReport | None:
-    """The wind speed in use, with its source for a name: the greater one of those known now."""
+    """Input of the wind speed in use, named by its source: the greatest of those known now."""
     known = [item for item in inputs if item.name in {REPORTED, FROM_TILT} and item.known]
     return max(known, key=lambda item: item.value or 0.0, default=None)
 
 
 def _reported_mps(wind: Wind) -> float | None:
-    """The speed of a wind that the autopilot is sure enough of."""
+    """Speed of the reported wind; None if its standard deviation is too great."""
     if wind.deviation_mps is not None and wind.deviation_mps > _DEVIATION_MAX_MPS:
         return None
     return math.hypot(*wind.velocity_ned_mps[:2])
@@ -222,9 +222,9 @@ def _effort(
     others: tuple[InputReport, ...],
     tracking_error_m: float | None,
 ) -> tuple[InputReport, ...]:
-    """What the wind asks of the motors and of our tracking; they alone never tell of calm.
+    """Inputs of the motors and of the tracking; without other inputs they never mean calm.
 
-    Outputs hardly rise before the lean is at its limit. On the ground they say nothing.
+    Outputs hardly rise before the lean is at its limit. On the ground they are unknown.
     """
     alone = not any(item.known for item in others)
     least, remark = (model.unknown, _ALONE) if alone else (0.0, "")
@@ -252,7 +252,7 @@ def _effort(
 
 
 def _output(telemetry: Telemetry, model: RiskModel) -> Sample | None:
-    """The greatest output of a motor; None where it says nothing of the wind."""
+    """Greatest output of a motor over its range; None if it does not depend on the wind."""
     motors, pulses = telemetry.motors, _pulse_range(telemetry, model)
     if motors is None or not motors.pulse_us or pulses is None or not tells_of_wind(telemetry):
         return None
@@ -261,7 +261,7 @@ def _output(telemetry: Telemetry, model: RiskModel) -> Sample | None:
 
 
 def _motor_speed(telemetry: Telemetry, model: RiskModel) -> Sample | None:
-    """The greatest speed of a motor; None where it says nothing of the wind."""
+    """Greatest speed of a motor over its range; None if it does not depend on the wind."""
     speeds, speed_range = telemetry.motor_speeds, model.motor_rpm
     if speeds is None or not any(speeds.rpm) or speed_range is None:
         return None
@@ -270,9 +270,9 @@ def _motor_speed(telemetry: Telemetry, model: RiskModel) -> Sample | None:
 
 
 def _pulse_range(telemetry: Telemetry, model: RiskModel) -> Range | None:
-    """The outputs of no and full thrust: configured, else told by parameters, else as usual.
+    """Outputs of no and full thrust: configured, otherwise from parameters, otherwise default.
 
-    None where they are not configured and no pulse widths.
+    None if not configured and the outputs are no pulse widths.
     """
     if model.motor_pulse_us is not None:
         return model.motor_pulse_us
