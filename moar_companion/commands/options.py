@@ -1,4 +1,4 @@
-"""Values of options: text in, a checked value out, or an InputError that says what is allowed."""
+"""Values of options: text in, a checked value out, or an InputError with the allowed values."""
 
 from __future__ import annotations
 

@@ -52,12 +52,12 @@ class PlannedPath:
     mission: Mission
     points_m: np.ndarray[Any, Any]
     states: int
-    """How many of the points belong to the path proper; the rest is the landing leg."""
+    """Number of points that belong to the path proper; the rest is the landing leg."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightStory:
-    """What the companion decided in a flight; times in seconds since its first record.
+    """Decisions of the companion in a flight; times in seconds since its first record.
 
     risk: (n, 4) in the order of the paper, at time_s (n,).
     """
@@ -75,7 +75,7 @@ class FlightStory:
 
     @classmethod
     def of(cls, decisions: Iterable[dict[str, Any]]) -> FlightStory:
-        """The story of decisions as they stand in the record."""
+        """The story of recorded decisions."""
         plans, states, orders, times, risks = [], [], [], [], []
         begin_s: float | None = None
         for decision in decisions:
@@ -109,7 +109,7 @@ class FlightStory:
 
     @property
     def landing_leg_m(self) -> list[PlanePoint]:
-        """The last planned way out of the workspace, from its last cell; empty without one."""
+        """Landing leg of the last plan that has one, from its last cell; empty without one."""
         for plan in reversed(self.plans):
             if plan.states < len(plan.points_m):
                 return [(float(x), float(z)) for x, z in plan.points_m[plan.states - 1 :]]
