@@ -1,6 +1,6 @@
-"""Legs from where nothing is planned to a free cell: the escape leg and the recovery leg.
+"""Legs from a place where no path can begin to a free cell: the escape leg and the recovery leg.
 
-A gust, a low take-off, a pilot or a new obstacle can leave the vehicle where nothing is planned.
+A gust, a low take-off, a pilot or a new obstacle can bring the vehicle to such a place.
 The escape leg is the shortest straight one to a free cell along which the clearance never decreases
 (planner page, "Starts in flight"). The recovery leg leads a vehicle that is outside the workspace
 or too low back: first straight up to the minimum altitude, then by the shortest straight one to a
@@ -23,9 +23,9 @@ from .regions import obstacle_clearance_m
 
 _SAMPLES_PER_CELL = 10
 _REACH_M = 10.0
-"""An aircraft that is farther from any free cell is not near the structure at all."""
+"""Longest leg: an aircraft farther from any free cell is not near the structure."""
 _BATCH = 64
-"""Legs that are looked at together, the shortest first."""
+"""Number of legs checked together, the shortest first."""
 
 
 def way_in(
@@ -35,9 +35,9 @@ def way_in(
     start_m: PlanePoint,
     barred: BoolArray | None = None,
 ) -> tuple[PlanePoint, ...]:
-    """The corners behind its start of the leg to a free cell, the cell's centre last; () for none.
+    """Corners of the leg to a free cell, without its start, the cell's centre last; () for none.
 
-    start_m: where nothing is planned. barred: free cells (nx, nz) that must not be its end.
+    start_m: where no path can begin. barred: free cells (nx, nz) that must not be its end.
     """
 
     def recovers() -> tuple[PlanePoint, ...]:
@@ -67,7 +67,7 @@ def escape_leg(
     for index in near[np.argsort(distance[near], kind="stable")]:
         places_m = _samples(maps, start, centres[index])
         clearance = obstacle_clearance_m(site, places_m)
-        # Infinite without obstacles: then nothing decreases.
+        # Infinite without obstacles: then no clearance decreases.
         away = (clearance[1:] >= clearance[:-1] - TOLERANCE).all()
         if away and _stays_inside(maps.fence, places_m):
             return _point(centres[index])
@@ -83,12 +83,12 @@ def recovery_leg(
     fence: PlaneFence | None = None,
     barred: BoolArray | None = None,
 ) -> tuple[PlanePoint, ...]:
-    """The corners behind its start of the recovery leg, a free cell's centre last; () for none.
+    """Corners of the recovery leg, without its start, a free cell's centre last; () for none.
 
     start_m: no farther outside the workspace than `recovery_m`. From below the minimum altitude the
-    first corner is straight above it, where that way is free. Where the start is within the margin
-    of an obstacle, the leg comes no nearer to that one. widened_m: what the distance from obstacles
-    grows by. fence: where the maps are without one. barred: free cells (nx, nz) that must not be
+    first corner is straight above it, if the leg there is free. Where the start is within the
+    margin of an obstacle, the leg comes no nearer to that one. widened_m: added to the distance
+    from obstacles. fence: in place of the maps' own. barred: free cells (nx, nz) that must not be
     its end.
     """
     if site.workspace.outside_m(start_m) > vehicle.guidance.recovery_m:
@@ -104,7 +104,7 @@ def recovery_leg(
     least_m = np.minimum(own_m + site.margin.total_m + widened_m, np.maximum(own_m, at_start_m))
 
     def free(ends_m: FloatArray, from_m: FloatArray) -> BoolArray:
-        """Which straight legs from a place (2,) to ends (n, 2) keep their distances: (n,)."""
+        """Mask (n,) of straight legs from a place (2,) to ends (n, 2) that keep their distances."""
         clear_m = leg_clearances(ends_m, from_m, vertices_m, first, radius_m)
         return np.asarray((clear_m >= least_m - TOLERANCE).all(axis=1))
 
@@ -147,18 +147,18 @@ def pocket(maps: Maps, place_m: PlanePoint) -> BoolArray:
 
 
 def _lowest_m(site: Site) -> float:
-    """The height below which nothing is planned."""
+    """Lowest height at which paths are planned."""
     lower_m, low_m = site.workspace.lower_m[1], site.workspace.min_altitude_m
     return lower_m if low_m is None else max(lower_m, low_m)
 
 
 def _is_low(site: Site, start_m: PlanePoint) -> bool:
-    """Whether a place is below the minimum altitude, or the workspace."""
+    """Returns True if a place is below the minimum altitude, or the workspace."""
     return start_m[1] < _lowest_m(site) - TOLERANCE
 
 
 def _above(site: Site, maps: Maps, start_m: FloatArray) -> FloatArray | None:
-    """The place (2,) straight above a low one from where nothing is too low, within a cell."""
+    """The lowest permitted place (2,) above a low one, in its column's centre; None for none."""
     grid = maps.grid
     x_m, z_m = grid.axes_m
     rows = np.flatnonzero(z_m >= _lowest_m(site) - TOLERANCE)
@@ -189,7 +189,7 @@ def _samples(maps: Maps, start_m: FloatArray, end_m: FloatArray) -> FloatArray:
 
 
 def _stays_inside(fence: PlaneFence | None, places_m: FloatArray) -> bool:
-    """Returns whether a way through places (n, 2) never leads out of the autopilot's fence."""
+    """Returns True if a leg through places (n, 2) never leads out of the autopilot's fence."""
     if fence is None:
         return True
     inside = fence.holds(places_m)
