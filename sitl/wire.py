@@ -19,7 +19,7 @@ _HEADER = struct.Struct("<BBBBBBBHB")
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """How one message is laid out: fields in wire order, and the check byte."""
+    """Layout of one message: fields in wire order, and the check byte."""
 
     msgid: int
     name: str

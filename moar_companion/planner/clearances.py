@@ -1,8 +1,8 @@
 """Distances of cells to obstacles and to their keep-outs, and their repair where obstacles change.
 
 Inputs: a grid and obstacles; clearances known for other obstacles on the same grid. Outputs: for
-each cell the distance and the index of the nearest. Where that one is unchanged, only new obstacles are
-evaluated: the result equals a full evaluation, bit by bit.
+each cell the distance and the index of the nearest. Where that one is unchanged, only new
+obstacles are evaluated: the result equals a full evaluation, bit by bit.
 """
 
 from __future__ import annotations

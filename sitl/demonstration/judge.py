@@ -1,4 +1,4 @@
-"""The judge: what really happened in a flight, from the fake autopilot's truth log and the site.
+"""The judge: true course of a flight, from the fake autopilot's truth log and the site.
 
 Independent of the planner's geometry on purpose: distances are Shapely's.
 """
@@ -17,11 +17,11 @@ from moar_companion.frames import radii_of_curvature_m
 from moar_companion.site import Conductor, Obstacle, Site
 
 _LEG_TOLERANCE_M = 2.0
-"""How far from its landing leg an aircraft in wind may be, outside the workspace."""
+"""Distance from its landing leg allowed to an aircraft in wind, outside the workspace."""
 _GROUND_M = 0.0
-"""PX4's own simulator stands centimetres below it, and is still there as it says that it flies."""
+"""PX4's own simulator stands centimetres below it, even when it first reports flight."""
 _OFF_PLANE_M = 3.0
-"""How far beside the plane the workspace reaches, for the judge."""
+"""Distance beside the plane that is still workspace, for the judge."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,7 +36,7 @@ class FlightTruth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """What is to be said against a flight; empty when nothing is."""
+    """Faults of a flight; empty when there are none."""
 
     faults: tuple[str, ...]
     least_clearance_m: float
@@ -76,10 +76,10 @@ def judge(
     radius_m: float,
     landing_leg_m: list[tuple[float, float]],
 ) -> Verdict:
-    """Whether the aircraft flew, touched nothing, kept to its workspace and landed.
+    """Check that the aircraft flew, touched nothing, kept to its workspace and landed.
 
-    landing_leg_m: the last planned way out of the workspace, from its last cell to above the
-    landing point; the way down from there belongs to it, as the climb from the ground into a
+    landing_leg_m: the last planned leg out of the workspace, from its last cell to above the
+    landing point; the descent from there belongs to it, as the climb from the ground into a
     workspace that begins above it does to the take-off.
     """
     faults: list[str] = []

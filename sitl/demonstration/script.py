@@ -12,14 +12,14 @@ from .processes import Process
 
 _LOW_BATTERY_PERCENT: Final = 35
 _BELOW_M: Final = 0.5
-"""An aircraft this much below the height of its take-off is about there."""
+"""An aircraft this much below the height of its take-off has almost reached it."""
 _CLIMB_S_PER_M: Final = 2.0
 _IN_AIR: Final = 2
 _SETTLE_S: Final = 3.0
 _STREAM_FIRST_S: Final = 1.5
-"""PX4 gives OFFBOARD to a stream that has run for a second."""
+"""PX4 accepts OFFBOARD once a stream has run for a second."""
 _START_S: Final = 30.0
-"""Within which both processes are heard; real seconds, as they do not start faster."""
+"""Time-out for both processes; real seconds, as they do not start faster."""
 _LONGEST_INSPECTION_S: Final = 600.0
 _LONGEST_HOLD_S: Final = 60.0
 _LONGEST_EXIT_S: Final = 300.0
@@ -29,7 +29,7 @@ _MOST_LAG_S: Final = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Script:
-    """One flight, step by step; each may raise OperatorError. say: tells the user.
+    """One flight, step by step; each may raise OperatorError. say: prints a line.
 
     height_m: of the take-off. way_out, landing: the mission that ends the flight, and the index of
     its landing point, -1 for any.
@@ -45,7 +45,7 @@ class Script:
     say: Callable[[str], None]
 
     def fly(self) -> None:
-        """From two processes that have just been started to the landing."""
+        """Fly from two processes that have just been started to the landing."""
         self._start()
         self._take_off()
         self._inspect()
@@ -115,7 +115,7 @@ class Script:
         self.operator.wait_until(lambda: self._all_is_well() and condition(), timeout_s)
 
     def _all_is_well(self) -> bool:
-        """True; OperatorError when the flight cannot go on."""
+        """True; OperatorError when the flight cannot continue."""
         for process in self.processes:
             ended = process.ended()
             if ended is not None:

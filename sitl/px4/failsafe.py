@@ -35,7 +35,7 @@ class Charge(IntEnum):
 
 
 class Cause(IntEnum):
-    """Why; the battery's numbers are those of PX4's events."""
+    """Cause of an action; the battery's numbers are those of PX4's events."""
 
     OFFBOARD_LOST = 0
     STICKS_LOST = 1
@@ -47,7 +47,7 @@ class Cause(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flags:
-    """What the failsafes look at."""
+    """Inputs of the failsafes."""
 
     mode: Mode
     stream_alive: bool
@@ -60,7 +60,7 @@ class Flags:
     battery_action: int
     sticks_action: int
     fence_action: int = fence.NONE
-    """What the breached fence asks for, as GF_ACTION."""
+    """Action of the breached fence, as GF_ACTION."""
 
 
 _CHARGE_CAUSES: Final = {
@@ -71,7 +71,7 @@ _CHARGE_CAUSES: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Action:
-    """What must be done: the mode, whether PX4 first holds for COM_FAIL_ACT_T, and why."""
+    """A due action: its mode, a delay (PX4 first holds for COM_FAIL_ACT_T), and its cause."""
 
     mode: Mode
     delayed: bool
@@ -103,7 +103,7 @@ def _offboard(flags: Flags) -> Action | None:
     if flags.mode is not Mode.OFFBOARD:
         return None
     if not flags.position_valid:
-        # Setpoints of a position need one: what a lost stream would do falls back to a descent, and
+        # Setpoints of a position need one: the action on a lost stream falls back to a descent, and
         # the modes of the sticks to ALTCTL.
         descends = flags.offboard_action in _OFFBOARD_LOSS
         mode = Mode.DESCEND if descends else Mode.ALTCTL
