@@ -286,7 +286,7 @@ def _service_parser() -> _Parser:
 
 
 class _Version(argparse.Action):
-    """Prints the version; looks it up only then, since that takes longer than argparse."""
+    """Prints the version; reads it only then, since that takes longer than argparse."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         sys.stdout.write(f"{PROGRAM} {_version()}\n")

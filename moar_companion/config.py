@@ -154,7 +154,7 @@ class Supervision:
     jump_limit_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 3.0
     """The setpoint follows a jump of the position; a greater jump needs an operator's decision."""
     plan_stale_s: Annotated[float, _Seconds] = 12.0
-    """Plans take milliseconds; without an answer the planner is asked again after 5 s: twice."""
+    """Plans take milliseconds; without an answer the request is repeated after 5 s: twice."""
     disk_free_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 200.0
     """An hour of recording takes about 100 MB."""
     memory_free_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 100.0

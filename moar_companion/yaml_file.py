@@ -361,7 +361,7 @@ _LIMITS = {
 
 
 def _why_text(kind: str, value: object) -> str:
-    """Reason why a text that looks like a number is none; empty for other values."""
+    """Reason why a text that resembles a number is none; empty for other values."""
     if kind in ("float_type", "int_type") and isinstance(value, str):
         if re.fullmatch(r"\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*", value):
             return " (text, not a number)"

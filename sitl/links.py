@@ -149,7 +149,7 @@ class Router:
         self.links = {link.name: link for link in links}
 
     def forward(self, source: Link, message: Any, wanted: Callable[[Link], bool]) -> bool:
-        """Pass a message on to the other links that want it; True when there was any."""
+        """Pass a message on to the other links that get it; True when there was any."""
         targets = [link for link in self.links.values() if link is not source and wanted(link)]
         raw = bytes(message.get_msgbuf())
         for link in targets:

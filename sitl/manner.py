@@ -41,7 +41,7 @@ class Manner(Protocol):
         """Decide and write the demand of the airframe; before the physics of each tick."""
 
     def emit(self) -> None:
-        """Send whatever telemetry is due; after the physics of each tick."""
+        """Send the telemetry that is due; after the physics of each tick."""
 
     def set_parameter(self, name: str, value: float) -> None:
         """Set a parameter and let it act; `KeyError`, `ValueError` when it is refused."""

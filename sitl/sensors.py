@@ -2,7 +2,7 @@
 
 Inputs: the true state and the conditions. Outputs: the last GPS fix, and an estimate of position
 and velocity whose error wanders as an estimator's does. Numbers are those of PX4 v1.17.0 with its
-built-in simulation, unless said otherwise.
+built-in simulation, unless stated otherwise.
 """
 
 import math

@@ -68,7 +68,7 @@ class LiveView:
         yield _head(status, silence_of(self._silent_s))
         yield Rule(style="dim")
         if wide:
-            # What stands at the left can be wrapped; names of inputs cannot.
+            # Text at the left can be wrapped; names of inputs cannot.
             needed = Measurement.get(console, options, risk).maximum
             columns = Table.grid(expand=True, padding=(0, 2))
             columns.add_column(ratio=1)
@@ -310,7 +310,7 @@ def _rows(rows: Iterable[Row], *, wrap: bool) -> RenderableType:
 
 
 def _doing(mission: Status) -> str:
-    """State, mission and goal in words."""
+    """State, mission and goal as text."""
     words = [mission["state"].replace("_", " ")]
     if mission["mission"] is not None:
         words.append(mission["mission"])

@@ -1,4 +1,4 @@
-"""A plan and its explanation: status, states, cost per term, points, metrics, weights, effort."""
+"""A plan, explained: status, states, cost per term, waypoints, metrics, weights, effort."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The planner: built once per site and vehicle, then asked for plans.
+"""The planner: built once per site and vehicle, then called for plans.
 
 Inputs: site and vehicle; per plan a mission, its target, the vehicle's position and velocity, and
 final weights. Output: a `Plan`, which is the optimum of J on the paper's graph (Eq. 1, 7).
@@ -59,7 +59,7 @@ class _Prepared:
 class Planner:
     """Plans on the maps of one site for one vehicle.
 
-    The maps are built here, goals are looked up once. `plan` serves one thread, `prepare` may
+    The maps are built here, goals are computed once. `plan` serves one thread, `prepare` may
     run beside it in another: with its tables plans cost the same and are found sooner. The goals
     of the site share their memory; where it is too small for all tables, the goal prepared the
     longest ago loses its table.
@@ -336,7 +336,7 @@ class Planner:
         raise InputError(self.site.name, "targets", f"no target {name!r}; the site has: {known}")
 
     def _goal(self, key: _Key) -> _Goal:
-        """The goal of a mission and target, looked up once."""
+        """The goal of a mission and target, computed once."""
         goals = self._goals
         if key not in goals:
             goals[key] = self._make_goal(*key)

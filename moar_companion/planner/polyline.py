@@ -334,7 +334,7 @@ def _bent(path: Path, size: int, at: int, step_m: float, terms: Terms) -> int:
 
 @jit(BOOL, PATH, I8, I8, F8, TERMS)
 def _moved(path: Path, size: int, at: int, step_m: float, terms: Terms) -> bool:
-    """Moves a point along or across the path, in steps that double while they save; True if so."""
+    """Moves a point along or across the path, in steps that double on success; True if moved."""
     moved = False
     dx, dz, _ = _towards(path, at - 1, min(at + 1, size))
     for _ in range(4):

@@ -154,7 +154,7 @@ def narrowest(
 ) -> tuple[str, float, float] | None:
     """The obstacle with the least room to a path of points (n, 2); None without obstacles.
 
-    Its name, the clearance from the hull, and the keep-out with margin that the site asks for.
+    Its name, the clearance from the hull, and the keep-out with margin that the site requires.
     """
     rooms = []
     for item in site.obstacles:

@@ -122,7 +122,7 @@ class Commander:
     # Requests
 
     def request_mode(self, number: int) -> bool:
-        """Ask for a mode by its number; False when it is refused."""
+        """Request a mode by its number; False when it is refused."""
         mode = requested(number)
         if mode is None:
             self._p.voice.say(say.WARNING, f"No such mode {number}")

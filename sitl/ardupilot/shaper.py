@@ -1,6 +1,6 @@
 """ArduPilot's shaping of targets: a request becomes a path of limited jerk.
 
-    velocity wish      = sqrt_controller(position error) + velocity asked for
+    velocity wish      = sqrt_controller(position error) + requested velocity
     acceleration wish  = sqrt_controller(velocity wish - velocity), limited in size and in jerk
 
 After AP_Math/control.cpp (shape_pos_vel_accel). With 2.5 m/s^2 and 5 m/s^3 its gain is 1 per

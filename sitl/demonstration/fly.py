@@ -45,7 +45,7 @@ _VEHICLE_FILE = "vehicle.yaml"
 """Its name in the flight's folder."""
 _SITE = "315kv_double_circuit.yaml"
 _WAYS_OUT = {Mission.EXIT: EXIT, Mission.EVACUATION: EVACUATION}
-"""The first for which a site has landing points is flown, unless another is asked for."""
+"""The first for which a site has landing points is flown, unless another is named."""
 _ABOVE_M = 0.5
 """Least distance of the take-off's end above the least height."""
 _LATEST = "latest"

@@ -43,7 +43,7 @@ PARAMETERS: Final[Mapping[str, Mapping[str, float]]] = {
     "px4": {"SIM_BAT_DRAIN": 900.0, "SIM_BAT_MIN_PCT": 1.0},
     "ardupilot": {"SIM_WIND_T": 1},
 }
-"""Parameters of the simulators: a battery that may become empty, wind that is the same at all heights."""
+"""Simulators' parameters: a battery that may become empty, the same wind at all heights."""
 
 
 class RealError(Exception):

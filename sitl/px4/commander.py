@@ -150,7 +150,7 @@ class Commander:
     # Requests
 
     def request_mode(self, mode: Mode) -> bool:
-        """Ask for a mode; False when it is not available now (only while armed)."""
+        """Request a mode; False when it is not available now (only while armed)."""
         if self.armed and not self.can_run(mode):
             self._parts.voice.unavailable(mode)
             return False
