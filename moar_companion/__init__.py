@@ -34,7 +34,7 @@ _HOMES = {
     "Vehicle": "vehicle",
     "Weights": "types",
 }
-"""Imported when first asked for: the command line's help needs no compiler."""
+"""Modules by name, imported at first use: the command line's help needs no compiler."""
 
 
 def __getattr__(name: str) -> object:

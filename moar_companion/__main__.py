@@ -1,4 +1,4 @@
-"""The program's entry, light enough that an interrupt while it loads ends it without a word."""
+"""Program entry; loads little, so that an interrupt while it loads ends it without output."""
 
 from __future__ import annotations
 
@@ -10,21 +10,21 @@ import sys
 def main() -> int:
     """Load the command line and run it; the exit status.
 
-    An interrupt ends it at once with status 1, unless a command has something to put in order.
+    An interrupt ends the program at once with status 1, unless a command has to clean up.
     """
     signal.signal(signal.SIGINT, _end)
-    # There are none, and pydantic would look for them in all that is installed.
+    # No plugins are used; pydantic would search every installed package for them.
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     from .cli import main as run  # noqa: PLC0415
 
     status = run()
-    # What is done is done, whatever comes while Python puts itself away.
+    # The work is done: an interrupt while Python shuts down is ignored.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     return status
 
 
 def _end(*_: object) -> None:
-    """Not by an exception, which those who load modules or compile may swallow or print."""
+    """Ends the process; an exception could be swallowed or printed by imports or the compiler."""
     os._exit(1)
 
 

@@ -104,7 +104,7 @@ COMMANDS = {
         ),
     ),
 }
-"""By the word that names it on the command line."""
+"""Commands by their name on the command line."""
 
 SERVICE = Command(
     module="service",
@@ -121,7 +121,7 @@ SERVICE = Command(
 def main(argv: list[str] | None = None) -> int:
     """Run one command; returns the exit status, whatever happens."""
     if isinstance(sys.stdout, io.TextIOWrapper):
-        # A site's name may hold what the terminal cannot show.
+        # A site's name may contain characters that the terminal cannot show.
         sys.stdout.reconfigure(errors="backslashreplace")
     try:
         status = _run(sys.argv[1:] if argv is None else argv)
@@ -159,7 +159,7 @@ def _unexpected(error: Exception) -> int:
 
 
 def _lacks_memory(error: BaseException | None) -> bool:
-    """Whether an error, or one behind it, is that there is no memory, or no thread to be had."""
+    """Returns True if an error, or one of its causes, is a lack of memory or of threads."""
     if error is None:
         return False
     no_thread = isinstance(error, RuntimeError) and "start new thread" in str(error)
@@ -168,7 +168,7 @@ def _lacks_memory(error: BaseException | None) -> bool:
 
 
 def report(message: str) -> None:
-    """One line on stderr, whatever the message holds."""
+    """Writes one line on stderr, whatever the message contains."""
     if sys.stderr is not None:
         line = "".join(char if char.isprintable() else " " for char in message)
         with contextlib.suppress(OSError):
@@ -182,13 +182,13 @@ def _failed(message: str, status: int) -> int:
 
 
 def _is_interrupted(error: BaseException) -> bool:
-    """Whether an interrupt is behind an error: compiled code turns it into a SystemError."""
+    """Returns True if an interrupt caused an error: compiled code turns it into a SystemError."""
     cause = error.__cause__ or error.__context__
     return cause is not None and (isinstance(cause, KeyboardInterrupt) or _is_interrupted(cause))
 
 
 def _settle_stdout() -> None:
-    """If stdout cannot be written, let nothing of it be tried again at the interpreter's end."""
+    """Redirects a stdout that cannot be written to /dev/null, so that the exit does not fail."""
     if sys.stdout is None:
         return
     try:
@@ -233,7 +233,7 @@ def _joined(argv: Sequence[str]) -> list[str]:
 
 
 class _Once(argparse.Action):
-    """Stores a value, as argparse does; of an option given twice one would be lost unseen."""
+    """Stores a value, as argparse does; refuses an option that is given twice."""
 
     given = False
 
@@ -251,7 +251,7 @@ class _Once(argparse.Action):
 
 
 class _Parser(argparse.ArgumentParser):
-    """argparse whose complaints are one line, as all others."""
+    """argparse with error messages of one line, as all others."""
 
     def __init__(self, prog: str, command: Command) -> None:
         examples = "\n".join(f"  {line}" for line in command.examples)
@@ -286,7 +286,7 @@ def _service_parser() -> _Parser:
 
 
 class _Version(argparse.Action):
-    """Prints the version, which is looked up only then: that takes longer than argparse."""
+    """Prints the version; reads it only then, since that takes longer than argparse."""
 
     def __call__(self, parser: argparse.ArgumentParser, *_: object) -> None:
         sys.stdout.write(f"{PROGRAM} {_version()}\n")

@@ -1,6 +1,6 @@
-"""The service's configuration: `configs/companion.yaml` and what the command line lays over it.
+"""The service's configuration: `configs/companion.yaml` and the command line's overrides.
 
-`shipped_configs()` is where the configurations that come with the program are.
+`shipped_configs()`: the folder of the configurations that come with the program.
 """
 
 from __future__ import annotations
@@ -32,25 +32,25 @@ def shipped_configs() -> Path:
 
 
 class Authority(str, enum.Enum):
-    """How far the companion may go."""
+    """Authority of the companion over the aircraft."""
 
     OBSERVE = "observe"
     """Never streams."""
     STREAM = "stream"
-    """Streams when the pilot gave the mode; changes no mode."""
+    """Streams when the pilot has selected the mode; changes no mode."""
     ENGAGE = "engage"
     """May also request OFFBOARD/GUIDED and LAND on an operator's command."""
 
 
 class LossCheck(str, enum.Enum):
-    """What is done about a plan on which we had better not die."""
+    """Response to a plan on which an action of the autopilot would hit an obstacle."""
 
     REFUSE = "refuse"
     WARN = "warn"
 
 
 class LinkRole(str, enum.Enum):
-    """Who is at the other end of a link."""
+    """Peer at the other end of a link."""
 
     AUTOPILOT = "autopilot"
     OPERATOR = "operator"
@@ -58,12 +58,12 @@ class LinkRole(str, enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkConfig:
-    """One link: a URL of the contract and who is there."""
+    """One link: a URL of the contract and the peer there."""
 
     url: str
     role: LinkRole = LinkRole.AUTOPILOT
     signed: bool = False
-    """Whether all packets are signed, and those that are not are refused."""
+    """True: all packets are signed, and unsigned ones are refused."""
 
 
 GROUND_STATION_IDS = range(240, 256)
@@ -73,7 +73,7 @@ GROUND_STATION_IDS = range(240, 256)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Commands:
-    """Who may command; hold and pause are taken from anybody."""
+    """Senders that may command; hold and pause are accepted from any sender."""
 
     systems: tuple[int, ...] | None = None
     """System ids; None: those of ground stations, and the vehicle's own. A command that another
@@ -83,27 +83,27 @@ class Commands:
     links: tuple[str, ...] | None = None
     """URLs of links; None: all, since many have their ground station behind the autopilot."""
     signed_only: bool = False
-    """Whether the packet must be signed: not by default, since few ground stations are set up so,
-    and without it none would be obeyed."""
+    """True: the packet must be signed. Not by default: few ground stations sign, and all others
+    would be refused."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Replanning:
-    """When a plan in flight is made anew."""
+    """Conditions for replanning in flight."""
 
     period_s: Annotated[float, _Seconds] = 2.0
-    """At the latest after this time."""
+    """Longest time between two plans."""
     risk_change: Annotated[float, Field(gt=0.0, le=1.0)] = 0.1
-    """As soon as an index has moved by this much since the last plan."""
+    """Change of an index since the last plan that triggers the next."""
     min_interval_s: Annotated[float, _Seconds] = 0.3
-    """Never more often than this."""
+    """Shortest time between two plans."""
     improvement: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005
-    """What part of its cost a new path must save, or the one that is flown stays. Paths that noise
-    on the risks chooses among cost the same within that; a wind that rises to 0.8 saves 0.01."""
+    """Fraction of its cost that a new path must save to replace the flown one. Paths between which
+    noise on the risks switches differ by less; a wind that rises to 0.8 saves 0.01."""
 
 
 class LinkLoss(str, enum.Enum):
-    """What is done without a ground station."""
+    """Action without a ground station."""
 
     CONTINUE = "continue"
     HOLD = "hold"
@@ -112,85 +112,85 @@ class LinkLoss(str, enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Supervision:
-    """Limits of what is flown; mission/conditions.py says what each of them does."""
+    """Limits of a flight; mission/conditions.py defines the effect of each."""
 
     position_timeout_s: Annotated[float, _Seconds] = 0.5
     """An older position is stale: the stream ends (LOCAL_POSITION_NED comes at 30 Hz)."""
     heartbeat_timeout_s: Annotated[float, _Seconds] = 3.0
-    """Without any packet of the autopilot, a heartbeat or another, for so long its link is lost."""
+    """Time without any packet of the autopilot, heartbeat or other, until its link is lost."""
     mode_timeout_s: Annotated[float, _Seconds] = 3.0
-    """A mode that was told longer ago may not be the mode any more: control ends. It is told ten
-    times a second: a link that loses 30 % is silent for so long once in 10^15."""
+    """Age of the last mode report at which control ends: the mode may have changed. The mode is
+    reported ten times a second: a link that loses 30 % is silent for so long once in 10^15."""
     armed_timeout_s: Annotated[float, _Seconds] = 15.0
-    """The same of the armed state, which HEARTBEAT alone tells, on PX4 once a second."""
+    """The same for the armed state, which HEARTBEAT alone reports, on PX4 once a second."""
     ready_timeout_s: Annotated[float, _Seconds] = 30.0
-    """How long a hold is offered to the pilot before he gives the mode."""
+    """Time for which a hold is offered to the pilot before the pilot selects the mode."""
     plane_tolerance_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
-    """Farther from the plane than this is not flown."""
+    """Greatest distance from the plane that is flown."""
     wind_limit_mps: Annotated[float, Field(gt=0.0, le=100.0)] = 15.0
-    """With the default drag the tilt tells 15 m/s of a true 13 and 18 (two recorded quadrotors): 12
-    is a good limit once the vehicle's drag is measured (`replay --fit-drag`)."""
+    """With the default drag the tilt yields 15 m/s for a true 13 and 18 (two recorded quadrotors):
+    12 is a good limit once the vehicle's drag is measured (`replay --fit-drag`)."""
     localization_limit: Annotated[float, Field(gt=0.0, le=1.0)] = 0.9
-    """Of the localization risk: nearly at its worst."""
+    """Limit of the localization risk, close to its maximum."""
     position_uncertainty_m: Annotated[float | None, Field(ge=0.0, le=100.0)] = None
-    """The position's error that distances from obstacles allow for, even where less is told; None:
-    what the vehicle's autopilot was seen to have (`margin.SEEN`)."""
+    """Position error that distances from obstacles allow for, even where less is reported; None:
+    the error measured with the vehicle's autopilot (`margin.SEEN`)."""
     position_uncertainty_limit_m: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
-    """Above it the mission is held; between the two, obstacles grow by what there is too much."""
+    """Above it the mission is held; between the two, obstacles grow by the excess."""
     battery_reserve: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2
-    """The fraction left with which the way out is begun."""
+    """Fraction left at which the flight along the escape route begins."""
     ground_link_lost_s: Annotated[float, _Seconds] = 10.0
-    """After it both autopilots, too, call the ground station lost."""
+    """Both autopilots, too, regard the ground station as lost after it."""
     ground_link_action: LinkLoss = LinkLoss.HOLD
     exposure_limit_s: Annotated[float, _Seconds] = 120.0
-    """Of the time where a failsafe that nobody can forecast would hit something, beyond a target's
-    dwell: a long look at a splice; the next target or order begins it anew."""
+    """Limit of the time at places where an unforeseeable failsafe would hit an obstacle, beyond a
+    target's dwell: a long inspection of a splice. The next target or order restarts it."""
     exposure_reserve_s: Annotated[float, Field(ge=0.0, le=3_600.0)] = 30.0
-    """Left to a battery's action that would hit something once the last place from where it would
-    is behind: a forecast of the charge is off by as much in a gust."""
+    """Least time between the last place from where a battery's action would hit an obstacle and
+    that action: in a gust a forecast of the charge is off by as much."""
     failsafe_action: LossCheck = LossCheck.WARN
-    """When an action of the autopilot's own on a lost link would hit something on a plan: links
-    are rarely lost, and places that are exposed are usual above a conductor."""
+    """Response when an action of the autopilot's own on a lost link would hit an obstacle on a
+    plan: links are rarely lost, and places that are exposed are usual above a conductor."""
     jump_limit_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 3.0
-    """The setpoint goes along with a jump of the position; beyond this an operator must look."""
+    """The setpoint follows a jump of the position; a greater jump needs an operator's decision."""
     plan_stale_s: Annotated[float, _Seconds] = 12.0
-    """Plans take milliseconds; without an answer the planner is asked again after 5 s: twice."""
+    """Plans take milliseconds; without an answer the request is repeated after 5 s: twice."""
     disk_free_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 200.0
     """An hour of recording takes about 100 MB."""
     memory_free_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 100.0
     fence_margin_m: Annotated[float, Field(ge=0.0, le=100.0)] = 1.5
-    """What is kept from the autopilot's fence, at which it acts. PX4's greatest distance from its
-    setpoint was 1.15 m, and half a cell of 0.3 m is rounding; its fence counts by the position
-    that it tells. The way to a stop is kept beyond it, by the speed."""
+    """Distance kept from the autopilot's fence. PX4's greatest distance from its setpoint was 1.15
+    m, and half a cell of 0.3 m is rounding; PX4 compares the position that it reports with its
+    fence. The stopping distance, by the speed, is kept in addition."""
     loss_action: LossCheck = LossCheck.REFUSE
-    """When what the autopilot does after our death would lead through an obstacle: a parameter
-    mends it, and a text in flight is easily missed."""
+    """Response when the autopilot's action after a companion failure would lead through an
+    obstacle: a parameter corrects it, and a text in flight is easily missed."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorder:
-    """Where flights are recorded; None: nowhere."""
+    """Folder of the recorded flights; None: no recording."""
 
     directory: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class State:
-    """Where the mission's state outlives the process; None: in systemd's folder, else nowhere."""
+    """Folder of the mission's state, kept after the process; None: systemd's folder, else none."""
 
     directory: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class View:
-    """Where the live view is served; None: in systemd's runtime directory, else nowhere."""
+    """Socket of the live view; None: in systemd's runtime directory, else none."""
 
     socket: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeySource:
-    """Where the key of the signed links is, never the key itself."""
+    """Source of the key of the signed links, never the key itself."""
 
     key_file: Path | None = None
     credential: str | None = None
@@ -199,20 +199,20 @@ class KeySource:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CompanionConfig:
-    """Everything that the service is told at its start."""
+    """Complete configuration of the service at its start."""
 
     vehicle: Path
     site: Path | None = None
     """Without a site: telemetry and risk only."""
     links: tuple[LinkConfig, ...] = (LinkConfig(url="udp:127.0.0.1:14540"),)
     system_id: int = 1
-    """Used until an autopilot is heard, whose id is then taken."""
+    """Used until an autopilot is received, whose id is then taken."""
     component_id: int = 195
     """MAV_COMP_ID_PATHPLANNER."""
     authority: Authority = Authority.STREAM
     setpoint_rate_hz: float = 50.0
     resume: bool = False
-    """Whether a mode given back by the pilot resumes the mission without a new command."""
+    """True: a mode given back by the pilot resumes the mission without a new command."""
     commands: Commands = field(default_factory=Commands)
     replanning: Replanning = field(default_factory=Replanning)
     supervision: Supervision = field(default_factory=Supervision)
@@ -221,7 +221,7 @@ class CompanionConfig:
     view: View = field(default_factory=View)
     signing: KeySource = field(default_factory=KeySource)
     file: Path | None = field(default=None, compare=False)
-    """Where it was read from; None where no file was."""
+    """File that it was read from; None without a file."""
 
     @classmethod
     def load(
@@ -316,7 +316,7 @@ class _SigningFile(FileModel):
 
 
 class _CompanionFile(FileModel):
-    """Keys with a default; which default, the dataclass says."""
+    """Keys with a default; the dataclass defines its value."""
 
     vehicle: FilePath | None = None
     site: FilePath | None = None

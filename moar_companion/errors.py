@@ -14,7 +14,7 @@ class InputError(Exception):
         self, source: str, key: str, problem: str, *, parts: tuple[InputError, ...] = ()
     ) -> None:
         self.parts = parts or (self,)
-        """Where one line stands for several findings: each by itself."""
+        """The single findings, where one line summarises several."""
         self.source = source
         self.key = key
         self.problem = problem

@@ -1,4 +1,4 @@
-"""Where things are: WGS84, the site's vertical plane, and the autopilot's local NED frame.
+"""Frames of positions: WGS84, the site's vertical plane, and the autopilot's local NED frame.
 
 Two projections meet here, each the one its owner uses:
 
@@ -79,7 +79,7 @@ class SiteFrame:
 def geodetic_to_local_ned(
     point: GeodeticPoint, origin: GeodeticPoint, kind: AutopilotKind
 ) -> Vector:
-    """Where the autopilot's own projection puts a geodetic point in its local NED frame."""
+    """Position of a geodetic point in the autopilot's local NED frame, by its own projection."""
     latitude, longitude = math.radians(point.latitude_deg), math.radians(point.longitude_deg)
     latitude_0, longitude_0 = math.radians(origin.latitude_deg), math.radians(origin.longitude_deg)
     down_m = origin.altitude_amsl_m - point.altitude_amsl_m
@@ -118,7 +118,7 @@ class PlaneToLocal:
     def between(
         cls, site: SiteFrame, local_origin: GeodeticPoint, kind: AutopilotKind
     ) -> PlaneToLocal:
-        """The map for an estimator origin as told by GPS_GLOBAL_ORIGIN."""
+        """The map for an estimator origin as reported by GPS_GLOBAL_ORIGIN."""
 
         def local(position_m: Vector) -> npt.NDArray[np.floating[Any]]:
             return np.array(geodetic_to_local_ned(site.to_geodetic(position_m), local_origin, kind))

@@ -1,4 +1,4 @@
-"""Whether vertices are the outline of a filled shape: simple, and around some area."""
+"""Check of vertices as the outline of a filled shape: simple, and around some area."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 
 def outline_problem(vertices_m: npt.NDArray[np.float64]) -> str | None:
-    """What keeps vertices, shape (n, 2), from being the outline of a filled shape."""
+    """Reason why vertices, shape (n, 2), are no outline of a filled shape; None if they are."""
     points = vertices_m - vertices_m[0]
     count = len(points)
     following = np.roll(points, -1, axis=0)
@@ -53,7 +53,7 @@ def _touching(
     ends: npt.NDArray[np.float64],
     tolerance: float,
 ) -> npt.NDArray[np.bool_]:
-    """Which of n segments, shape (n, 2) each, share a point with one segment."""
+    """Mask of the n segments, shape (n, 2) each, that share a point with one segment."""
 
     def side(values: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
         return np.where(np.abs(values) <= tolerance, 0.0, np.sign(values))

@@ -26,7 +26,7 @@ PlanePoint = tuple[float, float]
 DEFAULT_DWELL_S = 5.0
 """Long enough for a few pictures of a splice."""
 MAX_CELLS = 4_000_000
-"""Cells of a plane: what the precomputed maps may take of a companion computer's memory."""
+"""Most cells of a plane: limits the memory of the precomputed maps on a companion computer."""
 _COUNTLESS = 1e18
 """Keeps the number of cells of a resolution near zero an integer."""
 MAX_VERTICES = 2_000
@@ -41,7 +41,7 @@ class Workspace:
     upper_m: PlanePoint
     resolution_m: float
     min_altitude_m: float | None = None
-    """Nothing is planned below this z."""
+    """Least z of planned paths."""
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -52,7 +52,7 @@ class Workspace:
         )
 
     def outside_m(self, point_m: PlanePoint) -> float:
-        """How far a point is outside; 0 inside."""
+        """Distance of a point outside; 0 inside."""
         ends = zip(point_m, self.lower_m, self.upper_m, strict=True)
         return math.hypot(*(max(low - at, at - high, 0.0) for at, low, high in ends))
 
@@ -81,7 +81,7 @@ Obstacle = Conductor | Polygon
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """A place to inspect from; `look_at_m` is what the vehicle faces there, if known."""
+    """A place to inspect from; `look_at_m` is the point that the vehicle faces, if known."""
 
     name: str
     position_m: PlanePoint
@@ -92,9 +92,9 @@ class Target:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Margin:
-    """What an aircraft strays by from where it is thought, and told, to be.
+    """Errors of an aircraft's position and of its tracking.
 
-    position_m: from its true place to the one that is told. tracking_m: from there to the setpoint.
+    position_m: from the true position to the reported one. tracking_m: from there to the setpoint.
     """
 
     position_m: float = 0.0
@@ -102,7 +102,7 @@ class Margin:
 
     @property
     def total_m(self) -> float:
-        """From the true place to the setpoint. The same wind makes both: they add up."""
+        """From the true position to the setpoint. The same wind causes both: they add up."""
         return self.position_m + self.tracking_m
 
     def __str__(self) -> str:
@@ -119,11 +119,11 @@ class Site:
     obstacles: tuple[Obstacle, ...]
     start_m: PlanePoint
     targets: tuple[Target, ...]
-    """In file order, in which they are visited."""
+    """In file order, which is the order of the visits."""
     landing_m: Mapping[Mission, tuple[PlanePoint, ...]]
     """Landing points of the exit and of the evacuation; a mission without any is absent."""
     margin: Margin = Margin()
-    """What its keep-outs contain beyond those of the file; nothing where it is only planned."""
+    """Part of its keep-outs beyond those of the file; zero where the site is only planned."""
 
     def target(self, name: str) -> Target:
         """The target of this name; KeyError without it."""
@@ -133,7 +133,7 @@ class Site:
         raise KeyError(name)
 
     def flown_with(self, margin: Margin) -> Site:
-        """The site as it is flown: from every obstacle its keep-out and the margin are kept."""
+        """The site as it is flown: the margin is added to the keep-out of every obstacle."""
         return replace(self, margin=margin).with_obstacles(self.obstacles)
 
     def with_obstacles(self, obstacles: tuple[Obstacle, ...]) -> Site:
@@ -245,7 +245,7 @@ class _PolygonFile(FileModel):
 
 
 class _ObstacleFile(FileModel):
-    """One of the two."""
+    """Either a conductor or a polygon."""
 
     conductor: _ConductorFile | None = None
     polygon: _PolygonFile | None = None
@@ -342,7 +342,7 @@ def _workspace_findings(workspace: _WorkspaceFile) -> Iterator[Finding]:
 
 
 def _rounded_up(value: float) -> float:
-    """To three significant digits."""
+    """The value rounded up to three significant digits."""
     unit = 10.0 ** (math.floor(math.log10(value)) - 2)
     return math.ceil(value / unit) * unit
 

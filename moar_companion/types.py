@@ -1,7 +1,7 @@
 """Values shared by all packages: missions, risk indices, weights and telemetry.
 
 Everything here is immutable. Missing is `None`; a telemetry sample carries the time it was
-received (`received_s`, the machine's clock), so that its age can always be asked.
+received (`received_s`, the machine's clock), which gives its age at any time.
 """
 
 from __future__ import annotations
@@ -103,7 +103,7 @@ class Weights:
 
 
 class AutopilotKind(str, enum.Enum):
-    """Whose manners the aircraft has (MAV_AUTOPILOT of its heartbeat)."""
+    """Kind of autopilot, which determines its behaviour (MAV_AUTOPILOT of its heartbeat)."""
 
     PX4 = "px4"
     ARDUPILOT = "ardupilot"
@@ -128,7 +128,7 @@ class Landed:
 
 
 class Failsafe(str, enum.Enum):
-    """Cause of an autopilot's failsafe, in short words for people."""
+    """Cause of an autopilot's failsafe, as short text."""
 
     BATTERY = "battery"
     REMOTE_CONTROL = "RC"
@@ -142,8 +142,8 @@ class Failsafe(str, enum.Enum):
 class AutopilotStatus:
     """HEARTBEAT of the autopilot; its mode also by CURRENT_MODE.
 
-    received_s: when the mode was last told, by either. armed_s: when HEARTBEAT last told what it
-    alone tells, above all whether it is armed; None: as received_s.
+    received_s: time of the last mode report, by either. armed_s: time of the last HEARTBEAT, which
+    alone reports the armed state and more; None: as received_s.
     """
 
     received_s: float
@@ -155,22 +155,21 @@ class AutopilotStatus:
     mode: str
     """The mode's name as its ground stations show it, e.g. `OFFBOARD`, `HOLD`, `GUIDED`."""
     ours: bool
-    """Whether this is the mode in which the autopilot follows our setpoints."""
+    """True in the mode in which the autopilot follows the companion's setpoints."""
     homeward: bool
-    """Whether the autopilot brings the aircraft home, down or to a stop by rules of its own."""
+    """True in a mode that brings the aircraft home, down or to a stop by the autopilot's rules."""
     multirotor: bool
-    """Whether it flies an aircraft that can hover."""
+    """True for an aircraft that can hover."""
     failsafe: bool
-    """system_status is CRITICAL or worse, or PX4 flies another mode than it was asked for.
-
-    On PX4 the failsafe chose the mode; on ArduPilot the mode may still be anyone's."""
+    """True: system_status is CRITICAL or worse, or PX4 flies another mode than requested.
+    On PX4 the failsafe chose the mode; on ArduPilot the mode may come from any source."""
     mode_since_s: float | None = None
     failsafe_since_s: float | None = None
-    """When the mode, and the failsafe that is on, were first told; None: before anything else."""
+    """First report of the mode, and of the active failsafe; None: before anything else."""
     vehicle_type: int = 2
     """MAV_TYPE; 2 is a quadrotor."""
     motors: int | None = None
-    """How many the vehicle's type has; None where the type does not tell."""
+    """Number of motors of the vehicle's type; None where the type does not define it."""
     armed_s: float | None = None
 
 
@@ -185,7 +184,7 @@ class Attitude:
     boot_s: float | None = None
     """The autopilot's own clock."""
     yaw_rate_radps: float | None = None
-    """About the body's axis; by the gyroscopes, whatever the estimator thinks of its heading."""
+    """About the body's axis; by the gyroscopes, independent of the estimator's heading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,11 +200,11 @@ class LocalPosition:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Odometry:
-    """ODOMETRY: how the estimator that tells the local position is doing."""
+    """ODOMETRY: state of the estimator that reports the local position."""
 
     received_s: float
     reset_counter: int
-    """Another number than before: position, velocity or heading were reset, PX4 says not which."""
+    """A new number: position, velocity or heading was reset; PX4 does not report which."""
     horizontal_accuracy_m: float | None
     vertical_accuracy_m: float | None = None
     """Standard deviations of the horizontal position and of the height."""
@@ -222,7 +221,7 @@ class GeodeticPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalOrigin:
-    """GPS_GLOBAL_ORIGIN: where the estimator's local frame stands in the world."""
+    """GPS_GLOBAL_ORIGIN: geodetic position of the estimator's local origin."""
 
     received_s: float
     point: GeodeticPoint
@@ -252,16 +251,16 @@ class Battery:
 
     received_s: float
     remaining: float | None
-    """Fraction in [0, 1] that the autopilot claims."""
+    """Fraction in [0, 1] that the autopilot reports."""
     voltage_v: float | None
     current_a: float | None
     charge_state: int | None
     """MAV_BATTERY_CHARGE_STATE: 1 ok, 2 low, 3 critical, 4 emergency."""
     cells: int | None = None
-    """In series, where each one's voltage is told."""
+    """In series, where each one's voltage is reported."""
     summary: bool = False
-    """From SYS_STATUS, which speaks for battery 0 while its BATTERY_STATUS is not heard; PX4's only
-    where no other battery's is."""
+    """From SYS_STATUS, which stands for battery 0 while its BATTERY_STATUS is not received; on
+    PX4 only where no other battery's is received."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -270,7 +269,7 @@ class Gnss:
 
     received_s: float
     receiver_s: float | None
-    """The receiver's clock; frozen while the receiver is dead."""
+    """The receiver's clock; frozen while the receiver has failed."""
     fix_type: int
     satellites: int | None
     hdop: float | None
@@ -283,8 +282,8 @@ class Gnss:
 class Estimator:
     """ESTIMATOR_STATUS (PX4) or EKF_STATUS_REPORT (ArduPilot).
 
-    The innovations are how far measurements are from what was expected, as fractions of what the
-    estimator accepts; None where it says no number, as for what it does not use.
+    The innovations are deviations of measurements from expected values, as fractions of the limit
+    that the estimator accepts; None where it reports none, as for sources that it does not use.
     """
 
     received_s: float
@@ -313,7 +312,7 @@ class Wind:
     received_s: float
     velocity_ned_mps: Vector
     deviation_mps: float | None = None
-    """Standard deviation of each level component; None where it is not told."""
+    """Standard deviation of each level component; None where it is not reported."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -333,7 +332,7 @@ class Radio:
 class RemoteControl:
     """RC_CHANNELS: signal strength of the pilot's transmitter, fraction in [0, 1].
 
-    ever_told: whether there is a signal strength to tell, in this message or an earlier one.
+    ever_told: True once this message or an earlier one has reported a signal strength.
     """
 
     received_s: float
@@ -345,8 +344,8 @@ class RemoteControl:
 class MotorOutputs:
     """SERVO_OUTPUT_RAW or ACTUATOR_OUTPUT_STATUS: pulse widths of the motors in use.
 
-    least_us: of all that was ever told. What is less than any pulse is wide is told in another
-    unit, as PX4 does of DShot (1 to 1999).
+    least_us: least value ever reported. A value below any pulse width has another unit, as PX4's
+    values of DShot (1 to 1999).
     """
 
     received_s: float
@@ -364,7 +363,7 @@ class MotorSpeeds:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Heard:
-    """When a peer's HEARTBEAT was last received."""
+    """Time of the last HEARTBEAT of a peer."""
 
     received_s: float
     system_id: int
@@ -372,12 +371,12 @@ class Heard:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkStatistics:
-    """Raw packets of the autopilot on our own link, by the sequence numbers of their headers.
+    """Raw packets of the autopilot on the companion's link, by their headers' sequence numbers.
 
-    off_stream: those of the received that belong to no stream that is read: parameters, logs,
-    texts, and streams that may be asked down.
-    packets_late: those that were dropped, as later ones of the same message had been taken.
-    round_trip_s: how long it takes from a question of ours to the autopilot's answer.
+    off_stream: received packets of no stream that is read: parameters, logs, texts, and streams
+    whose rate may be reduced on request.
+    packets_late: dropped packets, as later ones of the same message had been taken.
+    round_trip_s: time from a request of the companion to the autopilot's answer.
     shortest_round_trip_s: of all such answers.
     """
 
@@ -392,7 +391,7 @@ class LinkStatistics:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkNode:
-    """LINK_NODE_STATUS (PX4): what arrives at the autopilot's end of our own link."""
+    """LINK_NODE_STATUS (PX4): packets that the autopilot receives on the companion's link."""
 
     received_s: float
     packets_received: int
@@ -401,7 +400,7 @@ class LinkNode:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Firmware:
-    """AUTOPILOT_VERSION: what the autopilot runs."""
+    """AUTOPILOT_VERSION: the autopilot's firmware."""
 
     received_s: float
     version: tuple[int, int, int]
@@ -414,15 +413,15 @@ class Firmware:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Readiness:
-    """SYS_STATUS: whether the autopilot itself would arm, and what of it is unhealthy."""
+    """SYS_STATUS: readiness of the autopilot to arm, and its unhealthy parts."""
 
     received_s: float
     ready: bool
     unhealthy: tuple[str, ...]
     remote_control_ok: bool | None = None
-    """Whether the pilot's transmitter is received; None where it never was."""
+    """True while the pilot's transmitter is received; None where it never was."""
     fence_enabled: bool = False
-    """Whether a fence is told to be in force. ArduPilot tells none that only reports."""
+    """True: a fence is reported in force. ArduPilot omits one whose action is only to report."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -441,7 +440,7 @@ class FenceItem:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Telemetry:
-    """The last word of every source; `None` where nothing was ever heard."""
+    """The last value of every source; `None` where none was ever received."""
 
     autopilot: AutopilotStatus | None = None
     failsafes_told: dict[Failsafe, float] = field(default_factory=dict)
@@ -459,9 +458,9 @@ class Telemetry:
     gnss: Gnss | None = None
     second_gnss: Gnss | None = None
     second_gnss_first: bool = False
-    """Whether the second receiver is the autopilot's first choice."""
+    """True: the second receiver is the autopilot's first choice."""
     better_gnss_taken: bool = False
-    """Whether the autopilot is known to navigate by the better receiver of two."""
+    """True: the autopilot is known to navigate by the better receiver of two."""
     estimator: Estimator | None = None
     magnetic_field: MagneticField | None = None
     wind: Wind | None = None
@@ -471,7 +470,7 @@ class Telemetry:
     motor_speeds: MotorSpeeds | None = None
     motor_min_us: float | None = None
     motor_max_us: float | None = None
-    """The range of the motor outputs, where parameters told it."""
+    """The range of the motor outputs, where parameters report it."""
     ground_station: Heard | None = None
     link: LinkStatistics | None = None
     link_node: LinkNode | None = None

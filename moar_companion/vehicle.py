@@ -1,4 +1,4 @@
-"""A vehicle: its size, safety distances, speeds, weights, and how it is guided.
+"""A vehicle: its size, safety distances, speeds, weights, and guidance.
 
 `Vehicle.load(path)` reads the YAML of the contract. Angles in files are degrees, inside radians.
 """
@@ -57,7 +57,7 @@ class SpeedLimits:
 
 
 class YawMode(str, enum.Enum):
-    """Where the nose points in flight."""
+    """Direction of the nose in flight."""
 
     TARGET = "target"
     PATH = "path"
@@ -66,7 +66,7 @@ class YawMode(str, enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Guidance:
-    """How a plan becomes setpoints (all optional in the file; limits in its units)."""
+    """Conversion of a plan to setpoints (all optional in the file; limits in its units)."""
 
     acceleration_mps2: Annotated[float, Field(gt=0.0, le=20.0)] = 1.0
     """Setpoints carry no acceleration: while it is a, PX4 is off by a / (MPC_XY_P 0.95 times
@@ -80,24 +80,24 @@ class Guidance:
     tracking_hold_m: Annotated[float, _Positive] = 1.5
     """Tracking error at which the reference stands still."""
     off_path_m: Annotated[float, _Positive] = 2.0
-    """Tracking error at which the path is left and planned again from where the aircraft is."""
+    """Tracking error at which the path is left and planned again from the aircraft's place."""
     leash_m: Annotated[float, _Positive] = 3.0
-    """Tracking error, not below `off_path_m`, from which the setpoint goes along with an aircraft
-    that is blown off: autopilots fly to a far point at about its distance a second (MPC_XY_P,
+    """Tracking error, not below `off_path_m`, from which the setpoint follows an aircraft that the
+    wind displaces: autopilots fly to a far point at about its distance a second (MPC_XY_P,
     PSC_POSXY_P). In calm air PX4 strays by up to 1.15 m."""
     tracking_margin_m: Annotated[float | None, Field(ge=0.0, le=100.0)] = None
-    """Tracking error that distances from obstacles allow for; None: what the autopilot was seen to
-    have (`margin.SEEN`)."""
+    """Tracking error that distances from obstacles allow for; None: the error measured with the
+    autopilot (`margin.SEEN`)."""
     recovery_m: Annotated[float, _Positive] = 60.0
-    """Farther outside the workspace nothing is flown: 13 m/s blew a quadrotor 41 m off in 14 s, and
-    the site does not know what is out there."""
+    """Greatest distance outside the workspace that is flown: a wind of 13 m/s moved a quadrotor by
+    41 m in 14 s, and the site does not describe its surroundings."""
     landing_height_m: float = 2.0
     """Height above the landing point at which a landing leg ends."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Range:
-    """Where a risk input starts to count (`low`, risk 0) and where it is at its worst (`high`, 1).
+    """Values of a risk input at which its risk is 0 (`low`) and at which it is 1 (`high`).
 
     `low > high` is legal: the risk then grows as the input falls (satellites, battery).
     """
@@ -111,12 +111,12 @@ class Range:
         return 0.0 if share <= 0.0 else min(1.0, share)
 
     def share(self, value: float) -> float:
-        """Where between the two ends a value lies: 0 at the first, 1 at the second."""
+        """Position of a value between the two ends: 0 at the first, 1 at the second."""
         return (value - self.low) / (self.high - self.low)
 
 
 _USUAL_DRAG = (0.2, 0.005)
-"""Per second, and per metre."""
+"""Linear drag per second, and quadratic drag per metre."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -124,18 +124,18 @@ class RiskModel:
     """Thresholds of the risk indices, each with its reason (all optional in the file)."""
 
     unknown: Annotated[float, _Fraction] = 0.5
-    """An index none of whose inputs was ever known, and the communication risk while no way to the
+    """Value of an index without any known input, and of the communication risk while no link to the
     ground is known: pessimistic, in [0, 1]."""
     drag_per_s: Annotated[float, _Positive] = _USUAL_DRAG[0]
     """Linear drag: deceleration per m/s of airspeed, by the propellers. With the next about the
-    mean of two recorded quadrotors: 0.227 and 0, 0.209 and 0.008. `replay --fit-drag` has yours."""
+    mean of two recorded quadrotors: 0.227 and 0, 0.209 and 0.008. `replay --fit-drag` fits it."""
     drag_per_m: Annotated[float, Field(ge=0.0, le=10.0)] = _USUAL_DRAG[1]
     """Quadratic drag: deceleration per (m/s)^2 of airspeed, by the body."""
     wind_mps: Range = field(default_factory=lambda: Range(low=3.0, high=12.0))
     """From a light breeze to the wind in which small inspection multirotors are grounded."""
     gust_mps: Range = field(default_factory=lambda: Range(low=2.0, high=5.0))
-    """Standard deviation of the wind over half a minute: gusts are told to pilots from 5 m/s above
-    the mean, which is 2.5 times 2 m/s; with 5 m/s the gusts alone pass the greatest wind."""
+    """Standard deviation of the wind over half a minute: gusts are reported to pilots from 5 m/s
+    above the mean, which is 2.5 times 2 m/s; with 5 m/s the gusts alone pass the greatest wind."""
     tilt_rad: Annotated[Range, Field(ge=0.0, le=90.0)] = field(
         default_factory=lambda: Range(low=0.17, high=0.52)
     )
@@ -147,63 +147,63 @@ class RiskModel:
     )
     """Greatest motor output over its range: above 95 % no attitude authority is left."""
     motor_pulse_us: Range | None = None
-    """Outputs of no and full thrust in the unit in which they are told: of PX4 with DShot 1 and
-    1999. None: pulse widths, by the autopilot's parameters, 1000 to 2000 until these are heard."""
+    """Outputs of no and full thrust in their reported unit: of PX4 with DShot 1 and 1999. None:
+    pulse widths, by the autopilot's parameters, 1000 to 2000 until these are received."""
     motor_rpm: Range | None = None
-    """Speeds of no and full thrust; without it ESC_STATUS says nothing and is not used."""
+    """Speeds of no and full thrust; without it ESC_STATUS is not used."""
     tracking_error_m: Range = field(default_factory=lambda: Range(low=1.0, high=2.0))
-    """Distance from our setpoint: in calm air PX4 strays by up to 0.98 m with the noise of its
+    """Distance from the setpoint: in calm air PX4 strays by up to 0.98 m with the noise of its
     simulated receiver; at 2 m the path is left (`guidance.off_path_m`)."""
     radio_margin: Range = field(default_factory=lambda: Range(low=60.0, high=10.0))
     """RSSI above noise in SiK units (about half a decibel). In recorded flights next to no packet
     was broken above 60, one every two seconds between 10 and 30, and below 10 none came."""
     receive_errors_hz: Range = field(default_factory=lambda: Range(low=0.4, high=2.0))
-    """Broken packets a second at the radio here, over 3 s: one is chance. In those flights 0.004
+    """Broken packets a second at the local radio, over 3 s: one is chance. In those flights 0.004
     above a margin of 60, and up to 5 at the edge of reception."""
     transmit_buffer_percent: Range = field(default_factory=lambda: Range(low=50.0, high=15.0))
     """Free space of the radio's transmit buffer: ArduPilot slows its streams below 50 % and at 15 %
     sends a seventh of them."""
     rc_rssi: Annotated[Range, _Fraction] = field(default_factory=lambda: Range(low=0.6, high=0.2))
-    """Receivers tell full signal over most of their range; a fifth of it is their edge."""
+    """Receivers report full signal over most of their range; a fifth of it is their edge."""
     remote_control_age_s: Range = field(default_factory=lambda: Range(low=2.5, high=6.0))
-    """RC_CHANNELS is asked for twice a second, and PX4 ends it when the transmitter is lost."""
+    """RC_CHANNELS is requested twice a second, and PX4 ends it when the transmitter is lost."""
     ground_station_age_s: Range = field(default_factory=lambda: Range(low=2.5, high=10.0))
-    """Ground stations send one heartbeat a second; autopilots call the link lost after 10 s."""
+    """Ground stations send one heartbeat a second; autopilots report a link loss after 10 s."""
     autopilot_age_s: Range = field(default_factory=lambda: Range(low=1.5, high=3.0))
-    """Its slowest stream comes once a second; after 3 s the supervisor calls the link lost."""
+    """Its slowest stream comes once a second; after 3 s the supervisor reports a link loss."""
     packet_loss: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.02, high=0.3)
     )
-    """A wire loses none; of a command said 3 times with a loss of 0.3, one in 37 is never heard."""
+    """A wire loses none; of commands sent 3 times with a loss of 0.3, one in 37 never arrives."""
     data_rate: Annotated[Range, _Fraction] = field(default_factory=lambda: Range(low=0.5, high=0.1))
-    """Of the usual one. ArduPilot sends 0.45 of it when a radio's buffer is short, 0.13 when it is
-    nearly full; a stream that somebody switches off is less than half of all."""
+    """Fraction of the usual rate. ArduPilot sends 0.45 of it when a radio's buffer is short, 0.13
+    when it is nearly full; any single stream that is switched off is less than half of all."""
     satellites: Range = field(default_factory=lambda: Range(low=10.0, high=5.0))
     """A fix needs 4; autopilots refuse to arm below 6."""
     hdop: Range = field(default_factory=lambda: Range(low=1.2, high=3.0))
     """Autopilots refuse to arm above 2.5 (PX4) or 1.4 (ArduPilot)."""
     vdop: Range = field(default_factory=lambda: Range(low=2.2, high=5.0))
-    """Satellites are above only: heights are known 1.5 to 2 times worse than places."""
+    """Satellites are only above: errors of height are 1.5 to 2 times those of the place."""
     horizontal_accuracy_m: Range = field(default_factory=lambda: Range(low=1.0, high=5.0))
-    """A common receiver says 1 m under open sky; PX4 arms up to 3 m, and gives up its position at 5
+    """A common receiver reports 1 m under open sky; PX4 arms up to 3 m, and drops its position at 5
     (COM_POS_FS_EPH), as ArduPilot does."""
     vertical_accuracy_m: Range = field(default_factory=lambda: Range(low=3.0, high=7.5))
     """Autopilots accept receivers up to 5 m (PX4) or 7.5 m (ArduPilot)."""
     receiver_lost: Annotated[float, _Fraction] = 0.25
-    """The risk of an aircraft that has lost one of two receivers: the other alone is enough, and
-    what took the first may take it, too."""
+    """Risk of an aircraft that has lost one of two receivers: the other alone is enough, but the
+    cause may affect it, too."""
     innovation: Range = field(default_factory=lambda: Range(low=0.5, high=1.0))
-    """Of what the estimator accepts. Above 0.5 PX4 does not arm, at 0.8 in two of them ArduPilot
+    """Part of the estimator's limit. Above 0.5 PX4 does not arm, at 0.8 in two of them ArduPilot
     lands, and from 1 on the measurement is refused. In wind both simulators stay below 0.5, and two
     recorded quadrotors for 99 % of their flights below 0.6."""
     position_resets: Range = field(default_factory=lambda: Range(low=1.0, high=4.0))
-    """Of the estimator within 10 s; PX4 aligns its heading once after take-off."""
+    """Resets of the estimator within 10 s; PX4 aligns its heading once after take-off."""
     magnetic_change: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.25, high=0.5)
     )
-    """Of the field's strength, against its mean: motors and calibration make up to 0.15 in recorded
-    flights, in an old one 0.34; PX4 distrusts a compass from 0.2 gauss on (EKF2_MAG_CHK_STR), 0.4
-    of the earth's field."""
+    """Relative change of the field's strength against its mean: motors and calibration make up to
+    0.15 in recorded flights, in an old one 0.34; PX4 rejects a compass from 0.2 gauss on
+    (EKF2_MAG_CHK_STR), 0.4 of the earth's field."""
     battery_remaining: Annotated[Range, _Fraction] = field(
         default_factory=lambda: Range(low=0.7, high=0.2)
     )
@@ -211,22 +211,22 @@ class RiskModel:
     cell_voltage_v: Range = field(default_factory=lambda: Range(low=3.75, high=3.4))
     """Lithium-polymer under load: 3.4 V is close to the knee."""
     cells: Annotated[int | None, Field(ge=1, le=100)] = None
-    """Cells in series; without it voltage says nothing and is not used."""
+    """Cells in series; without it the voltage is not used."""
     endurance_s: Annotated[float, _Positive] = 1200.0
-    """Flight time of a full battery, for the way home."""
+    """Flight time of a full battery, for the return."""
     home_margin_s: Range = field(default_factory=lambda: Range(low=300.0, high=60.0))
     """Flight time left on arrival at home: a minute is the reserve for one landing; five minutes of
     twenty is where pilots turn home."""
 
     @property
     def drag_is_usual(self) -> bool:
-        """Whether it is the default one, so that nobody has measured it."""
+        """True for the default drag, which is not measured."""
         return (self.drag_per_s, self.drag_per_m) == _USUAL_DRAG
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Power:
-    """What flying takes of the batteries, until it is measured (all optional in the file)."""
+    """Power consumption of flight, until it is measured (all optional in the file)."""
 
     hover_w: Annotated[float, _Positive] = 400.0
     """A quadrotor of 2 to 3 kg. Without `capacity_wh` only the ratios of the powers count."""
@@ -238,16 +238,16 @@ class Power:
     descent_w: Annotated[float | None, _Positive] = None
     """At `speed.down_mps`; as hovering."""
     capacity_wh: Annotated[float | None, _Positive] = None
-    """Of all batteries together; by `risk.endurance_s` when it is not given."""
+    """Capacity of all batteries together; by `risk.endurance_s` when it is not given."""
     reserve_s: float = 60.0
     """Flight time that must be left after a landing: enough for a second one."""
     cell_resistance_ohm: Annotated[float, Field(ge=0.0, le=1.0)] = 0.005
-    """What a cell's voltage sags by for each ampere; PX4's own figure (BAT1_R_INTERNAL)."""
+    """Voltage drop of a cell for each ampere; PX4's own figure (BAT1_R_INTERNAL)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Vehicle:
-    """A vehicle as planned for, judged and guided."""
+    """Properties of a vehicle for planning, risk and guidance."""
 
     name: str
     autopilot: AutopilotKind | None

@@ -1,4 +1,4 @@
-"""YAML files at the border: a file in, a checked model out, or one line that says what to mend.
+"""Input of YAML files: a file in, a checked model out, or one line that states the error.
 
 `read(path, schema)` is the only way a file enters. The schema is a pydantic model (`FileModel`:
 strict, no unknown keys, no NaN); every failure is an `InputError` that names the file, the key as
@@ -28,12 +28,12 @@ from .errors import InputError
 from .yaml_schema import Section
 
 Key = tuple[str | int, ...]
-"""Where a value stands in a file: names of mappings and indices of lists."""
+"""Path of a value in a file: names of mappings and indices of lists."""
 
 Model = TypeVar("Model", bound=BaseModel)
 
 _MAX_BYTES = 1_000_000
-"""Configurations are a few kilobytes; what is larger is some other file."""
+"""Configurations are a few kilobytes; a larger file is not one."""
 _MAX_SHOWN = 40
 """Characters of a text value that a message repeats."""
 HEXADECIMAL_KEY = re.compile("[0-9A-Fa-f]{64}")
@@ -41,7 +41,7 @@ HEXADECIMAL_KEY = re.compile("[0-9A-Fa-f]{64}")
 _MAX_INTEGER_DIGITS = 18
 """Longer integers become floats, which the schemas then refuse by range."""
 _MAX_VALUES = 100_000
-"""Aliases repeat what they name: a small file may stand for more than a memory holds."""
+"""Aliases repeat their values: a small file may expand beyond the memory."""
 
 _TEXT_TAG = "tag:yaml.org,2002:str"
 _MERGE_TAG = "tag:yaml.org,2002:merge"
@@ -58,12 +58,12 @@ _PLAIN_WORDS = {
         "found a key after text, must be `key: value` with a blank"
     ),
 }
-"""What PyYAML says of the commonest slips, and what they are."""
+"""PyYAML's messages for the commonest errors, in plain words."""
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """One thing wrong with a file: where, and a problem that completes `key: …`."""
+    """One error in a file: its key, and a problem that completes `key: …`."""
 
     key: Key
     problem: str
@@ -76,8 +76,8 @@ def read(
 ) -> Model:
     """The file's content as the schema's model.
 
-    `check` looks for what no single key can say; it is asked once every key is right by itself.
-    Raises InputError with the first finding in file order, and how many more there are.
+    `check` finds errors across keys; it is called once every key is valid by itself.
+    Raises InputError with the first finding in file order, and the number of the others.
     """
     source = os.fspath(path)
     text = _text(source)
@@ -135,7 +135,7 @@ def dotted(key: Key) -> str:
 
 
 def shown(value: object) -> str:
-    """A value as a message repeats it: short, on one line."""
+    """A value in the form for messages: short, on one line."""
     if value is None:
         return "empty"
     if isinstance(value, bool):
@@ -148,7 +148,7 @@ def shown(value: object) -> str:
 
 
 def nearest(word: str, words: Iterable[str]) -> str:
-    """`, did you mean …?` for a misspelt word, in capitals or not, or nothing."""
+    """`, did you mean …?` for a misspelt word, in capitals or not, or an empty text."""
     known = {each.lower(): each for each in words}
     found = difflib.get_close_matches(word.lower(), known, n=1)
     return f", did you mean {known[found[0]]}?" if found else ""
@@ -183,16 +183,16 @@ class _Loader(yaml.SafeLoader):
     }
 
     def integer(self, node: yaml.ScalarNode) -> int | float:
-        """Decimal, whatever zeros it begins with."""
+        """Decimal number, also with leading zeros."""
         digits = self.construct_scalar(node)
         return int(digits) if len(digits) <= _MAX_INTEGER_DIGITS else float(digits)
 
     def real(self, node: yaml.ScalarNode) -> float:
-        """`.inf` and `.nan` too: it is for the schema to refuse them."""
+        """Real number, also `.inf` and `.nan`: the schema refuses them."""
         return float(self.construct_scalar(node).replace(".inf", "inf").replace(".nan", "nan"))
 
     def findings(self, root: yaml.MappingNode) -> Iterator[Finding]:
-        """Keys that are no text or given twice, and tags; a node that is shared is seen once."""
+        """Keys that are no text or given twice, and tags; a shared node is checked once."""
         seen: set[int] = set()
         pending: list[tuple[Key, yaml.Node]] = [((), root)]
         while pending:
@@ -256,9 +256,9 @@ _Loader.add_constructor(_REAL_TAG, _Loader.real)
 
 
 def _count_values(node: yaml.Node, counts: dict[int, int]) -> int:
-    """How many values and keys a node stands for with every alias spelt out.
+    """Number of values and keys of a node with every alias expanded.
 
-    Raises RecursionError for one that holds itself.
+    Raises RecursionError for a node that contains itself.
     """
     if id(node) not in counts:
         children: Iterable[yaml.Node] = ()
@@ -272,14 +272,14 @@ def _count_values(node: yaml.Node, counts: dict[int, int]) -> int:
 
 @dataclass(frozen=True, slots=True)
 class _Place:
-    """Line and column where a key begins, and where its value ends."""
+    """Line and column of the beginning of a key, and of the end of its value."""
 
     start: tuple[int, int]
     end: tuple[int, int]
 
 
 def _places(root: yaml.Node) -> dict[Key, _Place]:
-    """Where every key of the file is."""
+    """Places of all keys of the file."""
     places: dict[Key, _Place] = {}
     pending: list[tuple[Key, yaml.Node, yaml.Mark]] = [((), root, root.start_mark)]
     while pending:
@@ -300,7 +300,7 @@ def _places(root: yaml.Node) -> dict[Key, _Place]:
 
 
 def _place(key: Key, places: dict[Key, _Place]) -> tuple[int, int]:
-    """Where a key is in the file; what is missing stands at the end of its mapping."""
+    """Beginning of a key in the file; a missing key has the end of its mapping."""
     if key in places:
         return places[key].start
     while key not in places:
@@ -309,7 +309,7 @@ def _place(key: Key, places: dict[Key, _Place]) -> tuple[int, int]:
 
 
 def _finding(details: ErrorDetails, schema: type[BaseModel], data: Any) -> Finding:
-    """One error of pydantic in our words."""
+    """One error of pydantic as a finding."""
     kind, value, context = details["type"], details["input"], details.get("ctx", {})
     key = tuple(part for part in details["loc"] if part != "[key]")
     if kind == "missing":
@@ -361,7 +361,7 @@ _LIMITS = {
 
 
 def _why_text(kind: str, value: object) -> str:
-    """Why what looks like a number is none, or nothing."""
+    """Reason why a text that resembles a number is none; empty for other values."""
     if kind in ("float_type", "int_type") and isinstance(value, str):
         if re.fullmatch(r"\s*[-+]?[0-9.]+([eE][-+]?[0-9]+)?\s*", value):
             return " (text, not a number)"

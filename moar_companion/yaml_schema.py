@@ -1,6 +1,6 @@
-"""What files look like: the base of their models, common types, and sections from dataclasses.
+"""Schemas of files: the base of their models, common types, and sections from dataclasses.
 
-The models stand at the border only; `yaml_file.read` turns their errors into one line.
+Only the input of files uses the models; `yaml_file.read` turns their errors into one line.
 """
 
 from __future__ import annotations
@@ -27,18 +27,18 @@ from pydantic_core import CoreSchema, core_schema
 Record = TypeVar("Record")
 
 _FAR_M = 1e6
-"""No coordinate or length is greater: a thousand kilometres keep all products finite."""
+"""Greatest coordinate or length: a thousand kilometres keep all products finite."""
 
 
 class FileModel(BaseModel):
-    """What a mapping in a file must look like."""
+    """Schema of a mapping in a file."""
 
     model_config = ConfigDict(
         strict=True,
         extra="forbid",
         allow_inf_nan=False,
         frozen=True,
-        # When a file is first read: what is nested is a part of that, and not built for itself.
+        # Built when a file is first read: nested models are built as parts of it.
         defer_build=True,
     )
 
@@ -57,7 +57,7 @@ Coordinate = Annotated[float, Field(ge=-_FAR_M, le=_FAR_M)]
 Length = Annotated[float, Field(ge=0.0, le=_FAR_M)]
 PositiveLength = Annotated[float, Field(gt=0.0, le=_FAR_M)]
 Interval = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
-"""`[low, high]`; that they differ is for the check of the file to say."""
+"""`[low, high]`; the check of the file ensures that they differ."""
 
 
 class Section(Generic[Record]):
@@ -85,7 +85,7 @@ class Section(Generic[Record]):
         )
 
     def __get_pydantic_core_schema__(self, _: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
-        """The mapping of the file, made the dataclass, which has the defaults."""
+        """The mapping of the file, converted to the dataclass, which has the defaults."""
         mapping = handler.generate_schema(self.schema)
         return core_schema.no_info_after_validator_function(self._filled, mapping)
 
@@ -122,7 +122,7 @@ def _bare(hint: Any) -> tuple[Any, tuple[Any, ...]]:
 
 
 def _file_type(hint: Any) -> Any:
-    """How a field's type is written in a file."""
+    """Type of a field in a file."""
     bare, limits = _bare(hint)
     if dataclasses.is_dataclass(bare):
         count = len(dataclasses.fields(bare))

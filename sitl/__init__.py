@@ -1,5 +1,5 @@
-"""A fake autopilot: a MAVLink vehicle that a stranger takes for a real one.
+"""A fake autopilot: a MAVLink vehicle that behaves like a real one towards other programs.
 
-It speaks raw pymavlink and shares no code with the companion, so that one bug cannot cancel
+It uses raw pymavlink and shares no code with the companion, so that one bug cannot cancel
 itself at both ends. `sitl.autopilot.FakeAutopilot` is the machine, `python -m sitl` its shell.
 """

@@ -6,7 +6,7 @@
     for link, data in vehicle.data_to_send():
         ...                                   # bytes to carry away
 
-    vehicle.truth            # frozen: where it really is, wind, battery, mode
+    vehicle.truth            # frozen: the true position, wind, battery, mode
     vehicle.conditions       # change the world in flight: vehicle.conditions.wind_mps = 8.0
     vehicle.move_sticks(roll=0.5)             # a pilot's remote control; no_sticks() turns it off
     vehicle.flip_switch(5)                    # its flight mode switch, positions 1 to 6 (ArduPilot)
@@ -16,7 +16,7 @@
 
 `Options.autopilot` chooses PX4 or ArduPilot. Links are named in `Options.links`; PX4 sends its
 onboard set of messages to links of profile `onboard` and its normal set to those of profile
-`normal` (a ground station); ArduPilot sends what was asked for on each.
+`normal` (a ground station); ArduPilot sends the messages requested on each.
 Everything is deterministic: the same options, bytes and times give the same bytes.
 """
 
@@ -42,7 +42,7 @@ DEFAULT_LINKS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Options:
-    """What a simulation starts with. Home is where the aircraft stands; ground is flat there.
+    """Start of a simulation. Home is the aircraft's place; the ground is flat there.
 
     autopilot: a name in `sitl.manners.KINDS`. airframe, battery: None means those of the
     autopilot's own simulation.
@@ -63,12 +63,12 @@ class Options:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Truth:
-    """What is really so.
+    """The true state.
 
     position_ned_m      (3,)  metres north, east, down of home, WGS84
     velocity_ned_mps    (3,)
     attitude_rad        (3,)  roll, pitch, yaw
-    wind_ned_mps        (3,)  where the air moves to
+    wind_ned_mps        (3,)  velocity of the air
     """
 
     time_s: float
@@ -132,7 +132,7 @@ class FakeAutopilot:
 
     @property
     def truth(self) -> Truth:
-        """A snapshot of what is really so."""
+        """A snapshot of the true state."""
         world, quad = self._world, self._world.quad
         place = world.frame.geodetic(quad.n, quad.e, quad.d)
         return Truth(
@@ -196,7 +196,7 @@ class FakeAutopilot:
         return out
 
     def _arrival_us(self) -> float:
-        """When a packet arrives that is sent now on an onboard link."""
+        """Arrival time of a packet that is sent now on an onboard link."""
         conditions = self._world.conditions
         delay_ms = conditions.link_delay_ms
         if conditions.link_jitter_ms > 0.0:

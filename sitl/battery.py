@@ -34,16 +34,16 @@ class Battery:
         self.options = options
         self.fraction = options.initial_fraction
         self.replacements = 0
-        """How often the charge was replaced."""
+        """Number of replacements of the charge."""
         self.forced_voltage_v: float | None = None
-        """What the connector has, whatever the charge; None when it follows from the charge."""
+        """Voltage at the connector, whatever the charge; None: it follows from the charge."""
         self.current_a = 0.0
         self._load_a = 0.0
 
     def step(self, dt: float, power_w: float, drain_factor: float, *, armed: bool) -> None:
         """Take `power_w` for `dt` seconds; the factor speeds up the loss of charge.
 
-        A sensor of the current sees that; the voltage does not sag by it.
+        A current sensor measures that; the voltage does not sag by it.
         """
         self._load_a = power_w / max(self.open_circuit_v, 1.0) if armed else 0.0
         self.current_a = self._load_a * drain_factor
@@ -52,7 +52,7 @@ class Battery:
             self.fraction = max(0.0, self.fraction - used_wh / self.options.capacity_wh)
 
     def replace(self, fraction: float) -> None:
-        """Have another charge from now on."""
+        """Use another charge from now on."""
         self.fraction = fraction
         self.replacements += 1
 

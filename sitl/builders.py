@@ -1,4 +1,4 @@
-"""What message builders share: the vehicle's clock, noise, and how a payload is packed."""
+"""Common parts of message builders: the vehicle's clock, noise, and packing of payloads."""
 
 from collections.abc import Callable
 from typing import Any
@@ -14,7 +14,7 @@ class Builders:
     """A group of builders of one autopilot, which started at `boot_us`."""
 
     def __init__(self, world: World, boot_us: int) -> None:
-        """Take the world, of which messages tell."""
+        """Take the world, the source of all messages."""
         self._world = world
         self._boot_us = boot_us
         self._noise = world.random.gauss

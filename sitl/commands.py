@@ -16,7 +16,7 @@ _DEG_1E7: Final = 1e7
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
-    """One command, COMMAND_LONG and COMMAND_INT alike; x and y in degrees where they are."""
+    """One command, COMMAND_LONG and COMMAND_INT alike; x and y in degrees as coordinates."""
 
     link: str
     system: int
@@ -32,7 +32,7 @@ class Command:
 
 
 class Host(Protocol):
-    """What commands need of the vehicle around them."""
+    """Interface of the vehicle for commands."""
 
     def acknowledge(self, command: Command, result: int) -> None:
         """Send a COMMAND_ACK to the sender."""

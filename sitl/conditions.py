@@ -1,4 +1,4 @@
-"""What the world does to the aircraft now: wind, satellites, battery faults, radio.
+"""Present conditions of the world: wind, satellites, battery faults, radio.
 
 One mutable object that scenarios, SIM_ parameters and tests write while the simulation runs.
 """
@@ -23,14 +23,14 @@ _GUST_PERIOD_S: Final = 0.05
 class Conditions:
     """The state of the world outside the aircraft.
 
-    wind_from_deg is where the wind comes from (compass); gust_mps the standard deviation of the
+    wind_from_deg: direction the wind comes from (compass); gust_mps: standard deviation of the
     gusts along the wind. gps_mode: GPS_NORMAL, GPS_NO_FIX, GPS_SILENT, GPS_JAMMED. radio_rssi is
     None on an IP link, which has no radio. battery_percent, once set, replaces the charge at the
     next step; battery_voltage_v replaces the voltage alone, until it is None again.
     drag_per_s, once set, replaces the airframe's linear drag.
     Onboard links take link_delay_ms and for each packet up to link_jitter_ms more, each way: those
-    that take less overtake. link_rate_bytes_per_s is what PX4 believes its onboard links to carry;
-    None: everything.
+    that take less overtake. link_rate_bytes_per_s is the rate that PX4 assumes for its onboard
+    links; None: no limit.
     """
 
     wind_mps: float = 0.0
@@ -55,7 +55,7 @@ class Conditions:
     link_rate_bytes_per_s: float | None = None
 
     def has_fix(self) -> bool:
-        """Whether the GPS receiver can compute a position."""
+        """Return True if the GPS receiver can compute a position."""
         return self.gps_mode == GPS_NORMAL and self.satellites >= MIN_SATELLITES_FOR_FIX
 
 

@@ -21,7 +21,7 @@ _isfinite = math.isfinite
 
 
 class Place(Protocol):
-    """Where the vehicle believes to be, in its local frame, and how fast it moves."""
+    """Estimated position of the vehicle in its local frame, and its velocity."""
 
     @property
     def x(self) -> float:
@@ -67,7 +67,7 @@ class Gains:
 
 
 class Target:
-    """What the flight task wants in this tick; NaN in an axis means no wish."""
+    """Demand of the flight task in this tick; NaN in an axis means none."""
 
     __slots__ = (
         "ax",
@@ -88,11 +88,11 @@ class Target:
     )
 
     def __init__(self) -> None:
-        """Want nothing."""
+        """Start without a demand."""
         self.clear()
 
     def clear(self) -> None:
-        """Forget everything."""
+        """Clear all axes."""
         self.x = self.y = self.z = NAN
         self.vx = self.vy = self.vz = NAN
         self.ax = self.ay = self.az = NAN
@@ -102,10 +102,10 @@ class Target:
 
 
 class PositionControl:
-    """The cascade; keeps what it wished for, for POSITION_TARGET_LOCAL_NED and ATTITUDE_TARGET."""
+    """The cascade; keeps its wishes, for POSITION_TARGET_LOCAL_NED and ATTITUDE_TARGET."""
 
     def __init__(self, gains: Gains, quad: Quadrotor, drift_radps: float) -> None:
-        """`drift_radps` is how the heading drifts when nobody asks for one."""
+        """`drift_radps`: drift of the heading while none is commanded."""
         self.gains = gains
         self._quad = quad
         self._drift_radps = drift_radps
@@ -116,7 +116,7 @@ class PositionControl:
         self._ix = self._iy = self._iz = 0.0
 
     def reset(self) -> None:
-        """Forget the integrals, on the ground."""
+        """Clear the integrals, on the ground."""
         self._ix = self._iy = self._iz = 0.0
 
     def idle(self, *, spinning: bool) -> None:

@@ -1,4 +1,4 @@
-"""The fence that is uploaded by the mission protocol: its items, and what they enclose.
+"""The fence that is uploaded by the mission protocol: its items, and the areas they enclose.
 
 Inputs: MISSION messages of type fence. Outputs: the answers; whether a place is outside. Both
 autopilots keep it over a restart. Other types of missions are empty and cannot be uploaded.
@@ -31,7 +31,7 @@ class Item:
 
 
 class FenceAreas:
-    """What is stored, and the exchange with a ground station."""
+    """The stored items, and the exchange with a ground station."""
 
     def __init__(self) -> None:
         """Start without any."""
@@ -40,7 +40,7 @@ class FenceAreas:
         self._expected = 0
 
     def answer(self, message: Any) -> Answer | None:
-        """Take a MISSION message; what is answered."""
+        """Take a MISSION message; return the answer."""
         name, kind = message.get_type(), message.mission_type
         if name == "MISSION_REQUEST_LIST":
             return "MISSION_COUNT", {"count": len(self.items) if kind == FENCE else 0}
@@ -79,7 +79,7 @@ class FenceAreas:
         }
 
     def outside(self, latitude_deg: float, longitude_deg: float, *, union: bool = False) -> bool:
-        """Tell whether a place is outside. `union`: to be in one inclusion is enough."""
+        """Return True if a place is outside. `union`: one inclusion is enough."""
         place = (latitude_deg, longitude_deg)
         inclusions = []
         at = 0

@@ -1,4 +1,4 @@
-"""What instruments on board read, whatever the autopilot: attitude, heading, acceleration, air."""
+"""Readings of instruments on board, for any autopilot: attitude, heading, acceleration, air."""
 
 import math
 

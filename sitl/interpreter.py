@@ -1,4 +1,4 @@
-"""What is said where this Python cannot run the simulator; written so that an old one reads it."""
+"""Error text where this Python cannot run the simulator; old versions can read this file."""
 
 import sys
 

@@ -1,7 +1,7 @@
 """Links between the autopilot and the world, and the forwarding between them.
 
-Bytes in, decoded messages out; payloads in, framed bytes out. Which link gets what is the rule of
-the autopilot's manner.
+Bytes in, decoded messages out; payloads in, framed bytes out. The autopilot's manner decides which
+link gets which message.
 """
 
 import heapq
@@ -20,13 +20,13 @@ AUTOPILOT_COMPONENT: Final = 1
 RADIO_SYSTEM: Final = 51
 RADIO_COMPONENT: Final = 68
 _MAX_QUEUE_BYTES: Final = 4_000_000
-"""A link that nobody drains keeps the last of its data."""
+"""A link that is not drained keeps the last of its data."""
 Packet = TypeVar("Packet")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkOptions:
-    """One link: its name, and what it is for (`onboard`, or `normal`: a ground station).
+    """One link: its name, and its purpose (`onboard`, or `normal`: a ground station).
 
     signing: of the packets on it; None: they are not signed.
     """
@@ -40,12 +40,12 @@ class Air(Generic[Packet]):
     """Packets under way in one direction; those with less delay overtake others."""
 
     def __init__(self) -> None:
-        """Nothing is under way."""
+        """Start with no packet under way."""
         self._packets: list[tuple[float, int, Packet]] = []
         self._count = 0
 
     def send(self, packet: Packet, due_us: float) -> None:
-        """Send a packet that arrives then."""
+        """Send a packet that arrives at `due_us`."""
         self._count += 1
         heapq.heappush(self._packets, (due_us, self._count, packet))
 
@@ -58,10 +58,10 @@ class Air(Generic[Packet]):
 
 
 class Link:
-    """One link: parser, sequence numbers, what was heard on it, bytes waiting to be sent."""
+    """One link: parser, sequence numbers, senders received on it, bytes waiting to be sent."""
 
     def __init__(self, options: LinkOptions, link_id: int = 0) -> None:
-        """Start silent. link_id: of its signatures."""
+        """Start without a sender. link_id: of its signatures."""
         self.name = options.name
         self.profile = options.profile
         self.heard: set[tuple[int, int]] = set()
@@ -133,7 +133,7 @@ class Link:
         self.out.append(packet)
 
     def drain(self, generator: random.Random) -> list[bytes]:
-        """Return and forget what waits, less what a bad link loses."""
+        """Return and clear the waiting packets, without those that a bad link loses."""
         packets, self.out = self.out, []
         self._queued = 0
         if self.loss_fraction > 0.0:
@@ -149,7 +149,7 @@ class Router:
         self.links = {link.name: link for link in links}
 
     def forward(self, source: Link, message: Any, wanted: Callable[[Link], bool]) -> bool:
-        """Pass a message on to the other links that want it; True when there was any."""
+        """Pass a message on to the other links that get it; True when there was any."""
         targets = [link for link in self.links.values() if link is not source and wanted(link)]
         raw = bytes(message.get_msgbuf())
         for link in targets:

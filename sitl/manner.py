@@ -1,4 +1,4 @@
-"""What an autopilot's manner is to the machine around it."""
+"""Interface between an autopilot's manner and the machine around it."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -20,19 +20,19 @@ class Manner(Protocol):
 
     @property
     def running(self) -> bool:
-        """Whether its links work; not while it boots."""
+        """True when its links work; not while it boots."""
 
     @property
     def armed(self) -> bool:
-        """Whether the motors may turn."""
+        """True when the motors may turn."""
 
     @property
     def mode_name(self) -> str:
-        """The autopilot's own word for its flight mode."""
+        """The autopilot's own name of its flight mode."""
 
     @property
     def landed_state(self) -> int:
-        """MAV_LANDED_STATE as the autopilot believes it."""
+        """MAV_LANDED_STATE as the autopilot estimates it."""
 
     def receive(self, link: str, message: Any) -> None:
         """Take one decoded message that arrived on a link: forward it, act on it, or neither."""
@@ -41,7 +41,7 @@ class Manner(Protocol):
         """Decide and write the demand of the airframe; before the physics of each tick."""
 
     def emit(self) -> None:
-        """Send whatever telemetry is due; after the physics of each tick."""
+        """Send the telemetry that is due; after the physics of each tick."""
 
     def set_parameter(self, name: str, value: float) -> None:
         """Set a parameter and let it act; `KeyError`, `ValueError` when it is refused."""
@@ -62,4 +62,4 @@ class Kind:
     parameters: Callable[[Mapping[str, float]], Parameters]
     """The parameters, some of them replaced; `KeyError`, `ValueError` when that is refused."""
     start: Callable[[World, Router, Parameters], Manner]
-    """Boots it."""
+    """Boots the autopilot."""

@@ -1,7 +1,7 @@
 """Sockets for the links: udpin, udpout, tcpin, tcp.
 
-A port carries bytes between one link of the machine and one peer; it knows no MAVLink but where
-packets end: over UDP each is a datagram.
+A port carries bytes between one link of the machine and one peer; of MAVLink it reads only the
+ends of packets: over UDP each is a datagram.
 """
 
 import asyncio
@@ -23,7 +23,7 @@ Take = Callable[[bytes], None]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Url:
-    """Where a link goes: kind (udpin, udpout, tcpin, tcp), host and port."""
+    """Address of a link: kind (udpin, udpout, tcpin, tcp), host and port."""
 
     kind: str
     host: str
@@ -31,7 +31,7 @@ class Url:
 
     @staticmethod
     def parse(text: str) -> "Url":
-        """Read KIND:HOST:PORT; `ValueError` says what is allowed."""
+        """Read KIND:HOST:PORT; `ValueError` names the allowed forms."""
         found = _URL.match(text)
         if found is None or not 0 < int(found["port"]) <= _MAX_PORT:
             raise ValueError(
@@ -62,7 +62,7 @@ class Port(Protocol):
 
 
 class _Udp(asyncio.DatagramProtocol):
-    """A UDP socket; without a fixed peer it answers whoever spoke last."""
+    """A UDP socket; without a fixed peer it answers the last sender."""
 
     def __init__(self, take: Take, peer: tuple[str, int] | None) -> None:
         self._take = take
@@ -79,7 +79,7 @@ class _Udp(asyncio.DatagramProtocol):
         self._take(data)
 
     def error_received(self, exc: Exception) -> None:
-        """Nobody listens there yet; as with a real vehicle that is no fault."""
+        """Ignore a port without a listener; as with a real vehicle that is no fault."""
 
     def send(self, data: bytes) -> None:
         if self._transport is None or self._peer is None:
@@ -129,7 +129,7 @@ class _Tcp(asyncio.Protocol):
 
 
 async def open_port(url: Url, take: Take) -> Port:
-    """Open a port that hands received bytes to `take`; OSError when it cannot be had."""
+    """Open a port that hands received bytes to `take`; OSError when that fails."""
     loop = asyncio.get_running_loop()
     if url.kind == "udpin":
         _, udp = await loop.create_datagram_endpoint(

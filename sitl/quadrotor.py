@@ -20,7 +20,7 @@ _CONTACT_M = 0.005
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Airframe:
-    """What the aircraft can do."""
+    """Capabilities of the aircraft."""
 
     mass_kg: float = 2.0
     drag_per_s: float = 0.30
@@ -39,7 +39,7 @@ class Airframe:
 
 @dataclass(slots=True, kw_only=True)
 class Demand:
-    """What the autopilot asks of the airframe; thrust 0 to 1, hover at `Airframe.hover_thrust`."""
+    """Demand of the autopilot; thrust 0 to 1, hover at `Airframe.hover_thrust`."""
 
     roll_rad: float = 0.0
     pitch_rad: float = 0.0
@@ -104,7 +104,7 @@ class Quadrotor:
         wind_d: float,
         drag_per_s: float | None = None,
     ) -> None:
-        """Advance by `dt` seconds in the given wind (m/s, where it blows to).
+        """Advance by `dt` seconds in the given wind (m/s, direction it blows to).
 
         drag_per_s: in place of the airframe's.
         """

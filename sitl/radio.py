@@ -10,16 +10,16 @@ _PERIOD_US: Final = 1_000_000
 
 
 class Radio:
-    """Speaks while the conditions have a signal strength; an IP link has no radio."""
+    """Sends while the conditions have a signal strength; an IP link has no radio."""
 
     def __init__(self, world: World, router: Router) -> None:
-        """Speak first in a second."""
+        """Send first after a second."""
         self._world = world
         self._router = router
         self._next_us = world.now_us + _PERIOD_US
 
     def step(self) -> None:
-        """Send RADIO_STATUS if its time has come."""
+        """Send RADIO_STATUS if it is due."""
         if self._world.now_us < self._next_us:
             return
         self._next_us += _PERIOD_US

@@ -110,7 +110,7 @@ class Scenario:
 
     @staticmethod
     def load(path: Path) -> "Scenario":
-        """Read a scenario file; a `ScenarioError` names file, key, value and what is allowed."""
+        """Read a scenario file; a `ScenarioError` names file, key, value and the allowed values."""
         try:
             with path.open("rb") as file:
                 text = file.read(_MAX_BYTES + 1)
@@ -127,7 +127,7 @@ class Scenario:
 
     @staticmethod
     def parse(data: object, source: str) -> "Scenario":
-        """Build a scenario from what YAML gave; `source` names the file in errors."""
+        """Build a scenario from YAML data; `source` names the file in errors."""
         try:
             parsed = _File.model_validate(data)
         except ValidationError as error:
@@ -151,7 +151,7 @@ def _reason(error: Exception) -> str:
 
 
 def _first(error: ValidationError) -> str:
-    """Say the first finding in one line: key, value, what is allowed."""
+    """Return the first finding in one line: key, value, allowed values."""
     detail = error.errors()[0]
     key = "".join(
         f"[{part}]" if isinstance(part, int) else f".{part}" for part in detail["loc"]
@@ -203,12 +203,12 @@ class ScenarioPlayer:
     """Writes the world's conditions as time passes."""
 
     def __init__(self, scenario: Scenario) -> None:
-        """Nothing has happened yet."""
+        """Start before the first change."""
         self._pending = list(scenario.changes)
         self._ramps: list[_Ramp] = []
 
     def step(self, world: World) -> None:
-        """Start the changes whose time has come and move the ramps."""
+        """Start the changes that are due and move the ramps."""
         if not self._pending and not self._ramps:
             return
         now_s = world.now_s

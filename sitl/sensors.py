@@ -1,8 +1,8 @@
-"""What the aircraft believes: the GPS receiver and the position estimate.
+"""Estimates of the aircraft: the GPS receiver and the position estimate.
 
 Inputs: the true state and the conditions. Outputs: the last GPS fix, and an estimate of position
 and velocity whose error wanders as an estimator's does. Numbers are those of PX4 v1.17.0 with its
-built-in simulation, unless said otherwise.
+built-in simulation, unless stated otherwise.
 """
 
 import math
@@ -21,7 +21,7 @@ _H_ACC_PER_HDOP_M: Final = 0.9 / 0.7
 _V_ACC_PER_VDOP_M: Final = 1.78 / 1.1
 _ESTIMATE_PERIOD_S: Final = 0.02
 _RECOVERY_S: Final = 1.2
-"""From the first good fix to the reset of the estimate onto it."""
+"""Time from the first good fix to the reset of the estimate onto it."""
 _ERROR_M, _ERROR_TIME_S = 0.15, 6.0
 _HEIGHT_ERROR_M, _HEIGHT_ERROR_TIME_S = 0.12, 10.0
 _VELOCITY_ERROR_MPS, _VELOCITY_ERROR_TIME_S = 0.05, 1.0
@@ -29,12 +29,12 @@ _DRIFT_MPS_PER_SQRT_S: Final = 0.35
 """Random walk of the velocity error without GPS: some 40 m in 20 s, as measured."""
 _JAMMED_AFTER_S: Final = 6.0
 _JAMMED_FACTOR: Final = 20.0
-"""A jammed receiver drags the estimate away by hundreds of metres (ArduCopter 4.6.3)."""
+"""A jammed receiver moves the estimate by hundreds of metres (ArduCopter 4.6.3)."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GpsFix:
-    """One output of the receiver; None where it says nothing."""
+    """One output of the receiver; None where it reports nothing."""
 
     time_s: float
     alive: bool
@@ -119,7 +119,7 @@ class Estimator:
         return min(0.6, 0.25 + 0.05 * self.lost_s)
 
     def step(self, now_s: float, true: Quadrotor, conditions: Conditions) -> None:
-        """Take a fix and move the estimate if their time has come."""
+        """Take a fix and move the estimate if they are due."""
         if now_s >= self._next_gps_s:
             self._take_fix(now_s, true, conditions)
         if now_s >= self._next_estimate_s:
@@ -139,7 +139,7 @@ class Estimator:
         self.vd = true.vd + self._verr_d
 
     def jump(self, north_m: float, east_m: float) -> None:
-        """Be reset: the estimate is elsewhere at once, and stays so far off."""
+        """Reset the estimate: it moves at once, and keeps the offset."""
         self._off_n += north_m
         self._off_e += east_m
         self._count_reset()

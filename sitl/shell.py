@@ -1,7 +1,7 @@
 """The process around the fake autopilot: arguments, sockets, the clock, the truth log.
 
 Exit status: 0 stopped by the user; 2 bad input (one line on stderr); 1 a port or file that cannot
-be had.
+be opened.
 """
 
 import argparse
@@ -28,12 +28,12 @@ from sitl.signing import SignOptions
 from sitl.truth_log import PERIOD_S, TruthLog
 
 _PERIOD_S: Final = 0.01
-"""How often the clock is looked at, in real time."""
+"""Period of the checks of the clock, in real time."""
 _MAX_LAG_S: Final = 0.5
-"""A process that was stopped for longer goes on from where it was."""
+"""A process that was stopped for longer continues from its own time."""
 _DEFAULT_LINKS: Final = ("companion=udpout:127.0.0.1:14540", "gcs=udpout:127.0.0.1:14550")
 _DEFAULT_HOME: Final = "47.397742,8.545594,489.4"
-"""PX4's own."""
+"""PX4's own home."""
 _GROUND_STATION_NAMES: Final = ("gcs", "qgc", "operator")
 
 
@@ -42,7 +42,7 @@ class _Bad(Exception):  # noqa: N818 - it is the user's input that is bad
 
 
 class _Parser(argparse.ArgumentParser):
-    """Says what is wrong in one line."""
+    """Reports errors in one line."""
 
     def error(self, message: str) -> NoReturn:
         self.exit(2, f"sitl: {message}\n")
@@ -50,7 +50,7 @@ class _Parser(argparse.ArgumentParser):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """What the arguments say."""
+    """Values of the arguments."""
 
     options: Options
     urls: dict[str, Url]
@@ -190,7 +190,7 @@ def _parameter(text: str, known: Parameters) -> tuple[str, float]:
 
 
 async def run(settings: Settings) -> int:
-    """Simulate in real time, times `speed`, until told to stop."""
+    """Simulate in real time, times `speed`, until stopped."""
     vehicle = FakeAutopilot(settings.options)
     stop = asyncio.Event()
     loop = asyncio.get_running_loop()
@@ -238,7 +238,7 @@ async def _pace(
 ) -> None:
     """Step by absolute deadlines, so that errors of sleeping do not add up.
 
-    At a speed that the machine cannot bear it looks up from its work all the same.
+    At a speed that is too high for the machine, the loop still reacts to a stop.
     """
     start = deadline = time.monotonic()
     while not stop.is_set():

@@ -36,7 +36,7 @@ class SignOptions:
         return SignOptions(key=key, timestamp=int((time.time() - _EPOCH_S) * _UNITS_PER_S))
 
     def start(self, parser: Any, link_id: int) -> None:
-        """Have pymavlink's parser refuse what is not signed with the key."""
+        """Have pymavlink's parser refuse packets that are not signed with the key."""
         parser.signing.secret_key = self.key
         parser.signing.timestamp = self.timestamp
         parser.signing.link_id = link_id

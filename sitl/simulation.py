@@ -20,7 +20,7 @@ TABLE: Final = (
     Parameter(name="SIM_WIND_GUST", default=0.0, minimum=0.0, maximum=20.0),
     Parameter(name="SIM_WIND_SPD", default=0.0, minimum=0.0, maximum=60.0),
 )
-"""SIM_WIND_DIR is where the wind comes from, degrees; SIM_LINK_RSSI -1 means no radio, SIM_DRAG -1
+"""SIM_WIND_DIR: direction the wind comes from, degrees; SIM_LINK_RSSI -1: no radio; SIM_DRAG -1:
 the airframe's own drag."""
 _FIELDS: Final = {
     "SIM_BATT_DRAIN": "drain_factor",
@@ -40,7 +40,7 @@ _FIELDS: Final = {
 
 
 def apply(name: str, parameters: Parameters, conditions: Conditions) -> None:
-    """Let a parameter that was set act on the world, if it is one of these."""
+    """Apply a parameter that was set to the world, if it is one of these."""
     field = _FIELDS.get(name)
     if field is None:
         return

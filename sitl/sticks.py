@@ -1,4 +1,4 @@
-"""The pilot's hands: MANUAL_CONTROL messages, or a simulated remote control."""
+"""The pilot's input: MANUAL_CONTROL messages, or a simulated remote control."""
 
 import math
 from typing import Any, Final
@@ -11,10 +11,10 @@ _SWITCH_BOUNDS_US: Final = (1230, 1360, 1490, 1620, 1749)
 
 
 class Sticks:
-    """Stick positions -1 to 1, throttle too (0 in the middle), and whether anyone holds them."""
+    """Stick positions -1 to 1, throttle too (0 in the middle), and presence of an input."""
 
     def __init__(self) -> None:
-        """Nobody is there."""
+        """Start without a pilot."""
         self.roll = self.pitch = self.throttle = self.yaw = 0.0
         self.switch_us = CENTRE_US
         """The flight mode switch, channel 5."""
@@ -67,11 +67,11 @@ class Sticks:
             self.ever = True
 
     def present(self, now_us: int, timeout_s: float) -> bool:
-        """Whether input came within the time-out (COM_RC_LOSS_T)."""
+        """Return True if input came within the time-out (COM_RC_LOSS_T)."""
         return self.last_us is not None and now_us - self.last_us <= timeout_s * 1e6
 
     def deflection(self) -> float:
-        """Return how far roll or pitch is from the middle, 0 to 1."""
+        """Return the greater deflection of roll and pitch, 0 to 1."""
         return max(abs(self.roll), abs(self.pitch))
 
     def channels(self) -> list[int]:

@@ -1,4 +1,4 @@
-"""The truth log: a CSV file of what was really so, to judge a flight by afterwards."""
+"""The truth log: a CSV file of the true state, to judge a flight afterwards."""
 
 import contextlib
 from pathlib import Path
@@ -33,7 +33,7 @@ class TruthLog:
         self._write(_COLUMNS + "\n")
 
     def step(self, truth: Truth) -> None:
-        """Write a row if its time has come; OSError as above when it cannot be written."""
+        """Write a row if it is due; OSError as above when it cannot be written."""
         if truth.time_s + 1e-9 < self._next_s:
             return
         self._next_s += PERIOD_S
@@ -52,7 +52,7 @@ class TruthLog:
         )
 
     def close(self) -> None:
-        """Close the file; what could not be written has been told."""
+        """Close the file; a write error was reported before."""
         with contextlib.suppress(OSError):
             self._file.close()
 

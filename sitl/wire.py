@@ -1,4 +1,4 @@
-"""MAVLink 2 packets from field values, and the messages that pymavlink does not know.
+"""MAVLink 2 packets from field values, and the messages that pymavlink does not have.
 
 pymavlink's own `pack` builds one message object per packet; a vehicle sends 350 of them a second
 on each link. Here the payload is packed once from pymavlink's field tables and framed per link.
@@ -19,7 +19,7 @@ _HEADER = struct.Struct("<BBBBBBBHB")
 
 @dataclass(frozen=True, slots=True)
 class Layout:
-    """How one message is laid out: fields in wire order, and the check byte."""
+    """Layout of one message: fields in wire order, and the check byte."""
 
     msgid: int
     name: str

@@ -1,4 +1,4 @@
-"""The simulated world and aircraft, whatever autopilot flies it.
+"""The simulated world and aircraft, for any autopilot.
 
 An autopilot's manner reads `estimator`, `battery` and `quad`, and writes `quad.demand`.
 """
@@ -24,7 +24,7 @@ EPOCH_US: Final = 1_795_212_000_000_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WorldOptions:
-    """Where and with what it starts; the default home is PX4's, in Zurich."""
+    """Place and equipment at the start; the default home is PX4's, in Zurich."""
 
     latitude_deg: float = 47.397742
     longitude_deg: float = 8.545594

@@ -1,7 +1,7 @@
-"""`moar-companion check`: reads everything, looks at the aircraft, flies nothing; go or no-go.
+"""`moar-companion check`: checks files and aircraft, flies nothing; go or no-go.
 
-All that is found is told, a line each; exit status 2 for a file that cannot be used, 1 for no-go,
-or where no aircraft was looked at. With `--files` the files are all that is asked for.
+Every finding is printed, a line each. Exit status 2: a file cannot be used; 1: no-go, or no
+aircraft was checked. With `--files` only the files are checked.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
 _PERIOD_S = 0.02
 _STYLES = ("green", "cyan", "yellow", "bold red")
-"""By level."""
+"""Colours by level."""
 _STOP_THE_SERVICE = "stop the service: systemctl stop moar-companion, or what else uses it"
 _LINK_REMEDIES = {
     errno.ENOENT: "is it plugged in? `ls /dev/tty*` shows what is",
@@ -46,15 +46,15 @@ _LINK_REMEDIES = {
     errno.EAGAIN: _STOP_THE_SERVICE,
     errno.EBUSY: _STOP_THE_SERVICE,
 }
-"""By what the system says when a link is opened."""
+"""Remedies by the errno of opening a link."""
 _LEVEL_WIDTH = 7
 _LONGEST_SOCKET_PATH = 107
-"""Bytes, of Linux's sun_path."""
+"""Longest path in Linux's sun_path, in bytes."""
 Value = TypeVar("Value")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The service's options, which mean the same."""
+    """Adds the service's options, with the same meaning."""
     add_config(parser)
     add_file(parser, "--vehicle", "the vehicle (default: the LineDrone as flown)")
     add_file(parser, "--site", "the site (default: none)")
@@ -70,7 +70,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Look at the files, then at the aircraft; tell."""
+    """Checks the files, then the aircraft; prints the findings."""
     from ..preflight.findings import Level, worst  # noqa: PLC0415
 
     errors: list[InputError] = []
@@ -98,7 +98,7 @@ def run(arguments: argparse.Namespace) -> int:
 def _aircraft(
     config: CompanionConfig, vehicle: Vehicle, planner: Planner | None, signing: Signing | None
 ) -> tuple[list[Finding], bool]:
-    """What is found of the aircraft on the links, and whether there was one."""
+    """Findings about the aircraft on the links; True if there is an aircraft."""
     from ..preflight.machine import Preflight  # noqa: PLC0415
 
     urls = [link.url for link in config.links]
@@ -114,7 +114,7 @@ def _aircraft(
 def _read(
     arguments: argparse.Namespace, errors: list[InputError]
 ) -> tuple[CompanionConfig | None, Vehicle | None, Site | None, Signing | None]:
-    """Every file by itself, so that all that is wrong is known at once."""
+    """Reads each file separately, so that all errors are reported at once."""
     if arguments.files and arguments.connect:
         raise InputError("--files", "", "opens no link, must be given without --connect")
     from ..site import Site  # noqa: PLC0415
@@ -154,7 +154,7 @@ def _unusable(errors: Iterable[InputError]) -> list[Finding]:
 
 
 def _files(config: CompanionConfig, vehicle: Vehicle, site: Site | None) -> list[Finding]:
-    """What the files say of the service."""
+    """Findings from the files about the service."""
     from ..preflight.findings import Finding, Level  # noqa: PLC0415
 
     never = config.authority is Authority.OBSERVE
@@ -208,7 +208,7 @@ def _files(config: CompanionConfig, vehicle: Vehicle, site: Site | None) -> list
 
 
 def _folder(subject: str, folder: Place | None, without: str) -> Finding:
-    """Whether the service could write to a folder. without: what it means that there is none."""
+    """Finding on write access to a folder. without: text where no folder is configured."""
     from ..preflight.findings import Finding, Level  # noqa: PLC0415
 
     if folder is None:
@@ -235,7 +235,7 @@ def _folder_problem(path: Path) -> str | None:
 
 
 def _view(place: Place | None) -> Finding:
-    """Whether the service could make the socket of its view."""
+    """Finding on the socket of the view: the service must be able to create it."""
     from ..preflight.findings import Finding, Level  # noqa: PLC0415
 
     if place is None:
@@ -266,7 +266,7 @@ def _socket_problem(path: Path) -> str | None:
 
 
 def _planner(site: Site, vehicle: Vehicle, config: CompanionConfig) -> Planner:
-    """As the service flies."""
+    """Planner for the site as the service flies it."""
     from ..margin import flown_site  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
 
@@ -280,7 +280,7 @@ def _looked_at(planner: Planner) -> list[Finding]:
 
 
 async def _listen(preflight: Preflight, urls: Sequence[str]) -> None:
-    """Carry bytes between the machine and the links until it has heard enough."""
+    """Carries bytes between the machine and the links until the machine is done."""
     from ..mavlink.link import open_link  # noqa: PLC0415
     from ..mavlink.link_basics import clock_s  # noqa: PLC0415
     from ..mavlink.urls import parse_url  # noqa: PLC0415
@@ -306,7 +306,7 @@ async def _listen(preflight: Preflight, urls: Sequence[str]) -> None:
 
 
 def _unopened(error: LinkError) -> Finding:
-    """A link through which nothing can be heard."""
+    """Finding for a link that cannot be opened."""
     from ..preflight.findings import Finding, Level  # noqa: PLC0415
 
     cause = error.__cause__
@@ -320,7 +320,7 @@ def _unopened(error: LinkError) -> Finding:
 
 
 def _tell(heading: str, findings: list[Finding]) -> list[Finding]:
-    """Findings on stdout: in columns and colours on a terminal, else a line each."""
+    """Prints findings: in columns and colours on a terminal, else a line each; returns them."""
     from rich.console import Console  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
     from rich.text import Text  # noqa: PLC0415
@@ -344,7 +344,7 @@ def _tell(heading: str, findings: list[Finding]) -> list[Finding]:
 
 
 def _summary(findings: list[Finding], *, files: bool, seen: bool) -> str:
-    """The last line. files: they alone were asked for. seen: an aircraft was looked at."""
+    """The last line. files: only the files were checked. seen: an aircraft was checked."""
     from ..preflight.findings import Level  # noqa: PLC0415
 
     levels = [finding.level for finding in findings]

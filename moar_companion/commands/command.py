@@ -1,7 +1,7 @@
 """`moar-companion command`: the operator's side, on MAVSDK: an order to the companion, its answer.
 
-An order is repeated until it is answered, with a rising confirmation, by which the companion knows
-the repeat. MAVSDK's own repeats have none, by which a late one is not told from a new order.
+An order is repeated until it is answered, with a rising confirmation: the companion recognises the
+repeat by it. MAVSDK's own repeats have none: a late one cannot be told from a new order.
 """
 
 from __future__ import annotations
@@ -37,14 +37,14 @@ _ORDERS = {
     "continue": (_DO_PAUSE_CONTINUE, 1),
     "release": (_USER_1, 4),
 }
-"""MAV_CMD and its param1, by the word on the command line (contract)."""
+"""MAV_CMD and its param1, by the order's name on the command line (contract)."""
 _STATUS = "status"
 _WORDS = (*_ORDERS, _STATUS)
 _ANY = -1
 """All targets in turn; any landing point."""
 
 _AUTOPILOT = 1
-"""Its component id."""
+"""The autopilot's component id."""
 _RISKS = {
     "wind": "RISK_WIND",
     "communication": "RISK_COMM",
@@ -58,13 +58,13 @@ _ARMED = 128
 
 _REPEAT_S = 0.5
 _REASON_S = 1.0
-"""The text that says why follows its acknowledgement at once."""
+"""The text with the reason follows the acknowledgement at once."""
 _LISTEN_S = 2.5
-"""Two heartbeats, and all risks and weights several times."""
+"""Long enough for two heartbeats, and for all risks and weights several times."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """What is ordered, of whom."""
+    """Adds the order, its target, the link, the site and the time-out."""
     parser.add_argument(
         "order",
         metavar="MISSION",
@@ -96,7 +96,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Send the order and say what comes back; 0 when it is accepted."""
+    """Sends the order and prints the answer; 0 when it is accepted."""
     address = parse_url(arguments.connect)
     order: str = arguments.order
     index = _index(order, arguments.target, arguments.site)
@@ -122,7 +122,7 @@ def _timeout(text: str) -> float:
 
 
 def _index(order: str, given: str | None, site_file: str | None) -> int:
-    """param2 of the order. A target's name comes before an index that looks like it."""
+    """param2 of the order. A target's name takes precedence over an index of the same form."""
     if given is None:
         return _ANY
     if order not in {mission.value for mission in Mission}:
@@ -151,7 +151,7 @@ def _index(order: str, given: str | None, site_file: str | None) -> int:
 
 
 def _give(operator: GroundStation, order: str, index: int, timeout_s: float) -> int:
-    """Give the order, say its answer and, unless it is accepted, the reason; the exit status."""
+    """Sends the order, prints the answer and, if refused, the reason; returns the exit status."""
     result = _answer(operator, order, index, timeout_s)
     name = _RESULTS.get(result, f"REFUSED, result {result}")
     _say(f"{order}: {name}")
@@ -169,9 +169,9 @@ def _give(operator: GroundStation, order: str, index: int, timeout_s: float) -> 
 
 
 def _answer(operator: GroundStation, order: str, index: int, timeout_s: float) -> int:
-    """The final MAV_RESULT; meanwhile the order is repeated, and what the companion says is shown.
+    """The final MAV_RESULT; until then repeats the order and prints the companion's texts.
 
-    Raises LinkError when it has given no answer, not even IN_PROGRESS, for the time-out.
+    Raises LinkError without any answer, not even IN_PROGRESS, for the time-out.
     """
     command, param1 = _ORDERS[order]
     confirmation, in_progress = 0, False
@@ -194,11 +194,11 @@ def _answer(operator: GroundStation, order: str, index: int, timeout_s: float) -
     raise LinkError(f"{order}: the companion has not answered for {timeout_s:g} s")
 
 
-# What the companion says of itself
+# The companion's status
 
 
 def _status(operator: GroundStation) -> str:
-    """What is heard in a few seconds, for a person."""
+    """Messages received within a few seconds, as text for the operator."""
     beats: dict[int, Mapping[str, Any]] = {}
     values: dict[str, float | None] = {}
     texts: dict[str, None] = {}
@@ -245,7 +245,7 @@ def _values(names: Mapping[str, str], values: Mapping[str, float | None]) -> str
 
 
 def _value(value: float | None) -> str:
-    """A number of the companion's; MAVSDK tells one that is not finite as null."""
+    """A value from the companion; MAVSDK reports one that is not finite as null."""
     return f"{value:.2f}" if value is not None and math.isfinite(value) else "unknown"
 
 

@@ -1,10 +1,9 @@
-"""A ground station on one link by MAVSDK: what a companion says, and commands to it.
+"""A ground station on one link by MAVSDK: messages of a companion, and commands to it.
 
-In MAVLink's eyes it has MAVSDK's own ids (245, component 190) and heartbeats as a ground station.
-While it runs it therefore counts for PX4's ground station failsafe and the companion's
-communication risk; where no other ground station is heard, its end is the loss of one. As 245 it
-takes no answers from a QGroundControl (255) beside it, and ArduPilot's failsafe, which minds 255
-alone, does not mind it.
+It has MAVSDK's own ids (245, component 190) and sends heartbeats as a ground station. While it
+runs, PX4's ground station failsafe and the companion's communication risk count it. If it is the
+only ground station, its end is a ground station loss. As 245 it takes no answers from a
+QGroundControl (255) beside it. ArduPilot's failsafe watches 255 alone and does not count it.
 """
 
 from __future__ import annotations
@@ -23,7 +22,7 @@ from ..mavlink.texts import HeardTexts
 from ..mavlink.urls import LinkAddress, LinkKind
 
 COMPANION = 195
-"""Its component id."""
+"""The companion's component id."""
 _HEARD = ("HEARTBEAT", "COMMAND_ACK", "STATUSTEXT", "NAMED_VALUE_FLOAT")
 _LOG_ERROR = 3
 """mavsdk.LogLevel.ERROR."""
@@ -38,7 +37,7 @@ class Said:
     component: int
     fields: Mapping[str, Any]
     text: str | None = None
-    """A whole text of the companion's, which this message completes."""
+    """Complete text of the companion, whose last part is this message."""
 
 
 class GroundStation:
@@ -50,7 +49,7 @@ class GroundStation:
 
         url = mavsdk_url(address)
         self.system_id = 0
-        """The aircraft's, once the companion is found."""
+        """The aircraft's system id; 0 until the companion is found."""
         self._address = address
         self._heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
         self._texts = HeardTexts()
@@ -73,11 +72,11 @@ class GroundStation:
         self._mavsdk.destroy()
 
     def _failed(self, what: str) -> LinkError:
-        """MAVSDK's words for what has failed on the link."""
+        """Error with MAVSDK's description of the failure on the link."""
         return LinkError(f"{self._address}: {self._complaint or what.lower().replace('_', ' ')}")
 
     def find_companion(self, timeout_s: float) -> None:
-        """Wait for the first companion; LinkError, saying who is heard, when none comes."""
+        """Waits for the first companion; LinkError with the systems received when none appears."""
         until_s = time.monotonic() + timeout_s
         while True:
             heard = {item: item.component_ids() for item in self._mavsdk.get_systems()}
@@ -124,7 +123,7 @@ class GroundStation:
             raise self._failed(error.result.name) from error
 
     def listen(self, seconds: float) -> Iterator[Said]:
-        """What the companion's system says within a time."""
+        """Messages received from the companion's system within a time."""
         until_s = time.monotonic() + seconds
         while (left_s := until_s - time.monotonic()) > 0.0:
             try:
@@ -140,7 +139,7 @@ class GroundStation:
                 yield Said(name=name, component=component, fields=fields)
 
     def is_answer(self, said: Said, command: int) -> bool:
-        """Whether this is the companion's acknowledgement of our command."""
+        """Returns True for the companion's acknowledgement of a command of this ground station."""
         fields = said.fields
         return (
             said.name == "COMMAND_ACK"
@@ -150,14 +149,14 @@ class GroundStation:
         )
 
     def _log(self, level: int, message: str, _file: str | None, _line: int) -> bool:
-        """MAVSDK's log, which it would print: its last complaint says why a link fails."""
+        """Receives MAVSDK's log, which it would print; keeps the last error for LinkError."""
         if level >= _LOG_ERROR:
             self._complaint = message
         return True
 
 
 def mavsdk_url(address: LinkAddress) -> str:
-    """The address in MAVSDK's words; LinkError for a host that has no IPv4 address."""
+    """The address as MAVSDK's URL; LinkError for a host that has no IPv4 address."""
     if address.kind is LinkKind.SERIAL:
         return f"serial://{address.device}:{address.baud}"
     try:

@@ -1,4 +1,4 @@
-"""Values of options: text in, a checked value out, or an InputError that says what is allowed."""
+"""Values of options: text in, a checked value out, or an InputError with the allowed values."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def number(text: str) -> float | None:
 
 
 def numbers(option: str, form: str, what: str) -> Callable[[str], tuple[float, ...]]:
-    """A type for argparse: finite numbers separated by commas, as many as `form` has words."""
+    """A type for argparse: finite numbers separated by commas, as many as `form` has parts."""
     count = len(form.split(","))
 
     def parse(text: str) -> tuple[float, ...]:

@@ -14,7 +14,7 @@ from typing import IO
 from .options import refused
 
 STDOUT = "-"
-"""The name of a file that means stdout."""
+"""File name that means stdout."""
 
 
 def check_outputs(outputs: Mapping[str, str | None], inputs: Mapping[str, str]) -> None:
@@ -42,7 +42,7 @@ def check_outputs(outputs: Mapping[str, str | None], inputs: Mapping[str, str]) 
 
 @contextmanager
 def replacing(path: str) -> Iterator[IO[bytes]]:
-    """A file that takes its name when it is complete; until then what was there stays.
+    """A file that takes its name when it is complete; until then the old file stays.
 
     A device or pipe gets the content in one piece: archives seek, which those cannot.
     """
@@ -70,7 +70,7 @@ def replacing(path: str) -> Iterator[IO[bytes]]:
 
 @contextmanager
 def _removed_when_ended(path: Path) -> Iterator[None]:
-    """A file that an interrupt or SIGTERM does not leave behind."""
+    """Context in which an interrupt or SIGTERM removes the file and ends the process."""
 
     def end(*_: object) -> None:
         with suppress(OSError):
@@ -88,9 +88,9 @@ def _removed_when_ended(path: Path) -> Iterator[None]:
 def write_output(
     option: str, path: str | None, content: Callable[[IO[bytes]], object]
 ) -> str | None:
-    """Write one file, unless it is none or stdout; what kept it from being written.
+    """Writes one file, unless it is None or stdout; returns the error text, None if written.
 
-    No exception, so that the other files are written all the same.
+    Raises nothing, so that the other files are still written.
     """
     if path is None or path == STDOUT:
         return None
@@ -103,7 +103,7 @@ def write_output(
 
 
 def say(text: str) -> None:
-    """Text on stdout, now; an OSError names stdout, one that nobody reads any more aside."""
+    """Writes text to stdout at once; an OSError names stdout, except BrokenPipeError."""
     if sys.stdout is None:
         raise OSError("stdout is closed")
     try:
@@ -116,12 +116,12 @@ def say(text: str) -> None:
 
 
 def _real(path: str) -> Path:
-    """The file behind all links, which is what gets replaced."""
+    """The path with all links resolved: this file is replaced."""
     return Path(os.path.realpath(path))
 
 
 def _is_special(real: Path) -> bool:
-    """Whether a path is there and no regular file: /dev/null must never be replaced."""
+    """Returns True for an existing path that is no regular file: /dev/null is never replaced."""
     return real.exists() and not real.is_file()
 
 

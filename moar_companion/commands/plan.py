@@ -1,7 +1,7 @@
 """`moar-companion plan`: one path on a site, as a summary, JSON, maps and a picture.
 
-Everything is checked before anything is written. That there is no path is an answer: JSON, maps
-and picture are written all the same, stderr has the reason, and the exit status is 2.
+Everything is checked before anything is written. If there is no path, JSON, maps and picture are
+still written, stderr has the reason, and the exit status is 2.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ if TYPE_CHECKING:
 
 _PICTURE_FORMATS = ("png", "svg", "pdf")
 _MAX_VELOCITY_MPS = 1_000.0
-"""Faster is no drone, and keeps all products finite."""
+"""No drone is faster; the limit keeps all products finite."""
 _MAPS = (
     "occupied",
     "safety_cost",
@@ -45,7 +45,7 @@ _MAPS = (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The site and the problem; the outputs."""
+    """Adds the site, the problem and the outputs."""
     parser.add_argument("site", metavar="SITE", type=file_name("SITE"), help="the site file (YAML)")
     parser.add_argument(
         "--mission",
@@ -124,7 +124,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Plan, write, tell."""
+    """Plans, writes the outputs, prints the summary."""
     from ..config import Supervision, shipped_configs  # noqa: PLC0415
     from ..margin import flown_site  # noqa: PLC0415
     from ..planner.alternatives import alternatives  # noqa: PLC0415
@@ -207,7 +207,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def _whole_reason(planner: Planner, plan: Plan) -> str:
-    """Why there is no plan; of a site as it is flown with the part of the margin that is why."""
+    """Reason why there is no plan, with the part of the margin that blocks the path, if any."""
     from ..planner.crowding import part_in_the_way  # noqa: PLC0415
 
     def finds(freer: Planner) -> bool:
@@ -251,7 +251,7 @@ def _weights(text: str) -> Weights:
 
 
 def _target(site: Site, source: str, mission: Mission, given: str | None) -> str | int | None:
-    """The target's name or the landing point's index, which the site has."""
+    """The target's name or the landing point's index, checked against the site."""
     if mission is Mission.INSPECTION:
         names = [target.name for target in site.targets]
         if not names:
@@ -273,7 +273,7 @@ def _target(site: Site, source: str, mission: Mission, given: str | None) -> str
 
 
 def _picture_format(option: str, path: str | None) -> str:
-    """By the file's ending; PNG without one."""
+    """Format by the file's ending; PNG without one."""
     ending = Path(path or "").suffix.removeprefix(".").lower() or _PICTURE_FORMATS[0]
     if path and ending not in _PICTURE_FORMATS:
         known = ", ".join(f".{known}" for known in _PICTURE_FORMATS)
@@ -319,7 +319,7 @@ def _write(document: dict[str, Any], stream: IO[bytes]) -> None:
 
 
 def _explained(planner: Planner, plan: Plan, base: Weights) -> dict[str, Any]:
-    """What the risks did to weights and path: against the plan of the same problem without them."""
+    """Effect of the risks on weights and path: against the plan of the problem without them."""
     from ..planner.comparison import path_difference  # noqa: PLC0415
     from ..risk.explain import WeightsReason  # noqa: PLC0415
 

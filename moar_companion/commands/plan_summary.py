@@ -1,4 +1,4 @@
-"""The words of `moar-companion plan`: a plan, and what was asked of it besides, for a person."""
+"""Text of `moar-companion plan`: summary of a plan and of the further results requested."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
 """`moar-companion replay`: risk indices and events over a recorded flight.
 
-The recording is read whole, played by the code that flies, and told as a summary, JSON and a
+The recording is read whole, played by the code that flies, and shown as a summary, JSON and a
 picture. A recording that ends in the middle of a packet is played to its end. A ULog is read by
 pyulog, which comes with the extra `ulog`.
 """
@@ -35,14 +35,14 @@ _ULOG_HEAD_BYTES = 16
 _ULOG_DEFINITIONS, _ULOG_DATA = b"BFIMPQ", b"ALCD"
 """Kinds of messages of a ULog's two parts."""
 _MAX_BYTES = 512 << 20
-"""Of a recording, unpacked: a day of telemetry has as much."""
+"""Greatest size of a recording, unpacked: a day of telemetry has as much."""
 _PIECE_BYTES = 1 << 20
 _MAX_EVENTS = 60
-"""In the summary; the JSON has all."""
+"""Most events in the summary; the JSON has all."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The recording; what it is judged by; the outputs."""
+    """Adds the recording, its vehicle and site, and the outputs."""
     parser.add_argument(
         "recording",
         metavar="RECORDING",
@@ -62,7 +62,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Play, write, tell: the summary, the JSON, or the drag."""
+    """Replays, writes the outputs, prints the summary, the JSON or the drag."""
     from ..config import shipped_configs  # noqa: PLC0415
     from ..vehicle import Vehicle  # noqa: PLC0415
 
@@ -116,7 +116,7 @@ def summary(replay: Replay) -> str:
 
 
 def _place_lines(replay: Replay) -> list[str]:
-    """Where on the site the aircraft came nearest to an obstacle."""
+    """Lines with the least clearance and the longest evacuation on the site."""
     places = [(sample.time_s, sample.place) for sample in replay.samples if sample.place]
     known = [
         (place.clearance_m, time_s) for time_s, place in places if place.clearance_m is not None
@@ -148,7 +148,7 @@ def _drag_flight() -> DragFlight:
 
 
 def _drag_lines(path: str, flight: DragFlight) -> str:
-    """What to paste into the vehicle file; raises InputError where the flight tells no drag."""
+    """Lines for the vehicle file; raises InputError where the flight yields no drag."""
     fit = flight.fit()
     if isinstance(fit, str):
         raise InputError(path, "", fit)
@@ -241,7 +241,7 @@ def _ulog_played(
 
 
 def _defines_its_topics(data: bytes) -> bool:
-    """Whether the definitions of a ULog lead to its data: pyulog never ends where they do not."""
+    """Returns True if the definitions of a ULog lead to its data: else pyulog never returns."""
     position = _ULOG_HEAD_BYTES
     while position + 3 <= len(data):
         size, kind = int.from_bytes(data[position : position + 2], "little"), data[position + 2]
@@ -254,9 +254,9 @@ def _defines_its_topics(data: bytes) -> bool:
 
 
 def _content(path: str) -> tuple[bytes, bool]:
-    """The bytes of a recording, unpacked if they are packed, and whether these are all.
+    """The bytes of a recording, unpacked if they are packed; False if the file is cut short.
 
-    Whether it is packed is seen by its first bytes, whatever its name says.
+    The first bytes decide whether it is packed, not its name.
     """
     try:
         if Path(path).is_dir():
@@ -282,7 +282,7 @@ def _content(path: str) -> tuple[bytes, bool]:
 
 
 def _read(stream: io.BufferedIOBase) -> tuple[bytes, bool]:
-    """What is in a stream, as far as it is allowed; False where a packed one is cut short."""
+    """The content of a stream, up to the limit; False where a packed one is cut short."""
     content = io.BytesIO()
     try:
         while content.tell() <= _MAX_BYTES and (piece := stream.read1(_PIECE_BYTES)):

@@ -15,18 +15,18 @@ from ..mavlink.urls import LinkAddress, parse_url
 from .options import add_file
 
 INSTALLED_CONFIG = Path("/etc/moar-companion/companion.yaml")
-"""Where the installed service has its configuration."""
+"""Configuration file of the installed service."""
 
 
 def add_config(parser: argparse.ArgumentParser) -> None:
-    """The option that names the configuration."""
+    """Adds the option that names the configuration."""
     add_file(
         parser, "--config", f"the configuration (default: {INSTALLED_CONFIG}, if there is one)"
     )
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The options, all of them laid over the configuration file."""
+    """Adds the options, each of which overrides the configuration file."""
     add_config(parser)
     parser.add_argument(
         "--connect",
@@ -41,8 +41,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Run the service until it is told to end."""
-    # Until the service has loaded all: what is imported lives as long as the process.
+    """Runs the service until it is stopped."""
+    # Off until the service has loaded everything: imported objects last as long as the process.
     gc.disable()
     config = configured(arguments)
     from ..service.app import run_service  # noqa: PLC0415
@@ -51,7 +51,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 def configured(arguments: argparse.Namespace) -> CompanionConfig:
-    """The configuration: command line over file over default; its links are links."""
+    """The configuration: command line over file over default; its link URLs are checked."""
     config = merged(arguments)
     for problem in link_problems(config, arguments):
         raise problem
@@ -89,7 +89,7 @@ def merged(arguments: argparse.Namespace) -> CompanionConfig:
 
 
 def link_problems(config: CompanionConfig, arguments: argparse.Namespace) -> Iterator[InputError]:
-    """What is wrong with the URLs of the links, one after the other."""
+    """Errors in the URLs of the links, one after the other."""
     seen: dict[LinkAddress, str] = {}
     for index, link in enumerate(config.links):
         source, key = (

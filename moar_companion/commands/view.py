@@ -28,22 +28,22 @@ _DEFAULT_SOCKET = "/run/moar-companion/view.sock"
 _LONGEST_LINE = 1_000_000
 _TICK_S = 1.0
 _FIRST_WORD_S = 5.0
-"""The service speaks four times a second."""
+"""The service sends four statuses a second."""
 _LINE_PERIOD_S = 1.0
-"""Between lines of plain text."""
+"""Period of lines of plain text."""
 _REASONS = {
     errno.ENOENT: "no such socket: is the service running, and has it a view.socket?",
     errno.ECONNREFUSED: "nobody serves it: is the service running?",
     errno.EACCES: "may not be read by this user: members of the service's group may",
 }
 _SECTIONS = ("mission", "aircraft", "risk", "weights", "age_s")
-"""What every status of a service has."""
+"""Sections that every status of a service has."""
 
 Status = dict[str, Any]
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """The socket, and what to make of what it says."""
+    """Adds the socket and the form of the output."""
     parser.add_argument(
         "socket",
         nargs="?",
@@ -58,9 +58,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 
 def run(arguments: argparse.Namespace) -> int:
-    """Show what the service says until q or Ctrl-C, which is status 0."""
+    """Shows the statuses of the service until q or Ctrl-C, which is status 0."""
     console = Console()
-    # Whatever ends it, the terminal is given back as it was.
+    # Either signal raises KeyboardInterrupt, so that the terminal is restored.
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)
     with (
@@ -79,9 +79,9 @@ def run(arguments: argparse.Namespace) -> int:
 
 
 class Statuses:
-    """What a service says on its view socket.
+    """Statuses that a service sends on its view socket.
 
-    Raises LinkError when nobody serves there, when the service ends, and when it is none.
+    Raises LinkError when no service is there, when it ends, and when another program serves.
     """
 
     def __init__(self, path: str) -> None:
@@ -96,7 +96,7 @@ class Statuses:
             raise LinkError(f"{path}: {reason}") from error
 
     def fileno(self) -> int:
-        """For `select`."""
+        """File descriptor for `select`."""
         return self._socket.fileno()
 
     def close(self) -> None:
@@ -104,11 +104,11 @@ class Statuses:
         self._socket.close()
 
     def waiting(self, timeout_s: float = 0.0) -> bool:
-        """Whether there is something to read now, or within a time."""
+        """Returns True if there is something to read now, or within a time."""
         return bool(select.select([self], [], [], timeout_s)[0])
 
     def first(self) -> Status:
-        """The first status, which has to come soon."""
+        """The first status; LinkError when none arrives in time."""
         deadline_s = time.monotonic() + _FIRST_WORD_S
         while (left_s := deadline_s - time.monotonic()) > 0.0:
             if self.waiting(left_s):
@@ -117,7 +117,7 @@ class Statuses:
         raise LinkError(f"{self._path}: the service says nothing")
 
     def read(self) -> list[Status]:
-        """What has arrived since, oldest first; waits for some of it, perhaps part of a status."""
+        """Statuses received since, oldest first; waits for data, perhaps part of a status."""
         try:
             data = self._socket.recv(65_536)
         except ConnectionError:
@@ -142,14 +142,14 @@ class Statuses:
 
 
 def _write_json(statuses: Statuses) -> NoReturn:
-    """A line for every status."""
+    """Writes a line for every status."""
     while True:
         for status in statuses.read():
             _say(json.dumps(status))
 
 
 def _write_lines(statuses: Statuses) -> NoReturn:
-    """Each `_LINE_PERIOD_S` the gist of the last status, or that there is none any more."""
+    """Writes each `_LINE_PERIOD_S` the last status in short, or that the service is silent."""
     status, heard_s = statuses.first(), time.monotonic()
     while True:
         _say(silence_of(time.monotonic() - heard_s) or line_of(status))
@@ -165,7 +165,7 @@ def _say(line: str) -> None:
 
 
 def _watch(statuses: Statuses, console: Console) -> None:
-    """The page, until q is typed."""
+    """Shows the page until q is typed."""
     status, heard_s = statuses.first(), time.monotonic()
     with _keys() as keys, Live(console=console, screen=True, auto_refresh=False) as live:
         while True:
@@ -184,7 +184,7 @@ def _watch(statuses: Statuses, console: Console) -> None:
 
 @contextlib.contextmanager
 def _keys() -> Iterator[set[int]]:
-    """The keyboard, if there is one, as a file that tells every key at once and shows none."""
+    """The keyboard, if there is one, as a descriptor that delivers each key at once, no echo."""
     if not sys.stdin or not sys.stdin.isatty():
         yield set()
         return

@@ -1,8 +1,8 @@
-"""The tracker: where on its trajectory the aircraft should be, and the setpoint that says so.
+"""The tracker: reference of the aircraft on its trajectory, and the setpoint for it.
 
-Progress is measured by the aircraft and not by a clock: when the aircraft falls behind, the
-reference slows down, and stands when it is too far off, so that a gust makes it late and not
-lost. Inputs: the reference, the aircraft's position, the time step; output: the next reference.
+Progress follows the aircraft and not a clock: when the aircraft falls behind, the reference slows
+down, and stops when the aircraft is too far off. A gust delays the aircraft and does not lose it.
+Inputs: the reference, the aircraft's position, the time step; output: the next reference.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from ..vehicle import Guidance
 from .trajectory import FloatArray, Trajectory
 
 _STAND_STILL = 2.0
-"""An error brakes the reference up to this much harder than its trajectory does."""
+"""Factor by which an error may brake the reference harder than its trajectory does."""
 _ARRIVED_M = 0.005
 
 
@@ -25,7 +25,7 @@ _ARRIVED_M = 0.005
 class Reference:
     """One instant of the trajectory that is followed.
 
-    stop_m: where on the trajectory it comes to rest; None: at its end. offset_m, (3,), leads from
+    stop_m: distance at which the reference comes to rest; None: the end. offset_m, (3,), leads from
     the trajectory to the setpoint; it fades, and the reference waits for it. It is not zero only
     after the trajectory was moved under the setpoint.
     """
@@ -58,21 +58,21 @@ class Reference:
 
     @property
     def position_m(self) -> FloatArray:
-        """Where the setpoint is, (3,)."""
+        """Position of the setpoint, (3,)."""
         return self.trajectory.at(self.distance_m)[0] + self.offset_m
 
     @property
     def velocity_mps(self) -> FloatArray:
-        """How the setpoint moves, (3,)."""
+        """Velocity of the setpoint, (3,)."""
         return self.speed_mps * self.trajectory.at(self.distance_m)[1] + self.offset_rate_mps
 
     @property
     def arrived(self) -> bool:
-        """Whether the end of the trajectory is reached."""
+        """True at the end of the trajectory."""
         return self.distance_m >= self.trajectory.length_m - _ARRIVED_M
 
     def stopping_m(self, acceleration_mps2: float) -> float:
-        """The distance along the trajectory at which the reference can stand."""
+        """The distance along the trajectory at which the reference can stop."""
         return self.distance_m + self.speed_mps**2 / (2.0 * acceleration_mps2)
 
     def braked(self, acceleration_mps2: float) -> Reference:
@@ -89,7 +89,7 @@ def advanced(
     step_s: float,
     pace: float = 1.0,
 ) -> Reference:
-    """The reference after `step_s`; `fade_mps` is how fast an offset may fade.
+    """The reference after `step_s`; `fade_mps` is the rate at which an offset may fade.
 
     pace: the part of the trajectory's speed that is allowed.
     """

@@ -1,10 +1,9 @@
 """The trajectory: a path with rounded corners and, at each point, the greatest speed allowed.
 
-Inputs: the points of a plan with the speed of each move, and what else caps the speed; output:
-samples along the path. Corners are rounded by arcs that leave the path within a given distance of
-the corner, and the speed is such that neither the arcs nor any braking ask for more than the
-vehicle's acceleration. How that speed is reached is the tracker's affair (`tracking`), which knows
-how late the aircraft is.
+Inputs: the points of a plan with the speed of each move, and further speed caps; output: samples
+along the path. Corners are rounded by arcs that leave the path within a given distance of the
+corner. Neither the arcs nor braking need more than the vehicle's acceleration. The tracker
+(`tracking`) decides how that speed is reached: it measures the aircraft's delay.
 """
 
 from __future__ import annotations
@@ -26,14 +25,14 @@ SpeedCap = Callable[[FloatArray, FloatArray], FloatArray]
 _SAMPLE_M = 0.1
 _ARC_PIECES = 6
 _SLIGHT_TURN_RAD = math.radians(10.0)
-"""A lesser turn needs no arc, but is taken no faster than one as long as its straights."""
+"""A lesser turn needs no arc; its speed is at most that of an arc as long as its straights."""
 _SHARP_TURN_RAD = math.radians(150.0)
-"""A greater one cannot be an arc: it is taken at the corner, all but standing."""
+"""A greater turn cannot be an arc: it is flown at the corner, almost at rest."""
 _SHARP_TURN_MPS = 0.1
 _STRAIGHT_RAD = 1e-6
 _SAME_POINT_M = 1e-6
 _SLOWEST_MPS = 1e-3
-"""Nothing is flown slower for longer than an instant."""
+"""Lower bound of the mean speed in durations: a lower speed lasts only an instant."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -44,7 +43,7 @@ class PathPoints:
     speed_mps: FloatArray
 
     def then(self, other: PathPoints) -> PathPoints:
-        """Itself, with another path that begins at its last point behind it."""
+        """The path, followed by another that begins at its last point."""
         return PathPoints(
             position_m=np.concatenate([self.position_m[:-1], other.position_m]),
             speed_mps=np.concatenate([self.speed_mps, other.speed_mps]),
@@ -58,10 +57,10 @@ class Trajectory:
     distance_m:  (n,)    of each sample, increasing
     position_m:  (n, d)
     direction:   (n, d)  unit vectors
-    limit_mps:   (n,)    what the plan, the corners and the cap allow
-    speed_mps:   (n,)    what of it can still be braked from, to rest at the end
+    limit_mps:   (n,)    allowed by the plan, the corners and the cap
+    speed_mps:   (n,)    the limit reduced so that braking is possible, to rest at the end
     points_m:    (m, d)  the points of the plan
-    corner_m:    (m,)    where each of them is reached, or its rounding begins
+    corner_m:    (m,)    distance of each of them, or of the start of its rounding
     """
 
     distance_m: FloatArray
@@ -102,7 +101,7 @@ class Trajectory:
         return position, direction / norm if norm > _SAME_POINT_M else direction, speed
 
     def duration_s(self, from_m: float) -> float:
-        """How long the rest from a distance on takes at the greatest speed."""
+        """Time for the rest of the path from a distance on, at the greatest speed."""
         if from_m >= self.length_m:
             return 0.0
         ahead = self.distance_m > from_m
@@ -117,13 +116,13 @@ class Trajectory:
     ) -> tuple[FloatArray, FloatArray]:
         """Points (n, d) from a distance on, and the times (n - 1,) between them, as it is flown.
 
-        speed_mps: there; how soon the greatest speed is reached is a matter of the acceleration.
+        speed_mps: speed there; the acceleration limits how soon the greatest speed is reached.
         """
         ahead = self.distance_m > from_m
         first, _, greatest_mps = self.at(from_m)
         distance = np.concatenate([[from_m], self.distance_m[ahead]])
         limit = np.concatenate([[min(speed_mps, greatest_mps)], self.speed_mps[ahead]])
-        # With v^2 - 2 a s constant while it speeds up, the limit is a running minimum of that.
+        # With v^2 - 2 a s constant during acceleration, the limit is a running minimum of that.
         gained = 2.0 * acceleration_mps2 * distance
         speed = np.sqrt(np.minimum.accumulate(limit**2 - gained) + gained)
         mean = np.maximum(0.5 * (speed[:-1] + speed[1:]), _SLOWEST_MPS)
@@ -165,9 +164,9 @@ def make_trajectory(
 ) -> Trajectory:
     """The trajectory along a plan's points, at rest at its end.
 
-    lead_in: points that are flown first and end at the plan's first point: what is left of an
-    earlier trajectory, so that a new plan moves no setpoint. rounding_m: how far before and
-    behind a corner its arc may reach. cap: what else limits the speed.
+    lead_in: points that are flown first and end at the plan's first point: the rest of an earlier
+    trajectory, so that a new plan moves no setpoint. rounding_m: greatest reach of an arc before
+    and behind its corner. cap: a further limit of the speed.
     """
     whole = path if lead_in is None else lead_in.then(path)
     plan_begins = 0 if lead_in is None else len(lead_in.position_m) - 1
@@ -294,7 +293,7 @@ def _directions(step: FloatArray) -> FloatArray:
     before, after = np.concatenate([unit[:1], unit]), np.concatenate([unit, unit[-1:]])
     mean = before + after
     norm = np.sqrt((mean**2).sum(axis=1))[:, None]
-    # Where the path turns back there is no mean direction: the way onward is the direction.
+    # Where the path turns back there is no mean direction: the next step gives the direction.
     return np.where(norm > 0.5, mean / np.maximum(norm, _SAME_POINT_M), after)
 
 

@@ -1,1 +1,1 @@
-"""Where plans and flights go besides the autopilot: pictures, recordings, messages, pages."""
+"""Outputs of plans and flights besides the autopilot: pictures, recordings, messages, pages."""

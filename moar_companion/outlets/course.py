@@ -1,4 +1,4 @@
-"""Where a plan begins, how it goes and where it ends: marks on the axes of a plane."""
+"""Start, path and end of a plan: marks on the axes of a plane."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _REGION = "#0a8f5b"
 _TARGET = "#ffd23f"
 _REFINED = "#e619e6"
 _ALTERNATIVES = ("#7b2cbf", "#0077b6", "#2a9d3a", "#d6006e", "#00a6a6", "#5c4033", "#808000")
-"""Apart from each other, from the safety map and from the colours of speed."""
+"""Distinct from each other, from the safety map and from the colours of speed."""
 _SPEED = LinearSegmentedColormap.from_list(
     "speed", colormaps["YlGnBu_r"](np.linspace(0.04, 0.68, 64))
 )
@@ -44,7 +44,7 @@ def draw_goal(
     target: str | int | None,
     region: GoalRegion | None,
 ) -> None:
-    """Draw where a mission ends: the target among the others, or goal region and landing points."""
+    """Draw the end of a mission: the target among the others, or goal region and landing points."""
     if mission is Mission.INSPECTION:
         _draw_targets(axes, site, target)
         return
@@ -118,7 +118,7 @@ def draw_alternatives(axes: Any, others: Sequence[Plan]) -> list[Any]:
 
 
 def draw_descent(axes: Any, above_m: FloatArray, landing_m: PlanePoint) -> None:
-    """The landing itself, which is the autopilot's: from the end of the leg straight down."""
+    """Draw the landing, flown by the autopilot: from the end of the leg straight down."""
     axes.plot(
         *np.array([above_m, landing_m]).T,
         color=INK,
@@ -130,9 +130,9 @@ def draw_descent(axes: Any, above_m: FloatArray, landing_m: PlanePoint) -> None:
 
 
 def draw_start(axes: Any, position_m: PlanePoint, velocity_mps: PlanePoint) -> None:
-    """Draw where the vehicle starts, with an arrow for its velocity.
+    """Draw the start of the vehicle, with an arrow for its velocity.
 
-    The arrow is as long as the way of one second, within what can be seen.
+    The arrow is as long as the distance flown in one second, within visible limits.
     """
     speed_mps = math.hypot(*velocity_mps)
     moving = f", at {speed_mps:.1f} m/s" if speed_mps > 0.0 else ", at rest"
@@ -172,7 +172,7 @@ def draw_start(axes: Any, position_m: PlanePoint, velocity_mps: PlanePoint) -> N
 
 
 def _draw_targets(axes: Any, site: Site, target: str | int | None) -> None:
-    """All targets as stars, the one that is meant larger and with its name in bold."""
+    """Draw all targets as stars, the chosen one larger and with its name in bold."""
     star = {"marker": "*", "markeredgecolor": INK, "linestyle": "none"}
     meant = [item.position_m for item in site.targets if item.name == target]
     others = [item.position_m for item in site.targets if item.name != target]
@@ -203,5 +203,5 @@ def _draw_landing(axes: Any, index: int, point_m: PlanePoint) -> None:
 
 
 def _elsewhere(place_m: PlanePoint, point_m: PlanePoint) -> str:
-    """What is added to the name of a point that had to be drawn at the border of the view."""
+    """Addition to the name of a point that is drawn at the border of the view."""
     return "" if place_m == point_m else f" ({point_m[0]:g}, {point_m[1]:g})"

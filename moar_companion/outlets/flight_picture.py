@@ -52,12 +52,12 @@ class PlannedPath:
     mission: Mission
     points_m: np.ndarray[Any, Any]
     states: int
-    """How many of the points belong to the path proper; the rest is the landing leg."""
+    """Number of points that belong to the path proper; the rest is the landing leg."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FlightStory:
-    """What the companion decided in a flight; times in seconds since its first record.
+    """Decisions of the companion in a flight; times in seconds since its first record.
 
     risk: (n, 4) in the order of the paper, at time_s (n,).
     """
@@ -75,7 +75,7 @@ class FlightStory:
 
     @classmethod
     def of(cls, decisions: Iterable[dict[str, Any]]) -> FlightStory:
-        """The story of decisions as they stand in the record."""
+        """The story of recorded decisions."""
         plans, states, orders, times, risks = [], [], [], [], []
         begin_s: float | None = None
         for decision in decisions:

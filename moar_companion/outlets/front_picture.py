@@ -1,4 +1,4 @@
-"""The picture of a trade-off: the best paths for all weights, and which is best for which.
+"""The picture of a trade-off: the best paths for all weights, and the weights for each.
 
 Inputs: a plan, the front of its problem, site and maps. Output: one figure in a file.
 """
@@ -27,14 +27,14 @@ from .plane import COLOUR_BAR_IN, draw_colour_bars, draw_plane, view_of
 
 _COLOURS = colormaps["viridis"]
 _OWN = "#e4002b"
-"""The plan that was asked for."""
+"""Colour of the requested plan."""
 
 # The page, in inches.
 _LEFT, _PLANE_WIDTH, _RIGHT = 0.75, 7.6, 0.15
 _TITLE, _BELOW = 0.65, 0.6
 _GAP, _TRIANGLE_WIDTH = 0.95, 4.4
 _CORNERS = np.array([[0.5, np.sqrt(0.75)], [0.0, 0.0], [1.0, 0.0]])
-"""Where safety, time and energy alone count."""
+"""Corners where safety, time and energy alone count."""
 
 
 def draw_front(
@@ -89,7 +89,7 @@ def _draw_page(
 
 
 def _draw_triangle(axes: Any, plan: Plan, front: list[Supported], colours: FloatArray) -> None:
-    """All weights: for each path of the front, those for which it is the best."""
+    """All weights: for each path of the front, the region in which it is the best."""
     axes.set_axis_off()
     axes.set_aspect("equal")
     axes.set_xlim(-0.12, 1.12)

@@ -1,4 +1,4 @@
-"""Names beside points on axes, moved apart from each other and from what they would hide."""
+"""Names beside points on axes, moved apart from each other and from marks they would hide."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ _PLACES = tuple(
         (-0.8, -0.8, "right", "top"),
     )
 )
-"""Where a name may stand beside its point: offset (points of print) and alignment."""
+"""Places of a name beside its point: offset (points of print) and alignment."""
 
 
 def label(axes: Any, point_m: PlanePoint, text: str, *, bold: bool = False) -> None:
-    """Name a point; `place_labels` finds the place beside it."""
+    """Name a point; `place_labels` chooses the place beside it."""
     axes.annotate(
         text,
         point_m,

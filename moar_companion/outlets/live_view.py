@@ -22,16 +22,16 @@ _UNKNOWN = "unknown"
 _WIDE = 120
 """From this width the risks stand beside the rest, else below it."""
 _LEFT_WIDTH = 52
-"""The rest beside the risks has this at least."""
+"""Least width of the rest beside the risks."""
 _TALL_WIDE, _TALL = 34, 48
-"""From this height, wide or not, there is room for every input; on less most rows are one line."""
+"""Height, wide or not, with room for every input; below it most rows are one line."""
 _LABEL_WIDTH = 14
 _BAR_WIDTH, _SHORT_BAR_WIDTH = 20, 12
-"""The short one where the risks have half a page and stand beside what decides them."""
+"""The short bar: risks on half a page, each beside its deciding input."""
 _HIGH, _VERY_HIGH = 0.5, 0.8
 """Risk indices from which a bar is yellow, and red."""
 _SILENT_S = 2.0
-"""The service speaks four times a second: after this it says nothing."""
+"""The service sends four statuses a second: after this it counts as silent."""
 _STATE_STYLES = {
     "flying": "bold green",
     "at_target": "bold green",
@@ -49,7 +49,7 @@ Row = tuple[str, RenderableType]
 
 
 class LiveView:
-    """The page. notes: further lines, the last ones at the bottom; silent_s: since the status."""
+    """The page. notes: further lines, the last ones at the bottom; silent_s: status age."""
 
     def __init__(self, status: Status, *, notes: Sequence[str] = (), silent_s: float = 0.0) -> None:
         self._status = status
@@ -68,7 +68,7 @@ class LiveView:
         yield _head(status, silence_of(self._silent_s))
         yield Rule(style="dim")
         if wide:
-            # What stands at the left can be wrapped; names of inputs cannot.
+            # Text at the left can be wrapped; names of inputs cannot.
             needed = Measurement.get(console, options, risk).maximum
             columns = Table.grid(expand=True, padding=(0, 2))
             columns.add_column(ratio=1)
@@ -85,12 +85,12 @@ class LiveView:
 
 
 def silence_of(silent_s: float) -> str | None:
-    """What is said of a service that says nothing any more; None while it speaks."""
+    """Text for a service that is silent; None while it sends."""
     return f"no word from the service for {silent_s:.0f} s" if silent_s >= _SILENT_S else None
 
 
 def line_of(status: Status) -> str:
-    """The gist of a status in one line."""
+    """Summary of a status in one line."""
     mission, aircraft, path = status["mission"], status["aircraft"], status["path"]
     words = [
         _clock(status),
@@ -110,7 +110,7 @@ def line_of(status: Status) -> str:
 
 
 def _head(status: Status, silence: str | None) -> Table:
-    """Whose status, and when; of a service that says nothing, that instead of a mode long past."""
+    """Autopilot, mode and time of the status; for a silent service its silence instead."""
     autopilot = status["autopilot"]
     words = Text("moar-companion", style="bold")
     if silence is not None:
@@ -182,7 +182,7 @@ def _aircraft(status: Status) -> Iterator[Row]:
 
 
 def _risk(status: Status, *, full: bool, bar_width: int) -> RenderableType:
-    """A bar for each index with what decides it, or with all its inputs; the weights."""
+    """A bar for each index with its deciding input, or with all its inputs; the weights."""
     parts: list[RenderableType] = []
     for name, index in status["risk"].items():
         parts.append(_rows([(name, _bar(index, bar_width, decided_by=not full))], wrap=False))
@@ -193,7 +193,7 @@ def _risk(status: Status, *, full: bool, bar_width: int) -> RenderableType:
 
 
 def _inputs(index: Status) -> RenderableType:
-    """Risk, name, value and age of an index's inputs; the one that decides stands out."""
+    """Risk, name, value and age of an index's inputs; the deciding one is highlighted."""
     table = Table.grid(padding=(0, 2), expand=True)
     table.add_column(width=2)
     table.add_column(width=7, justify="right", no_wrap=True)
@@ -242,7 +242,7 @@ def _weights(weights: Status) -> Text:
 
 
 def _work(status: Status, *, full: bool) -> Iterator[Row]:
-    """The last plan, the link, how old what was heard is, the record."""
+    """Rows of the last plan, the link, the ages of received data, the record."""
     yield "plan", _plan(status["plan"])
     ages = status["age_s"]
     yield "link", _link(status["link"], ages["ground_station"])
@@ -282,7 +282,7 @@ def _link(link: Status | None, ground_station_age_s: float | None) -> Text:
 
 
 def _signed(refused: Mapping[str, Mapping[str, int]]) -> Text:
-    """What signed links have refused, of all of them together."""
+    """Packets that the signed links have refused, summed over the links."""
     counts = Counter[str]()
     for reasons in refused.values():
         counts.update(reasons)
@@ -300,7 +300,7 @@ def _radio(radio: Status | None) -> str:
 
 
 def _rows(rows: Iterable[Row], *, wrap: bool) -> RenderableType:
-    """Rows of a label and what stands beside it; without `wrap` each is one line."""
+    """Rows of a label and its content; without `wrap` each is one line."""
     table = Table.grid(expand=True)
     table.add_column(width=_LABEL_WIDTH, no_wrap=True, style="cyan")
     table.add_column(ratio=1, no_wrap=not wrap, overflow="fold" if wrap else "ellipsis")
@@ -310,7 +310,7 @@ def _rows(rows: Iterable[Row], *, wrap: bool) -> RenderableType:
 
 
 def _doing(mission: Status) -> str:
-    """State, mission and goal in words."""
+    """State, mission and goal as text."""
     words = [mission["state"].replace("_", " ")]
     if mission["mission"] is not None:
         words.append(mission["mission"])
@@ -337,7 +337,7 @@ def _number(value: float | None, digits: int, unit: str = "") -> str:
 
 
 def _known(value: float | None, digits: int, unit: str) -> tuple[str, str]:
-    """A number to look at; unknown stands out."""
+    """A number with its style; unknown is highlighted."""
     return _number(value, digits, unit), "magenta" if value is None else "bold"
 
 
@@ -357,5 +357,5 @@ def _of(section: Status | None, key: str) -> str:
 
 
 def _clean(text: str) -> str:
-    """Text of others, which may hold what moves a terminal's cursor."""
+    """External text without control characters, which could move a terminal's cursor."""
     return "".join(char if char.isprintable() else " " for char in text)

@@ -1,7 +1,7 @@
-"""The log: one line a record on stderr, written without making the thinking wait.
+"""The log: one line a record on stderr, written without delaying the control loop.
 
-A pipe that nobody reads, or a terminal that is stopped, loses lines and says how many: the newest,
-since the oldest tell what began.
+A pipe that is not read, or a terminal that is stopped, loses the newest lines; a line reports how
+many. The oldest lines are kept: they show the cause.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from functools import partial
 from .writer import Batches, Writer
 
 _MOST_BYTES = 256 * 1024
-"""Some three thousand lines."""
+"""Limit of waiting text: some three thousand lines."""
 
 
 @contextlib.contextmanager
 def log_to_stderr() -> Iterator[None]:
-    """Write what is logged inside; what was logged is written at the end, if stderr takes it."""
+    """Writes records logged inside; the rest is written at the end, if stderr accepts it."""
     lines = _Lines()
     handler = logging.StreamHandler(lines)
     handler.setFormatter(logging.Formatter("%(levelname)s %(message)s"))
@@ -41,8 +41,8 @@ class _Lines:
     """The stream of a handler, whose lock lets one thread at a time write."""
 
     def __init__(self) -> None:
-        # Not by its buffer: a thread that is held up in that makes the interpreter's end abort. Nor
-        # by its number alone: where there is no stderr, a link or a file may have got that.
+        # Not by its buffer: a thread blocked in it makes the interpreter abort at exit. Nor by its
+        # number alone: without a stderr, a link or a file may have that number.
         stderr = sys.__stderr__
         descriptor = os.open(os.devnull, os.O_WRONLY) if stderr is None else stderr.fileno()
         self._writer = Writer("log", partial(_write_loop, descriptor), most_bytes=_MOST_BYTES)

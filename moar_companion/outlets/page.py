@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 
 DPI = 150
 INK = "#1b1d21"
-"""Of names, rims and lines."""
+"""Colour of names, rims and lines."""
 
 _STYLE = {
     "font.family": "DejaVu Sans",
@@ -28,7 +28,7 @@ _STYLE = {
 
 @contextmanager
 def page_style() -> Iterator[None]:
-    """Drawing and saving inside of this looks the same, whatever its user has set."""
+    """Context with one style for drawing and saving, whatever the user has set."""
     with style.context(["default", _STYLE], after_reset=True), warnings.catch_warnings():
         # A name in a script that the font does not have is drawn as boxes.
         warnings.filterwarnings("ignore", message="Glyph .* missing from")
@@ -36,7 +36,7 @@ def page_style() -> Iterator[None]:
 
 
 class Page:
-    """An empty white page, inches."""
+    """An empty white page, sizes in inches."""
 
     def __init__(self, width_in: float, height_in: float) -> None:
         self.width_in, self.height_in = width_in, height_in
@@ -55,7 +55,7 @@ class Page:
         )
 
     def title(self, left_in: float, site: str, what: str, colour: str = INK) -> None:
-        """The site in bold, and below it what is shown; too long a text is shortened."""
+        """The site in bold, and the subject below it; too long a text is shortened."""
         for down_in, text, most, size, weight, text_colour in (
             (0.12, site, 90, 13, "bold", INK),
             (0.4, what, 130, 10.5, "normal", colour),

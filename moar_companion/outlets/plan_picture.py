@@ -1,4 +1,4 @@
-"""The picture of a plan: site, safety map and path, and below them what it costs and why.
+"""The picture of a plan: site, safety map and path, and below them cost, weights and risks.
 
 Inputs: a plan with its site and maps. Output: one figure in a file, drawn without a screen.
 """
@@ -50,8 +50,8 @@ def draw_plan(
 ) -> None:
     """Draw a plan, also one that was not found, into a file (png, svg or pdf).
 
-    alternatives: of the same problem under other risks, drawn as thin lines. refined: what became
-    of its path.
+    alternatives: of the same problem under other risks, drawn as thin lines. refined: the refined
+    path.
     """
     with page_style():
         page = _draw_page(plan, site, vehicle, maps, alternatives, refined)
@@ -111,7 +111,7 @@ def _pair(point: Any) -> PlanePoint:
 
 
 def _region(plan: Plan, site: Site, vehicle: Vehicle, maps: Maps) -> GoalRegion | None:
-    """The goal region; None where no landing point is seen, of which a failed plan may not know."""
+    """The goal region; None for an inspection, or where a failed plan sees no landing point."""
     if plan.mission is Mission.INSPECTION:
         return None
     try:
@@ -134,7 +134,7 @@ def _grouped(plan: Plan, alternatives: Sequence[Plan]) -> list[tuple[Plan, list[
 
 
 def _draw_names(axes: Any, lines: list[Any], others: list[tuple[Plan, list[str]]]) -> None:
-    """Which line is the path under which risks, in axes of its own."""
+    """Draw the legend of paths and their risks, in axes of its own."""
     axes.set_axis_off()
     bold = axes.plot([], [], color=INK, linewidth=4.0)
     axes.legend(
@@ -151,7 +151,7 @@ def _draw_names(axes: Any, lines: list[Any], others: list[tuple[Plan, list[str]]
 
 
 def _draw_legend(axes: Any, plane: Any) -> None:
-    """What the marks on the plane mean, in axes of its own."""
+    """Draw the legend of the marks on the plane, in axes of its own."""
     axes.set_axis_off()
     handles, names = plane.get_legend_handles_labels()
     unique = dict(zip(names, handles, strict=True))

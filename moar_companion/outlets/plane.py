@@ -1,6 +1,6 @@
 """The plane of a site over its safety map, on any axes (paper, Fig. 1, 3 and 9).
 
-Inputs: a site and its maps. `view_of` says what to show of them, `draw_plane` draws it; areas,
+Inputs: a site and its maps. `view_of` selects the part to show, `draw_plane` draws it; areas,
 names at the border and colour bars are drawn with the helpers below, here and in `course`.
 """
 
@@ -24,7 +24,7 @@ from .labels import label
 from .page import INK
 
 View = tuple[float, float, float, float]
-"""What is seen of the plane, m: least and greatest x, least and greatest z."""
+"""Visible part of the plane, m: least and greatest x, least and greatest z."""
 
 COLOUR_BAR_IN = 0.88
 """Width of a colour bar with its figures."""
@@ -39,7 +39,7 @@ _SAFETY = LinearSegmentedColormap.from_list(
 """White to burnt orange: apart from the blues of the path for every kind of colour vision."""
 
 _REACH = 0.5
-"""How far outside the workspace something is still shown, of the workspace's greater extent."""
+"""Distance outside the workspace that is still shown, as part of its greater extent."""
 _MARGIN = 0.03
 _TICKS = 9
 """Ticks along the longer side, at most; the shorter side has the same step,"""
@@ -50,7 +50,7 @@ _FLATTEST, _TALLEST = 0.3, 0.9
 
 
 def view_of(site: Site, vehicle: Vehicle, points_m: list[PlanePoint]) -> View:
-    """What a picture of the plane shows: the workspace, obstacles that matter, and the points.
+    """Part of the plane in a picture: the workspace, obstacles that matter, and the points.
 
     Obstacles are shown as far as they cost safety; points that lie so far off that they would
     squeeze the workspace are left outside.

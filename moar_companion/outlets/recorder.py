@@ -1,13 +1,13 @@
-"""The recorder: what was heard, sent and decided, in files that survive the flight.
+"""The recorder: packets received and sent, and decisions, in files kept after the flight.
 
     FOLDER/flight_20261121T114500Z/flight.tlog      packets of both directions, for ground stations
     FOLDER/flight_20261121T114500Z/decisions.jsonl  one JSON object a line: time_s, kind, data
 
 A .tlog is a sequence of 8 bytes big-endian microseconds since 1970 and one raw packet. The
 machine's times are turned into wall-clock times by the offset at the start, so that both files
-agree even when the host's clock is set in flight. A thread writes, so that a slow disk makes nobody
-wait. A disk that is full, or too slow for long, ends the recording and not the flight: what is
-recorded has no gaps.
+agree even when the host's clock is set in flight. A thread writes, so that a slow disk delays
+nothing else. A disk that is full, or too slow for long, ends the recording and not the flight: the
+recording has no gaps.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from typing import Any, BinaryIO
 from .writer import Batches, Writer
 
 _PERIOD_S = 1.0
-"""How much of a flight a process that is killed loses at most."""
+"""Longest part of a flight that a killed process loses."""
 _MOST_BYTES = 8 * 1024 * 1024
-"""What waits for the disk: more than a minute of a link at 921600 baud."""
+"""Limit of the data that waits for the disk: more than a minute of a link at 921600 baud."""
 _TOO_SLOW = "the disk is too slow"
 
 _logger = logging.getLogger(__name__)
@@ -47,7 +47,7 @@ class Recorder:
         packets = (self.folder / "flight.tlog").open("wb")
         decisions = (self.folder / "decisions.jsonl").open("wb")
         self.ended: OSError | None = None
-        """Why nothing is recorded any more; None while the flight is recorded."""
+        """Reason why the recording has ended; None while the flight is recorded."""
         self._writer = Writer(
             "recorder",
             partial(self._write_loop, packets, decisions),
@@ -72,7 +72,7 @@ class Recorder:
             self._end(OSError(errno.ETIMEDOUT, _TOO_SLOW))
 
     def close(self) -> None:
-        """Wait a while for what is to be written, and close."""
+        """Waits a limited time for unwritten data, then closes."""
         if not self._writer.close():
             self._end(OSError(errno.ETIMEDOUT, _TOO_SLOW))
 

@@ -1,4 +1,4 @@
-"""What a replay of a recording shows: values, and their JSON (contract).
+"""Values of a replay of a recording, and their JSON (contract).
 
 All times are seconds since the recording's first packet, and never go back.
 """
@@ -13,7 +13,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayEvent:
-    """Something that happened; `kind` is one word, `text` for people."""
+    """An event; `kind` is one word, `text` for people."""
 
     time_s: float
     kind: str
@@ -22,7 +22,7 @@ class ReplayEvent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayPlace:
-    """Where the aircraft was on a site."""
+    """Position of the aircraft on a site."""
 
     position_m: tuple[float, float, float]
     """x, y, z of the site's frame."""
@@ -34,11 +34,11 @@ class ReplayPlace:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplaySample:
-    """How things stood at one instant; None is unknown.
+    """State at one instant; None is unknown.
 
-    risk: the four indices by name. why: the input that decides each now. reasons: that in words,
-    with its value and age. weights: what the indices make of those of an inspection, and which does
-    what.
+    risk: the four indices by name. why: the deciding input of each now. reasons: the same as text,
+    with its value and age. weights: those of an inspection as adjusted by the indices, and the
+    effect of each index.
     """
 
     time_s: float
@@ -57,7 +57,7 @@ class ReplayMeasure:
     """One input of a risk index over the recording."""
 
     known_s: float
-    """For how long it was known."""
+    """Time for which it was known."""
     greatest_risk: float | None
     """None where it was never known."""
 
@@ -66,13 +66,13 @@ class ReplayMeasure:
 class Replay:
     """A whole recording, replayed.
 
-    inputs: messages by source of telemetry, and when the last came. measures: the inputs of the
-    risk indices, by index and name. sources: who was heard, with packets received and lost.
+    inputs: messages by source of telemetry, and the time of the last. measures: the inputs of the
+    risk indices, by index and name. sources: senders, with packets received and lost.
     """
 
     recording: str
     vehicle: str
-    """By whose thresholds risk was judged."""
+    """Vehicle whose thresholds define the risk."""
     autopilot: str
     vehicle_type: str | None
     duration_s: float

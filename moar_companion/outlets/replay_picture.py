@@ -1,7 +1,7 @@
-"""The picture of a replay: the four indices over time under what happened and what was flown.
+"""The picture of a replay: the four indices over time, below events and flight modes.
 
 From top to bottom: events, flight modes, the mission's states where there are any, one panel for
-each index, and the clearance where a site is known. What is unknown is hatched, never drawn as 0.
+each index, and the clearance where a site is known. Unknown values are hatched, never drawn as 0.
 """
 
 from __future__ import annotations
@@ -47,14 +47,14 @@ _KINDS = {
     "answer": "#0a58a8",
     "text": "#555555",
 }
-"""What is named, the most important first, with its colour."""
+"""Kinds of events that are named, the most important first, with their colours."""
 _BANDS: dict[str, Callable[[ReplaySample], str | None]] = {
     "mission": lambda sample: sample.mission_state,
     "mode": lambda sample: sample.mode,
 }
-"""What has a band by the kind of its events, from below: named there, as events where too short."""
+"""Bands by the kind of their events, from below; too short a span is named as an event."""
 _AUTOPILOT = "autopilot "
-"""Before its texts; most are its."""
+"""Prefix of the autopilot's texts, which are the majority."""
 _QUIET_TEXTS = ("info:", "debug:", "notice:")
 """Severities that are not named in the picture."""
 _LONGEST_LABELS = (80, 34)
@@ -64,12 +64,12 @@ _LABEL_SIZE = 7.0
 _FONT = FontProperties(family="DejaVu Sans")
 _FONT_UNIT = 10.0
 _PAD = 0.004
-"""Between a line and its text, of the time axis."""
+"""Distance between a line and its text, as part of the time axis."""
 _LANES = 12
 _SAMPLE_S = 0.5
 """Between samples: a span begins up to this after its event."""
 _MIN_NAMED_RISK = 0.55
-"""A greatest index below this needs no reason: as a rule it is where the estimate began."""
+"""A greatest index below this needs no reason: as a rule it is the initial estimate."""
 
 # The page, in inches.
 _LEFT, _WIDTH, _RIGHT = 1.55, 9.4, 2.15
@@ -80,7 +80,7 @@ _BAND, _BAND_GAP, _LANE = 0.24, 0.04, 0.17
 
 _Stretch = tuple[float, float]
 _Span = tuple[Hashable, float, float]
-"""A value, from when, until when."""
+"""A value, its begin and its end."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -150,7 +150,7 @@ def _draw_index(axes: Any, name: str, samples: Sequence[ReplaySample], end_s: fl
 
 
 def _greatest(name: str, samples: Sequence[ReplaySample]) -> str:
-    """How great an index was, when first, and why."""
+    """Greatest value of an index, its first time, and the deciding input."""
     known = [
         (sample.risk[name] or 0.0, sample) for sample in samples if sample.risk[name] is not None
     ]
@@ -236,7 +236,7 @@ def _draw_labels(axes: Any, labels: Sequence[_Label], lanes: int, end_s: float) 
 
 
 def _draw_title(page: Page, replay: Replay, unnamed: int) -> None:
-    """Whose recording it is, what the shades mean, and what had no room."""
+    """Draw the recording's name, the legend of the shades, and the number of unnamed events."""
     vehicle = f" {replay.vehicle_type}" if replay.vehicle_type else ""
     autopilot = f"{replay.autopilot}{vehicle}" if replay.vehicle_type else "no autopilot"
     name = _shortened(replay.recording, _LONGEST_NAME)
@@ -267,7 +267,7 @@ def _draw_title(page: Page, replay: Replay, unnamed: int) -> None:
 
 
 def _aside(axes: Any, text: str, colour: str) -> None:
-    """Words at the right of a panel."""
+    """Text at the right of a panel."""
     axes.text(
         1.012,
         0.5,
@@ -295,7 +295,7 @@ def _mark(axes: Any, events: Sequence[ReplayEvent], end_s: float) -> None:
 
 
 def _is_held(sample: ReplaySample, name: str) -> bool:
-    """Whether an index stands on what was known before."""
+    """Returns True if an index holds an earlier value, without a measurement now."""
     return sample.risk[name] is not None and sample.why[name] is None
 
 
@@ -309,13 +309,13 @@ def _spans(
 
 
 def _has_room(span: _Span, end_s: float) -> bool:
-    """Whether a span of a band is long enough for its name."""
+    """Returns True if a span of a band is long enough for its name."""
     text, begin_s, stop_s = span
     return text is not None and _width_s(str(text), end_s) < stop_s - begin_s
 
 
 def _is_in_band(event: ReplayEvent, bands: Mapping[str, Sequence[_Span]], end_s: float) -> bool:
-    """Whether a mode or state is named in its band, where the sample after its event begins it."""
+    """Returns True if a band names a mode or state; its span begins one sample late at most."""
     return any(
         event.text.startswith(str(span[0])) and span[1] - _SAMPLE_S <= event.time_s < span[2]
         for span in bands.get(event.kind, ())
@@ -324,7 +324,7 @@ def _is_in_band(event: ReplayEvent, bands: Mapping[str, Sequence[_Span]], end_s:
 
 
 def _placed(events: Sequence[ReplayEvent], end_s: float) -> tuple[list[_Label], int]:
-    """The events that find room, the important first, and how many do not."""
+    """Labels of the events that fit, the important first, and the number of those that do not."""
     order = list(_KINDS)
     named = [event for event in events if event.kind in _KINDS and not _is_quiet(event)]
     chosen: list[tuple[ReplayEvent, str, float]] = []
@@ -386,6 +386,6 @@ def _width_s(text: str, end_s: float) -> float:
 
 @cache
 def _text_width(text: str) -> float:
-    """In units of `_FONT_UNIT` to the font's size."""
+    """Width in units of `_FONT_UNIT` to the font's size."""
     path = TextPath((0.0, 0.0), text.replace("$", r"\$"), size=_FONT_UNIT, prop=_FONT)
     return float(path.get_extents().width) if len(path.vertices) else 0.0

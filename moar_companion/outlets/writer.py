@@ -1,4 +1,4 @@
-"""A thread that writes, so that nobody else waits for a disk or a pipe that stands still."""
+"""A thread that writes, so that a stalled disk or pipe delays nothing else."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from queue import Empty, SimpleQueue
 from typing import TypeAlias
 
 _LAST_WRITE_S = 2.0
-"""How long the end of the program waits for what is still to be written."""
+"""Longest wait at the end of the program for unwritten data."""
 
 Batches: TypeAlias = Iterator[list[tuple[bytes, ...]]]
-"""What was handed over since the last batch, in order; never nothing. They end with `close`."""
+"""Data handed over since the last batch, in order; never empty. They end with `close`."""
 
 
 class Writer:
     """Runs `write` in a thread of its own, which a program that ends does not wait for.
 
-    period_s: what is handed over within it is one batch. most_bytes: no more than this waits.
+    period_s: data handed over within it is one batch. most_bytes: limit of the waiting data.
     """
 
     def __init__(
@@ -42,7 +42,7 @@ class Writer:
         self._thread.start()
 
     def put(self, *data: bytes) -> bool:
-        """Have it written soon; False for what is not taken, because too much waits.
+        """Queues data to be written soon; False for data refused because too much waits.
 
         Returns at once. To be called by one thread at a time.
         """
@@ -54,7 +54,7 @@ class Writer:
         return True
 
     def close(self) -> bool:
-        """Wait a while for what is to be written; whether that is done."""
+        """Waits a limited time for unwritten data; True if all is written."""
         self._closing.set()
         self._waiting.put(None)
         self._thread.join(_LAST_WRITE_S)

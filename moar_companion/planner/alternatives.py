@@ -1,4 +1,4 @@
-"""A problem under other levels of risk (paper, Fig. 1b and 8): how its path would change.
+"""A problem under other levels of risk (paper, Fig. 1b and 8): the change of its path.
 
 Inputs: a planner, a request, the weights before Eq. 9. Outputs: its plans under `RISK_LEVELS`.
 """
@@ -38,7 +38,7 @@ def alternatives(planner: Planner, request: PlanRequest, base: Weights) -> tuple
 
 
 def same_path(plan: Plan, other: Plan) -> bool:
-    """Whether two plans pass the same cells."""
+    """Returns True if two plans pass the same cells."""
     return np.array_equal(plan.states[:, :-1], other.states[:, :-1])
 
 

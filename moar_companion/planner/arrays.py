@@ -9,7 +9,7 @@ from .jit import BOOL, F8, I8, U1, U4, fields, read, written
 
 
 class Steps(NamedTuple):
-    """What is known of the steps of a graph (`graph.Graph`)."""
+    """Data of the steps of a graph (`graph.Graph`)."""
 
     allowed: IntArray
     safety: FloatArray
@@ -31,7 +31,7 @@ class StepCost(NamedTuple):
 
 
 class CellMemory(NamedTuple):
-    """What `backward` writes to, for each cell. Never initialised but for `touched`, zeros."""
+    """Arrays that `backward` writes, for each cell. Uninitialised except `touched`, zeros."""
 
     lead: FloatArray
     pending: IntArray
@@ -42,7 +42,7 @@ class CellMemory(NamedTuple):
 
 
 class StateMemory(NamedTuple):
-    """What `forward` writes to, for each state. Never initialised but for `touched`, zeros."""
+    """Arrays that `forward` writes, for each state. Uninitialised except `touched`, zeros."""
 
     cost: FloatArray
     came_by: IntArray
@@ -53,7 +53,7 @@ class StateMemory(NamedTuple):
 
 
 class Field(NamedTuple):
-    """What is known of the plane (`continuous`); samples are `spacing_m` apart, or closer.
+    """Data of the plane (`continuous`); samples are `spacing_m` apart, or closer.
 
     values:        (nx, nz, 2)  SC and v_sat in the cells' centres
     free:          (nx, nz)     0 occupied, 1 free, 2 free and clear of all wherever in the cell
@@ -70,7 +70,7 @@ class Field(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """What a path keeps from: rings (`cells`) by distances, (n,), and what is below a height."""
+    """Limits of a path: rings (`cells`) with their distances, (n,), and a lowest height."""
 
     vertices_m: FloatArray
     first: IntArray
@@ -87,7 +87,7 @@ class LegCost(NamedTuple):
 
 
 class Terms(NamedTuple):
-    """What a path costs, and what it has to keep to.
+    """Costs of a path, and its limits.
 
     goal: (nx, nz)  1 where a path may end that need not come to rest
     """

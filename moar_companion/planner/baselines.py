@@ -1,8 +1,8 @@
 """The paper's three planners to compare with (Section V-A): shortest, Voronoi and envelope.
 
 Inputs: a planner, whose grid, moves and goals they share, and a request. Output: a `Baseline`,
-whose metrics come from the same code as a plan's. What the paper leaves open is decided on the
-planner page, "Baselines". None of them knows weights or speeds: they compare path lengths.
+whose metrics come from the same code as a plan's. The planner page, "Baselines", decides what the
+paper leaves open. Baselines ignore weights and speeds: they compare path lengths.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from .planner import Planner
 from .regions import LandingLeg, goal_region, landing_leg
 
 _TIE = 1e-6
-"""Per metre of roadmap, to choose among connectors of equal length."""
+"""Cost per metre of roadmap, to choose among connectors of equal length."""
 _PAD = np.zeros(1, dtype=np.int64)
 """The first cell of the padding, which no step of the grid leads to or from."""
 
@@ -84,7 +84,7 @@ def baseline(planner: Planner, kind: BaselineKind, request: PlanRequest) -> Base
     if path is None:
         nothing = np.empty((0, plan.states.shape[1]), dtype=np.int64)
         return Baseline(kind=kind, status=PlanStatus.UNREACHABLE, states=nothing)
-    # As a plan, an inspection of a single state is one that starts at rest in its target's cell.
+    # As in a plan, an inspection of a single state starts at rest in its target's cell.
     stops = region is None and (len(path) > 1 or any(request.velocity_mps))
     states = _states(graph, path, stops=stops)
     leg = None
@@ -162,8 +162,8 @@ def _along(
 ) -> list[int] | None:
     """A path on a roadmap, joined to start and goals, each by its own shortest connector.
 
-    The roadmap may be in pieces: the one with the least connectors to start and nearest goal
-    serves. Of all goals, the one with the shortest way on the roadmap and over its connector.
+    The roadmap may be in pieces: the one with the shortest connectors to start and nearest goal is
+    used. The goal is the one with the shortest path on the roadmap and over its connector.
     """
     anywhere, on_roadmap = _steps(graph, free), _steps(graph, roadmap)
     from_start, before = _search(anywhere, np.array([start]))
@@ -186,13 +186,13 @@ def _along(
     last = connectors[int(np.argmin(total))]
     middle = _chain(previous, last[0])[::-1]
     path = [*_chain(before, middle[0])[::-1], *middle[1:], *last[1:]]
-    # A connector may pass a goal on its way to the roadmap: there the path has arrived.
+    # A connector may pass a goal on its way to the roadmap: the path ends there.
     arrived = np.flatnonzero(np.isin(path, goals))
     return path[: int(arrived[0]) + 1]
 
 
 def _search(steps: csr_array[np.float64], sources: IntArray) -> tuple[FloatArray, IntArray]:
-    """For every cell the length from the nearest source, and the cell before it on the way."""
+    """For every cell the length from the nearest source, and the cell before it on the path."""
     length, previous, _ = dijkstra(steps, indices=sources, return_predecessors=True, min_only=True)
     return length, previous
 

@@ -1,6 +1,6 @@
 """The compiled loops over all cells: distances to obstacles, and the steps between cells.
 
-Number by number: whole rows at once, and arrays that are filled, take much longer to compile.
+Scalar loops: operations on whole rows, and array fills, take much longer to compile.
 
 Obstacles come as rings of vertices, one behind the other: of ring k those from `first[k]` to
 `first[k + 1]`. A ring of one vertex is a point, a disc with its radius; of two, a segment.
@@ -36,9 +36,9 @@ def nearest_rings(
     """Distance to the nearest obstacle, 0 inside, and to the nearest keep-out, negative inside.
 
     Each (nx, nz), infinite without obstacles, and followed by the ring that it belongs to, or -1.
-    now: of each ring before, its index now, or -1; is_new: of each ring now, whether it was not
-    there before. Those that were there are looked at again only in a column's rows whose ring is
-    gone, or is -1, and in rows between such.
+    now: index now of each earlier ring, or -1; is_new: 1 for each ring that was not there before.
+    Earlier rings are evaluated again only in a column's rows whose ring is gone, or is -1, and in
+    rows between such.
     """
     shape = (len(x_m), len(z_m))
     distance_m, room_m = np.empty(shape), np.empty(shape)
@@ -59,7 +59,7 @@ def nearest_rings(
             if ring < 0 or other < 0:
                 lost_begin, lost_end = min(lost_begin, row), row + 1
         for ring in range(len(first) - 1):
-            # Unsigned: an index that might count from the end keeps the loops from vectors.
+            # Unsigned: an index that might be negative prevents vectorised loops.
             begin = np.uint64(0 if is_new[ring] else lost_begin)
             end = np.uint64(len(z_m) if is_new[ring] else lost_end)
             count = first[ring + 1] - first[ring]
@@ -106,7 +106,7 @@ def horizontal_distances(
 ) -> FloatArray:
     """Least horizontal distance to a point of an obstacle strictly below, (nx, nz); inf if none.
 
-    At any x the lowest point of a filled shape is on its outline, so the edges below serve. The
+    At any x the lowest point of a filled shape is on its outline, so the edges below suffice. The
     paper's exclusion: below a 45 degree slope from the lowest obstacle a fall does no damage.
     """
     lowest = np.inf

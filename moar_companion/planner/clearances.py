@@ -1,8 +1,8 @@
 """Distances of cells to obstacles and to their keep-outs, and their repair where obstacles change.
 
-Inputs: a grid and obstacles; what is known of other obstacles on the same grid. Outputs: for each
-cell how far the nearest is, and which it is. Where that one is still there, only obstacles that
-are new are looked at: the result is the same, bit by bit, as if all had been.
+Inputs: a grid and obstacles; clearances known for other obstacles on the same grid. Outputs: for
+each cell the distance and the index of the nearest. Where that one is unchanged, only new
+obstacles are evaluated: the result equals a full evaluation, bit by bit.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from .grid import FloatArray, Grid, IntArray
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Clearances:
-    """Of every cell of a grid, (nx, nz) each; infinite and -1 without obstacles.
+    """Clearances of every cell of a grid, (nx, nz) each; infinite and -1 without obstacles.
 
     distance_m, nearest: to the nearest obstacle, 0 inside, and its index
     room_m, closest:     to the nearest keep-out, negative inside, and its obstacle's index

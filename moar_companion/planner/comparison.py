@@ -1,4 +1,4 @@
-"""Two paths side by side: what is left of a plan against a new one, and how their lines differ.
+"""Comparison of two paths: the rest of a plan against a new one, and the distance of their lines.
 
 Inputs: plans of one site. Outputs: the rest of a plan under a newer request's weights, which makes
 its J comparable with that of the newer plan; the distance between two paths, and their clearances.
@@ -19,14 +19,14 @@ from .plan import Plan, PlanRequest
 from .solver import walked
 
 _SAME_CLEARANCE_M = 0.005
-"""A difference that the words, which have two digits, do not show."""
+"""A difference that a text with two digits does not show."""
 _SAME_PATH_M = 0.05
-"""Likewise, of one digit."""
+"""The same for one digit."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PathDifference:
-    """How a path differs from one before it.
+    """Difference of a path from an earlier one.
 
     mean_m, greatest_m: distance of its points from the other's line; where_m: of the greatest.
     Clearances and durations are those before and after, landing legs included.
@@ -40,7 +40,7 @@ class PathDifference:
     duration_s: tuple[float, float]
 
     def gist(self) -> str:
-        """For people, in short: `path 1.4 m outwards`, by the mean clearance."""
+        """Short text: `path 1.4 m outwards`, by the mean clearance."""
         before_m, after_m = self.mean_clearance_m
         if self.greatest_m < _SAME_PATH_M:
             return "path stays"
@@ -50,7 +50,7 @@ class PathDifference:
         return f"path {self.greatest_m:.1f} m{way or ' moved'}"
 
     def words(self) -> str:
-        """For people: the gist, how far on average, and what became of the clearance."""
+        """Text: the gist, the mean distance, and the clearances before and after."""
         (before_m, after_m), (least_before_m, least_m) = self.mean_clearance_m, self.min_clearance_m
         if self.greatest_m < _SAME_PATH_M:
             return self.gist()
@@ -63,7 +63,7 @@ class PathDifference:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """Fit for JSON; an infinite clearance is null."""
+        """The difference as values for JSON; an infinite clearance is null."""
 
         def finite(pair: tuple[float, float]) -> list[float | None]:
             return [value if math.isfinite(value) else None for value in pair]
@@ -80,7 +80,7 @@ class PathDifference:
 
 
 def is_free(graph: Graph, states: IntArray) -> bool:
-    """Whether a path of states (n, d + 1) may still be flown on a graph of the same grid."""
+    """Returns True if a path of states (n, d + 1) is still free on a graph of the same grid."""
     flat = (states[:-1, :-1] + 1) @ np.array(graph.grid.strides)
     heading = states[1:, -1]
     moves = heading != STOP
@@ -90,8 +90,8 @@ def is_free(graph: Graph, states: IntArray) -> bool:
 def rest_of(plan: Plan, maps: Maps, first: int, request: PlanRequest, graph: Graph) -> Plan | None:
     """A found plan from its state `first` on, as an answer to a newer request; None if not free.
 
-    Its cost is that under the request's weights and from its velocity; the graph and maps are
-    those of today.
+    Its cost is that under the request's weights and from its velocity; it takes the given graph
+    and maps.
     """
     states = plan.states[first:]
     if not is_free(graph, states):
@@ -105,7 +105,7 @@ def rest_of(plan: Plan, maps: Maps, first: int, request: PlanRequest, graph: Gra
 
 
 def path_difference(before: Plan, after: Plan) -> PathDifference | None:
-    """How a plan's path differs from that of another; None where either has none."""
+    """Difference of a plan's path from another; None where either plan has no path."""
     if before.metrics is None or after.metrics is None:
         return None
     points = after.waypoints.position_m

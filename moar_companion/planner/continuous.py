@@ -1,7 +1,7 @@
-"""J of a continuous path (planner page, Metrics): for planners that know no grid, and for ours.
+"""J of a continuous path (planner page, Metrics): for planners without a grid, and for this one.
 
 Inputs: the maps of a site and points in its plane, joined by straight legs. Output: the sums of J,
-infinite for a path that leaves the free cells. How a leg is sampled is told in `legs`.
+infinite for a path that leaves the free cells. `polyline` defines the samples of a leg.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from .polyline import path_sums
 
 SAMPLES_PER_CELL = 4
 OCCUPIED, FREE, CLEAR = 0, 1, 2
-"""Of a cell: never entered; free in its centre; clear of every keep-out wherever in it."""
+"""States of a cell: never entered; free in its centre; clear of every keep-out all over it."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -37,7 +37,7 @@ class ContinuousCost:
     ) -> ContinuousCost:
         """J on maps, for a vehicle's speeds."""
         grid = maps.grid
-        # Nowhere in a cell is it farther from the centre than half a diagonal.
+        # No point of a cell is farther from its centre than half a diagonal.
         clear = maps.room_m >= np.sqrt(0.5) * grid.resolution_m
         free = np.where(maps.occupied, OCCUPIED, np.where(clear, CLEAR, FREE)).astype(np.uint8)
         values = np.stack([maps.safety_cost, maps.speed_limit_mps], axis=-1)

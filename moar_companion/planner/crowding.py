@@ -1,4 +1,4 @@
-"""Crowding: which part of the margin takes the room that a plan would need."""
+"""Crowding: the part of the margin that blocks a plan."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from .planner import Planner
 def part_in_the_way(
     planner: Planner, finds: Callable[[Planner], bool], fence: PlaneFence | None = None
 ) -> str | None:
-    """The least part of the site's margin without which there is a plan; None without one.
+    """The least part of the site's margin without which there is a plan; None if there is none.
 
-    finds: whether a planner of the same site with less margin has the plan. fence: as it is flown.
+    finds: True if a planner of the same site with less margin has the plan. fence: as it is flown.
     """
     margin = planner.site.margin
     parts = {

@@ -1,6 +1,6 @@
-"""Legs from where nothing is planned to a free cell: the escape leg and the recovery leg.
+"""Legs from a place where no path can begin to a free cell: the escape leg and the recovery leg.
 
-A gust, a low take-off, a pilot or a new obstacle can leave the vehicle where nothing is planned.
+A gust, a low take-off, a pilot or a new obstacle can bring the vehicle to such a place.
 The escape leg is the shortest straight one to a free cell along which the clearance never decreases
 (planner page, "Starts in flight"), and that enters no keep-out; to an obstacle in whose keep-out it
 begins it comes no nearer. The recovery leg leads a vehicle that is outside the workspace or too low
@@ -28,9 +28,9 @@ Rings = tuple[FloatArray, IntArray, FloatArray, FloatArray]
 
 _SAMPLES_PER_CELL = 10
 _REACH_M = 10.0
-"""An aircraft that is farther from any free cell is not near the structure at all."""
+"""Longest leg: an aircraft farther from any free cell is not near the structure."""
 _BATCH = 64
-"""Legs that are looked at together, the shortest first."""
+"""Number of legs checked together, the shortest first."""
 
 
 def way_in(
@@ -40,9 +40,9 @@ def way_in(
     start_m: PlanePoint,
     barred: BoolArray | None = None,
 ) -> tuple[PlanePoint, ...]:
-    """The corners behind its start of the leg to a free cell, the cell's centre last; () for none.
+    """Corners of the leg to a free cell, without its start, the cell's centre last; () for none.
 
-    start_m: where nothing is planned. barred: free cells (nx, nz) that must not be its end.
+    start_m: where no path can begin. barred: free cells (nx, nz) that must not be its end.
     """
 
     def recovers() -> tuple[PlanePoint, ...]:
@@ -78,7 +78,7 @@ def escape_leg(
     for end_m in _ends_m(obstacles, least_m, near, start):
         places_m = _samples(maps, start, end_m)
         clearance = obstacle_clearance_m(site, places_m)
-        # Infinite without obstacles: then nothing decreases.
+        # Infinite without obstacles: then no clearance decreases.
         away = (clearance[1:] >= clearance[:-1] - TOLERANCE).all()
         if away and _stays_inside(maps.fence, places_m):
             return _point(end_m)
@@ -94,12 +94,12 @@ def recovery_leg(
     fence: PlaneFence | None = None,
     barred: BoolArray | None = None,
 ) -> tuple[PlanePoint, ...]:
-    """The corners behind its start of the recovery leg, a free cell's centre last; () for none.
+    """Corners of the recovery leg, without its start, a free cell's centre last; () for none.
 
     start_m: no farther outside the workspace than `recovery_m`. From below the minimum altitude the
-    first corner is straight above it, where that way is free. Where the start is within the margin
-    of an obstacle, the leg comes no nearer to that one. widened_m: what the distance from obstacles
-    grows by. fence: where the maps are without one. barred: free cells (nx, nz) that must not be
+    first corner is straight above it, if the leg there is free. Where the start is within the
+    margin of an obstacle, the leg comes no nearer to that one. widened_m: added to the distance
+    from obstacles. fence: in place of the maps' own. barred: free cells (nx, nz) that must not be
     its end.
     """
     if site.workspace.outside_m(start_m) > vehicle.guidance.recovery_m:
@@ -174,18 +174,18 @@ def _ends_m(
 
 
 def _lowest_m(site: Site) -> float:
-    """The height below which nothing is planned."""
+    """Lowest height at which paths are planned."""
     lower_m, low_m = site.workspace.lower_m[1], site.workspace.min_altitude_m
     return lower_m if low_m is None else max(lower_m, low_m)
 
 
 def _is_low(site: Site, start_m: PlanePoint) -> bool:
-    """Whether a place is below the minimum altitude, or the workspace."""
+    """Returns True if a place is below the minimum altitude, or the workspace."""
     return start_m[1] < _lowest_m(site) - TOLERANCE
 
 
 def _above(site: Site, maps: Maps, start_m: FloatArray) -> FloatArray | None:
-    """The place (2,) straight above a low one from where nothing is too low, within a cell."""
+    """The lowest permitted place (2,) above a low one, in its column's centre; None for none."""
     grid = maps.grid
     x_m, z_m = grid.axes_m
     rows = np.flatnonzero(z_m >= _lowest_m(site) - TOLERANCE)
@@ -216,7 +216,7 @@ def _samples(maps: Maps, start_m: FloatArray, end_m: FloatArray) -> FloatArray:
 
 
 def _stays_inside(fence: PlaneFence | None, places_m: FloatArray) -> bool:
-    """Returns whether a way through places (n, 2) never leads out of the autopilot's fence."""
+    """Returns True if a leg through places (n, 2) never leads out of the autopilot's fence."""
     if fence is None:
         return True
     inside = fence.holds(places_m)

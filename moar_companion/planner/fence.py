@@ -1,8 +1,8 @@
-"""The autopilot's fence in the site's vertical plane: where plans may lead at all.
+"""The autopilot's fence in the site's vertical plane: the area in which plans may lead.
 
-Inputs: places (n, 2) of the plane, legs, directions. Outputs: whether they are inside, how far the
-fence is, and which limit is in the way. What is outside is never entered, but it is no obstacle: no
-distance and no cost changes by it.
+Inputs: places (n, 2) of the plane, legs, directions. Outputs: masks of those inside, distances to
+the fence, and the limit that is crossed. The outside is never entered, but it is no obstacle: it
+changes no distance and no cost.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ _EVERYWHERE: Interval = (-math.inf, math.inf)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bound:
-    """One limit, with its margin taken off. name: for people, as "GF_MAX_HOR_DIST 10 m".
+    """One limit, with its margin taken off. name: for texts, as "GF_MAX_HOR_DIST 10 m".
 
     x_m: the intervals within which it is kept, in order and apart; z_m: the heights.
     """
@@ -30,20 +30,20 @@ class Bound:
     z_m: Interval = _EVERYWHERE
 
     def holds(self, places_m: FloatArray, beyond_m: float = 0.0) -> BoolArray:
-        """Which places (n, 2) are inside, or up to `beyond_m` outside along an axis: (n,)."""
+        """Mask (n,) of places (n, 2) that are inside, or up to `beyond_m` outside along an axis."""
         return np.asarray(
             (self._interval(places_m, beyond_m) >= 0) & self._high(places_m, beyond_m)
         )
 
     def holds_legs(self, starts_m: FloatArray, end_m: FloatArray, beyond_m: float) -> BoolArray:
-        """Which straight legs from starts (n, 2) to an end (2,) are inside: (n,)."""
+        """Mask (n,) of straight legs from starts (n, 2) to an end (2,) that are inside."""
         end_m = end_m[None, :]
         interval = self._interval(starts_m, beyond_m)
         same = (interval >= 0) & (interval == self._interval(end_m, beyond_m))
         return np.asarray(same & self._high(starts_m, beyond_m) & self._high(end_m, beyond_m))
 
     def free_m(self, places_m: FloatArray, directions: FloatArray) -> FloatArray:
-        """How far from places (n, 2) along unit vectors it is kept: (n,); inf from outside."""
+        """Distance to the limit from places (n, 2) along unit vectors: (n,); inf from outside."""
         free = np.full(len(places_m), np.inf)
         for low, high in self.x_m:
             inside = (places_m[:, 0] >= low - TOLERANCE) & (places_m[:, 0] <= high + TOLERANCE)
@@ -68,13 +68,13 @@ class Bound:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlaneFence:
-    """All limits. margin_m: by how much they are stricter than the autopilot's."""
+    """All limits. margin_m: margin of each to the autopilot's limit."""
 
     bounds: tuple[Bound, ...]
     margin_m: float
 
     def holds(self, places_m: FloatArray, beyond_m: float = 0.0) -> BoolArray:
-        """Which places (n, 2) are inside all limits, or no more than `beyond_m` outside: (n,)."""
+        """Mask (n,) of places (n, 2) inside all limits, or no more than `beyond_m` outside."""
         inside = np.ones(len(places_m), dtype=bool)
         for bound in self.bounds:
             inside &= bound.holds(places_m, beyond_m)
@@ -83,21 +83,21 @@ class PlaneFence:
     def holds_legs(
         self, starts_m: FloatArray, end_m: FloatArray, beyond_m: float = 0.0
     ) -> BoolArray:
-        """Which straight legs from starts (n, 2) to an end (2,) are inside: (n,)."""
+        """Mask (n,) of straight legs from starts (n, 2) to an end (2,) that are inside."""
         inside = np.ones(len(starts_m), dtype=bool)
         for bound in self.bounds:
             inside &= bound.holds_legs(starts_m, end_m, beyond_m)
         return inside
 
     def crossed(self, places_m: FloatArray, beyond_m: float = 0.0) -> str | None:
-        """The name of the first limit outside of which one of some places (n, 2) is."""
+        """Name of the first limit that some place (n, 2) is outside of; None if all are inside."""
         for bound in self.bounds:
             if not bound.holds(places_m, beyond_m).all():
                 return bound.name
         return None
 
     def free_m(self, places_m: FloatArray, directions: FloatArray) -> FloatArray:
-        """How far from places (n, 2) along unit vectors (n, 2) the limits are kept: (n,)."""
+        """Distance to the nearest limit from places (n, 2) along unit vectors (n, 2): (n,)."""
         free = np.full(len(places_m), np.inf)
         for bound in self.bounds:
             np.minimum(free, bound.free_m(places_m, directions), out=free)
@@ -106,7 +106,7 @@ class PlaneFence:
     def cutting(self, corners_m: FloatArray) -> PlaneFence | None:
         """The limits that cut the rectangle around points (n, 2); None where none does.
 
-        Straight legs within that rectangle keep the others anyway.
+        Straight legs within that rectangle keep all other limits.
         """
         lower, upper = corners_m.min(axis=0), corners_m.max(axis=0)
         cut = tuple(
@@ -116,7 +116,7 @@ class PlaneFence:
 
 
 def _ahead(values: FloatArray, directions: FloatArray, interval: Interval) -> FloatArray:
-    """How far values may go on in directions within an interval."""
+    """Distance that values may go on in directions within an interval."""
     low, high = interval
     left = np.where(directions > 0.0, high - values, values - low)
     speed = np.abs(directions)

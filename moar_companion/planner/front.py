@@ -22,9 +22,9 @@ from .planner import Planner
 _TOLERANCE = 1e-9
 """Costs closer than this, relative, are equal (planner page, Optimality)."""
 _HALVINGS = 30
-"""Of a range whose end is looked for: to 1e-9."""
+"""Bisections for the end of a range: to 1e-9."""
 _STEP = 1e-6
-"""To either side, for a slope."""
+"""Distance to either side, for a slope."""
 _NAMES = ("safety", "time", "energy")
 _EXTREMES: FloatArray = np.eye(3)
 
@@ -40,7 +40,7 @@ class Supported:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Range:
-    """Where a value stands, how J changes with it, and between what values the path stays best."""
+    """A value, the slope of J with it, and the values between which the path stays the best."""
 
     value: float
     slope: float

@@ -50,7 +50,7 @@ def _to_segment_m(points_m: FloatArray, start_m: FloatArray, end_m: FloatArray) 
 
 
 def rings(obstacles: tuple[Obstacle, ...]) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
-    """Obstacles as the loops over cells take them (`cells`): vertices, first, radius, keep-out."""
+    """Obstacles in the form of the loops in `cells`: vertices, first, radius, keep-out."""
     outlines = [_outline(obstacle) for obstacle in obstacles]
     return (
         np.array([point for outline in outlines for point in outline]).reshape(-1, 2),
@@ -90,7 +90,7 @@ def hull(obstacles: tuple[Obstacle, ...]) -> tuple[Polygon, ...]:
 
 
 def _turns_left(start: PlanePoint, through: PlanePoint, end: PlanePoint) -> bool:
-    """Whether the way from start through a point to an end turns left there, beyond rounding."""
+    """Returns True if a path from start through a point to an end turns left, beyond rounding."""
     ax, az = through[0] - start[0], through[1] - start[1]
     bx, bz = end[0] - start[0], end[1] - start[1]
     return ax * bz - az * bx > TOLERANCE * math.hypot(ax, az) * math.hypot(bx, bz)
@@ -99,7 +99,7 @@ def _turns_left(start: PlanePoint, through: PlanePoint, end: PlanePoint) -> bool
 def legs_enter_rectangle(
     starts_m: FloatArray, end_m: FloatArray, lower_m: FloatArray, upper_m: FloatArray
 ) -> BoolArray:
-    """Whether straight legs from starts (n, 2) to an end pass through a rectangle's interior."""
+    """Mask (n,) of straight legs from starts (n, 2) to an end that enter a rectangle's interior."""
     along = end_m - starts_m
     enter = np.zeros(len(starts_m))
     leave = np.ones(len(starts_m))

@@ -19,7 +19,7 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Graph:
-    """States are (cell, heading); everything about a step is known at the cell it arrives in.
+    """States are (cell, heading); all data of a step belong to the cell it arrives in.
 
     allowed:   (cells,)    bit h: move h may be made from the cell
     safety:    (cells,)    SC
@@ -48,7 +48,7 @@ class Graph:
 
     @cached_property
     def steps(self) -> Steps:
-        """What the compiled search reads."""
+        """Arrays that the compiled search reads."""
         return Steps(*(getattr(self, name) for name in Steps._fields))
 
 
@@ -109,7 +109,7 @@ def build_graph(maps: Maps, vehicle: Vehicle) -> Graph:
 
 @lru_cache(maxsize=1)
 def _frame(grid: Grid, speed: SpeedLimits) -> tuple[Moves, FloatArray, FloatArray]:
-    """What no obstacle changes: moves, the cells' places and the least paces."""
+    """Data that no obstacle changes: moves, the cells' places and the least paces."""
     moves = Moves.of_plane()
     duration = moves.cells[1:] * grid.resolution_m / heading_speeds_mps(speed)[1:]
     return moves, _places(grid), least_paces(moves.steps[1:], duration)
@@ -138,7 +138,7 @@ def _places(grid: Grid) -> FloatArray:
 
 
 def _three_axes(array: FloatArray) -> FloatArray:
-    """An array (n, d) with zeros for the axes that there are not, (n, 3)."""
+    """An array (n, d) with zeros for the missing axes, (n, 3)."""
     whole = np.zeros((len(array), 3))
     whole[:, : array.shape[1]] = array
     return whole

@@ -1,8 +1,8 @@
 """Cells and moves: the discrete state and action spaces of the paper (Section IV-B).
 
-A grid knows where its cells are; the moves know where they lead, how long they are and which
-cells a diagonal passes between. Both are written for any number of dimensions: the search only
-sees flat cell indices of a grid padded by one cell all round, and a table of moves.
+A grid defines the places of its cells; the moves define their ends, their lengths and the cells
+that a diagonal passes between. Both are written for any number of dimensions: the search only uses
+flat cell indices of a grid padded by one cell all round, and a table of moves.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Grid:
     def over(
         cls, lower_m: tuple[float, ...], upper_m: tuple[float, ...], resolution_m: float
     ) -> Grid:
-        """The grid of a workspace; what is left over at its upper border is no workspace."""
+        """The grid of a workspace; a remainder at its upper border is left out."""
         shape = tuple(
             max(1, math.floor((upper - lower) / resolution_m + TOLERANCE))
             for lower, upper in zip(lower_m, upper_m, strict=True)
@@ -135,7 +135,7 @@ class Moves:
 
     @cached_property
     def needed(self) -> IntArray:
-        """Bit h of a move, (H,): where move h leads has to be free for it: no cut corners.
+        """Bit h of a move, (H,): the cell that move h leads to must be free: no cut corners.
 
         Its own cell, and every cell that a partial move (along a part of its axes) leads to.
         """

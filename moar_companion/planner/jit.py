@@ -1,11 +1,11 @@
 """The jit policy of the project, and the types of its kernels.
 
-One signature each, for which it is made ready when it is first called, or before (`compiling`):
-in flight nothing is compiled, and what needs no kernel does not wait for the compiler's import.
-`nogil` (a plan never holds up the streaming loop), `cache` (compiled once per machine), no
-`fastmath` (costs are compared with an oracle). A kernel and what it calls stand in one file, for
-the cache knows a kernel by its own file alone; constants and layouts of named tuples may be
-another's, as they are in the name that it is kept under.
+Each kernel has one signature. It is made ready at its first call, or before (`compiling`): nothing
+is compiled in flight, and code without kernels does not wait for the compiler's import. `nogil` (a
+plan never delays the streaming loop), `cache` (compiled once per machine), no `fastmath` (costs are
+compared with an oracle). A kernel and the kernels it calls stand in one file: the cache checks a
+kernel's own file alone. Constants and layouts of named tuples may come from other files: the name
+in the cache depends on them.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def written(scalar: Type, dimensions: int = 1) -> Type:
 
 
 def several(*types: Type) -> Type:
-    """The type of several answers."""
+    """The type of several results."""
     return Type(make=lambda: _numba().types.Tuple([each.make() for each in types]))
 
 
@@ -63,14 +63,14 @@ def fields(named_tuple: Any, *types: Type) -> Type:
 
 
 class Kernel:
-    """A compiled function, which is made ready when it is first called, or by `ready`.
+    """A compiled function, which is made ready at its first call, or by `ready`.
 
     Two threads that do so at once do it twice, one after the other (the compiler has a lock).
     """
 
     def __init__(self, function: Any, answer: Type, arguments: tuple[Type, ...]) -> None:
         self.is_helper = function.__name__.startswith("_")
-        """Whether kernels alone call it: machine code of these has it within."""
+        """True: only kernels call it, whose machine code contains it."""
         function.__qualname__ += f"_{_taken_in(function, arguments)}"
         self.py_func = function
         self._answer = answer
@@ -97,12 +97,12 @@ class Kernel:
 
     @property
     def has_cache(self) -> bool:
-        """Whether there is a folder in which machine code can be kept."""
+        """True if there is a folder in which machine code can be kept."""
         return self._cache_file is not None
 
     @property
     def is_cached(self) -> bool:
-        """Whether there is machine code of this source, for this processor, in the cache."""
+        """True if the cache has machine code of this source for this processor."""
         file = self._cache_file
         if file is None:
             return False
@@ -112,7 +112,7 @@ class Kernel:
 
     @property
     def _cache_file(self) -> Any:
-        """Numba's index of the cache, which numba itself tells by loading only."""
+        """Numba's index of the cache; numba's public interface only loads from it."""
         return getattr(self._dispatcher._cache, "_cache_file", None)  # noqa: SLF001
 
     @cached_property
@@ -121,7 +121,7 @@ class Kernel:
             _numba().njit,
             nogil=True,
             error_model="numpy",
-            # The ways in, for C and for Python, would be a tenth of the compiling.
+            # The entry points for C and for Python would take a tenth of the compile time.
             no_cfunc_wrapper=True,
             no_cpython_wrapper=self.is_helper,
         )
@@ -137,7 +137,7 @@ class Kernel:
 
 
 KERNELS: list[Kernel] = []
-"""All of the modules that have been imported, in order."""
+"""All kernels of the imported modules, in order."""
 
 
 def jit(answer: Type, *arguments: Type) -> Callable[[_Function], _Function]:
@@ -154,24 +154,24 @@ def jit(answer: Type, *arguments: Type) -> Callable[[_Function], _Function]:
 
 @cache
 def _numba() -> Any:
-    """The compiler, whose import takes longer than all else together."""
+    """The compiler, whose import takes longer than all other imports together."""
     import numba  # noqa: PLC0415
 
     _load_without_blas()
 
     @numba.extending.typeof_impl.register(Kernel)  # type: ignore[untyped-decorator]
     def type_of(kernel: Kernel, context: Any) -> Any:
-        """A kernel that another one calls."""
+        """Numba's type of a kernel that another one calls."""
         return numba.extending.typeof_impl(kernel.ready, context)
 
     return numba
 
 
 def _load_without_blas() -> None:
-    """Load numba's arrays without looking for a BLAS, for which all of scipy.linalg is imported.
+    """Load numba's arrays without the search for a BLAS, which imports all of scipy.linalg.
 
-    That takes as long as numba itself. No kernel multiplies matrices; what does so elsewhere looks
-    for a BLAS by itself, when it is compiled.
+    That import takes as long as numba itself. No kernel multiplies matrices; other code that does
+    searches for a BLAS when it is compiled.
     """
     from numba.np import linalg  # noqa: PLC0415
 
@@ -186,7 +186,7 @@ def _load_without_blas() -> None:
 
 
 def _taken_in(function: Any, types: tuple[Type, ...]) -> str:
-    """A digest of what a kernel takes from other files, and of what those it calls take."""
+    """Digest of the names that a kernel, and those it calls, take from other files."""
     named: list[Any] = [function.__globals__.get(name) for name in function.__code__.co_names]
     taken = [
         [each.fields for each in types],
@@ -197,9 +197,9 @@ def _taken_in(function: Any, types: tuple[Type, ...]) -> str:
 
 
 def direct(kernel: Any) -> Callable[..., Any]:
-    """A kernel's compiled entry, for calls from Python that have no time to look up types.
+    """A kernel's compiled entry, for calls from Python without a lookup of types.
 
-    The caller answers for them: arrays are taken to be contiguous.
+    The caller guarantees the types: arrays must be contiguous.
     """
 
     def call(*arguments: Any) -> Any:

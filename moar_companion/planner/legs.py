@@ -31,7 +31,7 @@ def _turn(start_x: float, start_z: float, end_x: float, end_z: float, x: float, 
 
 @jit(BOOL, F8, F8, read(F8, 2), I8, I8)
 def _inside(x: float, z: float, vertices_m: FloatArray, begin: int, end: int) -> bool:
-    """Whether a point is inside the ring of vertices from `begin` to `end`."""
+    """Returns True if a point is inside the ring of vertices from `begin` to `end`."""
     inside = False
     before = end - 1
     for corner in range(begin, end):

@@ -20,10 +20,10 @@ from .reach import Reach
 class Maps:
     """All maps of one site for one vehicle; arrays are (nx, nz), indexed `[ix, iz]`, read-only.
 
-    position_uncertainty_m: what the occupied distance is widened by
+    position_uncertainty_m: widening of the occupied distance
     fence:                  of the autopilot, as far as it cuts the site; None without one
     occupied:               never entered
-    room_m:                 from the hull to where the nearest keep-out begins; inf without any
+    room_m:                 from the hull to the border of the nearest keep-out; inf without any
     obstacle_distance_m:    d_obs, to the nearest obstacle's surface
     hull_distance_m:        d_ch, to the obstacles' convex hull
     horizontal_distance_m:  d_hor, to the nearest obstacle below, after the 45 degree exclusion
@@ -31,7 +31,7 @@ class Maps:
     safety_cost:            SC (Eq. 2), and the cost of places that are exposed (`with_exposed`)
     speed_limit_mps:        v_sat (Eq. 5)
     clearances, hull:       to the obstacles and to their hull, for repairs
-    reach:                  where straight flights run into obstacles, also outside the workspace
+    reach:                  cells blocked for straight flights, also outside the workspace
     """
 
     grid: Grid
@@ -62,8 +62,8 @@ def build_maps(
 ) -> Maps:
     """The maps of a site for a vehicle whose position is known to `position_uncertainty_m`.
 
-    fence: what is outside is occupied, but no obstacle.
-    before: those of the site with other obstacles, which are repaired.
+    fence: the outside is occupied, but no obstacle.
+    before: maps of the site with other obstacles, which are repaired.
     """
     space = site.workspace
     grid = Grid.over(space.lower_m, space.upper_m, space.resolution_m)
@@ -82,7 +82,7 @@ def build_maps(
     hull = Clearances.over(
         grid, geometry.hull(site.obstacles), *(() if before is None else (before.hull,))
     )
-    # Where the aircraft may really be: of a site that is only planned, where it is.
+    # From the true position, nearer by up to the margin (zero for a site that is only planned).
     nearest = obstacle - site.margin.total_m
     collision, insertion, damage = (
         distance_cost(distance, vehicle.safety)
@@ -121,7 +121,7 @@ def build_maps(
 
 
 def with_exposed(maps: Maps, exposed: BoolArray, shape: SafetyShape) -> Maps:
-    """The maps, of which none is exposed, with cells (nx, nz) that are: they cost more."""
+    """Maps without exposed cells, with exposed cells (nx, nz) added: these cost more."""
     safety_cost = maps.safety_cost + shape.exposure * exposed
     safety_cost.flags.writeable = False
     return replace(maps, safety_cost=safety_cost)

@@ -1,4 +1,4 @@
-"""A plan explains itself: status, states, cost per term, waypoints, metrics, weights, effort."""
+"""A plan, explained: status, states, cost per term, waypoints, metrics, weights, effort."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ _GREATEST_MPS = 1000.0
 
 
 class PlanStatus(str, enum.Enum):
-    """Why a plan is, or is not, there; tested in this order."""
+    """Result of planning; the conditions are tested in this order."""
 
     FOUND = "found"
     OUT_OF_BOUNDS = "out_of_bounds"
@@ -63,7 +63,7 @@ class Metrics:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Compute:
-    """What the plan took; the maps are built once per site.
+    """Effort of the plan; the maps are built once per site.
 
     expanded: cells, each with all its headings, where there was no table; with one, states.
     """
@@ -99,7 +99,7 @@ class PlanRequest:
     """One planning problem; the planner answers it with a `Plan` that carries it.
 
     Raises ValueError for a start or velocity of another dimension, and for a velocity that is not
-    finite or that nothing flies at: its square must be a number.
+    finite or too great: its square must be a number.
     """
 
     mission: Mission
@@ -123,7 +123,7 @@ class PlanRequest:
 class Plan:
     """The answer to one planning problem. states: (n, 3) of cell indices and heading.
 
-    What follows from the states (landing leg, waypoints, metrics) is made when first asked for.
+    Landing leg, waypoints and metrics follow from the states and are computed at first use.
     """
 
     request: PlanRequest
@@ -132,7 +132,7 @@ class Plan:
     maps: Maps
     status: PlanStatus
     reason: str
-    """For a person, when the status is not `found`."""
+    """Text of the reason, when the status is not `found`."""
     compute: Compute
     states: IntArray
     cost: Cost | None = None
@@ -146,7 +146,7 @@ class Plan:
 
     @property
     def waypoints(self) -> Waypoints:
-        """The path as points, landing leg included; none unless there is a path."""
+        """The path as points, landing leg included; empty without a path."""
         return self._flight[0]
 
     @property

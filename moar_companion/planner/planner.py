@@ -1,4 +1,4 @@
-"""The planner: built once per site and vehicle, then asked for plans.
+"""The planner: built once per site and vehicle, then called for plans.
 
 Inputs: site and vehicle; per plan a mission, its target, the vehicle's position and velocity, and
 final weights. Output: a `Plan`, which is the optimum of J on the paper's graph (Eq. 1, 7).
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from .refinement import Refinement, Refiner
 
 _TABLES_BYTES = 128 * 2**20
-"""Of all tables together, also while one is being built."""
+"""Memory of all tables together, also while one is being built."""
 _NO_RISK = RiskIndices()
 
 Clock = Callable[[], float]
@@ -41,7 +41,7 @@ _Key = tuple[Mission, str | int | None]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Goal:
-    """Where a mission ends: for the search, and for the landing leg (None for an inspection)."""
+    """End of a mission: for the search, and for the landing leg (None for an inspection)."""
 
     goal: Goal
     cells: frozenset[int]
@@ -50,7 +50,7 @@ class _Goal:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class _Prepared:
-    """The table of a goal as it is now, and whether it is what it will be."""
+    """The present table of a goal. ready: it is complete."""
 
     table: Table
     ready: bool
@@ -59,10 +59,10 @@ class _Prepared:
 class Planner:
     """Plans on the maps of one site for one vehicle.
 
-    The maps are built here, goals are looked up once. `plan` serves one thread, `prepare` may
+    The maps are built here, goals are computed once. `plan` serves one thread, `prepare` may
     run beside it in another: with its tables plans cost the same and are found sooner. The goals
-    of the site share their memory; where it holds no table for each, that of the goal which was
-    prepared the longest ago makes room.
+    of the site share their memory; where it is too small for all tables, the goal prepared the
+    longest ago loses its table.
 
     A plan's J is the optimum to 1e-11 for each second (and each EC) of the optimal path. Of paths
     of equal J a plan is the one of the least sum of TC and EC; then of the fewest actions, the
@@ -83,7 +83,7 @@ class Planner:
         """Builds the maps; `position_uncertainty_m` widens what counts as occupied.
 
         fence: of the autopilot, as far as it cuts the site: nothing leads outside.
-        clock: what tells the seconds of a plan's `compute`; no plan depends on it.
+        clock: seconds for a plan's `compute`; no plan depends on it.
         """
         self.site = site
         self.vehicle = vehicle
@@ -92,7 +92,7 @@ class Planner:
         self._solver = Solver(self.graph)
 
     def prepare(self, *, mission: Mission | str, target: str | int | None = None) -> None:
-        """Whatever is precomputed for a goal is ready when this returns; `plan` never waits.
+        """Precomputes the table of a goal, ready on return; `plan` never waits for it.
 
         Raises InputError for a target or landing point that the site does not have.
         """
@@ -100,7 +100,7 @@ class Planner:
         if mission is Mission.INSPECTION:
             target = self._target(target).name
         key = (mission, target)
-        # Read once: where obstacles change meanwhile, what is built goes to dropped tables.
+        # Read once: if obstacles change meanwhile, the new table goes to dropped tables.
         tables = self._tables
         goal = self._goal(key)
         count, corners = self._shares
@@ -121,7 +121,7 @@ class Planner:
 
     @property
     def most_prepared(self) -> int:
-        """Of how many goals the tables are kept."""
+        """Number of goals whose tables are kept."""
         return self._shares[0]
 
     @property
@@ -130,19 +130,19 @@ class Planner:
         return shares(self.graph, goals, _TABLES_BYTES)
 
     def set_obstacles(self, obstacles: tuple[Obstacle, ...]) -> None:
-        """The same site with other obstacles: maps repaired, goals and tables dropped.
+        """Sets other obstacles on the same site: repairs the maps, drops goals and tables.
 
-        obstacles: as a file has them, without the site's margin. What is being prepared meanwhile
-        is dropped, too.
+        obstacles: as a file has them, without the site's margin. A table in preparation is dropped,
+        too.
         """
         self.site = self.site.with_obstacles(obstacles)
         self._build(self.maps.position_uncertainty_m, self.maps.fence, before=self.maps)
         self._solver.graph = self.graph
 
     def set_exposed(self, exposed: BoolArray) -> None:
-        """Cells (nx, nz) from which a failsafe of the autopilot would hit something cost more.
+        """Raises the cost of cells (nx, nz) from which a failsafe would hit an obstacle.
 
-        Goals and tables are dropped, and what is being prepared meanwhile. Other obstacles end it.
+        Drops goals, tables and a table in preparation. Other obstacles remove the exposed cells.
         """
         began = self.clock()
         self._take(with_exposed(self._unexposed, exposed, self.vehicle.safety), began)
@@ -184,8 +184,8 @@ class Planner:
         weights: before the risks; the vehicle's for this mission by default.
         risk: indices by which Eq. 9 shifts the weights; none by default.
 
-        That there is no plan is a status. Raises InputError for a target or landing point that
-        the site does not have, or landing points none of which can be seen.
+        Without a plan the status is the reason. Raises InputError for a target or landing point
+        that the site does not have, or for landing points of which none is visible.
         """
         mission = Mission(mission)
         weights = self.vehicle.weights[mission] if weights is None else weights
@@ -224,7 +224,7 @@ class Planner:
 
         Raises ValueError for a plan without a path, or one made before the obstacles changed.
         """
-        # Nothing in flight needs it: neither the first start nor any other waits for its kernels.
+        # Imported here: no flight needs it, so that no start waits for its kernels.
         from .refinement import Refinement, Refiner  # noqa: PLC0415
 
         if plan.status is not PlanStatus.FOUND or plan.maps is not self.maps:
@@ -261,7 +261,7 @@ class Planner:
         velocity[: len(start_cell)] = request.velocity_mps
         headings: IntArray | None
         if start in goal.cells:
-            # There already: only to come to rest may be left to do.
+            # Already at the goal: at most a stop is left.
             stops = goal.goal.ends_at_rest and any(request.velocity_mps)
             headings, expanded = np.full(int(stops), STOP), 0
         else:
@@ -301,7 +301,7 @@ class Planner:
         what: str,
         point_m: tuple[float, ...] | None,
     ) -> Plan:
-        """The answer that there is no plan, with the reason in words."""
+        """A plan without a path, with the reason as text."""
         words = {
             PlanStatus.OUT_OF_BOUNDS: "is outside the workspace",
             PlanStatus.START_OCCUPIED: "is too close to an obstacle or too low",
@@ -336,7 +336,7 @@ class Planner:
         raise InputError(self.site.name, "targets", f"no target {name!r}; the site has: {known}")
 
     def _goal(self, key: _Key) -> _Goal:
-        """The goal of a mission and target, looked up once."""
+        """The goal of a mission and target, computed once."""
         goals = self._goals
         if key not in goals:
             goals[key] = self._make_goal(*key)
@@ -365,6 +365,6 @@ class Planner:
 
 
 def _point(values: PlanePoint) -> PlanePoint:
-    """Two plain numbers, whatever numbers they were; ValueError for another count."""
+    """Two floats from numbers of any type; ValueError for another count."""
     x, z = values
     return float(x), float(z)

@@ -1,8 +1,8 @@
-"""The compiled loops over straight legs: what they cost, what is in their way, cheaper ones.
+"""The compiled loops over straight legs: their cost, their obstacles, cheaper paths.
 
 J of a path of straight legs (planner page, Metrics): a leg is sampled at equal distances; SC and
 v_sat are interpolated bilinearly between the cells' centres, v_max linearly over the leg's
-elevation; costs of way and time are summed by trapezoids, the velocity's change from sample to
+elevation; costs of distance and time are summed by trapezoids, the velocity's change from sample to
 sample and, as a vector, from leg to leg.
 """
 
@@ -18,13 +18,13 @@ _SUMS = several(F8, F8, F8, F8, F8, F8, F8)
 _NOT_FREE = (np.inf, np.inf, np.inf, 0.0, 0.0, 0.0, 0.0)
 _SAME_POINT_M = 1e-6
 _BENDS = (0.5, 0.2, 0.8)
-"""Where along a leg a point is put in beside it."""
+"""Positions along a leg at which a point is inserted beside it."""
 _SWEEPS = 4
-"""Over all points with steps of one length; most end before, where nothing is gained any more."""
+"""Sweeps over all points with steps of one length; most end earlier, without a gain."""
 _GAIN = 1e-5
-"""What a change has to save, relative."""
+"""Relative saving that a change must bring."""
 _MORE_POINTS = 60
-"""A path gets no more than these."""
+"""Most points added to a path."""
 
 
 @jit(_SUMS, F8, F8, F8, F8, FIELD)
@@ -183,7 +183,7 @@ def outline_distances(points_m: FloatArray, vertices_m: FloatArray, first: IntAr
 
 @jit(BOOL, F8, F8, F8, F8, TERMS)
 def leg_is_free(from_x: float, from_z: float, to_x: float, to_z: float, terms: Terms) -> bool:
-    """Whether a leg touches free cells alone, keeps its distances and is nowhere too low.
+    """Returns True if a leg touches free cells alone, keeps its distances and is nowhere too low.
 
     Cells are touched within `TOLERANCE`: on a border both, on a corner all four.
     """
@@ -229,7 +229,7 @@ def _price(
     to_z: float,
     terms: Terms,
 ) -> float:
-    """Write a leg to a row; its cost, infinite for one that is not free, or no leg at all."""
+    """Writes a leg to a row; its cost, infinite for a leg that is not free or has no length."""
     safety, seconds, change, legs[at, 1], legs[at, 2], legs[at, 3], legs[at, 4] = leg_sums(
         from_x, from_z, to_x, to_z, terms.field
     )
@@ -250,10 +250,10 @@ def _turn(vx: float, vz: float, legs: FloatArray, at: int) -> float:
 
 @jit(I8, PATH, I8, I8, I8, I8, TERMS)
 def _put_in(path: Path, size: int, after: int, before: int, count: int, terms: Terms) -> int:
-    """Put `count` of `new_m` in place of the points between two, where that is free and saves.
+    """Replaces the points between two by `count` of `new_m`, where that is free and saves.
 
-    size: legs of the path. before: `size + 1` for points that are its new end. Returns the legs of
-    the path then, 0 where it stays as it is.
+    size: legs of the path. before: `size + 1` for points that are its new end. Returns the new
+    number of legs, 0 for an unchanged path.
     """
     points, legs, new_m, new = path.points_m, path.legs, path.new_m, path.new
     energy = terms.cost.energy
@@ -334,7 +334,7 @@ def _bent(path: Path, size: int, at: int, step_m: float, terms: Terms) -> int:
 
 @jit(BOOL, PATH, I8, I8, F8, TERMS)
 def _moved(path: Path, size: int, at: int, step_m: float, terms: Terms) -> bool:
-    """Whether a point was moved along or across the path, in steps that double while they save."""
+    """Moves a point along or across the path, in steps that double on success; True if moved."""
     moved = False
     dx, dz, _ = _towards(path, at - 1, min(at + 1, size))
     for _ in range(4):
@@ -369,7 +369,7 @@ def refined(
 
     levels: (l, 2) steps and distances of samples, in cells. With each step's length in turn, a
     point is left out, put in beside a leg, or moved (at the end only within the goal), until
-    nothing saves any more: a pattern search (Hooke and Jeeves 1961), as J has a kink wherever a
+    no change saves: a pattern search (Hooke and Jeeves 1961), as J has a kink wherever a
     speed does. It finds a local optimum; its changes are priced at their level's samples.
     """
     capacity = len(points_m) + _MORE_POINTS

@@ -12,7 +12,7 @@ from .jit import F8, U1, jit, read, written
 def free_ahead(
     blocked: IntArray, start: FloatArray, direction: FloatArray, farthest: float
 ) -> FloatArray:
-    """How far rays run before they enter a blocked cell: (n,), at most `farthest`.
+    """Length of rays until they enter a blocked cell: (n,), at most `farthest`.
 
     blocked: (nx, nz); start: (n, 2) in cells from the lower corner; direction: (n, 2) in cells for
     each unit of the result. Cell by cell (Amanatides and Woo 1987); outside the grid all is free.

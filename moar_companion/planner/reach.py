@@ -1,8 +1,8 @@
-"""Reach: how far a straight flight from a place is free of obstacles.
+"""Reach: the free distance of a straight flight from a place.
 
-Inputs: a site, the vehicle's radius and how well its position is known; places and directions in
-the plane. Outputs: distances. Cells are blocked as in `maps.occupied`, but by obstacles alone: what
-is too low to plan in may still be flown through by a leg that leads to the ground.
+Inputs: a site, the vehicle's radius and its position uncertainty; places and directions in the
+plane. Outputs: distances. Cells are blocked as in `maps.occupied`, but by obstacles alone: a leg to
+the ground may pass cells that are too low for plans.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ _AROUND_M = 20.0
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Reach:
-    """Where obstacles are, in the workspace and as far around it as they stand.
+    """Cells blocked by obstacles, in the workspace and as far around it as obstacles stand.
 
-    Two are equal that block the same cells for the same obstacles, whichever maps they are from.
+    Two are equal that block the same cells for the same obstacles, even from different maps.
     blocked: (nx, nz), 1 where the hull would be nearer to an obstacle than is allowed.
     """
 
@@ -66,10 +66,10 @@ class Reach:
         return hash(self.grid)
 
     def free_m(self, places_m: FloatArray, directions: FloatArray, farthest_m: float) -> FloatArray:
-        """How far from places (n, 2) in directions (n, 2), unit vectors, nothing is hit: (n,).
+        """Free distance from places (n, 2) in directions (n, 2), unit vectors: (n,).
 
-        At most `farthest_m`. The keep-out that a place is in does not count: what leads out of one
-        (`escape`) was checked when it was made.
+        At most `farthest_m`. The keep-out that a place is in does not count: a leg out of one
+        (`escape`) is checked when it is made.
         """
         cell_m = self.grid.resolution_m
         free: FloatArray = free_ahead(
@@ -81,7 +81,7 @@ class Reach:
         return free
 
     def leads_inwards(self, places_m: FloatArray, directions: FloatArray) -> BoolArray:
-        """Which places (n, 2) in a keep-out come no farther from it in a direction (n, 2): (n,)."""
+        """Mask (n,) of places (n, 2) in a keep-out whose direction (n, 2) leads no farther out."""
         rooms_m = []
         for ahead in (0.0, self.grid.resolution_m):
             cells = self._cells(places_m + ahead * directions)

@@ -2,7 +2,7 @@
 
 Inputs: a planner's maps and a plan of theirs. Output: straight legs from the start of the plan to
 its goal whose J as a continuous path (planner page, Metrics) is that of the plan's own path or
-less. It is a local optimum: the plan's path is what it is found from.
+less. It is a local optimum, found from the plan's path.
 
 It is as free as a path on the grid: it touches no occupied cell, stays in the workspace and above
 the minimum altitude, and comes no nearer to an obstacle than the occupied distance, or than the
@@ -35,13 +35,13 @@ _LEVELS = np.array(
     [(1, 1), (2, 1), (4, 1), (1, 0.5), (4, 0.5), (0.5, 0.5), (0.125, 0.25)], dtype=np.float64
 )
 """Steps and distances of samples, in cells. Short steps before long ones, and those again with
-closer samples: that ends in lower optima than the usual way from long to short."""
+closer samples: this order ends in lower optima than the usual one from long to short."""
 _LEVELS.flags.writeable = False
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Refinement:
-    """What became of a plan's path. Both costs are those of continuous paths.
+    """The refined path of a plan. Both costs are those of continuous paths.
 
     points_m: (n, 2)  the ends of the legs
     """
@@ -63,7 +63,7 @@ class Refinement:
 
     @property
     def waypoints(self) -> Waypoints:
-        """Points at most a cell apart, landing leg included; speeds are means of the way there."""
+        """Points at most a cell apart, landing leg included; speeds are means to each point."""
         return self._flight[0]
 
     @property
@@ -103,7 +103,7 @@ class Refinement:
         )
 
     def to_dict(self) -> dict[str, Any]:
-        """What the plan's JSON says of it; an infinite clearance is null."""
+        """The refinement for the plan's JSON; an infinite clearance is null."""
         return {
             "points": [{"x_m": x, "z_m": z} for x, z in self.points_m.tolist()],
             "cost": asdict(self.cost),
@@ -128,9 +128,9 @@ class Refiner:
         self._lowest_m = -math.inf if lowest_m is None else lowest_m - TOLERANCE
 
     def refine(self, plan: Plan, goal: GoalRegion | None) -> tuple[FloatArray, Cost, Cost]:
-        """The path that a plan's becomes, (n, 2), its J, and that of the plan's own.
+        """The refined path of a plan, (n, 2), its J, and the J of the plan's own path.
 
-        goal: where it may end at any velocity; None where it ends at rest.
+        goal: cells where it may end at any velocity; None where it ends at rest.
         """
         grid, (vx, vz) = plan.graph.grid, plan.request.velocity_mps
         cells = plan.states[: -1 if _stops(plan) else None]
@@ -148,11 +148,11 @@ class Refiner:
         return points_m, cost, plan_cost
 
     def _terms(self, plan: Plan, corners_m: FloatArray, goal: GoalRegion | None) -> Terms:
-        """What the path of a plan, (n, 2), may become."""
+        """Costs and limits of the refined path of a plan, (n, 2)."""
         field, weights = self.continuous.field, plan.weights
         near_m = outline_distances(corners_m, self._vertices_m, self._first)
         keep_m = np.minimum(self._keep_m, near_m) - TOLERANCE
-        # The end is moved within cells that are clear all over: so is its way to their edge.
+        # The end moves within cells that are clear everywhere, and so is its leg to their edge.
         ends = np.zeros((0, 0), dtype=bool) if goal is None else goal.mask & (field.free == CLEAR)
         for array in (keep_m, ends):
             array.flags.writeable = False
@@ -175,5 +175,5 @@ class Refiner:
 
 
 def _stops(plan: Plan) -> bool:
-    """Whether the last action of a plan is to come to rest."""
+    """Returns True if the last action of a plan is to come to rest."""
     return len(plan.states) > 1 and plan.states[-1, -1] == STOP

@@ -1,9 +1,9 @@
 """Goal regions of exit and evacuation, and the legs that lead from them to a landing point.
 
-Source: paper, Section IV-B (grid edges visible from the landing point); what the paper leaves
-open is decided on the planner page, "Goal regions". The straight leg from a cell's outer edge to
-the landing point is what decides visibility; flown is the leg that ends at rest above it, and
-that one must clear every obstacle too, down to the landing point.
+Source: paper, Section IV-B (grid edges visible from the landing point); the planner page, "Goal
+regions", decides what the paper leaves open. The straight leg from a cell's outer edge to the
+landing point decides visibility. The flown leg ends at rest above that point; it, too, must clear
+every obstacle, down to the landing point.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ class LandingLeg:
 
     points_m:  (n, 2)  at most one cell apart, without the cell's centre
     speed_mps: (n,)    on the way to each point; the last point is reached and held at rest
-    room_m:            from the hull to where the nearest keep-out begins, outside the region's
+    room_m:            from the hull to the border of the nearest keep-out, outside the region's
                        cell; inf without any
     """
 
@@ -63,9 +63,9 @@ class GoalRegion:
 def goal_region(
     site: Site, vehicle: Vehicle, maps: Maps, mission: Mission, landing: int | str | None = None
 ) -> GoalRegion:
-    """The region from which a mission's landing points (or the one of index `landing`) are seen.
+    """The region from which a mission's landing points (or the one of index `landing`) are visible.
 
-    Raises InputError naming the landing points when none can serve.
+    Raises InputError naming the landing points when none is visible.
     """
     points = site.landing_m.get(mission, ())
     if landing is not None and landing not in range(len(points)):
@@ -105,11 +105,11 @@ def landing_leg(
 ) -> LandingLeg:
     """The leg flown from a region cell: min(v_sat, v_max) along it, at rest at its end.
 
-    from_m: where in the cell it begins, (2,); its centre by default.
+    from_m: its start in the cell, (2,); the centre by default.
     """
     index, corners = region.corners[cell]
     if from_m is not None:
-        # Without an edge to leave by, what was checked leads on from the centre.
+        # Without an outer edge, the checked leg continues from the centre.
         corners = np.stack([from_m, *corners[-2:]])
     points = [corners[0]]
     for start, end in itertools.pairwise(corners):
@@ -152,9 +152,9 @@ def obstacle_room_m(site: Site, points_m: FloatArray) -> FloatArray:
 def narrowest(
     site: Site, vehicle: Vehicle, points_m: FloatArray
 ) -> tuple[str, float, float] | None:
-    """The obstacle that a path of points (n, 2) has the least room to; None without any.
+    """The obstacle with the least room to a path of points (n, 2); None without obstacles.
 
-    Its name, the clearance from the hull, and the keep-out with margin that the site asks for.
+    Its name, the clearance from the hull, and the keep-out with margin that the site requires.
     """
     rooms = []
     for item in site.obstacles:
@@ -174,7 +174,7 @@ def _leg_room_m(site: Site, vehicle: Vehicle, start_m: FloatArray, end_m: FloatA
 def _visible_cells(
     site: Site, vehicle: Vehicle, maps: Maps, landing_m: PlanePoint
 ) -> tuple[IntArray, FloatArray]:
-    """The free cells (n, 2) that a landing point serves, and their legs (n, 2 or 3 points, 2).
+    """The free cells (n, 2) that see a landing point, and their legs (n, 2 or 3 points, 2).
 
     A leg begins at the cell's centre. A cell in a corner of the workspace may come twice.
     """
@@ -216,7 +216,7 @@ def _visible_cells(
 def _legs_clear(
     site: Site, vehicle: Vehicle, maps: Maps, starts_m: FloatArray, end_m: FloatArray
 ) -> BoolArray:
-    """Which straight legs from starts (n, 2) to an end clear all obstacles, (n,)."""
+    """Mask (n,) of straight legs from starts (n, 2) to an end that clear all obstacles."""
     widened_m = vehicle.radius_m + maps.position_uncertainty_m - TOLERANCE
     vertices_m, first, radius_m, keep_out_m = geometry.rings(site.obstacles)
     clearance = leg_clearances(starts_m, end_m, vertices_m, first, radius_m)

@@ -1,8 +1,8 @@
 """The compiled search: backward over whole cells, and forward between bounds.
 
-Arrays are flat over padded cells; what belongs to a state is (cells, M), column `heading - 1` for
-each of the M moves. A stop is no column: it is never worth its place but at the end of an
-inspection, for by the triangle inequality ||v_b - v_a|| <= ||v_b|| + ||v_a||.
+Arrays are flat over padded cells; those of states are (cells, M), column `heading - 1` for each of
+the M moves. A stop is no column: it never saves, by the triangle inequality
+||v_b - v_a|| <= ||v_b|| + ||v_a||; only an inspection ends with one.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ from .jit import BOOL, F8, I8, U1, jit, none, read, several, written
 def _put(
     keys: FloatArray, items: IntArray, position: IntArray, size: int, key: float, item: int
 ) -> int:
-    """Put an item into a binary heap, or give it a lesser key there; the heap's size then.
+    """Puts an item into a binary heap, or lowers its key there; the heap's size then.
 
-    position: where each item stands in the heap, -1 for those that don't.
+    position: place of each item in the heap, -1 for absent items.
     """
     at = position[item]
     if at < 0:
@@ -52,7 +52,7 @@ def _put(
 
 @jit(I8, *HEAP, I8)
 def _take(keys: FloatArray, items: IntArray, position: IntArray, size: int) -> int:
-    """Take the least item, which stands at index 0, out of the heap; the heap's size then."""
+    """Takes the least item, at index 0, out of the heap; the heap's size then."""
     position[items[0]] = -1
     size -= 1
     if size == 0:
@@ -114,7 +114,7 @@ def _open(
     memory: CellMemory,
     version: int,
 ) -> None:
-    """Nothing is known of a cell yet but what leads there from the start costs at least."""
+    """Initialises a cell: no label yet, only lower bounds of the cost from the start."""
     memory.touched[cell] = version
     memory.pending[cell] = 0
     memory.position[cell] = -1
@@ -155,9 +155,9 @@ def backward(
     memory: CellMemory,
     version: int,
 ) -> tuple[float, int, int]:
-    """Search from the goals: J of the start, its first heading, and how many cells were expanded.
+    """Search from the goals: J of the start, its first heading, and the number of expanded cells.
 
-    behind: what it costs to have arrived at each goal.
+    behind: cost of the arrival at each goal.
     With start -1, all states: then `label` holds every state's exact cost to go and `policy` its
     next heading, 0 where it has arrived. Otherwise they do so along the best path; J is infinite
     when there is no path.
@@ -275,7 +275,7 @@ def locate(
     roots: FloatArray, triangles: IntArray, safety: float, time: float, energy: float
 ) -> tuple[IntArray, FloatArray]:
     """The corners of the smallest triangle around weights and their shares in them, above 0."""
-    # Number by number: whole rows at once take four times as long to compile.
+    # Scalar code: operations on whole rows take four times as long to compile.
     share, shares = np.empty(3), np.empty(3)
     node, inmost = 0, -np.inf
     for root in range(len(roots)):

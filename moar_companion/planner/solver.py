@@ -33,10 +33,10 @@ TIE_LEG = 1e-15
 
 TIE_SAFETY = 1e-14
 """Added to k_S: where safety has no weight, of those the one with the least sum of SC d.
-These three are as small as rounding lets them be: they tell equal costs apart, not near ones."""
+These three are as small as rounding permits: they order equal costs, not similar ones."""
 
 _SLACK = 1e-14
-"""Bounds that differ by less, relative, differ by rounding."""
+"""Relative difference of bounds that is due to rounding."""
 
 _NOWHERE = -1
 
@@ -46,9 +46,9 @@ _walk = direct(walk)
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Goal:
-    """Where a path ends: (n,) flat cells, at rest there or with any heading.
+    """End of a path: (n,) flat cells, at rest there or with any heading.
 
-    leg_m: (n,) what is to be flown behind each; it counts only between equal costs.
+    leg_m: (n,) length to be flown behind each; it decides only between equal costs.
     """
 
     cells: IntArray
@@ -86,7 +86,7 @@ class Solver:
     def cold(
         self, goal: Goal, start: int, velocity: FloatArray, weights: Weights
     ) -> tuple[IntArray | None, int]:
-        """The best path, None if there is none, and how many cells were expanded.
+        """The best path, None if there is none, and the number of expanded cells.
 
         The start is no cell of the goal.
         """
@@ -161,7 +161,7 @@ class Solver:
 def walked(
     graph: Graph, start: int, velocity: FloatArray, headings: IntArray, weights: Weights
 ) -> tuple[IntArray, Cost]:
-    """The states along headings, (n + 1, d + 1) and read-only, and what they cost.
+    """The states along headings, (n + 1, d + 1) and read-only, and their cost.
 
     start: flat cell; velocity: (3,) m/s.
     """
@@ -174,7 +174,7 @@ def walked(
 
 
 def _step_cost(weights: Weights, v_max_mps: float) -> StepCost:
-    """The cost of a step for weights, in which equal costs are told apart."""
+    """The cost of a step for weights, with additions that order equal costs."""
     return StepCost(
         weights.safety + TIE_SAFETY,
         weights.time + TIE_TIME_ENERGY,

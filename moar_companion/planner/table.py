@@ -1,4 +1,4 @@
-"""A table: what is known of one goal for all weights."""
+"""A table: exact costs to one goal for some weights, and so bounds for all weights."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tables are built: a goal's exact costs to go over all weights, coarse at first, then refined.
+"""Builds tables: a goal's exact costs to go over all weights, coarse at first, then refined.
 
 Inputs: a graph, a goal, the weights that the mission starts from. Output: a `Table`, whole at any
 time. Refined first is the triangle of weights in which the two bounds are farthest apart, on
@@ -24,18 +24,18 @@ from .walk import policy_sums
 _SAMPLES = 256
 """States whose bounds are compared."""
 _LIKELY = 2.0
-"""How much more a gap counts where Eq. 9 may lead."""
+"""Factor of a gap that Eq. 9 may lead into."""
 _ALIKE = 0.05
 """A weight of energy that is small: tables made with it leave the fewest states to search."""
 _MOST_CORNERS = 64
-"""More would shorten few searches."""
+"""Most corners: more would shorten few searches."""
 _FEWEST_CORNERS = 8
-"""With less a table is slower than none."""
+"""Fewest corners: with less a table is slower than none."""
 _THINNEST = 1e-3
-"""The least height of a triangle to begin with."""
+"""Least height of an initial triangle."""
 _ON_THE_EDGE = 1e-9
 _LEVELS = (0.0, 0.5, 1.0)
-"""Of each risk index, for what Eq. 9 can reach."""
+"""Levels of each risk index, for the weights that Eq. 9 can reach."""
 
 
 class TableBuilder:
@@ -59,7 +59,7 @@ class TableBuilder:
         self._worst: list[tuple[float, int]] = []
         extremes = [self._corner(corner) for corner in np.eye(3)]
         centre = np.array((weights.safety, weights.time, weights.energy))
-        # No slivers: in those, shares would be inexact.
+        # No thin triangles: their shares would be inexact.
         centre[centre < _THINNEST] = 0.0
         centre /= centre.sum()
         middle = self._corner(centre) if centre.max() < 1.0 else extremes[int(centre.argmax())]
@@ -80,11 +80,11 @@ class TableBuilder:
 
     @property
     def corners(self) -> int:
-        """How many weights' fields there are."""
+        """Number of weights that have a field."""
         return len(self._weights)
 
     def refine(self) -> bool:
-        """Cut the worst triangle into two; whether there was room and reason to."""
+        """Cuts the worst triangle into two; False if no memory or no gap is left."""
         if not self._worst or len(self._weights) == len(self._costs_to_go):
             return False
         _, index = heapq.heappop(self._worst)
@@ -110,7 +110,7 @@ class TableBuilder:
         )
 
     def _corner(self, weights: FloatArray) -> int:
-        """The exact field of some weights; its number."""
+        """Computes the exact field of some weights; returns its number."""
         number = len(self._weights)
         field, policy = self._costs_to_go[number], self._policies[number]
         self._solver.field(self._goal, Weights(*(float(value) for value in weights)), field, policy)
@@ -130,7 +130,7 @@ class TableBuilder:
         return number
 
     def _add(self, corners: list[int]) -> None:
-        """A triangle, its longest edge first."""
+        """Adds a triangle, its longest edge first."""
         apex = max(
             range(3),
             key=lambda at: float(
@@ -144,11 +144,11 @@ class TableBuilder:
         self._triangles.append([*ordered, -1])
 
     def _gap(self, corners: list[int]) -> float:
-        """How far the bounds are apart at the centre, times the triangle's size.
+        """Gap of the bounds at the centre, times the triangle's size.
 
-        Size is that of an edge: weights are the likelier in a triangle the larger it is, and the
-        gap of a small one is soon closed. Counted more where Eq. 9 may lead, and the less the
-        energy of turns weighs: alone it tells alike paths apart, so that the same gap holds more.
+        Size is that of an edge: a larger triangle is likelier to hold the weights, and the gap of a
+        small one is soon closed. A gap counts more where Eq. 9 may lead, and the less the energy of
+        turns weighs: that energy alone separates similar paths; without it a gap holds more states.
         """
         weights = np.array([self._weights[at] for at in corners])
         sums = np.array([self._sums[at] for at in corners])
@@ -163,9 +163,9 @@ class TableBuilder:
 
 
 def shares(graph: Graph, goals: int, most_bytes: int) -> tuple[int, int]:
-    """How many tables there is memory for, and how many corners for each of them.
+    """Number of tables that the memory holds, and number of corners of each.
 
-    One for every goal; where that would leave them too few corners, for some.
+    One table for every goal; for some goals only, where corners would be too few.
     """
     states = len(graph.allowed) * (len(graph.offset) - 1)
     room = most_bytes // (states * (np.float64().itemsize + np.uint8().itemsize))
@@ -174,7 +174,7 @@ def shares(graph: Graph, goals: int, most_bytes: int) -> tuple[int, int]:
 
 
 def _reachable(weights: Weights) -> FloatArray:
-    """Weights (n, 3) that Eq. 9 leads to, all over what it can reach."""
+    """Weights (n, 3) that Eq. 9 leads to, over all its range."""
     risks = itertools.product(_LEVELS, repeat=4)
     reached = (
         weights.adjusted(

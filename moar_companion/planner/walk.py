@@ -1,4 +1,4 @@
-"""The compiled walks along paths: the states, and what they cost."""
+"""The compiled walks along paths: their states and costs."""
 
 from __future__ import annotations
 

@@ -1,8 +1,8 @@
 """ArduPilot's battery monitor: consumed charge, and the failsafes of its voltage.
 
-A level counts once the voltage was below it for BATT_LOW_TIMER, and then for good: until
-BATTERY_RESET or a restart. What remains is computed from the consumed charge, whatever the voltage;
-a charge that was replaced in flight is taken for known.
+A level counts once the voltage was below it for BATT_LOW_TIMER, and stays until BATTERY_RESET or a
+restart. The remaining charge is computed from the consumed charge, not from the voltage; a charge
+that was replaced in flight is taken as known.
 """
 
 from enum import IntEnum
@@ -29,7 +29,7 @@ _LEVELS: Final = (
 
 
 class BatteryMonitor:
-    """Looks at the battery ten times a second."""
+    """Checks the battery ten times a second."""
 
     def __init__(self, battery: Battery, parameters: Parameters) -> None:
         """Start with nothing consumed."""
@@ -43,7 +43,7 @@ class BatteryMonitor:
 
     @property
     def present(self) -> bool:
-        """Whether there is a monitor at all."""
+        """True if there is a monitor."""
         return self._parameters.value("BATT_MONITOR") != 0
 
     def step(self, dt: float) -> Charge | None:
@@ -65,13 +65,13 @@ class BatteryMonitor:
         return level
 
     def reset(self, percent: float) -> None:
-        """Take the battery for so full, and forget the failsafes."""
+        """Set the charge, and clear the failsafes."""
         self._know(percent / 100.0)
         self._below_s.clear()
         self.charge = Charge.OK
 
     def refusals(self) -> list[str]:
-        """Return why it forbids arming; empty when it does not."""
+        """Return the reasons that forbid arming; empty when there are none."""
         low_v = self._parameters.value("BATT_LOW_VOLT")
         found = []
         if self.present and self._battery.voltage_v < low_v:

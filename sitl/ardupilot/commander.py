@@ -1,7 +1,7 @@
 """ArduPilot's decisions: arming, modes, failsafes, land detection.
 
 Inputs: requests, and the state of estimator, battery, remote control, ground station. Outputs: the
-mode that is flown, whether it is armed, and what is said about it.
+mode that is flown, the armed state, and texts.
 """
 
 from dataclasses import dataclass
@@ -23,7 +23,7 @@ ON_GROUND, IN_AIR, TAKING_OFF, LANDING = 1, 2, 3, 4
 BOOT, STANDBY, ACTIVE, CRITICAL = 1, 3, 4, 5
 _STANDBY_AFTER_S: Final = 2.4
 _LIFT_AFTER_ARMING_S: Final = 3.35
-"""Delay of arming, spooling up, and what the slow start of the throttle takes."""
+"""Delay of arming, spool-up, and the slow start of the throttle."""
 _LIFT_AFTER_REQUEST_S: Final = 1.0
 _LANDED_AFTER_S: Final = 2.0
 _LOW_THRUST: Final = 0.25
@@ -34,12 +34,12 @@ _ESTIMATOR_GOOD_S: Final = 1.0
 _PREARM_PERIOD_S: Final = 30.0
 _GOOD_HDOP: Final = 1.4
 _LANDING_TOLD_US: Final = 80_000
-"""EXTENDED_SYS_STATE goes on to tell a landing that another mode has ended: 40 to 110 ms."""
+"""EXTENDED_SYS_STATE still reports a landing that another mode has ended: 40 to 110 ms."""
 
 
 @dataclass(slots=True, kw_only=True)
 class Parts:
-    """What the commander looks at."""
+    """Inputs of the commander."""
 
     world: World
     parameters: Parameters
@@ -52,7 +52,7 @@ class Parts:
 
 
 class Commander:
-    """The state of the vehicle's authority."""
+    """Arming, mode and failsafes of the vehicle."""
 
     def __init__(self, parts: Parts) -> None:
         """Boot in the switch's mode, disarmed."""
@@ -76,7 +76,7 @@ class Commander:
         self.mode = self._mode_of_switch() or Mode.STABILIZE
         parts.flight.enter(self.mode, parts.navigation)
 
-    # What others ask
+    # Queries
 
     @property
     def system_status(self) -> int:
@@ -99,7 +99,7 @@ class Commander:
 
     @property
     def refusals(self) -> list[str]:
-        """Which checks before arming fail in this mode; empty when all pass."""
+        """Names of checks before arming that fail in this mode; empty when all pass."""
         parts = self._p
         nav = parts.navigation
         if not nav.settled:
@@ -116,13 +116,13 @@ class Commander:
         return []
 
     def may_lift(self) -> bool:
-        """Whether the motors, armed on the ground, are ready to lift."""
+        """Return True when the motors, armed on the ground, are ready to lift."""
         return self._p.world.now_us >= self._lift_us
 
     # Requests
 
     def request_mode(self, number: int) -> bool:
-        """Ask for a mode by its number; False when it cannot be had."""
+        """Request a mode by its number; False when it is refused."""
         mode = requested(number)
         if mode is None:
             self._p.voice.say(say.WARNING, f"No such mode {number}")
@@ -190,7 +190,7 @@ class Commander:
     # Cycle
 
     def step(self) -> None:
-        """Look at everything; once per tick."""
+        """Run all checks; once per tick."""
         parts = self._p
         parts.sticks.step(parts.world.now_us)
         self._detect_ground()
@@ -214,7 +214,7 @@ class Commander:
         self._p.flight.enter(mode, self._p.navigation, pause=pause)
 
     def _act(self, mode: Mode | None, *, pause: bool = True) -> None:
-        """Do what a failsafe wants; on the ground it disarms. `pause`: LAND waits a moment."""
+        """Act as a failsafe demands; on the ground it disarms. `pause`: LAND waits a moment."""
         if mode is None or not self.armed:
             return
         if self.landed:
@@ -326,7 +326,7 @@ class Commander:
         return requested(int(self._p.parameters.value(f"FLTMODE{self._switch}")))
 
     def _turn_switch(self) -> None:
-        """Follow the remote control's mode switch, once it has stayed where it is for a moment."""
+        """Follow the remote control's mode switch, once it has settled for a moment."""
         position = self._p.sticks.switch_position
         if position == self._switch or self.failsafes.radio:
             self._switch_s = 0.0
@@ -360,7 +360,7 @@ class Commander:
             self.disarm()
 
     def _complain(self) -> None:
-        """Say every 30 s why it cannot be armed."""
+        """Send every 30 s the reasons that forbid arming."""
         nav = self._p.navigation
         if self.armed or nav.since_boot_s < self._next_prearm_s:
             return

@@ -1,6 +1,6 @@
-"""ArduPilot's failsafes: what each one does, as pure functions of flags and parameters.
+"""ArduPilot's failsafes: the action of each, as pure functions of flags and parameters.
 
-Each acts once, when its cause appears; after that any mode can be had again, GUIDED too. Measured
+Each acts once, when its cause appears; after that any mode can be selected, GUIDED too. Measured
 on ArduCopter 4.6.3.
 """
 
@@ -24,14 +24,14 @@ _GROUND_STATION: Final = {
 _BATTERY: Final = {
     1: Mode.LAND, 2: Mode.RTL, 3: Mode.SMART_RTL, 4: Mode.SMART_RTL, 6: Mode.RTL, 7: Mode.BRAKE,
 }  # fmt: skip
-"""Of the battery, and of dead reckoning."""
+"""Actions at a battery level, and in dead reckoning."""
 _EKF: Final = {1: Mode.LAND, 2: Mode.ALT_HOLD, 3: Mode.LAND}
 _EKF_ALWAYS: Final = 3
 
 
 @dataclass(slots=True, kw_only=True)
 class Failsafes:
-    """Which failsafes are on; each clears when its cause is gone, the battery's is kept there."""
+    """Active failsafes; each clears when its cause is gone. `BatteryMonitor` has the battery's."""
 
     radio: bool = False
     ground_station: bool = False
@@ -39,7 +39,7 @@ class Failsafes:
     dead_reckoning: bool = False
 
     def any(self) -> bool:
-        """Whether one of them is."""
+        """Return True if one of them is active."""
         return self.radio or self.ground_station or self.estimator or self.dead_reckoning
 
 
@@ -69,7 +69,7 @@ def on_battery(action: int, options: int, mode: Mode) -> Mode | None:
 
 
 def on_dead_reckoning(action: int, mode: Mode) -> Mode | None:
-    """Return the mode to fly when only the wind estimate tells where it is (FS_DR_ENABLE)."""
+    """Return the mode to fly when the position follows from the wind alone (FS_DR_ENABLE)."""
     return _BATTERY.get(action) if mode.value.needs_position else None
 
 

@@ -1,9 +1,9 @@
 """ArduCopter's own fence: heights, a circle around home, and uploaded areas.
 
-As in the source of ArduCopter 4.6: a breach is told once, and again 20 m farther out; it does not
-touch HEARTBEAT.system_status, and any mode can be had again after it. The least height counts once
-it was reached with FENCE_MARGIN more, and not in a landing. FENCE_AUTOENABLE counts as 3 does: the
-fence is there while armed.
+As in the source of ArduCopter 4.6: a breach is reported once, and again 20 m farther out; it does
+not change HEARTBEAT.system_status, and any mode can be selected after it. The least height counts
+once it was exceeded by FENCE_MARGIN, and not in a landing. FENCE_AUTOENABLE counts as 3 does: the
+fence is active while armed.
 """
 
 from dataclasses import dataclass
@@ -22,40 +22,40 @@ _NAMES: Final = {
     MIN_ALTITUDE: "Min Alt",
 }
 _UNION: Final = 2
-"""Of FENCE_OPTIONS: to be in one inclusion area is enough."""
+"""Bit of FENCE_OPTIONS: one inclusion area is enough."""
 _ACTIONS: Final = {2: Mode.LAND, 3: Mode.SMART_RTL, 4: Mode.BRAKE, 5: Mode.SMART_RTL}
 _PERIOD_S: Final = 0.3
 _BACKUP_M: Final = 20.0
 _GIVE_UP_M: Final = 100.0
-"""Farther out than this it lands, whatever was wished."""
+"""Farther outside than this the vehicle lands, whatever FENCE_ACTION is."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class News:
-    """What there is to say, and the mode to fly now (FENCE_ACTION); None leaves it as it is."""
+    """Text to send, and the mode to fly now (FENCE_ACTION); None keeps the mode."""
 
     text: str
     mode: Mode | None = None
 
 
 class Fence:
-    """Looks at the place three times a second."""
+    """Checks the place three times a second."""
 
     def __init__(self, parameters: Parameters, areas: FenceAreas | None = None) -> None:
-        """Nothing is breached."""
+        """Start without a breach."""
         self._parameters = parameters
         self._areas = areas or FenceAreas()
         self._switched: bool | None = None
-        """On or off by a command, whatever the parameters say; None: never switched."""
+        """On or off by a command, whatever the parameters are; None: never switched."""
         self._floor_on = False
-        """Whether the least height counts."""
+        """True: the least height counts."""
         self._backup_m: dict[int, float] = {}
-        """By breached fence: where the next breach is told."""
+        """Excess at which the next breach is reported, by breached fence."""
         self._wait_s = 0.0
 
     @property
     def enabled(self) -> bool:
-        """Whether there is a fence."""
+        """True if there is a fence."""
         if self._switched is not None:
             return self._switched
         value = self._parameters.value
@@ -67,13 +67,13 @@ class Fence:
 
     @property
     def breached(self) -> bool:
-        """Whether the vehicle is outside."""
+        """True if the vehicle is outside."""
         return bool(self._backup_m)
 
     def forbids(
         self, height_m: float, from_home_m: float, on_map: tuple[float, float] | None = None
     ) -> bool:
-        """Whether a target is outside: GUIDED takes none there. on_map: latitude, longitude."""
+        """Return True if a target is outside: GUIDED refuses it. on_map: latitude, longitude."""
         excesses = self._excesses(height_m, from_home_m, on_map)
         return any(excess_m > 0.0 for excess_m in excesses.values())
 
@@ -117,7 +117,7 @@ class Fence:
     def _excesses(
         self, height_m: float, from_home_m: float, on_map: tuple[float, float] | None
     ) -> dict[int, float]:
-        """Return by fence in use how far outside a place is, metres; negative inside."""
+        """Return the excess of a place by fence in use, metres; negative inside."""
         if not self.enabled:
             return {}
         value = self._parameters.value

@@ -1,4 +1,4 @@
-"""What each of ArduPilot's modes wants the vehicle to do.
+"""ArduPilot's modes: the motion that each of them demands.
 
 Inputs: mode, local position, sticks, GUIDED's request. Outputs: the target of the position
 control, shaped to the vehicle's limits.
@@ -18,12 +18,12 @@ from sitl.quadrotor import Quadrotor
 from sitl.sticks import Sticks
 
 _PAUSE_S: Final = 4.0
-"""A failsafe's LAND waits so long before it sinks."""
+"""Pause of a failsafe's LAND before the descent."""
 _ARRIVED_M: Final = 0.05
 _RETURNED_M: Final = 0.3
 _DEAD_ZONE: Final = 0.1
 _NOSE_SHARE: Final = 0.05
-"""Of WPNAV_SPEED: above it the nose turns into the direction of travel."""
+"""Part of WPNAV_SPEED: above it the nose turns into the direction of travel."""
 _RETURNING: Final = frozenset({Mode.RTL, Mode.SMART_RTL})
 _PILOTED: Final = frozenset({Mode.STABILIZE, Mode.ALT_HOLD, Mode.LOITER, Mode.POSHOLD})
 
@@ -38,7 +38,7 @@ class Flight:
         quad: Quadrotor,
         level_bias_rad: tuple[float, float],
     ) -> None:
-        """`level_bias_rad` is how far from level the attitude is without a position."""
+        """`level_bias_rad`: error of the level attitude without a position."""
         self._parameters = parameters
         self._control = control
         self._quad = quad
@@ -56,26 +56,26 @@ class Flight:
 
     @property
     def taking_off(self) -> bool:
-        """Whether a take-off is under way."""
+        """True during a take-off."""
         return self.mode is Mode.GUIDED and self.guided.takeoff_z_m is not None
 
     @property
     def landing(self) -> bool:
-        """Whether it sinks to land."""
+        """True during the descent of a landing."""
         return self.mode is Mode.LAND or (self.mode in _RETURNING and self._phase == "land")
 
     @property
     def returning(self) -> bool:
-        """Whether it flies home, and does not land yet."""
+        """True during the flight home, before the landing."""
         return self.mode in _RETURNING and self._phase != "land"
 
     @property
     def return_height_m(self) -> float:
-        """The height above home at which it returns."""
+        """Height above home of the return."""
         return self._return_height_m
 
     def wants_up(self, sticks: Sticks) -> bool:
-        """Whether, armed on the ground, it would lift off now."""
+        """Return True if the vehicle, armed on the ground, would lift off now."""
         return self.taking_off or (self.mode in _PILOTED and sticks.throttle > _DEAD_ZONE)
 
     def enter(self, mode: Mode, nav: Navigation, *, pause: bool = False) -> None:
@@ -95,12 +95,12 @@ class Flight:
         self.guided.takeoff_z_m = z_m
 
     def abandon_take_off(self) -> None:
-        """Forget a take-off under way."""
+        """Cancel a take-off under way."""
         if self.taking_off:
             self.guided.stop()
 
     def rest(self, nav: Navigation) -> None:
-        """Stay where it stands: on the ground."""
+        """Hold the present place: on the ground."""
         self._restart(nav)
 
     def run(self, dt: float, now_us: int, nav: Navigation, sticks: Sticks) -> None:
@@ -219,7 +219,7 @@ class Flight:
         speed = up if throttle > 0.0 else value("PILOT_SPEED_DN") or up
         self._climb(dt, nav, target, None, -throttle * speed / 100.0)
 
-    # Their means
+    # Helpers
 
     def _restart(self, nav: Navigation) -> None:
         estimator = nav.estimator

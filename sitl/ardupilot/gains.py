@@ -8,12 +8,12 @@ from sitl.control import Gains
 from sitl.parameters import Parameters
 
 _INTEGRAL_Z_PER_S2: Final = 1.0
-"""Its own integrates the acceleration's error instead."""
+"""ArduPilot integrates the acceleration's error instead."""
 _THRUST_MIN, _THRUST_MAX = 0.05, 0.95
 
 
 def gains(parameters: Parameters) -> Gains:
-    """Read the position control's; after each change of a parameter."""
+    """Read the gains of the position control; after each change of a parameter."""
     value = parameters.value
     return Gains(
         position_xy=value("PSC_POSXY_P"),

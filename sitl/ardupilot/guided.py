@@ -1,8 +1,8 @@
 """GUIDED's target: SET_POSITION_TARGET_LOCAL_NED as ArduPilot takes it.
 
-Inputs: messages with their arrival time. Outputs: what to fly to. Measured on ArduCopter 4.6.3:
+Inputs: messages with their arrival time. Outputs: the target. Measured on ArduCopter 4.6.3:
 an ignored bit of one axis ignores all three; combinations and frames that it cannot fly stop the
-vehicle; a NaN position kills the process; nothing is ever acknowledged.
+vehicle; a NaN position crashes the process; nothing is ever acknowledged.
 """
 
 import math
@@ -19,7 +19,7 @@ _FORCE_BIT, _YAW_BIT, _YAW_RATE_BIT = 0x200, 0x400, 0x800
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Request:
-    """What a message asks for; None where nothing is. Metres from the EKF origin, radians."""
+    """Request of a message; None where it has none. Metres from the EKF origin, radians."""
 
     position_ned_m: Vector | None = None
     velocity_ned_mps: Vector | None = None
@@ -85,18 +85,18 @@ class Guided:
         self._last_us = 0
 
     def stop(self) -> None:
-        """Forget everything and stop: on entering the mode."""
+        """Clear the request and stop: on entering the mode."""
         self.request = STOP
         self.takeoff_z_m = None
 
     def take(self, request: Request, now_us: int) -> None:
-        """Use a request; a take-off under way is over, without a word."""
+        """Use a request; it ends a take-off under way without a text."""
         self.request = request
         self.takeoff_z_m = None
         self._last_us = now_us
 
     def step(self, dt: float, now_us: int, timeout_s: float) -> None:
-        """Move the target along at its velocity, until nothing has come for GUID_TIMEOUT."""
+        """Move the target along at its velocity, until no request has come for GUID_TIMEOUT."""
         request = self.request
         if request.velocity_ned_mps is None:
             return
@@ -107,7 +107,7 @@ class Guided:
             self.request = replace(request, position_ned_m=(x + vx * dt, y + vy * dt, z + vz * dt))
 
     def target(self, place: Vector) -> GuidedTarget:
-        """Return what POSITION_TARGET_LOCAL_NED shows."""
+        """Return the target for POSITION_TARGET_LOCAL_NED."""
         if self.takeoff_z_m is not None:
             return GuidedTarget(
                 position_ned_m=(place[0], place[1], self.takeoff_z_m),

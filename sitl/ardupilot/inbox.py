@@ -30,7 +30,7 @@ _UNCHANGED_US: Final = 65535
 
 @dataclass(slots=True, kw_only=True)
 class Receivers:
-    """Who takes the messages."""
+    """Parts that handle the messages."""
 
     world: World
     router: Router
@@ -48,13 +48,13 @@ class Receivers:
 
 
 class Inbox:
-    """The table of messages that ArduPilot listens to; all others are ignored."""
+    """The table of messages that ArduPilot handles; all others are ignored."""
 
     def __init__(self, receivers: Receivers) -> None:
         """Connect the handlers."""
         self._r = receivers
         self._signal: tuple[int, int] | None = None
-        """The last RADIO_STATUS: rssi, and when it came."""
+        """The last RADIO_STATUS: rssi, and its time."""
         self._handlers: dict[str, Callable[[str, Any], None]] = {
             "HEARTBEAT": self._heartbeat,
             "COMMAND_LONG": self._command,
@@ -77,14 +77,14 @@ class Inbox:
         }
 
     def take(self, link: str, message: Any) -> None:
-        """Handle one message; `FloatingPointError` when it kills the process."""
+        """Handle one message; `FloatingPointError` when it crashes the process."""
         handler = self._handlers.get(message.get_type())
         if handler is not None:
             handler(link, message)
 
     @property
     def rssi(self) -> int:
-        """RC_CHANNELS.rssi: unknown, or with RSSI_TYPE 5 what the radio last said."""
+        """RC_CHANNELS.rssi: unknown, or with RSSI_TYPE 5 the radio's last report."""
         if self._r.parameters.value("RSSI_TYPE") != _SIGNAL_BY_RADIO_STATUS:
             return _UNKNOWN_SIGNAL
         if self._signal is None:

@@ -1,4 +1,4 @@
-"""ArduCopter's flight modes, and what each needs."""
+"""ArduCopter's flight modes, and their requirements."""
 
 from dataclasses import dataclass
 from enum import Enum
@@ -7,7 +7,7 @@ from typing import Final
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModeFacts:
-    """One mode: its number, its name, what it cannot do without, whether it may be armed in."""
+    """One mode: its number, its name, need of a position, permission to arm in it."""
 
     number: int
     title: str
@@ -37,7 +37,7 @@ class Mode(Enum):
 
     @property
     def title(self) -> str:
-        """ArduPilot's own word."""
+        """ArduPilot's own name."""
         return self.value.title
 
 

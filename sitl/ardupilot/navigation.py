@@ -1,8 +1,8 @@
 """ArduPilot's estimator as seen from outside: origin, position, home, flags, wind.
 
 Inputs: the world's estimate and the time since the start. Outputs: the local frame about the EKF
-origin, and what is known when. Times as measured on ArduCopter 4.6.3; those of the start are
-shortened in proportion by SIM_BOOT_S.
+origin, and the known values over time. Times as measured on ArduCopter 4.6.3; those of the start
+are shortened in proportion by SIM_BOOT_S.
 """
 
 import math
@@ -19,13 +19,13 @@ from sitl.world import TICK_S, World
 _SETTLED_AFTER_S: Final = 18.0
 _ORIGIN_AFTER_S: Final = 20.0
 _START_FLAGS: Final = ((5.5, 0x0400), (5.9, 0x0000))
-"""Until so many seconds after the start: not initialised, not aligned."""
+"""Flags until so many seconds after the start: not initialised, not aligned."""
 _BEFORE_GPS_FLAGS: Final = 0x00A7
 _GOOD_FLAGS: Final = 0x033F
 _COASTING_FLAGS: Final = 0x0025
 _JAMMED_FLAGS: Final = 0x8027
 _COAST_S: Final = 7.9
-"""From the last fix to flags 0x25; the failsafe acts a moment later."""
+"""Time from the last fix to flags 0x25; the failsafe acts a moment later."""
 _JAMMED_S: Final = 5.9
 _DEAD_RECKONING_S: Final = 10.0
 """EKF3's posRetryTimeUseVel_ms: drag aids the velocity."""
@@ -35,17 +35,17 @@ _NO_AIDING_S: Final = 15.1
 _WIND_TIME_S: Final = 4.0
 _WIND_STUCK_S: Final = 20.0
 _WIND_ERROR_NE_MPS: Final = (0.08, -0.10)
-"""Of the estimate in calm, as recorded; 0 would mean unknown."""
+"""Error of the estimate in calm, as recorded; 0 would mean unknown."""
 _ALIGNS_ABOVE_M: Final = 2.5
 
 
 class Navigation:
-    """Local position x, y, z (north, east, down of the EKF origin) as ArduPilot believes it."""
+    """Local position x, y, z (north, east, down of the EKF origin) as ArduPilot estimates it."""
 
     def __init__(
         self, world: World, parameters: Parameters, voice: say.Voice, boot_us: int
     ) -> None:
-        """Know nothing yet."""
+        """Start without an estimate."""
         self._world = world
         self._parameters = parameters
         self._voice = voice
@@ -56,7 +56,7 @@ class Navigation:
         self.x = self.y = self.z = 0.0
         self.home: tuple[float, float, float] | None = None
         self.home_changed = False
-        """Whether home was set and nobody has been told."""
+        """True: home was set and is not reported yet."""
         self.position_known = False
         self._aligned_in_flight = False
         self._lost_s = 0.0
@@ -122,25 +122,25 @@ class Navigation:
         return x, y, self._origin_altitude_m - altitude_m
 
     def from_home_m(self, place: tuple[float, float, float]) -> tuple[float, float]:
-        """Return how high above home a local place is, and how far from it across."""
+        """Return the height of a local place above home, and its horizontal distance from home."""
         x, y, z = place
         home_x, home_y, home_z = self.home_ned_m()
         return home_z - z, math.hypot(x - home_x, y - home_y)
 
     def on_map(self, place: tuple[float, float, float]) -> tuple[float, float]:
-        """Return latitude and longitude (degrees) of a local place; its estimate's before that."""
+        """Return latitude and longitude (degrees) of a local place; the estimate's before that."""
         if self._projection is None:
             return self.estimator.latitude_deg, self.estimator.longitude_deg
         return self._projection.reproject(place[0], place[1])
 
     @property
     def settled(self) -> bool:
-        """Whether the inertial sensors agree with each other."""
+        """True when the inertial sensors agree with each other."""
         return self.since_boot_s >= _SETTLED_AFTER_S * self._boot_scale
 
     @property
     def position_ok(self) -> bool:
-        """Whether modes that need a position may run."""
+        """True when modes that need a position may run."""
         return self.position_known and not self._degraded
 
     @property
@@ -173,7 +173,7 @@ class Navigation:
 
     @property
     def dead_reckoning(self) -> bool:
-        """Whether the position follows from the wind estimate alone, which drag fusion gives."""
+        """True when the position follows from the wind estimate alone, which drag fusion yields."""
         return self._survives_by_drag and self._lost_s >= _DEAD_RECKONING_S
 
     @property
@@ -209,7 +209,7 @@ class Navigation:
         self._voice.say(say.INFO, f"Field Elevation Set: {estimator.altitude_m:.0f}m")
 
     def _align_in_flight(self) -> None:
-        """Say once per flight that the compass was aligned away from the ground."""
+        """Report once per flight that the compass was aligned away from the ground."""
         if self._world.quad.on_ground:
             self._aligned_in_flight = False
         elif not self._aligned_in_flight and self.home_ned_m()[2] - self.z > _ALIGNS_ABOVE_M:
@@ -219,7 +219,7 @@ class Navigation:
                 self._voice.say(say.INFO, text)
 
     def _estimate_wind(self) -> None:
-        """Follow the true wind with a lag; stand still for a while with the tilt at its limit."""
+        """Follow the true wind with a lag; freeze for a while with the tilt at its limit."""
         quad = self._world.quad
         if quad.on_ground:
             return

@@ -60,7 +60,7 @@ _SIMULATION: Final = (
     Parameter(name="SIM_BOOT_S", default=USES_GPS_AFTER_S, minimum=8.0, maximum=600.0),
     Parameter(name="SIM_RC_FAIL", default=0, type=INT8, minimum=0, maximum=1),
 )
-"""SIM_BOOT_S is the time from the next start until GPS is used; SIM_RC_FAIL 1 silences the RC."""
+"""SIM_BOOT_S is the time from the next start until GPS is used; SIM_RC_FAIL 1 stops the RC."""
 
 
 def parameters(values: Mapping[str, float]) -> Parameters:

@@ -1,8 +1,8 @@
 """The GPS receiver as ArduPilot shows it, five times a second.
 
-What the receiver says comes from the world's estimator. Measured on ArduCopter 4.6.3 in its own
+The receiver's data come from the world's estimator. Measured on ArduCopter 4.6.3 in its own
 simulator: it is found 9.8 s after the start; without a fix, accuracy and time stay at their last
-good values while the position goes on; a silent receiver's last words are repeated for 4 s, and
+good values while the position goes on; a silent receiver's last data are repeated for 4 s, and
 its health is lost after 8 s; under jamming satellites and accuracy jump while the dilution stays.
 """
 
@@ -26,12 +26,12 @@ _JAMMED_ACCURACY_M: Final = 20.0
 
 
 class Receiver:
-    """Keeps the last words of the receiver, and the time of the last fix."""
+    """Keeps the last data of the receiver, and the time of the last fix."""
 
     __slots__ = ("_boot_us", "_detected_us", "_heard_us", "_next_us", "_world", "fix_us", "said")
 
     def __init__(self, world: World, boot_us: int, boot_s: float) -> None:
-        """Have heard nothing; `boot_s` is how long this start takes until GPS is used."""
+        """Start without data; `boot_s` is the time of this start until GPS is used."""
         pace = boot_s / USES_GPS_AFTER_S
         self._world = world
         self._boot_us = boot_us
@@ -39,12 +39,12 @@ class Receiver:
         self._next_us = boot_us + round(pace * _FIRST_FIX_S * 1e6)
         self._heard_us: int | None = None
         self.said: GpsFix | None = None
-        """The last words; `fix_type` 0 where there is no fix."""
+        """The last data; `fix_type` 0 where there is no fix."""
         self.fix_us = 0
         """Time of the last fix, since the start; 0 before the first."""
 
     def step(self) -> None:
-        """Listen, if it is time."""
+        """Read the receiver, if it is time."""
         now_us, heard = self._world.now_us, self._world.estimator.fix
         if now_us < self._next_us:
             return
@@ -81,17 +81,17 @@ class Receiver:
 
     @property
     def detected(self) -> bool:
-        """Whether there is a receiver."""
+        """True once there is a receiver."""
         return self._world.now_us >= self._detected_us
 
     @property
     def speaks(self) -> bool:
-        """Whether its last words still count."""
+        """True while its last data still count."""
         return self._silence_s < _REPEATS_S
 
     @property
     def healthy(self) -> bool:
-        """Whether SYS_STATUS trusts it; a receiver without a fix is healthy."""
+        """True while SYS_STATUS reports it healthy; a receiver without a fix is healthy."""
         return self._silence_s < _HEALTHY_S
 
     @property

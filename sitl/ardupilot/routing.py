@@ -1,8 +1,8 @@
 """ArduPilot's routing between links, after its MAVLink_routing, as measured on ArduCopter 4.6.3.
 
-It learns on which link a system and component was heard. A heartbeat goes to all other links, a
-message without a target to all on which anyone was heard, an addressed one to where the addressee
-was heard; what nobody was heard for, the autopilot takes for itself if it carries its system.
+It learns on which link each system and component was received. A heartbeat goes to all other links,
+a message without a target to all links on which a sender was received, an addressed one to the
+links of its addressee. The autopilot takes a message with its system that no link takes.
 """
 
 from typing import Any, Final
@@ -14,7 +14,7 @@ _NEVER_FORWARDED: Final = frozenset({"RADIO_STATUS", "RADIO"})
 
 
 def route(router: Router, link: Link, message: Any) -> bool:
-    """Pass a message on to where it belongs; True when the autopilot takes it, too."""
+    """Pass a message on to its links; True when the autopilot takes it, too."""
     if sender(message) == (SYSTEM, AUTOPILOT_COMPONENT):
         return False
     kind = message.get_type()

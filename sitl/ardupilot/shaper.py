@@ -1,6 +1,6 @@
-"""ArduPilot's shaping of targets: what is asked for becomes a path of limited jerk.
+"""ArduPilot's shaping of targets: a request becomes a path of limited jerk.
 
-    velocity wish      = sqrt_controller(position error) + velocity asked for
+    velocity wish      = sqrt_controller(position error) + requested velocity
     acceleration wish  = sqrt_controller(velocity wish - velocity), limited in size and in jerk
 
 After AP_Math/control.cpp (shape_pos_vel_accel). With 2.5 m/s^2 and 5 m/s^3 its gain is 1 per
@@ -15,7 +15,7 @@ from dataclasses import dataclass
 from typing import Final
 
 _BRAKING_SHARE: Final = 0.5
-"""Of the acceleration, for stopping; the rest is kept for corners."""
+"""Part of the acceleration for stopping; the rest is kept for corners."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -29,7 +29,7 @@ class Limits:
 
     @property
     def leash_m(self) -> float:
-        """How far the shaped position may be ahead of the vehicle."""
+        """Greatest distance of the shaped position from the vehicle."""
         return self.speed_mps**2 / (2.0 * self.acceleration_mps2) + self.acceleration_mps2 / 2.0
 
 
@@ -39,11 +39,11 @@ class Shaper:
     __slots__ = ("acceleration", "position", "velocity")
 
     def __init__(self) -> None:
-        """Stand at the origin."""
+        """Start at the origin, at rest."""
         self.restart(0.0, 0.0)
 
     def restart(self, position: complex, velocity: complex) -> None:
-        """Begin from where the vehicle is and how it moves."""
+        """Begin from the vehicle's position and velocity."""
         self.position = complex(position)
         self.velocity = complex(velocity)
         self.acceleration = 0j

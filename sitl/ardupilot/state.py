@@ -1,4 +1,4 @@
-"""What the telemetry of an ArduPilot vehicle is made from, beside the world itself."""
+"""Inputs of the telemetry of an ArduPilot vehicle, beside the world itself."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -6,7 +6,7 @@ from typing import Protocol
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class GuidedTarget:
-    """What GUIDED flies to, as POSITION_TARGET_LOCAL_NED shows it; None where it is not used.
+    """Target of GUIDED, as POSITION_TARGET_LOCAL_NED shows it; None where it is not used.
 
     position_ned_m    (3,)  metres from the EKF origin
     velocity_ned_mps  (3,)
@@ -18,11 +18,11 @@ class GuidedTarget:
 
 
 class State(Protocol):
-    """The vehicle's own beliefs and decisions."""
+    """The vehicle's own estimates and decisions."""
 
     @property
     def armed(self) -> bool:
-        """Whether the motors may turn."""
+        """True when the motors may turn."""
 
     @property
     def custom_mode(self) -> int:
@@ -50,7 +50,7 @@ class State(Protocol):
 
     @property
     def position_known(self) -> bool:
-        """Whether the estimator has a position: LOCAL_POSITION_NED and WIND flow."""
+        """True while the estimator has a position: LOCAL_POSITION_NED and WIND flow."""
 
     @property
     def position_ned_m(self) -> tuple[float, float, float]:
@@ -74,7 +74,7 @@ class State(Protocol):
 
     @property
     def battery_consumed_mah(self) -> float:
-        """What the monitor has counted; battery_remaining is 1 - this / BATT_CAPACITY."""
+        """Charge that the monitor has counted; battery_remaining is 1 - this / BATT_CAPACITY."""
 
     @property
     def battery_consumed_wh(self) -> float:
@@ -82,15 +82,15 @@ class State(Protocol):
 
     @property
     def ready_to_arm(self) -> bool:
-        """Whether the pre-arm checks of the present mode pass."""
+        """True when the pre-arm checks of the present mode pass."""
 
     @property
     def fence_enabled(self) -> bool:
-        """Whether there is a fence."""
+        """True if there is a fence."""
 
     @property
     def fence_breached(self) -> bool:
-        """Whether the vehicle is outside its fence."""
+        """True if the vehicle is outside its fence."""
 
     @property
     def channels_us(self) -> tuple[int, ...]:
@@ -98,7 +98,7 @@ class State(Protocol):
 
     @property
     def remote_control_lost(self) -> bool:
-        """Whether the receiver was heard and is silent now."""
+        """True if the receiver was received before and is silent now."""
 
     @property
     def rssi(self) -> int:
@@ -106,4 +106,4 @@ class State(Protocol):
 
     @property
     def return_place(self) -> tuple[float, float, float] | None:
-        """Where RTL flies to, as the origin is given; None in other modes and while it lands."""
+        """Target of RTL, as the origin is given; None in other modes and during the landing."""

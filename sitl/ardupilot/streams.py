@@ -1,4 +1,4 @@
-"""Which message goes out on one link how often: nothing but what was asked for.
+"""Rates of the messages on one link: only requested messages are sent.
 
 As measured on ArduCopter 4.6.3: SET_MESSAGE_INTERVAL is accepted for every message it can stream,
 whether or not there is such data; for the others it is denied. Rates were exact from 0.5 to
@@ -17,7 +17,7 @@ _HEARTBEAT_US: Final = 1_000_000
 _TIMESYNC_US: Final = 10_000_000
 _OWN: Final = {"HEARTBEAT": _HEARTBEAT_US, "TIMESYNC": _TIMESYNC_US}
 FIRST_PACKETS_US: Final = 1_040_000
-"""From a start to the first heartbeat."""
+"""Time from a start to the first heartbeat."""
 _FIRST_TIMESYNC_US: Final = 10_000_000
 STREAMS: Final[dict[int, tuple[str, ...]]] = {
     1: ("RAW_IMU", "SCALED_IMU2", "SCALED_IMU3", "SCALED_PRESSURE", "SCALED_PRESSURE2"),
@@ -34,7 +34,7 @@ STREAMS: Final[dict[int, tuple[str, ...]]] = {
 _SLOWER: Final = ((20, 60_000), (50, 20_000))
 _FASTER: Final = ((95, 40_000), (90, 20_000))
 _SLOWEST_US: Final = 2_000_000
-"""Per RADIO_STATUS: below or above so many percent of free buffer, by so much."""
+"""Per RADIO_STATUS: change of the interval below or above a percentage of free buffer."""
 _BY_INTERVAL_ONLY: Final = (
     "HEARTBEAT", "ATTITUDE_QUATERNION", "ATTITUDE_TARGET", "AUTOPILOT_VERSION",
     "EXTENDED_SYS_STATE", "GPS_GLOBAL_ORIGIN", "HIGH_LATENCY2", "HOME_POSITION",
@@ -49,10 +49,10 @@ class Schedule:
     """The due times of one link."""
 
     def __init__(self, boot_us: int) -> None:
-        """Nothing but the heartbeat, and the question for the peer's time."""
+        """Start with the heartbeat, and the request for the peer's time."""
         self._intervals = dict(_OWN)
         self.slowdown_us = 0
-        """What a radio with a full buffer adds to every interval that was asked for."""
+        """Addition to every requested interval, for a radio with a full buffer."""
         self._due = {
             "HEARTBEAT": boot_us + FIRST_PACKETS_US,
             "TIMESYNC": boot_us + _FIRST_TIMESYNC_US,
@@ -69,7 +69,7 @@ class Schedule:
         return ACCEPTED
 
     def interval_us(self, msgid: int) -> int:
-        """Return what MESSAGE_INTERVAL says: -1 not sent now, 0 never sent."""
+        """Return the value of MESSAGE_INTERVAL: -1 not sent now, 0 never sent."""
         name = IDS.get(msgid)
         return 0 if name is None else self._intervals.get(name, OFF)
 
@@ -82,7 +82,7 @@ class Schedule:
                 self._set(name, interval_us, now_us)
 
     def hear_radio(self, txbuf_percent: int) -> None:
-        """Slow down or speed up by how much room a radio has in its buffer."""
+        """Slow down or speed up by the free buffer of a radio."""
         for below, change_us in _SLOWER:
             if txbuf_percent < below:
                 self.slowdown_us = min(_SLOWEST_US, self.slowdown_us + change_us)
@@ -93,7 +93,7 @@ class Schedule:
                 return
 
     def due(self, now_us: int) -> list[str]:
-        """Return the names whose time has come, and plan their next time."""
+        """Return the names that are due, and plan their next time."""
         names = [name for name, at in self._due.items() if at <= now_us]
         for name in names:
             interval_us = self._intervals[name] + (0 if name in _OWN else self.slowdown_us)

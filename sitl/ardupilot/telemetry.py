@@ -20,7 +20,7 @@ class Telemetry:
         self._builders: dict[str, Builder] = {**self._motion.table(), **self._status.table()}
 
     def step(self, dt_s: float) -> None:
-        """Advance what has a memory."""
+        """Advance the parts that have a memory."""
         self._receiver.step()
         self._motion.step()
         self._status.step(dt_s)

@@ -22,7 +22,7 @@ from sitl.world import World
 
 _HOVER_THRUST: Final = 0.365
 _NO_THRUST: Final = -6e-8
-"""What ArduPilot makes of no thrust at all."""
+"""ArduPilot's value for no thrust at all."""
 _RATE_NOISE_RADPS: Final = 2e-4
 _SPIN_MIN, _SPIN_MAX, _THRUST_EXPO = 0.15, 0.95, 0.65
 """MOT_SPIN_MIN, MOT_SPIN_MAX, MOT_THST_EXPO: a hover at about 1575 microseconds."""
@@ -36,10 +36,10 @@ Place = tuple[float, float, float]
 
 
 class MotionMessages(Builders):
-    """The builders of this group; `place` is where the vehicle says it is."""
+    """The builders of this group; `place` is the place that the vehicle reports."""
 
     def __init__(self, world: World, state: State, receiver: Receiver, boot_us: int) -> None:
-        """Know no place yet."""
+        """Start without a place."""
         super().__init__(world, boot_us)
         self._state = state
         self.receiver = receiver
@@ -75,7 +75,7 @@ class MotionMessages(Builders):
         }
 
     def step(self) -> None:
-        """Follow the estimate; the receiver before the first one; nothing once it is lost."""
+        """Follow the estimate; before the first one the receiver; keep the place after a loss."""
         e, said = self._world.estimator, self.receiver.said
         if self._state.position_known:
             self._was_known = True
@@ -83,11 +83,11 @@ class MotionMessages(Builders):
         elif said is not None and not self._was_known:
             self.place = (said.latitude_deg, said.longitude_deg, said.altitude_m)
 
-    # What several messages say
+    # Values of several messages
 
     @property
     def thrust(self) -> float:
-        """What the throttle output is, 0 to 1."""
+        """The throttle output, 0 to 1."""
         quad = self._world.quad
         if not quad.demand.spinning:
             return 0.0
@@ -356,7 +356,7 @@ class MotionMessages(Builders):
 
 
 def _shown_mask(target: GuidedTarget) -> int:
-    """Return the type mask of what is in use; velocity alone where nothing is: a stop."""
+    """Return the type mask of the target; velocity alone without a target: a stop."""
     if target.position_ned_m is None:
         return _NO_POSITION | _NO_YAW
     if target.velocity_ned_mps is None:

@@ -54,7 +54,7 @@ class StatusMessages(Builders):
         motion: MotionMessages,
         boot_us: int,
     ) -> None:
-        """Start as a vehicle that boots."""
+        """Start as a booting vehicle."""
         super().__init__(world, boot_us)
         self._state = state
         self._parameters = parameters
@@ -84,7 +84,7 @@ class StatusMessages(Builders):
         }
 
     def step(self, dt_s: float) -> None:
-        """Advance what has a memory."""
+        """Advance the parts that have a memory."""
         state = self._state
         self._logs_for_s = _LOGS_AFTER_DISARMING_S if state.armed else self._logs_for_s - dt_s
         if state.origin is not None:
@@ -97,7 +97,7 @@ class StatusMessages(Builders):
 
     @property
     def _controls_position(self) -> bool:
-        """Whether the position control runs; one that boots says so."""
+        """True if the position control runs; a booting vehicle reports so."""
         state = self._state
         if state.system_status == _BOOT or state.custom_mode in _POSITION_MODES:
             return True
@@ -235,7 +235,7 @@ class StatusMessages(Builders):
     def _timesync(self) -> bytes:
         return self._pack("TIMESYNC", tc1=0, ts1=self._us * 1000 + 1)
 
-    # What else a vehicle says about itself
+    # Other reports
 
     def _extended_state(self) -> bytes:
         return self._pack("EXTENDED_SYS_STATE", vtol_state=3, landed_state=self._state.landed_state)

@@ -33,7 +33,7 @@ from sitl.wire import layout
 from sitl.world import TICK_S, World
 
 _RESTART_US: Final = 190_000
-"""From the command to the new start."""
+"""Time from the command to the new start."""
 _DEAD: Final = "DEAD"
 _NO_INDEX: Final = 65535
 _LAST_SWITCH_POSITION: Final = 6
@@ -47,7 +47,7 @@ class ArduPilotManner:
     """ArduPilot's behaviour over a world and its links."""
 
     def __init__(self, world: World, router: Router, parameters: Parameters) -> None:
-        """Boot now, with a remote control in the pilot's hands, its throttle down."""
+        """Boot now, with a remote control switched on, its throttle down."""
         self._world = world
         self._router = router
         self.parameters = parameters
@@ -107,21 +107,21 @@ class ArduPilotManner:
         )
         self._radio = Radio(world, router)
 
-    # What the machine around sees
+    # Interface for the machine
 
     @property
     def running(self) -> bool:
-        """Whether the process lives and its links work."""
+        """True while the process runs and its links work."""
         return not self.dead and self._world.now_us - self._boot_us >= FIRST_PACKETS_US
 
     @property
     def armed(self) -> bool:
-        """Whether the motors may turn."""
+        """True when the motors may turn."""
         return self.commander.armed and not self.dead
 
     @property
     def mode_name(self) -> str:
-        """ArduPilot's word for the mode; DEAD when its process is."""
+        """ArduPilot's name of the mode; DEAD when its process has crashed."""
         return _DEAD if self.dead else self.commander.mode.title
 
     @property
@@ -149,7 +149,7 @@ class ArduPilotManner:
         else:
             self.sticks.remote_control = True
 
-    # What the telemetry is made from (`state.State`)
+    # Inputs of the telemetry (`state.State`)
 
     @property
     def custom_mode(self) -> int:
@@ -181,7 +181,7 @@ class ArduPilotManner:
 
     @property
     def position_known(self) -> bool:
-        """Whether the estimator has a position."""
+        """True while the estimator has a position."""
         return self.navigation.position_known
 
     @property
@@ -212,27 +212,27 @@ class ArduPilotManner:
 
     @property
     def battery_consumed_mah(self) -> float:
-        """What the monitor has counted; the charge that remains is computed from it."""
+        """Charge that the monitor has counted; the remaining charge is computed from it."""
         return self.battery.consumed_mah
 
     @property
     def battery_consumed_wh(self) -> float:
-        """The energy that it has counted."""
+        """Energy that the monitor has counted."""
         return self.battery.consumed_wh
 
     @property
     def ready_to_arm(self) -> bool:
-        """Whether the pre-arm checks of the present mode pass."""
+        """True when the pre-arm checks of the present mode pass."""
         return not self.commander.refusals
 
     @property
     def fence_enabled(self) -> bool:
-        """Whether there is a fence."""
+        """True if there is a fence."""
         return self.fence.enabled
 
     @property
     def fence_breached(self) -> bool:
-        """Whether the vehicle is outside its fence."""
+        """True if the vehicle is outside its fence."""
         return self.fence.breached
 
     @property
@@ -242,7 +242,7 @@ class ArduPilotManner:
 
     @property
     def remote_control_lost(self) -> bool:
-        """Whether the remote control is lost."""
+        """True while the remote control is lost."""
         return self.commander.failsafes.radio
 
     @property
@@ -252,7 +252,7 @@ class ArduPilotManner:
 
     @property
     def return_place(self) -> tuple[float, float, float] | None:
-        """Where RTL flies to; None in other modes and while it lands."""
+        """Target of RTL; None in other modes and during the landing."""
         if not self.flight.returning or self.navigation.home is None:
             return None
         latitude_deg, longitude_deg, altitude_m = self.navigation.home
@@ -277,7 +277,7 @@ class ArduPilotManner:
         self._send(command.link, "COMMAND_ACK", acknowledgement(command, result))
 
     def set_interval(self, link: str, msgid: int, interval_us: int) -> int:
-        """Set a message interval on a link; returns the result, and says so when it is denied."""
+        """Set a message interval on a link; returns the result, and reports a denial."""
         result = self._schedules[link].set(msgid, interval_us, self._world.now_us)
         if result == DENIED:
             self.voice.say(INFO, f"No ap_message for mavlink id ({msgid})")
@@ -340,7 +340,7 @@ class ArduPilotManner:
         booting = self.commander.system_status == _BOOTING
         for link, schedule in self._schedules.items():
             names = schedule.due(now_us)
-            # While it boots every heartbeat goes out twice; a new mode is told at once.
+            # While it boots every heartbeat goes out twice; a new mode is reported at once.
             if booting if "HEARTBEAT" in names else self.commander.mode_changed:
                 names.append("HEARTBEAT")
             if self.navigation.home_changed:

@@ -1,4 +1,4 @@
-"""ArduPilot's own words: STATUSTEXT to every link, those of a start by the clock.
+"""ArduPilot's texts: STATUSTEXT to every link, those of a start by the clock.
 
 Texts and times as recorded from ArduCopter 4.6.3.
 """
@@ -29,14 +29,14 @@ _BOOT_TEXTS: Final = (
     (9_810_000, "GPS 1: probing for u-blox at 230400 baud"),
     (9_830_000, "GPS 1: detected u-blox"),
 )
-"""What is said at which time after the start; later texts depend on what the estimator finds."""
+"""Texts by time after the start; later texts depend on the estimator."""
 
 
 class Voice:
     """Sends texts on all links."""
 
     def __init__(self, world: World, router: Router, boot_us: int) -> None:
-        """Say nothing yet."""
+        """Start without a text."""
         self._world = world
         self._router = router
         self._boot_us = boot_us
@@ -44,7 +44,7 @@ class Voice:
         self._boot_texts = list(_BOOT_TEXTS)
 
     def step(self) -> None:
-        """Say the texts of the start that are due."""
+        """Send the texts of the start that are due."""
         while self._boot_texts and self._since_boot_us >= self._boot_texts[0][0]:
             self.say(INFO, self._boot_texts.pop(0)[1])
 
@@ -53,7 +53,7 @@ class Voice:
         return self._world.now_us - self._boot_us
 
     def say(self, severity: int, text: str) -> None:
-        """Send a text; companions hear it too."""
+        """Send a text to all links, also to companions."""
         self._text_id = self._text_id % 65535 + 1
         kind = layout("STATUSTEXT")
         payloads = status_texts(severity, text, self._text_id)

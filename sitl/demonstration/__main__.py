@@ -8,7 +8,7 @@ from sitl.interpreter import complaint
 
 
 def main() -> int:
-    """Load the demonstration and fly it; every way to end it early ends its processes, too."""
+    """Load the demonstration and fly it; an early end ends its processes, too."""
     signal.signal(signal.SIGINT, lambda *_: os._exit(1))
     try:
         from .fly import main as fly  # noqa: PLC0415

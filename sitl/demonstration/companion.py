@@ -14,7 +14,7 @@ from moar_companion.service.app import run_service
 
 
 def main() -> int:
-    """Run the service until it is told to end; the exit status is the service's."""
+    """Run the service until it is stopped; the exit status is the service's."""
     parser = argparse.ArgumentParser(prog="companion")
     parser.add_argument("--config", required=True)
     parser.add_argument("--speed", type=float, default=1.0)

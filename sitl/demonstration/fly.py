@@ -42,7 +42,7 @@ from .weather import Weather
 _SCENARIOS = Path(__file__).parents[1] / "scenarios"
 _VEHICLE = "x500.yaml"
 _VEHICLE_FILE = "vehicle.yaml"
-"""In the flight's folder."""
+"""Its name in the flight's folder."""
 _SITE = "315kv_double_circuit.yaml"
 _WAYS_OUT = {Mission.EXIT: EXIT, Mission.EVACUATION: EVACUATION}
 """The first for which a site has landing points is flown, unless another is asked for."""
@@ -50,15 +50,15 @@ _ALL = "all"
 _TOUR = "tour.yaml"
 """The scenario of a user's own site."""
 _ABOVE_M = 0.5
-"""A take-off ends at least so far above the least height."""
+"""Least distance of the take-off's end above the least height."""
 _LATEST = "latest"
 _LEAST_FREE_MB = 50.0
-"""Ten times what a flight writes."""
+"""Ten times the size of a flight's files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
-    """What the command line says."""
+    """Values of the command line."""
 
     headless: bool
     autopilot: str
@@ -67,7 +67,7 @@ class Settings:
     scenario: Path
     out: Path
     links_latest: bool
-    """Whether it is one of the flights in `flights/`."""
+    """True for a flight in `flights/`."""
     landing: str | None
     """`exit`, `evacuation:1` (a mission, and the index of its landing point), or `all`."""
     real: Path | None
@@ -75,7 +75,7 @@ class Settings:
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Fly; the exit status."""
+    """Fly; returns the exit status."""
     try:
         settings = _settings(arguments)
         site = Site.load(settings.site)
@@ -109,7 +109,7 @@ def _failed(message: str, status: int) -> int:
 
 
 def _check(site: Site, path: Path) -> None:
-    """Whether the script can be flown on a site; InputError otherwise."""
+    """Check that the script can be flown on a site; InputError otherwise."""
     if not site.targets or not any(site.landing_m.values()):
         raise InputError(str(path), "", "must have targets and landing points to be flown")
 
@@ -150,7 +150,7 @@ def _height_m(site: Site) -> float:
 
 
 def _make_folder(out: Path) -> None:
-    """A folder that can be written, has room, and holds no flight yet."""
+    """Make a folder that can be written, has room, and has no flight yet."""
     out.mkdir(parents=True, exist_ok=True)
     if (out / "truth.csv").exists():
         raise InputError("--out", "", f"{out} already holds a flight, must be another folder")
@@ -200,7 +200,7 @@ def _settings(arguments: list[str] | None) -> Settings:
 
 
 def _fly(settings: Settings, site: Site) -> str | None:
-    """The whole flight; what went wrong, or None."""
+    """Fly the whole flight; the error, or None."""
     companion_port, operator_port = free_ports(2)
     config = settings.out / "companion.yaml"
     manner = MANNERS[settings.autopilot]
@@ -275,7 +275,7 @@ def _battery_falls(scenario: Path) -> bool:
 
 
 def _gather(out: Path) -> bool:
-    """Bring what the service has recorded into the flight's folder; whether there is any."""
+    """Move the service's recording into the flight's folder; True if there is any."""
     recorded = sorted(out.glob("flight_*"))
     if recorded:
         for file in recorded[-1].iterdir():
@@ -285,7 +285,7 @@ def _gather(out: Path) -> bool:
 
 
 def _link_latest(out: Path) -> None:
-    """`latest` beside the flight's folder leads to it, where links can be made."""
+    """Make `latest` beside the flight's folder lead to it, where links can be made."""
     link = out.parent / _LATEST
     with contextlib.suppress(OSError):
         if link.is_symlink():
@@ -334,7 +334,7 @@ def _autopilot(
 
 
 def _weather(settings: Settings, screen: Screen) -> Weather | None:
-    """What the operator plays of the scenario; None where the fake autopilot plays it itself."""
+    """Scenario that the operator plays; None where the fake autopilot plays it itself."""
     if settings.real is None:
         return None
     scenario = Scenario.load(settings.scenario)
@@ -345,7 +345,7 @@ def _weather(settings: Settings, screen: Screen) -> Weather | None:
 
 
 def _report(settings: Settings, site: Site, vehicle: Vehicle, problem: str | None) -> int:
-    """Judge the flight, draw it, and say what came of it; the exit status."""
+    """Judge the flight, draw it, and print the result; the exit status."""
     truth = settings.out / "truth.csv"
     if not _gather(settings.out) or not truth.exists():
         say(f"nothing was flown: {problem or 'no recording'}; see the logs in {settings.out}")

@@ -1,4 +1,4 @@
-"""The judge: what really happened in a flight, from the fake autopilot's truth log and the site.
+"""The judge: true course of a flight, from the fake autopilot's truth log and the site.
 
 Independent of the planner's geometry on purpose: distances are Shapely's.
 """
@@ -22,9 +22,9 @@ _LEG_TOLERANCE_M = 2.0
 _THERE_M = 3.0
 """At a target or a landing point; PX4 strays 2.55 m from where it is sent."""
 _GROUND_M = 0.0
-"""PX4's own simulator stands centimetres below it, and is still there as it says that it flies."""
+"""PX4's own simulator stands centimetres below it, even when it first reports flight."""
 _OFF_PLANE_M = 3.0
-"""How far beside the plane the workspace reaches, for the judge."""
+"""Distance beside the plane that is still workspace, for the judge."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -39,7 +39,7 @@ class FlightTruth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Verdict:
-    """What is to be said against a flight; empty when nothing is."""
+    """Faults of a flight; empty when there are none."""
 
     faults: tuple[str, ...]
     least_clearance_m: float

@@ -1,4 +1,4 @@
-"""What an operator does differently on PX4 and on ArduPilot; everything else is the same."""
+"""Operator's actions that differ between PX4 and ArduPilot; everything else is the same."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Manner:
-    """One autopilot, as an operator knows it."""
+    """One autopilot, from the operator's side."""
 
     given_mode: str
     """The mode in which the autopilot follows the companion."""
@@ -20,19 +20,19 @@ class Manner:
     """Its custom_mode in the heartbeat."""
     land: tuple[int, ...]
     takes_off_in_given_mode: bool
-    """Armed in it, it climbs to a height above home; else armed to a height above the sea."""
+    """True: armed in it, the aircraft climbs to a height above home; else above the sea."""
     ready_timeout_s: float
-    """From its start until it may be armed."""
+    """Time from its start until it may be armed."""
     cells: int
-    """Of its simulated battery."""
+    """Cells of its simulated battery."""
     parameters: tuple[str, ...]
-    """What the manual asks for before a flight: else its return would lead through conductors."""
+    """Required before a flight by the manual: else its return would lead through conductors."""
     parameters_bytewise: bool
     """Integers travel as the bytes of a float."""
     requested: tuple[int, ...]
     """Messages that a ground station gets on request only."""
     scenario: str
-    """What it is flown in unless another is named."""
+    """Scenario unless another is named."""
 
 
 MANNERS: Final = {

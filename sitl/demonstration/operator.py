@@ -1,4 +1,4 @@
-"""An operator's ground station in raw MAVLink over UDP: what a pilot sees and does."""
+"""An operator's ground station in raw MAVLink over UDP: a pilot's displays and actions."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from .manners import Manner
 
 _HEARTBEAT_S: Final = 1.0
 _ANSWER_TIMEOUT_S: Final = 5.0
-"""Of real time: a plan takes as long as it takes, however fast the simulator is."""
+"""In real time: the duration of a plan does not depend on the simulator's speed."""
 _RESENT_S: Final = 1.5
 _MOST_SENT: Final = 4
-"""As MAVLink's command protocol asks for, where a link loses commands or answers."""
+"""As MAVLink's command protocol requires, where a link loses commands or answers."""
 _COMPILING_S: Final = 600.0
 _AGAIN_S: Final = 3.0
-"""Of real time, too: how long the companion may compile its planner at its first start, and how
-often it is asked meanwhile; it says why at most every 2 s."""
+"""In real time, too: longest compilation of the planner at the companion's first start, and
+the period of the orders meanwhile; the companion reports its reason at most every 2 s."""
 _POLL_S: Final = 0.05
 _COMPANION: Final = mavlink.MAV_COMP_ID_PATHPLANNER
 _INTERVAL_US: Final = 250_000
@@ -38,7 +38,7 @@ EVACUATION: Final = 3
 
 
 class OperatorError(Exception):
-    """What the operator expected did not happen; one line."""
+    """An event that the operator expected did not happen; one line."""
 
 
 class Operator:
@@ -71,7 +71,7 @@ class Operator:
         self.armed = False
         self.custom_mode = 0
         self._healthy = False
-        # Where the autopilot does not say so, its own checks know.
+        # Where the autopilot does not report it, its own checks include it.
         self._position_known = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT not in manner.requested
         self.landed_state = 0
         self.battery_percent: int | None = None
@@ -87,7 +87,7 @@ class Operator:
             raise OperatorError(f"{what}: not within {timeout_s:g} s")
 
     def wait_until(self, condition: Callable[[], bool], timeout_s: float) -> bool:
-        """Read until a condition holds, or for so long; whether it held."""
+        """Read until a condition holds, or for a time; True if it held."""
         deadline_s = self._now_s() + timeout_s
         while not condition():
             if self._now_s() > deadline_s:
@@ -98,12 +98,12 @@ class Operator:
 
     @property
     def ready_to_arm(self) -> bool:
-        """Whether the autopilot would arm, and knows where it is."""
+        """True when the autopilot would arm, and has a position."""
         return self._healthy and self._position_known
 
     @property
     def lag_s(self) -> float:
-        """How far the autopilot's clock has fallen behind since it was heard; real seconds."""
+        """Delay of the autopilot's clock since it was first received; real seconds."""
         if self._boot_s is None or self._ahead_s is None:
             return 0.0
         return (self._now_s() - self._boot_s - self._ahead_s) / self._speed
@@ -112,7 +112,7 @@ class Operator:
         return time.monotonic() * self._speed
 
     def read(self) -> None:
-        """Take what has arrived, waiting a moment for it; keep our heartbeat going."""
+        """Take received data, waiting a moment for it; send the heartbeat when it is due."""
         now_s = self._now_s()
         if self._peer is not None and now_s >= self._heartbeat_due_s:
             self._heartbeat_due_s = now_s + _HEARTBEAT_S
@@ -177,7 +177,7 @@ class Operator:
         return self._parameters[name]
 
     def request_messages(self) -> None:
-        """Ask the autopilot for what it does not send by itself."""
+        """Request the messages that the autopilot does not send by itself."""
         for number in self._manner.requested:
             name = f"the request for message {number}"
             self.command(name, mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, number, _INTERVAL_US)
@@ -198,18 +198,18 @@ class Operator:
         self.command("arm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
 
     def give_mode(self) -> None:
-        """Give the mode in which the autopilot follows the companion, and see that it took it."""
+        """Give the mode in which the autopilot follows the companion, and wait until it is on."""
         name, given = self._manner.given_mode, self._manner.given_custom_mode
         self.command(name, mavlink.MAV_CMD_DO_SET_MODE, 1, *self._manner.given)
         self.wait_for(f"{name} mode", lambda: self.custom_mode == given, 3.0)
 
     def land(self) -> None:
-        """Give the autopilot's LAND mode; the companion then lets go."""
+        """Give the autopilot's LAND mode; the companion then releases control."""
         self.landing = True
         self.command("LAND", mavlink.MAV_CMD_DO_SET_MODE, 1, *self._manner.land)
 
     def order(self, name: str, mission: int, index: int = -1) -> None:
-        """Order a mission of the companion; IN_PROGRESS and its compiling are waited out.
+        """Order a mission of the companion; waits during IN_PROGRESS and its compilation.
 
         index: of the target or landing point, -1 for all or any.
         """
@@ -227,13 +227,13 @@ class Operator:
                 return
 
     def wait_compiled(self) -> None:
-        """Wait for the companion's planner, where the companion has said that it is compiled."""
+        """Wait for the companion's planner, where the companion has reported its compilation."""
         if any("compiling planner" in text for text in self.texts):
             ready = "MOAR: the planner is ready"
             self.wait_for(ready, lambda: self.said(ready), _COMPILING_S * self._speed)
 
     def said(self, text: str) -> bool:
-        """Whether the companion said something that begins so."""
+        """Return True if the companion has sent a text that begins so."""
         return any(known.startswith(text) for known in self.texts)
 
     def close(self) -> None:

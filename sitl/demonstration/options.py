@@ -16,7 +16,7 @@ class _Parser(argparse.ArgumentParser):
 
 
 def parser() -> argparse.ArgumentParser:
-    """The parser; its complaints are one line, with status 2."""
+    """The parser; its errors are one line, with status 2."""
     made = _Parser(prog="sitl/fly", description="Fly the demonstration.")
     made.add_argument(
         "--headless", action="store_true", help="plain lines, and the picture is not opened"

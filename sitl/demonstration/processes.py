@@ -1,4 +1,4 @@
-"""The two processes of a flight, which know of each other only by MAVLink."""
+"""The two processes of a flight, which communicate by MAVLink alone."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _STOP_TIMEOUT_S = 10.0
 
 
 class Process:
-    """A program as a process of its own, with what it says in a file.
+    """A program as a process of its own, with its output in a file.
 
-    folder: where it runs; the checkout unless given. environment: more variables than our own.
+    folder: its working directory; the checkout unless given. environment: additional variables.
     """
 
     def __init__(
@@ -42,14 +42,14 @@ class Process:
             )
 
     def ended(self) -> str | None:
-        """In one line that it has ended, and what it said last; None while it runs."""
+        """One line that it has ended, with its last output; None while it runs."""
         if self._process.poll() is None:
             return None
         said = self._log.read_text(encoding="utf-8", errors="replace").splitlines()
         return f"the {self._name} ended: {said[-1] if said else f'{self._log.name} is empty'}"
 
     def stop(self) -> None:
-        """End it by SIGTERM, if it must be by SIGKILL."""
+        """End it by SIGTERM, if necessary by SIGKILL."""
         self._process.send_signal(signal.SIGTERM)
         try:
             self._process.wait(_STOP_TIMEOUT_S)
@@ -60,7 +60,7 @@ class Process:
 
 @contextlib.contextmanager
 def running(name: str, log: Path, module: str, *arguments: str) -> Iterator[Process]:
-    """A Python module as a process for the time being."""
+    """A Python module as a process within the context."""
     process = Process(name, log, sys.executable, "-m", module, *arguments)
     try:
         yield process
@@ -69,7 +69,7 @@ def running(name: str, log: Path, module: str, *arguments: str) -> Iterator[Proc
 
 
 def free_ports(count: int) -> list[int]:
-    """UDP ports on this machine that nobody listens on."""
+    """UDP ports on this machine that are not in use."""
     sockets = [socket.socket(socket.AF_INET, socket.SOCK_DGRAM) for _ in range(count)]
     try:
         for item in sockets:

@@ -1,7 +1,7 @@
 """A real autopilot in its own simulator: PX4's SIH or ArduCopter's SITL, which the user has built.
 
-Each run has a folder of its own with fresh parameters and ports of its own. What is really so comes
-from the simulator on a third link, and is written as the fake autopilot's truth log is.
+Each run has a folder of its own with fresh parameters and ports of its own. The true state comes
+from the simulator on a third link, and is written in the form of the fake autopilot's truth log.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ _PX4_MODEL: Final = "sihsim_quadx"
 _PX4_LINKS: Final = "etc/init.d-posix/px4-rc.mavlink"
 _PX4_START: Final = "etc/init.d-posix/rcS"
 _PX4_SYSTEM_ID: Final = "param set MAV_SYS_ID $((px4_instance+1))"
-"""What the start-up script says; whatever the instance, the aircraft is system 1."""
+"""Line of the start-up script; whatever the instance, the aircraft is system 1."""
 _COPTER_DEFAULTS: Final = "Tools/autotest/default_params/copter.parm"
 """From the root of ArduPilot's sources; the program is in build/sitl/bin."""
 _TRUTH_INTERVAL_US: Final = 50_000
@@ -43,7 +43,7 @@ PARAMETERS: Final[Mapping[str, Mapping[str, float]]] = {
     "px4": {"SIM_BAT_DRAIN": 900.0, "SIM_BAT_MIN_PCT": 1.0},
     "ardupilot": {"SIM_WIND_T": 1},
 }
-"""Of the simulators: a battery that may become empty, wind that is the same at all heights."""
+"""Simulators' parameters: a battery that may become empty, the same wind at all heights."""
 
 
 class RealError(Exception):
@@ -51,7 +51,7 @@ class RealError(Exception):
 
 
 def autopilot_at(path: Path) -> str:
-    """Which autopilot it is: PX4's build folder, or ArduCopter's program; RealError if neither."""
+    """Kind of the autopilot: PX4's build folder, or ArduCopter's program; RealError if neither."""
     if (path / "bin" / "px4").is_file() and (path / "etc").is_dir():
         return "px4"
     if path.is_file() and os.access(path, os.X_OK):
@@ -63,7 +63,7 @@ def autopilot_at(path: Path) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RealOptions:
-    """A run. folder: its own, made when missing; truth: the log of what was really so."""
+    """A run. folder: its own, made when missing; truth: the log of the true state."""
 
     path: Path
     folder: Path
@@ -77,7 +77,7 @@ class RealOptions:
 
 @contextlib.contextmanager
 def running_real(options: RealOptions) -> Iterator[Process]:
-    """The autopilot as a process for the time being, and its truth in a file; RealError."""
+    """The autopilot as a process within the context, and its truth in a file; RealError."""
     kind = autopilot_at(options.path)
     options.folder.mkdir(parents=True, exist_ok=True)
     (truth_port,) = free_ports(1)
@@ -95,7 +95,7 @@ def running_real(options: RealOptions) -> Iterator[Process]:
 
 
 def _px4(options: RealOptions, truth_port: int) -> Process:
-    """PX4, in a folder with its start-up scripts, whose links are ours."""
+    """PX4, in a folder with its start-up scripts, with the links of this run."""
     etc = options.folder / "etc"
     if not etc.exists():
         shutil.copytree(options.path / "etc", etc)
@@ -132,7 +132,7 @@ def _px4(options: RealOptions, truth_port: int) -> Process:
 
 
 def _free_instance() -> int:
-    """A number of an instance of PX4 that nobody runs on this machine."""
+    """A number of an instance of PX4 that does not run on this machine."""
     for number in range(_FIRST_INSTANCE, _LAST_INSTANCE):
         if not Path(f"/tmp/px4-sock-{number}").exists():  # noqa: S108 - PX4's own
             return number
@@ -140,7 +140,7 @@ def _free_instance() -> int:
 
 
 def _ardupilot(options: RealOptions, truth_port: int) -> Process:
-    """ArduCopter, with the parameters of its own simulator and ours."""
+    """ArduCopter, with the parameters of its own simulator and of this run."""
     defaults = options.path.resolve().parents[3] / _COPTER_DEFAULTS
     if not defaults.is_file():
         raise RealError(f"{options.path}: {defaults} is missing, must be beside the build")
@@ -167,13 +167,13 @@ def _ardupilot(options: RealOptions, truth_port: int) -> Process:
 
 
 class TruthRecorder:
-    """Writes what a simulator says of itself: HIL_STATE_QUATERNION (PX4), SIM_STATE (ArduPilot).
+    """Writes a simulator's true state: HIL_STATE_QUATERNION (PX4), SIM_STATE (ArduPilot).
 
-    Times are of the clock that runs `speed` times as fast as ours.
+    Times are of a clock that runs `speed` times as fast as real time.
     """
 
     def __init__(self, port: int, path: Path, *, speed: float, ask: bool) -> None:
-        """Listen; ask: the autopilot sends what it is asked for alone."""
+        """Listen; ask: the autopilot sends requested messages alone."""
         self._speed, self._ask = speed, ask
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", port))

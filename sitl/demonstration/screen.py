@@ -1,4 +1,4 @@
-"""What a user sees of a flight: the script's lines, on a terminal the live view above them."""
+"""Display of a flight: the script's lines, on a terminal the live view above them."""
 
 from __future__ import annotations
 
@@ -31,15 +31,15 @@ class Screen:
     """Lines of plain text."""
 
     def say(self, text: str) -> None:
-        """Tell the user."""
+        """Print a line for the user."""
         say(text)
 
     def refresh(self) -> None:
-        """Show what is new; made to be called often."""
+        """Show new statuses; made to be called often."""
 
 
 class LiveScreen(Screen):
-    """The live view; what is said stands below it, and is told again when it ends."""
+    """The live view; the lines stand below it, and are printed again when it ends."""
 
     def __init__(self, live: Live, socket: Path) -> None:
         self._live = live
@@ -50,12 +50,12 @@ class LiveScreen(Screen):
         self._connect_s = 0.0
 
     def say(self, text: str) -> None:
-        """Tell the user below the view."""
+        """Show a line below the view."""
         self._said.append(text)
         self._draw()
 
     def refresh(self) -> None:
-        """Draw what the service says now, once it serves its view."""
+        """Draw the service's status, once it serves its view."""
         try:
             if self._statuses is None:
                 self._connect()
@@ -66,13 +66,13 @@ class LiveScreen(Screen):
             self.close()
 
     def close(self) -> None:
-        """Let go of the service."""
+        """Close the connection to the service."""
         if self._statuses is not None:
             self._statuses.close()
             self._statuses = None
 
     def tell_again(self) -> None:
-        """Everything that was said, where it stays."""
+        """Print all lines, where they stay."""
         for text in self._said:
             say(text)
 

@@ -16,12 +16,12 @@ from .processes import Process
 
 _LOW_BATTERY_PERCENT: Final = 35
 _BELOW_M: Final = 0.5
-"""An aircraft this much below the height of its take-off is about there."""
+"""An aircraft this much below the height of its take-off has almost reached it."""
 _CLIMB_S_PER_M: Final = 2.0
 _IN_AIR: Final = 2
 _SETTLE_S: Final = 3.0
 _STREAM_FIRST_S: Final = 1.5
-"""PX4 gives OFFBOARD to a stream that has run for a second."""
+"""PX4 accepts OFFBOARD once a stream has run for a second."""
 _START_S: Final = 30.0
 """Within which both processes are heard; real seconds, as they do not start faster."""
 _LONGEST_TO_TARGET_S: Final = 300.0
@@ -147,7 +147,7 @@ class Script:
         self.operator.wait_until(lambda: self._all_is_well() and condition(), timeout_s)
 
     def _all_is_well(self) -> bool:
-        """True; OperatorError when the flight cannot go on."""
+        """True; OperatorError when the flight cannot continue."""
         for process in self.processes:
             ended = process.ended()
             if ended is not None:

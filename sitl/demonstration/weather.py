@@ -1,4 +1,4 @@
-"""A scenario's wind and battery on a real autopilot's simulator, as far as it has them.
+"""A scenario's wind and battery on a real autopilot's simulator, if that simulates them.
 
 The fake autopilot plays its scenario itself; here the operator plays it by parameters.
 """
@@ -24,7 +24,7 @@ _PLAYED: Final = frozenset({"wind_mps", "wind_from_deg", "battery_percent"})
 
 @dataclass(slots=True, kw_only=True)
 class Weather:
-    """Conditions that move as the scenario says; others than wind and battery are left out."""
+    """Conditions over the scenario's time; others than wind and battery are left out."""
 
     scenario: Scenario
     autopilot: str
@@ -43,7 +43,7 @@ class Weather:
         return tuple(sorted((named - _PLAYED) | (named & cannot)))
 
     def play(self, operator: Operator) -> None:
-        """Have the operator change what is to be changed now; made to be called often."""
+        """Have the operator make the changes that are due; made to be called often."""
         real_s = time.monotonic()
         if self._playing or real_s < self.next_s or not operator.autopilot_heard:
             return
@@ -86,7 +86,7 @@ class Weather:
 
 
 def set_battery(operator: Operator, autopilot: str, percent: float) -> None:
-    """Have the simulator's battery hold so much, from now on."""
+    """Set the charge of the simulator's battery, from now on."""
     if autopilot == "px4":
         operator.set_parameter("SIM_BAT_MIN_PCT", percent)
         operator.set_parameter("SIM_BAT_DRAIN", 1.0)

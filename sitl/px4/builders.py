@@ -1,4 +1,4 @@
-"""Where PX4's message builders look."""
+"""Inputs of PX4's message builders."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ from sitl.world import World
 
 @dataclass(slots=True, kw_only=True)
 class Sources:
-    """Where the builders look."""
+    """Inputs of the builders."""
 
     world: World
     navigation: Navigation

@@ -1,9 +1,9 @@
 """PX4's commander: arming, modes, failsafes, landing detection.
 
 Inputs: requests and the state of vehicle, stream, battery, position. Outputs: the mode that is
-flown, whether it is armed, and what is said about it. `intended` is what the user asked for;
-`mode` what is flown: they differ while a failsafe acts, and the intended mode resumes by itself
-when its cause is gone (measured on PX4 v1.17.0).
+flown, the armed state, and texts. `intended` is the user's request, `mode` the flown mode: they
+differ while a failsafe acts, and the intended mode resumes by itself when its cause is gone
+(measured on PX4 v1.17.0).
 """
 
 from dataclasses import dataclass
@@ -34,7 +34,7 @@ _OVERRIDE_BIT_AUTO, _OVERRIDE_BIT_OFFBOARD = 1, 2
 
 @dataclass(slots=True, kw_only=True)
 class Parts:
-    """What the commander looks at."""
+    """Inputs of the commander."""
 
     world: World
     parameters: Parameters
@@ -48,7 +48,7 @@ class Parts:
 
 
 class Commander:
-    """The state of the vehicle's authority."""
+    """Arming, mode and failsafes of the vehicle."""
 
     def __init__(self, parts: Parts) -> None:
         """Boot in HOLD, disarmed."""
@@ -88,24 +88,24 @@ class Commander:
         self._health: tuple[bool, bool] | None = None
         self._next_cycle_us = parts.world.now_us
 
-    # What others ask
+    # Queries
 
     @property
     def stream_alive(self) -> bool:
-        """Whether the offboard stream is."""
+        """True while offboard setpoints come within the time-out."""
         return self._parts.stream.alive(
             self._parts.world.now_us, self._parts.parameters.value("COM_OF_LOSS_T")
         )
 
     @property
     def sticks_present(self) -> bool:
-        """Whether a pilot's input comes in."""
+        """True while a pilot's input comes in."""
         return self._parts.sticks.present(
             self._parts.world.now_us, self._parts.parameters.value("COM_RC_LOSS_T")
         )
 
     def can_run(self, mode: Mode) -> bool:
-        """Whether a mode has what it needs."""
+        """Return True if the requirements of a mode are met."""
         if mode is Mode.MISSION:
             return False
         if mode.value.needs_sticks and not self.sticks_present:
@@ -116,7 +116,7 @@ class Commander:
 
     @property
     def can_arm(self) -> bool:
-        """Whether arming in the present mode would be accepted (SYS_STATUS pre-arm bit)."""
+        """True if arming in the present mode would be accepted (SYS_STATUS pre-arm bit)."""
         return (
             self._parts.navigation.since_boot_s >= _READY_S
             and self.can_run(self.mode)
@@ -153,7 +153,7 @@ class Commander:
     # Requests
 
     def request_mode(self, mode: Mode) -> bool:
-        """Ask for a mode; False when it is not available now (only while armed)."""
+        """Request a mode; False when it is not available now (only while armed)."""
         if self.armed and not self.can_run(mode):
             self._parts.voice.unavailable(mode)
             return False
@@ -213,7 +213,7 @@ class Commander:
     # Cycle
 
     def step(self) -> None:
-        """Look at everything; once per tick, most of it ten times a second."""
+        """Run all checks; once per tick, most of them ten times a second."""
         parts = self._parts
         now_us = parts.world.now_us
         parts.sticks.step(now_us)
@@ -236,7 +236,7 @@ class Commander:
             parts.tasks.enter(Mode.HOLD, parts.navigation)
 
     def _intend(self, mode: Mode) -> None:
-        """Take what the user asks for; it is back after disarming, if it can be armed in."""
+        """Take the user's mode; it is back after disarming, if it can be armed in."""
         self.intended = mode
         if mode not in _NOT_ARMED_IN:
             self._mode_after_disarming = mode

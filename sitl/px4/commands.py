@@ -28,7 +28,7 @@ from sitl.px4.navigation import Navigation
 
 
 class Px4Host(Host, Protocol):
-    """What PX4's commands need besides."""
+    """Further interface of the vehicle for PX4's commands."""
 
     def acknowledge_later(self, command: Command, result: int) -> None:
         """Send a COMMAND_ACK to the sender in the next tick."""
@@ -131,7 +131,7 @@ class Commands(CommandTable):
         return self._host.send_message(command.link, 242)
 
     def _get_interval(self, command: Command) -> int | None:
-        """Acknowledged first; the other autopilot answers the other way round."""
+        """Acknowledge first; the other autopilot acknowledges last."""
         self._host.acknowledge(command, ACCEPTED)
         self._host.send_interval(command.link, int(number(command.p1)))
         return None

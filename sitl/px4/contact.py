@@ -1,4 +1,4 @@
-"""Peers whose heartbeats PX4 misses after a while, in its own words.
+"""Peers whose loss PX4 reports after a time without a heartbeat, with its texts.
 
 Texts and severities are those of PX4 v1.17.0's Commander::dataLinkCheck.
 """
@@ -21,7 +21,7 @@ class Contact:
         lost: tuple[int, str],
         regained: str,
     ) -> None:
-        """Never heard; `timeout` names a parameter in seconds, `lost` is said with its severity."""
+        """Start without a heartbeat. timeout: a parameter in seconds; lost: severity and text."""
         self._world = world
         self._voice = voice
         self._parameters = parameters
@@ -44,7 +44,7 @@ class Contact:
             self._voice.say(INFO, self._words_regained)
 
     def judge(self) -> None:
-        """Say that it is lost, once."""
+        """Report the loss, once."""
         if self._heard_us is None or self._lost:
             return
         silent_us = self._world.now_us - self._heard_us

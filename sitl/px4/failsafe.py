@@ -50,7 +50,7 @@ class Cause(IntEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Flags:
-    """What the failsafes look at."""
+    """Inputs of the failsafes."""
 
     mode: Mode
     stream_alive: bool
@@ -67,7 +67,7 @@ class Flags:
     ground_station_lost: bool = False
     ground_station_action: int = 0
     fence_action: int = fence.NONE
-    """What the breached fence asks for, as GF_ACTION."""
+    """Action of the breached fence, as GF_ACTION."""
 
 
 _CHARGE_CAUSES: Final = {
@@ -78,7 +78,7 @@ _CHARGE_CAUSES: Final = {
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Action:
-    """What must be done: the mode, whether PX4 first holds for COM_FAIL_ACT_T, and why."""
+    """A due action: its mode, a delay (PX4 first holds for COM_FAIL_ACT_T), and its cause."""
 
     mode: Mode
     delayed: bool
@@ -111,7 +111,7 @@ def _offboard(flags: Flags) -> Action | None:
     if flags.mode is not Mode.OFFBOARD:
         return None
     if not flags.position_valid:
-        # Setpoints of a position need one: what a lost stream would do falls back to a descent, and
+        # Setpoints of a position need one: the action on a lost stream falls back to a descent, and
         # the modes of the sticks to ALTCTL.
         descends = flags.offboard_action in _OFFBOARD_LOSS
         mode = Mode.DESCEND if descends else Mode.ALTCTL

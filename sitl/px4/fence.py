@@ -3,7 +3,7 @@
 As in the source of v1.17 (`navigator/geofence.cpp`, `failsafe.cpp`: a hold, a return and a landing
 last until the mode is changed), and as recorded (r_fence): 0.1 s after the breach the failsafe's
 mode with system_status 5; a mode that is ordered outside is flown for 3.1 s, then overruled, LAND
-too. Texts are said twice, 2.1 s apart.
+too. Texts are sent twice, 2.1 s apart.
 """
 
 from typing import Final
@@ -15,18 +15,18 @@ from sitl.px4.navigation import Navigation
 _PERIOD_US: Final = 100_000
 _AGAIN_US: Final = 2_100_000
 _TIMES: Final = 2
-"""That often a breach was told, in a minute and a half outside."""
+"""Number of reports of a breach, in a minute and a half outside."""
 _ORDERED_US: Final = 3_100_000
-"""How long a mode that was ordered outside is left alone."""
+"""Time for which a mode that was ordered outside is not overruled."""
 NONE, WARN, HOLD, RETURN, TERMINATE, LAND = range(6)
 """GF_ACTION."""
 
 
 class Geofence:
-    """Looks at the place ten times a second; `action` is what is due, by GF_ACTION."""
+    """Checks the place ten times a second; `action` is the due one, by GF_ACTION."""
 
     def __init__(self, parameters: Parameters, navigation: Navigation, areas: FenceAreas) -> None:
-        """Nothing is breached."""
+        """Start without a breach."""
         self._parameters = parameters
         self._navigation = navigation
         self._areas = areas
@@ -36,13 +36,13 @@ class Geofence:
         self._ordered_us: int | None = None
 
     def note_mode(self, now_us: int) -> None:
-        """Forget what is due: somebody has ordered a mode."""
+        """Clear the due action: a mode was ordered."""
         if self.action:
             self._ordered_us = now_us
         self.action = NONE
 
     def step(self, now_us: int) -> list[str]:
-        """Look; what there is to say."""
+        """Check the place; return the texts to send."""
         if now_us < self._due_us:
             return []
         self._due_us = now_us + _PERIOD_US

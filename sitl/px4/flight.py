@@ -1,4 +1,4 @@
-"""Flight tasks: what each of PX4's modes wants the vehicle to do.
+"""Flight tasks: the motion that each of PX4's modes demands.
 
 Inputs: mode, local position, sticks, setpoint. Outputs: the target of the position control.
 """
@@ -17,12 +17,12 @@ from sitl.sticks import Sticks
 _BRAKE_TIME_S: Final = 0.5
 _STICK_DEAD_ZONE: Final = 0.1
 _NO_PILOT_SINK_MPS: Final = 0.75
-"""Altitude mode with nobody at the sticks sinks slowly (measured on PX4 v1.17.0)."""
+"""Altitude mode without a pilot sinks slowly (measured on PX4 v1.17.0)."""
 _ARRIVED_M: Final = 1.0
 
 
 class FlightTasks:
-    """The task of the current mode. `landing` and `takeoff_complete` tell how far it is."""
+    """The task of the current mode. `landing` and `takeoff_complete` report its progress."""
 
     def __init__(
         self,
@@ -31,7 +31,7 @@ class FlightTasks:
         quad: Quadrotor,
         level_bias_rad: tuple[float, float],
     ) -> None:
-        """`level_bias_rad` is how far from level the attitude is without a position."""
+        """`level_bias_rad`: error of the level attitude without a position."""
         self._parameters = parameters
         self._control = control
         self._quad = quad
@@ -78,7 +78,7 @@ class FlightTasks:
     def run(
         self, dt: float, nav: Navigation, sticks: Sticks | None, stream: OffboardStream
     ) -> None:
-        """Write the control's target for this tick; `sticks` is None when nobody holds them."""
+        """Write the control's target for this tick; `sticks` is None without a pilot."""
         target = self._control.target
         if self.mode is Mode.OFFBOARD:
             if stream.setpoint is not None:
@@ -148,7 +148,7 @@ class FlightTasks:
             target.x, target.y = self._hold_x, self._hold_y
 
     def _plan_return(self, nav: Navigation) -> None:
-        """As RTL_TYPE 0 has it: the cone over home counts within RTL_MIN_DIST alone."""
+        """Plan as RTL_TYPE 0: the cone over home counts within RTL_MIN_DIST alone."""
         value = self._parameters.value
         distance = nav.distance_to_home_m()
         height, climb = nav.home_z - nav.z, value("RTL_RETURN_ALT")

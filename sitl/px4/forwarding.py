@@ -1,7 +1,7 @@
 """PX4's forwarding between links, as measured on PX4 v1.17.0.
 
-Only between links that both forward, only to a link on which something was heard, and addressed
-messages only to a link on which the addressee was heard.
+Only between links that both forward, only to a link on which a sender was received, and addressed
+messages only to a link on which the addressee was received.
 """
 
 from collections.abc import Callable

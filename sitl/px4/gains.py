@@ -7,7 +7,7 @@ from sitl.parameters import Parameters
 
 
 def gains(parameters: Parameters) -> Gains:
-    """Read them; after each change of a parameter."""
+    """Read the gains; after each change of a parameter."""
     value = parameters.value
     return Gains(
         position_xy=value("MPC_XY_P"),

@@ -24,7 +24,7 @@ Send = Callable[[str, str, bytes], None]
 
 @dataclass(slots=True, kw_only=True)
 class Receivers:
-    """Who takes the messages."""
+    """Parts that handle the messages."""
 
     world: World
     boot_us: int
@@ -39,7 +39,7 @@ class Receivers:
 
 
 class Inbox:
-    """The table of messages that PX4 listens to; all others are ignored."""
+    """The table of messages that PX4 handles; all others are ignored."""
 
     def __init__(self, receivers: Receivers) -> None:
         """Connect the handlers."""

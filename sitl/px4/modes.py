@@ -1,4 +1,4 @@
-"""PX4's flight modes on the wire, and what each needs.
+"""PX4's flight modes on the wire, and their requirements.
 
 custom_mode = sub << 24 | main << 16; base_mode values as measured on PX4 v1.17.0.
 """
@@ -10,7 +10,7 @@ from typing import Final
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ModeFacts:
-    """One mode: its numbers, its PX4 name, and what it cannot do without."""
+    """One mode: its numbers, its PX4 name, and its requirements."""
 
     label: str
     title: str
@@ -52,12 +52,12 @@ class Mode(Enum):
 
     @property
     def label(self) -> str:
-        """PX4's own word, as ground stations print it."""
+        """PX4's own name, as ground stations print it."""
         return self.value.label
 
     @property
     def title(self) -> str:
-        """The word in PX4's texts."""
+        """The name in PX4's texts."""
         return self.value.title
 
 

@@ -12,15 +12,15 @@ _GOOD_FLAGS: Final = 0x037F
 _COASTING_FLAGS: Final = 0x0365
 _NO_AIDING_FLAGS: Final = 0x0065
 _COAST_S: Final = 5.0
-"""Measured on PX4 v1.17.0: position is given up 5 s after GPS is lost, all aiding after 7 s."""
+"""Measured on PX4 v1.17.0: position is invalid 5 s after GPS is lost, all aiding ends after 7 s."""
 _NO_AIDING_S: Final = 7.1
 _VALID_AFTER_BOOT_S: Final = 4.0
 _VALID_AFTER_LOSS_S: Final = 0.9
-"""From aiding again to a valid position; a reset of an estimate that is aided leaves it valid."""
+"""Time from aiding to a valid position; a reset of an estimate that is aided leaves it valid."""
 
 
 class Navigation:
-    """Local position x, y, z (north, east, down of the origin) as PX4 believes it, and health."""
+    """Local position x, y, z (north, east, down of the origin) by PX4's estimate, and health."""
 
     def __init__(self, world: World, boot_us: int) -> None:
         """Take the estimate at boot as the origin."""
@@ -70,7 +70,7 @@ class Navigation:
 
     @property
     def position_valid(self) -> bool:
-        """Whether modes that need a position may run."""
+        """True when modes that need a position may run."""
         return (
             self.since_boot_s >= _VALID_AFTER_BOOT_S
             and self._world.estimator.lost_s < _COAST_S
@@ -82,7 +82,7 @@ class Navigation:
 
     @property
     def gps_fused(self) -> bool:
-        """Whether GPS is present as far as SYS_STATUS tells."""
+        """True if SYS_STATUS reports GPS as present."""
         return self.since_boot_s >= _VALID_AFTER_BOOT_S and self.estimator.lost_s < _NO_AIDING_S
 
     @property

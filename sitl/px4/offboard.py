@@ -1,9 +1,9 @@
 """The offboard setpoint stream: SET_POSITION_TARGET_LOCAL_NED as PX4 v1.17 takes it.
 
-Inputs: messages with their arrival time. Outputs: the current setpoint, whether the stream is
-alive, or the text with which a message is refused. Measured on PX4 v1.17.0: frames 1 (all kinds)
-and 8 (velocity or acceleration only) work; 7, 9, 12, 20 are refused, as are masks without any
-setpoint and the force bit; NaN in one position axis loses the whole position without a word.
+Inputs: messages with their arrival time. Outputs: the current setpoint, the state of the stream,
+or the text with which a message is refused. Measured on PX4 v1.17.0: frames 1 (all kinds) and 8
+(velocity or acceleration only) work; 7, 9, 12, 20 are refused, as are masks without any setpoint
+and the force bit; NaN in one position axis discards the whole position without a text.
 """
 
 import math
@@ -21,7 +21,7 @@ _NONE: Final[Vector] = (NAN, NAN, NAN)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setpoint:
-    """What to fly; NaN in an axis means no wish for it. Local NED metres, radians."""
+    """Setpoint to fly; NaN in an axis means none for it. Local NED metres, radians."""
 
     position_ned_m: Vector = _NONE
     velocity_ned_mps: Vector = _NONE
@@ -31,7 +31,7 @@ class Setpoint:
 
     @property
     def wants(self) -> bool:
-        """Whether anything but the heading is asked for."""
+        """True if it demands more than a heading."""
         return any(
             math.isfinite(value)
             for vector in (
@@ -92,10 +92,10 @@ def _turned(vector: Vector, yaw_rad: float) -> Vector:
 
 
 class OffboardStream:
-    """The last setpoint and when it came."""
+    """The last setpoint and its time."""
 
     def __init__(self) -> None:
-        """Nothing has come yet."""
+        """Start without a setpoint."""
         self.setpoint: Setpoint | None = None
         self.last_us: int | None = None
 
@@ -105,5 +105,5 @@ class OffboardStream:
         self.last_us = now_us
 
     def alive(self, now_us: int, timeout_s: float) -> bool:
-        """Whether a setpoint came within the time-out (COM_OF_LOSS_T)."""
+        """Return True if a setpoint came within the time-out (COM_OF_LOSS_T)."""
         return self.last_us is not None and now_us - self.last_us <= timeout_s * 1e6

@@ -1,4 +1,4 @@
-"""Answers that never change: versions and the list of modes, as recorded from PX4 v1.17.0."""
+"""Constant answers: versions and the list of modes, as recorded from PX4 v1.17.0."""
 
 from functools import cache
 from typing import Final

@@ -1,9 +1,9 @@
-"""Which message goes out on which link how often.
+"""Rates of the messages on each link.
 
 Intervals in microseconds, as measured on PX4 v1.17.0: the onboard profile for companions, the
 normal profile for ground stations. SET_MESSAGE_INTERVAL is accepted for every name in `KNOWN`,
 even where there is no data to send, and fails for the others. A slow link stretches all intervals
-but the heartbeat's, those that were asked for too.
+but the heartbeat's, those of requested messages, too.
 """
 
 from typing import Final
@@ -50,7 +50,7 @@ _FIXED: Final = frozenset({"HEARTBEAT", "PING", "CURRENT_EVENT_SEQUENCE"})
 KNOWN: Final = frozenset({*ONBOARD, *NORMAL, *ON_REQUEST}) - _FIXED
 _FRAME_BYTES: Final = 12
 _LEAST_SHARE: Final = 0.05
-"""Of the rates, however slow the link."""
+"""Least share of the rates, however slow the link."""
 _ESC_STATUS_ID: Final = 291
 _RAW_RPM_ID: Final = 339
 IDS: Final = {layout(name).msgid: name for name in (KNOWN | _FIXED) - {"ESC_STATUS", "RAW_RPM"}} | {
@@ -69,7 +69,7 @@ START_US: Final[dict[str, int]] = {
 """Time after boot at which a message first appears; the others at the first packets."""
 FIRST_PACKETS_US: Final = 300_000
 _PHASE_US: Final = {"onboard": 0, "normal": 400_000}
-"""By which a profile's first heartbeat is later: those of two links are out of phase."""
+"""Delay of a profile's first heartbeat: those of two links are out of phase."""
 
 
 class Schedule:
@@ -87,7 +87,7 @@ class Schedule:
         self._due["HEARTBEAT"] += _PHASE_US[profile]
 
     def interval_us(self, msgid: int) -> int:
-        """Return what GET_MESSAGE_INTERVAL answers: -1 when there is none."""
+        """Return the answer to GET_MESSAGE_INTERVAL: -1 when there is none."""
         return self.intervals.get(IDS.get(msgid, ""), OFF)
 
     def set(self, msgid: int, interval_us: int, now_us: int) -> bool:
@@ -110,17 +110,17 @@ class Schedule:
         return True
 
     def unlimited(self, name: str) -> bool:
-        """Whether a message goes out with every new datum."""
+        """Return True if a message goes out with every new datum."""
         return name in self._unlimited and name not in self.intervals
 
     def sent(self, kind: Layout) -> None:
-        """Note a message that there is data for."""
+        """Note a message that has data."""
         self._sizes[kind.name] = kind.packer.size + _FRAME_BYTES
 
     def due(self, now_us: int, rate_bytes_per_s: float | None = None) -> list[str]:
-        """Return the names whose time has come, and plan their next time.
+        """Return the names that are due, and plan their next time.
 
-        `rate_bytes_per_s` is what the link carries; None: everything.
+        `rate_bytes_per_s`: capacity of the link; None: no limit.
         """
         names = [name for name, at in self._due.items() if at <= now_us]
         share = 1.0 if rate_bytes_per_s is None or not names else self._share(rate_bytes_per_s)
@@ -133,7 +133,7 @@ class Schedule:
         return names
 
     def _share(self, rate_bytes_per_s: float) -> float:
-        """Return by how much PX4 lowers the rates, so that the link carries them."""
+        """Return the factor by which PX4 lowers the rates, so that the link carries them."""
         wanted = {
             name: size * 1e6 / self.intervals[name]
             for name, size in self._sizes.items()

@@ -15,27 +15,27 @@ _DETECTED_AFTER_S: Final = 0.6
 
 
 class TakeoffRamp:
-    """Whether the motors stay at idle, and how fast it may climb."""
+    """Idle state of the motors, and limit of the climb speed."""
 
     def __init__(self, parameters: Parameters) -> None:
-        """Be on the ground."""
+        """Start on the ground."""
         self._parameters = parameters
         self._start_us: int | None = None
 
     def reset(self) -> None:
-        """Be on the ground again."""
+        """Reset to the ground."""
         self._start_us = None
 
     def active(self) -> bool:
-        """Whether the ramp is under way."""
+        """Return True during the ramp."""
         return self._start_us is not None
 
     def detected(self, now_us: int) -> bool:
-        """Whether the land detector takes it for flying."""
+        """Return True if the land detector detects flight."""
         return self._start_us is not None and now_us - self._start_us >= _DETECTED_AFTER_S * 1e6
 
     def idle(self, now_us: int, *, landed: bool, spooled_up: bool, wants_up: bool) -> bool:
-        """Whether the motors stay at idle in this tick; starts the ramp when it may climb."""
+        """Return True if the motors stay at idle in this tick; starts the ramp for a climb."""
         if self._start_us is not None or not landed:
             return False
         if not (spooled_up and wants_up):

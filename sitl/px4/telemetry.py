@@ -20,5 +20,5 @@ class Telemetry:
         self.layouts: dict[str, Layout] = {name: layout(name) for name in self.builders}
 
     def step(self, dt: float) -> None:
-        """Advance what has a memory."""
+        """Advance the parts that have a memory."""
         self._motion.step(dt)

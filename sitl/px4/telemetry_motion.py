@@ -28,17 +28,17 @@ _ODOMETRY_NAN: Final = (NAN,) * 21
 
 
 class WindEstimate:
-    """EKF2's wind from drag: quick at first, then slow; where the wind goes to, as in PX4."""
+    """EKF2's wind from drag: quick at first, then slow; direction it blows to, as in PX4."""
 
     __slots__ = ("_age_s", "e", "n", "started")
 
     def __init__(self) -> None:
-        """Estimate nothing."""
+        """Start without an estimate."""
         self.n = self.e = self._age_s = 0.0
         self.started = False
 
     def step(self, dt: float, world: World, *, fused: bool) -> None:
-        """Move towards the true wind; forget it when drag fusion is off."""
+        """Move towards the true wind; clear the estimate when drag fusion is off."""
         if not fused:
             self.n = self.e = self._age_s = 0.0
             self.started = False
@@ -86,7 +86,7 @@ class MotionMessages(Builders):
         }
 
     def step(self, dt: float) -> None:
-        """Advance what has a memory."""
+        """Advance the parts that have a memory."""
         fused = self._s.parameters.value("EKF2_DRAG_CTRL") == 1
         self.wind.step(dt, self._s.world, fused=fused and self._s.commander.armed)
 

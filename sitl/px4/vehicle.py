@@ -117,21 +117,21 @@ class Px4Manner:
         self._spoken = False
         self._counters: dict[str, tuple[int, int, int]] = {}
 
-    # What the machine around sees
+    # Interface for the machine
 
     @property
     def running(self) -> bool:
-        """Whether the links work: from 0.3 s after the start."""
+        """True when the links work: from 0.3 s after the start."""
         return self._world.now_us - self._boot_us >= FIRST_PACKETS_US
 
     @property
     def armed(self) -> bool:
-        """Whether the motors may turn."""
+        """True when the motors may turn."""
         return self.commander.armed
 
     @property
     def mode_name(self) -> str:
-        """PX4's word for the mode."""
+        """PX4's name of the mode."""
         return self.commander.mode.label
 
     @property
@@ -158,7 +158,7 @@ class Px4Manner:
         self._inbox.take(link, message)
 
     def _forwards(self, link: Link) -> bool:
-        """Tell by MAV_0_FORWARD for ground stations, MAV_1_FORWARD onboard."""
+        """Return MAV_0_FORWARD for ground stations, MAV_1_FORWARD onboard."""
         name = "MAV_0_FORWARD" if link.profile == "normal" else "MAV_1_FORWARD"
         return self.parameters.value(name) == 1
 
@@ -239,7 +239,7 @@ class Px4Manner:
         self.control_loop.run(TICK_S, self.navigation)
 
     def _on_ground(self) -> bool:
-        """Whether the motors stay at idle: spool-up, no wish to climb, landed."""
+        """Return True if the motors stay at idle: spool-up, no demand to climb, landed."""
         commander, target = self.commander, self.control_loop.target
         now_us, value = self._world.now_us, self.parameters.value
         spooled_up = (

@@ -1,4 +1,4 @@
-"""PX4's own words: STATUSTEXT to ground stations, EVENT to everyone.
+"""PX4's texts and events: STATUSTEXT to ground stations, EVENT to every link.
 
 Event numbers, log levels and arguments as recorded from PX4 v1.17.0.
 """
@@ -58,7 +58,7 @@ class Voice:
         return self._sequence & 0xFFFF
 
     def say(self, severity: int, text: str) -> None:
-        """Send a text, with PX4's closing tab, to links where a ground station listens."""
+        """Send a text, with PX4's closing tab, to the links of ground stations."""
         if self.muted:
             return
         self._text_id = self._text_id % 65535 + 1
@@ -108,7 +108,7 @@ class Voice:
     def failsafe(
         self, *, mode: Mode, intended: Mode, final: Mode, cause: Cause, hold_s: int | None
     ) -> None:
-        """Say that a failsafe flies `mode` instead of the intended one, or holds before `final`."""
+        """Report that a failsafe flies `mode`, not the intended one, or holds before `final`."""
         if hold_s is not None:
             self.say(CRITICAL, f"Failsafe activated: entering Hold for {hold_s} seconds")
             arguments = struct.pack(
@@ -126,17 +126,17 @@ class Voice:
             self.event(FAILSAFE, 0x42, arguments)
 
     def unavailable(self, mode: Mode) -> None:
-        """Say that a mode cannot be had now."""
+        """Report that a mode is not available now."""
         self.say(CRITICAL, f"Switching to {mode.title} is currently not available")
         self.event(MODE_UNAVAILABLE, 0x62, struct.pack("<IB", mode.custom_mode, 2))
 
     def return_start(self, altitude_amsl_m: float, above_home_m: float) -> None:
-        """Say at which altitude the return flies."""
+        """Report the altitude of the return."""
         altitude, above = round(altitude_amsl_m), round(above_home_m)
         self.say(INFO, f"RTL: start return at {altitude} m ({above} m above destination)")
         self.event(RETURN_START, 0x66, struct.pack("<ii", altitude, above))
 
 
 def hears_texts(link: Link) -> bool:
-    """Whether PX4's texts go there: ground station links, and where one was heard."""
+    """Return True for links that get PX4's texts: of ground stations, or one was received there."""
     return link.profile == "normal" or link.ground_station_heard
