@@ -19,7 +19,7 @@ class Sticks:
         self.switch_us = CENTRE_US
         """The flight mode switch, channel 5."""
         self._override: tuple[int, int] | None = None
-        """What a ground station says instead of the switch, and until when."""
+        """Value that a ground station sends in place of the switch, and its end."""
         self.remote_control = False
         self.last_us: int | None = None
         self.ever = False

@@ -41,7 +41,7 @@ class Intake:
         """Dropped datagrams by link, since the last text."""
         self._told_s = -math.inf
         self._read_s = math.inf
-        """When the last cycle read; infinite before the first one."""
+        """Time of the last cycle that read; infinite before the first one."""
 
     def selected(
         self,

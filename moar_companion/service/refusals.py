@@ -11,8 +11,8 @@ _PERIOD_S = 30.0
 """Time between two texts of one reason, which leaves room for other texts."""
 
 _AHEAD_S = 60.0
-"""Tolerance for new senders: with the reference less than this ahead of our clock, the sender's clock
-is wrong."""
+"""Tolerance for new senders: with the reference less than this ahead of our clock, the sender's
+clock is wrong."""
 _REMEDY = "set this computer's clock; where it is right delete signing.json, and restart"
 
 
@@ -62,7 +62,7 @@ def _slowest(behind_s: Mapping[str, Mapping[int, float]]) -> str:
 
 
 def _ahead(ahead_s: float) -> str:
-    """How far the kept time stamps are ahead of the computer's clock, in few words."""
+    """Returns the lead of the kept time stamps over the computer's clock, in few words."""
     minutes = ahead_s / 60.0
     amount = f"{minutes:.0f} min"
     if minutes >= 120.0:

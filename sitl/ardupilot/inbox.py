@@ -25,7 +25,7 @@ _SIGNAL_KEPT_S: Final = 7.0
 _UNKNOWN_SIGNAL: Final = 255
 _SIGNAL_BY_RADIO_STATUS: Final = 5
 _UNCHANGED_US: Final = 65535
-"""Of a channel in RC_CHANNELS_OVERRIDE."""
+"""Values of a channel in RC_CHANNELS_OVERRIDE."""
 
 
 @dataclass(slots=True, kw_only=True)

@@ -269,7 +269,7 @@ def _landings(site: Site, wanted: str | None, vehicle: Vehicle) -> tuple[Landing
 
 
 def _battery_falls(scenario: Path) -> bool:
-    """Whether the battery does, in a scenario."""
+    """True if the battery falls in the scenario."""
     changes = Scenario.load(scenario).changes
     return any("battery_percent" in change.targets for change in changes)
 

@@ -18,7 +18,7 @@ from moar_companion.frames import radii_of_curvature_m
 from moar_companion.site import Conductor, Obstacle, PlanePoint, Site
 
 _LEG_TOLERANCE_M = 2.0
-"""How far from its landing leg an aircraft in wind may be, outside the workspace."""
+"""Maximum distance from the landing leg, in wind, outside the workspace."""
 _THERE_M = 3.0
 """At a target or a landing point; PX4 strays 2.55 m from where it is sent."""
 _GROUND_M = 0.0
@@ -80,7 +80,7 @@ def judge(
     landing_legs_m: list[list[PlanePoint]],
     landings_m: list[tuple[PlanePoint, ...]],
 ) -> Verdict:
-    """What is to be said of targets, landings, obstacles and the workspace.
+    """Returns the objections about targets, landings, obstacles and the workspace.
 
     landing_legs_m: the planned ways out of the workspace, from their last cells to above their
     landing points; the way down from there belongs to each, as the climb from the ground into a
@@ -155,7 +155,7 @@ def _ways_back(
 
 
 def _flights(flight: list[FlightTruth]) -> list[list[FlightTruth]]:
-    """Where it was in the air, from each arming to disarming."""
+    """Returns the places in the air, from each arming to disarming."""
     groups = itertools.groupby(flight, key=lambda row: row.armed)
     in_air = ([row for row in rows if not row.on_ground] for armed, rows in groups if armed)
     return [rows for rows in in_air if rows]

@@ -34,7 +34,7 @@ _MOST_LAG_S: Final = 2.0
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LandingPoint:
-    """Where a flight ends: the order for it, and how high above the ground its leg ends.
+    """End of a flight: the order for it, and how high above the ground its leg ends.
 
     index: -1 for any of the mission's. above_m: to there a later take-off from it climbs.
     """

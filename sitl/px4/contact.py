@@ -33,7 +33,7 @@ class Contact:
 
     @property
     def there(self) -> bool:
-        """Whether it was heard, and is not lost."""
+        """True while the station has been received and is not lost."""
         return self._heard_us is not None and not self._lost
 
     def hear(self) -> None:

@@ -37,7 +37,7 @@ class Charge(IntEnum):
 
 
 class Cause(IntEnum):
-    """Why: the numbers of PX4's events; those below 0 it tells without a cause."""
+    """Cause: the numbers of PX4's events; those below 0 it tells without a cause."""
 
     OFFBOARD_LOST = -1
     POSITION_LOST = -2
