@@ -11,6 +11,7 @@ import numpy as np
 
 from moar_companion.config import Authority
 from moar_companion.margin import seen_margin
+from moar_companion.mission.gate import distance_m
 from moar_companion.vehicle import Vehicle
 from sitl.geodesy import Geodetic, TrueFrame
 from sitl.manners import KINDS as AUTOPILOTS
@@ -36,6 +37,7 @@ LOOKED_AT = {
     packets.GPS_RAW_INT,
 }  # fmt: skip
 NO_FIX_MM = 99_000
+ON_LEG_M = 0.2
 _READY_S = 1.5
 _AGAIN_S = 4.0
 _MAX_TRIES = 3
@@ -60,7 +62,7 @@ class Sent:
     time_s: float
     state: str
     on_leg: bool
-    """Whether the companion flies a landing leg, whatever its task is by now."""
+    """On a leg that the companion flies, out of the workspace or back, whatever its task is."""
     local_m: tuple[float, float, float]
     moves: bool
     told_m: tuple[float, float, float]
@@ -339,6 +341,11 @@ class RandomFlight(Lockstep):
     def _turned(self, north, east):
         return north * self._cos + east * self._sin, north * self._sin - east * self._cos
 
+    @staticmethod
+    def _is_on_leg(flown, place_m) -> bool:
+        """On one of the legs that were checked as a whole, out of the workspace or back into it."""
+        return any(distance_m(place_m, leg.points_m) <= ON_LEG_M for leg in flown._legs)
+
     def _write_down(self, setpoints) -> None:
         truth = self.truths[-1]
         estimator = self.autopilot._world.estimator
@@ -358,14 +365,15 @@ class RandomFlight(Lockstep):
         flown = self.companion._conduct.course.flight
         for item in setpoints:
             message, nav = item.message, self.autopilot.manner.navigation
+            told_m = self._local_in_site(message.x, message.y, message.z)
             self.sent.append(
                 Sent(
                     time_s=item.time_s,
                     state=item.state,
-                    on_leg=flown is not None and flown.on_leg,
+                    on_leg=flown is not None and self._is_on_leg(flown, told_m),
                     local_m=(message.x, message.y, message.z),
                     moves=any((message.vx, message.vy, message.vz)),
-                    told_m=self._local_in_site(message.x, message.y, message.z),
+                    told_m=told_m,
                     aircraft_m=self._local_in_site(nav.x, nav.y, nav.z),
                     position_age_s=self.now_s - self._position_s,
                     mode_age_s=self.now_s - self._mode_s,
