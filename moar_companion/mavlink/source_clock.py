@@ -5,23 +5,26 @@ Pure steps: a stamp and the time of its arrival in, a `Reading` out.
 The clock's line is the arrival of its packets without delay. A packet may arrive after the line, in
 order; a packet older than the last one is late. Packets ahead of the line, or late for some time
 while none on the line arrives, belong to another clock. Once that clock has advanced by itself, it
-is the clock of a restarted sender. A single packet never moves the line to it.
+is the clock of a restarted sender. A single packet never moves the line to it. A clock that
+advances far behind the line, while packets on the line arrive, is another sender's.
 """
 
 from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 AHEAD_S = 0.5
 """Greatest accepted lead over the line. Only the first packets, which set the line, make later ones
 lead. An accepted packet hides older ones for its lead: no longer than a position may be old."""
 FOREIGN_S = 5.0
-"""Lead that no link's delay explains: the packet belongs to another clock."""
+"""Lead or lag that no link's delay explains: the packet belongs to another clock."""
 _CONFIRMED_S = 0.3
 """Time for which another clock must advance without a packet of the old one. PX4 sends 100 stamps
 in that time, ArduPilot 30; a restart is silent for as long or longer (measured: 0.3 s, 1.2 s)."""
+_BESIDE_GAP_S = 1.0
+"""Greatest interval of a clock that runs beside: each autopilot sends 30 stamps a second."""
 _RATE_S = 0.5
 """Greatest difference of advance to the companion's clock between two packets, by their delays."""
 
@@ -31,15 +34,22 @@ class Reading(enum.Enum):
 
     CURRENT = "no older than the last"
     LATE = "older than the last, or ahead: not to be taken"
-    FOREIGN = "so far ahead that it is of another clock: not to be taken"
+    FOREIGN = (
+        "of another clock, far ahead or running on far behind: not to be taken"
+    )
     RESTARTED = "the clock is another one now"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Other:
-    """Sequence of packets off the line."""
+    """Sequence of packets off the line.
 
-    since_s: float
+    first_s: its beginning. since_s: the first of them after the last packet on the line; None where
+    one on the line came last.
+    """
+
+    first_s: float
+    since_s: float | None
     stamp_s: float
     arrived_s: float
 
@@ -71,16 +81,19 @@ class SourceClock:
             return Reading.CURRENT
         passed_s, lead_s = self._compared(*self._last, stamp_s, now_s)
         if passed_s >= -self._behind_s and lead_s <= AHEAD_S:
-            self._other = None
+            if self._other is not None:
+                self._other = replace(self._other, since_s=None)
             if passed_s >= 0.0:
                 self._last = stamp_s, now_s
                 self._delay_s = max(0.0, -lead_s)
             return Reading.CURRENT
         caught_up = passed_s >= 0.0 and lead_s <= FOREIGN_S
-        if self._is_confirmed(stamp_s, now_s):
+        first_s, since_s = self._advanced(stamp_s, now_s)
+        if now_s - since_s >= _CONFIRMED_S:
             self._begin(stamp_s, now_s)
             return Reading.CURRENT if caught_up else Reading.RESTARTED
-        return Reading.FOREIGN if lead_s > FOREIGN_S else Reading.LATE
+        beside = lead_s < -FOREIGN_S and since_s - first_s >= _CONFIRMED_S
+        return Reading.FOREIGN if beside or lead_s > FOREIGN_S else Reading.LATE
 
     def is_ahead(self, stamp_s: float, now_s: float) -> bool:
         """Returns True if a stamp that arrives now is ahead of the line; does not take it."""
@@ -105,13 +118,16 @@ class SourceClock:
     def _begin(self, stamp_s: float, now_s: float) -> None:
         self._last, self._delay_s, self._other = (stamp_s, now_s), 0.0, None
 
-    def _is_confirmed(self, stamp_s: float, now_s: float) -> bool:
-        """Returns True if this stamp and those before it advance like a clock."""
+    def _advanced(self, stamp_s: float, now_s: float) -> tuple[float, float]:
+        """Returns since when stamps off the line advance like a clock, beside it and alone."""
+        first_s = since_s = now_s
         other = self._other
         if other is not None:
             passed_s, elapsed_s = self.passed_s(other.stamp_s, stamp_s), now_s - other.arrived_s
-            if passed_s < -self._behind_s or abs(passed_s - elapsed_s) > _RATE_S + self._behind_s:
-                other = None
-        since_s = now_s if other is None else other.since_s
-        self._other = _Other(since_s=since_s, stamp_s=stamp_s, arrived_s=now_s)
-        return now_s - since_s >= _CONFIRMED_S
+            apart_s = abs(passed_s - elapsed_s)
+            if passed_s >= -self._behind_s and apart_s <= _RATE_S + self._behind_s:
+                if elapsed_s <= _BESIDE_GAP_S:
+                    first_s = other.first_s
+                since_s = now_s if other.since_s is None else other.since_s
+        self._other = _Other(first_s=first_s, since_s=since_s, stamp_s=stamp_s, arrived_s=now_s)
+        return first_s, since_s

@@ -62,6 +62,16 @@ def test_two_clocks_under_one_id_are_told_apart_for_ever():
         assert pair == [CURRENT, FOREIGN]
 
 
+@pytest.mark.parametrize("apart_s", [50.0, -50.0])
+def test_a_second_clock_that_runs_on_beside_ours_is_another_autopilots(apart_s):
+    clock, seen = SourceClock(round_s=ROUND_S, behind_s=1.0), []
+    for step in range(200):
+        now_s = 0.02 * step
+        assert clock.read(100.0 + now_s, now_s) is CURRENT
+        seen.append(clock.read(100.0 + apart_s + now_s, now_s + 0.01))
+    assert set(seen[20:]) == {FOREIGN}
+
+
 def test_a_clock_that_begins_anew_is_believed_once_it_has_run_on_by_itself():
     arrivals = [(11.3 + 0.1 * count, 0.3 + 0.1 * count) for count in range(6)]
     assert readings(ran_for(), *arrivals) == [LATE, LATE, LATE, RESTARTED, CURRENT, CURRENT]
@@ -74,10 +84,10 @@ def test_however_many_old_packets_come_at_once_they_are_no_restart(count):
     assert readings(clock, *burst, (10.1, 110.1)) == [*[LATE] * count, CURRENT]
 
 
-def test_nor_are_old_packets_among_those_of_the_clock_that_is_known():
+def test_nor_are_single_old_packets_among_those_of_the_clock_that_is_known():
     clock = ran_for()
     for count in range(100):
-        now_s = 10.0 + 0.1 * count
+        now_s = 10.0 + 1.5 * count
         assert readings(clock, (now_s, 100.0 + now_s), (now_s + 0.05, 40.0 + now_s)) == [
             CURRENT,
             LATE,
