@@ -7,7 +7,7 @@ import importlib
 TYPE_CHECKING = False
 """True for type checkers; loading `typing` would take milliseconds before Ctrl-C is caught."""
 if TYPE_CHECKING:
-    from .planner.plan import Plan, PlanStatus
+    from .planner.plan_values import Plan, PlanStatus
     from .planner.planner import Planner
     from .site import Site
     from .types import Mission, RiskIndices, Weights

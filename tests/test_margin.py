@@ -8,10 +8,10 @@ import pytest
 
 from moar_companion.config import Supervision, shipped_configs
 from moar_companion.margin import SEEN, flown_site, margin_of, seen_margin
-from moar_companion.planner.plan import PlanRequest
+from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.planner import Planner
-from moar_companion.service.jobs import PlanJob, answer_job
-from moar_companion.service.planners import Planners
+from moar_companion.planning.plan_jobs import PlanJob, answer_job
+from moar_companion.planning.planner_set import Planners
 from moar_companion.site import Margin, Site
 from moar_companion.types import AutopilotKind, Mission, RiskIndices, Weights
 from moar_companion.vehicle import Vehicle

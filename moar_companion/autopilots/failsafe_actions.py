@@ -14,8 +14,8 @@ from typing import Protocol
 
 import numpy as np
 
+from ..planner.free_distance import Reach
 from ..planner.grid import BoolArray, FloatArray, IntArray
-from ..planner.reach import Reach
 from ..types import Vector
 
 _LEAST_M = 1e-9

@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from ..config import Authority, CompanionConfig, KeySource
 from ..errors import InputError, LinkError
-from ..service.places import Place, recorder_folder, state_folder, view_socket
+from ..service.directories import Place, recorder_folder, state_folder, view_socket
 from ..service.signing_clock import load_signing
 from .options import add_file
 from .outputs import say
@@ -30,8 +30,8 @@ if TYPE_CHECKING:
     from ..mavlink.peers import Address
     from ..mavlink.signing import Signing
     from ..planner.planner import Planner
+    from ..preflight.aircraft_check import Preflight
     from ..preflight.findings import Finding
-    from ..preflight.machine import Preflight
     from ..site import Site
     from ..vehicle import Vehicle
 
@@ -99,7 +99,7 @@ def _aircraft(
     config: CompanionConfig, vehicle: Vehicle, planner: Planner | None, signing: Signing | None
 ) -> tuple[list[Finding], bool]:
     """Findings about the aircraft on the links; True if there is an aircraft."""
-    from ..preflight.machine import Preflight  # noqa: PLC0415
+    from ..preflight.aircraft_check import Preflight  # noqa: PLC0415
 
     urls = [link.url for link in config.links]
     say(f"Aircraft on {', '.join(urls)}\n")
@@ -274,7 +274,7 @@ def _planner(site: Site, vehicle: Vehicle, config: CompanionConfig) -> Planner:
 
 
 def _looked_at(planner: Planner) -> list[Finding]:
-    from ..preflight.site import site_findings  # noqa: PLC0415
+    from ..preflight.site_check import site_findings  # noqa: PLC0415
 
     return site_findings(planner)
 

@@ -21,7 +21,7 @@ from ..mavlink.commands import CommandResult
 from ..mavlink.modes import mode_name
 from ..mavlink.translate import autopilot_kind
 from ..mavlink.urls import parse_url
-from ..mission.states import MissionState
+from ..mission_states import MissionState
 from ..types import Mission
 from .ground_station import COMPANION, GroundStation
 from .options import add_file, number, refused

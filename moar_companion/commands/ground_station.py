@@ -18,7 +18,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from ..errors import LinkError
-from ..mavlink.texts import HeardTexts
+from ..mavlink.statustext import HeardTexts
 from ..mavlink.urls import LinkAddress, LinkKind
 
 COMPANION = 195

@@ -22,9 +22,9 @@ from .outputs import STDOUT, check_outputs, say, write_output
 from .plan_summary import summary
 
 if TYPE_CHECKING:
-    from ..planner.front import Supported
+    from ..planner.analysis.pareto import Supported
     from ..planner.maps import Maps
-    from ..planner.plan import Plan
+    from ..planner.plan_values import Plan
     from ..planner.planner import Planner
     from ..site import Site
 
@@ -127,7 +127,7 @@ def run(arguments: argparse.Namespace) -> int:
     """Plans, writes the outputs, prints the summary."""
     from ..config import Supervision, shipped_configs  # noqa: PLC0415
     from ..margin import flown_site  # noqa: PLC0415
-    from ..planner.alternatives import alternatives  # noqa: PLC0415
+    from ..planner.analysis.alternatives import alternatives  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
     from ..vehicle import Vehicle  # noqa: PLC0415
@@ -301,7 +301,7 @@ def _trade_off(
     planner: Planner, plan: Plan, weights: Weights
 ) -> tuple[list[Supported], dict[str, Any]]:
     """The front of a plan's problem, and its document with the plan's sensitivity."""
-    from ..planner.front import front_document, pareto_front, sensitivity  # noqa: PLC0415
+    from ..planner.analysis.pareto import front_document, pareto_front, sensitivity  # noqa: PLC0415
 
     if plan.reason:
         return [], front_document(plan, [], {})

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 from ..types import Mission
 
 if TYPE_CHECKING:
-    from ..planner.plan import Plan
+    from ..planner.plan_values import Plan
     from ..planner.refinement import Refinement
 
 
@@ -88,7 +88,7 @@ def _explanation_lines(explanation: dict[str, Any]) -> str:
 
 def _alternative_lines(plan: Plan, others: Sequence[Plan]) -> str:
     """The plans under other risks in lines of the summary."""
-    from ..planner.alternatives import risk_words, same_path  # noqa: PLC0415
+    from ..planner.analysis.alternatives import risk_words, same_path  # noqa: PLC0415
 
     lines: list[str] = []
     for other in others:

@@ -22,11 +22,11 @@ from .options import add_file, file_name, refused
 from .outputs import STDOUT, check_outputs, say, write_output
 
 if TYPE_CHECKING:
-    from ..outlets.replay import Replay
+    from ..outlets.replay_report import Replay
+    from ..replay.player import Playback
+    from ..replay.site_position import Whereabouts
+    from ..replay.ulog_topics import Sample
     from ..risk.drag_fit import DragFlight
-    from ..service.playback import Playback
-    from ..service.ulog_topics import Sample
-    from ..service.whereabouts import Whereabouts
     from ..vehicle import Vehicle
 
 _GZIP = b"\x1f\x8b"
@@ -135,7 +135,7 @@ def _whereabouts(site_file: str, vehicle: Vehicle) -> Whereabouts:
     from ..config import Supervision  # noqa: PLC0415
     from ..margin import flown_site  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
-    from ..service.whereabouts import Whereabouts  # noqa: PLC0415
+    from ..replay.site_position import Whereabouts  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
 
     return Whereabouts(Planner(flown_site(Site.load(site_file), vehicle, Supervision()), vehicle))
@@ -167,9 +167,9 @@ def played(
     drag: DragFlight | None = None,
 ) -> Replay:
     """A recording, replayed; raises InputError for a file that is none."""
+    from ..mavlink.passive_listener import Witness  # noqa: PLC0415
     from ..mavlink.tlog import Tlog  # noqa: PLC0415
-    from ..mavlink.witness import Witness  # noqa: PLC0415
-    from ..service.playback import Playback  # noqa: PLC0415
+    from ..replay.player import Playback  # noqa: PLC0415
 
     data, whole = _content(path)
     name = os.fsencode(Path(path).name).decode(errors="replace")
@@ -199,9 +199,9 @@ def _ulog_played(
     whereabouts: Whereabouts | None,
     drag: DragFlight | None,
 ) -> Playback[Sample]:
-    from ..service.playback import Playback  # noqa: PLC0415
-    from ..service.ulog import UlogWitness, samples  # noqa: PLC0415
-    from ..service.ulog_topics import TOPICS, Topic  # noqa: PLC0415
+    from ..replay.player import Playback  # noqa: PLC0415
+    from ..replay.ulog import UlogWitness, samples  # noqa: PLC0415
+    from ..replay.ulog_topics import TOPICS, Topic  # noqa: PLC0415
 
     try:
         from pyulog import ULog  # noqa: PLC0415

@@ -16,29 +16,24 @@ from functools import partial
 
 from ..config import Commands, LinkRole
 from ..types import AutopilotKind, FenceItem, Telemetry, Vector
-from . import fence_download, listener, modes, services, translate_outgoing
+from . import fence_download, modes, ping_timesync, telemetry_receiver, translate_outgoing
 from .codec import Codec, packet_source
+from .command_dedup import CommandLedger
 from .commands import Answer, Command, CommandCancelled, CommandResult, Sender
 from .dialect import Message, mavlink
 from .fence_download import FenceDownload
-from .identity import (
-    Autopilot,
-    AutopilotConflict,
-    AutopilotFound,
-    AutopilotRestarted,
-)
-from .ledger import CommandLedger
-from .listener import Listener, ModeLeft
+from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted
+from .message_rates import DEFAULT_RATES_HZ, RateRequests
 from .mode_requests import DO_SET_MODE, CommandAnswered, ModeRequests
+from .origin_home_requests import PlaceRequests
 from .outbox import Outbox
 from .parameters import ParameterRequests
 from .peers import Address, AutopilotElsewhere, PeerRefused, Peers, Precedence
 from .permissions import Permissions
-from .places import PlaceRequests
-from .rates import DEFAULT_RATES_HZ, RateRequests
-from .round_trips import RoundTrips
 from .signing import LinkSigning, Refusal
-from .texts import Severity, StatusTexts
+from .statustext import Severity, StatusTexts
+from .telemetry_receiver import Listener, ModeLeft
+from .timesync_rtt import RoundTrips
 from .translate_motors import MOTOR_PARAMETERS
 from .translate_outgoing import SystemStatus
 from .translate_status import GNSS_PARAMETERS
@@ -95,7 +90,7 @@ class Session:
             _COMMAND_CANCEL: self._receive_command,
             int(mavlink.MAVLINK_MSG_ID_COMMAND_ACK): self._receive_acknowledgement,
             int(mavlink.MAVLINK_MSG_ID_PARAM_VALUE): self._receive_parameter,
-            **dict.fromkeys(services.MESSAGE_IDS, self._receive_request),
+            **dict.fromkeys(ping_timesync.MESSAGE_IDS, self._receive_request),
             **dict.fromkeys(fence_download.MESSAGE_IDS, self._receive_fence),
         }
         self._signing = dict(signing or {})
@@ -103,7 +98,7 @@ class Session:
             Codec,
             system_id=system_id,
             component_id=component_id,
-            wanted=listener.MESSAGE_IDS | self._handlers.keys(),
+            wanted=telemetry_receiver.MESSAGE_IDS | self._handlers.keys(),
         )
         makers = {name: partial(make_codec, signing=self._signing.get(name)) for name in links}
         self._codecs = {name: make() for name, make in makers.items()}
@@ -122,7 +117,7 @@ class Session:
         self._fence: FenceDownload | None = None
         self._modes = ModeRequests()
         self._round_trips = RoundTrips()
-        self._answers = services.answer_limit()
+        self._answers = ping_timesync.answer_limit()
         self._outbox = Outbox(links)
         self._ledger = CommandLedger(commands)
         self._texts = StatusTexts()
@@ -378,7 +373,7 @@ class Session:
 
     def _receive_request(self, link: str, message: Message, now_s: float) -> None:
         autopilot = self.autopilot
-        answer = services.answer(
+        answer = ping_timesync.answer(
             message,
             ours=(self._system_id, self._component_id),
             autopilot=_address(autopilot) if autopilot else None,

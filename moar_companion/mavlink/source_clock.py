@@ -34,9 +34,7 @@ class Reading(enum.Enum):
 
     CURRENT = "no older than the last"
     LATE = "older than the last, or ahead: not to be taken"
-    FOREIGN = (
-        "of another clock, far ahead or running on far behind: not to be taken"
-    )
+    FOREIGN = "of another clock, far ahead or running on far behind: not to be taken"
     RESTARTED = "the clock is another one now"
 
 

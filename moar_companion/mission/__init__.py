@@ -1,1 +1,1 @@
-"""The mission: its state, the orders behind it, and what may be streamed now."""
+"""Pure: the mission's state machine, its values, and when to plan anew."""

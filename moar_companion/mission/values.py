@@ -9,9 +9,9 @@ import enum
 import math
 from dataclasses import dataclass, field, replace
 
+from ..mission_states import MissionState
+from ..safety.supervisor import Ruling
 from ..types import Mission
-from .states import MissionState
-from .supervisor import Ruling
 
 
 class Order(str, enum.Enum):

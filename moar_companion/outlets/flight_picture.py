@@ -21,10 +21,10 @@ from ..planner.maps import Maps
 from ..site import PlanePoint, Site
 from ..types import Mission
 from ..vehicle import Vehicle
-from .course import draw_goal
+from .figure import DPI, Page, page_style
 from .labels import place_labels
-from .page import DPI, Page, page_style
-from .plane import View, draw_colour_bars, draw_plane, view_of
+from .plan_marks import draw_goal
+from .site_axes import View, draw_colour_bars, draw_plane, view_of
 
 _RISKS = {
     "wind": "#1f77b4",

@@ -14,16 +14,16 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 
-from ..planner.front import Supported
+from ..planner.analysis.pareto import Supported
 from ..planner.grid import FloatArray
 from ..planner.maps import Maps
-from ..planner.plan import Plan
+from ..planner.plan_values import Plan
 from ..site import Site
 from ..vehicle import Vehicle
-from .course import draw_goal
+from .figure import DPI, INK, Page, page_style
 from .labels import place_labels
-from .page import DPI, INK, Page, page_style
-from .plane import COLOUR_BAR_IN, draw_colour_bars, draw_plane, view_of
+from .plan_marks import draw_goal
+from .site_axes import COLOUR_BAR_IN, draw_colour_bars, draw_plane, view_of
 
 _COLOURS = colormaps["viridis"]
 _OWN = "#e4002b"

@@ -9,7 +9,7 @@ from matplotlib import patheffects
 
 from ..planner.grid import FloatArray
 from ..site import PlanePoint
-from .page import INK
+from .figure import INK
 
 _LABEL = "label"
 """The gid of the names that `place_labels` moves."""

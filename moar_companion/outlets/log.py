@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator
 from functools import partial
 
-from .writer import Batches, Writer
+from .background_writer import Batches, Writer
 
 _MOST_BYTES = 256 * 1024
 """Limit of waiting text: some three thousand lines."""

@@ -11,17 +11,24 @@ from os import PathLike
 from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import InputError
-from ..planner.alternatives import risk_words, same_path
+from ..planner.analysis.alternatives import risk_words, same_path
 from ..planner.maps import Maps
-from ..planner.plan import Plan
+from ..planner.plan_values import Plan
 from ..planner.regions import GoalRegion, goal_region
 from ..site import PlanePoint, Site
 from ..types import Mission
 from ..vehicle import Vehicle
-from .course import draw_alternatives, draw_descent, draw_goal, draw_path, draw_refined, draw_start
+from .figure import DPI, INK, Page, page_style
 from .labels import place_labels
-from .page import DPI, INK, Page, page_style
-from .plane import COLOUR_BAR_IN, draw_colour_bars, draw_plane, view_of
+from .plan_marks import (
+    draw_alternatives,
+    draw_descent,
+    draw_goal,
+    draw_path,
+    draw_refined,
+    draw_start,
+)
+from .site_axes import COLOUR_BAR_IN, draw_colour_bars, draw_plane, view_of
 
 if TYPE_CHECKING:
     from ..planner.refinement import Refinement

@@ -24,7 +24,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from .writer import Batches, Writer
+from .background_writer import Batches, Writer
 
 _PERIOD_S = 1.0
 """Longest part of a flight that a killed process loses."""

@@ -17,8 +17,8 @@ from matplotlib.font_manager import FontProperties
 from matplotlib.patches import Patch
 from matplotlib.textpath import TextPath
 
-from .page import DPI, INK, Page, page_style
-from .replay import Replay, ReplayEvent, ReplaySample
+from .figure import DPI, INK, Page, page_style
+from .replay_report import Replay, ReplayEvent, ReplaySample
 
 _COLOURS = {
     "wind": "#1f77b4",

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ..site import Obstacle
-from .cells import nearest_rings
+from .distance_kernels import nearest_rings
 from .geometry import rings
 from .grid import FloatArray, Grid, IntArray
 

@@ -15,7 +15,7 @@ import numpy as np
 from .graph import Graph
 from .grid import STOP, FloatArray, IntArray
 from .maps import Maps
-from .plan import Plan, PlanRequest
+from .plan_values import Plan, PlanRequest
 from .solver import walked
 
 _SAME_CLEARANCE_M = 0.005

@@ -16,7 +16,7 @@ from .arrays import Field
 from .graph import heading_speeds_mps
 from .grid import FloatArray
 from .maps import Maps
-from .plan import Cost
+from .plan_values import Cost
 from .polyline import path_sums
 
 SAMPLES_PER_CELL = 4

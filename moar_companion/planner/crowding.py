@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from .fence import PlaneFence
+from .plane_fence import PlaneFence
 from .planner import Planner
 
 

@@ -16,11 +16,11 @@ import numpy as np
 
 from ..site import PlanePoint, Site
 from ..vehicle import Vehicle
-from .fence import PlaneFence
 from .geometry import rings
 from .grid import TOLERANCE, BoolArray, FloatArray, IntArray
 from .legs import leg_clearances
 from .maps import Maps
+from .plane_fence import PlaneFence
 from .regions import obstacle_clearance_m
 
 Rings = tuple[FloatArray, IntArray, FloatArray, FloatArray]

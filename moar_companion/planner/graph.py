@@ -10,7 +10,7 @@ import numpy as np
 
 from ..vehicle import SpeedLimits, Vehicle
 from .arrays import Steps
-from .cells import steps_of
+from .distance_kernels import steps_of
 from .grid import TOLERANCE, FloatArray, Grid, IntArray, Moves
 from .maps import Maps
 

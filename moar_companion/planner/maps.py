@@ -9,11 +9,11 @@ import numpy as np
 from ..site import Site
 from ..vehicle import SafetyShape, SpeedLimits, Vehicle
 from . import geometry
-from .cells import horizontal_distances
 from .clearances import Clearances
-from .fence import PlaneFence
+from .distance_kernels import horizontal_distances
+from .free_distance import Reach
 from .grid import TOLERANCE, BoolArray, FloatArray, Grid
-from .reach import Reach
+from .plane_fence import PlaneFence
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

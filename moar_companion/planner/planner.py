@@ -18,15 +18,15 @@ from ..errors import InputError
 from ..site import Obstacle, PlanePoint, Site, Target
 from ..types import Mission, RiskIndices, Weights
 from ..vehicle import Vehicle
-from .fence import PlaneFence
+from .cost_to_go_tables import TableBuilder, shares
 from .graph import build_graph
 from .grid import STOP, BoolArray, IntArray
 from .maps import Maps, build_maps, with_exposed
-from .plan import Compute, Plan, PlanRequest, PlanStatus
+from .plan_values import Compute, Plan, PlanRequest, PlanStatus
+from .plane_fence import PlaneFence
 from .regions import Cell, GoalRegion, goal_region, landing_leg
 from .solver import Goal, Solver, walked
 from .table import Table
-from .tables import TableBuilder, shares
 
 if TYPE_CHECKING:
     from .refinement import Refinement, Refiner

@@ -27,7 +27,7 @@ from .continuous import CLEAR, ContinuousCost
 from .geometry import rings
 from .grid import STOP, TOLERANCE, FloatArray
 from .maps import Maps
-from .plan import Cost, Metrics, Plan, Waypoints, flight
+from .plan_values import Cost, Metrics, Plan, Waypoints, flight
 from .polyline import leg_sums, outline_distances, refined
 from .regions import GoalRegion, LandingLeg, obstacle_clearance_m
 

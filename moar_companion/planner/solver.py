@@ -17,9 +17,9 @@ from .arrays import CellMemory, StateMemory, StepCost
 from .graph import Graph
 from .grid import FloatArray, IntArray
 from .jit import direct
-from .plan import Cost
+from .path_cost_kernels import walk
+from .plan_values import Cost
 from .table import Table
-from .walk import walk
 
 TIE_TIME_ENERGY = 1e-11
 """Added to k_T and k_E: of paths with equal J, the one with the least sum of TC and EC.

@@ -7,15 +7,15 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from ..config import Supervision
+from ..estimation.pose import Pose
+from ..estimation.pose_tracker import grounded
 from ..mavlink.identity import Autopilot
-from ..mission.conditions import Causes
 from ..risk import RiskEstimate
-from ..service.motion import Pose
-from ..service.surroundings import grounded
+from ..safety.conditions import Causes
 from ..site import Site
 from ..types import AutopilotKind, AutopilotStatus, LandedState, Telemetry
 from ..vehicle import RiskModel, Vehicle
-from .battery import battery_findings
+from .battery_check import battery_findings
 from .findings import Finding, Level
 from .risks import risk_findings
 

@@ -6,21 +6,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..autopilots.failsafe_actions import (
-    BATTERY,
-    LINKS,
-    Action,
-    FailsafeAction,
-    Failsafes,
-    Trigger,
-)
+from ..autopilots.failsafe_actions import BATTERY, LINKS, Action, FailsafeAction, Failsafes, Trigger
 from ..config import LossCheck, Supervision
-from ..planner.plan import PlanStatus
+from ..planner.plan_values import PlanStatus
 from ..planner.planner import Planner
 from ..power import PowerModel
-from ..service.failsafe_watch import moving
+from ..safety.failsafe_exposure import moving
 from .findings import Finding, Level
-from .ways import Way, ways_of
+from .site_routes import Way, ways_of
 
 SUBJECT = "failsafe"
 

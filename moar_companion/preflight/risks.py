@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from ..mission.conditions import Causes
 from ..risk import IndexReport, RiskEstimate
-from .battery import CHARGE
+from ..safety.conditions import Causes
+from .battery_check import CHARGE
 from .findings import Finding, Level
 
 _INDICES = (

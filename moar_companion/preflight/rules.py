@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..service.loss import Loss
+from ..safety.offboard_loss import Loss
 from ..types import AutopilotKind
 from ..vehicle import Vehicle
 from .findings import Finding, Level

@@ -1,1 +1,1 @@
-"""The service: the companion machine without I/O, and the asyncio shell that carries its bytes."""
+"""The shell, the only package with sockets, threads, files and clocks."""

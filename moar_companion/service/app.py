@@ -21,7 +21,11 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+from ..companion.companion import Companion
+from ..companion.intake import Arrival
+from ..companion.status import LatestDecisions
 from ..config import CompanionConfig, LinkRole
+from ..estimation.pose_tracker import Ground
 from ..margin import flown_site
 from ..mavlink.link import Link, open_link
 from ..mavlink.link_basics import clock_s
@@ -30,25 +34,21 @@ from ..mavlink.urls import parse_url
 from ..outlets.log import log_to_stderr
 from ..outlets.recorder import Recorder
 from ..planner.planner import Planner
+from ..safety.checks import Host
+from ..safety.file_faults import FileFault, words
 from ..site import Site
 from ..types import AutopilotStatus
 from ..vehicle import Vehicle
-from .causes import Host
-from .companion import Companion
-from .file_faults import FileFault, words
-from .host import HostWatch
-from .intake import Arrival
-from .memory_file import MemoryFile
-from .notify import Watchdog, notify
-from .places import recorder_folder, state_folder, view_socket
+from .directories import recorder_folder, state_folder, view_socket
+from .host_monitor import HostWatch
 from .planner_worker import PlannerWorker
 from .pools import started_pool
 from .priority import NICE, ahead_of_others, in_real_time
 from .resident_memory import limit_arenas
 from .signing_clock import SigningClock, load_signing
-from .status import LatestDecisions
-from .surroundings import Ground
-from .view_socket import open_view_socket
+from .snapshot_file import MemoryFile
+from .status_socket import open_view_socket
+from .systemd import Watchdog, notify
 
 _SWITCH_INTERVAL_S = 0.0005
 """The planner thread gives the interpreter back to the streaming loop at least this often."""

@@ -15,8 +15,8 @@ import sys
 import threading
 from collections.abc import Callable, Iterator, Sequence
 
+from ..companion import companion as _all_that_flies  # noqa: F401 - with it come all kernels that are needed
 from ..planner.jit import KERNELS, Kernel
-from . import companion as _all_that_flies  # noqa: F401 - with it come all kernels that are needed
 from . import compiler
 from .priority import put_behind
 

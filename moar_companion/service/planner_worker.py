@@ -16,9 +16,9 @@ from functools import partial
 
 from ..autopilots.failsafe_actions import Failsafes
 from ..planner.planner import Planner
+from ..planning.plan_jobs import PlanAnswer, PlanJob, answer_job, preparations, prepare_for
+from ..planning.planner_set import Planners
 from .compiling import make_ready
-from .jobs import PlanAnswer, PlanJob, answer_job, preparations, prepare_for
-from .planners import Planners
 from .pools import started_pool
 from .resident_memory import release_compiler
 

@@ -18,10 +18,10 @@ from pydantic import Field, TypeAdapter
 
 from ..config import CompanionConfig
 from ..mavlink.signing import LATEST_TIMESTAMP, UNITS_PER_S, Signing, timestamp_at
-from ..outlets.writer import Batches, Writer
-from .memory_file import write_whole
-from .places import state_folder
+from ..outlets.background_writer import Batches, Writer
+from .directories import state_folder
 from .signing_key import read_signing_key
+from .snapshot_file import write_whole
 
 _NAME = "signing.json"
 _LONGEST_BYTES = 65536

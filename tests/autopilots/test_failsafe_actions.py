@@ -10,7 +10,7 @@ import pytest
 from moar_companion.autopilots import failsafe_parameters, failsafes_of
 from moar_companion.autopilots.ardupilot import Return
 from moar_companion.autopilots.failsafe_actions import Action, Trigger
-from moar_companion.planner.reach import Reach
+from moar_companion.planner.free_distance import Reach
 from moar_companion.types import AutopilotKind
 
 from ..planner.problems import conductor, make_site

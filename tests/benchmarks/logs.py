@@ -12,8 +12,8 @@ from pathlib import Path
 
 from moar_companion.commands.replay import played
 from moar_companion.config import shipped_configs
-from moar_companion.outlets.replay import Replay
 from moar_companion.outlets.replay_picture import draw_replay
+from moar_companion.outlets.replay_report import Replay
 from moar_companion.vehicle import Vehicle
 from tests.mavlink.conftest import SHARED
 

@@ -17,14 +17,14 @@ import time
 from collections.abc import Callable
 from dataclasses import replace
 
+from moar_companion.companion.companion import Companion
 from moar_companion.config import CompanionConfig, LinkRole, shipped_configs
+from moar_companion.estimation.pose_tracker import Ground
 from moar_companion.mavlink.session import Session
 from moar_companion.planner.planner import Planner
 from moar_companion.power import PowerModel
 from moar_companion.risk import update
 from moar_companion.risk.explain import WeightsReason, risk_dict
-from moar_companion.service.companion import Companion
-from moar_companion.service.surroundings import Ground
 from moar_companion.site import Site
 from moar_companion.types import Mission
 from moar_companion.vehicle import Vehicle

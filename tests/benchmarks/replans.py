@@ -53,7 +53,7 @@ class Noise:
 
 def fly(site: str, seed: int, policy: Replanning) -> tuple[int, float]:
     """Changes of path, and the seconds in which there could be some."""
-    with mock.patch("moar_companion.service.prospects.update", Noise(seed)):
+    with mock.patch("moar_companion.companion.risk_monitor.update", Noise(seed)):
         flight = Lockstep(site=site, replanning=policy)
         flight.begin(INSPECTION)
         flight.run_until_state("holding", 600.0)

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from moar_companion.mavlink.witness import Witness
+from moar_companion.mavlink.passive_listener import Witness
 from moar_companion.risk.localization import LocalizationMemory, remember
 from moar_companion.types import Telemetry
 from tests.mavlink.conftest import SHARED

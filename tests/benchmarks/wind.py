@@ -13,8 +13,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from moar_companion.mavlink.passive_listener import Witness
 from moar_companion.mavlink.tlog import Tlog
-from moar_companion.mavlink.witness import Witness
 from moar_companion.risk import RiskEstimate, update
 from moar_companion.risk.drag import air_velocity_mps, deceleration_mps2
 from moar_companion.risk.drag_fit import DragFlight

@@ -83,7 +83,7 @@ def test_the_links_of_the_configuration_are_looked_at(capsys, tmp_path, unused_u
 def test_a_configuration_whose_links_nobody_speaks_on_is_no_go(
     capsys, tmp_path, unused_udp_port, monkeypatch
 ):
-    monkeypatch.setattr("moar_companion.preflight.machine.WAIT_S", 0.1)
+    monkeypatch.setattr("moar_companion.preflight.aircraft_check.WAIT_S", 0.1)
     config = tmp_path / "companion.yaml"
     config.write_text(f"vehicle: {X500}\nlinks: [{{url: 'udp:127.0.0.1:{unused_udp_port}'}}]\n")
     assert cli.main(["check", "--config", str(config)]) == 1

@@ -13,6 +13,9 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as mavlink
 
+from moar_companion.companion.companion import Companion
+from moar_companion.companion.mission_snapshot import Memory
+from moar_companion.companion.reports import Decision
 from moar_companion.config import (
     Authority,
     CompanionConfig,
@@ -20,15 +23,12 @@ from moar_companion.config import (
     Supervision,
     shipped_configs,
 )
+from moar_companion.estimation.pose_tracker import Ground
 from moar_companion.margin import flown_site
 from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.planner.planner import Planner
-from moar_companion.service.companion import Companion
-from moar_companion.service.jobs import PlanAnswer, answer_job
-from moar_companion.service.memory import Memory
-from moar_companion.service.planners import Planners
-from moar_companion.service.reports import Decision
-from moar_companion.service.surroundings import Ground
+from moar_companion.planning.plan_jobs import PlanAnswer, answer_job
+from moar_companion.planning.planner_set import Planners
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind
 from moar_companion.vehicle import Vehicle

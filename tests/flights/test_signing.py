@@ -6,8 +6,8 @@ import json
 
 import pytest
 
+from moar_companion.companion.status import LatestDecisions
 from moar_companion.mavlink.signing import Refusal
-from moar_companion.service.status import LatestDecisions
 from sitl.wire import packets
 
 from ..mavlink.peer import Peer

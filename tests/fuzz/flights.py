@@ -24,12 +24,12 @@ from random import Random
 
 import numpy as np
 
+from moar_companion.companion.companion import Companion
+from moar_companion.companion.intake import BUDGET_BYTES, LEAST_BYTES
 from moar_companion.config import LinkConfig, LinkRole
+from moar_companion.estimation.pose_tracker import Ground
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.signing import Signing, SigningKey, timestamp_at
-from moar_companion.service.companion import Companion
-from moar_companion.service.intake import BUDGET_BYTES, LEAST_BYTES
-from moar_companion.service.surroundings import Ground
 from sitl.wire import packet_header, packets
 
 from ..benchmarks.soak import anonymous_mb, forget

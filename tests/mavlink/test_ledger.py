@@ -7,6 +7,7 @@ import math
 import pytest
 
 from moar_companion.mavlink.codec import Codec
+from moar_companion.mavlink.command_dedup import CommandLedger
 from moar_companion.mavlink.commands import (
     CommandCancelled,
     CommandResult,
@@ -14,7 +15,6 @@ from moar_companion.mavlink.commands import (
     MissionCommand,
     UnsupportedCommand,
 )
-from moar_companion.mavlink.ledger import CommandLedger
 
 USER_1 = 31010
 PAUSE_CONTINUE = 193

@@ -6,7 +6,7 @@ from moar_companion.config import LinkRole
 from moar_companion.mavlink.codec import Codec, SourceStatistics
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.identity import AutopilotFound, AutopilotRestarted
-from moar_companion.mavlink.listener import MESSAGE_IDS, Listener
+from moar_companion.mavlink.telemetry_receiver import MESSAGE_IDS, Listener
 
 from .peer import Peer
 

@@ -9,9 +9,9 @@ import pytest
 from moar_companion.config import LinkRole
 from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.identity import AutopilotConflict
-from moar_companion.mavlink.listener import Listener
 from moar_companion.mavlink.packet_order import PacketOrder
 from moar_companion.mavlink.source_clock import SourceClock
+from moar_companion.mavlink.telemetry_receiver import Listener
 from moar_companion.types import Failsafe
 
 HEARTBEAT, CURRENT_MODE, ATTITUDE = 0, 436, 30

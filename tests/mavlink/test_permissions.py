@@ -6,8 +6,8 @@ import pytest
 
 from moar_companion.config import Commands
 from moar_companion.mavlink.codec import Codec
+from moar_companion.mavlink.command_dedup import CommandLedger
 from moar_companion.mavlink.commands import CommandResult, DeniedCommand, MissionCommand, Sender
-from moar_companion.mavlink.ledger import CommandLedger
 from moar_companion.mavlink.permissions import Permissions
 
 from .peer import Peer

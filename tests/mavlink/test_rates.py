@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.mavlink.rates import DEFAULT_RATES_HZ, RateRequests
+from moar_companion.mavlink.message_rates import DEFAULT_RATES_HZ, RateRequests
 from moar_companion.types import AutopilotKind
 
 ATTITUDE = 30

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.mavlink.dialect import create
-from moar_companion.mavlink.round_trips import RoundTrips
+from moar_companion.mavlink.timesync_rtt import RoundTrips
 from moar_companion.mavlink.translate_outgoing import SystemStatus, heartbeat_message
 
 TICK_S = 0.05

@@ -10,13 +10,9 @@ from moar_companion.config import LinkRole
 from moar_companion.mavlink.codec import checksum
 from moar_companion.mavlink.commands import MissionCommand
 from moar_companion.mavlink.dialect import create, mavlink
-from moar_companion.mavlink.identity import (
-    AutopilotConflict,
-    AutopilotFound,
-    AutopilotRestarted,
-)
-from moar_companion.mavlink.listener import ModeLeft
+from moar_companion.mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
 from moar_companion.mavlink.session import CommandAnswered, Session, SystemStatus
+from moar_companion.mavlink.telemetry_receiver import ModeLeft
 from moar_companion.types import AutopilotKind
 
 from .messages import message_of

@@ -5,9 +5,9 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.mavlink.codec import Codec
-from moar_companion.mavlink.listener import MESSAGE_IDS
 from moar_companion.mavlink.packet_order import PacketOrder
 from moar_companion.mavlink.source_clock import Reading, SourceClock
+from moar_companion.mavlink.telemetry_receiver import MESSAGE_IDS
 from moar_companion.mavlink.translate import boot_time_s
 
 CURRENT, LATE, FOREIGN, RESTARTED = Reading

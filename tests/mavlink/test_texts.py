@@ -2,7 +2,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.mavlink.texts import Severity, StatusTexts
+from moar_companion.mavlink.statustext import Severity, StatusTexts
 
 
 def told(texts, text, now_s=0.0):

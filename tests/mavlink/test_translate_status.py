@@ -5,7 +5,7 @@ import math
 import pytest
 
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.mavlink.witness import Witness
+from moar_companion.mavlink.passive_listener import Witness
 
 from .messages import updated
 

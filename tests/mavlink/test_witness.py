@@ -7,8 +7,8 @@ import pytest
 from moar_companion.mavlink.commands import CommandResult, MissionCommand, PauseContinue
 from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
-from moar_companion.mavlink.texts import HeardText
-from moar_companion.mavlink.witness import AnswerSaid, TextSaid, Witness
+from moar_companion.mavlink.passive_listener import AnswerSaid, TextSaid, Witness
+from moar_companion.mavlink.statustext import HeardText
 from moar_companion.types import AutopilotKind
 
 from .messages import message_of

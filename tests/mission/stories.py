@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from moar_companion.mavlink.texts import pilot_text
-from moar_companion.mission import machine, supervisor
-from moar_companion.mission.conditions import Causes
-from moar_companion.mission.states import IN_CONTROL, STREAMING, MissionState
+from moar_companion.mavlink.statustext import pilot_text
+from moar_companion.mission import state_machine
 from moar_companion.mission.values import (
     Answer,
     Do,
@@ -19,6 +17,9 @@ from moar_companion.mission.values import (
     Situation,
     Task,
 )
+from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
+from moar_companion.safety import supervisor
+from moar_companion.safety.conditions import Causes
 from moar_companion.types import Mission
 
 WELL = Situation(mode_ours=False, mode_heard_s=0.0)
@@ -91,7 +92,7 @@ class Story:
             self.world = replace(self.world, mode_heard_s=self.now_s)
         self.rule()
         return self._took(
-            machine.tick(
+            state_machine.tick(
                 self.status,
                 self.world,
                 ready_timeout_s=self.ready_timeout_s,
@@ -104,13 +105,15 @@ class Story:
         """An operator's order; its number is in `last_id`."""
         self.last_id += 1
         self.rule()
-        return self._took(machine.command(self.status, order, self.last_id, self.world, self.now_s))
+        return self._took(
+            state_machine.command(self.status, order, self.last_id, self.world, self.now_s)
+        )
 
     def plan_found(self):
-        return self._took(machine.planned(self.status, self.world, self.now_s))
+        return self._took(state_machine.planned(self.status, self.world, self.now_s))
 
     def plan_failed(self, reason="no free way leads there", **why):
-        return self._took(machine.unplanned(self.status, reason, self.now_s, **why))
+        return self._took(state_machine.unplanned(self.status, reason, self.now_s, **why))
 
     def strand(self):
         """What is flown stands, and no plan leads on."""
@@ -118,7 +121,7 @@ class Story:
 
     def take_back(self, order_id=None):
         number = self.last_id if order_id is None else order_id
-        return self._took(machine.withdrawn(self.status, number, self.now_s))
+        return self._took(state_machine.withdrawn(self.status, number, self.now_s))
 
     def _took(self, step):
         self.status, effects = step

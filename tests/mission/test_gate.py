@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.mission.gate import distance_m, distances_m, motion_refusal, refusal
+from moar_companion.safety.setpoint_gate import distance_m, distances_m, motion_refusal, refusal
 
 FREE, OCCUPIED = (0, 0), (0, 1)
 OCCUPANCY = np.array([[False, True]])

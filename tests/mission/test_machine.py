@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.mission.conditions import CONDITIONS, Action, Override
-from moar_companion.mission.states import IN_CONTROL, STREAMING, MissionState
 from moar_companion.mission.values import Do, Order
+from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
+from moar_companion.safety.conditions import CONDITIONS, Action, Override
 
 from .stories import (
     EVACUATION,

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.mission.machine import restarted
-from moar_companion.mission.states import IN_CONTROL, STREAMING, MissionState
+from moar_companion.mission.state_machine import restarted
 from moar_companion.mission.values import Do, Order
+from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
 
 from .stories import (
     EVACUATION,

@@ -6,9 +6,9 @@ from hypothesis import settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, rule
 
-from moar_companion.mission.conditions import CONDITIONS, Action, Causes, Override
-from moar_companion.mission.states import IN_CONTROL, STREAMING, MissionState
 from moar_companion.mission.values import Answer, Order, Seek
+from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
+from moar_companion.safety.conditions import CONDITIONS, Action, Causes, Override
 from moar_companion.types import Mission
 
 from .stories import EVACUATION, EXIT, FAILSAFE, IN_THE_AIR, INSPECTION, Story

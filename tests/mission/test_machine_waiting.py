@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.mission import machine
-from moar_companion.mission.states import MissionState
+from moar_companion.mission import state_machine
 from moar_companion.mission.values import Order
+from moar_companion.mission_states import MissionState
 
 from .stories import EVACUATION, EXIT, INSPECTION, story
 
@@ -16,7 +16,7 @@ NARROW = {"narrow": "the target is too close, position uncertainty 1.6 m"}
 
 def no_room(flight):
     """The plan that is sought is not found, and the condition that says so is there."""
-    flight._took(machine.unplanned(flight.status, NARROW["narrow"], flight.now_s, waits=True))
+    flight._took(state_machine.unplanned(flight.status, NARROW["narrow"], flight.now_s, waits=True))
     flight.said_then = flight.said
     return flight.see(**NARROW)
 
@@ -64,6 +64,8 @@ def test_without_a_condition_that_says_so_it_is_sought_once_a_second():
     for _ in range(500):
         if flight.status.sought is not None:
             count += 1
-            flight._took(machine.unplanned(flight.status, "no room", flight.now_s, waits=True))
+            flight._took(
+                state_machine.unplanned(flight.status, "no room", flight.now_s, waits=True)
+            )
         flight.tick(0.02)
     assert 9 <= count <= 11

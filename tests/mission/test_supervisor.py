@@ -8,16 +8,10 @@ import re
 import pytest
 
 from moar_companion.config import LinkLoss, Supervision, shipped_configs
-from moar_companion.mission.conditions import (
-    CONDITIONS,
-    Action,
-    Causes,
-    Override,
-    conditions,
-)
-from moar_companion.mission.page import documentation
-from moar_companion.mission.states import MissionState
-from moar_companion.mission.supervisor import HEALTHY, overridden, step
+from moar_companion.mission_states import MissionState
+from moar_companion.safety.conditions import CONDITIONS, Action, Causes, Override, conditions
+from moar_companion.safety.conditions_doc import documentation
+from moar_companion.safety.supervisor import HEALTHY, overridden, step
 from moar_companion.types import Mission
 
 ROWS = pytest.mark.parametrize("row", CONDITIONS, ids=lambda row: row.name)
@@ -232,7 +226,7 @@ def test_what_a_lost_ground_station_does_is_configured(action):
 
 
 def test_the_table_of_the_page_is_made_from_the_conditions():
-    """If not: `python -m moar_companion.mission.page`, between the two marks."""
+    """If not: `python -m moar_companion.safety.conditions_doc`, between the two marks."""
     page = (shipped_configs() / "README.md").read_text()
     written = re.search(
         r"<!-- conditions:[^>]*-->\n(.*?)\n<!-- end of conditions -->", page, re.DOTALL

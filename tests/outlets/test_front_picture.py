@@ -9,7 +9,7 @@ from matplotlib.image import imread
 from moar_companion import Planner, Site, Vehicle
 from moar_companion.config import shipped_configs
 from moar_companion.outlets.front_picture import draw_front
-from moar_companion.planner.front import pareto_front
+from moar_companion.planner.analysis.pareto import pareto_front
 
 CONFIGS = shipped_configs()
 SITE = Site.load(CONFIGS / "sites" / "horizontal_three_conductors.yaml")

@@ -13,7 +13,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from moar_companion.outlets import log, writer
+from moar_companion.outlets import background_writer, log
 from moar_companion.outlets.log import log_to_stderr
 from tests.stopped import stopped_pipe
 
@@ -105,7 +105,7 @@ def test_a_pipe_that_nobody_reads_loses_lines_and_says_how_many(pipe, monkeypatc
 
 
 def test_the_end_does_not_wait_for_ever_for_who_reads(pipe, monkeypatch):
-    monkeypatch.setattr(writer, "_LAST_WRITE_S", 0.1)
+    monkeypatch.setattr(background_writer, "_LAST_WRITE_S", 0.1)
     with log_to(pipe.writing):
         logger.info("said")
     assert all_of(pipe) == ["INFO said"]

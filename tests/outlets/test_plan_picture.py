@@ -10,7 +10,7 @@ from matplotlib.image import imread
 
 from moar_companion import Planner, Site, Vehicle
 from moar_companion.config import shipped_configs
-from moar_companion.outlets.page import DPI
+from moar_companion.outlets.figure import DPI
 from moar_companion.outlets.plan_picture import draw_plan
 from moar_companion.site import Conductor, Polygon, Workspace
 from moar_companion.types import Mission

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 from moar_companion import Planner, Site, Vehicle
 from moar_companion.config import shipped_configs
-from moar_companion.outlets.course import draw_goal, draw_path, draw_start
+from moar_companion.outlets.figure import Page
 from moar_companion.outlets.labels import place_labels
-from moar_companion.outlets.page import Page
-from moar_companion.outlets.plane import draw_plane, view_of
+from moar_companion.outlets.plan_marks import draw_goal, draw_path, draw_start
+from moar_companion.outlets.site_axes import draw_plane, view_of
 from moar_companion.site import Polygon
 
 CONFIGS = shipped_configs()

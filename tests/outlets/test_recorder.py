@@ -8,8 +8,8 @@ from pymavlink import mavutil
 
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import create
+from moar_companion.outlets import background_writer
 from moar_companion.outlets import recorder as recorder_module
-from moar_companion.outlets import writer
 from moar_companion.outlets.recorder import Recorder
 from tests.stopped import make_recordings, stop_recordings
 
@@ -117,7 +117,7 @@ def test_a_disk_that_stands_still_keeps_nobody_waiting_and_what_is_recorded_has_
 
 
 def test_the_end_does_not_wait_for_ever_for_a_disk_that_stands_still(tmp_path, monkeypatch, caplog):
-    monkeypatch.setattr(writer, "_LAST_WRITE_S", 0.1)
+    monkeypatch.setattr(background_writer, "_LAST_WRITE_S", 0.1)
     disks = stop_recordings(monkeypatch)
     recorder = Recorder(tmp_path, OFFSET_S, 0.0)
     recorder.write([(0.0, heartbeat())], [])

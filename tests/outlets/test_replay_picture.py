@@ -12,9 +12,9 @@ from hypothesis import strategies as st
 from matplotlib import image
 
 from moar_companion.outlets import replay_picture
-from moar_companion.outlets.page import Page
-from moar_companion.outlets.replay import Replay, ReplayEvent, ReplayPlace, ReplaySample
+from moar_companion.outlets.figure import Page
 from moar_companion.outlets.replay_picture import draw_replay
+from moar_companion.outlets.replay_report import Replay, ReplayEvent, ReplayPlace, ReplaySample
 
 INDICES = ("wind", "communication", "localization", "battery")
 

@@ -7,8 +7,8 @@ import time
 
 import pytest
 
-from moar_companion.outlets import writer
-from moar_companion.outlets.writer import Writer
+from moar_companion.outlets import background_writer
+from moar_companion.outlets.background_writer import Writer
 
 
 class Disk:
@@ -80,7 +80,7 @@ def test_there_is_room_again_when_the_disk_goes_on(disk):
 
 
 def test_the_end_does_not_wait_for_ever(disk, monkeypatch):
-    monkeypatch.setattr(writer, "_LAST_WRITE_S", 0.1)
+    monkeypatch.setattr(background_writer, "_LAST_WRITE_S", 0.1)
     disk.goes.clear()
     item = Writer("test", disk.write)
     item.put(b"abc")

@@ -6,7 +6,12 @@ import pytest
 
 from moar_companion import Planner, RiskIndices, Site, Vehicle
 from moar_companion.config import shipped_configs
-from moar_companion.planner.alternatives import RISK_LEVELS, alternatives, risk_words, same_path
+from moar_companion.planner.analysis.alternatives import (
+    RISK_LEVELS,
+    alternatives,
+    risk_words,
+    same_path,
+)
 from moar_companion.types import Mission, Weights
 
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")

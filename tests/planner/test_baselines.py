@@ -12,13 +12,13 @@ import pytest
 from shapely.geometry import Point
 
 from moar_companion.errors import InputError
-from moar_companion.planner.baselines import (
+from moar_companion.planner.analysis.baselines import (
     BaselineKind,
     baseline,
     envelope_cells,
     voronoi_cells,
 )
-from moar_companion.planner.plan import PlanRequest, PlanStatus
+from moar_companion.planner.plan_values import PlanRequest, PlanStatus
 from moar_companion.planner.planner import Planner
 from moar_companion.types import Mission, RiskIndices, Weights
 

@@ -11,8 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from moar_companion.errors import InputError
-from moar_companion.planner.front import front_document, pareto_front, sensitivity
-from moar_companion.planner.plan import PlanStatus
+from moar_companion.planner.analysis.pareto import front_document, pareto_front, sensitivity
+from moar_companion.planner.plan_values import PlanStatus
 from moar_companion.planner.planner import Planner
 from moar_companion.types import RiskIndices, Weights
 

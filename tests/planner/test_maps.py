@@ -10,11 +10,7 @@ import pytest
 
 from moar_companion.planner.geometry import hull_vertices_m, polygon_distance_m
 from moar_companion.planner.grid import Grid
-from moar_companion.planner.maps import (
-    build_maps,
-    distance_cost,
-    speed_limit_mps,
-)
+from moar_companion.planner.maps import build_maps, distance_cost, speed_limit_mps
 
 from . import oracle
 from .problems import conductor, make_site, make_vehicle, polygon, random_problem

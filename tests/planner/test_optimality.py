@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from moar_companion.errors import InputError
-from moar_companion.planner.plan import PlanStatus
+from moar_companion.planner.plan_values import PlanStatus
 from moar_companion.planner.planner import Planner
 from moar_companion.site import Site
 from moar_companion.types import Mission, Weights

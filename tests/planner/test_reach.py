@@ -10,8 +10,8 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from moar_companion.planner.clearances import Clearances
+from moar_companion.planner.free_distance import Reach
 from moar_companion.planner.grid import Grid
-from moar_companion.planner.reach import Reach
 
 from .problems import conductor, make_site, polygon
 

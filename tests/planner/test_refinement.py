@@ -15,7 +15,7 @@ from shapely.geometry import LineString, MultiPoint, Point, Polygon, box
 from shapely.ops import unary_union
 
 from moar_companion.errors import InputError
-from moar_companion.planner.plan import PlanStatus
+from moar_companion.planner.plan_values import PlanStatus
 from moar_companion.planner.planner import Planner
 from moar_companion.site import Conductor
 from moar_companion.types import Mission, Weights

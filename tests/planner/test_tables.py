@@ -13,11 +13,11 @@ from hypothesis import strategies as st
 
 from moar_companion.errors import InputError
 from moar_companion.planner import planner as planner_module
-from moar_companion.planner.plan import PlanStatus
+from moar_companion.planner.cost_to_go_tables import TableBuilder
+from moar_companion.planner.plan_values import PlanStatus
 from moar_companion.planner.planner import Planner
 from moar_companion.planner.search import locate
 from moar_companion.planner.solver import Goal, Solver
-from moar_companion.planner.tables import TableBuilder
 from moar_companion.types import Mission, Weights
 
 from .problems import CORNERS, conductor, make_site, make_vehicle, random_problem, random_weights

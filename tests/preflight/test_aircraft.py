@@ -6,10 +6,10 @@ import pytest
 
 from moar_companion.config import Supervision, shipped_configs
 from moar_companion.mavlink.identity import Autopilot
-from moar_companion.mission.conditions import Causes
 from moar_companion.preflight.aircraft import Arrivals, Sight, aircraft_findings
 from moar_companion.preflight.findings import Level
 from moar_companion.risk import RiskEstimate, update
+from moar_companion.safety.conditions import Causes
 from moar_companion.types import (
     AutopilotKind,
     AutopilotStatus,

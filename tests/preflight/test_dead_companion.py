@@ -7,9 +7,9 @@ import pytest
 from moar_companion.config import LossCheck, Supervision, shipped_configs
 from moar_companion.margin import flown_site
 from moar_companion.planner.planner import Planner
-from moar_companion.preflight.dead_companion import SUBJECT, loss_findings
 from moar_companion.preflight.findings import Level
-from moar_companion.service.loss import Loss
+from moar_companion.preflight.offboard_loss_ways import SUBJECT, loss_findings
+from moar_companion.safety.offboard_loss import Loss
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind
 from moar_companion.vehicle import Vehicle

@@ -13,7 +13,7 @@ from moar_companion.config import LossCheck, Supervision, shipped_configs
 from moar_companion.margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.power import PowerModel
-from moar_companion.preflight import ardupilot, px4
+from moar_companion.preflight import ardupilot_parameters, px4_parameters
 from moar_companion.preflight.failsafes import SUBJECT, failsafe_findings
 from moar_companion.preflight.findings import Level
 from moar_companion.preflight.rules import Case, parameter_findings
@@ -66,9 +66,9 @@ def test_what_a_landing_at_a_critical_battery_would_hit_is_named_with_what_mends
 @pytest.mark.parametrize(
     ("kind", "rules", "action", "threshold"),
     [
-        (ARDUPILOT, ardupilot.RULES, "BATT_FS_LOW_ACT", {"BATT_LOW_VOLT": 14.0}),
-        (ARDUPILOT, ardupilot.RULES, "BATT_FS_CRT_ACT", {"BATT_CRT_VOLT": 14.0}),
-        (PX4, px4.RULES, "COM_LOW_BAT_ACT", {}),
+        (ARDUPILOT, ardupilot_parameters.RULES, "BATT_FS_LOW_ACT", {"BATT_LOW_VOLT": 14.0}),
+        (ARDUPILOT, ardupilot_parameters.RULES, "BATT_FS_CRT_ACT", {"BATT_CRT_VOLT": 14.0}),
+        (PX4, px4_parameters.RULES, "COM_LOW_BAT_ACT", {}),
     ],
 )
 def test_what_mends_a_batterys_action_on_the_ways_is_not_objected_to_by_the_rules(

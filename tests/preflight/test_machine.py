@@ -15,8 +15,8 @@ from moar_companion.margin import flown_site
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.planner.planner import Planner
+from moar_companion.preflight.aircraft_check import WAIT_S, Preflight
 from moar_companion.preflight.findings import Level
-from moar_companion.preflight.machine import WAIT_S, Preflight
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind, Mission
 from moar_companion.vehicle import Vehicle

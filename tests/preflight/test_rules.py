@@ -3,7 +3,7 @@
 import pytest
 
 from moar_companion.config import shipped_configs
-from moar_companion.preflight import ardupilot, px4
+from moar_companion.preflight import ardupilot_parameters, px4_parameters
 from moar_companion.preflight.findings import Finding, Level, worst
 from moar_companion.preflight.rules import Case, parameter_findings
 from moar_companion.vehicle import Vehicle
@@ -71,16 +71,16 @@ def findings(rules, parameters, *, ground_station_heard=False, vehicle=X500):
 
 
 def of_px4(name, value, **more):
-    return findings(px4.RULES, {**PX4_AS_ASKED, name: value, **more})[name]
+    return findings(px4_parameters.RULES, {**PX4_AS_ASKED, name: value, **more})[name]
 
 
 def of_ardupilot(name, value, **more):
-    return findings(ardupilot.RULES, {**ARDUPILOT_AS_ASKED, name: value, **more})[name]
+    return findings(ardupilot_parameters.RULES, {**ARDUPILOT_AS_ASKED, name: value, **more})[name]
 
 
 @pytest.mark.parametrize(
     ("rules", "parameters"),
-    [(px4.RULES, PX4_AS_ASKED), (ardupilot.RULES, ARDUPILOT_AS_ASKED)],
+    [(px4_parameters.RULES, PX4_AS_ASKED), (ardupilot_parameters.RULES, ARDUPILOT_AS_ASKED)],
     ids=["PX4", "ArduPilot"],
 )
 def test_set_as_asked_nothing_is_worse_than_a_note_and_nothing_has_a_remedy(rules, parameters):
@@ -90,7 +90,7 @@ def test_set_as_asked_nothing_is_worse_than_a_note_and_nothing_has_a_remedy(rule
     assert {item.remedy for item in found.values()} == {""}
 
 
-@pytest.mark.parametrize("rules", [px4.RULES, ardupilot.RULES])
+@pytest.mark.parametrize("rules", [px4_parameters.RULES, ardupilot_parameters.RULES])
 def test_a_parameter_that_was_not_told_is_unknown_and_never_well(rules):
     missing = findings(rules, dict.fromkeys(PX4_AS_ASKED | ARDUPILOT_AS_ASKED))
     assert missing == findings(rules, {})
@@ -100,7 +100,8 @@ def test_a_parameter_that_was_not_told_is_unknown_and_never_well(rules):
 
 
 @pytest.mark.parametrize(
-    ("rules", "asked"), [(px4.RULES, PX4_AS_ASKED), (ardupilot.RULES, ARDUPILOT_AS_ASKED)]
+    ("rules", "asked"),
+    [(px4_parameters.RULES, PX4_AS_ASKED), (ardupilot_parameters.RULES, ARDUPILOT_AS_ASKED)],
 )
 def test_what_may_be_a_no_go_is_one_while_it_was_not_told(rules, asked):
     unknown = findings(rules, {})
@@ -173,8 +174,8 @@ def test_what_px4_does_on_a_lost_transmitter_is_no_matter_where_it_does_not_coun
 
 def test_where_an_objection_is_but_a_warning_it_is_one_here():
     for rules, asked, name, value in (
-        (px4.RULES, PX4_AS_ASKED, "COM_OBL_RC_ACT", 7.0),
-        (ardupilot.RULES, ARDUPILOT_AS_ASKED, "GUID_TIMEOUT", 60.0),
+        (px4_parameters.RULES, PX4_AS_ASKED, "COM_OBL_RC_ACT", 7.0),
+        (ardupilot_parameters.RULES, ARDUPILOT_AS_ASKED, "GUID_TIMEOUT", 60.0),
     ):
         parameters = {**asked, name: value}
         case = Case(
@@ -186,7 +187,7 @@ def test_where_an_objection_is_but_a_warning_it_is_one_here():
 
 def test_a_mute_telem2_is_no_matter_where_a_ground_station_is_heard():
     parameters = {**PX4_AS_ASKED, "MAV_1_FORWARD": 0.0}
-    found = findings(px4.RULES, parameters, ground_station_heard=True)
+    found = findings(px4_parameters.RULES, parameters, ground_station_heard=True)
     assert found["MAV_1_FORWARD"].level is OK
 
 
@@ -269,7 +270,7 @@ def test_what_ardupilot_does_at_a_fence_that_is_off_is_good_to_know():
 
 def test_a_threshold_of_the_whole_pack_says_little_without_the_number_of_cells():
     linedrone = Vehicle.load(VEHICLES / "linedrone_flight.yaml")
-    found = findings(ardupilot.RULES, ARDUPILOT_AS_ASKED, vehicle=linedrone)
+    found = findings(ardupilot_parameters.RULES, ARDUPILOT_AS_ASKED, vehicle=linedrone)
     assert found["BATT_LOW_VOLT"].level is NOTE
 
 

@@ -9,7 +9,7 @@ from moar_companion.config import Supervision, shipped_configs
 from moar_companion.margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.preflight.findings import Level, worst
-from moar_companion.preflight.site import site_findings
+from moar_companion.preflight.site_check import site_findings
 from moar_companion.site import Conductor, Polygon, Site, Target
 from moar_companion.types import AutopilotKind, Mission
 from moar_companion.vehicle import Vehicle
@@ -231,7 +231,7 @@ def test_a_speed_that_is_never_reached():
 
 
 def test_maps_that_are_felt_in_memory(monkeypatch):
-    monkeypatch.setattr("moar_companion.preflight.site._LARGE_BYTES", 1_000_000)
+    monkeypatch.setattr("moar_companion.preflight.site_check._LARGE_BYTES", 1_000_000)
     finding = found()["workspace"]
     assert finding.level is WARNING
     assert "100 x 66 cells of 0.3 m" in finding.text

@@ -11,8 +11,8 @@ from typing import Any
 import pytest
 
 from moar_companion.mavlink.codec import Codec
+from moar_companion.mavlink.passive_listener import Witness
 from moar_companion.mavlink.tlog import Tlog
-from moar_companion.mavlink.witness import Witness
 from moar_companion.risk import RiskEstimate, update
 from moar_companion.vehicle import RiskModel
 

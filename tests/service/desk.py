@@ -16,6 +16,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.autopilots import ardupilot as ardupilot_file
 from moar_companion.autopilots import px4 as px4_file
+from moar_companion.companion.companion import Companion
 from moar_companion.config import (
     Authority,
     CompanionConfig,
@@ -23,12 +24,11 @@ from moar_companion.config import (
     Supervision,
     shipped_configs,
 )
+from moar_companion.estimation.pose_tracker import Ground
 from moar_companion.mavlink.dialect import create
 from moar_companion.planner.planner import Planner
-from moar_companion.service.companion import Companion
-from moar_companion.service.jobs import PlanAnswer, answer_job
-from moar_companion.service.planners import Planners
-from moar_companion.service.surroundings import Ground
+from moar_companion.planning.plan_jobs import PlanAnswer, answer_job
+from moar_companion.planning.planner_set import Planners
 from moar_companion.site import Site
 from moar_companion.vehicle import Vehicle
 

@@ -6,11 +6,11 @@ import dataclasses
 from dataclasses import replace
 
 from moar_companion.config import Supervision
+from moar_companion.estimation.pose import Pose
 from moar_companion.risk import IndexReport, InputReport, RiskEstimate, RiskReport
 from moar_companion.risk.localization import LocalizationMemory
 from moar_companion.risk.receivers import ReceiverMemory
-from moar_companion.service.causes import Host, Seen, WayOut, causes
-from moar_companion.service.motion import Pose
+from moar_companion.safety.checks import Host, Seen, WayOut, causes
 from moar_companion.types import (
     Attitude,
     Battery,

@@ -17,12 +17,12 @@ from types import SimpleNamespace
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
+from moar_companion.companion.companion import Companion
 from moar_companion.config import CompanionConfig, LinkConfig, Recorder, shipped_configs
-from moar_companion.outlets import recorder, writer
-from moar_companion.service import app, host
+from moar_companion.outlets import background_writer, recorder
+from moar_companion.safety.checks import Host
+from moar_companion.service import app, host_monitor
 from moar_companion.service.app import Service
-from moar_companion.service.causes import Host
-from moar_companion.service.companion import Companion
 from moar_companion.vehicle import Vehicle
 from tests.stopped import stop_recordings
 
@@ -194,8 +194,8 @@ def test_the_companion_is_told_what_the_computer_has_left(heard, tmp_path, monke
         asked.add(recordings)
         return SimpleNamespace(free=3e9)
 
-    monkeypatch.setattr(host.shutil, "disk_usage", left)
-    monkeypatch.setattr(host, "memory_available", lambda _: 2e8)
+    monkeypatch.setattr(host_monitor.shutil, "disk_usage", left)
+    monkeypatch.setattr(host_monitor, "memory_available", lambda _: 2e8)
     monkeypatch.setattr(Companion, "note_host", lambda _, host: told.add(host))
     serve(heard, 0.3, recorder=Recorder(directory=tmp_path))
     assert asked == set(tmp_path.iterdir())
@@ -213,10 +213,10 @@ def test_a_disk_that_stands_still_holds_up_neither_the_thinking_nor_the_end(
             answers.wait(20)
         return usage(folder)
 
-    monkeypatch.setattr(host, "_PERIOD_S", 0.0)
-    monkeypatch.setattr(host.shutil, "disk_usage", asked)
+    monkeypatch.setattr(host_monitor, "_PERIOD_S", 0.0)
+    monkeypatch.setattr(host_monitor.shutil, "disk_usage", asked)
     monkeypatch.setattr(recorder, "_PERIOD_S", 0.1)
-    monkeypatch.setattr(writer, "_LAST_WRITE_S", 0.1)
+    monkeypatch.setattr(background_writer, "_LAST_WRITE_S", 0.1)
     disks = stop_recordings(monkeypatch)
     messages = serve(heard, 2.0, recorder=Recorder(directory=tmp_path))
     thought_ms = {m.time_boot_ms for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"}

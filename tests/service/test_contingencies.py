@@ -11,8 +11,8 @@ import pytest
 
 from moar_companion.config import Supervision
 from moar_companion.planner.planner import Planner
+from moar_companion.planning.plan_jobs import PlanAnswer
 from moar_companion.power import landing_s
-from moar_companion.service.jobs import PlanAnswer
 from moar_companion.types import AutopilotKind, Mission
 
 from .desk import ACCEPTED, EXIT, INSPECTION, TEMPORARILY_REJECTED, Desk, usual_planner
@@ -141,7 +141,7 @@ def test_a_battery_that_falls_silent_does_not_put_it_off():
 
 
 def test_the_status_shows_what_is_left():
-    from moar_companion.service.status import LatestDecisions
+    from moar_companion.companion.status import LatestDecisions
 
     desk = desk_with_contingencies().come_to("flying").run(3.0)
     status = LatestDecisions().status_of(

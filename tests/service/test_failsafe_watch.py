@@ -9,9 +9,9 @@ import pytest
 from moar_companion.autopilots import failsafe_parameters
 from moar_companion.autopilots.failsafe_actions import Trigger
 from moar_companion.config import Supervision
-from moar_companion.planner.reach import Reach
+from moar_companion.planner.free_distance import Reach
 from moar_companion.power import Meter, PowerModel
-from moar_companion.service.failsafe_watch import FailsafeWatch
+from moar_companion.safety.failsafe_exposure import FailsafeWatch
 from moar_companion.types import AutopilotKind, Heard, Telemetry
 
 from ..planner.problems import conductor, make_site, make_vehicle

@@ -13,8 +13,8 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import Authority
-from moar_companion.mission.conditions import CONDITIONS, Action
-from moar_companion.mission.states import STREAMING, MissionState
+from moar_companion.mission_states import STREAMING, MissionState
+from moar_companion.safety.conditions import CONDITIONS, Action
 
 from ..mavlink.peer import Peer
 from .desk import (

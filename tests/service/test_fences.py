@@ -14,12 +14,12 @@ from shapely.geometry import Polygon
 
 from moar_companion.autopilots.fence import Area, Fence, Limit
 from moar_companion.config import shipped_configs
-from moar_companion.planner.fence import Bound, PlaneFence
+from moar_companion.estimation import site_fence
+from moar_companion.estimation.site_fence import FenceWatch, fenced, plane_fence
+from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
-from moar_companion.service import fences
-from moar_companion.service.fences import FenceWatch, fenced, plane_fence
-from moar_companion.service.jobs import PlanJob, answer_job
-from moar_companion.service.planners import Planners
+from moar_companion.planning.plan_jobs import PlanJob, answer_job
+from moar_companion.planning.planner_set import Planners
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind, FenceItem, Mission
 from moar_companion.vehicle import Vehicle
@@ -203,7 +203,7 @@ def test_a_fence_with_items_that_cannot_be_read_is_not_taken_as_none():
 def test_the_fence_is_made_anew_only_when_something_has_changed():
     """It is looked at with every thought, fifty times a second."""
     watch, items = FenceWatch(SITE, 1.5), corners(3)
-    with mock.patch.object(fences, "fence_of", wraps=fences.fence_of) as made:
+    with mock.patch.object(site_fence, "fence_of", wraps=site_fence.fence_of) as made:
         for _ in range(3):
             watch.learn(AutopilotKind.PX4, PARAMETERS, items, HOME_M)
         assert made.call_count == 1

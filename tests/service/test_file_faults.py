@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.service.causes import Host
-from moar_companion.service.file_faults import FileFault, FileFaultTexts, words
+from moar_companion.safety.checks import Host
+from moar_companion.safety.file_faults import FileFault, FileFaultTexts, words
 from moar_companion.types import Heard
 
 from .desk import Desk

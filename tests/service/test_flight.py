@@ -12,17 +12,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from moar_companion.config import shipped_configs
+from moar_companion.estimation.pose import Jump, Pose
 from moar_companion.frames import PlaneToLocal
-from moar_companion.planner.plan import PlanRequest, PlanStatus
+from moar_companion.guidance.flight_volume import Airspace
+from moar_companion.guidance.path_follower import Flight
+from moar_companion.guidance.splice import Adoption
+from moar_companion.planner.plan_values import PlanRequest, PlanStatus
 from moar_companion.planner.planner import Planner
 from moar_companion.planner.regions import obstacle_clearance_m
-from moar_companion.service.airspace import Airspace
-from moar_companion.service.flight import Flight
-from moar_companion.service.jobs import PlanJob, answer_job
-from moar_companion.service.junction import Adoption
-from moar_companion.service.loss import Loss, loss_parameters
-from moar_companion.service.motion import Jump, Pose
-from moar_companion.service.planners import Planners
+from moar_companion.planning.plan_jobs import PlanJob, answer_job
+from moar_companion.planning.planner_set import Planners
+from moar_companion.safety.offboard_loss import Loss, loss_parameters
 from moar_companion.types import AutopilotKind, Mission, RiskIndices, Weights
 from moar_companion.vehicle import Vehicle
 

@@ -7,12 +7,12 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion.estimation.frame_agreement import FrameAgreement
 from moar_companion.frames import SiteFrame
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import create
-from moar_companion.mavlink.listener import MESSAGE_IDS
+from moar_companion.mavlink.telemetry_receiver import MESSAGE_IDS
 from moar_companion.mavlink.translate import update
-from moar_companion.service.frame_agreement import FrameAgreement
 from moar_companion.types import (
     AutopilotKind,
     GeodeticPoint,

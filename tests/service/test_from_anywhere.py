@@ -17,12 +17,12 @@ from hypothesis import strategies as st
 
 from moar_companion.config import Supervision, shipped_configs
 from moar_companion.margin import flown_site
-from moar_companion.mavlink.texts import pilot_text
-from moar_companion.planner.fence import Bound, PlaneFence
-from moar_companion.planner.plan import PlanRequest
+from moar_companion.mavlink.statustext import pilot_text
+from moar_companion.planner.plan_values import PlanRequest
+from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
-from moar_companion.service.jobs import PlanJob, answer_job
-from moar_companion.service.planners import Planners
+from moar_companion.planning.plan_jobs import PlanJob, answer_job
+from moar_companion.planning.planner_set import Planners
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind, Mission, RiskIndices
 from moar_companion.vehicle import Vehicle

@@ -8,8 +8,8 @@ from types import SimpleNamespace
 
 import pytest
 
-from moar_companion.service import host
-from moar_companion.service.host import HostWatch, memory_available
+from moar_companion.service import host_monitor
+from moar_companion.service.host_monitor import HostWatch, memory_available
 
 
 def test_the_memory_that_linux_calls_available():
@@ -50,8 +50,8 @@ def test_a_disk_that_does_not_answer_keeps_nobody_waiting_and_its_last_word_hold
             watch.close()
         return SimpleNamespace(free=word)
 
-    monkeypatch.setattr(host.shutil, "disk_usage", usage)
-    monkeypatch.setattr(host, "_PERIOD_S", 0.0)
+    monkeypatch.setattr(host_monitor.shutil, "disk_usage", usage)
+    monkeypatch.setattr(host_monitor, "_PERIOD_S", 0.0)
     watch = HostWatch(tmp_path)
     assert asked.wait(20)
     assert watch.look().disk_free == 3e9

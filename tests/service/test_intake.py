@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.mavlink import codec as codec_module
-from moar_companion.mavlink.peers import Precedence
-from moar_companion.mavlink.texts import pilot_text
-from moar_companion.service.intake import (
+from moar_companion.companion.intake import (
     BUDGET_BYTES,
     LEAST_BYTES,
     LONGEST_S,
     RATE_BYTES_PS,
     Intake,
 )
+from moar_companion.mavlink import codec as codec_module
+from moar_companion.mavlink.peers import Precedence
+from moar_companion.mavlink.statustext import pilot_text
 
 from ..mavlink.peer import Peer
 from .commands import OPERATOR_LINK, hovering

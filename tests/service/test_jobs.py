@@ -15,12 +15,12 @@ from moar_companion.autopilots.failsafe_actions import (
 )
 from moar_companion.config import shipped_configs
 from moar_companion.planner import planner as planner_module
-from moar_companion.planner.plan import PlanRequest
+from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.planner import Planner
+from moar_companion.planning.plan_jobs import PlanJob, preparations, prepare_for
+from moar_companion.planning.planner_set import Planners
 from moar_companion.service import planner_worker
-from moar_companion.service.jobs import PlanJob, preparations, prepare_for
 from moar_companion.service.planner_worker import PlannerWorker
-from moar_companion.service.planners import Planners
 from moar_companion.site import Site
 from moar_companion.types import Mission, RiskIndices, Weights
 from moar_companion.vehicle import Vehicle

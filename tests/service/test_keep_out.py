@@ -10,13 +10,13 @@ import math
 
 import pytest
 
-from moar_companion.planner.plan import PlanRequest
-from moar_companion.service.airspace import Airspace
-from moar_companion.service.jobs import PlanJob, answer_job
-from moar_companion.service.loss import Loss
-from moar_companion.service.motion import Setpoint
-from moar_companion.service.paths import CheckedLeg
-from moar_companion.service.planners import Planners
+from moar_companion.estimation.pose import Setpoint
+from moar_companion.guidance.flight_volume import Airspace
+from moar_companion.guidance.plan_path import CheckedLeg
+from moar_companion.planner.plan_values import PlanRequest
+from moar_companion.planning.plan_jobs import PlanJob, answer_job
+from moar_companion.planning.planner_set import Planners
+from moar_companion.safety.offboard_loss import Loss
 from moar_companion.types import AutopilotKind, Mission, RiskIndices, Weights
 
 from .desk import (

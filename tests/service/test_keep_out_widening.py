@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from moar_companion.config import shipped_configs
 from moar_companion.planner.planner import Planner
-from moar_companion.service.planners import Planners
-from moar_companion.service.widening import STEP_M, Widening
+from moar_companion.planning.planner_set import Planners
+from moar_companion.safety.obstacle_inflation import STEP_M, Widening
 from moar_companion.site import Site
 from moar_companion.vehicle import Vehicle
 

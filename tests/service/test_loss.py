@@ -12,8 +12,8 @@ from pymavlink.dialects.v20 import all as mavlink
 from shapely.geometry import LineString, Point
 
 from moar_companion.autopilots.failsafe_actions import Action, first_hit
-from moar_companion.planner.reach import Reach
-from moar_companion.service.loss import Loss, loss_parameters
+from moar_companion.planner.free_distance import Reach
+from moar_companion.safety.offboard_loss import Loss, loss_parameters
 from moar_companion.types import AutopilotKind
 from sitl.autopilot import FakeAutopilot, Options
 

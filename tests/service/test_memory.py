@@ -6,9 +6,9 @@ import json
 
 import pytest
 
+from moar_companion.companion.mission_snapshot import Memory, decoded, encoded
 from moar_companion.config import shipped_configs
-from moar_companion.mission.machine import MissionState, Task
-from moar_companion.service.memory import Memory, decoded, encoded
+from moar_companion.mission.state_machine import MissionState, Task
 from moar_companion.site import Site
 from moar_companion.types import Mission
 

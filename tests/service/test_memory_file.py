@@ -10,10 +10,10 @@ import time
 
 import pytest
 
-from moar_companion.mission.machine import MissionState
-from moar_companion.service import memory_file
-from moar_companion.service.memory import Memory, decoded
-from moar_companion.service.memory_file import MemoryFile
+from moar_companion.companion.mission_snapshot import Memory, decoded
+from moar_companion.mission.state_machine import MissionState
+from moar_companion.service import snapshot_file
+from moar_companion.service.snapshot_file import MemoryFile
 
 IDLE = Memory(state=MissionState.IDLE, since_s=1.0)
 FLYING = Memory(state=MissionState.FLYING, since_s=2.0)
@@ -70,14 +70,14 @@ class Killed(BaseException):
     ("moment", "where", "found"),
     [
         ("before the new file is on the disk", (os, "fsync"), IDLE),
-        ("before it is renamed", (memory_file.Path, "replace"), IDLE),
-        ("before the renaming is on the disk", (memory_file, "_sync"), FLYING),
+        ("before it is renamed", (snapshot_file.Path, "replace"), IDLE),
+        ("before the renaming is on the disk", (snapshot_file, "_sync"), FLYING),
     ],
 )
 def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(
     moment, where, found, file, tmp_path, monkeypatch
 ):
-    file._write(memory_file.encoded(IDLE, 0.0))
+    file._write(snapshot_file.encoded(IDLE, 0.0))
 
     def die(*_):
         raise Killed
@@ -85,14 +85,14 @@ def test_a_process_that_is_killed_leaves_the_old_file_or_the_new_one(
     with monkeypatch.context() as patch:
         patch.setattr(*where, die)
         with pytest.raises(Killed):
-            file._write(memory_file.encoded(FLYING, 0.0))
+            file._write(snapshot_file.encoded(FLYING, 0.0))
     assert written(tmp_path) == found
 
 
 def test_a_full_disk_is_said_once_and_what_is_out_of_date_is_taken_away(
     file, tmp_path, monkeypatch, caplog
 ):
-    file._write(memory_file.encoded(FLYING, 0.0))
+    file._write(snapshot_file.encoded(FLYING, 0.0))
 
     def full(_):
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
@@ -100,11 +100,11 @@ def test_a_full_disk_is_said_once_and_what_is_out_of_date_is_taken_away(
     with monkeypatch.context() as patch:
         patch.setattr(os, "fsync", full)
         for _ in range(3):
-            file._write(memory_file.encoded(HOLDING, 0.0))
+            file._write(snapshot_file.encoded(HOLDING, 0.0))
     told = [record.getMessage() for record in caplog.records if record.levelno > logging.DEBUG]
     assert told == [f"{tmp_path}/state/mission.json: not written: No space left on device"]
     assert list((tmp_path / "state").iterdir()) == []
-    file._write(memory_file.encoded(HOLDING, 0.0))
+    file._write(snapshot_file.encoded(HOLDING, 0.0))
     assert written(tmp_path) == HOLDING
 
 
@@ -115,10 +115,10 @@ def reasons(file):
 def test_a_state_that_cannot_be_written_is_a_fault_until_it_is_written_again(file, tmp_path):
     assert reasons(file) == []
     (tmp_path / "state").rename(tmp_path / "elsewhere")
-    file._write(memory_file.encoded(FLYING, 0.0))
+    file._write(snapshot_file.encoded(FLYING, 0.0))
     assert reasons(file) == ["no state file: folder gone, restart goes idle"]
     (tmp_path / "elsewhere").rename(tmp_path / "state")
-    file._write(memory_file.encoded(FLYING, 0.0))
+    file._write(snapshot_file.encoded(FLYING, 0.0))
     assert reasons(file) == []
 
 
@@ -126,15 +126,15 @@ def test_a_folder_that_has_become_read_only_is_a_fault(file, monkeypatch):
     def read_only(*_):
         raise OSError(errno.EROFS, os.strerror(errno.EROFS))
 
-    monkeypatch.setattr(memory_file.Path, "open", read_only)
-    file._write(memory_file.encoded(FLYING, 0.0))
+    monkeypatch.setattr(snapshot_file.Path, "open", read_only)
+    file._write(snapshot_file.encoded(FLYING, 0.0))
     assert reasons(file) == ["no state file: read-only, restart goes idle"]
 
 
 def test_a_file_of_the_start_that_is_unusable_remains_a_fault(file, tmp_path):
     (tmp_path / "state" / "mission.json").write_bytes(b"{")
     file.load(0.0)
-    file._write(memory_file.encoded(FLYING, 0.0))
+    file._write(snapshot_file.encoded(FLYING, 0.0))
     assert reasons(file) == ["state file unusable, starting idle"]
 
 

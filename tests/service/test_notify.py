@@ -6,7 +6,7 @@ import socket
 
 import pytest
 
-from moar_companion.service.notify import Watchdog, notify
+from moar_companion.service.systemd import Watchdog, notify
 
 
 @pytest.fixture(params=["a path", "an abstract name"])

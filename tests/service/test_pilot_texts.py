@@ -11,16 +11,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from moar_companion.companion.safety_monitor import _DOES
 from moar_companion.config import Supervision
-from moar_companion.mavlink.texts import pilot_text
-from moar_companion.mission.conditions import CONDITIONS
-from moar_companion.mission.machine import state_words
-from moar_companion.mission.states import MissionState
+from moar_companion.mavlink.statustext import pilot_text
+from moar_companion.mission.state_machine import state_words
 from moar_companion.mission.values import Task, Verdict
+from moar_companion.mission_states import MissionState
 from moar_companion.planner.planner import Planner
-from moar_companion.service.causes import Host, causes, exceeds
-from moar_companion.service.loss import Loss
-from moar_companion.service.overseer import _DOES
+from moar_companion.safety.checks import Host, causes, exceeds
+from moar_companion.safety.conditions import CONDITIONS
+from moar_companion.safety.offboard_loss import Loss
 from moar_companion.types import AutopilotKind, Heard, Mission
 
 from .desk import ACCEPTED, EXIT, INSPECTION, Desk, usual_planner

@@ -15,17 +15,17 @@ import pytest
 from matplotlib import image
 
 from moar_companion.config import shipped_configs
-from moar_companion.mavlink import listener
+from moar_companion.mavlink import telemetry_receiver
 from moar_companion.mavlink.codec import checksum
 from moar_companion.mavlink.dialect import mavlink
+from moar_companion.mavlink.passive_listener import Witness
 from moar_companion.mavlink.tlog import Tlog
-from moar_companion.mavlink.witness import Witness
 from moar_companion.outlets.replay_picture import draw_replay
 from moar_companion.planner.planner import Planner
+from moar_companion.replay import player
+from moar_companion.replay.player import SAMPLE_PERIOD_S, Playback
+from moar_companion.replay.site_position import Whereabouts
 from moar_companion.risk import update
-from moar_companion.service import playback
-from moar_companion.service.playback import SAMPLE_PERIOD_S, Playback
-from moar_companion.service.whereabouts import Whereabouts
 from moar_companion.site import Site
 from moar_companion.types import Mission
 from moar_companion.vehicle import Vehicle
@@ -257,7 +257,7 @@ def test_a_gap_of_minutes_ages_everything_as_it_did_in_flight():
 def test_a_long_silence_is_judged_by_its_samples_alone_and_says_the_same(monkeypatch):
     looks = []
     monkeypatch.setattr(
-        playback, "update", lambda *given, **named: looks.append(1) or update(*given, **named)
+        player, "update", lambda *given, **named: looks.append(1) or update(*given, **named)
     )
 
     def flown():
@@ -269,7 +269,7 @@ def test_a_long_silence_is_judged_by_its_samples_alone_and_says_the_same(monkeyp
         return tape.end(), len(looks)
 
     quick, quick_looks = flown()
-    monkeypatch.setattr(playback, "_SETTLED_S", math.inf)
+    monkeypatch.setattr(player, "_SETTLED_S", math.inf)
     slow, slow_looks = flown()
     assert slow_looks == pytest.approx(10 * slow.duration_s, abs=2)
     assert quick_looks < 0.35 * slow_looks
@@ -354,7 +354,7 @@ def with_random_payload(message_id, seed):
 def test_whatever_the_autopilot_says_the_json_is_finite():
     tape = Tape()
     tape.record(tape.autopilot.heartbeat())
-    wanted = sorted(listener.MESSAGE_IDS | {75, 76, 77, 253})
+    wanted = sorted(telemetry_receiver.MESSAGE_IDS | {75, 76, 77, 253})
     for seed in range(600):
         tape.now_s = T0_S + 0.05 * seed
         tape.record(with_random_payload(wanted[seed % len(wanted)], seed))

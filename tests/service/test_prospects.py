@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from moar_companion.companion.risk_monitor import Prospects
 from moar_companion.config import shipped_configs
-from moar_companion.service.prospects import Prospects
 from moar_companion.types import MotorOutputs, Telemetry
 from moar_companion.vehicle import Vehicle
 

@@ -7,17 +7,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion.mission.conditions import CONDITIONS
-from moar_companion.mission.states import MissionState
-from moar_companion.mission.supervisor import Acting, Ruling
+from moar_companion.companion.wind_recovery import Recovery
+from moar_companion.estimation.pose import Pose
+from moar_companion.guidance.flight_volume import Airspace
+from moar_companion.guidance.path_follower import Flight
 from moar_companion.mission.values import MissionStatus
-from moar_companion.planner.fence import Bound, PlaneFence
+from moar_companion.mission_states import MissionState
+from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
-from moar_companion.service.airspace import Airspace
-from moar_companion.service.flight import Flight
-from moar_companion.service.loss import Loss, loss_parameters
-from moar_companion.service.motion import Pose
-from moar_companion.service.recovery import Recovery
+from moar_companion.safety.conditions import CONDITIONS
+from moar_companion.safety.offboard_loss import Loss, loss_parameters
+from moar_companion.safety.supervisor import Acting, Ruling
 from moar_companion.types import AutopilotKind
 
 from ..planner.problems import conductor

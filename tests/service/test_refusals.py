@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from moar_companion.companion.companion import Companion
+from moar_companion.companion.signing_report import Refusals
 from moar_companion.config import CompanionConfig, LinkConfig, shipped_configs
 from moar_companion.mavlink.signing import Refusal, Signing, SigningKey, timestamp_at
-from moar_companion.mavlink.texts import pilot_text
-from moar_companion.service.companion import Companion
-from moar_companion.service.refusals import Refusals
+from moar_companion.mavlink.statustext import pilot_text
 from moar_companion.vehicle import Vehicle
 
 from ..mavlink.signed import SECRET, SignedPeer

@@ -8,11 +8,11 @@ from unittest import mock
 
 import pytest
 
+from moar_companion.companion.status import LatestDecisions
+from moar_companion.guidance.splice import Adoption
 from moar_companion.planner.planner import Planner
+from moar_companion.planning.plan_jobs import answer_job
 from moar_companion.risk import RiskEstimate
-from moar_companion.service.jobs import answer_job
-from moar_companion.service.junction import Adoption
-from moar_companion.service.status import LatestDecisions
 from moar_companion.site import Conductor
 from moar_companion.types import Mission, RiskIndices
 from tests.service.desk import EXIT, INSPECTION, OFFBOARD, USER_1, Desk, usual_planner
@@ -34,7 +34,7 @@ class Risks:
 @pytest.fixture
 def risks():
     judged = Risks()
-    with mock.patch("moar_companion.service.prospects.update", judged):
+    with mock.patch("moar_companion.companion.risk_monitor.update", judged):
         yield judged
 
 

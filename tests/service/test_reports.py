@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from moar_companion.mission.states import MissionState
+from moar_companion.mission_states import MissionState
 
 from .desk import OFFBOARD, Desk
 

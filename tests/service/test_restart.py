@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import pytest
 
+from moar_companion.companion.mission_snapshot import Memory
 from moar_companion.config import Authority, shipped_configs
-from moar_companion.mission.machine import MissionState, Task
-from moar_companion.service.memory import Memory
-from moar_companion.service.surroundings import Ground
+from moar_companion.estimation.pose_tracker import Ground
+from moar_companion.mission.state_machine import MissionState, Task
 from moar_companion.site import Site
 from moar_companion.types import Mission
 

@@ -5,12 +5,12 @@ import math
 
 import pytest
 
+from moar_companion.companion.companion import Companion
+from moar_companion.companion.reports import Decision
+from moar_companion.companion.status import LatestDecisions
 from moar_companion.config import CompanionConfig, LinkConfig, shipped_configs
 from moar_companion.mavlink.session import Severity
 from moar_companion.mavlink.signing import Signing, SigningKey
-from moar_companion.service.companion import Companion
-from moar_companion.service.reports import Decision
-from moar_companion.service.status import LatestDecisions
 from moar_companion.types import LinkStatistics
 from moar_companion.vehicle import Vehicle
 

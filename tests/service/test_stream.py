@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion.companion.mission_executor import Conduct
+from moar_companion.companion.setpoint_streamer import Stream
 from moar_companion.config import Supervision
+from moar_companion.estimation.pose import Jump, Setpoint
 from moar_companion.frames import PlaneToLocal
-from moar_companion.service.conduct import Conduct
-from moar_companion.service.flight import Flight
-from moar_companion.service.motion import Jump, Setpoint
-from moar_companion.service.stream import Stream
+from moar_companion.guidance.path_follower import Flight
 from moar_companion.site import Margin
 from moar_companion.types import AutopilotKind, Mission
 

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import pytest
 
+from moar_companion.estimation.pose import Pose
+from moar_companion.estimation.pose_tracker import Ground, Surroundings
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.translate import update
-from moar_companion.service.motion import Pose
-from moar_companion.service.surroundings import Ground, Surroundings
 from moar_companion.types import Telemetry
 from tests.mavlink.conftest import SHARED, packets
 

@@ -8,8 +8,8 @@ import pytest
 
 from moar_companion.commands.replay import played
 from moar_companion.config import shipped_configs
-from moar_companion.service.ulog import UlogWitness, samples
-from moar_companion.service.ulog_topics import Topic
+from moar_companion.replay.ulog import UlogWitness, samples
+from moar_companion.replay.ulog_topics import Topic
 from moar_companion.types import LandedState, Telemetry
 from moar_companion.vehicle import Vehicle
 from tests.mavlink.conftest import SHARED

@@ -14,16 +14,16 @@ from unittest.mock import patch
 
 import pytest
 
-from moar_companion.service import view_socket
-from moar_companion.service.places import Place
-from moar_companion.service.view_socket import open_view_socket
+from moar_companion.service import status_socket
+from moar_companion.service.directories import Place
+from moar_companion.service.status_socket import open_view_socket
 
 PATIENCE_S = 20.0
 
 
 @pytest.fixture
 def path(tmp_path, monkeypatch):
-    monkeypatch.setattr(view_socket, "PERIOD_S", 0.005)
+    monkeypatch.setattr(status_socket, "PERIOD_S", 0.005)
     # A socket's path may not be long, and pytest's are.
     monkeypatch.chdir(tmp_path)
     return Path("view.sock")
@@ -140,7 +140,7 @@ async def test_a_reader_that_does_not_read_neither_delays_nor_fills_the_memory(p
 
 @run
 async def test_more_readers_than_there_is_room_for_are_turned_away(path, monkeypatch):
-    monkeypatch.setattr(view_socket, "_MOST_READERS", 1)
+    monkeypatch.setattr(status_socket, "_MOST_READERS", 1)
     async with open_view_socket(path, Status()), reader(path) as (stream, _):
         await line(stream)
         async with reader(path) as (late, _):
@@ -169,7 +169,7 @@ def few_descriptors():
 async def test_fifty_readers_leave_descriptors_to_links_and_files_and_cost_one_line(path, caplog):
     """As with `ulimit -n 32`: no storm in the log, and the flight goes on."""
     caplog.set_level(logging.WARNING)
-    with patch.object(view_socket, "_most_readers", lambda: 4):
+    with patch.object(status_socket, "_most_readers", lambda: 4):
         async with open_view_socket(path, Status()), contextlib.AsyncExitStack() as stack:
             streams = []
             for _ in range(50):
@@ -186,14 +186,14 @@ async def test_the_limit_of_readers_leaves_room_for_links_and_files(path, few_de
     few_descriptors(20)
     opened = len(opened_descriptors())
     limit, _ = resource.getrlimit(resource.RLIMIT_NOFILE)
-    assert limit - opened - view_socket._most_readers() >= 12
+    assert limit - opened - status_socket._most_readers() >= 12
 
 
 @run
 async def test_without_a_descriptor_readers_wait_and_one_line_says_so(
     path, few_descriptors, caplog, monkeypatch
 ):
-    attempts, five_attempts, listen = [], asyncio.Event(), view_socket._Readers._listen
+    attempts, five_attempts, listen = [], asyncio.Event(), status_socket._Readers._listen
 
     def counted(readers):
         attempts.append(readers)
@@ -201,8 +201,8 @@ async def test_without_a_descriptor_readers_wait_and_one_line_says_so(
             five_attempts.set()
         listen(readers)
 
-    monkeypatch.setattr(view_socket._Readers, "_listen", counted)
-    monkeypatch.setattr(view_socket, "_RETRY_S", 0.001)
+    monkeypatch.setattr(status_socket._Readers, "_listen", counted)
+    monkeypatch.setattr(status_socket, "_RETRY_S", 0.001)
     caplog.set_level(logging.WARNING)
     async with open_view_socket(path, Status()):
         caller = socket.socket(socket.AF_UNIX)

@@ -8,7 +8,7 @@ from moar_companion.commands import replay
 from moar_companion.config import Supervision, shipped_configs
 from moar_companion.margin import flown_site
 from moar_companion.planner.planner import Planner
-from moar_companion.service.whereabouts import Whereabouts
+from moar_companion.replay.site_position import Whereabouts
 from moar_companion.site import Site
 from moar_companion.types import (
     Attitude,

@@ -11,7 +11,7 @@ import numpy as np
 
 from moar_companion.config import Authority
 from moar_companion.margin import seen_margin
-from moar_companion.mission.gate import distance_m
+from moar_companion.safety.setpoint_gate import distance_m
 from moar_companion.vehicle import Vehicle
 from sitl.geodesy import Geodetic, TrueFrame
 from sitl.manners import KINDS as AUTOPILOTS

@@ -1,0 +1,1 @@
+"""The companion: one machine without I/O. A cycle from inputs to effects."""

@@ -1,0 +1,40 @@
+"""The faults: causes that no measurement shows, kept until the supervisor has checked them."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..safety.conditions import Causes
+from .setpoint_streamer import Refusal
+
+
+class Faults:
+    """Faults since the last check."""
+
+    def __init__(self) -> None:
+        self.causes = Causes()
+
+    def note_pause(self, paused_s: float) -> None:
+        """Notes a control-loop stall: time without an output that was sent in time."""
+        self.causes = replace(self.causes, thinking=f"control loop stalled {paused_s:.1f} s")
+
+    def note_mode_left(self, mode: str) -> None:
+        """Notes that the autopilot has left our mode; it may be back in it."""
+        self.causes = replace(self.causes, pilot=f"the autopilot was in {mode}")
+
+    def note_restart(self) -> None:
+        """Notes a restart of the autopilot."""
+        self.causes = replace(self.causes, restart="the autopilot restarted")
+
+    def note_refusal(self, refused: Refusal) -> None:
+        """Notes a setpoint that was not sent."""
+        if refused.rest is None:
+            self.causes = replace(self.causes, stream=refused.reason)
+        elif refused.narrow:
+            self.causes = replace(self.causes, narrow=refused.reason)
+        else:
+            self.causes = replace(self.causes, gate=refused.reason)
+
+    def forget(self) -> None:
+        """Clears the faults after a check."""
+        self.causes = Causes()

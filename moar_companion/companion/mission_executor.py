@@ -1,0 +1,483 @@
+"""The mission executor: executes the decisions of the mission machine and the supervisor.
+
+Inputs: orders, answers of the planner, state of aircraft and computer, time.
+Outputs: plan jobs, setpoints, answers to orders, texts for people.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from ..config import CompanionConfig
+from ..contingency.contingency_planner import Scene
+from ..estimation.pose import Jump
+from ..estimation.pose_tracker import Ground, Surroundings
+from ..guidance.splice import Adoption
+from ..margin import margin_of
+from ..mavlink.commands import Command, MissionCommand, PauseContinue
+from ..mavlink.session import Session, Severity
+from ..mission import state_machine
+from ..mission.values import Answer, Do, Effect, Overrule, Say, Seek, Situation, Step, Task, Verdict
+from ..mission_states import IN_CONTROL, STREAMING, MissionState
+from ..planning.plan_jobs import PlanAnswer
+from ..power.cells import misread
+from ..risk import RiskEstimate
+from ..safety.checks import Host, Seen, WayOut, widening_m
+from ..safety.conditions import Action
+from ..safety.supervisor import Ruling
+from ..types import LandedState, Mission
+from ..vehicle import Vehicle
+from .faults import Faults
+from .mission_snapshot import Memory
+from .mode_requester import Engaging
+from .operator_commands import OrderBook, Refused, understood, words
+from .plan_requests import Awaited
+from .reports import Reports
+from .risk_monitor import Prospects
+from .route_manager import Course
+from .safety_monitor import Overseer
+from .setpoint_streamer import Stream
+from .wind_recovery import Recovery
+
+_ON_THE_WAY = (MissionState.FLYING, MissionState.LANDING_LEG)
+_SLOW_PACE = 0.5
+"""Fraction of the planned speed while a condition demands SLOW."""
+
+
+class Conduct:
+    """Holds the mission status and executes the mission.
+
+    ground: None without a site. before: memory of the previous process.
+    """
+
+    def __init__(
+        self,
+        config: CompanionConfig,
+        vehicle: Vehicle,
+        ground: Ground | None,
+        *,
+        session: Session,
+        surroundings: Surroundings,
+        orders: OrderBook,
+        reports: Reports,
+        overseer: Overseer,
+        before: Memory | None,
+    ) -> None:
+        self._config = config
+        self._vehicle = vehicle
+        self._margin = margin_of(vehicle, config.supervision)
+        self._ground = ground
+        self._session = session
+        self._surroundings = surroundings
+        self._orders = orders
+        self._reports = reports
+        self.course = Course(ground, vehicle, config, reports, self._margin)
+        self.setpoints = Stream(session, vehicle, config.supervision, self._margin)
+        pilot_may_fly = before is not None and before.state is not MissionState.IDLE
+        self.engaging = Engaging(config.authority, session, reports, pilot_flies=pilot_may_fly)
+        self._recovery = Recovery(reports)
+        self._overseer = overseer
+        site = None if ground is None else ground.site
+        self.status = state_machine.restarted(None if before is None else before.rest(site))
+        """Mission status: state, task and request."""
+        self.prospects = Prospects(ground, vehicle)
+        """The present risk indices, and the escape routes."""
+        self.host = Host()
+        """Free resources of the computer."""
+        self.faults = Faults()
+        """Faults since the last cycle."""
+
+    @property
+    def risk(self) -> RiskEstimate:
+        """The present risk indices."""
+        return self.prospects.risk
+
+    @property
+    def ruling(self) -> Ruling:
+        """Permitted action, and the conditions against a flight."""
+        return self._overseer.ruling
+
+    @property
+    def tracking_error_m(self) -> float | None:
+        """Distance from our setpoint to the aircraft; infinite where its pose is unknown.
+
+        None while the companion is not in control.
+        """
+        flight, pose = self.course.flight, self._surroundings.pose
+        if flight is None or self.status.state not in IN_CONTROL:
+            return None
+        return math.inf if pose is None else flight.error_m(pose)
+
+    @property
+    def _follows(self) -> bool:
+        """True while the autopilot is in the mode in which it follows our setpoints."""
+        autopilot = self._session.telemetry.autopilot
+        return autopilot is not None and autopilot.ours
+
+    @property
+    def _escapes(self) -> bool:
+        """True while an exit or evacuation is flown."""
+        task = self.status.task
+        in_control = self.status.state in IN_CONTROL
+        return in_control and task is not None and task.mission is not Mission.INSPECTION
+
+    @property
+    def _pace(self) -> float:
+        """Fraction of the planned speed that is flown."""
+        return _SLOW_PACE if self.ruling.action is Action.SLOW else 1.0
+
+    # In each cycle
+
+    def judge(self, now_s: float) -> None:
+        """Updates the risk indices from telemetry and the remaining flight."""
+        session = self._session
+        self.prospects.judge(session.telemetry, session.parameters, self.tracking_error_m, now_s)
+
+    def look_ahead(self, now_s: float) -> None:
+        """Updates the remaining flight, and the obstacles that autopilot failsafes would hit."""
+        telemetry, pose = self._session.telemetry, self._surroundings.pose
+        place_m = None if pose is None else pose.position_m
+        self.prospects.look_for_ways_out(telemetry, self._scene(), place_m, now_s)
+        airspace = self.course.airspace
+        if self.status.state in IN_CONTROL and airspace is not None:
+            watch, meter = self.course.watch, self.risk.meter
+            watch.look(place_m, airspace.maps.reach, telemetry, meter, now_s)
+            note = watch.note(self._exposure_limit_s, self.status.since_s, now_s)
+            if note is not None and not self._escapes:
+                self._reports.say(Severity.NOTICE, note, now_s)
+
+    def supervise(self, now_s: float) -> None:
+        """Runs the mission machine for one cycle; before orders, so that a release comes first."""
+        self.setpoints.widened_m = widening_m(self.risk, self._margin)
+        if self.course.look(self.risk, None if self._escapes else self.tracking_error_m, now_s):
+            # A search that found no path may find one now.
+            self.status = replace(self.status, no_way=frozenset())
+        step = state_machine.tick(
+            self.status,
+            self._situation(now_s),
+            ready_timeout_s=self._config.supervision.ready_timeout_s,
+            resume=self._config.resume,
+            now_s=now_s,
+        )
+        self._carry_out(step, now_s)
+        self.faults.forget()
+
+    def order(self, command: MissionCommand | PauseContinue, now_s: float) -> None:
+        """Executes, or refuses, an order."""
+        order_id = self._orders.enter(command, now_s)
+        site = None if self._ground is None else self._ground.site
+        order = understood(command, site, self._config.authority)
+        self._reports.record("order", now_s, order=words(order), sender=command.sender.system_id)
+        if isinstance(order, Refused):
+            answer = Answer(order_id, Verdict.DENIED, order.reason)
+            self._carry_out((self.status, (answer,)), now_s)
+        else:
+            world, before = self._situation(now_s), self.status.state
+            status, effects = state_machine.command(self.status, order, order_id, world, now_s)
+            if not command.permitted:
+                # A sender without permission may stop the aircraft, but overrules no condition.
+                effects = tuple(item for item in effects if not isinstance(item, Overrule))
+            self._carry_out((status, effects), now_s)
+            # The task may be flown already: the rest of a landing leg needs no plan.
+            if status.order_id == order_id:
+                self.engaging.note_order(self._session.telemetry.autopilot, before, now_s)
+
+    def withdraw(self, command: Command, now_s: float) -> None:
+        """Withdraws an order that an operator cancelled after its acknowledgement."""
+        order_id = self._orders.withdraw(command)
+        if order_id is not None:
+            self._carry_out(state_machine.withdrawn(self.status, order_id, now_s), now_s)
+
+    def fly(self, now_s: float, step_s: float) -> None:
+        """Flies on along the route, and requests better plans. step_s: since the last cycle."""
+        silence = self.course.overdue(now_s)
+        if silence is not None:
+            self.plan_answered(silence, now_s)
+        self._orders.tell_progress(now_s)
+        pose, task = self._surroundings.pose, self.status.task
+        if self.status.state in _ON_THE_WAY and task is not None and pose is not None:
+            self.course.replan(task, pose, self.risk.indices, now_s)
+        width_m = self.course.widening_m
+        self._recovery.act(self.course.flight, pose, self.status, self.ruling, width_m, now_s)
+        self._stream(now_s, step_s)
+        engaged = self.status.state in STREAMING or self.status.state is MissionState.PLANNING
+        telemetry = self._session.telemetry
+        known = self.status.known if self.status.order_id is not None else ()
+        station = telemetry.ground_station
+        self._overseer.tell(station, now_s, streaming=engaged, known=known)
+        at_end = self.course.arrived(pose, now_s)
+        self.engaging.act(self.status, telemetry, at_end=at_end, now_s=now_s)
+
+    # Between cycles
+
+    def plan_answered(self, answer: PlanAnswer, now_s: float) -> None:
+        """Takes the answer to a job; one that is no longer awaited is dropped."""
+        awaited = self.course.taken(answer)
+        if awaited is None:
+            return
+        ordered = self.status.order_id is not None
+        answer = self.course.survivable(awaited, answer, now_s, ordered=ordered)
+        if answer.plan is None:
+            self._go_without(awaited, answer, now_s)
+            return
+        adopted = self.course.adopt(awaited, answer, self.risk, now_s)
+        if not awaited.first:
+            return
+        if adopted is not Adoption.TOO_LATE:
+            self._carry_out(
+                state_machine.planned(self.status, self._situation(now_s), now_s), now_s
+            )
+        elif self.status.sought is not None and self.course.flight is not None:
+            # The planner is slower than the flight: the next plan begins at a stop point.
+            self.course.brake()
+            self._seek(self.status.sought, now_s)
+
+    def _go_without(self, awaited: Awaited, answer: PlanAnswer, now_s: float) -> None:
+        """Handles a missing plan: an order is denied, another request stays pending for room."""
+        reason = self.course.explained(answer)
+        if answer.detail:
+            self._reports.record("no_plan", now_s, reason=reason, detail=answer.detail)
+        ordered = awaited.first and self.status.order_id is not None
+        no_room = answer.too_wide and not ordered and self.ruling.action <= Action.HOLD
+        if no_room:
+            self.course.note_no_room(awaited, reason)
+        if awaited.first:
+            waits = no_room or (answer.deadly and not ordered)
+            step = state_machine.unplanned(
+                self.status, reason, now_s, waits=waits, failed=answer.failed
+            )
+            self._carry_out(step, now_s)
+        elif not no_room:
+            self._reports.say(Severity.NOTICE, reason, now_s, action="path kept")
+            if self.status.task is not None and self.course.braked:
+                # Another escape route may lead on.
+                self.status = self.status.without(self.status.task, now_s=now_s)
+
+    def shift(self, jump: Jump, now_s: float) -> None:
+        """Moves setpoint and flight with a position or heading that jumped."""
+        self.setpoints.shift(jump, self._surroundings.plane)
+        if self.course.flight is not None:
+            self.course.flight.shift(jump)
+            self._reports.record("jump", now_s, jump_m=list(jump.step_m), turn_rad=jump.turn_rad)
+
+    def shut_down(self, now_s: float) -> None:
+        """Ends the setpoint stream at rest, if still permitted, before the process ends."""
+        world = self._situation(now_s)
+        if (
+            self.status.state in STREAMING
+            and world.ruling.action is not Action.RELEASE
+            and (world.mode_ours or self.status.state is MissionState.READY)
+        ):
+            self._say_farewell(now_s)
+
+    def way_answered(self, answer: PlanAnswer) -> None:
+        """Takes the answer to a contingency's job."""
+        if self.prospects.ways is not None:
+            self.prospects.ways.answered(answer, self.course.airspace)
+
+    # Inputs of the mission machine
+
+    @property
+    def _exposure_limit_s(self) -> float:
+        """Maximum stay where a failsafe without a forecast would hit an obstacle, dwell added."""
+        return self._config.supervision.exposure_limit_s + self._dwell_s
+
+    @property
+    def _dwell_s(self) -> float:
+        """Time to stay at the present target."""
+        task = self.status.task
+        return 0.0 if self._ground is None or task is None else self._ground.dwell_s(task.stops)
+
+    def _exposure(self, way_out: WayOut | None, now_s: float) -> str | None:
+        """Reason to leave before an autopilot failsafe acts; None if there is none."""
+        return self.course.watch.reason(
+            self._session.telemetry,
+            self.risk.meter,
+            leaving_s=None if way_out is None else way_out.exposed_s,
+            limit_s=self._exposure_limit_s,
+            from_s=self.status.since_s,
+            now_s=now_s,
+        )
+
+    def _scene(self) -> Scene | None:
+        """Inputs of contingency planning; None where no plan is possible."""
+        pose, airspace = self._surroundings.pose, self.course.airspace
+        landed = self._session.telemetry.landed
+        if pose is None or airspace is None:
+            return None
+        if landed is not None and landed.state is not LandedState.IN_AIR:
+            return None  # the aircraft takes off or lands
+        plane, spread = self._surroundings.plane, self.risk.wind.spread
+        beside = abs(pose.position_m[1]) > self._config.supervision.plane_tolerance_m
+        if beside and self.status.state not in STREAMING:
+            return None  # the pilot or autopilot flies it elsewhere
+        return Scene(
+            pose=pose,
+            status=self.status,
+            flight=self.course.flight,
+            airspace=airspace,
+            risk=self.risk.indices,
+            widening_m=self.course.widening_m,
+            fence=self.course.fence,
+            failsafes=self.course.watch.failsafes,
+            pace=self._pace,
+            meter=self.risk.meter,
+            wind_mps=None
+            if plane is None or spread is None
+            else plane.velocity_from_ned((*spread.mean_ne_mps, 0.0)),
+            model=self.risk.wind.learning.used(self._vehicle.risk),
+        )
+
+    def _situation(self, now_s: float) -> Situation:
+        autopilot, guidance = self._session.telemetry.autopilot, self._vehicle.guidance
+        flight, pose = self.course.flight, self._surroundings.pose
+        error_m = math.inf if flight is None or pose is None else flight.error_m(pose)
+        return Situation(
+            ruling=self._overseer.rule(self._seen(now_s), now_s),
+            mode_ours=self._follows,
+            mode_heard_s=-math.inf if autopilot is None else autopilot.received_s,
+            on_leg=flight is not None and flight.on_leg,
+            arrived=self.course.arrived(pose, now_s),
+            dwell_s=self._dwell_s,
+            astray=flight is not None and error_m > guidance.tracking_hold_m,
+        )
+
+    def _seen(self, now_s: float) -> Seen:
+        """Observations for the supervisor's checks."""
+        flight, pose, ground = self.course.flight, self._surroundings.pose, self._ground
+        telemetry, ways = self._session.telemetry, self.prospects.ways
+        way_out = None if ways is None else ways.way_out(self.risk.meter)
+        room_m = None
+        if ground is not None and pose is not None:
+            room_m = ground.room_m(pose, self._vehicle.radius_m)
+        agreement, jumped_m = self._surroundings.agreement, self._surroundings.jumped_m(now_s)
+        return Seen(
+            telemetry=telemetry,
+            risk=self.risk,
+            conflict=self._session.conflict,
+            expected=self._vehicle.autopilot,
+            pose=pose,
+            position_moved_s=self._surroundings.position_moved_s,
+            position_late_s=self._surroundings.position_late_s,
+            jumped_m=jumped_m,
+            jump_margin_m=self._jump_margin_m(room_m, jumped_m),
+            origin_moved_m=agreement.origin_moved_m,
+            origin_margin_m=self._jump_margin_m(room_m, agreement.origin_moved_m),
+            global_off_m=agreement.global_off_m,
+            home_off_m=agreement.home_off_m,
+            room_m=room_m,
+            widening_m=widening_m(self.risk, self._margin),
+            in_control=self.status.state in IN_CONTROL,
+            escaping=self._escapes,
+            landing=self.engaging.is_landing(telemetry.autopilot, now_s),
+            azimuth_rad=None if ground is None else math.radians(ground.site.frame.azimuth_deg),
+            misread=misread(telemetry, self._vehicle.risk.cells),
+            error_m=flight.error_m(pose) if flight is not None and pose is not None else None,
+            drifted_m=flight.drifted_m(pose) if flight is not None and pose is not None else None,
+            saturated=self.prospects.saturated,
+            held_wind_mps=self.prospects.held_wind_mps,
+            stands=flight is not None and flight.stands and self.status.state in _ON_THE_WAY,
+            strays=flight.strays(pose) if flight is not None and pose is not None else None,
+            plan_awaited_s=self.course.awaited_for_s(now_s),
+            fence_silent=self._session.fence_silent,
+            way_out=way_out,
+            exposure=self._exposure(way_out, now_s),
+            host=self.host,
+            faults=replace(
+                self.faults.causes,
+                loss=self.course.reluctance,
+                fence=self.course.fence_objection(pose),
+                death=self.course.objection,
+                narrow=self.faults.causes.narrow or self.course.no_room,
+            ),
+        )
+
+    def _jump_margin_m(self, room_m: float | None, jumped_m: float) -> float:
+        """Permitted position error, here and before a jump of `jumped_m`.
+
+        room_m: from the aircraft's hull to the nearest keep-out.
+        """
+        if room_m is None:
+            return math.inf
+        spare_m = room_m - self._margin.tracking_m - jumped_m
+        return max(0.0, self._margin.position_m + min(0.0, room_m) + max(0.0, spare_m))
+
+    # Effects
+
+    def _carry_out(self, step: Step, now_s: float) -> None:
+        before = self.status.state
+        self.status, effects = step
+        if self.status.state is not before:
+            self._reports.record("state", now_s, state=self.status.state.value, before=before.value)
+        for effect in effects:
+            self._carry_out_one(effect, now_s)
+        if self.status.sought is None:
+            if self.status.state not in STREAMING:
+                self.course.end()
+            else:
+                self.course.forget_first()
+
+    def _carry_out_one(self, effect: Effect, now_s: float) -> None:
+        match effect:
+            case Seek(task):
+                if self.course.resume(task, self._surroundings.pose):
+                    step = state_machine.planned(self.status, self._situation(now_s), now_s)
+                    self._carry_out(step, now_s)
+                else:
+                    self._seek(task, now_s)
+            case Answer(order_id, verdict, reason):
+                self._orders.answer(order_id, verdict, reason, now_s)
+            case Say(text, action, serious, news, condition):
+                severity = Severity.WARNING if serious else Severity.NOTICE
+                self._reports.say(severity, text, now_s, action=action, news=news)
+                if condition:
+                    self._overseer.note_told(condition)
+            case Do.BRAKE:
+                self.course.brake()
+            case Overrule(known):
+                self._overseer.override(known)
+                if "origin_moved" in known:
+                    self._surroundings.agreement.accept_origin()
+                self.engaging.forget_landing()
+            case Do.FAREWELL:
+                self._say_farewell(now_s)
+            case Do.LAND:
+                self.engaging.note_landing()
+
+    def _seek(self, task: Task, now_s: float) -> None:
+        """Requests a task's first plan."""
+        self.course.ask(task, self._surroundings.pose, self.risk.indices, now_s, first=True)
+
+    def _stream(self, now_s: float, step_s: float) -> None:
+        """Sends this instant's setpoint; a refusal is a fault for the next cycle's checks.
+
+        Where another setpoint was sent instead, the flight stops there, and replans from there.
+        """
+        flight, pose = self.course.flight, self._surroundings.pose
+        plane = self._surroundings.plane
+        if self.status.state not in STREAMING or not flight or not pose or not plane:
+            if plane is not None and self._follows and self.ruling.farewell:
+                self.setpoints.repay(plane, now_s)
+            self.setpoints.end()
+            return
+        in_control = self.status.state in IN_CONTROL
+        if in_control:
+            holds = self.status.state is MissionState.HOLDING
+            flight.advance(pose, step_s, self._pace, holds=holds)
+        # The heading turns only in control: else the aircraft would swing round at engagement.
+        setpoint = flight.setpoint(pose, plane, step_s if in_control else 0)
+        refused = self.setpoints.send(setpoint, flight, plane, now_s)
+        if refused is None:
+            return
+        self.faults.note_refusal(refused)
+        if refused.rest is not None:
+            self.course.stand(refused.rest.position_m)
+            if self.status.sought is not None:
+                self._seek(self.status.sought, now_s)
+
+    def _say_farewell(self, now_s: float) -> None:
+        """Sends the last setpoint before the stream ends: the previous place, at rest."""
+        flight, plane = self.course.flight, self._surroundings.plane
+        if flight is not None and plane is not None:
+            self.setpoints.say_farewell(flight, plane, now_s)

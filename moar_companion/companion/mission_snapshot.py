@@ -1,0 +1,78 @@
+"""Mission snapshot: the mission's state, kept for the next process.
+
+Pure: the machine's state in, the bytes of a file out, and back. `memory_file` has the file.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Annotated, Literal
+
+from pydantic import Field, TypeAdapter
+
+from ..mission.state_machine import state_words
+from ..mission.values import Task
+from ..mission_states import STREAMING, MissionState
+from ..site import Site
+from ..types import Mission
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Memory:
+    """State of the mission. since_s: when its state began, on the machine's clock."""
+
+    state: MissionState
+    since_s: Annotated[float, Field(allow_inf_nan=False)]
+    task: Task | None = None
+    site: str | None = None
+    """Name of the site, which gives the task its meaning."""
+
+    @property
+    def streamed(self) -> bool:
+        """True if setpoints were sent."""
+        return self.state in STREAMING
+
+    def rest(self, site: Site | None) -> Task | None:
+        """Rest of an interrupted task that can be flown on a site; None if there is none."""
+        task = self.task
+        if not self.streamed or task is None or task.done or site is None or site.name != self.site:
+            return None
+        return task if _fits(task, site) else None
+
+    def words(self, now_s: float) -> str:
+        """Text for operators: `flying inspection (to splice-2, begun 12 s ago)`."""
+        words, to, goal = state_words(self.state, self.task).partition(" to ")
+        # After a step of the host's clock the start may lie in the future.
+        begun = "" if self.since_s > now_s else f"begun {now_s - self.since_s:.0f} s ago"
+        details = ", ".join(filter(None, (f"{to}{goal}".strip(), begun)))
+        return f"{words} ({details})" if details else words
+
+
+def _fits(task: Task, site: Site) -> bool:
+    """True if a site has the targets or landing points that a task names."""
+    if task.mission is Mission.INSPECTION:
+        return {target.name for target in site.targets}.issuperset(task.stops)
+    return 0 <= (task.landing or 0) < len(site.landing_m.get(task.mission, ()))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _File:
+    """Content of the file; its times are seconds since 1970."""
+
+    version: Literal[1] = 1
+    memory: Memory
+
+
+_FILE = TypeAdapter(_File)
+
+
+def encoded(memory: Memory, clock_offset_s: float) -> bytes:
+    """Mission snapshot as JSON. clock_offset_s: wall clock minus the machine's clock."""
+    since_s = memory.since_s + clock_offset_s
+    return _FILE.dump_json(_File(memory=replace(memory, since_s=since_s)), indent=1)
+
+
+def decoded(data: bytes, clock_offset_s: float) -> Memory:
+    """Mission snapshot of a file, on this machine's clock; ValueError if the file has none."""
+    memory = _FILE.validate_json(data, strict=True).memory
+    return replace(memory, since_s=memory.since_s - clock_offset_s)

@@ -1,0 +1,152 @@
+"""Offboard-loss check: refuses or warns of flights that a companion failure would make unsafe.
+
+Inputs: the autopilot's parameters and its home, the flight, plans for it. Outputs: reasons to
+refuse a plan or to hold, and warnings for operators.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import replace
+
+from ..autopilots.failsafe_actions import LINKS, Failsafes
+from ..config import LossCheck, Supervision
+from ..estimation.pose import home_moved
+from ..estimation.pose_tracker import Ground
+from ..guidance.path_follower import Flight
+from ..guidance.trajectory import FloatArray
+from ..mavlink.session import Severity
+from ..planner.free_distance import Reach
+from ..planning.plan_jobs import PlanAnswer
+from ..safety.offboard_loss import Loss
+from ..types import AutopilotKind, Mission, Vector
+from ..vehicle import Vehicle
+from .plan_requests import Awaited
+from .reports import Reports
+
+
+class Survival:
+    """Keeps the autopilot's behaviour after an offboard loss, and the objection to it.
+
+    limits: the action on an objection. An escape route only causes a warning: staying is no better.
+    """
+
+    def __init__(
+        self, ground: Ground | None, vehicle: Vehicle, limits: Supervision, reports: Reports
+    ) -> None:
+        self._ground = ground
+        self._vehicle = vehicle
+        self._check = limits.loss_action
+        self._failsafe_check = limits.failsafe_action
+        self._reports = reports
+        self._home_m: Vector | None = None
+        """Home in the site's frame, as used in the last check of the flight."""
+        self.loss: Loss | None = None
+        """Flight after an offboard loss; None while that is unknown."""
+        self.objection: str | None = None
+        """Reason against the current flight or hold, by changes since it was planned."""
+
+    def learn(
+        self,
+        kind: AutopilotKind,
+        parameters: Mapping[str, float | None],
+        home_m: Vector | None,
+        flight: Flight | None,
+        now_s: float,
+    ) -> None:
+        """Takes the autopilot's parameters and home; checks the current flight or hold by them.
+
+        Reports the parameters that the autopilot never sent.
+        """
+        before, self.loss = self.loss, Loss.told(kind, parameters)
+        if self.loss is None:
+            return
+        if self.loss != before:
+            if self.loss.assumption:
+                self._reports.say(Severity.WARNING, self.loss.assumption, now_s)
+            if flight is not None:
+                flight.learn_loss(self.loss)
+        elif not home_moved(home_m, self._home_m):
+            return
+        self._home_m = home_m
+        self.objection = None
+        if flight is None or flight.mission is None:
+            return
+        objection = self._objection_to(flight.reach, flight.rests_ahead_m())
+        if objection is not None and self._refuses(flight.mission):
+            self.objection = objection
+        elif objection is not None:
+            self._reports.say(Severity.WARNING, objection, now_s)
+
+    def reconsider(self, flight: Flight | None) -> None:
+        """Repeats the check after less inflation or other failsafes: offboard loss alone counts.
+
+        The next plan is checked with all of the obstacles' width.
+        """
+        if self.objection is not None and flight is not None:
+            self.objection = self._objection_to(None, flight.rests_ahead_m())
+
+    def checked(
+        self,
+        awaited: Awaited,
+        answer: PlanAnswer,
+        flight: Flight | None,
+        failsafes: Failsafes,
+        now_s: float,
+        *,
+        ordered: bool,
+    ) -> PlanAnswer:
+        """Returns the answer; without its plan, if an offboard loss on it would hit an obstacle.
+
+        The current path then stays, unless an offboard loss on that is no better. The objection to
+        a first plan that no operator has ordered stands until something changes.
+        """
+        plan = answer.plan
+        if flight is None or plan is None:
+            return answer
+        rests_m = flight.rests_m(plan, awaited.junction, answer.escape_m, answer.reach)
+        objection = self._objection_to(answer.reach, rests_m)
+        if awaited.first:
+            by_itself = self._by_itself(failsafes, answer.reach, rests_m)
+            refused = self._failsafe_check is LossCheck.REFUSE
+            if by_itself is not None and refused and plan.mission is Mission.INSPECTION:
+                if not ordered:
+                    self.objection = by_itself
+                return replace(answer, plan=None, reason=by_itself, deadly=True)
+            if by_itself is not None:
+                self._reports.say(Severity.NOTICE, by_itself, now_s)
+        if objection is None:
+            return answer
+        if self._refuses(plan.mission):
+            if not awaited.first:
+                self.objection = self._objection_to(answer.reach, flight.rests_ahead_m())
+            elif not ordered:
+                self.objection = objection
+            return replace(answer, plan=None, reason=objection, deadly=True)
+        if awaited.first:
+            self._reports.say(Severity.WARNING, objection, now_s)
+        return answer
+
+    def _by_itself(
+        self, failsafes: Failsafes, reach: Reach | None, rests_m: FloatArray
+    ) -> str | None:
+        """Text of a failsafe's collision from places (n, 2) after a link loss; None without one."""
+        if self._ground is None:
+            return None
+        found = failsafes.of(LINKS).hit(reach or self._ground.maps.reach, rests_m)
+        if found is None:
+            return None
+        action, hit = found
+        return f"{action.trigger.value}: {action.action.value} hits {hit.obstacle}"
+
+    def _objection_to(self, reach: Reach | None, rests_m: FloatArray) -> str | None:
+        """Reason why an offboard loss at stop points (n, 2) is unsafe; None if it is safe."""
+        loss, ground = self.loss, self._ground
+        if loss is None or ground is None:
+            return None
+        lag = loss.lag(self._vehicle.guidance.acceleration_mps2)
+        return lag or loss.objection(reach or ground.maps.reach, rests_m, self._home_m)
+
+    def _refuses(self, mission: Mission) -> bool:
+        """True if an objection forbids a mission."""
+        return self._check is LossCheck.REFUSE and mission is Mission.INSPECTION

@@ -1,0 +1,127 @@
+"""Plan desk: the awaited plan, its start in flight, and the time of its request.
+
+Jobs go out as values and answers come back as values; only the newest job's answer counts.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from ..autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
+from ..guidance.splice import Junction
+from ..mission.values import Task
+from ..planner.plan_values import PlanRequest
+from ..planner.plane_fence import PlaneFence
+from ..planning.plan_jobs import PlanAnswer, PlanJob
+from ..types import RiskIndices, Weights
+
+_ANSWER_TIMEOUT_S = 5.0
+"""Plans take milliseconds: a planner without an answer for this long has failed."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Awaited:
+    """A requested plan: its start, and if it is the mission's first."""
+
+    job: PlanJob
+    junction: Junction
+    first: bool
+    reason: str
+    """Reason for the request."""
+
+
+class PlanDesk:
+    """Requests plans one at a time."""
+
+    def __init__(self) -> None:
+        self._last_id = 0
+        self._jobs: list[PlanJob] = []
+        self._awaited: Awaited | None = None
+        self.asked_s = -math.inf
+        self.asked_risk = RiskIndices()
+        self.asked_widening_m = 0.0
+        self.asked_fence: PlaneFence | None = None
+        self.asked_failsafes = NO_FAILSAFES
+        """Time of the last request, with its risks, inflation of obstacles, fence and failsafes."""
+        self.wanting_since_s: float | None = None
+        """Time of the first request for a new plan of the current task; None if none is pending."""
+
+    @property
+    def awaited(self) -> Awaited | None:
+        """Plan whose answer is pending."""
+        return self._awaited
+
+    def ask(
+        self,
+        task: Task,
+        junction: Junction,
+        weights: Weights,
+        risk: RiskIndices,
+        widening_m: float,
+        fence: PlaneFence | None,
+        failsafes: Failsafes,
+        narrowed_m: float,
+        *,
+        first: bool,
+        reason: str,
+        now_s: float,
+    ) -> None:
+        """Requests a task's plan; drops the request that was pending."""
+        (x_m, _, z_m), (vx_mps, _, vz_mps) = junction.position_m, junction.velocity_mps
+        self._last_id += 1
+        job = PlanJob(
+            job_id=self._last_id,
+            request=PlanRequest(
+                mission=task.mission,
+                target=task.goal,
+                start_m=(x_m, z_m),
+                velocity_mps=(vx_mps, vz_mps),
+                weights=weights,
+                risk=risk,
+            ),
+            widening_m=widening_m,
+            fence=fence,
+            failsafes=failsafes,
+            narrowed_m=narrowed_m,
+        )
+        self._awaited = Awaited(job=job, junction=junction, first=first, reason=reason)
+        if first:
+            self.wanting_since_s = None
+        elif self.wanting_since_s is None:
+            self.wanting_since_s = now_s
+        self._jobs.append(job)
+        self.asked_s, self.asked_risk = now_s, risk
+        self.asked_widening_m, self.asked_fence = widening_m, fence
+        self.asked_failsafes = failsafes
+
+    def forget(self) -> None:
+        """Drops the pending request."""
+        self._awaited = None
+        self.wanting_since_s = None
+
+    def taken(self, answer: PlanAnswer) -> Awaited | None:
+        """Returns the request of an answer; None if it is no longer awaited."""
+        awaited = self._awaited
+        if awaited is None or awaited.job.job_id != answer.job_id:
+            return None
+        self._awaited = None
+        if answer.plan is not None:
+            self.wanting_since_s = None
+        return awaited
+
+    def overdue(self, now_s: float) -> PlanAnswer | None:
+        """Returns an answer of failure if none has come in time."""
+        if self._awaited is None or now_s - self.asked_s < _ANSWER_TIMEOUT_S:
+            return None
+        return PlanAnswer(
+            job_id=self._awaited.job.job_id,
+            plan=None,
+            reason="the planner does not answer",
+            failed=True,
+        )
+
+    def jobs(self) -> list[PlanJob]:
+        """Returns the jobs since the last call."""
+        jobs, self._jobs = self._jobs, []
+        return jobs

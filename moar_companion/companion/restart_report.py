@@ -1,0 +1,54 @@
+"""The restart report: an interrupted flight, or an aircraft in the air, at process start.
+
+Inputs: the memory of the previous process, telemetry. Outputs: texts for people. Pure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..estimation.pose_tracker import airborne, grounded
+from ..mavlink.commands import Command, holds
+from ..types import Telemetry
+from .mission_snapshot import Memory
+
+_PATIENCE_S = 3.0
+"""EXTENDED_SYS_STATE may come later than the heartbeat; ArduPilot sends it only on request."""
+
+
+class Awakening:
+    """Reports once, as soon as an autopilot is known that can forward the texts."""
+
+    def __init__(self, before: Memory | None) -> None:
+        self.before = before
+        """Memory of the previous process, without a task that was released since."""
+        self._heard_s: float | None = None
+        self._told = False
+
+    def note_stop(self, command: Command) -> None:
+        """Takes a hold or a release before the planner is ready; a release drops the task.
+
+        The mission status is created again from `before` when the planner is ready.
+        """
+        if self.before is not None and not holds(command):
+            self.before = replace(self.before, task=None)
+
+    def texts(self, telemetry: Telemetry, now_s: float, *, may_continue: bool) -> list[str]:
+        """Texts to report now. may_continue: the operator can order the rest of the task."""
+        autopilot, before = telemetry.autopilot, self.before
+        if self._told or autopilot is None:
+            return []
+        if self._heard_s is None:
+            self._heard_s = now_s
+        flying = airborne(telemetry, now_s)
+        if not (flying or grounded(telemetry)) and now_s - self._heard_s < _PATIENCE_S:
+            return []
+        self._told = True
+        texts = []
+        if before is not None and (before.streamed or flying):
+            texts.append(f"restarted, was {before.words(now_s)}")
+            if may_continue:
+                texts.append("order continue to fly the rest")
+        if flying and autopilot.ours:
+            texts.append(f"{autopilot.mode} is on, waiting for an order")
+        return texts

@@ -1,0 +1,75 @@
+"""Risk monitor of a flight: the current risk indices, and contingency plans kept ready."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from ..contingency.contingency_planner import Contingencies, Scene
+from ..estimation.pose_tracker import Ground, grounded
+from ..power import PowerModel
+from ..risk import RiskEstimate, update
+from ..risk.holding import held_wind_mps, is_saturated, tilt_limit
+from ..risk.wind import MOTOR_OUTPUT
+from ..types import Telemetry, Vector
+from ..vehicle import Vehicle
+
+
+class Prospects:
+    """Risks by telemetry and by the path still to be flown. ground: None without a site."""
+
+    def __init__(self, ground: Ground | None, vehicle: Vehicle) -> None:
+        self._vehicle = vehicle
+        self._power = PowerModel.of(vehicle)
+        self.risk = RiskEstimate.unknown(vehicle.risk)
+        """Current risk indices."""
+        self.held_wind_mps: float | None = None
+        """Wind in which the aircraft can hold; None before an autopilot is received."""
+        self.saturated = False
+        """True while lean or motors are at their limits."""
+        self.ways = None if ground is None else Contingencies(ground.site, vehicle, self._power)
+        """Contingency plans; None without a site."""
+
+    def look_for_ways_out(
+        self, telemetry: Telemetry, scene: Scene | None, place_m: Vector | None, now_s: float
+    ) -> None:
+        """Updates the contingency plans. scene: None if nothing can be planned; place_m: aircraft.
+
+        A flight continues until the aircraft is known to be on the ground or disarmed.
+        """
+        if self.ways is None:
+            return
+        if grounded(telemetry):
+            self.ways.end()
+        elif scene is None:
+            self.ways.wait(place_m, now_s)
+        else:
+            self.ways.look(scene, now_s)
+
+    def judge(
+        self,
+        telemetry: Telemetry,
+        parameters: Mapping[str, float | None],
+        tracking_error_m: float | None,
+        now_s: float,
+    ) -> None:
+        """Updates the risks. tracking_error_m: None while the companion does not fly."""
+        self.risk = update(
+            self.risk,
+            telemetry,
+            now_s,
+            model=self._vehicle.risk,
+            cruise_mps=self._vehicle.speed.horizontal_mps,
+            tracking_error_m=tracking_error_m,
+            power=self._power,
+            demands=None if self.ways is None else self.ways.demands,
+        )
+        autopilot, model = telemetry.autopilot, self._vehicle.risk
+        if autopilot is None:
+            return
+        limit_rad, _ = tilt_limit(autopilot.kind, parameters, model)
+        self.held_wind_mps = held_wind_mps(self.risk.wind.learning.used(model), limit_rad)
+        inputs = self.risk.report.wind.inputs
+        output = next(
+            (item.value for item in inputs if item.name == MOTOR_OUTPUT and item.known), None
+        )
+        self.saturated = is_saturated(telemetry, output, limit_rad, model)

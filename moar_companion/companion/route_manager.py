@@ -1,0 +1,531 @@
+"""The route manager: the flight along its plans, and the requests for new plans.
+
+Inputs: task, pose, risks, time. Outputs: plan jobs, and the flight along the adopted plans.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from ..config import CompanionConfig
+from ..estimation.pose import Pose
+from ..estimation.pose_tracker import Ground
+from ..estimation.site_fence import FenceWatch, fenced
+from ..guidance.flight_volume import Airspace
+from ..guidance.path_follower import Flight
+from ..guidance.splice import Adoption
+from ..mavlink.session import Severity
+from ..mavlink.statustext import short_name
+from ..mission.replanning import replan_reason, stays
+from ..mission.values import Task
+from ..planner.comparison import path_difference
+from ..planner.plan_values import Plan
+from ..planner.plane_fence import PlaneFence
+from ..planner.regions import narrowest
+from ..planning.plan_jobs import PlanAnswer, PlanJob
+from ..power import PowerModel
+from ..risk import RiskEstimate
+from ..risk.explain import WeightsReason, risk_dict
+from ..safety.checks import uncertainty_m, widening_m
+from ..safety.failsafe_exposure import FailsafeWatch
+from ..safety.obstacle_inflation import Widening
+from ..site import Margin
+from ..types import AutopilotKind, FenceItem, Mission, RiskIndices, Telemetry, Vector
+from ..vehicle import Vehicle
+from .offboard_loss_check import Survival
+from .plan_requests import Awaited, PlanDesk
+from .reports import Reports
+
+_TOLD_EVERY_S = 10.0
+"""Minimum time between two texts about a path that a risk has moved; the record has all."""
+_RISK_MOVED = 0.05
+"""Minimum change of a risk since the last path to be reported as the reason for a move."""
+_STANDS_FOR_S = 1.0
+"""Time between two attempts to resume when the flight was stopped and no condition holds it."""
+_ENDS_AFTER_S = 5.0
+"""After this time at the plan's end, which covers a gust or two, a larger error is accepted."""
+_OFF_PATH_FOR_S = 1.0
+"""After this time off its path the aircraft does not return by itself."""
+
+
+class Course:
+    """An aircraft's route on a site. ground: None without a site: then no plan is possible."""
+
+    def __init__(
+        self,
+        ground: Ground | None,
+        vehicle: Vehicle,
+        config: CompanionConfig,
+        reports: Reports,
+        margin: Margin,
+    ) -> None:
+        self.flight: Flight | None = None
+        """Active or offered flight; None while there is none."""
+        self._ground = ground
+        self._vehicle = vehicle
+        self._config = config
+        self._margin = margin
+        self._reports = reports
+        self._plans = PlanDesk()
+        self._near_path_s = -math.inf
+        self._under_way_s = -math.inf
+        """Last time at which the setpoint was short of the plan's end."""
+        self._resumed_s = -math.inf
+        """Time of the last resumption along a landing leg."""
+        self._told_s = -math.inf
+        self._flown_risk = RiskIndices()
+        """Risk indices of the active path's plan."""
+        site = None if ground is None else ground.site
+        self._fences = FenceWatch(site, config.supervision.fence_margin_m)
+        self.fence: PlaneFence | None = None
+        """Part of the autopilot's fence that cuts the site: plans stay inside."""
+        self.watch = FailsafeWatch(config.supervision, PowerModel.of(vehicle))
+        """Autopilot failsafes."""
+        self._survival = Survival(ground, vehicle, config.supervision, reports)
+        self._uncertainty_m: float | None = None
+        self._needed_m = 0.0
+        """Required obstacle inflation by position uncertainty, beyond keep-outs."""
+        self._widening = Widening()
+        self._lasting = Widening()
+        """The same without the tracking error, which a gust causes only for a time."""
+        self._left: Flight | None = None
+        """The last flight, if it ended on a landing leg."""
+        self._in_vain: tuple[float, str] | None = None
+        """Obstacle inflation at which no path was found, and the reason."""
+
+    @property
+    def awaited(self) -> Awaited | None:
+        """The plan whose answer is still to come."""
+        return self._plans.awaited
+
+    @property
+    def braked(self) -> bool:
+        """True while the flight comes to rest, or stands, before its plan's end."""
+        return self.flight is not None and self.flight.braked
+
+    @property
+    def reluctance(self) -> str | None:
+        """Reason why no mission can start; None once offboard-loss action and fence are known."""
+        if not self._survival.loss or not self.watch.known:
+            return "autopilot parameters not read yet"
+        return None if self._ground is None else self._fences.reluctance
+
+    @property
+    def airspace(self) -> Airspace | None:
+        """Flight volume of the vehicle; None while no mission can start."""
+        ground, loss = self._ground, self._survival.loss
+        if ground is None or loss is None or self._fences.reluctance is not None:
+            return None
+        return Airspace(
+            site=ground.site,
+            vehicle=self._vehicle,
+            maps=ground.maps,
+            loss=loss,
+            fence=self._fences.plane,
+        )
+
+    def learn_fence(
+        self,
+        kind: AutopilotKind,
+        parameters: Mapping[str, float | None],
+        items: tuple[FenceItem, ...] | None,
+        home_m: Vector | None,
+        now_s: float,
+        *,
+        enabled: bool,
+    ) -> None:
+        """Takes the autopilot's fence; reports once the fence parameters that were never received.
+
+        items: as uploaded; None while unknown. enabled: SYS_STATUS reports a fence.
+        """
+        before, assumption = self._fences.plane, self._fences.assumption
+        self._fences.learn(kind, parameters, items, home_m, enabled=enabled)
+        plane = self._fences.plane
+        if self._fences.assumption and self._fences.assumption != assumption:
+            self._reports.say(Severity.WARNING, self._fences.assumption, now_s)
+        if self._ground is None or plane == before:
+            return
+        height_m = self._vehicle.guidance.landing_height_m
+        self.fence = fenced(plane, self._ground.site, height_m)
+        if self.flight is not None:
+            self.flight.learn_fence(plane)
+
+    def fence_objection(self, pose: Pose | None) -> str | None:
+        """Reason against the active flight by the autopilot's present fence; None if there is none.
+
+        The aircraft itself may be within the margin, where the wind pushes it.
+        """
+        plane = self._fences.plane
+        if plane is None or self.flight is None:
+            return None
+        if pose is not None:
+            place_m = np.array([pose.position_m])[:, ::2]
+            crossed = plane.crossed(place_m, plane.margin_m)
+            if crossed is not None:
+                return f"outside fence {crossed}"
+        crossed = self.flight.leaves_fence()
+        return None if crossed is None else f"path leaves {crossed}"
+
+    @property
+    def widening_m(self) -> float:
+        """Obstacle inflation of contingencies and recovery legs, without the tracking error.
+
+        Above the uncertainty limit no mission starts: escape routes are measured as at the limit.
+        """
+        limits = self._config.supervision
+        most_m = limits.position_uncertainty_limit_m - self._margin.position_m
+        return min(self._lasting.width_m, max(0.0, most_m))
+
+    def _width_m(self, mission: Mission) -> float:
+        """Obstacle inflation of a mission's plans; on escape routes without the tracking error."""
+        widening = self._widening if mission is Mission.INSPECTION else self._lasting
+        return widening.width_m
+
+    def learn_loss(
+        self,
+        kind: AutopilotKind,
+        parameters: Mapping[str, float | None],
+        home_m: Vector | None,
+        now_s: float,
+    ) -> None:
+        """Takes the autopilot's parameters and its home, (x, y, z) in the site's frame."""
+        self._survival.learn(kind, parameters, home_m, self.flight, now_s)
+
+    def learn_failsafes(
+        self,
+        kind: AutopilotKind,
+        parameters: Mapping[str, float | None],
+        home_m: Vector | None,
+        telemetry: Telemetry,
+        now_s: float,
+    ) -> None:
+        """Takes the autopilot's failsafes; later plans avoid places where one would hit."""
+        before = self.watch.untold
+        if not self.watch.learn(kind, parameters, home_m, telemetry):
+            return
+        self._survival.reconsider(self.flight)
+        if self.watch.untold != before:
+            self._reports.record("failsafes", now_s, taken_as_by_default=list(self.watch.untold))
+
+    @property
+    def objection(self) -> str | None:
+        """Reason against the active flight or hold, by offboard loss or failsafe; None if none."""
+        return self._survival.objection
+
+    @property
+    def no_room(self) -> str | None:
+        """Reason why no path was found; None once the obstacle inflation is less than then.
+
+        None, too, above the uncertainty limit: then the uncertainty is the reason.
+        """
+        if self._in_vain is None or self._uncertainty_m is None:
+            return None
+        width_m, reason = self._in_vain
+        limit_m = self._config.supervision.position_uncertainty_limit_m
+        over = self._widening.width_m < width_m or self._uncertainty_m > limit_m
+        return None if over else reason
+
+    def look(self, risk: RiskEstimate, tracking_error_m: float | None, now_s: float) -> bool:
+        """Updates the obstacle inflation; returns True if it has become less.
+
+        tracking_error_m: None without control, and on an escape route, which a gust must not stop.
+        Beyond `tracking_hold_m` the setpoint waits.
+        """
+        before, most_m = self._widening, self._vehicle.guidance.tracking_hold_m
+        self._uncertainty_m = uncertainty_m(risk)
+        self._needed_m = widening_m(risk, self._margin)
+        strays_m = min(tracking_error_m or 0.0, most_m) - self._margin.tracking_m
+        self._widening = before.followed(self._needed_m + max(0.0, strays_m), now_s)
+        self._lasting = self._lasting.followed(self._needed_m, now_s)
+        less_wide = self._widening.width_m < before.width_m
+        if less_wide:
+            self._survival.reconsider(self.flight)
+        return less_wide
+
+    def plan_jobs(self) -> list[PlanJob]:
+        """Planning jobs since the last call. Only the newest one's answer is awaited."""
+        return self._plans.jobs()
+
+    def taken(self, answer: PlanAnswer) -> Awaited | None:
+        """Request of an answer; None when the answer is no longer awaited."""
+        return self._plans.taken(answer)
+
+    def overdue(self, now_s: float) -> PlanAnswer | None:
+        """The answer in place of a timed-out one; None while there is still time."""
+        return self._plans.overdue(now_s)
+
+    def ask(
+        self,
+        task: Task,
+        pose: Pose | None,
+        risk: RiskIndices,
+        now_s: float,
+        *,
+        first: bool,
+        recover: bool = False,
+        reason: str = "an order",
+    ) -> bool:
+        """Requests a task's plan from the junction; returns True if requested.
+
+        recover: from the aircraft's position, off its path. reason: for the record.
+        """
+        airspace = self.airspace
+        if pose is None or airspace is None:
+            return False
+        if self.flight is None:
+            self.flight = Flight(airspace, pose)
+        junction = self.flight.junction_at(pose) if recover else self.flight.junction()
+        if first:
+            self._in_vain = None
+        elif junction.at_end and not self.flight.braked:
+            return False
+        weights = self._vehicle.weights[task.mission].adjusted(risk)
+        width_m = self._width_m(task.mission)
+        self._plans.ask(
+            task,
+            junction,
+            weights,
+            risk,
+            width_m,
+            self.fence,
+            self.watch.failsafes,
+            0.0 if task.mission is Mission.INSPECTION else self.flight.narrowed_m,
+            first=first,
+            reason=reason,
+            now_s=now_s,
+        )
+        if not first:
+            self._reports.record("replan", now_s, reason=reason)
+        return True
+
+    def survivable(
+        self, awaited: Awaited, answer: PlanAnswer, now_s: float, *, ordered: bool
+    ) -> PlanAnswer:
+        """The answer; without its plan if offboard loss or a failsafe on it would hit an obstacle.
+
+        ordered: by an operator.
+        """
+        return self._survival.checked(
+            awaited, answer, self.flight, self.watch.failsafes, now_s, ordered=ordered
+        )
+
+    def adopt(
+        self, awaited: Awaited, answer: PlanAnswer, estimate: RiskEstimate, now_s: float
+    ) -> Adoption:
+        """Adopts the plan if it beats the active one and can still be joined; records why."""
+        flight, plan = self.flight, answer.plan
+        if flight is None or plan is None:
+            return Adoption.TOO_LATE
+        flown = None
+        if not awaited.first and answer.narrowed_m <= flight.narrowed_m:
+            flown = flight.rest_of_plan(plan, awaited.junction, answer.reach)
+        if flown is not None and self._stays(flown, plan):
+            return Adoption.KEPT_PATH
+        adoption = flight.adopt(
+            plan, awaited.junction, answer.escape_m, answer.reach, answer.narrowed_m
+        )
+        if adoption is not Adoption.TOO_LATE:
+            self._survival.objection = None
+        if adoption is Adoption.NEW_PATH:
+            self._explain(awaited, plan, flown, estimate, now_s)
+        if answer.narrowed_m and adoption is Adoption.NEW_PATH:
+            self._tell_narrow(plan, now_s)
+        if awaited.first and adoption is not Adoption.TOO_LATE:
+            self._near_path_s = self._under_way_s = now_s
+        return adoption
+
+    def _tell_narrow(self, plan: Plan, now_s: float) -> None:
+        """Reports the clearance of an escape route that keeps less than the margin."""
+        if self._ground is None:
+            return
+        nearest = narrowest(self._ground.site, self._vehicle, plan.waypoints.position_m)
+        if nearest is not None:
+            name, clearance_m, needed_m = nearest
+            reason = f"{clearance_m:.1f} m to {short_name(name)} < {needed_m:.1f}"
+            action = "exiting" if plan.mission is Mission.EXIT else "evacuating"
+            self._reports.say(Severity.WARNING, reason, now_s, action=action)
+
+    def _stays(self, flown: Plan, plan: Plan) -> bool:
+        if flown.cost is None or plan.cost is None:
+            return False
+        return stays(self._config.replanning, flown_cost=flown.cost.total, new_cost=plan.cost.total)
+
+    def _explain(
+        self,
+        awaited: Awaited,
+        plan: Plan,
+        flown: Plan | None,
+        estimate: RiskEstimate,
+        now_s: float,
+    ) -> None:
+        """Records the reason for a path; reports a path that a risk has moved."""
+        base = self._vehicle.weights[plan.mission]
+        difference = None if flown is None else path_difference(flown, plan)
+        self._reports.record(
+            "plan",
+            now_s,
+            first=awaited.first,
+            plan=plan.to_dict(),
+            explanation={
+                "reason": awaited.reason,
+                "risk": risk_dict(estimate),
+                "weights": WeightsReason.of(base, plan.request.risk).to_dict(),
+                "path": None if difference is None else difference.to_dict(),
+            },
+        )
+        before, self._flown_risk = self._flown_risk.as_dict(), plan.request.risk
+        after = plan.request.risk.as_dict()
+        name = max(after, key=lambda name: abs(after[name] - before[name]))
+        if (
+            difference is not None
+            and abs(after[name] - before[name]) >= _RISK_MOVED
+            and now_s - self._told_s >= _TOLD_EVERY_S
+        ):
+            self._told_s = now_s
+            change = f"{name} risk {after[name]:.2f} (was {before[name]:.2f})"
+            self._reports.say(Severity.INFO, f"{change}, {difference.gist()}", now_s)
+
+    def replan(self, task: Task, pose: Pose, risk: RiskIndices, now_s: float) -> None:
+        """Requests a new plan when there is a reason, while a path is flown.
+
+        Along a landing leg there is none; a flight braked on one resumes, if permitted.
+        """
+        flight, awaited = self.flight, self._plans.awaited
+        if flight is not None and not flight.arrived:
+            self._under_way_s = now_s
+        if flight is None or (awaited is not None and awaited.first):
+            return
+        if now_s - self._resumed_s >= _STANDS_FOR_S and self.resume_leg():
+            self._resumed_s = now_s
+        if awaited is not None:
+            return
+        error_m = flight.error_m(pose)
+        if flight.on_leg or error_m <= self._vehicle.guidance.off_path_m:
+            self._near_path_s = now_s
+        elif now_s - self._near_path_s >= _OFF_PATH_FOR_S:
+            self._near_path_s = now_s
+            off = f"{error_m:.1f} m off the path"
+            self.ask(task, pose, risk, now_s, first=False, recover=True, reason=off)
+            return
+        age_s = now_s - self._plans.asked_s
+        if flight.braked:
+            # The task continues: an escape route has precedence over the cause of the brake.
+            reason = "no progress" if age_s >= _STANDS_FOR_S else None
+        elif self._plans.asked_fence != self.fence:
+            reason = "the autopilot's fence is another"
+        elif self._plans.asked_failsafes != self.watch.failsafes:
+            reason = "the autopilot's failsafes are others"
+        else:
+            reason = replan_reason(
+                self._config.replanning,
+                planned_risk=self._plans.asked_risk,
+                risk=risk,
+                planned_widening_m=self._plans.asked_widening_m,
+                widening_m=self._width_m(task.mission),
+                age_s=age_s,
+            )
+        if reason is not None and (flight.braked or not flight.on_leg):
+            self.ask(task, pose, risk, now_s, first=False, reason=reason)
+
+    def arrived(self, pose: Pose | None, now_s: float) -> bool:
+        """True if the aircraft is at its plan's end; after a wait a larger error is accepted.
+
+        A constant error, by a steady wind, must not keep it there for ever.
+        """
+        flight, guidance = self.flight, self._vehicle.guidance
+        if flight is None or pose is None or not flight.arrived:
+            return False
+        waited = now_s - self._under_way_s >= _ENDS_AFTER_S
+        return flight.error_m(pose) <= (
+            guidance.tracking_hold_m if waited else guidance.tracking_slow_m
+        )
+
+    def brake(self) -> None:
+        """Brakes to rest on the path; drops an awaited plan."""
+        self._plans.forget()
+        if self.flight is not None:
+            self.flight.brake()
+
+    def stand(self, position_m: Vector) -> None:
+        """Stops at a place at once; drops an awaited plan."""
+        self._plans.forget()
+        if self.flight is not None:
+            self.flight.stand(position_m)
+
+    def awaited_for_s(self, now_s: float) -> float | None:
+        """Wait for a new plan of an active inspection, in seconds; None while none is awaited.
+
+        An escape route goes on without one: its path was checked, and to stay is no better.
+        """
+        since_s, flight = self._plans.wanting_since_s, self.flight
+        inspects = flight is not None and flight.mission is Mission.INSPECTION
+        return now_s - since_s if inspects and since_s is not None else None
+
+    def resume_leg(self) -> bool:
+        """Resumes along the landing leg on which the flight was braked, if it has room.
+
+        Returns False if it was not braked there, or the leg has no room.
+        """
+        if self.flight is None or not self.flight.resume_leg(self._needed_m):
+            return False
+        self._plans.forget()
+        self._in_vain = None
+        return True
+
+    def resume(self, task: Task, pose: Pose | None) -> bool:
+        """Resumes a task along the landing leg on which it stopped, or a pilot took over.
+
+        At the leg's end no more flight is needed. So near the leg that no other plan can be joined
+        before it, the active flight serves the task. Returns False where a plan is needed.
+        """
+        flight, airspace = self.flight, self.airspace
+        left = self._left if flight is None else flight
+        if left is None or not left.serves(task.mission, task.goal):
+            return False
+        if flight is not None:
+            moves = not (flight.braked or flight.returns)
+            goes_on = moves and (flight.on_leg or flight.junction().at_end)
+            if self.resume_leg() or goes_on or (flight.on_leg and flight.arrived):
+                return True
+        if pose is None or airspace is None:
+            return False
+        if flight is not None:
+            # The gate compares with the last setpoint, which a wind may hold the aircraft beside.
+            last = flight.progress(pose).setpoint
+            pose = replace(pose, position_m=last.position_m, yaw_rad=last.yaw_rad)
+        taken_up = left.taken_up(airspace, pose, self._needed_m)
+        if taken_up is not None:
+            self._plans.forget()
+            self.flight = taken_up
+        return taken_up is not None
+
+    def explained(self, answer: PlanAnswer) -> str:
+        """Reason why there is no plan, with the uncertainty, or tracking, if that is the cause."""
+        if not answer.too_wide or self._uncertainty_m is None:
+            return answer.reason
+        if not self._needed_m:
+            return f"no way with this tracking error ({answer.reason})"
+        return f"no way with uncertainty {self._uncertainty_m:.1f} m ({answer.reason})"
+
+    def note_no_room(self, awaited: Awaited, reason: str) -> None:
+        """Notes that no path was found with the present obstacle inflation."""
+        self._in_vain = (awaited.job.widening_m, reason)
+
+    def forget_first(self) -> None:
+        """Drops an awaited first plan, so that it is not flown when it comes."""
+        if self._plans.awaited is not None and self._plans.awaited.first:
+            self._plans.forget()
+
+    def end(self) -> None:
+        """Ends the flight."""
+        if self.flight is not None and self.flight.mission is not None:
+            self._left = self.flight if self.flight.on_leg else None
+        self.flight = None
+        self._in_vain = None
+        self._survival.objection = None
+        self.watch.end()
+        self._plans.forget()

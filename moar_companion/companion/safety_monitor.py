@@ -1,0 +1,145 @@
+"""Safety monitor: asks the supervisor what may be flown, reports conditions that begin or end."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+
+from ..config import Supervision
+from ..mavlink.session import Severity
+from ..safety import supervisor
+from ..safety.checks import Seen, causes
+from ..safety.conditions import Action, Override, conditions
+from ..safety.supervisor import Acting, Ruling
+from ..types import Heard
+from .reports import Reports
+
+_LISTENS_AFTER_S = 1.0
+"""Delay of texts: a station's first heartbeat answers ours, before it is ready for texts."""
+_DOES = {
+    Action.SLOW: "slowing",
+    Action.HOLD: "holding",
+    Action.EXIT: "exiting",
+    Action.EVACUATION: "evacuating",
+    Action.RELEASE: "released",
+}
+"""Texts for the companion's actions."""
+
+
+class _Audience:
+    """Ground stations on the links. lost_s: a station that is silent for longer has left."""
+
+    def __init__(self, lost_s: float) -> None:
+        self._lost_s = lost_s
+        self._heard_s: dict[int, float] = {}
+        self._due_s = math.inf
+
+    def has_grown(self, heard: Heard | None, now_s: float) -> bool:
+        """True once for each new ground station, when it is ready for texts."""
+        if heard is not None:
+            before_s = self._heard_s.get(heard.system_id, -math.inf)
+            self._heard_s[heard.system_id] = heard.received_s
+            if heard.received_s - before_s > self._lost_s:
+                self._due_s = now_s + _LISTENS_AFTER_S
+        if now_s < self._due_s:
+            return False
+        self._due_s = math.inf
+        return True
+
+
+class Overseer:
+    """Keeps the supervisor's state. off_path_m: the vehicle's."""
+
+    def __init__(self, limits: Supervision, off_path_m: float, reports: Reports) -> None:
+        self._limits = limits
+        self._off_path_m = off_path_m
+        self._reports = reports
+        self._table = conditions(limits)
+        self._watches = supervisor.HEALTHY
+        self._ruling = Ruling()
+        self._recorded: dict[str, str] = {}
+        self._told: dict[str, bool] = {}
+        """Names of the reported conditions; True if the mission reported one by its action."""
+        self._audience = _Audience(limits.ground_link_lost_s)
+
+    @property
+    def ruling(self) -> Ruling:
+        """Ruling of the last cycle."""
+        return self._ruling
+
+    def rule(self, seen: Seen, now_s: float) -> Ruling:
+        """Judges the causes found now; returns the new ruling."""
+        found = causes(seen, self._limits, self._off_path_m, now_s)
+        self._watches, self._ruling = supervisor.step(self._watches, found, now_s, self._table)
+        return self._ruling
+
+    def override(self, known: Collection[str]) -> None:
+        """Overrides the conditions that were known to the operator who ordered."""
+        self._watches = supervisor.overridden(self._watches, self._table, known=known)
+        self._ruling = supervisor.ruling(self._watches, self._table)
+
+    def note_told(self, name: str) -> None:
+        """Notes that the mission has reported this condition, by its action."""
+        self._told[name] = True
+
+    def tell(
+        self,
+        station: Heard | None,
+        now_s: float,
+        *,
+        streaming: bool,
+        known: Collection[str] = (),
+    ) -> None:
+        """Records conditions that begin or end; sends texts the mission does not send.
+
+        Texts are sent while something is streamed, about every condition against it. A new
+        ground station receives all of them. known: conditions that do not count against the
+        order whose plan is awaited, because its operator knew of them.
+        """
+        missed = self._audience.has_grown(station, now_s)
+        ruling = self._ruling.apart_from(known)
+        acting = {item.condition.name: item for item in ruling.conditions}
+        reasons = {item.reason for item in acting.values()}
+        for name, item in acting.items():
+            if name in self._recorded:
+                continue
+            self._reports.record(
+                "condition",
+                now_s,
+                name=name,
+                action=item.condition.action.name.lower(),
+                began=True,
+                reason=item.reason,
+            )
+        for name, reason in self._recorded.items():
+            if name in acting:
+                continue
+            self._reports.record("condition", now_s, name=name, began=False, reason=reason)
+            # Another condition may have begun for the same reason.
+            if not self._told.get(name, True) and reason not in reasons:
+                self._reports.say(Severity.NOTICE, reason, now_s, action="over")
+        self._recorded = {name: item.reason for name, item in acting.items()}
+        self._told = {name: told for name, told in self._told.items() if name in acting}
+        if missed or not streaming:
+            self._told = {}
+        if not streaming:
+            return
+        for name, item in acting.items():
+            if name in self._told or _before_control(item) or _is_past(item):
+                continue
+            self._told[name] = False
+            leads = item.condition.action is ruling.action is not Action.CONTINUE
+            action = _DOES[ruling.action] if leads else ""
+            self._reports.say(Severity.WARNING, item.reason, now_s, action=action, news=missed)
+
+
+def _is_past(item: Acting) -> bool:
+    """True if a condition above SLOW is overridden, or over and not latched."""
+    acts = not item.overridden and (item.lasts or item.condition.latched)
+    return item.condition.action > Action.SLOW and not acts
+
+
+def _before_control(item: Acting) -> bool:
+    """True if the condition only prevents a start: the operator who orders receives it."""
+    row = item.condition
+    return row.action is Action.CONTINUE and row.override is Override.NOBODY

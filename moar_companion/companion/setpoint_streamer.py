@@ -1,0 +1,200 @@
+"""Setpoint streamer: sends the setpoints that the gate passes, and keeps the last one."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import astuple, dataclass, replace
+
+from ..config import Supervision
+from ..estimation.pose import Jump, Setpoint
+from ..frames import PlaneToLocal
+from ..guidance.path_follower import Flight
+from ..mavlink.session import Session
+from ..safety.setpoint_gate import motion_refusal
+from ..site import Margin
+from ..types import Vector
+from ..vehicle import Vehicle
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Refusal:
+    """Reason why a setpoint was not sent.
+
+    narrow: only the margin, or the position's uncertainty, forbids it. rest: the setpoint sent
+    instead, the last one at rest; None if that is forbidden too, and the stream has to end.
+    """
+
+    reason: str
+    narrow: bool
+    rest: Setpoint | None
+
+
+class Stream:
+    """Checks every setpoint, sends it, and keeps the last one."""
+
+    def __init__(
+        self, session: Session, vehicle: Vehicle, limits: Supervision, margin: Margin
+    ) -> None:
+        self._session = session
+        self._vehicle = vehicle
+        self._limits = limits
+        self._margin = margin
+        self.widened_m = 0.0
+        """Current inflation of obstacles."""
+        self._last: Setpoint | None = None
+        self._last_ned_m: Vector = (0.0, 0.0, 0.0)
+        """Position of the last setpoint in the autopilot's frame."""
+        self._last_s = -math.inf
+        self._jumped_m: Vector = (0.0, 0.0, 0.0)
+        """Jump of the estimate since a setpoint last moved."""
+        self._owed: tuple[Setpoint, float] | None = None
+        """Last setpoint at rest of a cycle whose output was not sent, and the cycle's time."""
+
+    def send(
+        self, setpoint: Setpoint, flight: Flight, plane: PlaneToLocal, now_s: float
+    ) -> Refusal | None:
+        """Sends a flight's setpoint of the site's frame, or returns the reason for its refusal.
+
+        After a refusal the last setpoint is sent at rest: as a hold, if it passes the checks. If
+        only a jump makes it fail, it is sent too, as the end of the stream. The aircraft is where
+        that setpoint was accepted, and would fly on otherwise.
+        """
+        # Inside the margin a setpoint is only narrow: a small jump of the estimate may cause it.
+        reason = self._place_refusal(setpoint, flight, -flight.margin_m) or self._motion_refusal(
+            setpoint, flight, plane, now_s
+        )
+        narrow = not reason and bool(self._place_refusal(setpoint, flight, self.widened_m))
+        if narrow:
+            known_m = self._margin.position_m + self.widened_m
+            reason = (
+                f"no room here, uncertainty {known_m:.1f} m"
+                if self.widened_m
+                else f"no room here, margin {flight.margin_m:g} m"
+            )
+        if reason is None:
+            self._pass(setpoint, plane.position_to_ned(setpoint.position_m), plane, now_s)
+            return None
+        rest = self.rest(flight, plane, now_s)
+        if rest is None and self._rest is not None:
+            self._pass(self._rest, self._last_ned_m, plane, now_s)
+        return Refusal(reason=reason, narrow=narrow, rest=rest)
+
+    def rest(self, flight: Flight, plane: PlaneToLocal, now_s: float) -> Setpoint | None:
+        """Sends the last setpoint's position, at rest; None if that must not be sent."""
+        rest = self._rest
+        if rest is None:
+            return None
+        if self._place_refusal(rest, flight, self.widened_m) is not None:
+            return None
+        self._pass(rest, self._last_ned_m, plane, now_s)
+        return rest
+
+    def say_farewell(self, flight: Flight, plane: PlaneToLocal, now_s: float) -> None:
+        """Sends the last setpoint at rest; keeps it until the cycle's output is sent."""
+        rest = self.rest(flight, plane, now_s)
+        self._owed = None if rest is None else (rest, now_s)
+
+    def note_sent(self) -> None:
+        """Notes that the output of the last cycle was sent."""
+        self._owed = None
+
+    def repay(self, plane: PlaneToLocal, now_s: float) -> None:
+        """Sends the pending last setpoint again, while the aircraft is still near its position."""
+        if self._owed is None:
+            return
+        farewell, said_s = self._owed
+        if said_s < now_s <= said_s + self._limits.position_timeout_s:
+            self._pass(farewell, plane.position_to_ned(farewell.position_m), plane, now_s)
+
+    @property
+    def _rest(self) -> Setpoint | None:
+        return None if self._last is None else replace(self._last, velocity_mps=(0.0, 0.0, 0.0))
+
+    def shift(self, jump: Jump, plane: PlaneToLocal | None) -> None:
+        """Shifts the last setpoint by a jump of the estimate.
+
+        In the autopilot's frame, by the part that is not the origin's.
+        """
+        if plane is not None:
+            own_m = _plus(jump.step_m, jump.origin_step_m, -1.0)
+            self._last_ned_m = _plus(self._last_ned_m, plane.velocity_to_ned(own_m))
+        if self._last is not None:
+            self._jumped_m = _plus(self._jumped_m, jump.step_m)
+            self._last = _shifted(self._last, jump)
+        if self._owed is not None:
+            self._owed = (_shifted(self._owed[0], jump), self._owed[1])
+
+    def end(self) -> None:
+        """Ends the stream: there is no last setpoint any more."""
+        self._last = None
+        self._jumped_m = (0.0, 0.0, 0.0)
+
+    def _place_refusal(self, setpoint: Setpoint, flight: Flight, widened_m: float) -> str | None:
+        """Reason why a setpoint's position is forbidden; widened_m: inflation of obstacles.
+
+        At rest, a position is allowed if only a jump, no greater than the margin, has put it there.
+        It may be outside a leg's corridor or the workspace, but not inside an obstacle's keep-out.
+        The aircraft is at that position.
+        """
+        tolerance_m = self._limits.plane_tolerance_m
+        reason = flight.refusal(setpoint, tolerance_m, widened_m)
+        stands = 0.0 < math.hypot(*self._jumped_m) <= self._margin.total_m
+        stands = stands and not any(setpoint.velocity_mps)
+        near = abs(setpoint.position_m[1]) <= tolerance_m
+        if reason is not None and stands and near and flight.keeps_clear(setpoint.position_m):
+            return None
+        return reason
+
+    def _motion_refusal(
+        self, setpoint: Setpoint, flight: Flight, plane: PlaneToLocal, now_s: float
+    ) -> str | None:
+        """Reason why a setpoint must not follow the last one, or begin the stream.
+
+        The vehicle's limits apply in the world and in the autopilot's frame, whichever of them the
+        map between them moves.
+        """
+        last, speed, blown_to_m = self._last, self._vehicle.speed, flight.blown_to_m
+
+        def refused(before_m: Vector, after_m: Vector, blown_to_m: Vector | None) -> str | None:
+            return motion_refusal(
+                None if last is None else (before_m, last.velocity_mps),
+                (after_m, setpoint.velocity_mps),
+                now_s - self._last_s,
+                greatest_mps=max(astuple(speed)),
+                least_mps=speed.min_mps,
+                acceleration_mps2=self._vehicle.guidance.acceleration_mps2,
+                blown_to_m=blown_to_m,
+            )
+
+        before_m = setpoint.position_m if last is None else last.position_m
+        reason = refused(before_m, setpoint.position_m, blown_to_m)
+        after_ned_m = plane.position_to_ned(setpoint.position_m)
+        if reason is not None or blown_to_m is not None:
+            return reason
+        reason = refused(self._last_ned_m, after_ned_m, None)
+        return None if reason is None else f"local {reason}"
+
+    def _pass(
+        self, setpoint: Setpoint, place_ned_m: Vector, plane: PlaneToLocal, now_s: float
+    ) -> None:
+        """Sends SET_POSITION_TARGET_LOCAL_NED. place_ned_m: the setpoint's in the local frame."""
+        self._last, self._last_s, self._last_ned_m = setpoint, now_s, place_ned_m
+        if any(setpoint.velocity_mps):
+            self._jumped_m = (0.0, 0.0, 0.0)
+        self._session.send_setpoint(
+            place_ned_m,
+            plane.velocity_to_ned(setpoint.velocity_mps),
+            setpoint.yaw_rad,
+            now_s,
+        )
+
+
+def _shifted(setpoint: Setpoint, jump: Jump) -> Setpoint:
+    """Returns the same place and heading in an estimate that has jumped."""
+    yaw_rad = math.remainder(setpoint.yaw_rad + jump.turn_rad, math.tau)
+    return replace(setpoint, position_m=_plus(setpoint.position_m, jump.step_m), yaw_rad=yaw_rad)
+
+
+def _plus(one_m: Vector, other_m: Vector, times: float = 1.0) -> Vector:
+    x_m, y_m, z_m = (one + times * other for one, other in zip(one_m, other_m, strict=True))
+    return x_m, y_m, z_m

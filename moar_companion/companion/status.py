@@ -1,0 +1,244 @@
+"""Status of the companion at one instant, as a dict fit for JSON.
+
+One shape for all displays. Units are in the names; positions are in the site's frame unless
+named otherwise; None (null): unknown, or not present now.
+
+    time_s       wall clock, seconds since 1970
+    autopilot    kind, system_id, mode, ours, armed, failsafe, age_s
+    supervision  action; conditions: name, action, reason, overridden, the gravest first
+    mission      state, for_s, mission, goal, text, text_age_s
+    aircraft     landed, position_m, position_ned_m, velocity_mps, speed_mps, yaw_rad, clearance_m
+    path         setpoint: position_m, velocity_mps, yaw_rad; error_m; left_m, left_s
+    risk         by index: value, target (where it moves to), known, worst, cause, held (at the
+                 last value of its cause), words; inputs: name, value, unit, reading (the value as
+                 text), age_s, risk, known
+    energy       left_wh, flight_s, factor, source; finish, exit, evacuation: duration_s, energy_wh,
+                 left_s, age_s; better
+    weights      base, adjusted: safety, time, energy; by_risk: effect of each index; words
+    plan         status, mission, target, cost, search_ms, age_s, reason, change (of the path before
+                 it, as text); paths, replans: counts
+    link         packets_received, packets_lost, packets_late, rate_hz
+    radio        rssi, remote_rssi, noise, remote_noise, transmit_buffer_percent, age_s
+    age_s        by source of telemetry
+    recorder     the folder of the record
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any
+
+from ..mission.values import MissionStatus
+from ..mission_states import STREAMING
+from ..risk.explain import WeightsReason, risk_dict
+from ..safety.supervisor import Ruling
+from ..types import LinkStatistics, Telemetry
+from .companion import Companion
+from .reports import Decision
+
+_NO_SOURCES = {
+    "failsafes_told",
+    "batteries",
+    "second_gnss_first",
+    "better_gnss_taken",
+    "motor_min_us",
+    "motor_max_us",
+}
+"""Fields of the telemetry without an age of their own."""
+_RATE_PERIOD_S = 1.0
+"""Time over which packets are counted for a rate."""
+
+
+class LatestDecisions:
+    """Latest decisions: the part of the status that needs memory."""
+
+    def __init__(self) -> None:
+        self._text: Decision | None = None
+        self._plan: Decision | None = None
+        self._paths = 0
+        self._replans = 0
+        self._counted: LinkStatistics | None = None
+        self._rate_hz: float | None = None
+
+    def note(self, decisions: Iterable[Decision], link: LinkStatistics | None) -> None:
+        """Takes the decisions since the last call, and the count of received packets."""
+        for decision in decisions:
+            match decision.kind:
+                case "text":
+                    self._text = decision
+                case "replan":
+                    self._replans += 1
+                case "plan":
+                    self._plan = decision
+                    self._paths += 1
+        self._count(link)
+
+    def _count(self, link: LinkStatistics | None) -> None:
+        before = self._counted
+        if link is None or before is None or link.packets_received < before.packets_received:
+            self._counted, self._rate_hz = link, None
+            return
+        elapsed_s = link.received_s - before.received_s
+        if elapsed_s >= _RATE_PERIOD_S:
+            self._rate_hz = (link.packets_received - before.packets_received) / elapsed_s
+            self._counted = link
+
+    def status_of(
+        self, companion: Companion, now_s: float, *, clock_offset_s: float, recorder: Path | None
+    ) -> dict[str, Any]:
+        """Returns the status. clock_offset_s: wall clock minus the machine's clock."""
+        telemetry = companion.telemetry
+        return {
+            "time_s": now_s + clock_offset_s,
+            "autopilot": _autopilot(telemetry, now_s),
+            "supervision": _supervision(companion.ruling),
+            "mission": _mission(companion.status, now_s)
+            | {
+                "text": None if self._text is None else self._text.data["text"],
+                "text_age_s": None if self._text is None else now_s - self._text.time_s,
+            },
+            "aircraft": _aircraft(companion),
+            "path": _path(companion),
+            "risk": risk_dict(companion.risk),
+            "energy": None if companion.outlook is None else asdict(companion.outlook),
+            "weights": WeightsReason.of(companion.base_weights, companion.risk.indices).to_dict(),
+            "plan": self._last_plan(now_s),
+            "link": self._link(telemetry),
+            "refused": _refused(companion),
+            "radio": _radio(telemetry, now_s),
+            "age_s": _ages_s(telemetry, now_s),
+            "recorder": None if recorder is None else str(recorder),
+        }
+
+    def _last_plan(self, now_s: float) -> dict[str, Any] | None:
+        if self._plan is None:
+            return None
+        plan, change = self._plan.data["plan"], self._plan.data["explanation"]["path"]
+        return {
+            "status": plan["status"],
+            "mission": plan["mission"],
+            "target": plan["target"],
+            "cost": plan["cost"],
+            "search_ms": plan["compute"]["search_ms"],
+            "age_s": now_s - self._plan.time_s,
+            "reason": self._plan.data["explanation"]["reason"],
+            "change": None if change is None else change["words"],
+            "paths": self._paths,
+            "replans": self._replans,
+        }
+
+    def _link(self, telemetry: Telemetry) -> dict[str, Any] | None:
+        link = telemetry.link
+        if link is None:
+            return None
+        return {
+            "packets_received": link.packets_received,
+            "packets_lost": link.packets_lost,
+            "packets_late": link.packets_late,
+            "rate_hz": self._rate_hz,
+        }
+
+
+def _refused(companion: Companion) -> dict[str, dict[str, int]] | None:
+    """Packets refused by signed link and reason; None if no link is signed."""
+    refused = companion.packets_refused
+    if not refused:
+        return None
+    return {
+        link: {reason.name.lower(): count for reason, count in counts.items()}
+        for link, counts in refused.items()
+    }
+
+
+def _autopilot(telemetry: Telemetry, now_s: float) -> dict[str, Any] | None:
+    autopilot = telemetry.autopilot
+    if autopilot is None:
+        return None
+    return {
+        "kind": autopilot.kind.value,
+        "system_id": autopilot.system_id,
+        "mode": autopilot.mode,
+        "ours": autopilot.ours,
+        "armed": autopilot.armed,
+        "failsafe": autopilot.failsafe,
+        "age_s": now_s - autopilot.received_s,
+    }
+
+
+def _supervision(ruling: Ruling) -> dict[str, Any]:
+    return {
+        "action": ruling.action.name.lower(),
+        "conditions": [
+            {
+                "name": item.condition.name,
+                "action": item.condition.action.name.lower(),
+                "reason": item.reason,
+                "overridden": item.overridden,
+            }
+            for item in ruling.conditions
+        ],
+    }
+
+
+def _mission(status: MissionStatus, now_s: float) -> dict[str, Any]:
+    task = status.sought or status.task
+    return {
+        "state": status.state.value,
+        "for_s": now_s - status.since_s if status.since_s else None,
+        "mission": None if task is None else task.mission.value,
+        "goal": None if task is None or task.done else task.goal,
+    }
+
+
+def _aircraft(companion: Companion) -> dict[str, Any]:
+    telemetry, pose = companion.telemetry, companion.pose
+    local, landed = telemetry.local_position, telemetry.landed
+    return {
+        "landed": None if landed is None else landed.state.name.lower(),
+        "position_m": None if pose is None else pose.position_m,
+        "position_ned_m": None if local is None else local.position_ned_m,
+        "velocity_mps": None if pose is None else pose.velocity_mps,
+        "speed_mps": None if local is None else math.hypot(*local.velocity_ned_mps),
+        "yaw_rad": None if telemetry.attitude is None else telemetry.attitude.yaw_rad,
+        "clearance_m": companion.clearance_m,
+    }
+
+
+def _path(companion: Companion) -> dict[str, Any] | None:
+    """Path that is flown; None while nothing is streamed."""
+    progress = companion.progress
+    if progress is None or companion.status.state not in STREAMING:
+        return None
+    return asdict(progress)
+
+
+def _radio(telemetry: Telemetry, now_s: float) -> dict[str, Any] | None:
+    radio = telemetry.radio
+    if radio is None:
+        return None
+    return {
+        "rssi": radio.rssi,
+        "remote_rssi": radio.remote_rssi,
+        "noise": radio.noise,
+        "remote_noise": radio.remote_noise,
+        "transmit_buffer_percent": radio.transmit_buffer_percent,
+        "age_s": now_s - radio.received_s,
+    }
+
+
+def _ages_s(telemetry: Telemetry, now_s: float) -> dict[str, float | None]:
+    """Age of every source; of batteries the newest."""
+    latest = {
+        source.name: getattr(telemetry, source.name)
+        for source in fields(telemetry)
+        if source.name not in _NO_SOURCES
+    }
+    latest["battery"] = max(
+        telemetry.batteries.values(), key=lambda battery: battery.received_s, default=None
+    )
+    return {
+        name: None if heard is None else now_s - heard.received_s for name, heard in latest.items()
+    }

@@ -1,0 +1,80 @@
+"""Recovery of an aircraft that wind has carried off, and texts about its drift.
+
+A recovery leg leads back an aircraft outside the workspace or beside the plane, while the mission
+holds and no other condition holds it. The mission goes on when its conditions allow, not before.
+Inputs: the flight, the mission's state, the ruling; outputs: a recovery leg, texts.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..estimation.pose import Pose
+from ..guidance.path_follower import Flight
+from ..mavlink.session import Severity
+from ..mission.values import MissionStatus
+from ..mission_states import IN_CONTROL, MissionState
+from ..safety.conditions import Action
+from ..safety.supervisor import Ruling
+from .reports import Reports
+
+_OUTSIDE = frozenset({"fence", "geofence", "off_path"})
+"""Conditions that a recovery leg ends, and that therefore do not prevent it."""
+_AGAIN_S = 5.0
+"""Time between two searches for a recovery leg."""
+_TOLD_AGAIN = 2.0
+"""A drift is reported again when it has grown by this factor."""
+
+
+class Recovery:
+    """Keeps the drift reported last, and the time of the next search for a recovery leg."""
+
+    def __init__(self, reports: Reports) -> None:
+        self._reports = reports
+        self._told_m: float | None = None
+        self._due_s = -math.inf
+
+    def act(
+        self,
+        flight: Flight | None,
+        pose: Pose | None,
+        status: MissionStatus,
+        ruling: Ruling,
+        widened_m: float,
+        now_s: float,
+    ) -> None:
+        """Runs one cycle: reports a growing drift, begins a recovery leg, or ends it."""
+        if flight is None or pose is None or status.state not in IN_CONTROL:
+            self._told_m = None
+            return
+        self._tell_drift(flight, pose, now_s)
+        if status.state is not MissionState.HOLDING or status.sought is not None:
+            return
+        held = any(
+            item.condition.action >= Action.HOLD and item.condition.name not in _OUTSIDE
+            for item in ruling.conditions
+            if not item.overridden
+        )
+        if flight.returns:
+            if held:
+                flight.brake()
+            return
+        if held or not flight.is_carried_off or now_s < self._due_s:
+            return
+        self._due_s = now_s + _AGAIN_S
+        if flight.come_back(widened_m):
+            self._reports.say(Severity.WARNING, flight.why_it_returns, now_s, action="returning")
+        else:
+            reason = f"{flight.outside_m:.0f} m outside, no free way back: fly it back"
+            self._reports.say(Severity.WARNING, reason, now_s)
+
+    def _tell_drift(self, flight: Flight, pose: Pose, now_s: float) -> None:
+        drifted_m = flight.drifted_m(pose)
+        if drifted_m is None:
+            self._told_m = None
+        elif self._told_m is None:
+            self._told_m = drifted_m  # the condition reports it
+        elif drifted_m >= _TOLD_AGAIN * self._told_m:
+            self._told_m = drifted_m
+            reason = f"wind too strong, drifting {drifted_m:.0f} m"
+            self._reports.say(Severity.WARNING, reason, now_s)

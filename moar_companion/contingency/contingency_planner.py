@@ -1,0 +1,426 @@
+"""The contingency planner: escape routes from the site, and the remaining flight.
+
+While the aircraft is in the air on a site, an exit and an evacuation from its position are kept
+planned. Their time and energy include the landing leg and the landing. The rest of an inspection,
+from target to target, and the escape routes behind it are planned, too. One plan is requested at a
+time, at lower priority than active plans. A known route stays valid until a newer one exists; the
+flight back to its start is then a part of it. Inputs: pose, active flight, risks, time; plan
+answers. Outputs: plan jobs, `Demands`, and the better escape route.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..autopilots.failsafe_actions import BATTERY, NO_FAILSAFES, Failsafes
+from ..estimation.pose import Pose
+from ..guidance.flight_volume import Airspace
+from ..guidance.path_follower import Flight
+from ..guidance.plan_path import flown
+from ..guidance.trajectory import FloatArray
+from ..mission.values import MissionStatus, Task
+from ..mission_states import MissionState
+from ..planner.plan_values import PlanRequest
+from ..planner.plane_fence import PlaneFence
+from ..planning.plan_jobs import PlanAnswer, PlanJob
+from ..power import Demands, Meter, PowerModel, landing_s
+from ..risk.headway import least_s
+from ..safety.checks import WayOut
+from ..site import Site
+from ..types import Mission, RiskIndices, Vector
+from ..vehicle import RiskModel, Vehicle
+from .route_cost import Way, better_of, energy_wh_of
+
+_ROUND_S = 2.0
+"""Time between two rounds of requests: at 5 m/s the aircraft moves 10 m."""
+_ANSWER_TIMEOUT_S = 5.0
+"""Timeout of an answer, as for active plans; then the next plan is requested."""
+_FASTEST_MPS = 100.0
+"""A velocity estimate above this is wrong: then the plan begins at rest."""
+_WAYS_OUT = (Mission.EXIT, Mission.EVACUATION)
+_FLOWN = frozenset({MissionState.FLYING, MissionState.AT_TARGET, MissionState.LANDING_LEG})
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """Time and measured battery energy of a route, and the flight time left after it.
+
+    age_s: since its request; the oldest part counts.
+    """
+
+    duration_s: float
+    energy_wh: float
+    left_s: float | None
+    age_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outlook:
+    """Energy left, and demand of each route, for people; None: unknown, or no such route.
+
+    left_wh and energies are absolute where the vehicle file has the capacity, else relative.
+    factor: measured power over the vehicle file's. source: origin of the factor.
+    """
+
+    left_wh: float | None
+    flight_s: float | None
+    factor: float
+    source: str
+    finish: Outcome | None
+    exit: Outcome | None
+    evacuation: Outcome | None
+    better: Mission | None
+
+
+@dataclass(frozen=True, slots=True)
+class _Question:
+    """A route to be planned. origin: a target's name; None for the aircraft's position."""
+
+    origin: str | None
+    mission: Mission
+    goal: str | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Asked:
+    question: _Question
+    job: PlanJob
+    start_m: Vector
+    asked_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Scene:
+    """Inputs of contingency planning: the aircraft in the air, and its active flight.
+
+    pace: flown fraction of the planned speed. meter: of the batteries.
+    fence: of the autopilot, as far as it cuts the site.
+    wind_mps: the mean wind over ground, in the site's frame; None where it is unknown. model: the
+    vehicle's, with the drag of the wind estimate.
+    """
+
+    pose: Pose
+    status: MissionStatus
+    flight: Flight | None
+    airspace: Airspace
+    risk: RiskIndices
+    widening_m: float
+    fence: PlaneFence | None
+    failsafes: Failsafes
+    pace: float
+    meter: Meter
+    wind_mps: Vector | None
+    model: RiskModel
+
+
+class Contingencies:
+    """Keeps the latest answers, and requests new ones, one at a time."""
+
+    def __init__(self, site: Site, vehicle: Vehicle, power: PowerModel) -> None:
+        self._site = site
+        self._vehicle = vehicle
+        self._power = power
+        self._outwards = [mission for mission in _WAYS_OUT if site.landing_m.get(mission)]
+        self._numbers = itertools.count(1)
+        self._jobs: list[PlanJob] = []
+        self._asked: _Asked | None = None
+        self._queue: list[_Question] = []
+        self._due_s = -math.inf
+        self._ways: dict[_Question, Way | None] = {}
+        """Routes of the last answers with a plan; None where no answer had one."""
+        self._starts: dict[_Question, Vector] = {}
+        """Start points of the routes."""
+        self._now_s = -math.inf
+        self._failsafes = NO_FAILSAFES
+        """Battery failsafes, which make a place exposed."""
+        self._wind_mps: Vector | None = None
+        """Last known wind in the air."""
+        self._in_wind = vehicle
+        """The vehicle with the drag of the wind estimate."""
+        self.demands: Demands | None = None
+        """Energy demand of the remaining flight; None on the ground."""
+        self._finish: Way | None = None
+        """Rest of the mission and the better escape route behind it; None: none, or unknown."""
+        self._out: dict[Mission, Way | None] = {}
+        """The escape routes; of an active one the remaining part."""
+        self._flown: Mission | None = None
+        """The active mission."""
+        self.better: Mission | None = None
+        """The escape route that takes less energy, or is active; None while there is none."""
+
+    def look(self, scene: Scene, now_s: float) -> None:
+        """Updates the remaining flight, and requests the next plan."""
+        self._now_s = now_s
+        self._wind_mps = scene.wind_mps or self._wind_mps
+        self._in_wind = replace(self._vehicle, risk=scene.model)
+        self._failsafes = scene.failsafes.of(BATTERY)
+        questions = tuple(self._questions(scene))
+        self._ways = {
+            question: way
+            for question, way in self._ways.items()
+            if question.origin is None or question in questions
+        }
+        self._ask_next(scene, questions, now_s)
+        self._sum_up(scene)
+
+    def wait(self, here_m: Vector | None, now_s: float) -> None:
+        """Keeps the known routes while no plan is possible; here_m: None where unknown."""
+        self._now_s = now_s
+        demands = Demands() if self.demands is None else self.demands
+        if here_m is not None:
+            self._out, self._flown = self._ways_out(here_m), None
+            self.better = better_of(self._out, self.better)
+            demands = self._with_ways_out(demands)
+        self.demands = demands
+
+    def end(self) -> None:
+        """Clears all routes on the ground."""
+        self._asked, self.demands, self._finish, self.better = None, None, None, None
+        self._queue, self._ways, self._out, self._due_s = [], {}, {}, -math.inf
+        self._flown, self._wind_mps = None, None
+
+    def outlook(self, meter: Meter) -> Outlook:
+        """Energy left, and demand of each route."""
+
+        def outcome(way: Way | None) -> Outcome | None:
+            if way is None:
+                return None
+            return Outcome(
+                duration_s=way.duration_s,
+                energy_wh=meter.factor * way.energy_wh,
+                left_s=meter.left_after_s(self._power, way.energy_wh),
+                age_s=self._now_s - way.asked_s,
+            )
+
+        return Outlook(
+            left_wh=meter.left_wh,
+            flight_s=meter.flight_s(self._power),
+            factor=meter.factor,
+            source=meter.source,
+            finish=outcome(self._finish),
+            exit=outcome(self._out.get(Mission.EXIT)),
+            evacuation=outcome(self._out.get(Mission.EVACUATION)),
+            better=self.better,
+        )
+
+    def way_out(self, meter: Meter) -> WayOut | None:
+        """The better escape route, and the flight time left after it; None while unknown."""
+        way = None if self.better is None else self._out.get(self.better)
+        if self.better is None or way is None:
+            return None
+        exit_instead = self._flown is Mission.EXIT and self.better is not Mission.EXIT
+        flown = self._out[Mission.EXIT] if exit_instead else None
+        flown_left_s = meter.left_after_s(self._power, energy_wh_of(flown))
+        if flown_left_s is not None and flown_left_s > self._power.reserve_s:
+            flown_left_s = None
+        return WayOut(
+            mission=self.better,
+            left_s=meter.left_after_s(self._power, way.energy_wh),
+            reserve_s=self._power.reserve_s,
+            age_s=self._now_s - way.asked_s,
+            flown_left_s=flown_left_s,
+            exposed_s=way.exposed_s,
+        )
+
+    def jobs(self) -> list[PlanJob]:
+        """Planning jobs since the last call."""
+        jobs, self._jobs = self._jobs, []
+        return jobs
+
+    def answered(self, answer: PlanAnswer, airspace: Airspace | None) -> None:
+        """Takes the answer to a job; one that is no longer awaited is dropped."""
+        asked = self._asked
+        if asked is None or asked.job.job_id != answer.job_id or airspace is None:
+            return
+        self._asked = None
+        way = self._measured(asked, answer, airspace)
+        if way is None:
+            self._ways.setdefault(asked.question, None)
+        else:
+            self._ways[asked.question], self._starts[asked.question] = way, asked.start_m
+
+    def _questions(self, scene: Scene) -> Iterator[_Question]:
+        """Routes to be planned: the escape routes first."""
+        task, flight = scene.status.task, scene.flight
+        if flight is None or not flight.on_leg:  # outside the workspace no plan is possible
+            yield from (_Question(None, mission) for mission in self._outwards)
+        if task is not None and task.stops:
+            for stop, following in itertools.pairwise(task.stops):
+                yield _Question(stop, Mission.INSPECTION, following)
+            yield from (_Question(task.stops[-1], mission) for mission in self._outwards)
+
+    def _ask_next(self, scene: Scene, questions: tuple[_Question, ...], now_s: float) -> None:
+        if self._asked is not None and now_s - self._asked.asked_s < _ANSWER_TIMEOUT_S:
+            return
+        self._queue = [question for question in self._queue if question in questions]
+        if not self._queue and now_s >= self._due_s:
+            self._queue, self._due_s = list(questions), now_s + _ROUND_S
+        self._asked = None
+        if not self._queue:
+            return
+        question = self._queue.pop(0)
+        x_m, _, z_m = scene.pose.position_m
+        vx_mps, _, vz_mps = scene.pose.velocity_mps
+        if not math.hypot(vx_mps, vz_mps) <= _FASTEST_MPS:
+            vx_mps = vz_mps = 0.0
+        if question.origin is not None:
+            (x_m, z_m), (vx_mps, vz_mps) = self._site.target(question.origin).position_m, (0.0, 0.0)
+        job = PlanJob(
+            job_id=next(self._numbers),
+            request=PlanRequest(
+                mission=question.mission,
+                target=question.goal,
+                start_m=(x_m, z_m),
+                velocity_mps=(vx_mps, vz_mps),
+                weights=self._vehicle.weights[question.mission].adjusted(scene.risk),
+                risk=scene.risk,
+            ),
+            widening_m=scene.widening_m,
+            fence=scene.fence,
+            failsafes=scene.failsafes,
+        )
+        self._asked = _Asked(question=question, job=job, start_m=(x_m, 0.0, z_m), asked_s=now_s)
+        self._jobs.append(job)
+
+    def _measured(self, asked: _Asked, answer: PlanAnswer, airspace: Airspace) -> Way | None:
+        plan = answer.plan
+        if plan is None:
+            return None
+        path = flown(plan, asked.start_m, answer.escape_m, airspace.leg_speeds_mps)
+        trajectory = airspace.widened(answer.reach).trajectory(path)
+        speed_mps = math.hypot(*asked.job.request.velocity_mps)
+        rest = trajectory.rest(0.0, speed_mps, self._vehicle.guidance.acceleration_mps2)
+        way = self._exposed(self._way(*rest, asked.asked_s), *rest, airspace)
+        return (
+            way
+            if asked.question.mission is Mission.INSPECTION
+            else way.then(self._landing(airspace))
+        )
+
+    def _way(self, position_m: FloatArray, duration_s: FloatArray, asked_s: float) -> Way:
+        """Route through points (n, 3) in times (n - 1,), longer where the wind slows the flight."""
+        if self._wind_mps is not None:
+            steps_m = np.diff(position_m, axis=0)
+            against_s = least_s(steps_m, self._wind_mps[:2], self._in_wind)
+            duration_s = np.maximum(duration_s, against_s)
+        return Way(
+            duration_s=float(duration_s.sum()),
+            energy_wh=self._power.path_wh(position_m, duration_s),
+            asked_s=asked_s,
+        )
+
+    def _exposed(
+        self, way: Way, position_m: FloatArray, duration_s: FloatArray, airspace: Airspace
+    ) -> Way:
+        """The route with its exposed time, by its points (n, 3) and the times (n - 1,) between."""
+        if not self._failsafes.actions:
+            return way
+        exposed = self._failsafes.exposed(airspace.maps.reach, position_m[:, ::2])
+        last = int(np.flatnonzero(exposed)[-1]) if exposed.any() else 0
+        return replace(way, exposed_s=float(duration_s[:last].sum()))
+
+    def _landing(self, airspace: Airspace) -> Way:
+        height_m, kind = self._vehicle.guidance.landing_height_m, airspace.loss.kind
+        return Way(
+            duration_s=landing_s(height_m, kind),
+            energy_wh=self._power.landing_wh(height_m, kind),
+            asked_s=self._now_s,
+        )
+
+    def _ways_out(self, here_m: Vector) -> dict[Mission, Way | None]:
+        """The escape routes from here: flight back to their starts, then as last planned."""
+        ways: dict[Mission, Way | None] = {}
+        for mission in _WAYS_OUT:
+            question = _Question(None, mission)
+            way = self._ways.get(question)
+            if way is not None:
+                way = self._straight(here_m, self._starts[question]).then(way)
+            ways[mission] = way
+        return ways
+
+    def _straight(self, here_m: Vector, there_m: Vector) -> Way:
+        """The straight route from here to there, at full speed."""
+        x_m, y_m, up_m = (there - here for here, there in zip(here_m, there_m, strict=True))
+        power = self._power
+        upward_mps = power.climb_mps if up_m > 0.0 else power.descent_mps
+        seconds = max(math.hypot(x_m, y_m) / power.cruise_mps, abs(up_m) / upward_mps)
+        ends, duration_s = np.array([here_m, there_m]), np.array([seconds])
+        return self._way(ends, duration_s, self._now_s)
+
+    def _sum_up(self, scene: Scene) -> None:
+        status, task, flight = scene.status, scene.status.task, scene.flight
+        ordered = task is not None and (status.state in _FLOWN or task.flown)
+        self._flown = task.mission if task is not None and ordered else None
+        self._finish = None if self._flown is None else self._ahead(scene, scene.pace)
+        self._out = self._ways_out(scene.pose.position_m)
+        if self._flown in self._out:
+            planned = self._out[self._flown]
+            self._finish = self._out[self._flown] = self._finish or planned
+            self.better = self._flown
+            if self._flown is Mission.EXIT and flight is not None and not flight.on_leg:
+                full_pace = self._ahead(scene, 1.0) or planned
+                self.better = self._instead_of_exit(full_pace, scene.meter)
+        else:
+            self.better = better_of(self._out, self.better)
+        self.demands = self._with_ways_out(
+            Demands(flown=ordered, finish_wh=energy_wh_of(self._finish))
+        )
+
+    def _instead_of_exit(self, full_pace: Way | None, meter: Meter) -> Mission | None:
+        """The active exit; where it takes too much, an evacuation that takes clearly less.
+
+        The supervisor permits no change from evacuation to exit. full_pace: the exit at the speed
+        of an evacuation.
+        """
+        left_s = meter.left_after_s(self._power, energy_wh_of(full_pace))
+        if left_s is None or left_s > self._power.reserve_s:
+            return Mission.EXIT
+        return better_of({**self._out, Mission.EXIT: full_pace}, Mission.EXIT)
+
+    def _with_ways_out(self, demands: Demands) -> Demands:
+        return replace(
+            demands,
+            exit_wh=energy_wh_of(self._out[Mission.EXIT]),
+            evacuation_wh=energy_wh_of(self._out[Mission.EVACUATION]),
+        )
+
+    def _ahead(self, scene: Scene, pace: float) -> Way | None:
+        """The rest of the flight; None where a part is unknown, or the flight was braked."""
+        task, flight = scene.status.task, scene.flight
+        if task is None or flight is None:
+            return None
+        if flight.braked and not flight.on_leg and not task.flown:
+            return None
+        position_m, duration_s = flight.rest()
+        rest = self._way(position_m, duration_s / pace, self._now_s)
+        rest = self._exposed(rest, position_m, duration_s / pace, scene.airspace)
+        return self._rest(task, rest, self._landing(scene.airspace), pace)
+
+    def _rest(self, task: Task, rest: Way, landing: Way, pace: float) -> Way | None:
+        """A task's rest, from the rest of the active plan; None where a part is unknown."""
+        if task.mission in _WAYS_OUT:
+            return rest.then(landing)
+        if task.done:
+            return None
+        total = rest
+        for stop in task.stops:
+            dwell_s = self._site.target(stop).dwell_s
+            dwell_wh = self._power.hover_wh(dwell_s)
+            total = total.then(replace(rest, duration_s=dwell_s, energy_wh=dwell_wh))
+        for stop, following in itertools.pairwise(task.stops):
+            way = self._ways.get(_Question(stop, Mission.INSPECTION, following))
+            if way is None:
+                return None
+            total = total.then(way.paced(pace))
+        behind = [_Question(task.stops[-1], mission) for mission in self._outwards]
+        if any(question not in self._ways for question in behind):
+            return None
+        out = {question.mission: self._ways[question] for question in behind}
+        best = better_of(out, None)
+        way = None if best is None else out[best]
+        return None if way is None else total.then(way)

@@ -1,0 +1,567 @@
+"""The path follower: from plans to this instant's setpoint, and the next plan's junction.
+
+A reference moves along a trajectory (`guidance`). Every new plan begins at a point of the present
+trajectory beyond the stopping distance of the reference. Any plan can therefore be joined without a
+jump; the rest of the trajectory leads to it. Only for an aircraft off its path does a plan begin
+at the aircraft; the setpoint then moves over to it.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..estimation.pose import Jump, Pose, Setpoint
+from ..frames import PlaneToLocal
+from ..planner.comparison import rest_of
+from ..planner.free_distance import Reach
+from ..planner.plan_values import Plan
+from ..planner.plane_fence import PlaneFence
+from ..safety.offboard_loss import Loss
+from ..safety.setpoint_gate import distance_m, distances_m
+from ..site import PlanePoint
+from ..types import Mission, Vector
+from .flight_volume import Airspace
+from .plan_path import CheckedLeg, approach_m, checked_legs, flown, standing, vector
+from .splice import Adoption, Junction
+from .tracking import Reference, advanced, turned
+from .trajectory import FloatArray, PathPoints
+from .wind_leash import Drift
+from .yaw import wanted_yaw_rad
+
+_STANDS_MPS = 0.05
+"""Slower than any planned speed, even at half its pace: the residue of a waiting reference."""
+_PLANNING_TIME_S = 0.3
+"""Time of a plan search, in which the reference moves on; the next plan begins beyond that."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Progress:
+    """Progress of a flight.
+
+    setpoint: of this instant. error_m: from there to the aircraft. left_m, left_s: to the end of
+    the plan, landing leg included.
+    """
+
+    setpoint: Setpoint
+    error_m: float
+    left_m: float
+    left_s: float
+
+
+class Flight:
+    """The reference and everything that moves it.
+
+    Invariant: if the setpoint stream stops now, the aircraft stops in free space. This caps the
+    speed next to obstacles.
+    """
+
+    def __init__(self, airspace: Airspace, pose: Pose) -> None:
+        """Sets the setpoint to the aircraft's pose."""
+        self._airspace = airspace
+        self._vehicle = airspace.vehicle
+        self._plan: Plan | None = None
+        self._region_corner: int | None = None
+        self._legs: tuple[CheckedLeg, ...] = ()
+        self._drift = Drift()
+        self._yaw_rad = pose.yaw_rad
+        self._reference = Reference.start(
+            self._airspace.trajectory(standing(pose.position_m)), pose.position_m
+        )
+
+    @property
+    def arrived(self) -> bool:
+        """True if the setpoint is at the plan's end; a stop by a brake does not count."""
+        return self._reference.arrived and not self.braked and not self.returns
+
+    @property
+    def braked(self) -> bool:
+        """True while the flight comes to rest, or stands, before its plan's end."""
+        return self._reference.stop_m is not None
+
+    @property
+    def stands(self) -> bool:
+        """True if the setpoint does not move, or hardly."""
+        return math.hypot(*self._reference.velocity_mps) < _STANDS_MPS
+
+    @property
+    def mission(self) -> Mission | None:
+        """Mission of the active plan, also after a brake; None before the first plan."""
+        return None if self._plan is None else self._plan.mission
+
+    @property
+    def margin_m(self) -> float:
+        """Margin of keep-outs for the errors of a flight, in metres."""
+        return self._airspace.site.margin.total_m
+
+    @property
+    def narrowed_m(self) -> float:
+        """Part of the margin that the active plan omits, in metres."""
+        return self._airspace.narrowed_m
+
+    @property
+    def reach(self) -> Reach | None:
+        """Reach to obstacles with the active plan's inflation; None: no inflation."""
+        return self._airspace.reach
+
+    @property
+    def on_leg(self) -> bool:
+        """True while the reference is on the landing leg."""
+        return self._leaves_workspace_by(self._reference.distance_m)
+
+    @property
+    def _last_corner(self) -> int:
+        """Index of the trajectory's point at the end of the path without its landing leg."""
+        if self._region_corner is not None:
+            return self._region_corner
+        return len(self._reference.trajectory.corner_m) - 1
+
+    def _leaves_workspace_by(self, distance_m: float) -> bool:
+        """True if the landing leg has begun at a distance along the trajectory."""
+        corner = self._region_corner
+        if corner is None:
+            return False
+        return distance_m >= float(self._reference.trajectory.corner_m[corner])
+
+    @property
+    def blown_to_m(self) -> Vector | None:
+        """Position of an aircraft that has just moved its setpoint by drift; None otherwise."""
+        return self._drift.moved_to_m
+
+    @property
+    def returns(self) -> bool:
+        """True while the flight comes back by a recovery leg, without a plan."""
+        return self._drift.returns
+
+    def drifted_m(self, pose: Pose) -> float | None:
+        """Distance that the wind has moved the aircraft; None while it holds."""
+        from_m = self._drift.from_m
+        return None if from_m is None else math.dist(from_m, pose.position_m)
+
+    @property
+    def outside_m(self) -> float:
+        """Distance of the setpoint outside the workspace, or beside the plane, in metres."""
+        x_m, y_m, z_m = vector(self._reference.position_m)
+        return max(abs(y_m), self._airspace.site.workspace.outside_m((x_m, z_m)))
+
+    @property
+    def why_it_returns(self) -> str:
+        """Text for people about the recovery leg."""
+        return f"{self.outside_m:.0f} m outside, wind is less"
+
+    @property
+    def is_carried_off(self) -> bool:
+        """True if the setpoint, after a displacement by wind, needs a recovery leg to go on."""
+        place_m = vector(self._reference.position_m)
+        beside = len(approach_m(place_m)) > 1
+        outside = self._airspace.site.workspace.outside_m((place_m[0], place_m[2])) > 0.0
+        return self._drift.carried and self._drift.from_m is None and (beside or outside)
+
+    def come_back(self, widened_m: float) -> bool:
+        """Begins the recovery leg at the setpoint; returns False if there is none."""
+        place_m = vector(self._reference.position_m)
+        leg = self._airspace.way_back(place_m, widened_m)
+        if leg is None:
+            return False
+        points_m = np.array(leg.points_m)
+        speed_mps = self._airspace.recovery_speeds_mps(points_m)
+        path = PathPoints(position_m=points_m, speed_mps=speed_mps)
+        self._reference = Reference.start(self._airspace.trajectory(path), place_m)
+        self._legs, self._region_corner = (leg,), None
+        self._drift = Drift(returns=True)
+        return True
+
+    def shift(self, jump: Jump) -> None:
+        """Moves the setpoint with an estimate that jumped, so that the aircraft does not follow."""
+        reference = self._reference
+        self._reference = replace(reference, offset_m=reference.offset_m + np.array(jump.step_m))
+        self._yaw_rad = math.remainder(self._yaw_rad + jump.turn_rad, math.tau)
+
+    def learn_loss(self, loss: Loss) -> None:
+        """Caps the speed by the new offboard-loss behaviour."""
+        self._go_on_in(replace(self._airspace, loss=loss))
+
+    def learn_fence(self, fence: PlaneFence | None) -> None:
+        """Takes the autopilot's new fence, and caps the speed by it."""
+        self._go_on_in(replace(self._airspace, fence=fence))
+
+    def _go_on_in(self, airspace: Airspace) -> None:
+        """Keeps the path in another flight volume, which may lower the speed."""
+        self._airspace = airspace
+        trajectory = self._reference.trajectory.capped(
+            airspace.speed_cap_mps, self._vehicle.guidance.acceleration_mps2
+        )
+        self._reference = replace(self._reference, trajectory=trajectory)
+
+    def leaves_fence(self) -> str | None:
+        """The autopilot's fence limit that the path ahead crosses; None: no limit.
+
+        Escape and recovery legs are permitted outside the fence.
+        """
+        reference, end_m = self._reference, self._reference.stop_m
+        trajectory = reference.trajectory
+        ahead = trajectory.distance_m >= reference.distance_m
+        if end_m is not None:
+            ahead &= trajectory.distance_m <= end_m
+        places_m = trajectory.position_m[ahead]
+        crossed, width_m = self._airspace.leaves_fence(places_m), self._airspace.corridor_width_m
+        inwards = [leg for leg in self._legs if leg.leads_in]
+        if crossed is None or not inwards:
+            return crossed
+        from_legs_m = [distances_m(places_m, leg.points_m) for leg in inwards]
+        return self._airspace.leaves_fence(places_m[np.min(from_legs_m, axis=0) > width_m])
+
+    def error_m(self, pose: Pose) -> float:
+        """Distance from the setpoint to the aircraft, in metres."""
+        return math.dist(self._reference.position_m, pose.position_m)
+
+    def brake(self) -> None:
+        """Brakes to rest as soon as the acceleration limit permits."""
+        if self.returns:
+            self._drift = Drift(carried=True)
+        if not self.braked:
+            self._reference = self._reference.braked(self._vehicle.guidance.acceleration_mps2)
+
+    def stand(self, position_m: Vector) -> None:
+        """Stops at once at a place that the path has just passed.
+
+        Plans lead on from there, whatever the path; a landing leg is kept within its corridor.
+        """
+        leg = self._legs[-1] if self.on_leg and self._legs else None
+        beside_m = math.inf if leg is None else distance_m(position_m, leg.points_m)
+        if beside_m > self._airspace.corridor_width_m:
+            trajectory = self._airspace.trajectory(standing(position_m))
+            self._reference = Reference.start(trajectory, position_m)
+            self._region_corner = None
+        self._reference = self._reference.stood(position_m)
+
+    def resume_leg(self, widened_m: float) -> bool:
+        """Resumes along the landing leg on which the flight was braked, if the leg has room.
+
+        Outside the workspace only an escape leg can be planned; the landing leg was checked when
+        planned. widened_m: obstacle inflation. Returns False, too, where a jump has moved the
+        setpoint out of the leg's corridor.
+        """
+        reference, leg = self._reference, self._legs[-1] if self._legs else None
+        stop_m, here = reference.stop_m, vector(reference.position_m)
+        if leg is None or stop_m is None or not self._leaves_workspace_by(stop_m):
+            return False
+        if distance_m(here, leg.points_m) > self._airspace.corridor_width_m:
+            return False
+        widened_m -= self._airspace.narrowed_m
+        if not leg.has_room(widened_m) or self._airspace.leaves_fence(np.array(leg.points_m)):
+            return False
+        self._reference = replace(self._reference, stop_m=None)
+        return True
+
+    def keeps_clear(self, place_m: Vector) -> bool:
+        """True if a place, anywhere, is outside every keep-out less its margin."""
+        return self._airspace.keeps_clear(place_m)
+
+    def serves(self, mission: Mission, goal: str | int | None) -> bool:
+        """True if the active plan has this mission and this target or landing point."""
+        plan = self._plan
+        return plan is not None and (plan.mission, plan.request.target) == (mission, goal)
+
+    def taken_up(self, airspace: Airspace, pose: Pose, widened_m: float) -> Flight | None:
+        """Flight resumed on its landing leg after a pilot's takeover near the leg; None elsewhere.
+
+        The aircraft is outside the workspace, and within the tracking tolerance of the leg. The
+        setpoint begins at the aircraft, and moves over to the leg. widened_m: obstacle inflation.
+        """
+        x_m, _, z_m = pose.position_m
+        leg = self._legs[-1] if self.on_leg and self._legs else None
+        if leg is None or not airspace.site.workspace.outside_m((x_m, z_m)):
+            return None
+        airspace = airspace.widened(self._airspace.reach, self._airspace.narrowed_m)
+        trajectory = self._reference.trajectory.capped(
+            airspace.speed_cap_mps, self._vehicle.guidance.acceleration_mps2
+        )
+        there = np.array(pose.position_m)
+        apart_m = np.sqrt(((trajectory.position_m - there) ** 2).sum(axis=1))
+        nearest = int(apart_m.argmin())
+        place_m, distance_m = trajectory.position_m[nearest], float(trajectory.distance_m[nearest])
+        if (
+            apart_m[nearest] > self._vehicle.guidance.tracking_hold_m
+            or not self._leaves_workspace_by(distance_m)
+            or not leg.has_room(widened_m - airspace.narrowed_m)
+            or airspace.leaves_fence(np.array(leg.points_m))
+            or not airspace.is_free_leg(pose.position_m, vector(place_m))
+        ):
+            return None
+        flight = Flight(airspace, pose)
+        flight._plan, flight._region_corner = self._plan, self._region_corner
+        approach = CheckedLeg(
+            points_m=(pose.position_m, vector(place_m)), room_m=math.inf, leads_in=True
+        )
+        flight._legs = (approach, leg)
+        flight._reference = replace(
+            Reference.start(trajectory, pose.position_m),
+            distance_m=distance_m,
+            offset_m=there - place_m,
+        )
+        return flight
+
+    def junction(self) -> Junction:
+        """Start of a plan that is requested now: a point where the reference can still stop."""
+        reference = self._reference
+        trajectory = reference.trajectory
+        if reference.stop_m is not None:
+            return Junction(
+                trajectory=trajectory,
+                joined_m=reference.stop_m,
+                position_m=vector(trajectory.at(reference.stop_m)[0]),
+                velocity_mps=(0.0, 0.0, 0.0),
+            )
+        corner = trajectory.corner_after(
+            reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
+            + reference.speed_mps * _PLANNING_TIME_S
+        )
+        joined_m = float(trajectory.corner_m[corner])
+        _, direction, speed = trajectory.at(joined_m)
+        return Junction(
+            trajectory=trajectory,
+            joined_m=joined_m,
+            corner=corner,
+            position_m=vector(trajectory.points_m[corner]),
+            velocity_mps=vector(speed * direction),
+            at_end=corner >= self._last_corner,
+        )
+
+    def junction_at(self, pose: Pose) -> Junction:
+        """Start of a plan for an aircraft that is off its path.
+
+        The start is in the plane: an aircraft beside the plane comes back to it.
+        """
+        x_m, _, z_m = pose.position_m
+        return Junction(
+            trajectory=self._reference.trajectory,
+            position_m=(x_m, 0.0, z_m),
+            velocity_mps=pose.velocity_mps,
+        )
+
+    def adopt(
+        self,
+        plan: Plan,
+        junction: Junction,
+        escape_m: tuple[PlanePoint, ...],
+        reach: Reach | None = None,
+        narrowed_m: float = 0.0,
+    ) -> Adoption:
+        """Adopts a plan that begins at a junction, if the junction is still ahead.
+
+        reach: to obstacles with the plan's inflation; None: no inflation. narrowed_m: part of the
+        margin that the plan omits.
+        """
+        reference, airspace = self._reference, self._airspace.widened(reach, narrowed_m)
+        if junction.trajectory is not reference.trajectory:
+            return Adoption.TOO_LATE
+        path = self._path(plan, junction, escape_m)
+        if junction.joined_m is None:
+            # The old path is free. The setpoint stays there if it is not at rest yet, or if the
+            # line to the new path is not free. The aircraft then comes back to it.
+            resting = reference.speed_mps <= self._vehicle.speed.min_mps
+            if not resting or not self._airspace.free_between(
+                reference.position_m, junction.position_m
+            ):
+                return Adoption.TOO_LATE
+            moved = Reference.start(airspace.trajectory(path), vector(reference.position_m))
+        else:
+            joined_m, kept = junction.joined_m, narrowed_m <= self.narrowed_m
+            if kept and reach == self.reach and junction.is_followed_by(path):
+                self._plan = plan
+                return Adoption.SAME_PATH
+            stop_m = reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
+            end_m = reference.trajectory.length_m if reference.stop_m is None else reference.stop_m
+            if joined_m < min(stop_m, end_m):
+                return Adoption.TOO_LATE
+            lead_in = junction.trajectory.between(reference.distance_m, joined_m)
+            if airspace.is_crowded(lead_in.position_m):
+                narrowed_m = max(narrowed_m, self._airspace.narrowed_m)
+                airspace = airspace.widened(reach, narrowed_m)
+            moved = replace(
+                reference,
+                trajectory=airspace.trajectory(path, lead_in),
+                distance_m=0.0,
+                stop_m=None,
+            )
+        here, width_m = vector(reference.position_m), self._airspace.corridor_width_m
+        still_in = [leg for leg in self._legs if distance_m(here, leg.points_m) <= width_m]
+        self._legs = (*still_in, *checked_legs(plan, path, escape_m))
+        self._drift = Drift()
+        self._airspace = airspace
+        self._reference = moved
+        self._plan = plan
+        self._region_corner = (
+            None
+            if plan.landing_leg is None
+            else len(path.position_m) - 1 - len(plan.landing_leg.points_m)
+        )
+        return Adoption.NEW_PATH
+
+    def rest_of_plan(self, newer: Plan, junction: Junction, reach: Reach | None) -> Plan | None:
+        """Rest of the active plan, as an answer to the newer plan's request.
+
+        None where the active plan must not stay: its goal differs, its path is not free any more,
+        or the flight volume has changed. reach: as in `adopt`.
+        """
+        plan = self._plan
+        if (
+            plan is None
+            or junction.corner is None
+            or junction.trajectory is not self._reference.trajectory
+            or reach != self.reach
+            or self.leaves_fence() is not None
+            or (plan.mission, plan.request.target) != (newer.mission, newer.request.target)
+        ):
+            return None
+        # An escape leg has a point of its own before the plan's first.
+        added = len(junction.trajectory.points_m) - len(plan.waypoints.position_m)
+        first = junction.corner - added
+        if not 0 <= first < len(plan.states):
+            return None
+        if (plan.states[first, :-1] != newer.states[0, :-1]).any():
+            return None
+        return rest_of(plan, self._airspace.maps, first, newer.request, newer.graph)
+
+    def advance(self, pose: Pose, step_s: float, pace: float = 1.0, *, holds: bool = False) -> None:
+        """Moves the reference by one step, slower if the aircraft falls behind.
+
+        pace: flown fraction of the planned speed. holds: the aircraft holds. Then, as after a
+        brake, the setpoint comes to rest where it is, and its path begins there.
+        """
+        self._go_along(pose, step_s)
+        if self.returns and self._reference.arrived:
+            self.brake()
+        stays = (holds or self.braked) and not self.returns
+        reference = advanced(
+            self._reference,
+            pose.position_m,
+            self._vehicle.guidance,
+            0.0 if stays else self._fade_mps(),
+            step_s,
+            pace,
+        )
+        self._reference = reference
+        beside = reference.offset_m.any() and not reference.speed_mps
+        if stays and beside and not self.on_leg:
+            self.stand(vector(reference.position_m))
+
+    def _go_along(self, pose: Pose, step_s: float) -> None:
+        """Moves the setpoint, at rest, with an aircraft that is blown off beyond the leash."""
+        leash_m = self._drift.leash_m(self._vehicle)
+        place_m, error_m = vector(self._reference.position_m), self.error_m(pose)
+        moved_m = None
+        if error_m > leash_m:
+            moved_m = self._airspace.carried_m(place_m, pose.position_m, leash_m)
+        if moved_m is None:
+            self._drift = self._drift.after(error_m, leash_m, pose, step_s)
+            return
+        self._reference = Reference.start(
+            self._airspace.trajectory(standing(moved_m)), moved_m
+        ).stood(moved_m)
+        self._legs, self._region_corner = (), None
+        drift = self._drift
+        self._drift = Drift(
+            from_m=place_m if drift.from_m is None else drift.from_m,
+            moved_to_m=pose.position_m,
+            carried=True,
+            lowest_m=min(drift.lowest_m, place_m[2]),
+        )
+
+    def _fade_mps(self) -> float:
+        """Maximum speed of the setpoint's return to a path that was moved under it."""
+        offset, slow_mps = self._reference.offset_m, self._vehicle.speed.min_mps
+        length_m = float(np.sqrt(offset @ offset))
+        if not length_m:
+            return slow_mps
+        here, back = self._reference.position_m[None], -offset[None] / length_m
+        return min(slow_mps, float(self._airspace.speed_cap_mps(here, back)[0]))
+
+    def setpoint(self, pose: Pose, plane: PlaneToLocal, step_s: float) -> Setpoint:
+        """The setpoint of this instant, the heading turned by one step (0: kept)."""
+        guidance = self._vehicle.guidance
+        wanted = wanted_yaw_rad(
+            self._airspace.site,
+            guidance,
+            self._plan,
+            pose,
+            plane,
+            velocity_mps=vector(self._reference.velocity_mps),
+            arrived=self.arrived,
+        )
+        if wanted is not None:
+            self._yaw_rad = turned(self._yaw_rad, wanted, guidance.yaw_rate_radps * step_s)
+        return self._setpoint()
+
+    def _setpoint(self) -> Setpoint:
+        return Setpoint(
+            position_m=vector(self._reference.position_m),
+            velocity_mps=vector(self._reference.velocity_mps),
+            yaw_rad=self._yaw_rad,
+        )
+
+    def rest(self) -> tuple[FloatArray, FloatArray]:
+        """The points (n, 3) still ahead, and the times (n - 1,) between them, as they are flown."""
+        reference = self._reference
+        return reference.trajectory.rest(
+            reference.distance_m, reference.speed_mps, self._vehicle.guidance.acceleration_mps2
+        )
+
+    def progress(self, pose: Pose) -> Progress:
+        """Progress of the flight, for people."""
+        reference = self._reference
+        left_m = reference.trajectory.length_m - reference.distance_m
+        return Progress(
+            setpoint=self._setpoint(),
+            error_m=self.error_m(pose),
+            left_m=max(0.0, left_m),
+            left_s=reference.trajectory.duration_s(reference.distance_m),
+        )
+
+    def strays(self, pose: Pose) -> str | None:
+        """Text for an aircraft outside both the workspace and its checked legs; None: it is not.
+
+        An aircraft on a recovery leg counts as outside until the leg's end.
+        """
+        if self.returns:
+            return self.why_it_returns
+        return self._airspace.strays(pose, self._legs)
+
+    def refusal(self, setpoint: Setpoint, plane_tolerance_m: float, widened_m: float) -> str | None:
+        """Reason to refuse a setpoint; None when the setpoint is permitted."""
+        return self._airspace.refusal(
+            setpoint,
+            self._legs,
+            plane_tolerance_m=plane_tolerance_m,
+            widened_m=widened_m,
+            carried_from_z_m=self._drift.lowest_m if self._drift.carried else None,
+            brakes=self.braked,
+        )
+
+    def rests_m(
+        self,
+        plan: Plan,
+        junction: Junction,
+        escape_m: tuple[PlanePoint, ...],
+        reach: Reach | None = None,
+    ) -> FloatArray:
+        """Possible stop points (n, 2) if the setpoint stream ends on a plan.
+
+        reach: as in `adopt`.
+        """
+        airspace = self._airspace.widened(reach)
+        return airspace.rests_m(airspace.trajectory(self._path(plan, junction, escape_m)))
+
+    def rests_ahead_m(self) -> FloatArray:
+        """Possible stop points (n, 2) on the rest of the active path, to its end or brake point."""
+        reference = self._reference
+        if reference.stop_m is None:
+            return self._airspace.rests_m(reference.trajectory, reference.distance_m)
+        braking = reference.trajectory.between(reference.distance_m, reference.stop_m)
+        return self._airspace.rests_m(self._airspace.trajectory(braking))
+
+    def _path(self, plan: Plan, junction: Junction, escape_m: tuple[PlanePoint, ...]) -> PathPoints:
+        return flown(plan, junction.position_m, escape_m, self._airspace.leg_speeds_mps)

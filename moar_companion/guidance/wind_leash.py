@@ -1,0 +1,54 @@
+"""The wind leash: the setpoint follows an aircraft that is blown off, at a maximum distance.
+
+The distance then limits the speed of the return to the flight speed, until the aircraft rests.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+from ..estimation.pose import Pose
+from ..types import Vector
+from ..vehicle import Vehicle
+
+_DRAWN_S = 1.0
+"""Both autopilots approach a point at its distance over this: MPC_XY_P 0.95/s, PSC_POSXY_P 1/s."""
+_RESTS_MPS, _RESTS_S = 0.5, 1.0
+"""Maximum speed, and minimum time at it near the setpoint, after which the aircraft holds again."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Drift:
+    """Displacement of the setpoint by wind.
+
+    from_m: the setpoint's place before the displacement; None while the aircraft holds.
+    moved_to_m: the aircraft's position if it has just moved the setpoint. carried: the setpoint
+    rests where the displacement left it. lowest_m: minimum setpoint height before displacements; a
+    displaced setpoint may be this low. returns: the flight comes back by a recovery leg.
+    rested_s: time for which the aircraft is at rest.
+    """
+
+    from_m: Vector | None = None
+    moved_to_m: Vector | None = None
+    carried: bool = False
+    lowest_m: float = math.inf
+    returns: bool = False
+    rested_s: float = 0.0
+
+    def leash_m(self, vehicle: Vehicle) -> float:
+        """Maximum distance from the setpoint to the aircraft, in metres."""
+        guidance = vehicle.guidance
+        longest_m = max(guidance.leash_m, guidance.off_path_m)
+        if self.from_m is None:
+            return longest_m
+        drawn_m = vehicle.speed.horizontal_mps * _DRAWN_S
+        return min(longest_m, max(guidance.tracking_slow_m, drawn_m))
+
+    def after(self, error_m: float, leash_m: float, pose: Pose, step_s: float) -> Drift:
+        """Returns the state after a step without a displacement."""
+        rests = error_m <= leash_m and math.hypot(*pose.velocity_mps) <= _RESTS_MPS
+        rested_s = self.rested_s + step_s if rests else 0.0
+        over = self.from_m is None or rested_s >= _RESTS_S
+        from_m = None if over else self.from_m
+        return replace(self, from_m=from_m, moved_to_m=None, rested_s=rested_s)

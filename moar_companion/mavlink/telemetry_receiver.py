@@ -1,0 +1,139 @@
+"""Identity and telemetry of the autopilot from the messages of all senders. No I/O.
+
+The session uses a listener on its own links, a witness on a recording.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from ..config import LinkRole
+from ..types import LinkStatistics, Telemetry
+from . import translate
+from .codec import SourceStatistics
+from .dialect import CURRENT_MODE_ID, Message, mavlink
+from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted, Identity
+from .packet_order import PacketOrder
+from .source_clock import Reading, SourceClock
+from .translate_status import RADIO_IDS
+
+MESSAGE_IDS = translate.MESSAGE_IDS | {
+    int(mavlink.MAVLINK_MSG_ID_SYSTEM_TIME),
+    int(mavlink.MAVLINK_MSG_ID_TIMESYNC),
+}
+"""Messages that a listener reads."""
+
+_CLOCK_TOLERANCE_S = 1.0
+"""Tolerance of stamps: modules of an autopilot stamp their messages milliseconds apart, and a link
+that reorders packets delivers them up to 1 s late."""
+_BOOT_ROUND_S = 2**32 * 1e-3
+"""Wrap of `time_boot_ms`: 32 bits, 49.7 days."""
+_HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ModeLeft:
+    """The autopilot has left the mode that follows the companion's setpoints. mode: the new one."""
+
+    mode: str
+
+
+Shown = AutopilotFound | AutopilotRestarted | AutopilotConflict | ModeLeft
+"""Event of the autopilot that a message reveals."""
+
+
+class Listener:
+    """Identifies the autopilot and keeps the telemetry of it, of radios and ground stations."""
+
+    def __init__(self) -> None:
+        self.identity = Identity()
+        self.telemetry = Telemetry()
+        self._boot_clock = SourceClock(round_s=_BOOT_ROUND_S, behind_s=_CLOCK_TOLERANCE_S)
+        self._order = PacketOrder(same={CURRENT_MODE_ID: _HEARTBEAT}, boot_clock=self._boot_clock)
+        self._packet_s = 0.0
+
+    @property
+    def autopilot(self) -> Autopilot | None:
+        """Autopilot that was received first."""
+        return self.identity.autopilot
+
+    def is_autopilots(self, message: Message, link: str) -> bool:
+        """Returns True for a message of the autopilot on its link."""
+        autopilot = self.identity.autopilot
+        source = (message.get_srcSystem(), message.get_srcComponent())
+        return (
+            autopilot is not None
+            and link == autopilot.link
+            and source == (autopilot.system_id, autopilot.component_id)
+        )
+
+    def hear(self, message: Message, *, link: str, role: LinkRole, now_s: float) -> Shown | None:
+        """Takes a message of any sender on a link with this role; returns its autopilot event."""
+        event: Shown | None = None
+        message_id = message.get_msgId()
+        if message_id == _HEARTBEAT:
+            if translate.is_ground_station(message):
+                self.telemetry = translate.update(self.telemetry, message, now_s)
+            elif role is LinkRole.AUTOPILOT:
+                event = self.identity.hear(message, link=link, now_s=now_s)
+                if isinstance(event, AutopilotFound):
+                    self._forget()
+        if self.is_autopilots(message, link):
+            event = event or self._read_clock(message, now_s)
+            if isinstance(event, AutopilotRestarted):
+                self._forget()
+            before = self.telemetry.autopilot
+            if not self._order.is_late(message, now_s):
+                self._packet_s = self.identity.heard_s = now_s
+                self.telemetry = translate.update(self.telemetry, message, now_s)
+            after = self.telemetry.autopilot
+            if event is None and before and before.ours and after and not after.ours:
+                event = ModeLeft(mode=after.mode)
+        elif message_id in RADIO_IDS:
+            # A telemetry radio has its own ids: system 51, component 68.
+            self.telemetry = translate.update(self.telemetry, message, now_s)
+        return event
+
+    def _read_clock(
+        self, message: Message, now_s: float
+    ) -> AutopilotRestarted | AutopilotConflict | None:
+        """Event from the autopilot's clock: its restart, or a second clock under its ids."""
+        boot_s, autopilot = translate.boot_time_s(message), self.identity.autopilot
+        if boot_s is None or autopilot is None:
+            return None
+        reading = self._boot_clock.read(boot_s, now_s)
+        if reading is Reading.RESTARTED:
+            return AutopilotRestarted(autopilot=autopilot)
+        if reading is Reading.FOREIGN:
+            return self.identity.note_other_clock(now_s)
+        return None
+
+    def count_packets(
+        self,
+        counted: SourceStatistics,
+        round_trip_s: float | None = None,
+        shortest_round_trip_s: float = 0.0,
+    ) -> None:
+        """Takes the counts of the autopilot's packets on its link, and the round-trip times."""
+        statistics = LinkStatistics(
+            received_s=self._packet_s,
+            packets_received=counted.received,
+            packets_lost=counted.lost,
+            off_stream=counted.off_stream,
+            packets_late=self._order.late,
+            round_trip_s=round_trip_s,
+            shortest_round_trip_s=shortest_round_trip_s,
+        )
+        self.telemetry = replace(self.telemetry, link=statistics)
+
+    def _forget(self) -> None:
+        """Drops the telemetry of the autopilot or its predecessor; the mode comes back at 1 Hz."""
+        before = self.telemetry
+        self._order.restart()
+        self._boot_clock.reset()
+        self.telemetry = Telemetry(
+            autopilot=before.autopilot,
+            radio=before.radio,
+            ground_station=before.ground_station,
+            link=before.link,
+        )

@@ -1,0 +1,446 @@
+"""The mission machine: transitions between the states of the contract.
+
+A pure step machine: `command`, `planned`, `unplanned` and `tick` take the present status and an
+event, and return the next status with the effects that the companion carries out. The supervisor's
+ruling on the flight is a part of the situation.
+
+    idle -> planning -> ready -> flying -> at_target | landing_leg -> holding
+    in control, and a pilot takes the mode:        -> overridden
+    streaming, and failsafe, stale data or fault:  -> released
+    in control, and the supervisor requires it:    -> holding, or an exit, or an evacuation
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..mission_states import IN_CONTROL, STREAMING, MissionState
+from ..safety.conditions import Action
+from ..safety.supervisor import Acting, Ruling
+from ..types import Mission
+from .values import (
+    Answer,
+    Do,
+    Effect,
+    MissionStatus,
+    Order,
+    Overrule,
+    Say,
+    Seek,
+    Situation,
+    Step,
+    Task,
+    Verdict,
+)
+
+_INTERRUPTED = IN_CONTROL - {MissionState.HOLDING}
+"""Flights that may be resumed after a pilot's takeover; a hold by an operator may not."""
+
+_CONTINUED = set(MissionState) - STREAMING | {MissionState.HOLDING}
+"""States whose task may be continued by an operator's order."""
+
+_LET_GO = {MissionState.OVERRIDDEN, MissionState.RELEASED}
+
+_CROSSED_S = 0.5
+"""An order this soon after an event was sent before its operator knew of the event."""
+
+_HELD_S = 1.0
+"""Minimum hold before a flight resumes by itself: as long as any condition that holds."""
+
+_DONE = Say("every target is done", MissionState.HOLDING.words)
+_ARRIVED = Say("above the landing point", MissionState.HOLDING.words)
+
+_AGAIN_S = 2.0
+"""Time until an escape route without a path is sought again: much may have changed."""
+
+_WAYS_OUT = {
+    Action.EXIT: (Mission.EXIT, Mission.EVACUATION),
+    Action.EVACUATION: (Mission.EVACUATION,),
+}
+"""Missions sought for the supervisor's actions: the first one that has a plan."""
+_LEADS_OUT = {Mission.EXIT: "exiting", Mission.EVACUATION: "evacuating"}
+"""Texts for the companion's action then."""
+_OUTWARD = tuple(Task(mission=way) for way in _WAYS_OUT[Action.EXIT])
+
+
+def restarted(rest: Task | None) -> MissionStatus:
+    """Status at the start of a process. rest: task left by the process before, for a `continue`."""
+    return MissionStatus(task=rest)
+
+
+def command(
+    status: MissionStatus, order: Task | Order, order_id: int, world: Situation, now_s: float
+) -> Step:
+    """Carries out an operator's order."""
+    if isinstance(order, Task):
+        return _sought(status, order, order_id, world, now_s)
+    if order is Order.CONTINUE:
+        stands = status.held or status.state in _CONTINUED
+        if status.task is None or not stands:
+            return _rejected(status, order_id, "nothing is held")
+        if status.task.done:
+            return _rejected(status, order_id, "nothing is left to fly")
+        return _sought(status, status.task, order_id, world, now_s)
+    done = Answer(order_id, Verdict.ACCEPTED)
+    overtaken, status = _cancelled(status), replace(status, order_id=None)
+    if order is Order.HOLD and status.state in IN_CONTROL:
+        held, effects = _enter(replace(status, goes_on=False), MissionState.HOLDING, now_s)
+        return held, (*overtaken, *effects, Do.BRAKE, Overrule(_known(world, now_s)), done)
+    if order is Order.HOLD and status.state is MissionState.READY:
+        # The mode may have been given and not yet received: the stream must not end.
+        ready = replace(status, held=True, sought=None)
+        return ready, (*overtaken, Do.BRAKE, done, Say("ready to hold"))
+    if status.state in STREAMING or status.state is MissionState.PLANNING:
+        rest = MissionState.IDLE if order is Order.HOLD else MissionState.RELEASED
+        silent, effects = _silenced(status, rest, f"{order.value} on command", now_s, farewell=True)
+        return silent, (*overtaken, *effects, done)
+    if status.state is MissionState.OVERRIDDEN:
+        # The task that a returned mode would resume is dropped.
+        dropped = replace(status, task=None)
+        if order is Order.RELEASE:
+            dropped, effects = _enter(dropped, MissionState.RELEASED, now_s)
+            return dropped, (*effects, done)
+        return dropped, (done,)
+    if order is Order.RELEASE:
+        return replace(status, task=None), (done,)
+    return _rejected(status, order_id, "nothing is flown")
+
+
+def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
+    """Takes the plan of `sought`; it begins where the aircraft was at the request."""
+    if status.sought is None:
+        return status, ()
+    in_control = status.state in IN_CONTROL
+    ruling = world.ruling.apart_from(status.known)
+    if ruling.leading is not None and ruling.action is Action.RELEASE:
+        return _released(status, ruling, ruling.leading, world, now_s)
+    if status.state is MissionState.PLANNING and (unfit := _unfit(status.sought, world)):
+        idle, effects = _enter(status, MissionState.IDLE, now_s)
+        order_id = status.order_id
+        return idle, effects if order_id is None else (
+            *effects,
+            *_rejected(idle, order_id, unfit)[1],
+        )
+    found = replace(status, task=status.sought, held=False, goes_on=False)
+    found, effects = _enter(
+        replace(found, no_way=status.no_way - {status.sought}),
+        MissionState.FLYING if in_control else MissionState.READY,
+        now_s,
+    )
+    if status.order_id is None:
+        return found, effects
+    return found, (*effects, Overrule(status.known), Answer(status.order_id, Verdict.ACCEPTED))
+
+
+def unplanned(
+    status: MissionStatus, reason: str, now_s: float, *, waits: bool = False, failed: bool = False
+) -> Step:
+    """Handles a missing plan of `sought`: a flight continues or holds, planning ends in idle.
+
+    waits: a condition reports the same, and when it clears, a task that no operator has ordered
+    is sought again. failed: the planner has failed, rather than found no path. Nothing is
+    requested of it for a while, except to continue an escape route that was begun.
+    """
+    sought = status.sought
+    if sought is None:
+        return status, ()
+    answers = () if status.order_id is None else (Answer(status.order_id, Verdict.DENIED, reason),)
+    if status.state is MissionState.PLANNING:
+        idle, effects = _enter(status, MissionState.IDLE, now_s)
+        return idle, (*effects, *answers)
+    if status.order_id is not None:
+        return replace(status, sought=None, order_id=None), answers
+    if sought.mission is not Mission.INSPECTION and not waits:
+        say = Say(reason, f"no {sought.mission.value}", serious=True, news=False)
+        inspects = status.task is not None and status.task.mission is Mission.INSPECTION
+        vain = _OUTWARD if failed and inspects else (sought,)
+        return replace(status, sought=None).without(*vain, now_s=now_s), (say,)
+    held = _entered(status, MissionState.HOLDING, now_s)
+    say = Say(reason, MissionState.HOLDING.words, serious=True)
+    return replace(held, task=sought, goes_on=waits), (say,)
+
+
+def withdrawn(status: MissionStatus, order_id: int, now_s: float) -> Step:
+    """Drops an order that the operator cancelled while its plan was awaited."""
+    if status.order_id != order_id:
+        return status, ()
+    if status.state is MissionState.PLANNING:
+        return _enter(status, MissionState.IDLE, now_s)
+    return replace(status, sought=None, order_id=None), ()
+
+
+def tick(
+    status: MissionStatus,
+    world: Situation,
+    *,
+    ready_timeout_s: float,
+    resume: bool,
+    now_s: float,
+) -> Step:
+    """Runs one cycle; conditions that end our control come first."""
+    state, ruling = status.state, world.ruling
+    if status.no_way and status.sought is None and now_s - status.no_way_s >= _AGAIN_S:
+        status = replace(status, no_way=frozenset())
+    if status.order_id is not None:
+        # The operator knew these conditions when ordering: the request does not fail for them.
+        status = replace(status, known=status.known & ruling.names)
+        ruling = ruling.apart_from(status.known)
+    if state is MissionState.IDLE and status.task is not None and ruling.acts("ground"):
+        return MissionStatus(since_s=now_s), ()
+    if state is MissionState.OVERRIDDEN:
+        return _overridden(status, world, resume=resume, now_s=now_s)
+    if state not in STREAMING and state is not MissionState.PLANNING:
+        return status, ()
+    leading = ruling.leading
+    if leading is not None and ruling.action is Action.RELEASE:
+        return _released(status, ruling, leading, world, now_s)
+    given = state is MissionState.READY and world.mode_ours
+    if state in IN_CONTROL or given:
+        supervised = _supervised(status, ruling, now_s, on_leg=world.on_leg)
+        if supervised is not None:
+            return supervised
+    elif ruling.action >= Action.HOLD and not _heeds(status, ruling.action):
+        idle, effects = _silenced(status, MissionState.IDLE, ruling.reason, now_s, farewell=True)
+        rest = status.task if state is MissionState.PLANNING else None
+        return replace(idle, task=rest), effects
+    return _onward(status, world, ready_timeout_s, now_s)
+
+
+def _released(
+    status: MissionStatus, ruling: Ruling, leading: Acting, world: Situation, now_s: float
+) -> Step:
+    """Ends control for the supervisor; a last setpoint at rest while the mode is still ours."""
+    farewell = ruling.farewell and world.mode_ours
+    return _silenced(status, leading.condition.rest, leading.reason, now_s, farewell=farewell)
+
+
+def _heeds(status: MissionStatus, action: Action) -> bool:
+    """True if the flown or sought task is the escape that `action` requires, or a graver one."""
+    task = status.sought or status.task
+    return task is not None and _suits(task, action)
+
+
+def _suits(task: Task, action: Action) -> bool:
+    """True if a task is the escape that an action requires, or a graver one."""
+    return not task.flown and task.mission in _WAYS_OUT.get(action, ())
+
+
+def _supervised(
+    status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool
+) -> Step | None:
+    """Applies the supervisor's action to a flight in control; None if there is nothing to do."""
+    if ruling.action is Action.HOLD:
+        return _braked(status, ruling, now_s, goes_on=True)
+    if ruling.action in _WAYS_OUT:
+        return _led_out(status, ruling, now_s, on_leg=on_leg)
+    task = status.task
+    if not status.goes_on or status.sought is not None or task is None or task in status.no_way:
+        return None
+    if now_s - status.since_s < _HELD_S:
+        return None
+    say = Say(f"resuming {task.mission.value}", news=status.no_way_s < status.since_s)
+    return replace(status, sought=task), (say, Seek(task))
+
+
+def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, goes_on: bool) -> Step:
+    """Holds here; a task that an operator has held meanwhile, or that is done, does not resume."""
+    failed = _failed(status, ruling.reason)
+    if status.state is MissionState.HOLDING:
+        if status.sought is None:
+            return status, ()
+        going_on = goes_on and (status.goes_on or status.order_id is None)
+        held = replace(status, sought=None, order_id=None, goes_on=going_on)
+        return held, (*failed, Do.BRAKE)
+    left = status.task is not None and not status.task.done
+    goes_on = goes_on and left and not status.held
+    held = _entered(replace(status, goes_on=goes_on, held=False), MissionState.HOLDING, now_s)
+    action = MissionState.HOLDING.words
+    say = Say(ruling.reason, action, serious=True, condition=ruling.name)
+    return held, (*failed, Do.BRAKE, say)
+
+
+def _led_out(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool) -> Step | None:
+    """Seeks the required escape route, if it is not flown already, or the next best.
+
+    Without one, an escape that is flown continues as it can; anything else holds. A landing leg
+    is flown to its end, also from a hold on it.
+    """
+    task, holds = status.task, status.state is MissionState.HOLDING
+    if task is None or task.flown:
+        return None
+    stands = status.sought is None and (holds or task in status.no_way)
+    lands = status.state is MissionState.LANDING_LEG and status.sought is None
+    if (lands or _heeds(status, ruling.action)) and not stands:
+        return None
+    ways = [
+        way
+        for mission in (*_WAYS_OUT[ruling.action], Mission.EXIT)  # rather than to stay
+        for way in (task, Task(mission=mission))
+        if way.mission is mission and way not in status.no_way
+    ]
+    if on_leg and task.mission is not Mission.INSPECTION and task not in status.no_way:
+        ways.insert(0, task)
+    if not ways:
+        if task.mission is not Mission.INSPECTION and not holds:
+            return None
+        return _braked(status, ruling, now_s, goes_on=False)
+    wanted = ways[0]
+    if status.order_id is None and wanted == (status.sought or (None if holds else task)):
+        return None
+    sought = replace(status, sought=wanted, order_id=None, goes_on=False)
+    action = _LEADS_OUT[wanted.mission]
+    say = Say(ruling.reason, action, serious=True, news=False, condition=ruling.name)
+    return sought, (*_failed(status, ruling.reason), say, Seek(wanted))
+
+
+def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now_s: float) -> Step:
+    """Takes the next step of the mission while no condition is against it."""
+    state, task = status.state, status.task
+    if state is MissionState.READY:
+        if world.mode_ours:
+            given = MissionState.HOLDING if status.held else MissionState.FLYING
+            return _enter(replace(status, held=False), given, now_s, keep_sought=True)
+        # Only a mode received after the deadline counts: it may have been given before that.
+        late = world.mode_heard_s - status.since_s >= ready_timeout_s
+        if late or world.astray:
+            reason = "the mode was not given" if late else "the aircraft has left its place"
+            return _silenced(status, MissionState.IDLE, reason, now_s, farewell=True)
+    elif state is MissionState.FLYING and world.on_leg:
+        return _enter(status, MissionState.LANDING_LEG, now_s, keep_sought=True)
+    elif state is MissionState.LANDING_LEG and not world.on_leg:
+        return _enter(status, MissionState.FLYING, now_s, keep_sought=True)
+    elif state is MissionState.FLYING and world.arrived and task is not None:
+        if task.mission is Mission.INSPECTION:
+            return _enter(status, MissionState.AT_TARGET, now_s, keep_sought=True)
+        return _landed_above(status, now_s)
+    elif state is MissionState.LANDING_LEG and world.arrived:
+        return _landed_above(status, now_s)
+    elif state is MissionState.AT_TARGET and task is not None and status.sought is None:
+        if now_s - status.since_s < world.dwell_s:
+            return status, ()
+        rest = replace(task, stops=task.stops[1:])
+        if rest.done:
+            held = _entered(status, MissionState.HOLDING, now_s)
+            return replace(held, task=rest), (_DONE,)
+        return replace(status, sought=rest), (Seek(rest),)
+    return status, ()
+
+
+def _landed_above(status: MissionStatus, now_s: float) -> Step:
+    """Ends the landing leg: only the autopilot's landing is left."""
+    held = _entered(status, MissionState.HOLDING, now_s, keep_sought=True)
+    task = None if held.task is None else replace(held.task, flown=True)
+    return replace(held, task=task), (_ARRIVED, Do.LAND)
+
+
+def _overridden(status: MissionStatus, world: Situation, *, resume: bool, now_s: float) -> Step:
+    """Stays silent while a pilot flies, unless the mode is given back and `resume` is set.
+
+    A condition that would have ended our control ends what may be resumed, also if overridden.
+    """
+    gravest, task = next(iter(world.ruling.conditions), None), status.task
+    if gravest is not None and gravest.condition.action is Action.RELEASE:
+        return _silenced(status, gravest.condition.rest, gravest.reason, now_s)
+    if resume and world.mode_ours and task is not None and not task.done:
+        return _sought(status, task, None, world, now_s)
+    return status, ()
+
+
+def _sought(
+    status: MissionStatus, task: Task, order_id: int | None, world: Situation, now_s: float
+) -> Step:
+    """Seeks a task's plan, if it could be flown; in control the flight continues meanwhile."""
+    obstruction = world.ruling.against(task.mission)
+    if obstruction is not None:
+        return status, () if order_id is None else _rejected(status, order_id, obstruction)[1]
+    crossed = status.state in _LET_GO and now_s - status.since_s < _CROSSED_S
+    if crossed and order_id is not None:
+        return _rejected(status, order_id, "just let go")
+    known = _known(world, now_s)
+    news = world.ruling.apart_from(known)
+    if order_id is not None and news.action >= Action.HOLD and not _suits(task, news.action):
+        return _rejected(status, order_id, f"{news.reason} (just begun)")
+    effects = _cancelled(status)
+    if status.state not in STREAMING:
+        status = replace(status, state=MissionState.PLANNING, since_s=now_s)
+        effects = (*effects, Say(f"planning {task.mission.value}"))
+    sought = replace(status, sought=task, order_id=order_id, known=known)
+    return sought, (*effects, Seek(task))
+
+
+def _known(world: Situation, now_s: float) -> frozenset[str]:
+    """Conditions that an operator who orders now can know."""
+    return world.ruling.names_since(now_s - _CROSSED_S)
+
+
+def _unfit(task: Task, world: Situation) -> str | None:
+    """Reason why a found plan cannot begin from where the aircraft is now."""
+    return "the aircraft has left its place" if world.astray else world.ruling.against(task.mission)
+
+
+def _rejected(status: MissionStatus, order_id: int, reason: str) -> Step:
+    return status, (Answer(order_id, Verdict.TEMPORARILY_REJECTED, reason),)
+
+
+def _enter(
+    status: MissionStatus, state: MissionState, now_s: float, *, keep_sought: bool = False
+) -> Step:
+    """Enters a state and reports it; drops the awaited plan, unless kept."""
+    entered = _entered(status, state, now_s, keep_sought=keep_sought)
+    return entered, (Say(state_words(state, status.task)),)
+
+
+def _entered(
+    status: MissionStatus, state: MissionState, now_s: float, *, keep_sought: bool = False
+) -> MissionStatus:
+    """Enters a state; drops the awaited plan, unless kept."""
+    entered = replace(status, state=state, since_s=now_s)
+    return entered if keep_sought else replace(entered, sought=None, order_id=None)
+
+
+def state_words(state: MissionState, task: Task | None) -> str:
+    """Text of a state: `flying inspection to splice-inner`, `at target splice-inner`."""
+    if task is None or state in {MissionState.IDLE, MissionState.RELEASED}:
+        return state.words
+    goal = task.stops[0] if task.stops else ""
+    if state is MissionState.AT_TARGET:
+        return f"{state.words} {goal}".rstrip()
+    if state is MissionState.LANDING_LEG:
+        return f"{state.words} of the {task.mission.value}"
+    if state is MissionState.READY:
+        return f"{state.words} for {task.mission.value}"
+    to_goal = f" to {goal}" if goal and state is MissionState.FLYING else ""
+    return f"{state.words} {task.mission.value}{to_goal}"
+
+
+def _cancelled(status: MissionStatus) -> tuple[Effect, ...]:
+    """Answer to an order that a newer one overtakes."""
+    if status.order_id is None:
+        return ()
+    return (Answer(status.order_id, Verdict.CANCELLED, "overtaken by a newer order"),)
+
+
+def _failed(status: MissionStatus, reason: str) -> tuple[Effect, ...]:
+    """Answer to an order that the supervisor forbids."""
+    return () if status.order_id is None else (Answer(status.order_id, Verdict.FAILED, reason),)
+
+
+def _silenced(
+    status: MissionStatus,
+    state: MissionState,
+    reason: str,
+    now_s: float,
+    *,
+    farewell: bool = False,
+) -> Step:
+    """Ends the stream; an open order fails.
+
+    With `farewell` a last setpoint at rest is sent, if there was a stream. Without it nothing
+    more is sent: the autopilot has left our control, or our data on the aircraft is not reliable.
+    """
+    taken_over = state is MissionState.OVERRIDDEN and status.state in _INTERRUPTED
+    interrupted = status.task if taken_over else None
+    last = (Do.FAREWELL,) if farewell and status.state in STREAMING else ()
+    silent = MissionStatus(state=state, since_s=now_s, task=interrupted)
+    say = Say(reason, state.words, serious=state is not MissionState.IDLE)
+    return silent, (*last, *_failed(status, reason), say)

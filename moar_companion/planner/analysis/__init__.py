@@ -1,0 +1,1 @@
+"""Not used in flight: trade-offs, alternatives, and the paper's baselines."""

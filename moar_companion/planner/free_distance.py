@@ -1,0 +1,122 @@
+"""Reach: the free distance of a straight flight from a place.
+
+Inputs: a site, the vehicle's radius and its position uncertainty; places and directions in the
+plane. Outputs: distances. Cells are blocked as in `maps.occupied`, but by obstacles alone: a leg to
+the ground may pass cells that are too low for plans.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..site import PlanePoint, Site
+from .clearances import Clearances
+from .geometry import obstacle_distance_m, rings
+from .grid import TOLERANCE, BoolArray, FloatArray, Grid, IntArray
+from .ray_cast import free_ahead
+
+_AROUND_M = 20.0
+"""An obstacle farther outside the workspace than this is out of reach."""
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class Reach:
+    """Cells blocked by obstacles, in the workspace and as far around it as obstacles stand.
+
+    Two are equal that block the same cells for the same obstacles, even from different maps.
+    blocked: (nx, nz), 1 where the hull would be nearer to an obstacle than is allowed.
+    """
+
+    grid: Grid
+    blocked: npt.NDArray[np.uint8]
+    clearances: Clearances
+
+    @classmethod
+    def over(
+        cls,
+        site: Site,
+        radius_m: float,
+        position_uncertainty_m: float = 0.0,
+        *,
+        known: tuple[Clearances, ...] = (),
+    ) -> Reach:
+        """The reach on a site of a vehicle whose position is known to `position_uncertainty_m`.
+
+        known: clearances that it may be made from.
+        """
+        widened_m = radius_m + position_uncertainty_m
+        clearances = Clearances.over(_grid(site, widened_m), site.obstacles, *known)
+        blocked = (clearances.room_m < widened_m - TOLERANCE).view(np.uint8)
+        blocked.flags.writeable = False
+        return cls(grid=clearances.grid, blocked=blocked, clearances=clearances)
+
+    def __eq__(self, other: object) -> bool:
+        return self is other or (
+            isinstance(other, Reach)
+            and self.grid == other.grid
+            and self.clearances.obstacles == other.clearances.obstacles
+            and np.array_equal(self.blocked, other.blocked)
+        )
+
+    def __hash__(self) -> int:
+        return hash(self.grid)
+
+    def free_m(self, places_m: FloatArray, directions: FloatArray, farthest_m: float) -> FloatArray:
+        """Free distance from places (n, 2) in directions (n, 2), unit vectors: (n,).
+
+        At most `farthest_m`. The keep-out that a place is in does not count: a leg out of one
+        (`escape`) is checked when it is made.
+        """
+        cell_m = self.grid.resolution_m
+        free: FloatArray = free_ahead(
+            self.blocked,
+            np.ascontiguousarray((places_m - np.array(self.grid.lower_m)) / cell_m),
+            np.ascontiguousarray(directions / cell_m),
+            farthest_m,
+        )
+        return free
+
+    def leads_inwards(self, places_m: FloatArray, directions: FloatArray) -> BoolArray:
+        """Mask (n,) of places (n, 2) in a keep-out whose direction (n, 2) leads no farther out."""
+        rooms_m = []
+        for ahead in (0.0, self.grid.resolution_m):
+            cells = self._cells(places_m + ahead * directions)
+            rooms_m.append(self.clearances.room_m[cells])
+        inside: BoolArray = self.blocked[self._cells(places_m)].view(np.bool_)
+        return inside & (rooms_m[1] <= rooms_m[0])
+
+    def _cells(self, places_m: FloatArray) -> tuple[IntArray, IntArray]:
+        """The indices of the cells that places (n, 2) are in; those outside, of the nearest."""
+        cells = np.floor((places_m - np.array(self.grid.lower_m)) / self.grid.resolution_m)
+        x, z = np.clip(cells, 0, np.array(self.grid.shape) - 1).astype(np.int64).T
+        return x, z
+
+    def nearest(self, place_m: PlanePoint) -> str:
+        """The name of the obstacle whose keep-out is the nearest to a place."""
+        place = np.array([place_m])
+        return min(
+            self.clearances.obstacles,
+            key=lambda item: float(obstacle_distance_m(item, place)[0]) - item.keep_out_m,
+        ).name
+
+
+def _grid(site: Site, widened_m: float) -> Grid:
+    """The workspace's grid, with whole cells added where obstacles stand outside it."""
+    space = site.workspace
+    inner = Grid.over(space.lower_m, space.upper_m, space.resolution_m)
+    cell_m = space.resolution_m
+    vertices, first, radius_m, keep_out_m = rings(site.obstacles)
+    around_m = np.repeat(widened_m + radius_m + keep_out_m, np.diff(first))
+    lower_m, shape = [], []
+    for axis, (low, high) in enumerate(zip(inner.lower_m, inner.upper_m, strict=True)):
+        beyond = low - (vertices[:, axis] - around_m).min(initial=low)
+        before = math.ceil(min(beyond, _AROUND_M) / cell_m)
+        beyond = (vertices[:, axis] + around_m).max(initial=high) - high
+        after = math.ceil(min(beyond, _AROUND_M) / cell_m)
+        lower_m.append(low - before * cell_m)
+        shape.append(before + inner.shape[axis] + after)
+    return Grid(lower_m=tuple(lower_m), resolution_m=cell_m, shape=tuple(shape))

@@ -1,0 +1,276 @@
+"""Planning jobs: requests of the companion to the planner, and the answers.
+
+A job leaves the machine as a value, and its answer enters the machine as another. The planner can
+therefore run in a thread, in lockstep, or from a recording.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ..autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
+from ..errors import InputError
+from ..mavlink.statustext import short_name
+from ..planner.crowding import part_in_the_way
+from ..planner.escape import pocket, way_in
+from ..planner.free_distance import Reach
+from ..planner.plan_values import Plan, PlanRequest, PlanStatus
+from ..planner.plane_fence import PlaneFence
+from ..planner.planner import Planner
+from ..planner.regions import obstacle_room_m
+from ..safety.checks import compass
+from ..site import PlanePoint
+from ..types import Mission
+from ..vehicle import Vehicle
+from .planner_set import Planners
+
+_NARROWED = (0.5, 1.0)
+"""Fractions of the tracking error that a blocked escape route omits, in this order. A tracking
+error is visible in flight, and the setpoint waits for the aircraft. A position error is not visible
+in flight: its margin is kept."""
+_AWAY_M = 0.5
+"""Distance of the sample points that show the direction away from an obstacle."""
+_MOST_POCKETS = 8
+"""Maximum number of tried pockets: free cells from which the goal cannot be reached."""
+_REASON_LENGTH = 36
+"""Length of a text's 50 characters that is left between "MOAR: " and ", denied"."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanJob:
+    """A request with the number that its answer carries.
+
+    widening_m: obstacle inflation beyond keep-outs. fence: of the autopilot, as far as it cuts the
+    site. failsafes: of the autopilot; places from where one would hit an obstacle cost more.
+    narrowed_m: part of the margin that an active escape route omits.
+    """
+
+    job_id: int
+    request: PlanRequest
+    widening_m: float = 0.0
+    fence: PlaneFence | None = None
+    failsafes: Failsafes = NO_FAILSAFES
+    narrowed_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PlanAnswer:
+    """The plan of a job, or the reason why there is none.
+
+    escape_m: corners of the escape or recovery leg from the start, the plan's first point last; ()
+    where the plan begins at the start.
+    reach: to obstacles with the plan's inflation; None: no inflation.
+    too_wide: a plan exists without inflation. failed: the planner has not answered.
+    narrowed_m: part of the margin that the plan omits, since none keeps the whole margin.
+    deadly: rejected; an offboard loss or link failsafe on this path would hit an obstacle.
+    detail: the reason as a whole sentence, where that is too long for a pilot's text.
+    """
+
+    job_id: int
+    plan: Plan | None
+    reason: str = ""
+    escape_m: tuple[PlanePoint, ...] = ()
+    reach: Reach | None = None
+    narrowed_m: float = 0.0
+    too_wide: bool = False
+    failed: bool = False
+    deadly: bool = False
+    detail: str = ""
+
+
+def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
+    """Plans; where the start permits no plan, plans from the end of the escape leg.
+
+    An escape route that the margin blocks is planned with less of it; the position error is kept.
+    """
+    planners.expose(job.failsafes)
+    cell = planners.exact.maps.grid.cell_of(job.request.start_m)
+    if job.narrowed_m and cell is not None and planners.exact.maps.occupied[cell]:
+        # Inside the margin the flight goes on, and does not turn to leave the margin.
+        going_on = _narrowed(planners, job, job.narrowed_m)
+        if going_on is not None and not going_on.escape_m:
+            return going_on
+    answer = _answer(planners.widened_by(job.widening_m, job.fence), job)
+    if answer.plan is not None:
+        return answer
+    inspects = job.request.mission is Mission.INSPECTION
+    tracking_m = planners.exact.site.margin.tracking_m
+    for part in _NARROWED if tracking_m and not inspects else ():
+        narrower = _narrowed(planners, job, part * tracking_m)
+        if narrower is not None:
+            return narrower
+    # Within the fence first: a fence that only forces a detour is not the cause.
+    if job.widening_m and _answer(planners.widened_by(0.0, job.fence), job).plan is not None:
+        return replace(answer, too_wide=True)
+    crowded = _crowded(planners.exact, answer, job) if inspects else None
+    if crowded is None and job.fence is not None:
+        free = _answer(planners.widened_by(job.widening_m), job)
+        if free.plan is not None:
+            return _fenced_off(answer, free.plan, job.fence)
+    return crowded or answer
+
+
+def _narrowed(planners: Planners, job: PlanJob, narrowed_m: float) -> PlanAnswer | None:
+    """The answer with the margin reduced by `narrowed_m`; None where that finds no plan either."""
+    answer = _answer(planners.widened_by(job.widening_m - narrowed_m, job.fence), job)
+    return None if answer.plan is None else replace(answer, narrowed_m=narrowed_m)
+
+
+def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer | None:
+    """The answer that the margin, or a part of it, blocks a target; None if it does not."""
+    part = part_in_the_way(exact, lambda freer: _answer(freer, job).plan is not None, job.fence)
+    if part is None:
+        return None
+    return replace(
+        answer,
+        reason=f"no way with margin {exact.site.margin.total_m:.2f} m",
+        detail=f"{answer.reason}: {part}",
+    )
+
+
+def _fenced_off(answer: PlanAnswer, plan: Plan, fence: PlaneFence) -> PlanAnswer:
+    """The answer that only the fence blocks a plan."""
+    goal_m = plan.waypoints.position_m[-1:]
+    all_limits = ", ".join(bound.name for bound in fence.bounds)
+    crossed = fence.crossed(goal_m) or fence.crossed(plan.waypoints.position_m) or all_limits
+    request = plan.request
+    goal = request.target if isinstance(request.target, str) else request.mission.value
+    short = f"{goal} outside {crossed}"
+    return replace(
+        answer,
+        reason=short if len(short) <= _REASON_LENGTH else f"outside {crossed}",
+        detail=f"no way to {goal} inside the autopilot's fence, {crossed}, "
+        f"less {fence.margin_m:g} m ({answer.reason})",
+    )
+
+
+def _answer(planner: Planner, job: PlanJob) -> PlanAnswer:
+    request = job.request
+    try:
+        start_m = (request.start_m[0], request.start_m[1])
+        far_m = planner.site.workspace.outside_m(start_m)
+        if far_m > planner.vehicle.guidance.recovery_m:
+            return PlanAnswer(job_id=job.job_id, plan=None, reason=too_far(far_m, planner.vehicle))
+        plan, escape_m = _led_in(planner, request, start_m)
+    except InputError as error:
+        reason = f"{error.problem} ({error})"
+        if request.mission is not Mission.INSPECTION:
+            reason = f"no landing point in sight ({error})"
+        return PlanAnswer(job_id=job.job_id, plan=None, reason=reason)
+    if plan.status is not PlanStatus.FOUND:
+        words = _words(planner, request, plan.status, begins=not escape_m)
+        reason = f"{words} ({plan.reason})"
+        return PlanAnswer(job_id=job.job_id, plan=None, reason=reason)
+    return PlanAnswer(
+        job_id=job.job_id,
+        plan=plan,
+        escape_m=escape_m,
+        reach=planner.maps.reach if planner.maps.position_uncertainty_m else None,
+    )
+
+
+def _led_in(
+    planner: Planner, request: PlanRequest, start_m: PlanePoint
+) -> tuple[Plan, tuple[PlanePoint, ...]]:
+    """The plan, and the corners of the leg to its start; () where it begins at the request's start.
+
+    The leg is the shortest one to a free cell from which there is a plan.
+    """
+    maps, low_m = planner.maps, planner.site.workspace.min_altitude_m
+    cell = maps.grid.cell_of(start_m)
+    plan: Plan | None = None
+    escape_m: tuple[PlanePoint, ...] = ()
+    if cell is None or maps.occupied[cell] or (low_m is not None and start_m[1] < low_m):
+        barred = np.zeros_like(maps.occupied)
+        for _ in range(_MOST_POCKETS):
+            corners_m = way_in(planner.site, planner.vehicle, maps, start_m, barred)
+            if not corners_m:
+                break
+            escape_m = corners_m
+            plan = planner.solve(replace(request, start_m=corners_m[-1], velocity_mps=(0.0, 0.0)))
+            if plan.status is not PlanStatus.UNREACHABLE:
+                break
+            barred |= pocket(maps, corners_m[-1])
+    return plan or planner.solve(request), escape_m
+
+
+def too_far(outside_m: float, vehicle: Vehicle) -> str:
+    """Reason why no flight begins so far outside the workspace."""
+    return f"{outside_m:.0f} m outside > {vehicle.guidance.recovery_m:g}, fly it back"
+
+
+def _words(planner: Planner, request: PlanRequest, status: PlanStatus, *, begins: bool) -> str:
+    """Reason why there is no plan, for people: about aircraft, target by name, or path.
+
+    begins: the plan was to begin at the aircraft.
+    """
+    if begins and status in {PlanStatus.OUT_OF_BOUNDS, PlanStatus.START_OCCUPIED}:
+        place = _words_of_start(planner, (request.start_m[0], request.start_m[1]))
+        if place is not None:
+            return place
+    inspects = request.mission is Mission.INSPECTION
+    goal = short_name(str(request.target)) if inspects else request.mission.value
+    if status is PlanStatus.UNREACHABLE:
+        return f"no free way to {goal}" if inspects else "no free way"
+    if status is PlanStatus.OUT_OF_BOUNDS:
+        return f"{goal} outside the workspace"
+    return f"{goal} too near obstacles" if inspects else "no landing point is in sight"
+
+
+def _words_of_start(planner: Planner, start_m: PlanePoint) -> str | None:
+    """Reason why no plan can begin at a place, with a manual direction; None where one can.
+
+    The direction is towards the workspace, or away from the nearest obstacle.
+    """
+    site, maps = planner.site, planner.maps
+    x_m, z_m = start_m
+    low_m, azimuth_rad = site.workspace.min_altitude_m, math.radians(site.frame.azimuth_deg)
+    ahead, behind = compass(azimuth_rad), compass(azimuth_rad + math.pi)
+    if low_m is not None and z_m < low_m:
+        return f"aircraft at {max(z_m, 0.1):.1f} m < {low_m:g}: climb"
+    cell = maps.grid.cell_of(start_m)
+    if cell is None:
+        (left_m, bottom_m), (right_m, top_m) = maps.grid.lower_m, maps.grid.upper_m
+        off_m, side, way = max(
+            (left_m - x_m, behind, f"fly {ahead}"),
+            (x_m - right_m, ahead, f"fly {behind}"),
+            (z_m - top_m, "above", "descend"),
+            (bottom_m - z_m, "below", "climb"),
+        )
+        of = "" if side in {"above", "below"} else " of"
+        return f"{max(off_m, 0.1):.1f} m {side}{of} workspace: {way}"
+    if not maps.occupied[cell]:
+        return None
+    around_m = np.array(start_m) + _AWAY_M * np.array([(0, 1), (1, 0), (-1, 0), (0, -1)])
+    away = ("up", ahead, behind, "down")[int(obstacle_room_m(site, around_m).argmax())]
+    return f"too near {short_name(maps.reach.nearest(start_m))}: fly {away}"
+
+
+def preparations(planner: Planner) -> list[Callable[[], None]]:
+    """Calls that precompute the data of the site's goals, one call for each goal.
+
+    The first target and the escape routes come first; no more than can be kept.
+    """
+    site = planner.site
+    targets = [(Mission.INSPECTION, target.name) for target in site.targets]
+    ways_out = [(mission, None) for mission in site.landing_m]
+    goals = [*targets[:1], *ways_out, *targets[1:]]
+    return [partial(_prepare, planner, *goal) for goal in goals[: planner.most_prepared]]
+
+
+def prepare_for(planners: Planners, job: PlanJob) -> None:
+    """Precomputes the data of a job's goal, if it is not available."""
+    if not job.widening_m and job.fence is None:
+        _prepare(planners.exact, job.request.mission, job.request.target)
+
+
+def _prepare(planner: Planner, mission: Mission, target: str | int | None) -> None:
+    # A fault of a goal is reported when the goal is ordered.
+    with contextlib.suppress(InputError):
+        planner.prepare(mission=mission, target=target)

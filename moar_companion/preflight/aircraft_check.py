@@ -1,0 +1,305 @@
+"""Check of the aircraft before the flight: one machine without I/O. Bytes and time in, bytes out.
+
+It receives as the service does, with the same ids and a heartbeat, and requests streams,
+parameters and the version. It never sends a setpoint, a mode or a parameter.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from ..autopilots import failsafe_parameters, failsafes_of
+from ..autopilots.fence import fence_of, fence_parameters
+from ..config import CompanionConfig, LinkRole
+from ..estimation.pose_tracker import Surroundings
+from ..mavlink.identity import Autopilot, AutopilotConflict
+from ..mavlink.peers import Address
+from ..mavlink.session import Session, SystemStatus
+from ..mavlink.signing import Refusal, Signing, link_signings
+from ..planner.planner import Planner
+from ..power import PowerModel
+from ..risk import RiskEstimate, update
+from ..risk.holding import holding_parameters
+from ..safety.checks import Seen, causes
+from ..safety.conditions import Causes
+from ..safety.offboard_loss import Loss, loss_parameters
+from ..types import AutopilotKind
+from ..vehicle import Vehicle
+from . import ardupilot_parameters, px4_parameters
+from .aircraft import Arrivals, Sight, aircraft_findings
+from .failsafes import failsafe_findings
+from .fence_check import fence_findings
+from .findings import Finding, Level
+from .held_wind import held_wind_finding
+from .offboard_loss_ways import loss_findings, objection_level
+from .rules import Case, parameter_findings
+
+WAIT_S = 10.0
+"""Ten heartbeats: an autopilot that sends none in this time is absent."""
+_LOOK_S = 6.0
+"""Six heartbeats, three battery messages, enough packets for a loss of some percent."""
+_LONGEST_LOOK_S = 20.0
+"""Data that has not come by then is unknown."""
+_RISK_PERIOD_S = 0.1
+_VERSION_PERIOD_S = 1.0
+
+_REFUSAL_REMEDIES = {
+    Refusal.UNSIGNED: "give the sender the key (configs/README.md, Signing), or find who sends it",
+    Refusal.WRONG: "give the sender the key that signing names, or find who sends it",
+    Refusal.OLD: "compare the clocks here and there; a sender whose clock is right is replayed",
+}
+
+_RULES = {
+    AutopilotKind.PX4: px4_parameters.RULES,
+    AutopilotKind.ARDUPILOT: ardupilot_parameters.RULES,
+}
+
+
+def _parameters(kind: AutopilotKind) -> tuple[str, ...]:
+    """Names of the parameters requested of an autopilot, each once."""
+    rules = (rule.parameter for rule in _RULES.get(kind, ()))
+    asked = (
+        *loss_parameters(kind),
+        *fence_parameters(kind),
+        *failsafe_parameters(kind),
+        *holding_parameters(kind),
+    )
+    return tuple(dict.fromkeys((*rules, *asked)))
+
+
+class Preflight:
+    """Machine of the preflight check. planner: of the site; None checks the aircraft alone.
+
+    signing: needed if links are signed.
+    """
+
+    def __init__(
+        self,
+        config: CompanionConfig,
+        vehicle: Vehicle,
+        planner: Planner | None,
+        *,
+        signing: Signing | None = None,
+    ) -> None:
+        self._limits = config.supervision
+        self._vehicle = vehicle
+        self._power = PowerModel.of(vehicle)
+        self._planner = planner
+        self._site = site = None if planner is None else planner.site
+        self._session = Session(
+            links={link.url: link.role for link in config.links},
+            system_id=config.system_id,
+            component_id=config.component_id,
+            commands=config.commands,
+            signing=link_signings(config.links, signing),
+        )
+        self._asked_links = [link.url for link in config.links if link.role is LinkRole.AUTOPILOT]
+        self._surroundings = Surroundings(site, vehicle.autopilot)
+        self._risk = RiskEstimate.unknown(vehicle.risk)
+        self._others: list[Autopilot] = []
+        self._positions = self._attitudes = Arrivals()
+        self._bytes_heard = 0
+        self._began_s: float | None = None
+        self._found_s: float | None = None
+        self._risk_due_s = self._version_due_s = -math.inf
+        self._now_s = 0.0
+        self._done = False
+
+    @property
+    def done(self) -> bool:
+        """True if enough data was received, or none for too long."""
+        return self._done
+
+    @property
+    def found(self) -> bool:
+        """True if an autopilot was received, and so the aircraft was checked."""
+        return self._session.telemetry.autopilot is not None
+
+    def receive(self, link: str, data: bytes, now_s: float, address: Address | None = None) -> None:
+        """Takes bytes from a link, split anywhere. address: their sender on a listening link."""
+        before = self._session.telemetry
+        self._bytes_heard += len(data)
+        self._session.receive(link, data, now_s, address)
+        after = self._session.telemetry
+        if after.local_position not in (None, before.local_position):
+            self._positions = self._positions.another(now_s)
+        if after.attitude not in (None, before.attitude):
+            self._attitudes = self._attitudes.another(now_s)
+
+    def tick(self, now_s: float) -> None:
+        """Runs one cycle; to be called at 10 Hz or more."""
+        self._now_s = now_s
+        if self._began_s is None:
+            self._began_s = now_s
+        session = self._session
+        session.tick(now_s, SystemStatus.STANDBY)
+        self._others += [
+            event.other
+            for event in session.events_received()
+            if isinstance(event, AutopilotConflict)
+        ]
+        if session.autopilot is None:
+            self._done = now_s - self._began_s >= WAIT_S
+            return
+        if self._found_s is None:
+            self._found_s = now_s
+            session.want_parameters(_parameters(session.autopilot.kind))
+            session.want_fence()
+        self._surroundings.look(session.telemetry)
+        if now_s >= self._risk_due_s:
+            self._risk_due_s = now_s + _RISK_PERIOD_S
+            self._risk = update(
+                self._risk,
+                session.telemetry,
+                now_s,
+                model=self._vehicle.risk,
+                cruise_mps=self._vehicle.speed.horizontal_mps,
+                power=self._power,
+            )
+        if session.telemetry.firmware is None and now_s >= self._version_due_s:
+            self._version_due_s = now_s + _VERSION_PERIOD_S
+            session.request_version()
+        looked_s = now_s - self._found_s
+        self._done = looked_s >= (_LOOK_S if self._all_told() else _LONGEST_LOOK_S)
+
+    def data_to_send(self) -> list[tuple[str, bytes]]:
+        """Returns the packets since the last call, in order, each with its link's name."""
+        return self._session.data_to_send()
+
+    def peers(self, link: str) -> tuple[Address, ...]:
+        """Addresses to which a listening link sends; empty for other links."""
+        return self._session.peers(link)
+
+    def findings(self) -> list[Finding]:
+        """Returns the findings, once `done`."""
+        session = self._session
+        autopilot, status = session.autopilot, session.telemetry.autopilot
+        if autopilot is None or status is None:
+            return [self._silence(), *self._refusals()]
+        sight = Sight(
+            autopilot=autopilot,
+            status=status,
+            others=tuple(self._others),
+            telemetry=session.telemetry,
+            risk=self._risk,
+            positions=self._positions.until(self._now_s),
+            attitudes=self._attitudes.until(self._now_s),
+            pose=self._surroundings.pose,
+            causes=self._causes(),
+        )
+        case = Case(
+            vehicle=self._vehicle,
+            parameters=session.parameters,
+            ground_station_heard=session.telemetry.ground_station is not None,
+            objection=objection_level(self._limits.loss_action),
+        )
+        return [
+            *self._refusals(),
+            *aircraft_findings(sight, self._vehicle, self._site, self._limits),
+            *parameter_findings(_RULES.get(autopilot.kind, ()), case),
+            *self._fence(autopilot.kind),
+            held_wind_finding(autopilot.kind, session.parameters, self._vehicle, self._limits),
+            *self._if_we_die(autopilot.kind),
+            *self._failsafes(autopilot.kind),
+        ]
+
+    def _causes(self) -> Causes:
+        """Returns the service's reasons against a flight now."""
+        seen = Seen(
+            telemetry=self._session.telemetry,
+            risk=self._risk,
+            pose=self._surroundings.pose,
+            position_moved_s=self._surroundings.position_moved_s,
+            azimuth_rad=None if self._site is None else math.radians(self._site.frame.azimuth_deg),
+        )
+        return causes(seen, self._limits, self._vehicle.guidance.off_path_m, self._now_s)
+
+    def _fence(self, kind: AutopilotKind) -> list[Finding]:
+        session, items = self._session, self._session.fence_items
+        names = fence_parameters(kind)
+        readiness = session.telemetry.readiness
+        fence = fence_of(
+            kind,
+            {**dict.fromkeys(names), **session.parameters},
+            items or (),
+            enabled=readiness is not None and readiness.fence_enabled,
+        )
+        if fence is None:
+            return []
+        return fence_findings(
+            self._planner,
+            fence,
+            self._surroundings.home_m,
+            self._limits.fence_margin_m,
+            told=items is not None,
+        )
+
+    def _if_we_die(self, kind: AutopilotKind) -> list[Finding]:
+        loss = Loss.of(kind, self._session.parameters)
+        if self._planner is None or loss is None:
+            return []
+        home_m = self._surroundings.home_m
+        return loss_findings(self._planner, loss, home_m, self._limits.loss_action)
+
+    def _failsafes(self, kind: AutopilotKind) -> list[Finding]:
+        names = failsafe_parameters(kind)
+        told = failsafes_of(kind, {**dict.fromkeys(names), **self._session.parameters})
+        if self._planner is None or told is None:
+            return []
+        told = replace(told, home_m=self._surroundings.home_m)
+        return failsafe_findings(self._planner, told, self._limits, self._power)
+
+    def _all_told(self) -> bool:
+        """True if nothing that was requested may still come."""
+        session = self._session
+        assert session.autopilot is not None
+        fence_told = session.fence_items is not None or session.fence_silent
+        known = session.telemetry.firmware is not None and fence_told
+        return known and all(
+            name in session.parameters for name in _parameters(session.autopilot.kind)
+        )
+
+    def _refusals(self) -> list[Finding]:
+        """Returns findings on packets that the signed links have refused."""
+        behind = [
+            Finding(
+                level=Level.WARNING,
+                subject="signing",
+                text=f"{link}: system {system_id} signs {seconds:.0f} s behind, refused",
+                remedy="set its clock and this computer's",
+            )
+            for link, signers in self._session.signers_behind_s.items()
+            for system_id, seconds in signers.items()
+        ]
+        return behind + [
+            Finding(
+                level=Level.WARNING,
+                subject="signing",
+                text=f"{link}: {count} packets refused, {reason.value}",
+                remedy=_REFUSAL_REMEDIES[reason],
+            )
+            for link, counts in self._session.packets_refused.items()
+            for reason, count in counts.items()
+            if count
+        ]
+
+    def _silence(self) -> Finding:
+        """Returns the finding of a missing autopilot, with hints at the cause."""
+        links = ", ".join(self._asked_links)
+        if self._bytes_heard == 0:
+            remedy = (
+                "is it running, and is this the port that it sends to (on a serial line: the "
+                "right device, TX and RX crossed, MAVLink set up on that port)?"
+            )
+        else:
+            remedy = (
+                f"{self._bytes_heard} bytes came, but no autopilot's heartbeat: is the baud rate "
+                "right, is it MAVLink, is it an autopilot that sends?"
+            )
+        return Finding(
+            level=Level.NO_GO,
+            subject="autopilot",
+            text=f"none heard on {links} for {WAIT_S:g} s",
+            remedy=remedy,
+        )

@@ -1,0 +1,1 @@
+"""Pure: recordings through the companion's eyes."""

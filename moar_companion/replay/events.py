@@ -1,0 +1,173 @@
+"""Events of a recording: messages, and changes of telemetry. No I/O."""
+
+from __future__ import annotations
+
+from ..mavlink.commands import Command, DeniedCommand, MissionCommand, PauseContinue
+from ..mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
+from ..mavlink.passive_listener import AnswerSaid, Said, TextSaid
+from ..mission_states import MissionState
+from ..outlets.replay_report import ReplayEvent
+from ..risk.battery import WARNINGS
+from ..risk.explain import rise_words
+from ..risk.indices import IndexReport
+from ..types import AutopilotStatus, Battery, Gnss, Telemetry
+
+SILENCE_S = 3.0
+"""Three missed heartbeats: the autopilot is silent."""
+_TWICE_S = 1.0
+"""A message that was sent over two links is in a recording twice."""
+_SAME_TEXT_S = 10.0
+"""Minimum time between two events with the same text."""
+_FIX_3D = 3
+_POWERED_V = 5.0
+"""Below this voltage USB feeds the autopilot, and its battery report is meaningless."""
+_RISK_HIGH, _RISK_LOW = 0.6, 0.3
+"""An index is reported when it becomes high, and again only after it was low. High is above the
+value of an index without inputs."""
+_MISSION_WORD = "MOAR: "
+"""Prefix of the companion's texts, which begin or end with a state: `holding`, `at target A`."""
+
+
+class Chronicle:
+    """Events in order of time; `now_s` is set before each call.
+
+    battery_low: the fraction left at which a battery without a charge state counts as low.
+    """
+
+    def __init__(self, *, battery_low: float) -> None:
+        self.now_s = 0.0
+        self.events: list[ReplayEvent] = []
+        self.mission_state: str | None = None
+        """The state that the companion last reported."""
+        self.silent = False
+        """True while no message of the autopilot arrives."""
+        self._battery_low = battery_low
+        self._fix: bool | None = None
+        self._had_fix = False
+        self._battery_words: dict[int, str] = {}
+        self._told_s: dict[tuple[str, str], float] = {}
+        self._high: set[str] = set()
+
+    def tell(self, kind: str, text: str, *, again_after_s: float = 0.0) -> None:
+        """Adds an event, unless the same was added less than `again_after_s` ago."""
+        told_s = self._told_s.get((kind, text))
+        if told_s is None or self.now_s - told_s >= again_after_s:
+            self._told_s[kind, text] = self.now_s
+            self.events.append(ReplayEvent(time_s=self.now_s, kind=kind, text=text))
+
+    def watch_link(self, telemetry: Telemetry) -> None:
+        """Adds an event when the autopilot falls silent or is received again."""
+        if telemetry.link is None:
+            return
+        silent = self.now_s - telemetry.link.received_s > SILENCE_S
+        if silent and not self.silent:
+            self.tell("link", "the autopilot is not heard")
+        elif self.silent and not silent:
+            self.tell("link", "the autopilot is heard again")
+        self.silent = silent
+
+    def watch_risk(self, name: str, value: float, report: IndexReport) -> None:
+        """Adds an event, with its cause, when measurements make an index high."""
+        if name in self._high:
+            if value < _RISK_LOW:
+                self._high.remove(name)
+        elif min(value, report.target) >= _RISK_HIGH and report.cause is not None:
+            self._high.add(name)
+            self.tell("risk", rise_words(name, report))
+
+    def take(self, said: Said) -> None:
+        """Adds an event for a message that a witness received."""
+        if isinstance(said, AutopilotFound):
+            found = said.autopilot
+            self.tell("autopilot", f"{found.kind.value}, system {found.system_id}")
+        elif isinstance(said, AutopilotRestarted):
+            self.tell("autopilot", "restarted")
+        elif isinstance(said, AutopilotConflict):
+            other = said.other
+            self.tell("autopilot", f"a second one: {other.kind.value}, system {other.system_id}")
+        elif isinstance(said, TextSaid):
+            self._take_text(said)
+        elif isinstance(said, AnswerSaid):
+            answer = said.result.name.replace("_", " ").lower()
+            self.tell("answer", answer, again_after_s=_TWICE_S)
+        else:
+            sender = f"from {said.sender.system_id}/{said.sender.component_id}"
+            self.tell("order", f"{_order_words(said)} {sender}", again_after_s=_TWICE_S)
+
+    def _take_text(self, said: TextSaid) -> None:
+        text = said.heard.text
+        state = _mission_state(text) if said.ours else None
+        if state is not None:
+            self.mission_state = state.value
+            self.tell("mission", text.removeprefix(_MISSION_WORD), again_after_s=_TWICE_S)
+            return
+        speaker = "companion" if said.ours else "autopilot"
+        self.tell("text", f"{speaker} {said.heard.severity}: {text}", again_after_s=_SAME_TEXT_S)
+
+    def compare(self, before: Telemetry, after: Telemetry) -> None:
+        """Adds events for the changes of telemetry by one message."""
+        if after.autopilot is not None and after.autopilot is not before.autopilot:
+            self._compare_status(before.autopilot, after.autopilot)
+        if after.gnss is not None and after.gnss is not before.gnss:
+            self._compare_fix(after.gnss)
+        if after.batteries is not before.batteries:
+            for number, battery in after.batteries.items():
+                if battery is not before.batteries.get(number):
+                    self._compare_battery(number, battery)
+
+    def _compare_status(self, before: AutopilotStatus | None, after: AutopilotStatus) -> None:
+        if before is None or before.mode != after.mode:
+            self.tell("mode", after.mode)
+        if after.armed != (before is not None and before.armed):
+            self.tell("armed", "armed" if after.armed else "disarmed")
+        if after.failsafe != (before is not None and before.failsafe):
+            self.tell("failsafe", "failsafe" if after.failsafe else "failsafe over")
+
+    def _compare_fix(self, gnss: Gnss) -> None:
+        fix = gnss.fix_type >= _FIX_3D
+        if fix != self._fix:
+            found = "3D fix again" if self._had_fix else "3D fix"
+            lost = "3D fix lost" if self._had_fix else "no 3D fix"
+            self.tell("gps", found if fix else lost)
+        self._fix = fix
+        self._had_fix = self._had_fix or fix
+
+    def _compare_battery(self, number: int, battery: Battery) -> None:
+        """Compares the autopilot's charge state; the fraction left where it never reports one."""
+        if battery.voltage_v is not None and battery.voltage_v < _POWERED_V:
+            return
+        known = self._battery_words.get(number, "")
+        word = WARNINGS.get(battery.charge_state or 0, "")
+        if battery.charge_state is None:
+            if battery.remaining is None or (known and not known.startswith("at ")):
+                return
+            low = self._battery_low
+            word = f"at {low:.0%}" if battery.remaining <= low else ""
+        if word != known:
+            self.tell("battery", f"battery {number} {word or 'no longer low'}")
+        self._battery_words[number] = word
+
+
+def _mission_state(text: str) -> MissionState | None:
+    """The state that a text of the companion reports; None if it reports none."""
+    if not text.startswith(_MISSION_WORD):
+        return None
+    words = text.removeprefix(_MISSION_WORD)
+    action = words.rpartition(", ")[2]
+    return next(
+        (
+            state
+            for state in MissionState
+            if action == state.words or f"{words} ".startswith(f"{state.words} ")
+        ),
+        None,
+    )
+
+
+def _order_words(order: Command) -> str:
+    if isinstance(order, MissionCommand):
+        index = "" if order.index is None else f" {order.index}"
+        return f"{getattr(order.mission, 'value', order.mission)}{index}"
+    if isinstance(order, PauseContinue):
+        return "pause" if order.pause else "continue"
+    return order.reason if isinstance(order, DeniedCommand) else f"command {order.command}"

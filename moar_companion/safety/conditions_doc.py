@@ -1,0 +1,31 @@
+"""The supervisor's table as configs/README.md shows it; `python -m moar_companion.safety.conditions_doc`."""
+
+from __future__ import annotations
+
+import sys
+
+from .conditions import CONDITIONS, Action
+
+
+def documentation() -> str:
+    """Returns CONDITIONS as the table of configs/README.md."""
+    rows = ["| condition | starts when | action | acts after | clears | overridden by |"]
+    rows.append("|---|---|---|---|---|---|")
+    for row in CONDITIONS:
+        clears = "by a new order" if row.latched else _seconds("over for", row.over_s, "at once")
+        if row.action is Action.RELEASE:
+            clears = f"{row.rest.value} until a new order"
+        after = _seconds("", row.after_s, "at once")
+        rows.append(
+            f"| `{row.name}` | {row.starts} | {row.action.name.lower()} | {after} | {clears} "
+            f"| {row.override.value} |"
+        )
+    return "\n".join(rows)
+
+
+def _seconds(word: str, seconds: float, none: str) -> str:
+    return f"{word} {seconds:g} s".strip() if seconds else none
+
+
+if __name__ == "__main__":
+    sys.stdout.write(documentation() + "\n")

@@ -1,0 +1,268 @@
+"""Failsafe exposure: autopilot failsafes, and the obstacles that they would hit from here.
+
+Inputs: the autopilot's parameters and home, received links, the aircraft's place, its batteries,
+the time. Outputs: the failsafes that count now, and a reason to leave the place. The aircraft must
+leave before a battery's action that would hit an obstacle. It must also leave after a maximum stay
+where an action without a forecast would hit one. Pure.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ..autopilots import failsafe_parameters, failsafes_of
+from ..autopilots.failsafe_actions import (
+    BATTERY,
+    NO_FAILSAFES,
+    Action,
+    FailsafeAction,
+    Failsafes,
+    Hit,
+    Trigger,
+)
+from ..config import Supervision
+from ..estimation.pose import home_moved
+from ..planner.free_distance import Reach
+from ..power import Meter, PowerModel, is_powered
+from ..types import AutopilotKind, Telemetry, Vector
+
+_STAYS = frozenset({Action.NONE, Action.HOLD})
+"""Actions after which the aircraft stays in place."""
+_NEAR_VOLTAGE = 1.03
+"""Factor on a voltage threshold: a lithium cell sags by 0.1 V (3 %) when a multirotor climbs."""
+_UNKNOWN_LEAVING_S = 60.0
+"""Time to leave where no escape route is known: that of the longest exit of the shipped sites."""
+_OVER_S = 2.0
+"""A shorter time without exposure, as between two cells, does not end an exposure."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Exposed:
+    """An action that would hit an obstacle from the aircraft's place.
+
+    forecast: the time until the action is known, not only a bound of it.
+    """
+
+    action: FailsafeAction
+    hit: Hit
+    forecast: bool
+
+
+class FailsafeWatch:
+    """Keeps the autopilot's failsafes, and the time since when one would hit an obstacle."""
+
+    def __init__(self, limits: Supervision, power: PowerModel) -> None:
+        self._limits = limits
+        self._power = power
+        self._told: tuple[object, ...] = ()
+        self._all = NO_FAILSAFES
+        self.known = False
+        """True once all parameters were received, or requested often enough."""
+        self._heard: frozenset[Trigger] = frozenset()
+        self._exposed: tuple[Exposed, ...] = ()
+        self._since_s: float | None = None
+        self._seen_s = self._noted_s = -math.inf
+        self.failsafes = NO_FAILSAFES
+        """Failsafes that move the aircraft; RC loss counts only once RC was received."""
+
+    @property
+    def untold(self) -> tuple[str, ...]:
+        """Parameters that the autopilot never reported, taken at their defaults."""
+        return self._all.untold
+
+    def learn(
+        self,
+        kind: AutopilotKind,
+        parameters: Mapping[str, float | None],
+        home_m: Vector | None,
+        telemetry: Telemetry,
+    ) -> bool:
+        """Takes parameters and home, (x, y, z) in the site's frame; returns True if any is new."""
+        heard = self._heard | heard_links(kind, telemetry)
+        told = (kind, heard, *(parameters.get(name, "") for name in failsafe_parameters(kind)))
+        before_m = self._all.home_m
+        moved = home_moved(home_m, before_m)
+        if told == self._told and not moved:
+            return False
+        self._told, self._heard = told, heard
+        found = failsafes_of(kind, parameters)
+        self.known = found is not None
+        if found is None:
+            return False
+        self._all = replace(found, home_m=home_m if moved else before_m)
+        self.failsafes = moving(self._all, heard)
+        return True
+
+    def look(
+        self,
+        place_m: Vector | None,
+        reach: Reach | None,
+        telemetry: Telemetry,
+        meter: Meter,
+        now_s: float,
+    ) -> None:
+        """Updates the obstacles that actions would hit from here; no update at unknown places."""
+        if place_m is None or reach is None:
+            return
+        place = np.array([[place_m[0], place_m[2]]])
+        found = []
+        for item in self.failsafes.actions:
+            hit = replace(self.failsafes, actions=(item,)).hit(reach, place)
+            if hit is not None:
+                times_s = self._times_s(item, telemetry, meter)
+                forecast = bool(times_s) and None not in times_s
+                found.append(Exposed(action=item, hit=hit[1], forecast=forecast))
+        self._exposed = tuple(found)
+        if not all(item.forecast for item in found):
+            self._since_s = now_s if self._since_s is None else self._since_s
+            self._seen_s = now_s
+        elif now_s - self._seen_s > _OVER_S:
+            self._since_s = None
+
+    def end(self) -> None:
+        """Clears the exposure after a flight."""
+        self._exposed, self._since_s, self._seen_s = (), None, -math.inf
+
+    def reason(
+        self,
+        telemetry: Telemetry,
+        meter: Meter,
+        *,
+        leaving_s: float | None,
+        limit_s: float,
+        from_s: float,
+        now_s: float,
+    ) -> str | None:
+        """Reason to leave, as text with the value; None while the aircraft may stay.
+
+        leaving_s: to the last exposed place of the escape route; None: unknown. limit_s: maximum
+        stay where an action has no forecast, counted from `from_s` at the earliest.
+        """
+        battery = self._battery_reason(telemetry, meter, leaving_s)
+        if battery is not None:
+            return battery
+        stayed_s = self._stayed_s(from_s, now_s)
+        if stayed_s is None or stayed_s <= limit_s:
+            return None
+        return f"{self._where()}: {stayed_s:.0f} s ({limit_s:.0f})"
+
+    def note(self, limit_s: float, from_s: float, now_s: float) -> str | None:
+        """Warning text, once, halfway to the limit; None at other times."""
+        stayed_s = self._stayed_s(from_s, now_s)
+        if stayed_s is None or not 0.5 * limit_s <= stayed_s <= limit_s or self._noted_s >= from_s:
+            return None
+        self._noted_s = now_s
+        return f"{self._where()}, exit in {limit_s - stayed_s:.0f} s"
+
+    def _stayed_s(self, from_s: float, now_s: float) -> float | None:
+        return None if self._since_s is None else now_s - max(self._since_s, from_s)
+
+    def _where(self) -> str:
+        unforeseen = [item for item in self._exposed if not item.forecast]
+        if not unforeseen:
+            return "a failsafe hits an obstacle"
+        return f"{unforeseen[0].action.trigger.value} hits {unforeseen[0].hit.obstacle}"
+
+    def _times_s(
+        self, action: FailsafeAction, telemetry: Telemetry, meter: Meter
+    ) -> list[float | None]:
+        """Flight times until an action, or until an earlier battery action ends our control.
+
+        After a hold on a low battery, no controller moves the aircraft before the critical action.
+        """
+        if action.trigger not in BATTERY:
+            return []
+        return [
+            time_s
+            for item in self._all.of(BATTERY).actions
+            if item.action is not Action.NONE
+            for time_s in _times_s(item, telemetry, meter, self._power)
+        ]
+
+    def _battery_reason(
+        self, telemetry: Telemetry, meter: Meter, leaving_s: float | None
+    ) -> str | None:
+        """Text for a battery action that comes too soon to leave in time; None if there is none."""
+        here = {
+            item.action.trigger: item for item in self._exposed if item.action.trigger in BATTERY
+        }
+        if not here and not leaving_s:
+            return None
+        if leaving_s is None:
+            leaving_s = _UNKNOWN_LEAVING_S
+        for action in self.failsafes.of(BATTERY).actions:
+            left_s = _soonest_s(self._times_s(action, telemetry, meter))
+            hits = action.trigger in here or leaving_s > 0.0
+            if left_s is None or not hits:
+                continue
+            if left_s - leaving_s >= self._limits.exposure_reserve_s:
+                continue
+            words = f"battery {action.action.value}"
+            if action.trigger in here:
+                return f"{words} hits {here[action.trigger].hit.obstacle}, {left_s:.0f} s left"
+            return f"{words} in {left_s:.0f} s, {leaving_s:.0f} s to leave"
+        return None
+
+
+def moving(failsafes: Failsafes, heard: frozenset[Trigger]) -> Failsafes:
+    """Returns the failsafes that move the aircraft; RC loss only if RC was ever received.
+
+    A ground station always counts: the autopilot may receive one that is not forwarded to us.
+    """
+    return replace(
+        failsafes,
+        actions=tuple(
+            item
+            for item in failsafes.actions
+            if item.action not in _STAYS
+            and (item.trigger in heard or item.trigger is not Trigger.RC_LOSS)
+        ),
+    )
+
+
+def heard_links(kind: AutopilotKind, telemetry: Telemetry) -> frozenset[Trigger]:
+    """The links that the autopilot is known to receive, by the trigger of their loss."""
+    readiness, remote = telemetry.readiness, telemetry.remote_control
+    if kind is AutopilotKind.ARDUPILOT and readiness is not None:
+        # ArduPilot reports channels without any receiver, too.
+        remote = None if readiness.remote_control_ok is None else remote
+    return frozenset() if remote is None else frozenset({Trigger.RC_LOSS})
+
+
+def _soonest_s(times_s: Iterable[float | None]) -> float | None:
+    """The earliest time with a forecast; None where there is none."""
+    return min((time_s for time_s in times_s if time_s is not None), default=None)
+
+
+def _times_s(
+    action: FailsafeAction, telemetry: Telemetry, meter: Meter, power: PowerModel
+) -> list[float | None]:
+    """Flight times until the thresholds of a battery's action; None: cannot be forecast."""
+    if action.trigger not in BATTERY:
+        return []
+    times_s: list[float | None] = []
+    if action.charge is not None:
+        times_s.append(meter.until_s(power, action.charge))
+    if action.voltage_v is not None:
+        times_s.append(_until_voltage_s(action.voltage_v, telemetry, meter, power))
+    return times_s
+
+
+def _until_voltage_s(
+    voltage_v: float, telemetry: Telemetry, meter: Meter, power: PowerModel
+) -> float | None:
+    """Flight time until a pack's voltage; None without the number of cells, until it is near."""
+    volts = [
+        battery.voltage_v
+        for battery in telemetry.batteries.values()
+        if battery.voltage_v is not None and is_powered(battery)
+    ]
+    if volts and min(volts) <= _NEAR_VOLTAGE * voltage_v:
+        return 0.0
+    if power.cells is None:
+        return None
+    return meter.until_s(power, 1.0 - power.cell_voltage_v.fraction(voltage_v / power.cells))

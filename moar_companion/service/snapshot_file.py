@@ -1,0 +1,118 @@
+"""File of the mission snapshot: complete at any moment, written without blocking the control loop.
+
+    DIRECTORY/mission.json
+
+A new file is written beside it and renamed over it. A killed process or a loss of power leaves the
+old file or the new one. After a failed write the file is removed: an outdated snapshot is worse
+than none.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import os
+from pathlib import Path
+
+from ..companion.mission_snapshot import Memory, decoded, encoded
+from ..outlets.background_writer import Batches, Writer
+from ..safety.file_faults import FileFault, words
+
+_NAME = "mission.json"
+_LONGEST_BYTES = 65536
+"""A longer file is not a mission snapshot."""
+
+_logger = logging.getLogger(__name__)
+
+
+class MemoryFile:
+    """File in a folder, and the thread that writes it.
+
+    Only the constructor raises OSError, if the folder cannot be written.
+    """
+
+    def __init__(self, directory: Path) -> None:
+        directory.mkdir(parents=True, exist_ok=True)
+        self._path = directory / _NAME
+        self._beside = _beside(self._path)
+        self._beside.write_bytes(b"")
+        self._beside.unlink()
+        self._load_fault: FileFault | None = None
+        self._write_fault: FileFault | None = None
+        self._writer = Writer("memory", self._write_loop)
+
+    @property
+    def faults(self) -> tuple[FileFault, ...]:
+        """Current faults of the file; a file that was unusable at the start stays in the list."""
+        return tuple(filter(None, (self._load_fault, self._write_fault)))
+
+    def load(self, clock_offset_s: float) -> Memory | None:
+        """Returns the snapshot; None without one. Logs an unusable file, moves a broken one aside.
+
+        clock_offset_s: wall clock minus the machine's clock, now.
+        """
+        try:
+            with self._path.open("rb") as file:
+                return decoded(file.read(_LONGEST_BYTES), clock_offset_s)
+        except FileNotFoundError:
+            return None
+        except OSError as error:
+            _logger.warning("%s: not read: %s", self._path, error.strerror)
+            self._load_fault = FileFault(reason="state file unreadable", action="starting idle")
+        except ValueError:
+            aside = self._path.with_suffix(".broken")
+            _logger.warning("%s: no memory of this version, put aside as %s", self._path, aside)
+            with contextlib.suppress(OSError):
+                self._path.replace(aside)
+            self._load_fault = FileFault(reason="state file unusable", action="starting idle")
+        return None
+
+    def save(self, memory: Memory, clock_offset_s: float) -> None:
+        """Queues a snapshot for writing; of several that wait, only the newest is written."""
+        self._writer.put(encoded(memory, clock_offset_s))
+
+    def close(self) -> None:
+        """Waits a limited time for the pending write."""
+        self._writer.close()
+
+    def _write_loop(self, batches: Batches) -> None:
+        for batch in batches:
+            self._write(*batch[-1])
+
+    def _write(self, data: bytes) -> None:
+        try:
+            write_whole(self._path, data)
+        except OSError as error:
+            level = logging.WARNING if self._write_fault is None else logging.DEBUG
+            reason = f"no state file: {words(error)}"
+            self._write_fault = FileFault(reason=reason, action="restart goes idle")
+            _logger.log(level, "%s: not written: %s", self._path, error.strerror)
+            for path in (self._beside, self._path):
+                with contextlib.suppress(OSError):
+                    path.unlink(missing_ok=True)
+        else:
+            self._write_fault = None
+
+
+def write_whole(path: Path, data: bytes) -> None:
+    """Writes a file so that it is the old one or the new one at any moment; raises OSError."""
+    beside = _beside(path)
+    with beside.open("wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(file.fileno())
+    beside.replace(path)
+    _sync(path.parent)
+
+
+def _beside(path: Path) -> Path:
+    return path.with_name(f".{path.name}.new")
+
+
+def _sync(directory: Path) -> None:
+    """Makes a rename survive a loss of power."""
+    descriptor = os.open(directory, os.O_RDONLY | os.O_DIRECTORY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
