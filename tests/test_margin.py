@@ -11,7 +11,7 @@ from moar_companion.margin import SEEN, flown_site, margin_of, seen_margin
 from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
-from moar_companion.planning.planner_set import Planners
+from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Margin, Site
 from moar_companion.types import AutopilotKind, Mission, RiskIndices, Weights
 from moar_companion.vehicle import Vehicle
@@ -80,7 +80,7 @@ def inspection_of(target):
         weights=Weights(0.4, 0.3, 0.3),
         risk=RiskIndices(),
     )
-    return answer_job(Planners(Planner(site, X500)), PlanJob(job_id=1, request=request))
+    return answer_job(PlannerSet(Planner(site, X500)), PlanJob(job_id=1, request=request))
 
 
 @pytest.mark.parametrize(

@@ -14,7 +14,7 @@ from typing import Protocol
 
 import numpy as np
 
-from ..planner.free_distance import Reach
+from ..planner.free_distance import FreeDistance
 from ..planner.grid import BoolArray, FloatArray, IntArray
 from ..types import Vector
 
@@ -100,7 +100,7 @@ class Failsafes:
         return replace(self, actions=kept)
 
     def hit(
-        self, reach: Reach, places_m: FloatArray, *, drifting: bool = False
+        self, reach: FreeDistance, places_m: FloatArray, *, drifting: bool = False
     ) -> tuple[FailsafeAction, Hit] | None:
         """First action that would hit an obstacle from these places (n, 2), and its hit.
 
@@ -114,7 +114,9 @@ class Failsafes:
                 return item, found
         return None
 
-    def exposed(self, reach: Reach, places_m: FloatArray, *, drifting: bool = False) -> BoolArray:
+    def exposed(
+        self, reach: FreeDistance, places_m: FloatArray, *, drifting: bool = False
+    ) -> BoolArray:
         """Mask (n,) of the places (n, 2) from which an action hits an obstacle.
 
         drifting: as in `hit`.
@@ -155,7 +157,7 @@ Path = tuple[FloatArray, FloatArray]
 def paths(
     action: Action,
     home: ReturnHeight | None,
-    reach: Reach,
+    reach: FreeDistance,
     places_m: FloatArray,
     home_m: Vector | None,
     drift_m: float = 0.0,
@@ -193,7 +195,7 @@ def paths(
     return [(places_m, above), (above, above_home), (above_home, down)]
 
 
-def first_hit(reach: Reach, ways: list[Path], *, from_within: bool = False) -> Hit | None:
+def first_hit(reach: FreeDistance, ways: list[Path], *, from_within: bool = False) -> Hit | None:
     """First obstacle on these paths, and the index of its place; None without one.
 
     from_within: includes an obstacle whose keep-out contains the start, unless the path leaves it.
@@ -212,7 +214,7 @@ def first_hit(reach: Reach, ways: list[Path], *, from_within: bool = False) -> H
 
 
 def _looked_along(
-    reach: Reach, starts_m: FloatArray, ends_m: FloatArray, *, from_within: bool
+    reach: FreeDistance, starts_m: FloatArray, ends_m: FloatArray, *, from_within: bool
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, IntArray]:
     """Free length of straight paths, and their length on the grid, both in metres.
 

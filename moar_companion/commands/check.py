@@ -20,7 +20,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 from ..config import Authority, CompanionConfig, KeySource
 from ..errors import InputError, LinkError
-from ..service.directories import Place, recorder_folder, state_folder, view_socket
+from ..service.directories import Directory, recorder_folder, state_folder, view_socket
 from ..service.signing_clock import load_signing
 from .options import add_file
 from .outputs import say
@@ -207,7 +207,7 @@ def _files(config: CompanionConfig, vehicle: Vehicle, site: Site | None) -> list
     return found
 
 
-def _folder(subject: str, folder: Place | None, without: str) -> Finding:
+def _folder(subject: str, folder: Directory | None, without: str) -> Finding:
     """Finding on write access to a folder. without: text where no folder is configured."""
     from ..preflight.findings import Finding, Level  # noqa: PLC0415
 
@@ -234,7 +234,7 @@ def _folder_problem(path: Path) -> str | None:
     return None if os.access(there, os.W_OK | os.X_OK) else f"{there} belongs to somebody else"
 
 
-def _view(place: Place | None) -> Finding:
+def _view(place: Directory | None) -> Finding:
     """Finding on the socket of the view: the service must be able to create it."""
     from ..preflight.findings import Finding, Level  # noqa: PLC0415
 

@@ -23,8 +23,8 @@ from .outputs import STDOUT, check_outputs, say, write_output
 
 if TYPE_CHECKING:
     from ..outlets.replay_report import Replay
-    from ..replay.player import Playback
-    from ..replay.site_position import Whereabouts
+    from ..replay.player import Player
+    from ..replay.site_position import SitePosition
     from ..replay.ulog_topics import Sample
     from ..risk.drag_fit import DragFlight
     from ..vehicle import Vehicle
@@ -69,9 +69,9 @@ def run(arguments: argparse.Namespace) -> int:
     vehicle_file = arguments.vehicle or str(shipped_configs() / "vehicles" / "linedrone.yaml")
     _check_outputs(arguments, vehicle_file)
     vehicle = Vehicle.load(vehicle_file)
-    whereabouts = None if arguments.site is None else _whereabouts(arguments.site, vehicle)
+    site_position = None if arguments.site is None else _site_position(arguments.site, vehicle)
     drag = _drag_flight() if arguments.fit_drag else None
-    replay = played(arguments.recording, vehicle, whereabouts, drag)
+    replay = played(arguments.recording, vehicle, site_position, drag)
 
     def draw(stream: IO[bytes]) -> None:
         from ..outlets.replay_picture import draw_replay  # noqa: PLC0415
@@ -131,14 +131,14 @@ def _place_lines(replay: Replay) -> list[str]:
     return lines
 
 
-def _whereabouts(site_file: str, vehicle: Vehicle) -> Whereabouts:
+def _site_position(site_file: str, vehicle: Vehicle) -> SitePosition:
     from ..config import Supervision  # noqa: PLC0415
     from ..margin import flown_site  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
-    from ..replay.site_position import Whereabouts  # noqa: PLC0415
+    from ..replay.site_position import SitePosition  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
 
-    return Whereabouts(Planner(flown_site(Site.load(site_file), vehicle, Supervision()), vehicle))
+    return SitePosition(Planner(flown_site(Site.load(site_file), vehicle, Supervision()), vehicle))
 
 
 def _drag_flight() -> DragFlight:
@@ -163,22 +163,22 @@ def _drag_lines(path: str, flight: DragFlight) -> str:
 def played(
     path: str,
     vehicle: Vehicle,
-    whereabouts: Whereabouts | None = None,
+    site_position: SitePosition | None = None,
     drag: DragFlight | None = None,
 ) -> Replay:
     """A recording, replayed; raises InputError for a file that is none."""
-    from ..mavlink.passive_listener import Witness  # noqa: PLC0415
+    from ..mavlink.passive_listener import PassiveListener  # noqa: PLC0415
     from ..mavlink.tlog import Tlog  # noqa: PLC0415
-    from ..replay.player import Playback  # noqa: PLC0415
+    from ..replay.player import Player  # noqa: PLC0415
 
     data, whole = _content(path)
     name = os.fsencode(Path(path).name).decode(errors="replace")
     if data.startswith(_ULOG):
-        return _ulog_played(path, data, vehicle, whereabouts, drag).finish(name)
+        return _ulog_played(path, data, vehicle, site_position, drag).finish(name)
     tlog = Tlog(data)
     if not tlog.recognised:
         raise InputError(path, "", "is no recording, must be a .tlog, .tlog.gz or .ulg")
-    playback = Playback(vehicle, Witness(), whereabouts, drag=drag)
+    playback = Player(vehicle, PassiveListener(), site_position, drag=drag)
     for record in tlog:
         playback.feed(record.time_s, record.packet)
     if tlog.cut_short:
@@ -196,11 +196,11 @@ def _ulog_played(
     path: str,
     data: bytes,
     vehicle: Vehicle,
-    whereabouts: Whereabouts | None,
+    site_position: SitePosition | None,
     drag: DragFlight | None,
-) -> Playback[Sample]:
-    from ..replay.player import Playback  # noqa: PLC0415
-    from ..replay.ulog import UlogWitness, samples  # noqa: PLC0415
+) -> Player[Sample]:
+    from ..replay.player import Player  # noqa: PLC0415
+    from ..replay.ulog import UlogListener, samples  # noqa: PLC0415
     from ..replay.ulog_topics import TOPICS, Topic  # noqa: PLC0415
 
     try:
@@ -215,7 +215,7 @@ def _ulog_played(
             log = ULog(io.BytesIO(data), list(TOPICS))
     except Exception as error:  # whatever pyulog makes of a broken file
         raise InputError(path, "", f"is no sound ULog: {error}") from error
-    playback = Playback(vehicle, UlogWitness(), whereabouts, drag=drag)
+    playback = Player(vehicle, UlogListener(), site_position, drag=drag)
     dated = [
         item
         for item in log.data_list

@@ -18,7 +18,7 @@ from ..autopilots.fence import fence_parameters
 from ..config import CompanionConfig
 from ..contingency.contingency_planner import Outlook
 from ..estimation.pose import Pose
-from ..estimation.pose_tracker import Ground, Surroundings
+from ..estimation.pose_tracker import Ground, PoseTracker
 from ..guidance.path_follower import Progress
 from ..mavlink.commands import (
     CommandCancelled,
@@ -46,13 +46,13 @@ from ..safety.supervisor import Ruling
 from ..types import Mission, Telemetry, Weights
 from ..vehicle import Vehicle
 from .intake import Arrival, Intake
-from .mission_executor import Conduct
-from .mission_snapshot import Memory
-from .operator_commands import OrderBook
+from .mission_executor import MissionExecutor
+from .mission_snapshot import MissionSnapshot
+from .operator_commands import OperatorCommands
 from .reports import Decision, Reports
-from .restart_report import Awakening
-from .safety_monitor import Overseer
-from .signing_report import Refusals
+from .restart_report import RestartReport
+from .safety_monitor import SafetyMonitor
+from .signing_report import SigningReport
 
 _RISK_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 0.5
@@ -75,7 +75,7 @@ class Companion:
         vehicle: Vehicle,
         ground: Ground | None,
         *,
-        before: Memory | None = None,
+        before: MissionSnapshot | None = None,
         signing: Signing | None = None,
     ) -> None:
         self._config = config
@@ -90,10 +90,12 @@ class Companion:
         )
         self._reports = Reports(self._session)
         self._intake = Intake()
-        self._refusals = Refusals()
-        self._orders = OrderBook(self._session, self._reports)
-        self._overseer = Overseer(config.supervision, vehicle.guidance.off_path_m, self._reports)
-        self._awakening = Awakening(before)
+        self._refusals = SigningReport()
+        self._orders = OperatorCommands(self._session, self._reports)
+        self._safety_monitor = SafetyMonitor(
+            config.supervision, vehicle.guidance.off_path_m, self._reports
+        )
+        self._restart_report = RestartReport(before)
         self._begin(ground)
         self._planner_awaited = False
         self._compiling = ""
@@ -101,7 +103,7 @@ class Companion:
         self._misread_told = False
         self._read_by_s = -math.inf
         """End of an order's wait for the autopilot and its parameters."""
-        self._thought_s: float | None = None
+        self._cycle_s: float | None = None
         self._followed_s: float | None = None
         """Start time of the last cycle whose output was sent in time."""
         self._risk_due_s = -math.inf
@@ -111,19 +113,19 @@ class Companion:
 
     def _begin(self, ground: Ground | None) -> None:
         site = None if ground is None else ground.site
-        self._surroundings = Surroundings(site, self._vehicle.autopilot)
-        self._conduct = Conduct(
+        self._pose_tracker = PoseTracker(site, self._vehicle.autopilot)
+        self._executor = MissionExecutor(
             self._config,
             self._vehicle,
             ground,
             session=self._session,
-            surroundings=self._surroundings,
+            pose_tracker=self._pose_tracker,
             orders=self._orders,
             reports=self._reports,
-            overseer=self._overseer,
-            before=self._awakening.before,
+            safety_monitor=self._safety_monitor,
+            before=self._restart_report.before,
         )
-        self._first_status = self._conduct.status
+        self._first_status = self._executor.status
 
     @property
     def telemetry(self) -> Telemetry:
@@ -133,16 +135,18 @@ class Companion:
     @property
     def status(self) -> MissionStatus:
         """Mission status: state, task and request."""
-        return self._conduct.status
+        return self._executor.status
 
     @property
-    def memory(self) -> Memory | None:
+    def memory(self) -> MissionSnapshot | None:
         """Memory for the next process."""
         status = self.status
         if status == self._first_status:
-            return self._awakening.before
+            return self._restart_report.before
         site = None if self._ground is None else self._ground.site.name
-        return Memory(state=status.state, since_s=status.since_s, task=status.task, site=site)
+        return MissionSnapshot(
+            state=status.state, since_s=status.since_s, task=status.task, site=site
+        )
 
     @property
     def signing_timestamps(self) -> dict[str, int]:
@@ -162,7 +166,7 @@ class Companion:
     @property
     def risk(self) -> RiskEstimate:
         """The risk indices and their inputs."""
-        return self._conduct.risk
+        return self._executor.risk
 
     @property
     def base_weights(self) -> Weights:
@@ -179,23 +183,23 @@ class Companion:
     @property
     def ruling(self) -> Ruling:
         """Permitted action, and the conditions against a flight."""
-        return self._conduct.ruling
+        return self._executor.ruling
 
     @property
     def outlook(self) -> Outlook | None:
         """Battery energy left, and demand of the remaining flight; None without a site."""
-        ways = self._conduct.prospects.ways
+        ways = self._executor.risk_monitor.ways
         return None if ways is None else ways.outlook(self.risk.meter)
 
     @property
     def pose(self) -> Pose | None:
         """Pose of the aircraft in the site's frame; None while unknown."""
-        return self._surroundings.pose
+        return self._pose_tracker.pose
 
     @property
     def clearance_m(self) -> float | None:
         """Distance from the aircraft's hull to the nearest obstacle; None where unknown."""
-        pose, ground = self._surroundings.pose, self._ground
+        pose, ground = self._pose_tracker.pose, self._ground
         if pose is None or ground is None:
             return None
         return ground.clearance_m(pose, self._vehicle.radius_m)
@@ -203,7 +207,7 @@ class Companion:
     @property
     def progress(self) -> Progress | None:
         """Progress of the flight; None while there is none."""
-        pose, flight = self._surroundings.pose, self._conduct.course.flight
+        pose, flight = self._pose_tracker.pose, self._executor.routes.flight
         return None if flight is None or pose is None else flight.progress(pose)
 
     # In
@@ -232,22 +236,22 @@ class Companion:
         """
         self._planner_awaited = True
         if compiling and not self._compiling:
-            self._reports.say(Severity.INFO, compiling, self._thought_s or 0.0)
+            self._reports.say(Severity.INFO, compiling, self._cycle_s or 0.0)
         self._compiling = compiling
 
     def take_ground(self, ground: Ground) -> None:
         """Takes the site when its planner is ready: from now on orders are executed."""
         if self._compiling:
-            self._reports.say(Severity.INFO, "the planner is ready", self._thought_s or 0.0)
+            self._reports.say(Severity.INFO, "the planner is ready", self._cycle_s or 0.0)
         self._ground = ground
         self._planner_awaited, self._compiling = False, ""
-        host = self._conduct.host
+        host = self._executor.host
         self._begin(ground)
-        self._conduct.host = host
+        self._executor.host = host
 
     def note_host(self, host: Host) -> None:
         """Takes the computer's free resources."""
-        self._conduct.host = host
+        self._executor.host = host
 
     def note_wall_clock(self, wall_s: float) -> None:
         """Takes the wall clock, in seconds since 1970, for signatures."""
@@ -257,24 +261,24 @@ class Companion:
         """Ends the setpoint stream at rest, if still permitted, before the process ends."""
         self._notice_pause(now_s)
         self._hear(now_s)
-        self._conduct.shut_down(now_s)
+        self._executor.shut_down(now_s)
 
     def plan_answered(self, answer: PlanAnswer, now_s: float) -> None:
         """Takes the answer to a job; one that is no longer awaited is dropped."""
         self._hear(now_s)
-        self._conduct.plan_answered(answer, now_s)
+        self._executor.plan_answered(answer, now_s)
 
     def contingency_answered(self, answer: PlanAnswer) -> None:
         """Takes the answer to a contingency's job; one that is no longer awaited is dropped."""
-        self._conduct.way_answered(answer)
+        self._executor.way_answered(answer)
 
     def tick(self, now_s: float) -> None:
         """Runs one cycle: takes events, applies the checks, sends this instant's setpoint."""
         self._notice_pause(now_s)
-        step_s = 0.0 if self._thought_s is None else min(_LONGEST_STEP_S, now_s - self._thought_s)
-        if self._thought_s is None:
+        step_s = 0.0 if self._cycle_s is None else min(_LONGEST_STEP_S, now_s - self._cycle_s)
+        if self._cycle_s is None:
             self._read_by_s = now_s + _READING_S
-        self._thought_s = now_s
+        self._cycle_s = now_s
         self._hear(now_s)
         telemetry = self.telemetry
         told = telemetry.gnss, telemetry.second_gnss, telemetry.estimator, telemetry.odometry
@@ -282,11 +286,11 @@ class Companion:
         due = now_s >= self._risk_due_s
         if due:
             self._risk_due_s = now_s + _RISK_PERIOD_S
-            self._conduct.look_ahead(now_s)
+            self._executor.look_ahead(now_s)
         if due or told != self._told:
             self._told = told
-            self._conduct.judge(now_s)
-        self._conduct.supervise(now_s)
+            self._executor.judge(now_s)
+        self._executor.supervise(now_s)
         self._tell_of_files(now_s)
         if not self._planner_awaited:
             self._tell(now_s)
@@ -294,8 +298,8 @@ class Companion:
             self._put_off(now_s)
         else:
             for command in self._orders.heard():
-                self._conduct.order(command, now_s)
-        self._conduct.fly(now_s, step_s)
+                self._executor.order(command, now_s)
+        self._executor.fly(now_s, step_s)
         state = self.status.state
         active = SystemStatus.ACTIVE if state in STREAMING else SystemStatus.STANDBY
         self._session.tick(now_s, active, custom_mode=state.number)
@@ -306,7 +310,7 @@ class Companion:
     def _tell(self, now_s: float) -> None:
         """Reports the findings at start: restart, and a wrong number of cells."""
         may_continue = self.status == self._first_status and self.status.task is not None
-        for text in self._awakening.texts(self.telemetry, now_s, may_continue=may_continue):
+        for text in self._restart_report.texts(self.telemetry, now_s, may_continue=may_continue):
             self._reports.say(Severity.WARNING, text, now_s)
         words = None if self._misread_told else misread(self.telemetry, self._vehicle.risk.cells)
         if words is not None and self.status.state not in STREAMING:
@@ -315,7 +319,7 @@ class Companion:
 
     def _tell_of_files(self, now_s: float) -> None:
         """Reports file faults of the service, and their ends."""
-        for fault, over in self._file_faults.texts(self._conduct.host.file_faults, self.telemetry):
+        for fault, over in self._file_faults.texts(self._executor.host.file_faults, self.telemetry):
             severity = Severity.NOTICE if over else Severity.WARNING
             action = "over" if over else fault.action
             self._reports.say(severity, fault.reason, now_s, action=action, news=True)
@@ -327,7 +331,7 @@ class Companion:
         """
         if self._ground is None or now_s > self._read_by_s:
             return False
-        return self._session.autopilot is None or self._conduct.course.reluctance is not None
+        return self._session.autopilot is None or self._executor.routes.reluctance is not None
 
     def _put_off(self, now_s: float) -> None:
         """Executes orders that end motion; other orders wait, or are rejected while compiling.
@@ -341,8 +345,8 @@ class Companion:
                     order_id = self._orders.enter(earlier, now_s)
                     self._orders.answer(order_id, Verdict.CANCELLED, "", now_s)
                 waiting = []
-                self._conduct.order(command, now_s)
-                self._awakening.note_stop(command)
+                self._executor.order(command, now_s)
+                self._restart_report.note_stop(command)
             elif self._compiling:
                 self._orders.reject(command, self._compiling, now_s)
             else:
@@ -368,9 +372,9 @@ class Companion:
 
     def note_sent(self) -> None:
         """Notes that all of `control_to_send` was sent in time."""
-        self._followed_s = self._thought_s
-        self._conduct.setpoints.note_sent()
-        self._conduct.engaging.note_sent()
+        self._followed_s = self._cycle_s
+        self._executor.setpoints.note_sent()
+        self._executor.mode_requester.note_sent()
 
     def peers(self, link: str) -> tuple[Address, ...]:
         """The addresses to which a listening link sends; empty for other links."""
@@ -382,11 +386,11 @@ class Companion:
 
     def plan_jobs(self) -> list[PlanJob]:
         """Planning jobs since the last call. Only the newest one's answer is awaited."""
-        return self._conduct.course.plan_jobs()
+        return self._executor.routes.plan_jobs()
 
     def contingency_jobs(self) -> list[PlanJob]:
         """Planning jobs for escape routes since the last call; lower priority than `plan_jobs`."""
-        ways = self._conduct.prospects.ways
+        ways = self._executor.risk_monitor.ways
         return [] if ways is None else ways.jobs()
 
     def decisions(self) -> list[Decision]:
@@ -400,15 +404,15 @@ class Companion:
 
         Orders wait for the next `tick`, until the checks that end our control have run.
         """
-        jump = self._surroundings.look(self.telemetry)
+        jump = self._pose_tracker.look(self.telemetry)
         if jump is not None:
-            self._conduct.shift(jump, now_s)
+            self._executor.shift(jump, now_s)
         for event in self._session.events_received():
             match event:
                 case MissionCommand() | PauseContinue():
                     self._orders.hear(event)
                 case CommandCancelled(command=command):
-                    self._conduct.withdraw(command, now_s)
+                    self._executor.withdraw(command, now_s)
                 case DeniedCommand(reason=reason):
                     self._orders.tell_why(event, Verdict.DENIED, reason, now_s)
                 case CommandAnswered(result=result) if result != CommandResult.ACCEPTED:
@@ -423,9 +427,9 @@ class Companion:
                     self._session.want_parameters(failsafe_parameters(kind))
                     self._session.want_parameters(holding_parameters(kind))
                 case ModeLeft(mode=mode):
-                    self._conduct.faults.note_mode_left(mode)
+                    self._executor.faults.note_mode_left(mode)
                 case AutopilotRestarted():
-                    self._conduct.faults.note_restart()
+                    self._executor.faults.note_restart()
                 case AutopilotElsewhere(link=link, address=(host, port, *_)):
                     text = f"autopilot also at {host} (port {port}, on {link})"
                     self._reports.say(Severity.WARNING, text, now_s, action="ignored")
@@ -438,30 +442,30 @@ class Companion:
                     self._reports.say(Severity.ERROR, text, now_s)
         if self._session.autopilot is not None:
             kind = self._session.autopilot.kind
-            parameters, home_m = self._session.parameters, self._surroundings.home_m
-            self._conduct.course.learn_loss(kind, parameters, home_m, now_s)
+            parameters, home_m = self._session.parameters, self._pose_tracker.home_m
+            self._executor.routes.learn_loss(kind, parameters, home_m, now_s)
             items = self._session.fence_items
             if items is None and self._session.fence_silent:
                 items = ()
             readiness = self.telemetry.readiness
             enabled = readiness is not None and readiness.fence_enabled
-            self._conduct.course.learn_fence(
+            self._executor.routes.learn_fence(
                 kind, parameters, items, home_m, now_s, enabled=enabled
             )
-            self._conduct.course.learn_failsafes(kind, parameters, home_m, self.telemetry, now_s)
+            self._executor.routes.learn_failsafes(kind, parameters, home_m, self.telemetry, now_s)
 
     def _notice_pause(self, now_s: float) -> None:
         """Notes a fault when the last output sent in time is too old: control has ended."""
         paused_s = 0.0 if self._followed_s is None else now_s - self._followed_s
         if paused_s > self._config.supervision.position_timeout_s:
             # Data received meanwhile is old, and the autopilot may have acted on offboard loss.
-            self._conduct.faults.note_pause(paused_s)
+            self._executor.faults.note_pause(paused_s)
 
     # Reports
 
     def _report(self, now_s: float) -> None:
         """Sends risk indices and weights to ground stations; records the status."""
-        indices, weights, pose = self.risk.indices, self.weights, self._surroundings.pose
+        indices, weights, pose = self.risk.indices, self.weights, self._pose_tracker.pose
         self._reports.send_values(indices, weights, now_s)
         self._reports.record_status(
             self.status.state.value,

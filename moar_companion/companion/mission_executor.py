@@ -12,7 +12,7 @@ from dataclasses import replace
 from ..config import CompanionConfig
 from ..contingency.contingency_planner import Scene
 from ..estimation.pose import Jump
-from ..estimation.pose_tracker import Ground, Surroundings
+from ..estimation.pose_tracker import Ground, PoseTracker
 from ..guidance.splice import Adoption
 from ..margin import margin_of
 from ..mavlink.commands import Command, MissionCommand, PauseContinue
@@ -23,29 +23,29 @@ from ..mission_states import IN_CONTROL, STREAMING, MissionState
 from ..planning.plan_jobs import PlanAnswer
 from ..power.cells import misread
 from ..risk import RiskEstimate
-from ..safety.checks import Host, Seen, WayOut, widening_m
+from ..safety.checks import EscapeRoute, Host, Seen, widening_m
 from ..safety.conditions import Action
 from ..safety.supervisor import Ruling
 from ..types import LandedState, Mission
 from ..vehicle import Vehicle
 from .faults import Faults
-from .mission_snapshot import Memory
-from .mode_requester import Engaging
-from .operator_commands import OrderBook, Refused, understood, words
+from .mission_snapshot import MissionSnapshot
+from .mode_requester import ModeRequester
+from .operator_commands import OperatorCommands, Refused, understood, words
 from .plan_requests import Awaited
 from .reports import Reports
-from .risk_monitor import Prospects
-from .route_manager import Course
-from .safety_monitor import Overseer
-from .setpoint_streamer import Stream
-from .wind_recovery import Recovery
+from .risk_monitor import RiskMonitor
+from .route_manager import RouteManager
+from .safety_monitor import SafetyMonitor
+from .setpoint_streamer import SetpointStreamer
+from .wind_recovery import WindRecovery
 
 _ON_THE_WAY = (MissionState.FLYING, MissionState.LANDING_LEG)
 _SLOW_PACE = 0.5
 """Fraction of the planned speed while a condition demands SLOW."""
 
 
-class Conduct:
+class MissionExecutor:
     """Holds the mission status and executes the mission.
 
     ground: None without a site. before: memory of the previous process.
@@ -58,30 +58,32 @@ class Conduct:
         ground: Ground | None,
         *,
         session: Session,
-        surroundings: Surroundings,
-        orders: OrderBook,
+        pose_tracker: PoseTracker,
+        orders: OperatorCommands,
         reports: Reports,
-        overseer: Overseer,
-        before: Memory | None,
+        safety_monitor: SafetyMonitor,
+        before: MissionSnapshot | None,
     ) -> None:
         self._config = config
         self._vehicle = vehicle
         self._margin = margin_of(vehicle, config.supervision)
         self._ground = ground
         self._session = session
-        self._surroundings = surroundings
+        self._pose_tracker = pose_tracker
         self._orders = orders
         self._reports = reports
-        self.course = Course(ground, vehicle, config, reports, self._margin)
-        self.setpoints = Stream(session, vehicle, config.supervision, self._margin)
+        self.routes = RouteManager(ground, vehicle, config, reports, self._margin)
+        self.setpoints = SetpointStreamer(session, vehicle, config.supervision, self._margin)
         pilot_may_fly = before is not None and before.state is not MissionState.IDLE
-        self.engaging = Engaging(config.authority, session, reports, pilot_flies=pilot_may_fly)
-        self._recovery = Recovery(reports)
-        self._overseer = overseer
+        self.mode_requester = ModeRequester(
+            config.authority, session, reports, pilot_flies=pilot_may_fly
+        )
+        self._recovery = WindRecovery(reports)
+        self._safety_monitor = safety_monitor
         site = None if ground is None else ground.site
         self.status = state_machine.restarted(None if before is None else before.rest(site))
         """Mission status: state, task and request."""
-        self.prospects = Prospects(ground, vehicle)
+        self.risk_monitor = RiskMonitor(ground, vehicle)
         """The present risk indices, and the escape routes."""
         self.host = Host()
         """Free resources of the computer."""
@@ -91,12 +93,12 @@ class Conduct:
     @property
     def risk(self) -> RiskEstimate:
         """The present risk indices."""
-        return self.prospects.risk
+        return self.risk_monitor.risk
 
     @property
     def ruling(self) -> Ruling:
         """Permitted action, and the conditions against a flight."""
-        return self._overseer.ruling
+        return self._safety_monitor.ruling
 
     @property
     def tracking_error_m(self) -> float | None:
@@ -104,7 +106,7 @@ class Conduct:
 
         None while the companion is not in control.
         """
-        flight, pose = self.course.flight, self._surroundings.pose
+        flight, pose = self.routes.flight, self._pose_tracker.pose
         if flight is None or self.status.state not in IN_CONTROL:
             return None
         return math.inf if pose is None else flight.error_m(pose)
@@ -132,17 +134,17 @@ class Conduct:
     def judge(self, now_s: float) -> None:
         """Updates the risk indices from telemetry and the remaining flight."""
         session = self._session
-        self.prospects.judge(session.telemetry, session.parameters, self.tracking_error_m, now_s)
+        self.risk_monitor.judge(session.telemetry, session.parameters, self.tracking_error_m, now_s)
 
     def look_ahead(self, now_s: float) -> None:
         """Updates the remaining flight, and the obstacles that autopilot failsafes would hit."""
-        telemetry, pose = self._session.telemetry, self._surroundings.pose
+        telemetry, pose = self._session.telemetry, self._pose_tracker.pose
         place_m = None if pose is None else pose.position_m
-        self.prospects.look_for_ways_out(telemetry, self._scene(), place_m, now_s)
-        airspace = self.course.airspace
-        if self.status.state in IN_CONTROL and airspace is not None:
-            watch, meter = self.course.watch, self.risk.meter
-            watch.look(place_m, airspace.maps.reach, telemetry, meter, now_s)
+        self.risk_monitor.keep_escape_routes(telemetry, self._scene(), place_m, now_s)
+        volume = self.routes.volume
+        if self.status.state in IN_CONTROL and volume is not None:
+            watch, meter = self.routes.watch, self.risk.meter
+            watch.look(place_m, volume.maps.reach, telemetry, meter, now_s)
             note = watch.note(self._exposure_limit_s, self.status.since_s, now_s)
             if note is not None and not self._escapes:
                 self._reports.say(Severity.NOTICE, note, now_s)
@@ -150,9 +152,9 @@ class Conduct:
     def supervise(self, now_s: float) -> None:
         """Runs the mission machine for one cycle; before orders, so that a release comes first."""
         self.setpoints.widened_m = widening_m(self.risk, self._margin)
-        if self.course.look(self.risk, None if self._escapes else self.tracking_error_m, now_s):
+        if self.routes.look(self.risk, None if self._escapes else self.tracking_error_m, now_s):
             # A search that found no path may find one now.
-            self.status = replace(self.status, no_way=frozenset())
+            self.status = replace(self.status, no_path=frozenset())
         step = state_machine.tick(
             self.status,
             self._situation(now_s),
@@ -181,7 +183,7 @@ class Conduct:
             self._carry_out((status, effects), now_s)
             # The task may be flown already: the rest of a landing leg needs no plan.
             if status.order_id == order_id:
-                self.engaging.note_order(self._session.telemetry.autopilot, before, now_s)
+                self.mode_requester.note_order(self._session.telemetry.autopilot, before, now_s)
 
     def withdraw(self, command: Command, now_s: float) -> None:
         """Withdraws an order that an operator cancelled after its acknowledgement."""
@@ -191,74 +193,74 @@ class Conduct:
 
     def fly(self, now_s: float, step_s: float) -> None:
         """Flies on along the route, and requests better plans. step_s: since the last cycle."""
-        silence = self.course.overdue(now_s)
+        silence = self.routes.overdue(now_s)
         if silence is not None:
             self.plan_answered(silence, now_s)
         self._orders.tell_progress(now_s)
-        pose, task = self._surroundings.pose, self.status.task
+        pose, task = self._pose_tracker.pose, self.status.task
         if self.status.state in _ON_THE_WAY and task is not None and pose is not None:
-            self.course.replan(task, pose, self.risk.indices, now_s)
-        width_m = self.course.widening_m
-        self._recovery.act(self.course.flight, pose, self.status, self.ruling, width_m, now_s)
+            self.routes.replan(task, pose, self.risk.indices, now_s)
+        width_m = self.routes.widening_m
+        self._recovery.act(self.routes.flight, pose, self.status, self.ruling, width_m, now_s)
         self._stream(now_s, step_s)
         engaged = self.status.state in STREAMING or self.status.state is MissionState.PLANNING
         telemetry = self._session.telemetry
         known = self.status.known if self.status.order_id is not None else ()
         station = telemetry.ground_station
-        self._overseer.tell(station, now_s, streaming=engaged, known=known)
-        at_end = self.course.arrived(pose, now_s)
-        self.engaging.act(self.status, telemetry, at_end=at_end, now_s=now_s)
+        self._safety_monitor.tell(station, now_s, streaming=engaged, known=known)
+        at_end = self.routes.arrived(pose, now_s)
+        self.mode_requester.act(self.status, telemetry, at_end=at_end, now_s=now_s)
 
     # Between cycles
 
     def plan_answered(self, answer: PlanAnswer, now_s: float) -> None:
         """Takes the answer to a job; one that is no longer awaited is dropped."""
-        awaited = self.course.taken(answer)
+        awaited = self.routes.taken(answer)
         if awaited is None:
             return
         ordered = self.status.order_id is not None
-        answer = self.course.survivable(awaited, answer, now_s, ordered=ordered)
+        answer = self.routes.checked_for_offboard_loss(awaited, answer, now_s, ordered=ordered)
         if answer.plan is None:
             self._go_without(awaited, answer, now_s)
             return
-        adopted = self.course.adopt(awaited, answer, self.risk, now_s)
+        adopted = self.routes.adopt(awaited, answer, self.risk, now_s)
         if not awaited.first:
             return
         if adopted is not Adoption.TOO_LATE:
             self._carry_out(
                 state_machine.planned(self.status, self._situation(now_s), now_s), now_s
             )
-        elif self.status.sought is not None and self.course.flight is not None:
+        elif self.status.sought is not None and self.routes.flight is not None:
             # The planner is slower than the flight: the next plan begins at a stop point.
-            self.course.brake()
+            self.routes.brake()
             self._seek(self.status.sought, now_s)
 
     def _go_without(self, awaited: Awaited, answer: PlanAnswer, now_s: float) -> None:
         """Handles a missing plan: an order is denied, another request stays pending for room."""
-        reason = self.course.explained(answer)
+        reason = self.routes.explained(answer)
         if answer.detail:
             self._reports.record("no_plan", now_s, reason=reason, detail=answer.detail)
         ordered = awaited.first and self.status.order_id is not None
         no_room = answer.too_wide and not ordered and self.ruling.action <= Action.HOLD
         if no_room:
-            self.course.note_no_room(awaited, reason)
+            self.routes.note_no_room(awaited, reason)
         if awaited.first:
-            waits = no_room or (answer.deadly and not ordered)
+            waits = no_room or (answer.would_collide and not ordered)
             step = state_machine.unplanned(
                 self.status, reason, now_s, waits=waits, failed=answer.failed
             )
             self._carry_out(step, now_s)
         elif not no_room:
             self._reports.say(Severity.NOTICE, reason, now_s, action="path kept")
-            if self.status.task is not None and self.course.braked:
+            if self.status.task is not None and self.routes.braked:
                 # Another escape route may lead on.
                 self.status = self.status.without(self.status.task, now_s=now_s)
 
     def shift(self, jump: Jump, now_s: float) -> None:
         """Moves setpoint and flight with a position or heading that jumped."""
-        self.setpoints.shift(jump, self._surroundings.plane)
-        if self.course.flight is not None:
-            self.course.flight.shift(jump)
+        self.setpoints.shift(jump, self._pose_tracker.plane)
+        if self.routes.flight is not None:
+            self.routes.flight.shift(jump)
             self._reports.record("jump", now_s, jump_m=list(jump.step_m), turn_rad=jump.turn_rad)
 
     def shut_down(self, now_s: float) -> None:
@@ -269,12 +271,12 @@ class Conduct:
             and world.ruling.action is not Action.RELEASE
             and (world.mode_ours or self.status.state is MissionState.READY)
         ):
-            self._say_farewell(now_s)
+            self._send_last_setpoint(now_s)
 
     def way_answered(self, answer: PlanAnswer) -> None:
         """Takes the answer to a contingency's job."""
-        if self.prospects.ways is not None:
-            self.prospects.ways.answered(answer, self.course.airspace)
+        if self.risk_monitor.ways is not None:
+            self.risk_monitor.ways.answered(answer, self.routes.volume)
 
     # Inputs of the mission machine
 
@@ -289,12 +291,12 @@ class Conduct:
         task = self.status.task
         return 0.0 if self._ground is None or task is None else self._ground.dwell_s(task.stops)
 
-    def _exposure(self, way_out: WayOut | None, now_s: float) -> str | None:
+    def _exposure(self, escape_route: EscapeRoute | None, now_s: float) -> str | None:
         """Reason to leave before an autopilot failsafe acts; None if there is none."""
-        return self.course.watch.reason(
+        return self.routes.watch.reason(
             self._session.telemetry,
             self.risk.meter,
-            leaving_s=None if way_out is None else way_out.exposed_s,
+            leaving_s=None if escape_route is None else escape_route.exposed_s,
             limit_s=self._exposure_limit_s,
             from_s=self.status.since_s,
             now_s=now_s,
@@ -302,25 +304,25 @@ class Conduct:
 
     def _scene(self) -> Scene | None:
         """Inputs of contingency planning; None where no plan is possible."""
-        pose, airspace = self._surroundings.pose, self.course.airspace
+        pose, volume = self._pose_tracker.pose, self.routes.volume
         landed = self._session.telemetry.landed
-        if pose is None or airspace is None:
+        if pose is None or volume is None:
             return None
         if landed is not None and landed.state is not LandedState.IN_AIR:
             return None  # the aircraft takes off or lands
-        plane, spread = self._surroundings.plane, self.risk.wind.spread
+        plane, spread = self._pose_tracker.plane, self.risk.wind.spread
         beside = abs(pose.position_m[1]) > self._config.supervision.plane_tolerance_m
         if beside and self.status.state not in STREAMING:
             return None  # the pilot or autopilot flies it elsewhere
         return Scene(
             pose=pose,
             status=self.status,
-            flight=self.course.flight,
-            airspace=airspace,
+            flight=self.routes.flight,
+            volume=volume,
             risk=self.risk.indices,
-            widening_m=self.course.widening_m,
-            fence=self.course.fence,
-            failsafes=self.course.watch.failsafes,
+            widening_m=self.routes.widening_m,
+            fence=self.routes.fence,
+            failsafes=self.routes.watch.failsafes,
             pace=self._pace,
             meter=self.risk.meter,
             wind_mps=None
@@ -331,35 +333,35 @@ class Conduct:
 
     def _situation(self, now_s: float) -> Situation:
         autopilot, guidance = self._session.telemetry.autopilot, self._vehicle.guidance
-        flight, pose = self.course.flight, self._surroundings.pose
+        flight, pose = self.routes.flight, self._pose_tracker.pose
         error_m = math.inf if flight is None or pose is None else flight.error_m(pose)
         return Situation(
-            ruling=self._overseer.rule(self._seen(now_s), now_s),
+            ruling=self._safety_monitor.rule(self._seen(now_s), now_s),
             mode_ours=self._follows,
             mode_heard_s=-math.inf if autopilot is None else autopilot.received_s,
             on_leg=flight is not None and flight.on_leg,
-            arrived=self.course.arrived(pose, now_s),
+            arrived=self.routes.arrived(pose, now_s),
             dwell_s=self._dwell_s,
             astray=flight is not None and error_m > guidance.tracking_hold_m,
         )
 
     def _seen(self, now_s: float) -> Seen:
         """Observations for the supervisor's checks."""
-        flight, pose, ground = self.course.flight, self._surroundings.pose, self._ground
-        telemetry, ways = self._session.telemetry, self.prospects.ways
-        way_out = None if ways is None else ways.way_out(self.risk.meter)
+        flight, pose, ground = self.routes.flight, self._pose_tracker.pose, self._ground
+        telemetry, ways = self._session.telemetry, self.risk_monitor.ways
+        escape_route = None if ways is None else ways.escape_route(self.risk.meter)
         room_m = None
         if ground is not None and pose is not None:
             room_m = ground.room_m(pose, self._vehicle.radius_m)
-        agreement, jumped_m = self._surroundings.agreement, self._surroundings.jumped_m(now_s)
+        agreement, jumped_m = self._pose_tracker.agreement, self._pose_tracker.jumped_m(now_s)
         return Seen(
             telemetry=telemetry,
             risk=self.risk,
             conflict=self._session.conflict,
             expected=self._vehicle.autopilot,
             pose=pose,
-            position_moved_s=self._surroundings.position_moved_s,
-            position_late_s=self._surroundings.position_late_s,
+            position_moved_s=self._pose_tracker.position_moved_s,
+            position_late_s=self._pose_tracker.position_late_s,
             jumped_m=jumped_m,
             jump_margin_m=self._jump_margin_m(room_m, jumped_m),
             origin_moved_m=agreement.origin_moved_m,
@@ -370,26 +372,26 @@ class Conduct:
             widening_m=widening_m(self.risk, self._margin),
             in_control=self.status.state in IN_CONTROL,
             escaping=self._escapes,
-            landing=self.engaging.is_landing(telemetry.autopilot, now_s),
+            landing=self.mode_requester.is_landing(telemetry.autopilot, now_s),
             azimuth_rad=None if ground is None else math.radians(ground.site.frame.azimuth_deg),
             misread=misread(telemetry, self._vehicle.risk.cells),
             error_m=flight.error_m(pose) if flight is not None and pose is not None else None,
             drifted_m=flight.drifted_m(pose) if flight is not None and pose is not None else None,
-            saturated=self.prospects.saturated,
-            held_wind_mps=self.prospects.held_wind_mps,
+            saturated=self.risk_monitor.saturated,
+            held_wind_mps=self.risk_monitor.held_wind_mps,
             stands=flight is not None and flight.stands and self.status.state in _ON_THE_WAY,
             strays=flight.strays(pose) if flight is not None and pose is not None else None,
-            plan_awaited_s=self.course.awaited_for_s(now_s),
+            plan_awaited_s=self.routes.awaited_for_s(now_s),
             fence_silent=self._session.fence_silent,
-            way_out=way_out,
-            exposure=self._exposure(way_out, now_s),
+            escape_route=escape_route,
+            exposure=self._exposure(escape_route, now_s),
             host=self.host,
             faults=replace(
                 self.faults.causes,
-                loss=self.course.reluctance,
-                fence=self.course.fence_objection(pose),
-                death=self.course.objection,
-                narrow=self.faults.causes.narrow or self.course.no_room,
+                loss=self.routes.reluctance,
+                fence=self.routes.fence_objection(pose),
+                death=self.routes.objection,
+                narrow=self.faults.causes.narrow or self.routes.no_room,
             ),
         )
 
@@ -414,14 +416,14 @@ class Conduct:
             self._carry_out_one(effect, now_s)
         if self.status.sought is None:
             if self.status.state not in STREAMING:
-                self.course.end()
+                self.routes.end()
             else:
-                self.course.forget_first()
+                self.routes.forget_first()
 
     def _carry_out_one(self, effect: Effect, now_s: float) -> None:
         match effect:
             case Seek(task):
-                if self.course.resume(task, self._surroundings.pose):
+                if self.routes.resume(task, self._pose_tracker.pose):
                     step = state_machine.planned(self.status, self._situation(now_s), now_s)
                     self._carry_out(step, now_s)
                 else:
@@ -432,32 +434,32 @@ class Conduct:
                 severity = Severity.WARNING if serious else Severity.NOTICE
                 self._reports.say(severity, text, now_s, action=action, news=news)
                 if condition:
-                    self._overseer.note_told(condition)
+                    self._safety_monitor.note_told(condition)
             case Do.BRAKE:
-                self.course.brake()
+                self.routes.brake()
             case Overrule(known):
-                self._overseer.override(known)
+                self._safety_monitor.override(known)
                 if "origin_moved" in known:
-                    self._surroundings.agreement.accept_origin()
-                self.engaging.forget_landing()
+                    self._pose_tracker.agreement.accept_origin()
+                self.mode_requester.forget_landing()
             case Do.FAREWELL:
-                self._say_farewell(now_s)
+                self._send_last_setpoint(now_s)
             case Do.LAND:
-                self.engaging.note_landing()
+                self.mode_requester.note_landing()
 
     def _seek(self, task: Task, now_s: float) -> None:
         """Requests a task's first plan."""
-        self.course.ask(task, self._surroundings.pose, self.risk.indices, now_s, first=True)
+        self.routes.ask(task, self._pose_tracker.pose, self.risk.indices, now_s, first=True)
 
     def _stream(self, now_s: float, step_s: float) -> None:
         """Sends this instant's setpoint; a refusal is a fault for the next cycle's checks.
 
         Where another setpoint was sent instead, the flight stops there, and replans from there.
         """
-        flight, pose = self.course.flight, self._surroundings.pose
-        plane = self._surroundings.plane
+        flight, pose = self.routes.flight, self._pose_tracker.pose
+        plane = self._pose_tracker.plane
         if self.status.state not in STREAMING or not flight or not pose or not plane:
-            if plane is not None and self._follows and self.ruling.farewell:
+            if plane is not None and self._follows and self.ruling.last_setpoint:
                 self.setpoints.repay(plane, now_s)
             self.setpoints.end()
             return
@@ -472,12 +474,12 @@ class Conduct:
             return
         self.faults.note_refusal(refused)
         if refused.rest is not None:
-            self.course.stand(refused.rest.position_m)
+            self.routes.stand(refused.rest.position_m)
             if self.status.sought is not None:
                 self._seek(self.status.sought, now_s)
 
-    def _say_farewell(self, now_s: float) -> None:
+    def _send_last_setpoint(self, now_s: float) -> None:
         """Sends the last setpoint before the stream ends: the previous place, at rest."""
-        flight, plane = self.course.flight, self._surroundings.plane
+        flight, plane = self.routes.flight, self._pose_tracker.plane
         if flight is not None and plane is not None:
-            self.setpoints.say_farewell(flight, plane, now_s)
+            self.setpoints.send_last_setpoint(flight, plane, now_s)

@@ -18,7 +18,7 @@ from ..types import Mission
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Memory:
+class MissionSnapshot:
     """State of the mission. since_s: when its state began, on the machine's clock."""
 
     state: MissionState
@@ -60,19 +60,19 @@ class _File:
     """Content of the file; its times are seconds since 1970."""
 
     version: Literal[1] = 1
-    memory: Memory
+    memory: MissionSnapshot
 
 
 _FILE = TypeAdapter(_File)
 
 
-def encoded(memory: Memory, clock_offset_s: float) -> bytes:
+def encoded(memory: MissionSnapshot, clock_offset_s: float) -> bytes:
     """Mission snapshot as JSON. clock_offset_s: wall clock minus the machine's clock."""
     since_s = memory.since_s + clock_offset_s
     return _FILE.dump_json(_File(memory=replace(memory, since_s=since_s)), indent=1)
 
 
-def decoded(data: bytes, clock_offset_s: float) -> Memory:
+def decoded(data: bytes, clock_offset_s: float) -> MissionSnapshot:
     """Mission snapshot of a file, on this machine's clock; ValueError if the file has none."""
     memory = _FILE.validate_json(data, strict=True).memory
     return replace(memory, since_s=memory.since_s - clock_offset_s)

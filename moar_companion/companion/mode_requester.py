@@ -29,7 +29,7 @@ _MOST_LANDINGS = 3
 """After so many requests without effect the pilot must land."""
 
 
-class Engaging:
+class ModeRequester:
     """Requests modes, only while a fresh heartbeat shows a mode that may be replaced.
 
     Own mode: one request, and two more without an answer, since the link may lose it. An order may

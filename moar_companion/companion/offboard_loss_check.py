@@ -13,19 +13,19 @@ from ..autopilots.failsafe_actions import LINKS, Failsafes
 from ..config import LossCheck, Supervision
 from ..estimation.pose import home_moved
 from ..estimation.pose_tracker import Ground
-from ..guidance.path_follower import Flight
+from ..guidance.path_follower import PathFollower
 from ..guidance.trajectory import FloatArray
 from ..mavlink.session import Severity
-from ..planner.free_distance import Reach
+from ..planner.free_distance import FreeDistance
 from ..planning.plan_jobs import PlanAnswer
-from ..safety.offboard_loss import Loss
+from ..safety.offboard_loss import OffboardLoss
 from ..types import AutopilotKind, Mission, Vector
 from ..vehicle import Vehicle
 from .plan_requests import Awaited
 from .reports import Reports
 
 
-class Survival:
+class OffboardLossCheck:
     """Keeps the autopilot's behaviour after an offboard loss, and the objection to it.
 
     limits: the action on an objection. An escape route only causes a warning: staying is no better.
@@ -41,7 +41,7 @@ class Survival:
         self._reports = reports
         self._home_m: Vector | None = None
         """Home in the site's frame, as used in the last check of the flight."""
-        self.loss: Loss | None = None
+        self.loss: OffboardLoss | None = None
         """Flight after an offboard loss; None while that is unknown."""
         self.objection: str | None = None
         """Reason against the current flight or hold, by changes since it was planned."""
@@ -51,14 +51,14 @@ class Survival:
         kind: AutopilotKind,
         parameters: Mapping[str, float | None],
         home_m: Vector | None,
-        flight: Flight | None,
+        flight: PathFollower | None,
         now_s: float,
     ) -> None:
         """Takes the autopilot's parameters and home; checks the current flight or hold by them.
 
         Reports the parameters that the autopilot never sent.
         """
-        before, self.loss = self.loss, Loss.told(kind, parameters)
+        before, self.loss = self.loss, OffboardLoss.told(kind, parameters)
         if self.loss is None:
             return
         if self.loss != before:
@@ -78,7 +78,7 @@ class Survival:
         elif objection is not None:
             self._reports.say(Severity.WARNING, objection, now_s)
 
-    def reconsider(self, flight: Flight | None) -> None:
+    def reconsider(self, flight: PathFollower | None) -> None:
         """Repeats the check after less inflation or other failsafes: offboard loss alone counts.
 
         The next plan is checked with all of the obstacles' width.
@@ -90,7 +90,7 @@ class Survival:
         self,
         awaited: Awaited,
         answer: PlanAnswer,
-        flight: Flight | None,
+        flight: PathFollower | None,
         failsafes: Failsafes,
         now_s: float,
         *,
@@ -112,7 +112,7 @@ class Survival:
             if by_itself is not None and refused and plan.mission is Mission.INSPECTION:
                 if not ordered:
                     self.objection = by_itself
-                return replace(answer, plan=None, reason=by_itself, deadly=True)
+                return replace(answer, plan=None, reason=by_itself, would_collide=True)
             if by_itself is not None:
                 self._reports.say(Severity.NOTICE, by_itself, now_s)
         if objection is None:
@@ -122,13 +122,13 @@ class Survival:
                 self.objection = self._objection_to(answer.reach, flight.rests_ahead_m())
             elif not ordered:
                 self.objection = objection
-            return replace(answer, plan=None, reason=objection, deadly=True)
+            return replace(answer, plan=None, reason=objection, would_collide=True)
         if awaited.first:
             self._reports.say(Severity.WARNING, objection, now_s)
         return answer
 
     def _by_itself(
-        self, failsafes: Failsafes, reach: Reach | None, rests_m: FloatArray
+        self, failsafes: Failsafes, reach: FreeDistance | None, rests_m: FloatArray
     ) -> str | None:
         """Text of a failsafe's collision from places (n, 2) after a link loss; None without one."""
         if self._ground is None:
@@ -139,7 +139,7 @@ class Survival:
         action, hit = found
         return f"{action.trigger.value}: {action.action.value} hits {hit.obstacle}"
 
-    def _objection_to(self, reach: Reach | None, rests_m: FloatArray) -> str | None:
+    def _objection_to(self, reach: FreeDistance | None, rests_m: FloatArray) -> str | None:
         """Reason why an offboard loss at stop points (n, 2) is unsafe; None if it is safe."""
         loss, ground = self.loss, self._ground
         if loss is None or ground is None:

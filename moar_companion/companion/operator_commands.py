@@ -63,7 +63,7 @@ class _Open:
     progress_told: bool = False
 
 
-class OrderBook:
+class OperatorCommands:
     """Commands that wait for a cycle, and unanswered orders by their numbers."""
 
     def __init__(self, session: Session, reports: Reports) -> None:

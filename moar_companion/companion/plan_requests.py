@@ -9,7 +9,7 @@ import math
 from dataclasses import dataclass
 
 from ..autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
-from ..guidance.splice import Junction
+from ..guidance.splice import Splice
 from ..mission.values import Task
 from ..planner.plan_values import PlanRequest
 from ..planner.plane_fence import PlaneFence
@@ -25,13 +25,13 @@ class Awaited:
     """A requested plan: its start, and if it is the mission's first."""
 
     job: PlanJob
-    junction: Junction
+    junction: Splice
     first: bool
     reason: str
     """Reason for the request."""
 
 
-class PlanDesk:
+class PlanRequests:
     """Requests plans one at a time."""
 
     def __init__(self) -> None:
@@ -55,7 +55,7 @@ class PlanDesk:
     def ask(
         self,
         task: Task,
-        junction: Junction,
+        junction: Splice,
         weights: Weights,
         risk: RiskIndices,
         widening_m: float,

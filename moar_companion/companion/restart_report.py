@@ -10,16 +10,16 @@ from dataclasses import replace
 from ..estimation.pose_tracker import airborne, grounded
 from ..mavlink.commands import Command, holds
 from ..types import Telemetry
-from .mission_snapshot import Memory
+from .mission_snapshot import MissionSnapshot
 
 _PATIENCE_S = 3.0
 """EXTENDED_SYS_STATE may come later than the heartbeat; ArduPilot sends it only on request."""
 
 
-class Awakening:
+class RestartReport:
     """Reports once, as soon as an autopilot is known that can forward the texts."""
 
-    def __init__(self, before: Memory | None) -> None:
+    def __init__(self, before: MissionSnapshot | None) -> None:
         self.before = before
         """Memory of the previous process, without a task that was released since."""
         self._heard_s: float | None = None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..contingency.contingency_planner import Contingencies, Scene
+from ..contingency.contingency_planner import ContingencyPlanner, Scene
 from ..estimation.pose_tracker import Ground, grounded
 from ..power import PowerModel
 from ..risk import RiskEstimate, update
@@ -14,7 +14,7 @@ from ..types import Telemetry, Vector
 from ..vehicle import Vehicle
 
 
-class Prospects:
+class RiskMonitor:
     """Risks by telemetry and by the path still to be flown. ground: None without a site."""
 
     def __init__(self, ground: Ground | None, vehicle: Vehicle) -> None:
@@ -26,10 +26,12 @@ class Prospects:
         """Wind in which the aircraft can hold; None before an autopilot is received."""
         self.saturated = False
         """True while lean or motors are at their limits."""
-        self.ways = None if ground is None else Contingencies(ground.site, vehicle, self._power)
+        self.ways = (
+            None if ground is None else ContingencyPlanner(ground.site, vehicle, self._power)
+        )
         """Contingency plans; None without a site."""
 
-    def look_for_ways_out(
+    def keep_escape_routes(
         self, telemetry: Telemetry, scene: Scene | None, place_m: Vector | None, now_s: float
     ) -> None:
         """Updates the contingency plans. scene: None if nothing can be planned; place_m: aircraft.

@@ -14,9 +14,9 @@ import numpy as np
 from ..config import CompanionConfig
 from ..estimation.pose import Pose
 from ..estimation.pose_tracker import Ground
-from ..estimation.site_fence import FenceWatch, fenced
-from ..guidance.flight_volume import Airspace
-from ..guidance.path_follower import Flight
+from ..estimation.site_fence import SiteFence, fenced
+from ..guidance.flight_volume import FlightVolume
+from ..guidance.path_follower import PathFollower
 from ..guidance.splice import Adoption
 from ..mavlink.session import Severity
 from ..mavlink.statustext import short_name
@@ -31,13 +31,13 @@ from ..power import PowerModel
 from ..risk import RiskEstimate
 from ..risk.explain import WeightsReason, risk_dict
 from ..safety.checks import uncertainty_m, widening_m
-from ..safety.failsafe_exposure import FailsafeWatch
-from ..safety.obstacle_inflation import Widening
+from ..safety.failsafe_exposure import FailsafeExposure
+from ..safety.obstacle_inflation import ObstacleInflation
 from ..site import Margin
 from ..types import AutopilotKind, FenceItem, Mission, RiskIndices, Telemetry, Vector
 from ..vehicle import Vehicle
-from .offboard_loss_check import Survival
-from .plan_requests import Awaited, PlanDesk
+from .offboard_loss_check import OffboardLossCheck
+from .plan_requests import Awaited, PlanRequests
 from .reports import Reports
 
 _TOLD_EVERY_S = 10.0
@@ -52,7 +52,7 @@ _OFF_PATH_FOR_S = 1.0
 """After this time off its path the aircraft does not return by itself."""
 
 
-class Course:
+class RouteManager:
     """An aircraft's route on a site. ground: None without a site: then no plan is possible."""
 
     def __init__(
@@ -63,14 +63,14 @@ class Course:
         reports: Reports,
         margin: Margin,
     ) -> None:
-        self.flight: Flight | None = None
+        self.flight: PathFollower | None = None
         """Active or offered flight; None while there is none."""
         self._ground = ground
         self._vehicle = vehicle
         self._config = config
         self._margin = margin
         self._reports = reports
-        self._plans = PlanDesk()
+        self._plans = PlanRequests()
         self._near_path_s = -math.inf
         self._under_way_s = -math.inf
         """Last time at which the setpoint was short of the plan's end."""
@@ -80,19 +80,19 @@ class Course:
         self._flown_risk = RiskIndices()
         """Risk indices of the active path's plan."""
         site = None if ground is None else ground.site
-        self._fences = FenceWatch(site, config.supervision.fence_margin_m)
+        self._fences = SiteFence(site, config.supervision.fence_margin_m)
         self.fence: PlaneFence | None = None
         """Part of the autopilot's fence that cuts the site: plans stay inside."""
-        self.watch = FailsafeWatch(config.supervision, PowerModel.of(vehicle))
+        self.watch = FailsafeExposure(config.supervision, PowerModel.of(vehicle))
         """Autopilot failsafes."""
-        self._survival = Survival(ground, vehicle, config.supervision, reports)
+        self._offboard_loss_check = OffboardLossCheck(ground, vehicle, config.supervision, reports)
         self._uncertainty_m: float | None = None
         self._needed_m = 0.0
         """Required obstacle inflation by position uncertainty, beyond keep-outs."""
-        self._widening = Widening()
-        self._lasting = Widening()
+        self._widening = ObstacleInflation()
+        self._lasting = ObstacleInflation()
         """The same without the tracking error, which a gust causes only for a time."""
-        self._left: Flight | None = None
+        self._left: PathFollower | None = None
         """The last flight, if it ended on a landing leg."""
         self._in_vain: tuple[float, str] | None = None
         """Obstacle inflation at which no path was found, and the reason."""
@@ -110,17 +110,17 @@ class Course:
     @property
     def reluctance(self) -> str | None:
         """Reason why no mission can start; None once offboard-loss action and fence are known."""
-        if not self._survival.loss or not self.watch.known:
+        if not self._offboard_loss_check.loss or not self.watch.known:
             return "autopilot parameters not read yet"
         return None if self._ground is None else self._fences.reluctance
 
     @property
-    def airspace(self) -> Airspace | None:
+    def volume(self) -> FlightVolume | None:
         """Flight volume of the vehicle; None while no mission can start."""
-        ground, loss = self._ground, self._survival.loss
+        ground, loss = self._ground, self._offboard_loss_check.loss
         if ground is None or loss is None or self._fences.reluctance is not None:
             return None
-        return Airspace(
+        return FlightVolume(
             site=ground.site,
             vehicle=self._vehicle,
             maps=ground.maps,
@@ -193,7 +193,7 @@ class Course:
         now_s: float,
     ) -> None:
         """Takes the autopilot's parameters and its home, (x, y, z) in the site's frame."""
-        self._survival.learn(kind, parameters, home_m, self.flight, now_s)
+        self._offboard_loss_check.learn(kind, parameters, home_m, self.flight, now_s)
 
     def learn_failsafes(
         self,
@@ -207,14 +207,14 @@ class Course:
         before = self.watch.untold
         if not self.watch.learn(kind, parameters, home_m, telemetry):
             return
-        self._survival.reconsider(self.flight)
+        self._offboard_loss_check.reconsider(self.flight)
         if self.watch.untold != before:
             self._reports.record("failsafes", now_s, taken_as_by_default=list(self.watch.untold))
 
     @property
     def objection(self) -> str | None:
         """Reason against the active flight or hold, by offboard loss or failsafe; None if none."""
-        return self._survival.objection
+        return self._offboard_loss_check.objection
 
     @property
     def no_room(self) -> str | None:
@@ -243,7 +243,7 @@ class Course:
         self._lasting = self._lasting.followed(self._needed_m, now_s)
         less_wide = self._widening.width_m < before.width_m
         if less_wide:
-            self._survival.reconsider(self.flight)
+            self._offboard_loss_check.reconsider(self.flight)
         return less_wide
 
     def plan_jobs(self) -> list[PlanJob]:
@@ -273,11 +273,11 @@ class Course:
 
         recover: from the aircraft's position, off its path. reason: for the record.
         """
-        airspace = self.airspace
-        if pose is None or airspace is None:
+        volume = self.volume
+        if pose is None or volume is None:
             return False
         if self.flight is None:
-            self.flight = Flight(airspace, pose)
+            self.flight = PathFollower(volume, pose)
         junction = self.flight.junction_at(pose) if recover else self.flight.junction()
         if first:
             self._in_vain = None
@@ -302,14 +302,14 @@ class Course:
             self._reports.record("replan", now_s, reason=reason)
         return True
 
-    def survivable(
+    def checked_for_offboard_loss(
         self, awaited: Awaited, answer: PlanAnswer, now_s: float, *, ordered: bool
     ) -> PlanAnswer:
         """The answer; without its plan if offboard loss or a failsafe on it would hit an obstacle.
 
         ordered: by an operator.
         """
-        return self._survival.checked(
+        return self._offboard_loss_check.checked(
             awaited, answer, self.flight, self.watch.failsafes, now_s, ordered=ordered
         )
 
@@ -329,7 +329,7 @@ class Course:
             plan, awaited.junction, answer.escape_m, answer.reach, answer.narrowed_m
         )
         if adoption is not Adoption.TOO_LATE:
-            self._survival.objection = None
+            self._offboard_loss_check.objection = None
         if adoption is Adoption.NEW_PATH:
             self._explain(awaited, plan, flown, estimate, now_s)
         if answer.narrowed_m and adoption is Adoption.NEW_PATH:
@@ -482,7 +482,7 @@ class Course:
         At the leg's end no more flight is needed. So near the leg that no other plan can be joined
         before it, the active flight serves the task. Returns False where a plan is needed.
         """
-        flight, airspace = self.flight, self.airspace
+        flight, volume = self.flight, self.volume
         left = self._left if flight is None else flight
         if left is None or not left.serves(task.mission, task.goal):
             return False
@@ -491,13 +491,13 @@ class Course:
             goes_on = moves and (flight.on_leg or flight.junction().at_end)
             if self.resume_leg() or goes_on or (flight.on_leg and flight.arrived):
                 return True
-        if pose is None or airspace is None:
+        if pose is None or volume is None:
             return False
         if flight is not None:
             # The gate compares with the last setpoint, which a wind may hold the aircraft beside.
             last = flight.progress(pose).setpoint
             pose = replace(pose, position_m=last.position_m, yaw_rad=last.yaw_rad)
-        taken_up = left.taken_up(airspace, pose, self._needed_m)
+        taken_up = left.taken_up(volume, pose, self._needed_m)
         if taken_up is not None:
             self._plans.forget()
             self.flight = taken_up
@@ -526,6 +526,6 @@ class Course:
             self._left = self.flight if self.flight.on_leg else None
         self.flight = None
         self._in_vain = None
-        self._survival.objection = None
+        self._offboard_loss_check.objection = None
         self.watch.end()
         self._plans.forget()

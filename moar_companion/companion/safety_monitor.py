@@ -47,7 +47,7 @@ class _Audience:
         return True
 
 
-class Overseer:
+class SafetyMonitor:
     """Keeps the supervisor's state. off_path_m: the vehicle's."""
 
     def __init__(self, limits: Supervision, off_path_m: float, reports: Reports) -> None:

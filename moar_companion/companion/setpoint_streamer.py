@@ -8,7 +8,7 @@ from dataclasses import astuple, dataclass, replace
 from ..config import Supervision
 from ..estimation.pose import Jump, Setpoint
 from ..frames import PlaneToLocal
-from ..guidance.path_follower import Flight
+from ..guidance.path_follower import PathFollower
 from ..mavlink.session import Session
 from ..safety.setpoint_gate import motion_refusal
 from ..site import Margin
@@ -29,7 +29,7 @@ class Refusal:
     rest: Setpoint | None
 
 
-class Stream:
+class SetpointStreamer:
     """Checks every setpoint, sends it, and keeps the last one."""
 
     def __init__(
@@ -51,7 +51,7 @@ class Stream:
         """Last setpoint at rest of a cycle whose output was not sent, and the cycle's time."""
 
     def send(
-        self, setpoint: Setpoint, flight: Flight, plane: PlaneToLocal, now_s: float
+        self, setpoint: Setpoint, flight: PathFollower, plane: PlaneToLocal, now_s: float
     ) -> Refusal | None:
         """Sends a flight's setpoint of the site's frame, or returns the reason for its refusal.
 
@@ -79,7 +79,7 @@ class Stream:
             self._pass(self._rest, self._last_ned_m, plane, now_s)
         return Refusal(reason=reason, narrow=narrow, rest=rest)
 
-    def rest(self, flight: Flight, plane: PlaneToLocal, now_s: float) -> Setpoint | None:
+    def rest(self, flight: PathFollower, plane: PlaneToLocal, now_s: float) -> Setpoint | None:
         """Sends the last setpoint's position, at rest; None if that must not be sent."""
         rest = self._rest
         if rest is None:
@@ -89,7 +89,7 @@ class Stream:
         self._pass(rest, self._last_ned_m, plane, now_s)
         return rest
 
-    def say_farewell(self, flight: Flight, plane: PlaneToLocal, now_s: float) -> None:
+    def send_last_setpoint(self, flight: PathFollower, plane: PlaneToLocal, now_s: float) -> None:
         """Sends the last setpoint at rest; keeps it until the cycle's output is sent."""
         rest = self.rest(flight, plane, now_s)
         self._owed = None if rest is None else (rest, now_s)
@@ -102,9 +102,9 @@ class Stream:
         """Sends the pending last setpoint again, while the aircraft is still near its position."""
         if self._owed is None:
             return
-        farewell, said_s = self._owed
+        last_setpoint, said_s = self._owed
         if said_s < now_s <= said_s + self._limits.position_timeout_s:
-            self._pass(farewell, plane.position_to_ned(farewell.position_m), plane, now_s)
+            self._pass(last_setpoint, plane.position_to_ned(last_setpoint.position_m), plane, now_s)
 
     @property
     def _rest(self) -> Setpoint | None:
@@ -129,7 +129,9 @@ class Stream:
         self._last = None
         self._jumped_m = (0.0, 0.0, 0.0)
 
-    def _place_refusal(self, setpoint: Setpoint, flight: Flight, widened_m: float) -> str | None:
+    def _place_refusal(
+        self, setpoint: Setpoint, flight: PathFollower, widened_m: float
+    ) -> str | None:
         """Reason why a setpoint's position is forbidden; widened_m: inflation of obstacles.
 
         At rest, a position is allowed if only a jump, no greater than the margin, has put it there.
@@ -146,7 +148,7 @@ class Stream:
         return reason
 
     def _motion_refusal(
-        self, setpoint: Setpoint, flight: Flight, plane: PlaneToLocal, now_s: float
+        self, setpoint: Setpoint, flight: PathFollower, plane: PlaneToLocal, now_s: float
     ) -> str | None:
         """Reason why a setpoint must not follow the last one, or begin the stream.
 

@@ -16,7 +16,7 @@ clock is wrong."""
 _REMEDY = "set this computer's clock; where it is right delete signing.json, and restart"
 
 
-class Refusals:
+class SigningReport:
     """Counts reported so far, and the times of the reports."""
 
     def __init__(self) -> None:

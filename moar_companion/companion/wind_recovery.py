@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 
 from ..estimation.pose import Pose
-from ..guidance.path_follower import Flight
+from ..guidance.path_follower import PathFollower
 from ..mavlink.session import Severity
 from ..mission.values import MissionStatus
 from ..mission_states import IN_CONTROL, MissionState
@@ -26,7 +26,7 @@ _TOLD_AGAIN = 2.0
 """A drift is reported again when it has grown by this factor."""
 
 
-class Recovery:
+class WindRecovery:
     """Keeps the drift reported last, and the time of the next search for a recovery leg."""
 
     def __init__(self, reports: Reports) -> None:
@@ -36,7 +36,7 @@ class Recovery:
 
     def act(
         self,
-        flight: Flight | None,
+        flight: PathFollower | None,
         pose: Pose | None,
         status: MissionStatus,
         ruling: Ruling,
@@ -68,7 +68,7 @@ class Recovery:
             reason = f"{flight.outside_m:.0f} m outside, no free way back: fly it back"
             self._reports.say(Severity.WARNING, reason, now_s)
 
-    def _tell_drift(self, flight: Flight, pose: Pose, now_s: float) -> None:
+    def _tell_drift(self, flight: PathFollower, pose: Pose, now_s: float) -> None:
         drifted_m = flight.drifted_m(pose)
         if drifted_m is None:
             self._told_m = None

@@ -19,8 +19,8 @@ import numpy as np
 
 from ..autopilots.failsafe_actions import BATTERY, NO_FAILSAFES, Failsafes
 from ..estimation.pose import Pose
-from ..guidance.flight_volume import Airspace
-from ..guidance.path_follower import Flight
+from ..guidance.flight_volume import FlightVolume
+from ..guidance.path_follower import PathFollower
 from ..guidance.plan_path import flown
 from ..guidance.trajectory import FloatArray
 from ..mission.values import MissionStatus, Task
@@ -30,11 +30,11 @@ from ..planner.plane_fence import PlaneFence
 from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..power import Demands, Meter, PowerModel, landing_s
 from ..risk.headway import least_s
-from ..safety.checks import WayOut
+from ..safety.checks import EscapeRoute
 from ..site import Site
 from ..types import Mission, RiskIndices, Vector
 from ..vehicle import RiskModel, Vehicle
-from .route_cost import Way, better_of, energy_wh_of
+from .route_cost import RouteCost, better_of, energy_wh_of
 
 _ROUND_S = 2.0
 """Time between two rounds of requests: at 5 m/s the aircraft moves 10 m."""
@@ -106,8 +106,8 @@ class Scene:
 
     pose: Pose
     status: MissionStatus
-    flight: Flight | None
-    airspace: Airspace
+    flight: PathFollower | None
+    volume: FlightVolume
     risk: RiskIndices
     widening_m: float
     fence: PlaneFence | None
@@ -118,7 +118,7 @@ class Scene:
     model: RiskModel
 
 
-class Contingencies:
+class ContingencyPlanner:
     """Keeps the latest answers, and requests new ones, one at a time."""
 
     def __init__(self, site: Site, vehicle: Vehicle, power: PowerModel) -> None:
@@ -131,7 +131,7 @@ class Contingencies:
         self._asked: _Asked | None = None
         self._queue: list[_Question] = []
         self._due_s = -math.inf
-        self._ways: dict[_Question, Way | None] = {}
+        self._ways: dict[_Question, RouteCost | None] = {}
         """Routes of the last answers with a plan; None where no answer had one."""
         self._starts: dict[_Question, Vector] = {}
         """Start points of the routes."""
@@ -144,9 +144,9 @@ class Contingencies:
         """The vehicle with the drag of the wind estimate."""
         self.demands: Demands | None = None
         """Energy demand of the remaining flight; None on the ground."""
-        self._finish: Way | None = None
+        self._finish: RouteCost | None = None
         """Rest of the mission and the better escape route behind it; None: none, or unknown."""
-        self._out: dict[Mission, Way | None] = {}
+        self._out: dict[Mission, RouteCost | None] = {}
         """The escape routes; of an active one the remaining part."""
         self._flown: Mission | None = None
         """The active mission."""
@@ -173,7 +173,7 @@ class Contingencies:
         self._now_s = now_s
         demands = Demands() if self.demands is None else self.demands
         if here_m is not None:
-            self._out, self._flown = self._ways_out(here_m), None
+            self._out, self._flown = self._escape_routes(here_m), None
             self.better = better_of(self._out, self.better)
             demands = self._with_ways_out(demands)
         self.demands = demands
@@ -187,7 +187,7 @@ class Contingencies:
     def outlook(self, meter: Meter) -> Outlook:
         """Energy left, and demand of each route."""
 
-        def outcome(way: Way | None) -> Outcome | None:
+        def outcome(way: RouteCost | None) -> Outcome | None:
             if way is None:
                 return None
             return Outcome(
@@ -208,7 +208,7 @@ class Contingencies:
             better=self.better,
         )
 
-    def way_out(self, meter: Meter) -> WayOut | None:
+    def escape_route(self, meter: Meter) -> EscapeRoute | None:
         """The better escape route, and the flight time left after it; None while unknown."""
         way = None if self.better is None else self._out.get(self.better)
         if self.better is None or way is None:
@@ -218,7 +218,7 @@ class Contingencies:
         flown_left_s = meter.left_after_s(self._power, energy_wh_of(flown))
         if flown_left_s is not None and flown_left_s > self._power.reserve_s:
             flown_left_s = None
-        return WayOut(
+        return EscapeRoute(
             mission=self.better,
             left_s=meter.left_after_s(self._power, way.energy_wh),
             reserve_s=self._power.reserve_s,
@@ -232,13 +232,13 @@ class Contingencies:
         jobs, self._jobs = self._jobs, []
         return jobs
 
-    def answered(self, answer: PlanAnswer, airspace: Airspace | None) -> None:
+    def answered(self, answer: PlanAnswer, volume: FlightVolume | None) -> None:
         """Takes the answer to a job; one that is no longer awaited is dropped."""
         asked = self._asked
-        if asked is None or asked.job.job_id != answer.job_id or airspace is None:
+        if asked is None or asked.job.job_id != answer.job_id or volume is None:
             return
         self._asked = None
-        way = self._measured(asked, answer, airspace)
+        way = self._measured(asked, answer, volume)
         if way is None:
             self._ways.setdefault(asked.question, None)
         else:
@@ -287,54 +287,54 @@ class Contingencies:
         self._asked = _Asked(question=question, job=job, start_m=(x_m, 0.0, z_m), asked_s=now_s)
         self._jobs.append(job)
 
-    def _measured(self, asked: _Asked, answer: PlanAnswer, airspace: Airspace) -> Way | None:
+    def _measured(
+        self, asked: _Asked, answer: PlanAnswer, volume: FlightVolume
+    ) -> RouteCost | None:
         plan = answer.plan
         if plan is None:
             return None
-        path = flown(plan, asked.start_m, answer.escape_m, airspace.leg_speeds_mps)
-        trajectory = airspace.widened(answer.reach).trajectory(path)
+        path = flown(plan, asked.start_m, answer.escape_m, volume.leg_speeds_mps)
+        trajectory = volume.widened(answer.reach).trajectory(path)
         speed_mps = math.hypot(*asked.job.request.velocity_mps)
         rest = trajectory.rest(0.0, speed_mps, self._vehicle.guidance.acceleration_mps2)
-        way = self._exposed(self._way(*rest, asked.asked_s), *rest, airspace)
+        way = self._exposed(self._way(*rest, asked.asked_s), *rest, volume)
         return (
-            way
-            if asked.question.mission is Mission.INSPECTION
-            else way.then(self._landing(airspace))
+            way if asked.question.mission is Mission.INSPECTION else way.then(self._landing(volume))
         )
 
-    def _way(self, position_m: FloatArray, duration_s: FloatArray, asked_s: float) -> Way:
+    def _way(self, position_m: FloatArray, duration_s: FloatArray, asked_s: float) -> RouteCost:
         """Route through points (n, 3) in times (n - 1,), longer where the wind slows the flight."""
         if self._wind_mps is not None:
             steps_m = np.diff(position_m, axis=0)
             against_s = least_s(steps_m, self._wind_mps[:2], self._in_wind)
             duration_s = np.maximum(duration_s, against_s)
-        return Way(
+        return RouteCost(
             duration_s=float(duration_s.sum()),
             energy_wh=self._power.path_wh(position_m, duration_s),
             asked_s=asked_s,
         )
 
     def _exposed(
-        self, way: Way, position_m: FloatArray, duration_s: FloatArray, airspace: Airspace
-    ) -> Way:
+        self, way: RouteCost, position_m: FloatArray, duration_s: FloatArray, volume: FlightVolume
+    ) -> RouteCost:
         """The route with its exposed time, by its points (n, 3) and the times (n - 1,) between."""
         if not self._failsafes.actions:
             return way
-        exposed = self._failsafes.exposed(airspace.maps.reach, position_m[:, ::2])
+        exposed = self._failsafes.exposed(volume.maps.reach, position_m[:, ::2])
         last = int(np.flatnonzero(exposed)[-1]) if exposed.any() else 0
         return replace(way, exposed_s=float(duration_s[:last].sum()))
 
-    def _landing(self, airspace: Airspace) -> Way:
-        height_m, kind = self._vehicle.guidance.landing_height_m, airspace.loss.kind
-        return Way(
+    def _landing(self, volume: FlightVolume) -> RouteCost:
+        height_m, kind = self._vehicle.guidance.landing_height_m, volume.loss.kind
+        return RouteCost(
             duration_s=landing_s(height_m, kind),
             energy_wh=self._power.landing_wh(height_m, kind),
             asked_s=self._now_s,
         )
 
-    def _ways_out(self, here_m: Vector) -> dict[Mission, Way | None]:
+    def _escape_routes(self, here_m: Vector) -> dict[Mission, RouteCost | None]:
         """The escape routes from here: flight back to their starts, then as last planned."""
-        ways: dict[Mission, Way | None] = {}
+        ways: dict[Mission, RouteCost | None] = {}
         for mission in _WAYS_OUT:
             question = _Question(None, mission)
             way = self._ways.get(question)
@@ -343,7 +343,7 @@ class Contingencies:
             ways[mission] = way
         return ways
 
-    def _straight(self, here_m: Vector, there_m: Vector) -> Way:
+    def _straight(self, here_m: Vector, there_m: Vector) -> RouteCost:
         """The straight route from here to there, at full speed."""
         x_m, y_m, up_m = (there - here for here, there in zip(here_m, there_m, strict=True))
         power = self._power
@@ -357,7 +357,7 @@ class Contingencies:
         ordered = task is not None and (status.state in _FLOWN or task.flown)
         self._flown = task.mission if task is not None and ordered else None
         self._finish = None if self._flown is None else self._ahead(scene, scene.pace)
-        self._out = self._ways_out(scene.pose.position_m)
+        self._out = self._escape_routes(scene.pose.position_m)
         if self._flown in self._out:
             planned = self._out[self._flown]
             self._finish = self._out[self._flown] = self._finish or planned
@@ -371,7 +371,7 @@ class Contingencies:
             Demands(flown=ordered, finish_wh=energy_wh_of(self._finish))
         )
 
-    def _instead_of_exit(self, full_pace: Way | None, meter: Meter) -> Mission | None:
+    def _instead_of_exit(self, full_pace: RouteCost | None, meter: Meter) -> Mission | None:
         """The active exit; where it takes too much, an evacuation that takes clearly less.
 
         The supervisor permits no change from evacuation to exit. full_pace: the exit at the speed
@@ -389,7 +389,7 @@ class Contingencies:
             evacuation_wh=energy_wh_of(self._out[Mission.EVACUATION]),
         )
 
-    def _ahead(self, scene: Scene, pace: float) -> Way | None:
+    def _ahead(self, scene: Scene, pace: float) -> RouteCost | None:
         """The rest of the flight; None where a part is unknown, or the flight was braked."""
         task, flight = scene.status.task, scene.flight
         if task is None or flight is None:
@@ -398,10 +398,12 @@ class Contingencies:
             return None
         position_m, duration_s = flight.rest()
         rest = self._way(position_m, duration_s / pace, self._now_s)
-        rest = self._exposed(rest, position_m, duration_s / pace, scene.airspace)
-        return self._rest(task, rest, self._landing(scene.airspace), pace)
+        rest = self._exposed(rest, position_m, duration_s / pace, scene.volume)
+        return self._rest(task, rest, self._landing(scene.volume), pace)
 
-    def _rest(self, task: Task, rest: Way, landing: Way, pace: float) -> Way | None:
+    def _rest(
+        self, task: Task, rest: RouteCost, landing: RouteCost, pace: float
+    ) -> RouteCost | None:
         """A task's rest, from the rest of the active plan; None where a part is unknown."""
         if task.mission in _WAYS_OUT:
             return rest.then(landing)

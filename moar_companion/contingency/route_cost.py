@@ -13,7 +13,7 @@ _CLEARLY_LESS = 0.9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Way:
+class RouteCost:
     """Cost of a route. energy_wh: as the vehicle file has it.
 
     asked_s: time of its request; of several parts, the oldest. exposed_s: time until the last
@@ -25,7 +25,7 @@ class Way:
     asked_s: float
     exposed_s: float = 0.0
 
-    def then(self, other: Way) -> Way:
+    def then(self, other: RouteCost) -> RouteCost:
         """Returns the cost of both routes, one after the other."""
         return replace(
             self,
@@ -35,7 +35,7 @@ class Way:
             exposed_s=self.duration_s + other.exposed_s if other.exposed_s else self.exposed_s,
         )
 
-    def paced(self, pace: float) -> Way:
+    def paced(self, pace: float) -> RouteCost:
         """Returns the cost at a fraction of the speeds; slower flight takes a hover's power."""
         return replace(
             self,
@@ -45,7 +45,7 @@ class Way:
         )
 
 
-def better_of(ways: Mapping[Mission, Way | None], before: Mission | None) -> Mission | None:
+def better_of(ways: Mapping[Mission, RouteCost | None], before: Mission | None) -> Mission | None:
     """Returns the escape route that takes less; the one before, unless another takes clearly less.
 
     A route that was not found again for long, while another was, does not count.
@@ -63,6 +63,6 @@ def better_of(ways: Mapping[Mission, Way | None], before: Mission | None) -> Mis
     return least
 
 
-def energy_wh_of(way: Way | None) -> float | None:
+def energy_wh_of(way: RouteCost | None) -> float | None:
     """Energy of a route, if it is known."""
     return None if way is None else way.energy_wh

@@ -63,7 +63,7 @@ class Ground:
         return self.site.target(stops[0]).dwell_s if stops else 0.0
 
 
-class Surroundings:
+class PoseTracker:
     """Reads telemetry for a companion on a site.
 
     kind: the autopilot whose projection its local frame has; None: taken from its heartbeat.

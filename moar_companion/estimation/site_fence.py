@@ -32,7 +32,7 @@ _Place = tuple[float, float]
 _EVERYWHERE: _Intervals = ((-math.inf, math.inf),)
 
 
-class FenceWatch:
+class SiteFence:
     """Keeps the last reported fence, also while it is requested again."""
 
     def __init__(self, site: Site | None, margin_m: float) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..estimation.pose import Pose, Setpoint
 from ..planner.escape import recovery_leg
-from ..planner.free_distance import Reach
+from ..planner.free_distance import FreeDistance
 from ..planner.geometry import rings
 from ..planner.graph import elevation_speed_mps
 from ..planner.grid import TOLERANCE, BoolArray
@@ -21,7 +21,7 @@ from ..planner.legs import leg_clearances
 from ..planner.maps import Maps
 from ..planner.plane_fence import PlaneFence
 from ..planner.regions import obstacle_room_m
-from ..safety.offboard_loss import Loss
+from ..safety.offboard_loss import OffboardLoss
 from ..safety.setpoint_gate import distance_m, refusal
 from ..site import Site
 from ..types import Vector
@@ -34,7 +34,7 @@ _PER_CELL = 10
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Airspace:
+class FlightVolume:
     """Flight volume that the site and the maps permit; checked legs are permitted as well.
 
     maps: of the site, keep-outs without inflation; the gate adds the present inflation.
@@ -46,8 +46,8 @@ class Airspace:
     site: Site
     vehicle: Vehicle
     maps: Maps
-    loss: Loss
-    reach: Reach | None = None
+    loss: OffboardLoss
+    reach: FreeDistance | None = None
     fence: PlaneFence | None = None
     narrowed_m: float = 0.0
 
@@ -73,7 +73,7 @@ class Airspace:
         """The vehicle's speed limits (n - 1,) on the segments between points (n, 3)."""
         return elevation_speed_mps(self.vehicle.speed, np.diff(points_m, axis=0)[:, ::2])
 
-    def widened(self, reach: Reach | None, narrowed_m: float = 0.0) -> Airspace:
+    def widened(self, reach: FreeDistance | None, narrowed_m: float = 0.0) -> FlightVolume:
         """Returns the same volume with the obstacle inflation of another plan."""
         return replace(self, reach=reach, narrowed_m=narrowed_m)
 

@@ -16,19 +16,19 @@ import numpy as np
 from ..estimation.pose import Jump, Pose, Setpoint
 from ..frames import PlaneToLocal
 from ..planner.comparison import rest_of
-from ..planner.free_distance import Reach
+from ..planner.free_distance import FreeDistance
 from ..planner.plan_values import Plan
 from ..planner.plane_fence import PlaneFence
-from ..safety.offboard_loss import Loss
+from ..safety.offboard_loss import OffboardLoss
 from ..safety.setpoint_gate import distance_m, distances_m
 from ..site import PlanePoint
 from ..types import Mission, Vector
-from .flight_volume import Airspace
+from .flight_volume import FlightVolume
 from .plan_path import CheckedLeg, approach_m, checked_legs, flown, standing, vector
-from .splice import Adoption, Junction
+from .splice import Adoption, Splice
 from .tracking import Reference, advanced, turned
 from .trajectory import FloatArray, PathPoints
-from .wind_leash import Drift
+from .wind_leash import WindLeash
 from .yaw import wanted_yaw_rad
 
 _STANDS_MPS = 0.05
@@ -51,24 +51,24 @@ class Progress:
     left_s: float
 
 
-class Flight:
+class PathFollower:
     """The reference and everything that moves it.
 
     Invariant: if the setpoint stream stops now, the aircraft stops in free space. This caps the
     speed next to obstacles.
     """
 
-    def __init__(self, airspace: Airspace, pose: Pose) -> None:
+    def __init__(self, volume: FlightVolume, pose: Pose) -> None:
         """Sets the setpoint to the aircraft's pose."""
-        self._airspace = airspace
-        self._vehicle = airspace.vehicle
+        self._volume = volume
+        self._vehicle = volume.vehicle
         self._plan: Plan | None = None
         self._region_corner: int | None = None
         self._legs: tuple[CheckedLeg, ...] = ()
-        self._drift = Drift()
+        self._drift = WindLeash()
         self._yaw_rad = pose.yaw_rad
         self._reference = Reference.start(
-            self._airspace.trajectory(standing(pose.position_m)), pose.position_m
+            self._volume.trajectory(standing(pose.position_m)), pose.position_m
         )
 
     @property
@@ -94,17 +94,17 @@ class Flight:
     @property
     def margin_m(self) -> float:
         """Margin of keep-outs for the errors of a flight, in metres."""
-        return self._airspace.site.margin.total_m
+        return self._volume.site.margin.total_m
 
     @property
     def narrowed_m(self) -> float:
         """Part of the margin that the active plan omits, in metres."""
-        return self._airspace.narrowed_m
+        return self._volume.narrowed_m
 
     @property
-    def reach(self) -> Reach | None:
+    def reach(self) -> FreeDistance | None:
         """Reach to obstacles with the active plan's inflation; None: no inflation."""
-        return self._airspace.reach
+        return self._volume.reach
 
     @property
     def on_leg(self) -> bool:
@@ -144,7 +144,7 @@ class Flight:
     def outside_m(self) -> float:
         """Distance of the setpoint outside the workspace, or beside the plane, in metres."""
         x_m, y_m, z_m = vector(self._reference.position_m)
-        return max(abs(y_m), self._airspace.site.workspace.outside_m((x_m, z_m)))
+        return max(abs(y_m), self._volume.site.workspace.outside_m((x_m, z_m)))
 
     @property
     def why_it_returns(self) -> str:
@@ -156,21 +156,21 @@ class Flight:
         """True if the setpoint, after a displacement by wind, needs a recovery leg to go on."""
         place_m = vector(self._reference.position_m)
         beside = len(approach_m(place_m)) > 1
-        outside = self._airspace.site.workspace.outside_m((place_m[0], place_m[2])) > 0.0
+        outside = self._volume.site.workspace.outside_m((place_m[0], place_m[2])) > 0.0
         return self._drift.carried and self._drift.from_m is None and (beside or outside)
 
     def come_back(self, widened_m: float) -> bool:
         """Begins the recovery leg at the setpoint; returns False if there is none."""
         place_m = vector(self._reference.position_m)
-        leg = self._airspace.way_back(place_m, widened_m)
+        leg = self._volume.way_back(place_m, widened_m)
         if leg is None:
             return False
         points_m = np.array(leg.points_m)
-        speed_mps = self._airspace.recovery_speeds_mps(points_m)
+        speed_mps = self._volume.recovery_speeds_mps(points_m)
         path = PathPoints(position_m=points_m, speed_mps=speed_mps)
-        self._reference = Reference.start(self._airspace.trajectory(path), place_m)
+        self._reference = Reference.start(self._volume.trajectory(path), place_m)
         self._legs, self._region_corner = (leg,), None
-        self._drift = Drift(returns=True)
+        self._drift = WindLeash(returns=True)
         return True
 
     def shift(self, jump: Jump) -> None:
@@ -179,19 +179,19 @@ class Flight:
         self._reference = replace(reference, offset_m=reference.offset_m + np.array(jump.step_m))
         self._yaw_rad = math.remainder(self._yaw_rad + jump.turn_rad, math.tau)
 
-    def learn_loss(self, loss: Loss) -> None:
+    def learn_loss(self, loss: OffboardLoss) -> None:
         """Caps the speed by the new offboard-loss behaviour."""
-        self._go_on_in(replace(self._airspace, loss=loss))
+        self._go_on_in(replace(self._volume, loss=loss))
 
     def learn_fence(self, fence: PlaneFence | None) -> None:
         """Takes the autopilot's new fence, and caps the speed by it."""
-        self._go_on_in(replace(self._airspace, fence=fence))
+        self._go_on_in(replace(self._volume, fence=fence))
 
-    def _go_on_in(self, airspace: Airspace) -> None:
+    def _go_on_in(self, volume: FlightVolume) -> None:
         """Keeps the path in another flight volume, which may lower the speed."""
-        self._airspace = airspace
+        self._volume = volume
         trajectory = self._reference.trajectory.capped(
-            airspace.speed_cap_mps, self._vehicle.guidance.acceleration_mps2
+            volume.speed_cap_mps, self._vehicle.guidance.acceleration_mps2
         )
         self._reference = replace(self._reference, trajectory=trajectory)
 
@@ -206,12 +206,12 @@ class Flight:
         if end_m is not None:
             ahead &= trajectory.distance_m <= end_m
         places_m = trajectory.position_m[ahead]
-        crossed, width_m = self._airspace.leaves_fence(places_m), self._airspace.corridor_width_m
+        crossed, width_m = self._volume.leaves_fence(places_m), self._volume.corridor_width_m
         inwards = [leg for leg in self._legs if leg.leads_in]
         if crossed is None or not inwards:
             return crossed
         from_legs_m = [distances_m(places_m, leg.points_m) for leg in inwards]
-        return self._airspace.leaves_fence(places_m[np.min(from_legs_m, axis=0) > width_m])
+        return self._volume.leaves_fence(places_m[np.min(from_legs_m, axis=0) > width_m])
 
     def error_m(self, pose: Pose) -> float:
         """Distance from the setpoint to the aircraft, in metres."""
@@ -220,7 +220,7 @@ class Flight:
     def brake(self) -> None:
         """Brakes to rest as soon as the acceleration limit permits."""
         if self.returns:
-            self._drift = Drift(carried=True)
+            self._drift = WindLeash(carried=True)
         if not self.braked:
             self._reference = self._reference.braked(self._vehicle.guidance.acceleration_mps2)
 
@@ -231,8 +231,8 @@ class Flight:
         """
         leg = self._legs[-1] if self.on_leg and self._legs else None
         beside_m = math.inf if leg is None else distance_m(position_m, leg.points_m)
-        if beside_m > self._airspace.corridor_width_m:
-            trajectory = self._airspace.trajectory(standing(position_m))
+        if beside_m > self._volume.corridor_width_m:
+            trajectory = self._volume.trajectory(standing(position_m))
             self._reference = Reference.start(trajectory, position_m)
             self._region_corner = None
         self._reference = self._reference.stood(position_m)
@@ -248,24 +248,24 @@ class Flight:
         stop_m, here = reference.stop_m, vector(reference.position_m)
         if leg is None or stop_m is None or not self._leaves_workspace_by(stop_m):
             return False
-        if distance_m(here, leg.points_m) > self._airspace.corridor_width_m:
+        if distance_m(here, leg.points_m) > self._volume.corridor_width_m:
             return False
-        widened_m -= self._airspace.narrowed_m
-        if not leg.has_room(widened_m) or self._airspace.leaves_fence(np.array(leg.points_m)):
+        widened_m -= self._volume.narrowed_m
+        if not leg.has_room(widened_m) or self._volume.leaves_fence(np.array(leg.points_m)):
             return False
         self._reference = replace(self._reference, stop_m=None)
         return True
 
     def keeps_clear(self, place_m: Vector) -> bool:
         """True if a place, anywhere, is outside every keep-out less its margin."""
-        return self._airspace.keeps_clear(place_m)
+        return self._volume.keeps_clear(place_m)
 
     def serves(self, mission: Mission, goal: str | int | None) -> bool:
         """True if the active plan has this mission and this target or landing point."""
         plan = self._plan
         return plan is not None and (plan.mission, plan.request.target) == (mission, goal)
 
-    def taken_up(self, airspace: Airspace, pose: Pose, widened_m: float) -> Flight | None:
+    def taken_up(self, volume: FlightVolume, pose: Pose, widened_m: float) -> PathFollower | None:
         """Flight resumed on its landing leg after a pilot's takeover near the leg; None elsewhere.
 
         The aircraft is outside the workspace, and within the tracking tolerance of the leg. The
@@ -273,11 +273,11 @@ class Flight:
         """
         x_m, _, z_m = pose.position_m
         leg = self._legs[-1] if self.on_leg and self._legs else None
-        if leg is None or not airspace.site.workspace.outside_m((x_m, z_m)):
+        if leg is None or not volume.site.workspace.outside_m((x_m, z_m)):
             return None
-        airspace = airspace.widened(self._airspace.reach, self._airspace.narrowed_m)
+        volume = volume.widened(self._volume.reach, self._volume.narrowed_m)
         trajectory = self._reference.trajectory.capped(
-            airspace.speed_cap_mps, self._vehicle.guidance.acceleration_mps2
+            volume.speed_cap_mps, self._vehicle.guidance.acceleration_mps2
         )
         there = np.array(pose.position_m)
         apart_m = np.sqrt(((trajectory.position_m - there) ** 2).sum(axis=1))
@@ -286,12 +286,12 @@ class Flight:
         if (
             apart_m[nearest] > self._vehicle.guidance.tracking_hold_m
             or not self._leaves_workspace_by(distance_m)
-            or not leg.has_room(widened_m - airspace.narrowed_m)
-            or airspace.leaves_fence(np.array(leg.points_m))
-            or not airspace.is_free_leg(pose.position_m, vector(place_m))
+            or not leg.has_room(widened_m - volume.narrowed_m)
+            or volume.leaves_fence(np.array(leg.points_m))
+            or not volume.is_free_leg(pose.position_m, vector(place_m))
         ):
             return None
-        flight = Flight(airspace, pose)
+        flight = PathFollower(volume, pose)
         flight._plan, flight._region_corner = self._plan, self._region_corner
         approach = CheckedLeg(
             points_m=(pose.position_m, vector(place_m)), room_m=math.inf, leads_in=True
@@ -304,12 +304,12 @@ class Flight:
         )
         return flight
 
-    def junction(self) -> Junction:
+    def junction(self) -> Splice:
         """Start of a plan that is requested now: a point where the reference can still stop."""
         reference = self._reference
         trajectory = reference.trajectory
         if reference.stop_m is not None:
-            return Junction(
+            return Splice(
                 trajectory=trajectory,
                 joined_m=reference.stop_m,
                 position_m=vector(trajectory.at(reference.stop_m)[0]),
@@ -321,7 +321,7 @@ class Flight:
         )
         joined_m = float(trajectory.corner_m[corner])
         _, direction, speed = trajectory.at(joined_m)
-        return Junction(
+        return Splice(
             trajectory=trajectory,
             joined_m=joined_m,
             corner=corner,
@@ -330,13 +330,13 @@ class Flight:
             at_end=corner >= self._last_corner,
         )
 
-    def junction_at(self, pose: Pose) -> Junction:
+    def junction_at(self, pose: Pose) -> Splice:
         """Start of a plan for an aircraft that is off its path.
 
         The start is in the plane: an aircraft beside the plane comes back to it.
         """
         x_m, _, z_m = pose.position_m
-        return Junction(
+        return Splice(
             trajectory=self._reference.trajectory,
             position_m=(x_m, 0.0, z_m),
             velocity_mps=pose.velocity_mps,
@@ -345,9 +345,9 @@ class Flight:
     def adopt(
         self,
         plan: Plan,
-        junction: Junction,
+        junction: Splice,
         escape_m: tuple[PlanePoint, ...],
-        reach: Reach | None = None,
+        reach: FreeDistance | None = None,
         narrowed_m: float = 0.0,
     ) -> Adoption:
         """Adopts a plan that begins at a junction, if the junction is still ahead.
@@ -355,7 +355,7 @@ class Flight:
         reach: to obstacles with the plan's inflation; None: no inflation. narrowed_m: part of the
         margin that the plan omits.
         """
-        reference, airspace = self._reference, self._airspace.widened(reach, narrowed_m)
+        reference, volume = self._reference, self._volume.widened(reach, narrowed_m)
         if junction.trajectory is not reference.trajectory:
             return Adoption.TOO_LATE
         path = self._path(plan, junction, escape_m)
@@ -363,11 +363,11 @@ class Flight:
             # The old path is free. The setpoint stays there if it is not at rest yet, or if the
             # line to the new path is not free. The aircraft then comes back to it.
             resting = reference.speed_mps <= self._vehicle.speed.min_mps
-            if not resting or not self._airspace.free_between(
+            if not resting or not self._volume.free_between(
                 reference.position_m, junction.position_m
             ):
                 return Adoption.TOO_LATE
-            moved = Reference.start(airspace.trajectory(path), vector(reference.position_m))
+            moved = Reference.start(volume.trajectory(path), vector(reference.position_m))
         else:
             joined_m, kept = junction.joined_m, narrowed_m <= self.narrowed_m
             if kept and reach == self.reach and junction.is_followed_by(path):
@@ -378,20 +378,20 @@ class Flight:
             if joined_m < min(stop_m, end_m):
                 return Adoption.TOO_LATE
             lead_in = junction.trajectory.between(reference.distance_m, joined_m)
-            if airspace.is_crowded(lead_in.position_m):
-                narrowed_m = max(narrowed_m, self._airspace.narrowed_m)
-                airspace = airspace.widened(reach, narrowed_m)
+            if volume.is_crowded(lead_in.position_m):
+                narrowed_m = max(narrowed_m, self._volume.narrowed_m)
+                volume = volume.widened(reach, narrowed_m)
             moved = replace(
                 reference,
-                trajectory=airspace.trajectory(path, lead_in),
+                trajectory=volume.trajectory(path, lead_in),
                 distance_m=0.0,
                 stop_m=None,
             )
-        here, width_m = vector(reference.position_m), self._airspace.corridor_width_m
+        here, width_m = vector(reference.position_m), self._volume.corridor_width_m
         still_in = [leg for leg in self._legs if distance_m(here, leg.points_m) <= width_m]
         self._legs = (*still_in, *checked_legs(plan, path, escape_m))
-        self._drift = Drift()
-        self._airspace = airspace
+        self._drift = WindLeash()
+        self._volume = volume
         self._reference = moved
         self._plan = plan
         self._region_corner = (
@@ -401,7 +401,9 @@ class Flight:
         )
         return Adoption.NEW_PATH
 
-    def rest_of_plan(self, newer: Plan, junction: Junction, reach: Reach | None) -> Plan | None:
+    def rest_of_plan(
+        self, newer: Plan, junction: Splice, reach: FreeDistance | None
+    ) -> Plan | None:
         """Rest of the active plan, as an answer to the newer plan's request.
 
         None where the active plan must not stay: its goal differs, its path is not free any more,
@@ -424,7 +426,7 @@ class Flight:
             return None
         if (plan.states[first, :-1] != newer.states[0, :-1]).any():
             return None
-        return rest_of(plan, self._airspace.maps, first, newer.request, newer.graph)
+        return rest_of(plan, self._volume.maps, first, newer.request, newer.graph)
 
     def advance(self, pose: Pose, step_s: float, pace: float = 1.0, *, holds: bool = False) -> None:
         """Moves the reference by one step, slower if the aircraft falls behind.
@@ -455,16 +457,16 @@ class Flight:
         place_m, error_m = vector(self._reference.position_m), self.error_m(pose)
         moved_m = None
         if error_m > leash_m:
-            moved_m = self._airspace.carried_m(place_m, pose.position_m, leash_m)
+            moved_m = self._volume.carried_m(place_m, pose.position_m, leash_m)
         if moved_m is None:
             self._drift = self._drift.after(error_m, leash_m, pose, step_s)
             return
         self._reference = Reference.start(
-            self._airspace.trajectory(standing(moved_m)), moved_m
+            self._volume.trajectory(standing(moved_m)), moved_m
         ).stood(moved_m)
         self._legs, self._region_corner = (), None
         drift = self._drift
-        self._drift = Drift(
+        self._drift = WindLeash(
             from_m=place_m if drift.from_m is None else drift.from_m,
             moved_to_m=pose.position_m,
             carried=True,
@@ -478,13 +480,13 @@ class Flight:
         if not length_m:
             return slow_mps
         here, back = self._reference.position_m[None], -offset[None] / length_m
-        return min(slow_mps, float(self._airspace.speed_cap_mps(here, back)[0]))
+        return min(slow_mps, float(self._volume.speed_cap_mps(here, back)[0]))
 
     def setpoint(self, pose: Pose, plane: PlaneToLocal, step_s: float) -> Setpoint:
         """The setpoint of this instant, the heading turned by one step (0: kept)."""
         guidance = self._vehicle.guidance
         wanted = wanted_yaw_rad(
-            self._airspace.site,
+            self._volume.site,
             guidance,
             self._plan,
             pose,
@@ -528,11 +530,11 @@ class Flight:
         """
         if self.returns:
             return self.why_it_returns
-        return self._airspace.strays(pose, self._legs)
+        return self._volume.strays(pose, self._legs)
 
     def refusal(self, setpoint: Setpoint, plane_tolerance_m: float, widened_m: float) -> str | None:
         """Reason to refuse a setpoint; None when the setpoint is permitted."""
-        return self._airspace.refusal(
+        return self._volume.refusal(
             setpoint,
             self._legs,
             plane_tolerance_m=plane_tolerance_m,
@@ -544,24 +546,24 @@ class Flight:
     def rests_m(
         self,
         plan: Plan,
-        junction: Junction,
+        junction: Splice,
         escape_m: tuple[PlanePoint, ...],
-        reach: Reach | None = None,
+        reach: FreeDistance | None = None,
     ) -> FloatArray:
         """Possible stop points (n, 2) if the setpoint stream ends on a plan.
 
         reach: as in `adopt`.
         """
-        airspace = self._airspace.widened(reach)
-        return airspace.rests_m(airspace.trajectory(self._path(plan, junction, escape_m)))
+        volume = self._volume.widened(reach)
+        return volume.rests_m(volume.trajectory(self._path(plan, junction, escape_m)))
 
     def rests_ahead_m(self) -> FloatArray:
         """Possible stop points (n, 2) on the rest of the active path, to its end or brake point."""
         reference = self._reference
         if reference.stop_m is None:
-            return self._airspace.rests_m(reference.trajectory, reference.distance_m)
+            return self._volume.rests_m(reference.trajectory, reference.distance_m)
         braking = reference.trajectory.between(reference.distance_m, reference.stop_m)
-        return self._airspace.rests_m(self._airspace.trajectory(braking))
+        return self._volume.rests_m(self._volume.trajectory(braking))
 
-    def _path(self, plan: Plan, junction: Junction, escape_m: tuple[PlanePoint, ...]) -> PathPoints:
-        return flown(plan, junction.position_m, escape_m, self._airspace.leg_speeds_mps)
+    def _path(self, plan: Plan, junction: Splice, escape_m: tuple[PlanePoint, ...]) -> PathPoints:
+        return flown(plan, junction.position_m, escape_m, self._volume.leg_speeds_mps)

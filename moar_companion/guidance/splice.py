@@ -12,7 +12,7 @@ from .trajectory import PathPoints, Trajectory
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Junction:
+class Splice:
     """Point where a requested plan will begin.
 
     trajectory: the trajectory at the time of the request. joined_m: the distance along it; None

@@ -19,7 +19,7 @@ _RESTS_MPS, _RESTS_S = 0.5, 1.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Drift:
+class WindLeash:
     """Displacement of the setpoint by wind.
 
     from_m: the setpoint's place before the displacement; None while the aircraft holds.
@@ -45,7 +45,7 @@ class Drift:
         drawn_m = vehicle.speed.horizontal_mps * _DRAWN_S
         return min(longest_m, max(guidance.tracking_slow_m, drawn_m))
 
-    def after(self, error_m: float, leash_m: float, pose: Pose, step_s: float) -> Drift:
+    def after(self, error_m: float, leash_m: float, pose: Pose, step_s: float) -> WindLeash:
         """Returns the state after a step without a displacement."""
         rests = error_m <= leash_m and math.hypot(*pose.velocity_mps) <= _RESTS_MPS
         rested_s = self.rested_s + step_s if rests else 0.0

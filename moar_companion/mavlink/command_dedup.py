@@ -108,7 +108,7 @@ def _move_limit() -> SenderLimit:
     return SenderLimit(burst=30, rate_hz=5.0, link_burst=60, link_rate_hz=20.0)
 
 
-class CommandLedger:
+class CommandDedup:
     """Makes repeated commands idempotent, answers commands that need no decision, handles cancels.
 
     commands: rules for permitted senders. Hold and pause are accepted from any sender; any other

@@ -200,7 +200,7 @@ class _Asked:
     rate_hz: float
 
 
-class RateRequests:
+class MessageRates:
     """Requests each wanted message until it flows, is acknowledged or denied.
 
     Three times in a row, then again after a pause. A missing message is requested again whatever

@@ -16,7 +16,7 @@ _UNKNOWN_PERIOD_S = 2.0
 """Period of requests of an origin or a home that the autopilot has not reported."""
 
 
-class PlaceRequests:
+class OriginHomeRequests:
     """Requests the origin continuously, and home until it is known; from the first call on."""
 
     def __init__(self) -> None:

@@ -24,7 +24,7 @@ from .dialect import LINK_NODE_STATUS_ID, Message, mavlink
 from .identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
 from .modes import is_multirotor
 from .statustext import HeardText, HeardTexts
-from .telemetry_receiver import Listener, ModeLeft
+from .telemetry_receiver import ModeLeft, TelemetryReceiver
 from .translate_status import RADIO_IDS
 
 _LINK = "recording"
@@ -87,7 +87,7 @@ class AnswerSaid:
 Said = AutopilotFound | AutopilotRestarted | AutopilotConflict | Command | TextSaid | AnswerSaid
 
 
-class Witness:
+class PassiveListener:
     """Observer of one link. component_id: the companion's."""
 
     def __init__(self, *, component_id: int = 195) -> None:
@@ -97,7 +97,7 @@ class Witness:
             component_id=component_id,
             wanted=telemetry_receiver.MESSAGE_IDS | _COMMANDS | {_STATUSTEXT, _COMMAND_ACK},
         )
-        self._listener = Listener()
+        self._listener = TelemetryReceiver()
         self._texts = {False: HeardTexts(), True: HeardTexts()}
         self.inputs = {name: Input() for name in ("autopilot", "ground_station", *_INPUTS)}
         """Count and last time of the messages of each telemetry source."""

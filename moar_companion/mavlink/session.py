@@ -18,22 +18,22 @@ from ..config import Commands, LinkRole
 from ..types import AutopilotKind, FenceItem, Telemetry, Vector
 from . import fence_download, modes, ping_timesync, telemetry_receiver, translate_outgoing
 from .codec import Codec, packet_source
-from .command_dedup import CommandLedger
+from .command_dedup import CommandDedup
 from .commands import Answer, Command, CommandCancelled, CommandResult, Sender
 from .dialect import Message, mavlink
 from .fence_download import FenceDownload
 from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted
-from .message_rates import DEFAULT_RATES_HZ, RateRequests
+from .message_rates import DEFAULT_RATES_HZ, MessageRates
 from .mode_requests import DO_SET_MODE, CommandAnswered, ModeRequests
-from .origin_home_requests import PlaceRequests
+from .origin_home_requests import OriginHomeRequests
 from .outbox import Outbox
 from .parameters import ParameterRequests
 from .peers import Address, AutopilotElsewhere, PeerRefused, Peers, Precedence
 from .permissions import Permissions
 from .signing import LinkSigning, Refusal
 from .statustext import Severity, StatusTexts
-from .telemetry_receiver import Listener, ModeLeft
-from .timesync_rtt import RoundTrips
+from .telemetry_receiver import ModeLeft, TelemetryReceiver
+from .timesync_rtt import TimesyncRtt
 from .translate_motors import MOTOR_PARAMETERS
 from .translate_outgoing import SystemStatus
 from .translate_status import GNSS_PARAMETERS
@@ -107,19 +107,19 @@ class Session:
         self._permissions = Permissions(commands or Commands())
         self._system_id = system_id
         self._message_rates_hz = message_rates_hz
-        self._listener = Listener()
+        self._listener = TelemetryReceiver()
         self._unidentified: tuple[str, tuple[int, int]] | None = None
         """Link and ids of a received autopilot whose heartbeat has not come yet."""
         self._identify_s = -math.inf
-        self._rates = RateRequests()
-        self._places = PlaceRequests()
+        self._rates = MessageRates()
+        self._places = OriginHomeRequests()
         self._parameters = ParameterRequests()
         self._fence: FenceDownload | None = None
         self._modes = ModeRequests()
-        self._round_trips = RoundTrips()
+        self._round_trips = TimesyncRtt()
         self._answers = ping_timesync.answer_limit()
         self._outbox = Outbox(links)
-        self._ledger = CommandLedger(commands)
+        self._ledger = CommandDedup(commands)
         self._texts = StatusTexts()
         self._events: list[Event] = []
         self._packets: deque[tuple[float, bytes]] = deque(maxlen=_MAX_PACKETS)
@@ -323,8 +323,8 @@ class Session:
             silent=kind is AutopilotKind.ARDUPILOT,
             now_s=now_s,
         )
-        self._places = PlaceRequests()
-        self._round_trips = RoundTrips()
+        self._places = OriginHomeRequests()
+        self._round_trips = TimesyncRtt()
         self._parameters.restart()
         if self._fence is not None:
             self._fence.restart()

@@ -42,7 +42,7 @@ Shown = AutopilotFound | AutopilotRestarted | AutopilotConflict | ModeLeft
 """Event of the autopilot that a message reveals."""
 
 
-class Listener:
+class TelemetryReceiver:
     """Identifies the autopilot and keeps the telemetry of it, of radios and ground stations."""
 
     def __init__(self) -> None:

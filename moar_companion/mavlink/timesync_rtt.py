@@ -23,7 +23,7 @@ _WAITING = 480
 """Requests that may still be answered: one minute of them."""
 
 
-class RoundTrips:
+class TimesyncRtt:
     """Sends periodic TIMESYNC requests and keeps the round-trip times of the last answers."""
 
     def __init__(self) -> None:

@@ -92,7 +92,9 @@ def command(
         return ready, (*overtaken, Do.BRAKE, done, Say("ready to hold"))
     if status.state in STREAMING or status.state is MissionState.PLANNING:
         rest = MissionState.IDLE if order is Order.HOLD else MissionState.RELEASED
-        silent, effects = _silenced(status, rest, f"{order.value} on command", now_s, farewell=True)
+        silent, effects = _silenced(
+            status, rest, f"{order.value} on command", now_s, last_setpoint=True
+        )
         return silent, (*overtaken, *effects, done)
     if status.state is MissionState.OVERRIDDEN:
         # The task that a returned mode would resume is dropped.
@@ -123,7 +125,7 @@ def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
         )
     found = replace(status, task=status.sought, held=False, goes_on=False)
     found, effects = _enter(
-        replace(found, no_way=status.no_way - {status.sought}),
+        replace(found, no_path=status.no_path - {status.sought}),
         MissionState.FLYING if in_control else MissionState.READY,
         now_s,
     )
@@ -179,8 +181,8 @@ def tick(
 ) -> Step:
     """Runs one cycle; conditions that end our control come first."""
     state, ruling = status.state, world.ruling
-    if status.no_way and status.sought is None and now_s - status.no_way_s >= _AGAIN_S:
-        status = replace(status, no_way=frozenset())
+    if status.no_path and status.sought is None and now_s - status.no_way_s >= _AGAIN_S:
+        status = replace(status, no_path=frozenset())
     if status.order_id is not None:
         # The operator knew these conditions when ordering: the request does not fail for them.
         status = replace(status, known=status.known & ruling.names)
@@ -200,7 +202,9 @@ def tick(
         if supervised is not None:
             return supervised
     elif ruling.action >= Action.HOLD and not _heeds(status, ruling.action):
-        idle, effects = _silenced(status, MissionState.IDLE, ruling.reason, now_s, farewell=True)
+        idle, effects = _silenced(
+            status, MissionState.IDLE, ruling.reason, now_s, last_setpoint=True
+        )
         rest = status.task if state is MissionState.PLANNING else None
         return replace(idle, task=rest), effects
     return _onward(status, world, ready_timeout_s, now_s)
@@ -210,8 +214,10 @@ def _released(
     status: MissionStatus, ruling: Ruling, leading: Acting, world: Situation, now_s: float
 ) -> Step:
     """Ends control for the supervisor; a last setpoint at rest while the mode is still ours."""
-    farewell = ruling.farewell and world.mode_ours
-    return _silenced(status, leading.condition.rest, leading.reason, now_s, farewell=farewell)
+    last_setpoint = ruling.last_setpoint and world.mode_ours
+    return _silenced(
+        status, leading.condition.rest, leading.reason, now_s, last_setpoint=last_setpoint
+    )
 
 
 def _heeds(status: MissionStatus, action: Action) -> bool:
@@ -234,7 +240,7 @@ def _supervised(
     if ruling.action in _WAYS_OUT:
         return _led_out(status, ruling, now_s, on_leg=on_leg)
     task = status.task
-    if not status.goes_on or status.sought is not None or task is None or task in status.no_way:
+    if not status.goes_on or status.sought is not None or task is None or task in status.no_path:
         return None
     if now_s - status.since_s < _HELD_S:
         return None
@@ -268,7 +274,7 @@ def _led_out(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: boo
     task, holds = status.task, status.state is MissionState.HOLDING
     if task is None or task.flown:
         return None
-    stands = status.sought is None and (holds or task in status.no_way)
+    stands = status.sought is None and (holds or task in status.no_path)
     lands = status.state is MissionState.LANDING_LEG and status.sought is None
     if (lands or _heeds(status, ruling.action)) and not stands:
         return None
@@ -276,9 +282,9 @@ def _led_out(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: boo
         way
         for mission in (*_WAYS_OUT[ruling.action], Mission.EXIT)  # rather than to stay
         for way in (task, Task(mission=mission))
-        if way.mission is mission and way not in status.no_way
+        if way.mission is mission and way not in status.no_path
     ]
-    if on_leg and task.mission is not Mission.INSPECTION and task not in status.no_way:
+    if on_leg and task.mission is not Mission.INSPECTION and task not in status.no_path:
         ways.insert(0, task)
     if not ways:
         if task.mission is not Mission.INSPECTION and not holds:
@@ -304,7 +310,7 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
         late = world.mode_heard_s - status.since_s >= ready_timeout_s
         if late or world.astray:
             reason = "the mode was not given" if late else "the aircraft has left its place"
-            return _silenced(status, MissionState.IDLE, reason, now_s, farewell=True)
+            return _silenced(status, MissionState.IDLE, reason, now_s, last_setpoint=True)
     elif state is MissionState.FLYING and world.on_leg:
         return _enter(status, MissionState.LANDING_LEG, now_s, keep_sought=True)
     elif state is MissionState.LANDING_LEG and not world.on_leg:
@@ -431,7 +437,7 @@ def _silenced(
     reason: str,
     now_s: float,
     *,
-    farewell: bool = False,
+    last_setpoint: bool = False,
 ) -> Step:
     """Ends the stream; an open order fails.
 
@@ -440,7 +446,7 @@ def _silenced(
     """
     taken_over = state is MissionState.OVERRIDDEN and status.state in _INTERRUPTED
     interrupted = status.task if taken_over else None
-    last = (Do.FAREWELL,) if farewell and status.state in STREAMING else ()
+    last = (Do.FAREWELL,) if last_setpoint and status.state in STREAMING else ()
     silent = MissionStatus(state=state, since_s=now_s, task=interrupted)
     say = Say(reason, state.words, serious=state is not MissionState.IDLE)
     return silent, (*last, *_failed(status, reason), say)

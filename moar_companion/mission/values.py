@@ -73,15 +73,15 @@ class MissionStatus:
     """A hold was ordered while ready: when the mode is given, the aircraft holds."""
     goes_on: bool = False
     """Held by the supervisor, not by an operator: resumes when no condition acts."""
-    no_way: frozenset[Task] = frozenset()
+    no_path: frozenset[Task] = frozenset()
     """Tasks not sought as escape for a while: no path found from here, or the planner failed."""
     no_way_s: float = -math.inf
     """Time when that was last found."""
 
     def without(self, *tasks: Task, now_s: float) -> MissionStatus:
         """Returns the status without these tasks as escape routes for a while."""
-        vain = self.no_way.union(tasks)
-        return self if vain == self.no_way else replace(self, no_way=vain, no_way_s=now_s)
+        vain = self.no_path.union(tasks)
+        return self if vain == self.no_path else replace(self, no_path=vain, no_way_s=now_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

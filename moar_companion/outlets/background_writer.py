@@ -16,7 +16,7 @@ Batches: TypeAlias = Iterator[list[tuple[bytes, ...]]]
 """Data handed over since the last batch, in order; never empty. They end with `close`."""
 
 
-class Writer:
+class BackgroundWriter:
     """Runs `write` in a thread of its own, which a program that ends does not wait for.
 
     period_s: data handed over within it is one batch. most_bytes: limit of the waiting data.

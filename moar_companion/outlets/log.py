@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator
 from functools import partial
 
-from .background_writer import Batches, Writer
+from .background_writer import BackgroundWriter, Batches
 
 _MOST_BYTES = 256 * 1024
 """Limit of waiting text: some three thousand lines."""
@@ -45,7 +45,9 @@ class _Lines:
         # number alone: without a stderr, a link or a file may have that number.
         stderr = sys.__stderr__
         descriptor = os.open(os.devnull, os.O_WRONLY) if stderr is None else stderr.fileno()
-        self._writer = Writer("log", partial(_write_loop, descriptor), most_bytes=_MOST_BYTES)
+        self._writer = BackgroundWriter(
+            "log", partial(_write_loop, descriptor), most_bytes=_MOST_BYTES
+        )
         self._lost = 0
 
     def write(self, text: str) -> None:

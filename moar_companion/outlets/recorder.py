@@ -24,7 +24,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, BinaryIO
 
-from .background_writer import Batches, Writer
+from .background_writer import BackgroundWriter, Batches
 
 _PERIOD_S = 1.0
 """Longest part of a flight that a killed process loses."""
@@ -48,7 +48,7 @@ class Recorder:
         decisions = (self.folder / "decisions.jsonl").open("wb")
         self.ended: OSError | None = None
         """Reason why the recording has ended; None while the flight is recorded."""
-        self._writer = Writer(
+        self._writer = BackgroundWriter(
             "recorder",
             partial(self._write_loop, packets, decisions),
             period_s=_PERIOD_S,

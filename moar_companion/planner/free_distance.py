@@ -24,7 +24,7 @@ _AROUND_M = 20.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Reach:
+class FreeDistance:
     """Cells blocked by obstacles, in the workspace and as far around it as obstacles stand.
 
     Two are equal that block the same cells for the same obstacles, even from different maps.
@@ -43,7 +43,7 @@ class Reach:
         position_uncertainty_m: float = 0.0,
         *,
         known: tuple[Clearances, ...] = (),
-    ) -> Reach:
+    ) -> FreeDistance:
         """The reach on a site of a vehicle whose position is known to `position_uncertainty_m`.
 
         known: clearances that it may be made from.
@@ -56,7 +56,7 @@ class Reach:
 
     def __eq__(self, other: object) -> bool:
         return self is other or (
-            isinstance(other, Reach)
+            isinstance(other, FreeDistance)
             and self.grid == other.grid
             and self.clearances.obstacles == other.clearances.obstacles
             and np.array_equal(self.blocked, other.blocked)

@@ -11,7 +11,7 @@ from ..vehicle import SafetyShape, SpeedLimits, Vehicle
 from . import geometry
 from .clearances import Clearances
 from .distance_kernels import horizontal_distances
-from .free_distance import Reach
+from .free_distance import FreeDistance
 from .grid import TOLERANCE, BoolArray, FloatArray, Grid
 from .plane_fence import PlaneFence
 
@@ -49,7 +49,7 @@ class Maps:
     speed_limit_mps: FloatArray
     clearances: Clearances
     hull: Clearances
-    reach: Reach
+    reach: FreeDistance
 
 
 def build_maps(
@@ -107,7 +107,7 @@ def build_maps(
         speed_limit_mps=speed_limit_mps(nearest, vehicle.safety, vehicle.speed),
         clearances=clearances,
         hull=hull,
-        reach=Reach.over(
+        reach=FreeDistance.over(
             site,
             vehicle.radius_m,
             position_uncertainty_m,

@@ -19,7 +19,7 @@ from ..errors import InputError
 from ..mavlink.statustext import short_name
 from ..planner.crowding import part_in_the_way
 from ..planner.escape import pocket, way_in
-from ..planner.free_distance import Reach
+from ..planner.free_distance import FreeDistance
 from ..planner.plan_values import Plan, PlanRequest, PlanStatus
 from ..planner.plane_fence import PlaneFence
 from ..planner.planner import Planner
@@ -28,7 +28,7 @@ from ..safety.checks import compass
 from ..site import PlanePoint
 from ..types import Mission
 from ..vehicle import Vehicle
-from .planner_set import Planners
+from .planner_set import PlannerSet
 
 _NARROWED = (0.5, 1.0)
 """Fractions of the tracking error that a blocked escape route omits, in this order. A tracking
@@ -76,15 +76,15 @@ class PlanAnswer:
     plan: Plan | None
     reason: str = ""
     escape_m: tuple[PlanePoint, ...] = ()
-    reach: Reach | None = None
+    reach: FreeDistance | None = None
     narrowed_m: float = 0.0
     too_wide: bool = False
     failed: bool = False
-    deadly: bool = False
+    would_collide: bool = False
     detail: str = ""
 
 
-def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
+def answer_job(planners: PlannerSet, job: PlanJob) -> PlanAnswer:
     """Plans; where the start permits no plan, plans from the end of the escape leg.
 
     An escape route that the margin blocks is planned with less of it; the position error is kept.
@@ -116,7 +116,7 @@ def answer_job(planners: Planners, job: PlanJob) -> PlanAnswer:
     return crowded or answer
 
 
-def _narrowed(planners: Planners, job: PlanJob, narrowed_m: float) -> PlanAnswer | None:
+def _narrowed(planners: PlannerSet, job: PlanJob, narrowed_m: float) -> PlanAnswer | None:
     """The answer with the margin reduced by `narrowed_m`; None where that finds no plan either."""
     answer = _answer(planners.widened_by(job.widening_m - narrowed_m, job.fence), job)
     return None if answer.plan is None else replace(answer, narrowed_m=narrowed_m)
@@ -259,12 +259,12 @@ def preparations(planner: Planner) -> list[Callable[[], None]]:
     """
     site = planner.site
     targets = [(Mission.INSPECTION, target.name) for target in site.targets]
-    ways_out = [(mission, None) for mission in site.landing_m]
-    goals = [*targets[:1], *ways_out, *targets[1:]]
+    escape_routes = [(mission, None) for mission in site.landing_m]
+    goals = [*targets[:1], *escape_routes, *targets[1:]]
     return [partial(_prepare, planner, *goal) for goal in goals[: planner.most_prepared]]
 
 
-def prepare_for(planners: Planners, job: PlanJob) -> None:
+def prepare_for(planners: PlannerSet, job: PlanJob) -> None:
     """Precomputes the data of a job's goal, if it is not available."""
     if not job.widening_m and job.fence is None:
         _prepare(planners.exact, job.request.mission, job.request.target)

@@ -21,7 +21,7 @@ _MOST_CELLS = 1_000_000
 """Limit on the cells of these together, 0.2 kB each; of a greater site one is kept."""
 
 
-class Planners:
+class PlannerSet:
     """Planners by inflation and fence. Not safe for use by two threads at once."""
 
     def __init__(self, planner: Planner) -> None:

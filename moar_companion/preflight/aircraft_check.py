@@ -12,7 +12,7 @@ from dataclasses import replace
 from ..autopilots import failsafe_parameters, failsafes_of
 from ..autopilots.fence import fence_of, fence_parameters
 from ..config import CompanionConfig, LinkRole
-from ..estimation.pose_tracker import Surroundings
+from ..estimation.pose_tracker import PoseTracker
 from ..mavlink.identity import Autopilot, AutopilotConflict
 from ..mavlink.peers import Address
 from ..mavlink.session import Session, SystemStatus
@@ -23,7 +23,7 @@ from ..risk import RiskEstimate, update
 from ..risk.holding import holding_parameters
 from ..safety.checks import Seen, causes
 from ..safety.conditions import Causes
-from ..safety.offboard_loss import Loss, loss_parameters
+from ..safety.offboard_loss import OffboardLoss, loss_parameters
 from ..types import AutopilotKind
 from ..vehicle import Vehicle
 from . import ardupilot_parameters, px4_parameters
@@ -95,7 +95,7 @@ class Preflight:
             signing=link_signings(config.links, signing),
         )
         self._asked_links = [link.url for link in config.links if link.role is LinkRole.AUTOPILOT]
-        self._surroundings = Surroundings(site, vehicle.autopilot)
+        self._pose_tracker = PoseTracker(site, vehicle.autopilot)
         self._risk = RiskEstimate.unknown(vehicle.risk)
         self._others: list[Autopilot] = []
         self._positions = self._attitudes = Arrivals()
@@ -146,7 +146,7 @@ class Preflight:
             self._found_s = now_s
             session.want_parameters(_parameters(session.autopilot.kind))
             session.want_fence()
-        self._surroundings.look(session.telemetry)
+        self._pose_tracker.look(session.telemetry)
         if now_s >= self._risk_due_s:
             self._risk_due_s = now_s + _RISK_PERIOD_S
             self._risk = update(
@@ -185,7 +185,7 @@ class Preflight:
             risk=self._risk,
             positions=self._positions.until(self._now_s),
             attitudes=self._attitudes.until(self._now_s),
-            pose=self._surroundings.pose,
+            pose=self._pose_tracker.pose,
             causes=self._causes(),
         )
         case = Case(
@@ -209,8 +209,8 @@ class Preflight:
         seen = Seen(
             telemetry=self._session.telemetry,
             risk=self._risk,
-            pose=self._surroundings.pose,
-            position_moved_s=self._surroundings.position_moved_s,
+            pose=self._pose_tracker.pose,
+            position_moved_s=self._pose_tracker.position_moved_s,
             azimuth_rad=None if self._site is None else math.radians(self._site.frame.azimuth_deg),
         )
         return causes(seen, self._limits, self._vehicle.guidance.off_path_m, self._now_s)
@@ -230,16 +230,16 @@ class Preflight:
         return fence_findings(
             self._planner,
             fence,
-            self._surroundings.home_m,
+            self._pose_tracker.home_m,
             self._limits.fence_margin_m,
             told=items is not None,
         )
 
     def _if_we_die(self, kind: AutopilotKind) -> list[Finding]:
-        loss = Loss.of(kind, self._session.parameters)
+        loss = OffboardLoss.of(kind, self._session.parameters)
         if self._planner is None or loss is None:
             return []
-        home_m = self._surroundings.home_m
+        home_m = self._pose_tracker.home_m
         return loss_findings(self._planner, loss, home_m, self._limits.loss_action)
 
     def _failsafes(self, kind: AutopilotKind) -> list[Finding]:
@@ -247,7 +247,7 @@ class Preflight:
         told = failsafes_of(kind, {**dict.fromkeys(names), **self._session.parameters})
         if self._planner is None or told is None:
             return []
-        told = replace(told, home_m=self._surroundings.home_m)
+        told = replace(told, home_m=self._pose_tracker.home_m)
         return failsafe_findings(self._planner, told, self._limits, self._power)
 
     def _all_told(self) -> bool:

@@ -13,7 +13,7 @@ from ..planner.planner import Planner
 from ..power import PowerModel
 from ..safety.failsafe_exposure import moving
 from .findings import Finding, Level
-from .site_routes import Way, ways_of
+from .site_routes import SiteRoute, ways_of
 
 SUBJECT = "failsafe"
 
@@ -76,7 +76,7 @@ def _protection(item: FailsafeAction, limits: Supervision, power: PowerModel) ->
     return f"; the companion leaves {limits.exposure_reserve_s:g} s before"
 
 
-def _hits(planner: Planner, failsafe: Failsafes, ways: list[tuple[str, Way]]) -> str:
+def _hits(planner: Planner, failsafe: Failsafes, ways: list[tuple[str, SiteRoute]]) -> str:
     """Text about the collisions on each route; empty if there are none."""
     reach, found = planner.maps.reach, []
     for target, way in ways:

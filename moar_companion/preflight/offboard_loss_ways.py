@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from ..config import LossCheck
 from ..planner.planner import Planner
-from ..safety.offboard_loss import Loss
+from ..safety.offboard_loss import OffboardLoss
 from ..types import Mission, Vector
 from .findings import Finding, Level
 from .site_routes import ways_of
@@ -22,7 +22,7 @@ def objection_level(policy: LossCheck, mission: Mission = Mission.INSPECTION) ->
 
 
 def loss_findings(
-    planner: Planner, loss: Loss, home_m: Vector | None, policy: LossCheck
+    planner: Planner, loss: OffboardLoss, home_m: Vector | None, policy: LossCheck
 ) -> list[Finding]:
     """Returns a finding for each collision, or one if there is none. home_m: site's frame."""
     objections: dict[tuple[Level, str], list[str]] = {}

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ..safety.offboard_loss import Loss
+from ..safety.offboard_loss import OffboardLoss
 from ..types import AutopilotKind
 from ..vehicle import Vehicle
 from .findings import Finding, Level
@@ -176,7 +176,7 @@ def time_on_last_setpoint(kind: AutopilotKind) -> Judge:
     """Judges the seconds without new setpoints, with the stopping distance."""
 
     def judge(value: float, case: Case) -> Verdict:
-        speed_mps, loss = case.vehicle.speed.max_mps, Loss.of(kind, case.parameters)
+        speed_mps, loss = case.vehicle.speed.max_mps, OffboardLoss.of(kind, case.parameters)
         assert loss is not None
         way_m = float(loss.way_m(np.array(speed_mps)))
         words = f"{value:g} s, and up to {way_m:.1f} m at {speed_mps:g} m/s until it rests"

@@ -21,7 +21,7 @@ from ..site import Conductor, Obstacle, PlanePoint
 from ..types import AutopilotKind, Mission
 from ..vehicle import Vehicle
 from .findings import Finding, Level
-from .site_routes import Way, place_problem, too_near, unseen, ways_of
+from .site_routes import SiteRoute, place_problem, too_near, unseen, ways_of
 
 _LARGE_BYTES = 500_000_000
 """More than this is a burden on a companion computer of 4 GB."""
@@ -195,7 +195,7 @@ def _targets(planner: Planner) -> Iterator[Finding]:
         yield _endurance(visits_s + way_out_s, planner.vehicle)
 
 
-def _ways(subject: str, times_s: dict[Way, float]) -> Finding:
+def _ways(subject: str, times_s: dict[SiteRoute, float]) -> Finding:
     """Checks the routes to and from a target. times_s: flight time of each route."""
     lost = [way.name for way in times_s if way.plan.status is not PlanStatus.FOUND]
     if lost:

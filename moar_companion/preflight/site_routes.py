@@ -12,14 +12,14 @@ import numpy as np
 
 from ..errors import InputError
 from ..estimation.pose import Pose
-from ..guidance.flight_volume import Airspace
-from ..guidance.path_follower import Flight
+from ..guidance.flight_volume import FlightVolume
+from ..guidance.path_follower import PathFollower
 from ..planner import geometry
 from ..planner.grid import TOLERANCE
 from ..planner.plan_values import Plan, PlanStatus
 from ..planner.planner import Planner
 from ..planner.regions import goal_region
-from ..safety.offboard_loss import Loss
+from ..safety.offboard_loss import OffboardLoss
 from ..site import Obstacle, PlanePoint, Site
 from ..types import AutopilotKind, Mission, Vector
 from ..vehicle import Vehicle
@@ -29,7 +29,7 @@ _STEP_S = 0.1
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
-class Way:
+class SiteRoute:
     """One route of a mission from rest; name: for readers who know its target."""
 
     name: str
@@ -45,7 +45,7 @@ class Way:
         """
         if self.plan.status is not PlanStatus.FOUND:
             return 0.0
-        loss = Loss.of(planner.vehicle.autopilot or AutopilotKind.PX4, {})
+        loss = OffboardLoss.of(planner.vehicle.autopilot or AutopilotKind.PX4, {})
         assert loss is not None  # of these two kinds
         flight, pose = self._flight(planner, loss)
         flight.adopt(self.plan, flight.junction_at(pose), ())
@@ -56,7 +56,7 @@ class Way:
             steps += 1
         return steps * _STEP_S
 
-    def objection(self, planner: Planner, loss: Loss, home_m: Vector | None) -> str | None:
+    def objection(self, planner: Planner, loss: OffboardLoss, home_m: Vector | None) -> str | None:
         """Reason against an offboard loss on it, as the service reports it; None if it is safe."""
         if self.plan.status is not PlanStatus.FOUND:
             return None
@@ -65,35 +65,37 @@ class Way:
         lag = loss.lag(planner.vehicle.guidance.acceleration_mps2)
         return lag or loss.objection(planner.maps.reach, rests_m, home_m)
 
-    def _flight(self, planner: Planner, loss: Loss) -> tuple[Flight, Pose]:
+    def _flight(self, planner: Planner, loss: OffboardLoss) -> tuple[PathFollower, Pose]:
         """Returns a flight that has not begun, and its pose."""
         x_m, z_m = self.start_m
         pose = Pose(position_m=(x_m, 0.0, z_m), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
         site, vehicle, maps = planner.site, planner.vehicle, planner.maps
-        return Flight(Airspace(site=site, vehicle=vehicle, maps=maps, loss=loss), pose), pose
+        return PathFollower(
+            FlightVolume(site=site, vehicle=vehicle, maps=maps, loss=loss), pose
+        ), pose
 
 
-def ways_of(planner: Planner) -> dict[str, list[Way]]:
+def ways_of(planner: Planner) -> dict[str, list[SiteRoute]]:
     """By names of reachable targets: escape routes, and the route from the target before.
 
     The first target's is from the start, if the vehicle can be there.
     """
     site = planner.site
-    ways_out = [mission for mission in site.landing_m if unseen(planner, mission) is None]
+    escape_routes = [mission for mission in site.landing_m if unseen(planner, mission) is None]
     before = None if place_problem(planner, site.start_m) else ("the start", site.start_m)
-    ways: dict[str, list[Way]] = {}
+    ways: dict[str, list[SiteRoute]] = {}
     for target in site.targets:
         place_m = target.position_m
         if place_problem(planner, place_m) is not None:
             continue
         trips: list[tuple[str, Mission, PlanePoint, str | None]] = [
-            (mission.value, mission, place_m, None) for mission in ways_out
+            (mission.value, mission, place_m, None) for mission in escape_routes
         ]
         if before is not None:
             name, start_m = before
             trips.append((f"from {name}", Mission.INSPECTION, start_m, target.name))
         ways[target.name] = [
-            Way(
+            SiteRoute(
                 name=name,
                 mission=mission,
                 start_m=start_m,

@@ -28,7 +28,7 @@ _MISSION_WORD = "MOAR: "
 """Prefix of the companion's texts, which begin or end with a state: `holding`, `at target A`."""
 
 
-class Chronicle:
+class EventLog:
     """Events in order of time; `now_s` is set before each call.
 
     battery_low: the fraction left at which a battery without a charge state counts as low.

@@ -24,8 +24,8 @@ from ..risk.explain import WeightsReason, index_words
 from ..risk.indices import IndexReport
 from ..types import AutopilotKind, Mission, Telemetry
 from ..vehicle import Vehicle
-from .events import SILENCE_S, Chronicle
-from .site_position import Whereabouts
+from .events import SILENCE_S, EventLog
+from .site_position import SitePosition
 
 if TYPE_CHECKING:
     from ..risk.drag_fit import DragFlight
@@ -74,25 +74,25 @@ class Hears(Protocol[Packet_contra]):
         """Takes a step of time."""
 
 
-class Playback(Generic[Packet_contra]):
+class Player(Generic[Packet_contra]):
     """Plays one recording. whereabouts: None without a site. drag: measured from it, if given."""
 
     def __init__(
         self,
         vehicle: Vehicle,
         witness: Hears[Packet_contra],
-        whereabouts: Whereabouts | None = None,
+        site_position: SitePosition | None = None,
         *,
         drag: DragFlight | None = None,
     ) -> None:
         self._vehicle = vehicle
         self._witness = witness
-        self._whereabouts = whereabouts
+        self._site_position = site_position
         self._drag = drag
         self._power = PowerModel.of(vehicle)
         self._weights = vehicle.weights[Mission.INSPECTION]
         self._clock = _Clock()
-        self._chronicle = Chronicle(battery_low=vehicle.risk.battery_remaining.high)
+        self._chronicle = EventLog(battery_low=vehicle.risk.battery_remaining.high)
         self._ticks = 0
         self._risk = RiskEstimate.unknown(vehicle.risk)
         self._packet_s = 0.0
@@ -213,8 +213,8 @@ class Playback(Generic[Packet_contra]):
         values = self._risk.indices.as_dict()
         autopilot = None if self._chronicle.silent else telemetry.autopilot
         place = None
-        if self._whereabouts is not None and not self._chronicle.silent:
-            place = self._whereabouts.at(telemetry, self._risk.indices, now_s)
+        if self._site_position is not None and not self._chronicle.silent:
+            place = self._site_position.at(telemetry, self._risk.indices, now_s)
         self._samples.append(
             ReplaySample(
                 time_s=now_s,

@@ -7,13 +7,13 @@ import math
 
 from ..config import Supervision
 from ..estimation.pose import Pose
-from ..estimation.pose_tracker import Ground, Surroundings
+from ..estimation.pose_tracker import Ground, PoseTracker
 from ..frames import PlaneToLocal
 from ..outlets.replay_report import ReplayPlace
 from ..planner.plan_values import PlanRequest
 from ..planner.planner import Planner
 from ..planning.plan_jobs import PlanJob, answer_job
-from ..planning.planner_set import Planners
+from ..planning.planner_set import PlannerSet
 from ..types import Mission, RiskIndices, Telemetry
 
 _EVACUATION_PERIOD_S = 2.0
@@ -24,7 +24,7 @@ _NEAR_M = 10_000.0
 """Farther from the site, its plane is no valid frame."""
 
 
-class Whereabouts:
+class SitePosition:
     """Locates the aircraft on a planner's site, which is the one that was flown: with its margin.
 
     Raises InputError for a site whose landing points for an evacuation cannot be seen.
@@ -32,10 +32,10 @@ class Whereabouts:
 
     def __init__(self, planner: Planner) -> None:
         self._planner = planner
-        self._planners = Planners(planner)
+        self._planners = PlannerSet(planner)
         self._ground = Ground(site=planner.site, maps=planner.maps)
         self._limits = Supervision()
-        self._surroundings = Surroundings(planner.site, planner.vehicle.autopilot)
+        self._pose_tracker = PoseTracker(planner.site, planner.vehicle.autopilot)
         self._planned_s = -math.inf
         self._evacuation_s: float | None = None
         self._has_way_out = bool(planner.site.landing_m.get(Mission.EVACUATION))
@@ -65,9 +65,9 @@ class Whereabouts:
 
     def _pose(self, telemetry: Telemetry, now_s: float) -> Pose | None:
         """Pose as the companion has it; by GNSS if the local frame's origin is unknown."""
-        self._surroundings.look(telemetry)
+        self._pose_tracker.look(telemetry)
         local, geodetic = telemetry.local_position, telemetry.global_position
-        pose = self._surroundings.pose
+        pose = self._pose_tracker.pose
         if local is not None and pose is not None:
             return pose if now_s - local.received_s <= _POSITION_MAX_AGE_S else None
         autopilot = telemetry.autopilot

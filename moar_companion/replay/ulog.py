@@ -45,7 +45,7 @@ def samples(
         yield max(stamp_us, begin_us) * 1e-6, sample
 
 
-class UlogWitness:
+class UlogListener:
     """Reads a log's samples as the companion reads its autopilot; a `Witness` of another format."""
 
     def __init__(self) -> None:

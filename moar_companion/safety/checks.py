@@ -91,7 +91,7 @@ class Host:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class WayOut:
+class EscapeRoute:
     """The better escape route. left_s: flight time left after it; None: unknown.
 
     age_s: since its request. flown_left_s: flight time left after the active exit, where that
@@ -158,7 +158,7 @@ class Seen:
     strays: str | None = None
     plan_awaited_s: float | None = None
     fence_silent: bool = False
-    way_out: WayOut | None = None
+    escape_route: EscapeRoute | None = None
     exposure: str | None = None
     """Reason to leave before an autopilot failsafe acts; None if there is none."""
     host: Host = field(default_factory=Host)
@@ -188,7 +188,7 @@ def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> 
         battery_reserve=_battery_reserve(seen, limits.battery_reserve),
         no_return_evacuation=_no_return(seen, Mission.EVACUATION),
         no_return_exit=_no_return(seen, Mission.EXIT),
-        no_return_soon=_no_return_soon(seen.way_out),
+        no_return_soon=_no_return_soon(seen.escape_route),
         failsafe_exposure=seen.exposure if seen.in_control else None,
         memory=_free("memory", seen.host.memory_available, limits.memory_free_mb),
         gate=faults.gate,
@@ -366,11 +366,11 @@ def _wind(seen: Seen, limit_mps: float) -> str | None:
 
 
 def _no_return(seen: Seen, mission: Mission) -> str | None:
-    words = _too_little_left(seen.way_out, mission)
+    words = _too_little_left(seen.escape_route, mission)
     return seen.misread if words and seen.misread and not seen.in_control else words
 
 
-def _too_little_left(way: WayOut | None, mission: Mission) -> str | None:
+def _too_little_left(way: EscapeRoute | None, mission: Mission) -> str | None:
     if way is None or way.mission is not mission:
         return None
     if way.flown_left_s is not None:
@@ -381,7 +381,7 @@ def _too_little_left(way: WayOut | None, mission: Mission) -> str | None:
     return f"{words} <= {way.reserve_s:.0f}" if words.endswith(" s") else words
 
 
-def _no_return_soon(way: WayOut | None) -> str | None:
+def _no_return_soon(way: EscapeRoute | None) -> str | None:
     if way is None or way.left_s is None or not 0.0 < way.left_s - way.reserve_s <= _SOON_S:
         return None
     return f"{_left(way.left_s, way.mission)}, at {way.reserve_s:.0f} s it begins"
@@ -463,7 +463,7 @@ def _unknown(seen: Seen, now_s: float) -> str | None:
             ),
             ("uploaded fence", not seen.fence_silent),
             ("ground station", seen.telemetry.ground_station is not None),
-            ("way out", seen.way_out is not None and seen.way_out.age_s <= WAY_MAX_AGE_S),
+            ("way out", seen.escape_route is not None and seen.escape_route.age_s <= WAY_MAX_AGE_S),
         )
         if not known
     ]

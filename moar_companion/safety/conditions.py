@@ -110,7 +110,7 @@ class Condition:
     over_s: float = 0.0
     latched: bool = False
     override: Override = Override.NOBODY
-    farewell: bool = True
+    last_setpoint: bool = True
     rest: MissionState = MissionState.RELEASED
 
     def objects_to(self, mission: Mission) -> bool:
@@ -125,16 +125,16 @@ CONDITIONS = (
         name="thinking",
         starts="the companion itself stood still for so long that what it has heard is old",
         action=Action.RELEASE,
-        farewell=False,
+        last_setpoint=False,
     ),
     Condition(
-        name="restart", starts="the autopilot restarted", action=Action.RELEASE, farewell=False
+        name="restart", starts="the autopilot restarted", action=Action.RELEASE, last_setpoint=False
     ),
     Condition(
         name="stream",
         starts="the gate lets neither the setpoint pass nor a hold in its place",
         action=Action.RELEASE,
-        farewell=False,
+        last_setpoint=False,
     ),
     Condition(
         name="control",
@@ -169,14 +169,14 @@ CONDITIONS = (
         "of its own",
         action=Action.RELEASE,
         override=Override.ORDER,
-        farewell=False,
+        last_setpoint=False,
     ),
     Condition(
         name="ground",
         starts="the aircraft is disarmed or on the ground",
         action=Action.RELEASE,
         override=Override.ORDER,
-        farewell=False,
+        last_setpoint=False,
         rest=MissionState.IDLE,
     ),
     Condition(
@@ -184,7 +184,7 @@ CONDITIONS = (
         starts="the autopilot has begun the landing that the companion asked for",
         action=Action.RELEASE,
         override=Override.ORDER,
-        farewell=False,
+        last_setpoint=False,
         rest=MissionState.IDLE,
     ),
     Condition(
@@ -192,7 +192,7 @@ CONDITIONS = (
         starts="the pilot, or another, has taken the mode",
         action=Action.RELEASE,
         override=Override.ORDER,
-        farewell=False,
+        last_setpoint=False,
         rest=MissionState.OVERRIDDEN,
     ),
     Condition(

@@ -26,7 +26,7 @@ from ..autopilots.failsafe_actions import (
 )
 from ..config import Supervision
 from ..estimation.pose import home_moved
-from ..planner.free_distance import Reach
+from ..planner.free_distance import FreeDistance
 from ..power import Meter, PowerModel, is_powered
 from ..types import AutopilotKind, Telemetry, Vector
 
@@ -52,7 +52,7 @@ class Exposed:
     forecast: bool
 
 
-class FailsafeWatch:
+class FailsafeExposure:
     """Keeps the autopilot's failsafes, and the time since when one would hit an obstacle."""
 
     def __init__(self, limits: Supervision, power: PowerModel) -> None:
@@ -100,7 +100,7 @@ class FailsafeWatch:
     def look(
         self,
         place_m: Vector | None,
-        reach: Reach | None,
+        reach: FreeDistance | None,
         telemetry: Telemetry,
         meter: Meter,
         now_s: float,

@@ -20,26 +20,26 @@ after that uses the true value again."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Widening:
+class ObstacleInflation:
     """width_m: inflation in plans. since_s, less_m: start and size of a smaller need."""
 
     width_m: float = 0.0
     less_m: float = 0.0
     since_s: float | None = None
 
-    def followed(self, needed_m: float, now_s: float) -> Widening:
+    def followed(self, needed_m: float, now_s: float) -> ObstacleInflation:
         """Returns the inflation after a cycle that needs `needed_m`."""
         if needed_m > self.width_m:
-            return Widening(width_m=_stepped_m(needed_m))
+            return ObstacleInflation(width_m=_stepped_m(needed_m))
         enough_m = _stepped_m(needed_m + _SLACK_M) if needed_m > 0.0 else 0.0
         if enough_m >= self.width_m:
-            return Widening(width_m=self.width_m)
+            return ObstacleInflation(width_m=self.width_m)
         if self.since_s is None:
-            return Widening(width_m=self.width_m, less_m=enough_m, since_s=now_s)
+            return ObstacleInflation(width_m=self.width_m, less_m=enough_m, since_s=now_s)
         less_m = max(self.less_m, enough_m)
         if now_s - self.since_s >= _SHRINKS_AFTER_S:
-            return Widening(width_m=less_m)
-        return Widening(width_m=self.width_m, less_m=less_m, since_s=self.since_s)
+            return ObstacleInflation(width_m=less_m)
+        return ObstacleInflation(width_m=self.width_m, less_m=less_m, since_s=self.since_s)
 
 
 def _stepped_m(needed_m: float) -> float:

@@ -20,7 +20,7 @@ import numpy as np
 
 from ..autopilots import px4
 from ..autopilots.failsafe_actions import Action, first_hit, paths
-from ..planner.free_distance import Reach
+from ..planner.free_distance import FreeDistance
 from ..planner.grid import FloatArray
 from ..types import AutopilotKind, Vector
 
@@ -75,7 +75,7 @@ def loss_parameters(kind: AutopilotKind) -> tuple[str, ...]:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Loss:
+class OffboardLoss:
     """Flight after an offboard loss. The stopping distance is a v + b v^2.
 
     way_s, way_s2pm: a and b. untold: parameters that the autopilot never reported.
@@ -94,12 +94,14 @@ class Loss:
     untold: tuple[str, ...] = ()
 
     @classmethod
-    def of(cls, kind: AutopilotKind, parameters: Mapping[str, float | None]) -> Loss | None:
+    def of(cls, kind: AutopilotKind, parameters: Mapping[str, float | None]) -> OffboardLoss | None:
         """Returns the loss by the parameters known now; None for an unknown kind of autopilot."""
         return cls.told(kind, {**dict.fromkeys(_DEFAULTS.get(kind, ())), **parameters})
 
     @classmethod
-    def told(cls, kind: AutopilotKind, parameters: Mapping[str, float | None]) -> Loss | None:
+    def told(
+        cls, kind: AutopilotKind, parameters: Mapping[str, float | None]
+    ) -> OffboardLoss | None:
         """Returns the loss by parameters (None: never reported); None until all were asked for."""
         defaults = _DEFAULTS.get(kind)
         if defaults is None or not defaults.keys() <= parameters.keys():
@@ -111,7 +113,7 @@ class Loss:
         return cls._of_px4(value, untold)
 
     @classmethod
-    def _of_ardupilot(cls, value: Mapping[str, float], untold: tuple[str, ...]) -> Loss:
+    def _of_ardupilot(cls, value: Mapping[str, float], untold: tuple[str, ...]) -> OffboardLoss:
         timeout_s = max(0.0, value["GUID_TIMEOUT"])
         level_mps2, upright_mps2 = (
             max(_SOFT_MPS2, value[name] / 100.0) for name in ("WPNAV_ACCEL", "WPNAV_ACCEL_Z")
@@ -132,7 +134,7 @@ class Loss:
         )
 
     @classmethod
-    def _of_px4(cls, value: Mapping[str, float], untold: tuple[str, ...]) -> Loss:
+    def _of_px4(cls, value: Mapping[str, float], untold: tuple[str, ...]) -> OffboardLoss:
         brakes_mps2 = max(_SOFT_MPS2, min(_PX4_HARD_MPS2, value["MPC_ACC_HOR"]))
         gain_per_s = max(0.1, min(value["MPC_XY_P"], value["MPC_Z_P"]))
         return cls(
@@ -185,7 +187,9 @@ class Loss:
             )
         return self._against(self.action.value) if self.action is Action.FALL else None
 
-    def objection(self, reach: Reach, rests_m: FloatArray, home_m: Vector | None) -> str | None:
+    def objection(
+        self, reach: FreeDistance, rests_m: FloatArray, home_m: Vector | None
+    ) -> str | None:
         """Reason why an offboard loss at these stop points (n, 2) is unsafe; None if it is safe.
 
         home_m: (x, y, z) in the site's frame. Only the site's obstacles are known. A return is

@@ -76,10 +76,10 @@ class Ruling:
         return "" if self.leading is None else self.leading.condition.name
 
     @property
-    def farewell(self) -> bool:
+    def last_setpoint(self) -> bool:
         """True if a last setpoint at rest is useful when the stream ends."""
         return all(
-            item.condition.farewell
+            item.condition.last_setpoint
             for item in self.conditions
             if not item.overridden and item.condition.action is Action.RELEASE
         )

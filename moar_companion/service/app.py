@@ -40,13 +40,13 @@ from ..site import Site
 from ..types import AutopilotStatus
 from ..vehicle import Vehicle
 from .directories import recorder_folder, state_folder, view_socket
-from .host_monitor import HostWatch
+from .host_monitor import HostMonitor
 from .planner_worker import PlannerWorker
 from .pools import started_pool
 from .priority import NICE, ahead_of_others, in_real_time
 from .resident_memory import limit_arenas
 from .signing_clock import SigningClock, load_signing
-from .snapshot_file import MemoryFile
+from .snapshot_file import SnapshotFile
 from .status_socket import open_view_socket
 from .systemd import Watchdog, notify
 
@@ -99,12 +99,12 @@ def _clock_s(speed: float) -> float:
     return clock_s() * speed
 
 
-def _open_memory(config: CompanionConfig, stack: contextlib.ExitStack) -> MemoryFile | None:
+def _open_memory(config: CompanionConfig, stack: contextlib.ExitStack) -> SnapshotFile | None:
     folder = state_folder(config)
     if folder is None:
         return None
     try:
-        memory = MemoryFile(folder.path)
+        memory = SnapshotFile(folder.path)
     except OSError as error:
         raise folder.unwritable(error) from error
     stack.callback(memory.close)
@@ -131,7 +131,7 @@ class Service:
         config: CompanionConfig,
         companion: Companion,
         make_planner: Callable[[], Planner] | None,
-        memory: MemoryFile | None,
+        memory: SnapshotFile | None,
         signing_clock: SigningClock | None = None,
         *,
         speed: float = 1.0,
@@ -168,7 +168,7 @@ class Service:
         async with contextlib.AsyncExitStack() as stack:
             stack.callback(self._worker.close)
             self._recorder = self._open_recorder(stack)
-            host = HostWatch(None if self._recorder is None else self._recorder.folder)
+            host = HostMonitor(None if self._recorder is None else self._recorder.folder)
             stack.callback(host.close)
             await self._open_view(stack)
             links = {}
@@ -188,8 +188,8 @@ class Service:
                 self._worker.begin(self._make_planner)
             if not stack.enter_context(in_real_time()):
                 _logger.info("the loop is not in real time: not permitted")
-            loop.call_later(_SILENCE_S, self._say_if_nobody_is_heard)
-            thinking = asyncio.create_task(self._think_loop(host), name="think")
+            loop.call_later(_SILENCE_S, self._report_silence)
+            thinking = asyncio.create_task(self._cycle_loop(host), name="think")
             stopping = asyncio.create_task(stopped.wait(), name="wait for a signal")
             await asyncio.wait({thinking, stopping}, return_when=asyncio.FIRST_COMPLETED)
             notify("STOPPING=1")
@@ -222,7 +222,7 @@ class Service:
     def _now_s(self) -> float:
         return _clock_s(self._speed)
 
-    async def _think_loop(self, host: HostWatch) -> None:
+    async def _cycle_loop(self, host: HostMonitor) -> None:
         """Runs one cycle and sends per setpoint period, by deadlines that do not drift."""
         period_s = 1.0 / self._config.setpoint_rate_hz
         due_s = look_s = self._now_s()
@@ -241,7 +241,7 @@ class Service:
             self._remember(now_s)
             if now_s >= look_s:
                 look_s = now_s + _LOOK_PERIOD_S
-                self._say_who_is_heard()
+                self._report_autopilot()
                 self._host = replace(
                     host.look(), read_late_s=self._read_late_s, file_faults=self._file_faults()
                 )
@@ -367,7 +367,7 @@ class Service:
         _logger.info("recording to %s", recorder.folder)
         return recorder
 
-    def _say_if_nobody_is_heard(self) -> None:
+    def _report_silence(self) -> None:
         """Logs one line when no autopilot is received: the port or baud rate may be wrong."""
         if self._companion.telemetry.autopilot is None:
             links = [link.url for link in self._config.links if link.role is LinkRole.AUTOPILOT]
@@ -377,7 +377,7 @@ class Service:
                 _SILENCE_S,
             )
 
-    def _say_who_is_heard(self) -> None:
+    def _report_autopilot(self) -> None:
         """Logs one line when the autopilot appears, or its mode or arming changes."""
         heard = self._companion.telemetry.autopilot
         before = self._heard

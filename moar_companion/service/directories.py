@@ -12,7 +12,7 @@ from ..errors import InputError
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Place:
+class Directory:
     """A path and its source: a key of a file, or (without a key) the environment."""
 
     path: Path
@@ -37,34 +37,34 @@ class Place:
         return InputError(self.source, self.key, f"is {str(self.path)!r}, {must}: {reason}")
 
 
-def recorder_folder(config: CompanionConfig) -> Place | None:
+def recorder_folder(config: CompanionConfig) -> Directory | None:
     """Folder of the flight records; None if flights are not recorded."""
     return _of_file(config, "recorder.directory", config.recorder.directory)
 
 
-def state_folder(config: CompanionConfig) -> Place | None:
+def state_folder(config: CompanionConfig) -> Directory | None:
     """Folder of the mission snapshot; None if there is none."""
     if config.state.directory is not None:
         return _of_file(config, "state.directory", config.state.directory)
     return _of_systemd("STATE_DIRECTORY")
 
 
-def view_socket(config: CompanionConfig) -> Place | None:
+def view_socket(config: CompanionConfig) -> Directory | None:
     """Socket of the view; None if the view is not served."""
     if config.view.socket is not None:
         return _of_file(config, "view.socket", config.view.socket)
     return _of_systemd("RUNTIME_DIRECTORY", "view.sock")
 
 
-def _of_file(config: CompanionConfig, key: str, path: Path | None) -> Place | None:
+def _of_file(config: CompanionConfig, key: str, path: Path | None) -> Directory | None:
     if path is None:
         return None
     if config.file is None:
-        return Place(path=path, source=key)
-    return Place(path=path, source=str(config.file), key=key)
+        return Directory(path=path, source=key)
+    return Directory(path=path, source=str(config.file), key=key)
 
 
-def _of_systemd(variable: str, name: str = "") -> Place | None:
+def _of_systemd(variable: str, name: str = "") -> Directory | None:
     """Returns a place in the first folder of the variable."""
     folder, _, _ = os.environ.get(variable, "").partition(":")
-    return Place(path=Path(folder, name), source=variable) if folder else None
+    return Directory(path=Path(folder, name), source=variable) if folder else None

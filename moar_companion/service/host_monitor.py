@@ -13,7 +13,7 @@ _MEMORY = Path("/proc/meminfo")
 _PERIOD_S = 1.0
 
 
-class HostWatch:
+class HostMonitor:
     """Reads the free disk space in a thread, each second: a failed disk blocks only that thread.
 
     recordings: the folder in which flights are recorded, if any.

@@ -17,7 +17,7 @@ from functools import partial
 from ..autopilots.failsafe_actions import Failsafes
 from ..planner.planner import Planner
 from ..planning.plan_jobs import PlanAnswer, PlanJob, answer_job, preparations, prepare_for
-from ..planning.planner_set import Planners
+from ..planning.planner_set import PlannerSet
 from .compiling import make_ready
 from .pools import started_pool
 from .resident_memory import release_compiler
@@ -29,7 +29,7 @@ class PlannerWorker:
     """Makes the planner ready, then plans for the loop, which never waits for it."""
 
     def __init__(self) -> None:
-        self._planners: Planners | None = None
+        self._planners: PlannerSet | None = None
         self._planning_thread = started_pool("planner")
         self._tables_thread = started_pool("tables")
         self._planning: Future[None] | None = None
@@ -65,7 +65,7 @@ class PlannerWorker:
 
     def take(self, planner: Planner) -> None:
         """Sets the planner; tables follow the first plan, which would wait for them."""
-        self._planners = Planners(planner)
+        self._planners = PlannerSet(planner)
 
     def new_progress(self) -> tuple[int, int] | None:
         """Returns count and total of compiled kernels when these have changed."""
@@ -133,7 +133,7 @@ class PlannerWorker:
             return None
         return self._planning_thread.submit(self._answer, self._planners, job, contingency)
 
-    def _answer(self, planners: Planners, job: PlanJob, contingency: bool) -> None:
+    def _answer(self, planners: PlannerSet, job: PlanJob, contingency: bool) -> None:
         """Runs in the planner's thread."""
         try:
             answer = answer_job(planners, job)

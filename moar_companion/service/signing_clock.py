@@ -18,7 +18,7 @@ from pydantic import Field, TypeAdapter
 
 from ..config import CompanionConfig
 from ..mavlink.signing import LATEST_TIMESTAMP, UNITS_PER_S, Signing, timestamp_at
-from ..outlets.background_writer import Batches, Writer
+from ..outlets.background_writer import BackgroundWriter, Batches
 from .directories import state_folder
 from .signing_key import read_signing_key
 from .snapshot_file import write_whole
@@ -69,7 +69,7 @@ class SigningClock:
         self._path = directory / _NAME
         self._saved: dict[str, int] = {}
         self._failing = False
-        self._writer = Writer("signing", self._write_loop)
+        self._writer = BackgroundWriter("signing", self._write_loop)
 
     def keep(self, timestamps: Mapping[str, int], references: Mapping[str, int]) -> None:
         """Queues them for writing when the file's lead over our time stamps is used up."""

@@ -14,8 +14,8 @@ import logging
 import os
 from pathlib import Path
 
-from ..companion.mission_snapshot import Memory, decoded, encoded
-from ..outlets.background_writer import Batches, Writer
+from ..companion.mission_snapshot import MissionSnapshot, decoded, encoded
+from ..outlets.background_writer import BackgroundWriter, Batches
 from ..safety.file_faults import FileFault, words
 
 _NAME = "mission.json"
@@ -25,7 +25,7 @@ _LONGEST_BYTES = 65536
 _logger = logging.getLogger(__name__)
 
 
-class MemoryFile:
+class SnapshotFile:
     """File in a folder, and the thread that writes it.
 
     Only the constructor raises OSError, if the folder cannot be written.
@@ -39,14 +39,14 @@ class MemoryFile:
         self._beside.unlink()
         self._load_fault: FileFault | None = None
         self._write_fault: FileFault | None = None
-        self._writer = Writer("memory", self._write_loop)
+        self._writer = BackgroundWriter("memory", self._write_loop)
 
     @property
     def faults(self) -> tuple[FileFault, ...]:
         """Current faults of the file; a file that was unusable at the start stays in the list."""
         return tuple(filter(None, (self._load_fault, self._write_fault)))
 
-    def load(self, clock_offset_s: float) -> Memory | None:
+    def load(self, clock_offset_s: float) -> MissionSnapshot | None:
         """Returns the snapshot; None without one. Logs an unusable file, moves a broken one aside.
 
         clock_offset_s: wall clock minus the machine's clock, now.
@@ -67,7 +67,7 @@ class MemoryFile:
             self._load_fault = FileFault(reason="state file unusable", action="starting idle")
         return None
 
-    def save(self, memory: Memory, clock_offset_s: float) -> None:
+    def save(self, memory: MissionSnapshot, clock_offset_s: float) -> None:
         """Queues a snapshot for writing; of several that wait, only the newest is written."""
         self._writer.put(encoded(memory, clock_offset_s))
 

@@ -10,14 +10,14 @@ import pytest
 from moar_companion.autopilots import failsafe_parameters, failsafes_of
 from moar_companion.autopilots.ardupilot import Return
 from moar_companion.autopilots.failsafe_actions import Action, Trigger
-from moar_companion.planner.free_distance import Reach
+from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.types import AutopilotKind
 
 from ..planner.problems import conductor, make_site
 
 PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
 UNTOLD = {kind: dict.fromkeys(failsafe_parameters(kind)) for kind in (PX4, ARDUPILOT)}
-REACH = Reach.over(make_site(conductor(5.5, 4.5, name="wire")), 0.5)
+REACH = FreeDistance.over(make_site(conductor(5.5, 4.5, name="wire")), 0.5)
 ABOVE, BELOW, BESIDE = (5.5, 7.5), (5.5, 1.5), (9.5, 7.5)
 
 
@@ -153,7 +153,7 @@ def test_a_return_is_looked_at_to_its_home():
 def test_a_landing_from_within_a_keep_out_hits_what_it_is_above():
     """The aircraft may sag into it; from beside or below the way down leads out."""
     landing = failsafes(PX4, COM_LOW_BAT_ACT=2.0, COM_OBL_RC_ACT=5.0, NAV_RCL_ACT=1.0)
-    reach = Reach.over(make_site(conductor(5.5, 4.5, keep_out=0.9), resolution=0.1), 0.5)
+    reach = FreeDistance.over(make_site(conductor(5.5, 4.5, keep_out=0.9), resolution=0.1), 0.5)
     above_m = np.array([(5.5, 4.6 + 0.1 * n) for n in range(20)])
     beside_m = np.array([(5.5 + side_m, 4.2) for side_m in (-0.8, 0.8)])
     assert landing.exposed(reach, above_m).all()

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from moar_companion.mavlink.passive_listener import Witness
+from moar_companion.mavlink.passive_listener import PassiveListener
 from moar_companion.risk.localization import LocalizationMemory, remember
 from moar_companion.types import Telemetry
 from tests.mavlink.conftest import SHARED
@@ -35,7 +35,7 @@ INNOVATIONS = ("velocity", "position", "height", "compass")
 
 def heard(path: Path) -> Iterator[Telemetry]:
     """The telemetry after every packet that changed it."""
-    witness, before = Witness(), Telemetry()
+    witness, before = PassiveListener(), Telemetry()
     begin_s = None
     for record in records(path):
         begin_s = record.time_s if begin_s is None else begin_s

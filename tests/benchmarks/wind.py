@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from moar_companion.mavlink.passive_listener import Witness
+from moar_companion.mavlink.passive_listener import PassiveListener
 from moar_companion.mavlink.tlog import Tlog
 from moar_companion.risk import RiskEstimate, update
 from moar_companion.risk.drag import air_velocity_mps, deceleration_mps2
@@ -74,7 +74,7 @@ def table(title: str, head: str, rows: list[str]) -> None:
 
 def told_in(path: str, model: RiskModel) -> np.ndarray:
     """Time and wind from tilt, (n, 2), wherever it was known in a recording."""
-    witness, estimate = Witness(), RiskEstimate.unknown(model)
+    witness, estimate = PassiveListener(), RiskEstimate.unknown(model)
     begin_s, due_s, told = None, 0.0, []
     for record in Tlog((SHARED / "traces" / f"{path}.companion.tlog").read_bytes()):
         begin_s = record.time_s if begin_s is None else begin_s

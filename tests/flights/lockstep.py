@@ -14,7 +14,7 @@ from typing import Any
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.companion.companion import Companion
-from moar_companion.companion.mission_snapshot import Memory
+from moar_companion.companion.mission_snapshot import MissionSnapshot
 from moar_companion.companion.reports import Decision
 from moar_companion.config import (
     Authority,
@@ -28,7 +28,7 @@ from moar_companion.margin import flown_site
 from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanAnswer, answer_job
-from moar_companion.planning.planner_set import Planners
+from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind
 from moar_companion.vehicle import Vehicle
@@ -108,7 +108,7 @@ class Lockstep:
         self.flown_site = flown_site(site, self.vehicle, limits)
         # Decisions tell how long a plan took: here no time passes meanwhile.
         self.planner = Planner(self.flown_site, self.vehicle, clock=lambda: 0.0)
-        self.planners = Planners(self.planner)
+        self.planners = PlannerSet(self.planner)
         x_m, y_m = (self.site.start_m[0], 0.0) if start_m is None else start_m
         options = dict(options or {})
         parameters = {**PARAMETERS[manner], **options.pop("parameters", {})}
@@ -174,7 +174,7 @@ class Lockstep:
             setattr(twin, name, list(value) if past else copy.deepcopy(value, memo))
         return twin
 
-    def new_companion(self, before: Memory | None = None) -> Companion:
+    def new_companion(self, before: MissionSnapshot | None = None) -> Companion:
         """A companion that knows nothing yet but what the one before it remembered."""
         ground = Ground(site=self.flown_site, maps=self.planner.maps)
         signing = self._secret and Signing(key=SigningKey(self._secret), wall_s=0.0)

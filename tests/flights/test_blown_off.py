@@ -49,8 +49,8 @@ def judge(flight):
 
 
 def error_m(flight) -> float:
-    course, pose = flight.companion._conduct.course, flight.companion.pose
-    return course.flight.error_m(pose)
+    routes, pose = flight.companion._executor.routes, flight.companion.pose
+    return routes.flight.error_m(pose)
 
 
 def watched(flight, seconds, look):

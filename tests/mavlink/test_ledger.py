@@ -7,7 +7,7 @@ import math
 import pytest
 
 from moar_companion.mavlink.codec import Codec
-from moar_companion.mavlink.command_dedup import CommandLedger
+from moar_companion.mavlink.command_dedup import CommandDedup
 from moar_companion.mavlink.commands import (
     CommandCancelled,
     CommandResult,
@@ -25,7 +25,7 @@ class Desk:
     """A ledger with a clock."""
 
     def __init__(self):
-        self.ledger = CommandLedger()
+        self.ledger = CommandDedup()
         self.now_s = 100.0
 
     def receive(self, data, *, link="radio"):

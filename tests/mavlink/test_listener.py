@@ -6,7 +6,7 @@ from moar_companion.config import LinkRole
 from moar_companion.mavlink.codec import Codec, SourceStatistics
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.identity import AutopilotFound, AutopilotRestarted
-from moar_companion.mavlink.telemetry_receiver import MESSAGE_IDS, Listener
+from moar_companion.mavlink.telemetry_receiver import MESSAGE_IDS, TelemetryReceiver
 
 from .peer import Peer
 
@@ -17,7 +17,7 @@ def hear(listener, packet, *, link="wire", role=LinkRole.AUTOPILOT, now_s=1.0):
 
 
 def test_only_the_autopilot_and_only_on_its_link_tells_where_the_aircraft_is():
-    listener, autopilot = Listener(), Peer(1, 1)
+    listener, autopilot = TelemetryReceiver(), Peer(1, 1)
     assert isinstance(hear(listener, autopilot.heartbeat()), AutopilotFound)
     hear(listener, Peer(1, 195).attitude(1.0))
     hear(listener, autopilot.attitude(1.0), link="another")
@@ -27,7 +27,7 @@ def test_only_the_autopilot_and_only_on_its_link_tells_where_the_aircraft_is():
 
 
 def test_a_heartbeat_on_an_operators_link_finds_no_autopilot():
-    listener = Listener()
+    listener = TelemetryReceiver()
     assert hear(listener, Peer(1, 1).heartbeat(), role=LinkRole.OPERATOR) is None
     assert hear(listener, Peer(255, 190).ground_heartbeat(), role=LinkRole.OPERATOR) is None
     assert listener.autopilot is None
@@ -35,7 +35,7 @@ def test_a_heartbeat_on_an_operators_link_finds_no_autopilot():
 
 
 def test_a_restart_forgets_what_the_autopilot_said_and_nothing_else():
-    listener, autopilot = Listener(), Peer(1, 1)
+    listener, autopilot = TelemetryReceiver(), Peer(1, 1)
     hear(listener, autopilot.heartbeat())
     hear(listener, Peer(255, 190).ground_heartbeat())
     hear(listener, autopilot.attitude(50.0))
@@ -47,7 +47,7 @@ def test_a_restart_forgets_what_the_autopilot_said_and_nothing_else():
 
 
 def test_packets_are_dated_by_the_autopilots_last():
-    listener, autopilot = Listener(), Peer(1, 1)
+    listener, autopilot = TelemetryReceiver(), Peer(1, 1)
     hear(listener, autopilot.heartbeat(), now_s=3.0)
     hear(listener, Peer(255, 190).ground_heartbeat(), now_s=9.0)
     listener.count_packets(SourceStatistics(received=7, lost=2))

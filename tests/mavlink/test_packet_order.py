@@ -11,7 +11,7 @@ from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.identity import AutopilotConflict
 from moar_companion.mavlink.packet_order import PacketOrder
 from moar_companion.mavlink.source_clock import SourceClock
-from moar_companion.mavlink.telemetry_receiver import Listener
+from moar_companion.mavlink.telemetry_receiver import TelemetryReceiver
 from moar_companion.types import Failsafe
 
 HEARTBEAT, CURRENT_MODE, ATTITUDE = 0, 436, 30
@@ -57,7 +57,7 @@ def test_a_packet_that_is_late_by_most_of_a_round_is_not_taken_for_one_ahead():
 
 
 def test_of_a_packet_with_a_time_that_alone_decides():
-    listener = Listener()
+    listener = TelemetryReceiver()
     heard(listener, heartbeat(HOLD), 0, 0.0)
     for count in range(100):
         heard(listener, attitude(50.0 + count * 0.01, roll=0.1), count, count * 0.01)
@@ -68,7 +68,7 @@ def test_of_a_packet_with_a_time_that_alone_decides():
 
 
 def test_a_place_is_never_late_by_the_time_at_which_it_was_set():
-    listener = Listener()
+    listener = TelemetryReceiver()
     heard(listener, heartbeat(HOLD), 0, 0.0)
 
     def origin(latitude_e7, time_usec):
@@ -80,7 +80,7 @@ def test_a_place_is_never_late_by_the_time_at_which_it_was_set():
 
 
 def test_the_lifetime_of_a_link_is_not_prolonged_by_packets_that_are_late():
-    listener = Listener()
+    listener = TelemetryReceiver()
     heard(listener, heartbeat(HOLD), 0, 0.0)
     heard(listener, attitude(50.0), 1, 0.1)
     heard(listener, attitude(49.0), 2, 2.0)
@@ -88,7 +88,7 @@ def test_the_lifetime_of_a_link_is_not_prolonged_by_packets_that_are_late():
 
 
 def test_a_restarted_autopilot_is_heard_from_when_its_clock_has_run_on():
-    listener = Listener()
+    listener = TelemetryReceiver()
     heard(listener, heartbeat(HOLD), 0, 0.0)
     heard(listener, attitude(50.0), 1, 0.1)
     events = [
@@ -114,7 +114,7 @@ def positions_told(listener, *arrivals):
 
 
 def test_a_step_of_the_clock_is_one_step_for_all_messages():
-    listener = Listener()
+    listener = TelemetryReceiver()
     heard(listener, heartbeat(HOLD), 0, 0.0)
     for count in range(10):
         heard(listener, attitude(50.0 + 0.1 * count), count, 0.1 * count)
@@ -127,7 +127,7 @@ def test_a_step_of_the_clock_is_one_step_for_all_messages():
 
 
 def test_a_packet_of_the_clock_before_a_restart_hides_nothing_that_follows():
-    listener = Listener()
+    listener = TelemetryReceiver()
     heard(listener, heartbeat(HOLD), 0, 0.0)
     heard(listener, attitude(1000.0), 1, 0.1)
     for count in range(5):
@@ -137,7 +137,7 @@ def test_a_packet_of_the_clock_before_a_restart_hides_nothing_that_follows():
 
 
 def test_positions_that_run_on_in_the_past_beside_the_clock_are_late():
-    listener = Listener()
+    listener = TelemetryReceiver()
     heard(listener, heartbeat(HOLD), 0, 0.0)
     assert positions_told(listener, (0.1, 50.1)) == [True]
     for count in range(50):
@@ -147,7 +147,7 @@ def test_positions_that_run_on_in_the_past_beside_the_clock_are_late():
 
 
 def test_a_system_time_far_ahead_is_another_autopilots_and_hides_nothing():
-    listener = Listener()
+    listener = TelemetryReceiver()
     heard(listener, heartbeat(HOLD), 0, 0.0)
     heard(listener, attitude(50.0), 1, 0.1)
     event = heard(listener, mavlink.MAVLink_system_time_message(0, 4_000_000), 2, 0.2)
@@ -202,7 +202,7 @@ def current_mode(mode, intended=None):
 
 
 def test_a_heartbeat_that_was_overtaken_gives_no_mode_back():
-    listener = Listener()
+    listener = TelemetryReceiver()
     heard(listener, heartbeat(OFFBOARD), 1, 0.0)
     left = heard(listener, current_mode(HOLD), 9, 0.10)
     heard(listener, heartbeat(OFFBOARD), 7, 0.12)
@@ -212,7 +212,7 @@ def test_a_heartbeat_that_was_overtaken_gives_no_mode_back():
 
 
 def test_a_mode_that_was_not_asked_for_is_a_failsafes():
-    listener = Listener()
+    listener = TelemetryReceiver()
     heard(listener, heartbeat(OFFBOARD), 1, 0.0)
     heard(listener, current_mode(HOLD, intended=OFFBOARD), 2, 0.1)
     assert listener.telemetry.autopilot.failsafe
@@ -235,7 +235,7 @@ def test_events_and_states_of_other_instances_are_never_late():
     def text(words):
         return mavlink.MAVLink_statustext_message(4, words)
 
-    listener = Listener()
+    listener = TelemetryReceiver()
     heard(listener, mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 4, 3), 1, 0.0)
     for message, sequence in (
         (parameter(b"MOT_PWM_MAX", 2000.0), 3),

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.mavlink.message_rates import DEFAULT_RATES_HZ, RateRequests
+from moar_companion.mavlink.message_rates import DEFAULT_RATES_HZ, MessageRates
 from moar_companion.types import AutopilotKind
 
 ATTITUDE = 30
@@ -19,7 +19,7 @@ class Machine:
     """Requests against a clock in steps of 20 ms, with streams that flow at given rates."""
 
     def __init__(self, rates_hz, *, silent):
-        self.requests = RateRequests()
+        self.requests = MessageRates()
         self.now_s = 100.0
         self.flowing_hz = {}
         self.unused_hz = {}
@@ -78,7 +78,7 @@ def test_a_silent_autopilot_is_asked_at_once_for_everything():
 
 
 def test_the_interval_is_in_microseconds():
-    requests = RateRequests()
+    requests = MessageRates()
     requests.start({ATTITUDE: 30.0}, silent=True, now_s=0.0)
     assert requests.next_request(0.1) == (ATTITUDE, 33333)
 
@@ -174,7 +174,7 @@ def test_a_stream_that_stops_is_asked_for_again():
 
 
 def test_an_answer_that_nobody_waits_for_is_ignored():
-    requests = RateRequests()
+    requests = MessageRates()
     requests.answered(DENIED)
     requests.start({ATTITUDE: 20.0}, silent=True, now_s=0.0)
     requests.answered(DENIED)
@@ -219,7 +219,7 @@ def test_what_is_not_read_and_comes_often_is_asked_down_once():
 
 
 def test_it_is_asked_down_to_one_a_second():
-    requests = RateRequests()
+    requests = MessageRates()
     for step in range(1100):
         requests.hear_unused(QUATERNION, "serial", 0.01 * step)
     assert requests.next_request(11.0, "serial", shared=False) == (QUATERNION, 1_000_000)

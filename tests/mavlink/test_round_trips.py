@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.mavlink.dialect import create
-from moar_companion.mavlink.timesync_rtt import RoundTrips
+from moar_companion.mavlink.timesync_rtt import TimesyncRtt
 from moar_companion.mavlink.translate_outgoing import SystemStatus, heartbeat_message
 
 TICK_S = 0.05
@@ -37,8 +37,8 @@ def answered(trips, *late_s, from_s=100.0):
 
 
 def test_nothing_is_known_before_two_answers():
-    assert answered(RoundTrips()) is None
-    assert answered(RoundTrips(), 0.02) is None
+    assert answered(TimesyncRtt()) is None
+    assert answered(TimesyncRtt(), 0.02) is None
 
 
 @pytest.mark.parametrize(
@@ -52,11 +52,11 @@ def test_nothing_is_known_before_two_answers():
     ],
 )
 def test_the_shorter_of_the_last_two_counts(late_s, least_s):
-    assert answered(RoundTrips(), *late_s) == pytest.approx(least_s)
+    assert answered(TimesyncRtt(), *late_s) == pytest.approx(least_s)
 
 
 def test_answers_to_nobodys_question_and_questions_are_no_answers():
-    trips = RoundTrips()
+    trips = TimesyncRtt()
     question = trips.next_request(AUTOPILOT, 100.0)
     assert (question.target_system, question.target_component) == AUTOPILOT
     heartbeat = heartbeat_message(SystemStatus.ACTIVE, 0)
@@ -69,13 +69,13 @@ def test_answers_to_nobodys_question_and_questions_are_no_answers():
 
 
 def test_questions_are_asked_eight_times_a_second():
-    trips = RoundTrips()
+    trips = TimesyncRtt()
     asked = [trips.next_request(AUTOPILOT, 100.0 + 0.02 * tick) for tick in range(500)]
     assert 68 <= sum(message is not None for message in asked) <= 81
 
 
 def test_answers_that_cease_are_under_way_for_as_long_as_they_are_awaited():
-    trips = RoundTrips()
+    trips = TimesyncRtt()
     assert answered(trips, 0.02, 0.02, 0.02) == pytest.approx(0.02)
     for tick in range(100):
         trips.next_request(AUTOPILOT, 101.0 + TICK_S * tick)
@@ -84,7 +84,7 @@ def test_answers_that_cease_are_under_way_for_as_long_as_they_are_awaited():
 
 
 def test_answers_that_nobody_ever_gave_are_not_awaited():
-    trips = RoundTrips()
+    trips = TimesyncRtt()
     for tick in range(200):
         trips.next_request(AUTOPILOT, 100.0 + TICK_S * tick)
     assert trips.least_s(110.0) is None

@@ -5,7 +5,7 @@ import math
 import pytest
 
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.mavlink.passive_listener import Witness
+from moar_companion.mavlink.passive_listener import PassiveListener
 
 from .messages import updated
 
@@ -404,7 +404,7 @@ def test_the_pilots_signal_is_a_fraction_of_the_autopilots_own_scale(autopilot, 
     [("px4/f1_radio_rc.companion.tlog", 1.0), ("ardupilot/f1_rssi.companion.tlog", 1.0)],
 )
 def test_full_reception_as_recorded_is_full(recording, name, best):
-    witness = Witness()
+    witness = PassiveListener()
     signals = set()
     for time_s, packet in recording(name):
         witness.hear(packet, time_s)

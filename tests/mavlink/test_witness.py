@@ -7,7 +7,7 @@ import pytest
 from moar_companion.mavlink.commands import CommandResult, MissionCommand, PauseContinue
 from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
-from moar_companion.mavlink.passive_listener import AnswerSaid, TextSaid, Witness
+from moar_companion.mavlink.passive_listener import AnswerSaid, PassiveListener, TextSaid
 from moar_companion.mavlink.statustext import HeardText
 from moar_companion.types import AutopilotKind
 
@@ -21,7 +21,7 @@ class Scene:
     """A witness and whom it hears: the autopilot from the start."""
 
     def __init__(self, system_id=1, **heartbeat):
-        self.witness = Witness()
+        self.witness = PassiveListener()
         self.autopilot = Peer(system_id, 1)
         self.companion = Peer(system_id, 195)
         self.ground = Peer(255, 190)
@@ -50,7 +50,7 @@ def test_the_first_autopilot_is_latched_whatever_its_number():
 
 
 def test_nothing_is_known_without_a_heartbeat():
-    witness = Witness()
+    witness = PassiveListener()
     assert witness.hear(Peer(1, 1).attitude(1.0), 0.0) == []
     assert witness.telemetry.attitude is None
     assert witness.autopilot is None

@@ -156,7 +156,7 @@ class Story:
         return [pilot_text(say.text, say.action) for say in says]
 
     @property
-    def farewell(self):
+    def last_setpoint(self):
         return Do.FAREWELL in self.effects
 
 

@@ -110,7 +110,7 @@ def test_ready_expires_after_its_time_with_a_last_setpoint_at_rest():
     assert flight.state == "ready"
     flight.tick(0.2)
     assert flight.state == "idle"
-    assert flight.farewell
+    assert flight.last_setpoint
 
 
 def test_planning_for_ever_is_no_state_to_expire():
@@ -126,7 +126,7 @@ def test_planning_for_ever_is_no_state_to_expire():
 def test_the_pilot_takes_the_mode_silent_at_once_and_without_a_farewell(state):
     flight = any_story(state).see(mode_ours=False)
     assert flight.state == "overridden"
-    assert not flight.farewell
+    assert not flight.last_setpoint
     assert not flight.streaming
 
 
@@ -185,7 +185,7 @@ def test_not_even_resume_comes_back_from_an_autopilot_failsafe():
 def test_an_autopilot_failsafe_releases(state):
     flight = any_story(state).see(**FAILSAFE, mode_ours=False)
     assert flight.state == "released"
-    assert not flight.farewell
+    assert not flight.last_setpoint
     flight.see(**NO_FAILSAFE, mode_ours=True)  # PX4 resumes OFFBOARD by itself
     for _ in range(10):
         flight.tick(1.0)
@@ -200,7 +200,7 @@ def test_stale_data_or_a_fault_releases_and_its_end_brings_nothing_back(state, p
     flight.see(**{cause: "for 3.1 s"})
     assert flight.state == "released"
     # Where the mode is not ours nobody follows.
-    assert flight.farewell is (parting and state in IN_CONTROL)
+    assert flight.last_setpoint is (parting and state in IN_CONTROL)
     flight.see(**{cause: None})
     for _ in range(10):
         flight.tick(1.0)
@@ -211,7 +211,7 @@ def test_stale_data_or_a_fault_releases_and_its_end_brings_nothing_back(state, p
 def test_on_the_ground_is_idle(state):
     flight = any_story(state).see(**ON_THE_GROUND)
     assert flight.state == "idle"
-    assert not flight.farewell
+    assert not flight.last_setpoint
 
 
 @pytest.mark.parametrize("state", [*STREAMED, S.PLANNING])

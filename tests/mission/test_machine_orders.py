@@ -97,15 +97,15 @@ ANSWERS = {
 def test_every_order_has_its_answer_in_every_state(state, word):
     flight = any_story(state)
     flight.order(ORDERS[word])
-    after, answer, farewell = ANSWERS[state][word]
+    after, answer, last_setpoint = ANSWERS[state][word]
     assert flight.state == after
     ours = [verdict for number, verdict in flight.answers if number == flight.last_id]
     assert ours == ([answer] if answer else [])
-    assert flight.farewell is farewell
+    assert flight.last_setpoint is last_setpoint
     assert bool(flight.sought) is (not answer)
     # Where the stream goes on or ends, the last setpoint is at rest or the path's.
     if state in STREAMING and not flight.streaming:
-        assert flight.farewell
+        assert flight.last_setpoint
 
 
 @pytest.mark.parametrize(
@@ -211,7 +211,7 @@ def test_a_hold_while_ready_is_continued_before_the_mode_is_given():
 
 def test_a_hold_while_ready_expires_as_ready_does():
     flight = story(S.READY).order(Order.HOLD).tick(30.1)
-    assert (flight.state, flight.farewell) == ("idle", True)
+    assert (flight.state, flight.last_setpoint) == ("idle", True)
     flight.order(Order.CONTINUE)
     assert flight.reasons == ["nothing is held"]
 

@@ -32,7 +32,7 @@ class Events(RuleBasedStateMachine):
 
     def _after(self, *, ticked=False):
         status = self.story.status
-        if self.story.farewell:
+        if self.story.last_setpoint:
             assert self.streamed
             assert status.state not in STREAMING
         self.streamed = status.state in STREAMING

@@ -72,7 +72,7 @@ def test_a_pilot_who_lands_ends_the_overriding():
 def test_a_failsafe_while_the_pilot_flies_releases(resume):
     flight = story(S.OVERRIDDEN, resume=resume).see(**FAILSAFE)
     assert flight.state == "released"
-    assert not flight.farewell
+    assert not flight.last_setpoint
 
 
 def test_a_failsafe_that_an_order_has_overridden_ends_what_may_be_resumed():
@@ -116,7 +116,7 @@ def test_the_landing_that_we_asked_for_is_no_pilots():
     flight.landing_requested = True
     flight.see(mode_ours=False)
     assert flight.state == "idle"
-    assert not flight.farewell
+    assert not flight.last_setpoint
     assert flight.said == ["MOAR: the autopilot has left our mode, idle"]
 
 
@@ -237,7 +237,7 @@ def test_a_mode_given_to_what_must_not_be_flown_is_a_hold():
 def test_what_is_not_flown_yet_is_given_up_with_the_reason(state, cause):
     flight = any_story(state).see(**cause).tick(3.1)
     assert flight.state == "idle"
-    assert flight.farewell is (state is S.READY)
+    assert flight.last_setpoint is (state is S.READY)
     assert flight.said == [f"MOAR: {next(iter(cause.values()))}, idle"]
 
 

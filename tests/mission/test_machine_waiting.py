@@ -39,7 +39,7 @@ def test_a_way_out_that_was_held_waits_likewise(way):
     flight = story(S.FLYING, way).see(**NARROW).see(narrow=None).tick(1.1)
     no_room(flight)
     assert flight.said_then[-1].endswith(", holding")
-    assert (flight.state, flight.status.no_way) == ("holding", frozenset())
+    assert (flight.state, flight.status.no_path) == ("holding", frozenset())
     flight.see(narrow=None).tick(1.1)
     assert flight.sought == [way]
 

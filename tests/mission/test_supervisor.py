@@ -161,7 +161,7 @@ def test_which_missions_may_be_ordered_while_a_condition_lasts(row):
 @ROWS
 def test_the_stream_ends_in_the_state_of_its_row(row):
     releases = row.action is Action.RELEASE
-    assert releases or (row.farewell and row.rest is MissionState.RELEASED)
+    assert releases or (row.last_setpoint and row.rest is MissionState.RELEASED)
     assert not (releases and row.latched)  # the state is
 
 
@@ -185,10 +185,10 @@ def test_of_equal_actions_the_first_of_the_table_speaks():
 
 def test_no_farewell_where_one_of_the_releases_forbids_it():
     watched = Watched().look(position="stale")
-    assert watched.ruling.farewell
+    assert watched.ruling.last_setpoint
     watched.look(failsafe="the autopilot is in failsafe")
     assert watched.ruling.reason == "stale"
-    assert not watched.ruling.farewell
+    assert not watched.ruling.last_setpoint
 
 
 def test_a_ground_station_that_is_lost_and_found():

@@ -8,7 +8,7 @@ import time
 import pytest
 
 from moar_companion.outlets import background_writer
-from moar_companion.outlets.background_writer import Writer
+from moar_companion.outlets.background_writer import BackgroundWriter
 
 
 class Disk:
@@ -39,7 +39,7 @@ def disk():
 
 
 def test_everything_is_written_in_order(disk):
-    writer = Writer("test", disk.write)
+    writer = BackgroundWriter("test", disk.write)
     for number in range(1000):
         assert writer.put(b"%d" % number, b"")
     assert writer.close()
@@ -47,7 +47,7 @@ def test_everything_is_written_in_order(disk):
 
 
 def test_what_comes_within_a_period_is_one_batch_and_the_end_does_not_wait_for_it(disk):
-    writer = Writer("test", disk.write, period_s=3600.0)
+    writer = BackgroundWriter("test", disk.write, period_s=3600.0)
     writer.put(b"a")
     writer.put(b"b")
     assert writer.close()
@@ -56,7 +56,7 @@ def test_what_comes_within_a_period_is_one_batch_and_the_end_does_not_wait_for_i
 
 def test_of_what_waits_for_a_disk_that_stands_still_there_is_only_so_much(disk):
     disk.goes.clear()
-    writer = Writer("test", disk.write, most_bytes=10)
+    writer = BackgroundWriter("test", disk.write, most_bytes=10)
     assert writer.put(b"first")
     assert disk.touched.wait(20)
     assert [writer.put(b"abcd"), writer.put(b"ef"), writer.put(b"g")] == [True, False, True]
@@ -67,7 +67,7 @@ def test_of_what_waits_for_a_disk_that_stands_still_there_is_only_so_much(disk):
 
 def test_there_is_room_again_when_the_disk_goes_on(disk):
     disk.goes.clear()
-    writer = Writer("test", disk.write, most_bytes=3)
+    writer = BackgroundWriter("test", disk.write, most_bytes=3)
     assert writer.put(b"abc")
     assert not writer.put(b"d")
     disk.goes.set()
@@ -82,6 +82,6 @@ def test_there_is_room_again_when_the_disk_goes_on(disk):
 def test_the_end_does_not_wait_for_ever(disk, monkeypatch):
     monkeypatch.setattr(background_writer, "_LAST_WRITE_S", 0.1)
     disk.goes.clear()
-    item = Writer("test", disk.write)
+    item = BackgroundWriter("test", disk.write)
     item.put(b"abc")
     assert not item.close()

@@ -10,7 +10,7 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from moar_companion.planner.clearances import Clearances
-from moar_companion.planner.free_distance import Reach
+from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.planner.grid import Grid
 
 from .problems import conductor, make_site, polygon
@@ -23,14 +23,14 @@ def free_m(reach, place, direction, farthest_m=50.0):
 
 
 def test_a_ray_ends_where_the_first_blocked_cell_begins():
-    reach = Reach.over(make_site(conductor(5.5, 0.5)), radius_m=0.1)
+    reach = FreeDistance.over(make_site(conductor(5.5, 0.5)), radius_m=0.1)
     assert free_m(reach, (0.25, 0.5), RIGHT) == pytest.approx(4.75)
     assert free_m(reach, (0.25, 0.5), RIGHT, farthest_m=2.0) == 2.0
     assert free_m(reach, (0.25, 1.5), RIGHT) == 50.0
 
 
 def test_on_a_slant_it_is_measured_along_the_slant():
-    reach = Reach.over(make_site(conductor(5.5, 4.5)), radius_m=0.1)
+    reach = FreeDistance.over(make_site(conductor(5.5, 4.5)), radius_m=0.1)
     slant = (0.8, 0.6)
     # It enters the cell through its left side, at x = 5.
     assert free_m(reach, (1.5, 1.5), slant) == pytest.approx(3.5 / 0.8)
@@ -38,41 +38,45 @@ def test_on_a_slant_it_is_measured_along_the_slant():
 
 def test_what_a_site_keeps_out_of_and_the_uncertainty_of_the_position_count():
     site = make_site(conductor(5.5, 0.5, keep_out=1.5))
-    assert free_m(Reach.over(site, 0.1), (0.25, 0.5), RIGHT) == pytest.approx(3.75)
-    assert free_m(Reach.over(site, 0.1, 1.0), (0.25, 0.5), RIGHT) == pytest.approx(2.75)
+    assert free_m(FreeDistance.over(site, 0.1), (0.25, 0.5), RIGHT) == pytest.approx(3.75)
+    assert free_m(FreeDistance.over(site, 0.1, 1.0), (0.25, 0.5), RIGHT) == pytest.approx(2.75)
 
 
 def test_what_is_too_low_to_plan_in_is_no_obstacle():
-    reach = Reach.over(make_site(min_altitude=3.0), radius_m=0.1)
+    reach = FreeDistance.over(make_site(min_altitude=3.0), radius_m=0.1)
     assert free_m(reach, (0.5, 6.5), (0.0, -1.0)) == 50.0
 
 
 def test_obstacles_outside_the_workspace_count():
-    reach = Reach.over(make_site(conductor(5.5, 11.5), polygon((-4, 2), (-4, 3), (-5, 3))), 0.1)
+    reach = FreeDistance.over(
+        make_site(conductor(5.5, 11.5), polygon((-4, 2), (-4, 3), (-5, 3))), 0.1
+    )
     assert free_m(reach, (5.5, 0.5), UP) == pytest.approx(10.5)
     assert 4.0 <= free_m(reach, (0.5, 2.5), (-1.0, 0.0)) <= 5.0
 
 
 def test_an_obstacle_a_kilometre_away_costs_no_memory():
-    reach = Reach.over(make_site(conductor(1000.0, 4.5)), radius_m=0.1)
+    reach = FreeDistance.over(make_site(conductor(1000.0, 4.5)), radius_m=0.1)
     assert reach.blocked.size < 1000
 
 
 def test_out_of_a_keep_out_it_counts_from_where_that_is_left():
-    reach = Reach.over(make_site(conductor(2.5, 0.5, keep_out=1.2), conductor(8.5, 0.5)), 0.1)
+    reach = FreeDistance.over(
+        make_site(conductor(2.5, 0.5, keep_out=1.2), conductor(8.5, 0.5)), 0.1
+    )
     assert free_m(reach, (2.5, 0.5), RIGHT) == pytest.approx(5.5)
     assert free_m(reach, (2.5, 0.5), UP) == 50.0
 
 
 def test_what_stands_still_goes_nowhere():
-    reach = Reach.over(make_site(conductor(2.5, 0.5)), radius_m=0.1)
+    reach = FreeDistance.over(make_site(conductor(2.5, 0.5)), radius_m=0.1)
     assert free_m(reach, (5.5, 0.5), (0.0, 0.0)) == 50.0
     assert free_m(reach, (2.5, 0.5), (0.0, 0.0)) == 50.0
 
 
 def test_the_obstacle_that_is_hit_has_a_name():
     wide = conductor(5.5, 0.5, name="wide", keep_out=2.0)
-    reach = Reach.over(make_site(conductor(2.5, 0.5, name="thin"), wide), radius_m=0.1)
+    reach = FreeDistance.over(make_site(conductor(2.5, 0.5, name="thin"), wide), radius_m=0.1)
     assert reach.nearest((3.9, 0.5)) == "wide"
     assert reach.nearest((2.6, 0.5)) == "thin"
 
@@ -91,7 +95,7 @@ def test_as_by_small_steps(blocked, x, z, angle_rad, farthest_m):
     direction = (math.cos(angle_rad), math.sin(angle_rad))
     # Along a border of cells, rounding decides in which of them the small steps are.
     assume(min(map(abs, direction)) > 1e-6)
-    reach = Reach(grid=grid, blocked=cells, clearances=Clearances.over(grid, ()))
+    reach = FreeDistance(grid=grid, blocked=cells, clearances=Clearances.over(grid, ()))
     free = free_m(reach, (x, z), direction, farthest_m)
 
     def solid(at_m):

@@ -9,7 +9,7 @@ from moar_companion.margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.preflight.findings import Level
 from moar_companion.preflight.offboard_loss_ways import SUBJECT, loss_findings
-from moar_companion.safety.offboard_loss import Loss
+from moar_companion.safety.offboard_loss import OffboardLoss
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind
 from moar_companion.vehicle import Vehicle
@@ -28,7 +28,7 @@ PLANNER = Planner(flown_site(SITE, VEHICLE, Supervision()), VEHICLE)
 
 def found(kind, policy=LossCheck.REFUSE, *, planner=PLANNER, **parameters):
     """What is found of an autopilot set as asked but for these."""
-    told = Loss.of(kind, {**PARAMETERS, **parameters})
+    told = OffboardLoss.of(kind, {**PARAMETERS, **parameters})
     findings = loss_findings(planner, told, None, policy)
     assert {item.subject for item in findings} <= {SUBJECT}
     return findings

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from moar_companion.mavlink.codec import Codec
-from moar_companion.mavlink.passive_listener import Witness
+from moar_companion.mavlink.passive_listener import PassiveListener
 from moar_companion.mavlink.tlog import Tlog
 from moar_companion.risk import RiskEstimate, update
 from moar_companion.vehicle import RiskModel
@@ -148,7 +148,7 @@ def judged(trouble: Trouble) -> tuple[RiskEstimate, list[RiskEstimate]]:
     path = SHARED / trouble.recording
     if not path.exists():
         pytest.skip(f"the recording {path} is not here")
-    reader, witness = Codec(system_id=9, component_id=9), Witness()
+    reader, witness = Codec(system_id=9, component_id=9), PassiveListener()
     risk = before = RiskEstimate.unknown(RiskModel())
     after: list[RiskEstimate] = []
     begin_s = shown_s = None

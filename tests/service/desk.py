@@ -28,7 +28,7 @@ from moar_companion.estimation.pose_tracker import Ground
 from moar_companion.mavlink.dialect import create
 from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanAnswer, answer_job
-from moar_companion.planning.planner_set import Planners
+from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Site
 from moar_companion.vehicle import Vehicle
 
@@ -121,7 +121,7 @@ class Desk:
         **config,
     ):
         self.planner = planner or usual_planner()
-        self.planners = Planners(self.planner)
+        self.planners = PlannerSet(self.planner)
         self.site, self.vehicle = self.planner.site, self.planner.vehicle
         config.setdefault("authority", Authority.STREAM)
         limits = config.pop("supervision", Supervision())

@@ -10,7 +10,7 @@ from moar_companion.estimation.pose import Pose
 from moar_companion.risk import IndexReport, InputReport, RiskEstimate, RiskReport
 from moar_companion.risk.localization import LocalizationMemory
 from moar_companion.risk.receivers import ReceiverMemory
-from moar_companion.safety.checks import Host, Seen, WayOut, causes
+from moar_companion.safety.checks import EscapeRoute, Host, Seen, causes
 from moar_companion.types import (
     Attitude,
     Battery,
@@ -126,7 +126,7 @@ IN_FLIGHT = Seen(
     room_m=2.0,
     in_control=True,
     error_m=0.2,
-    way_out=WayOut(mission=Mission.EXIT, left_s=600.0, reserve_s=30.0, age_s=1.0),
+    escape_route=EscapeRoute(mission=Mission.EXIT, left_s=600.0, reserve_s=30.0, age_s=1.0),
     host=Host(disk_free=1e9, memory_available=1e9),
 )
 """Healthy: nothing stands against it."""
@@ -174,8 +174,8 @@ def uncertain(estimator_m, odometry_m, gnss_m, last=(), heights_m=(None, None, N
 
 
 def leaves(mission, left_s, **changes):
-    way = WayOut(mission=mission, left_s=left_s, reserve_s=30.0, age_s=1.0)
-    return replace(IN_FLIGHT, way_out=replace(way, **changes))
+    way = EscapeRoute(mission=mission, left_s=left_s, reserve_s=30.0, age_s=1.0)
+    return replace(IN_FLIGHT, escape_route=replace(way, **changes))
 
 
 def moves(seen=HOVERING, **changes):

@@ -310,7 +310,7 @@ STORIES = [
     ),
     (
         "no way out, and no word of the landed state",
-        replace(told(landed=None), way_out=None),
+        replace(told(landed=None), escape_route=None),
         {"unknown": "unknown: way out"},
     ),
     ("2 m from the plane", moves(position_m=(5.0, -2.0, 5.0)), {}),

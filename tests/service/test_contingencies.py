@@ -319,8 +319,8 @@ def exit_is_flown(planner=far_exit_planner):
     desk.come_to("flying").run(0.5)
     desk.order(EXIT).run(2.0)
     assert desk.companion.status.task.mission is Mission.EXIT
-    conduct = desk.companion._conduct
-    return desk, conduct.prospects.ways, conduct._scene()
+    conduct = desk.companion._executor
+    return desk, conduct.risk_monitor.ways, conduct._scene()
 
 
 def seen_with(ways, scene, left_s, now_s, pace=1.0):
@@ -328,7 +328,7 @@ def seen_with(ways, scene, left_s, now_s, pace=1.0):
     left_wh = left_s * 400.0 / 3600.0
     scene = replace(scene, pace=pace, meter=replace(scene.meter, left_wh=left_wh))
     ways.look(scene, now_s)
-    return ways.way_out(scene.meter)
+    return ways.escape_route(scene.meter)
 
 
 def test_an_exit_at_half_the_pace_gives_way_only_where_a_faster_one_would():
@@ -364,8 +364,8 @@ def test_where_others_fly_it_an_exit_that_was_flown_is_no_reason():
     desk, ways, scene = exit_is_flown()
     assert seen_with(ways, scene, 900.0, desk.now_s).mission is Mission.EXIT
     ways.wait(scene.pose.position_m, desk.now_s)
-    way_out = ways.way_out(scene.meter)
-    assert (way_out.mission, way_out.flown_left_s) == (Mission.EVACUATION, None)
+    escape_route = ways.escape_route(scene.meter)
+    assert (escape_route.mission, escape_route.flown_left_s) == (Mission.EVACUATION, None)
 
 
 # Against the wind -------------------------------------------------------------------------------

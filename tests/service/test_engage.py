@@ -9,7 +9,7 @@ from unittest import mock
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.companion.mode_requester import Engaging
+from moar_companion.companion.mode_requester import ModeRequester
 from moar_companion.config import Authority
 from moar_companion.mission.values import MissionStatus
 from moar_companion.mission_states import MissionState
@@ -108,9 +108,9 @@ def test_a_mission_ordered_while_overridden_takes_no_mode():
     telemetry = desk.companion.telemetry
     autopilot = telemetry.autopilot
     for before, asked in ((MissionState.OVERRIDDEN, 0), (MissionState.IDLE, 1)):
-        engaging = Engaging(Authority.ENGAGE, session, mock.Mock(), pilot_flies=False)
-        engaging.note_order(autopilot, before, autopilot.received_s)
-        engaging.act(status, telemetry, at_end=False, now_s=autopilot.received_s)
+        mode_requester = ModeRequester(Authority.ENGAGE, session, mock.Mock(), pilot_flies=False)
+        mode_requester.note_order(autopilot, before, autopilot.received_s)
+        mode_requester.act(status, telemetry, at_end=False, now_s=autopilot.received_s)
         assert session.request_own_mode.call_count == asked
 
 
@@ -373,13 +373,13 @@ def test_a_failsafe_that_gives_the_mode_of_the_order_back_leaves_it_to_the_pilot
     desk = Desk(authority=Authority.ENGAGE).come_to("idle").run_to_heartbeat()
     session, telemetry = mock.Mock(), desk.companion.telemetry
     autopilot = telemetry.autopilot
-    engaging = Engaging(Authority.ENGAGE, session, mock.Mock(), pilot_flies=False)
-    engaging.note_order(autopilot, MissionState.IDLE, autopilot.received_s)
+    mode_requester = ModeRequester(Authority.ENGAGE, session, mock.Mock(), pilot_flies=False)
+    mode_requester.note_order(autopilot, MissionState.IDLE, autopilot.received_s)
     lands = replace(autopilot, mode="LAND", homeward=True, failsafe=True)
     for since_s, told in ((0.0, lands), (-2.0, autopilot)):
         status = MissionStatus(state=MissionState.READY, since_s=autopilot.received_s + since_s)
         seen = replace(telemetry, autopilot=told)
-        engaging.act(status, seen, at_end=False, now_s=autopilot.received_s)
+        mode_requester.act(status, seen, at_end=False, now_s=autopilot.received_s)
     assert not session.request_own_mode.called
 
 

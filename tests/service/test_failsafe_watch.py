@@ -9,14 +9,14 @@ import pytest
 from moar_companion.autopilots import failsafe_parameters
 from moar_companion.autopilots.failsafe_actions import Trigger
 from moar_companion.config import Supervision
-from moar_companion.planner.free_distance import Reach
+from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.power import Meter, PowerModel
-from moar_companion.safety.failsafe_exposure import FailsafeWatch
+from moar_companion.safety.failsafe_exposure import FailsafeExposure
 from moar_companion.types import AutopilotKind, Heard, Telemetry
 
 from ..planner.problems import conductor, make_site, make_vehicle
 
-REACH = Reach.over(make_site(conductor(5.5, 4.5, name="wire")), 0.5)
+REACH = FreeDistance.over(make_site(conductor(5.5, 4.5, name="wire")), 0.5)
 ABOVE, BESIDE = (5.5, 0.0, 7.5), (9.5, 0.0, 7.5)
 POWER = PowerModel.of(make_vehicle())
 STATION = Telemetry(ground_station=Heard(system_id=255, received_s=0.0))
@@ -24,7 +24,7 @@ LANDS = {"COM_LOW_BAT_ACT": 2.0, "BAT_CRIT_THR": 0.3, "BAT_EMERGEN_THR": 0.1}
 
 
 def watching(telemetry=STATION, kind=AutopilotKind.PX4, **parameters):
-    watch = FailsafeWatch(Supervision(), POWER)
+    watch = FailsafeExposure(Supervision(), POWER)
     told = {**dict.fromkeys(failsafe_parameters(kind)), **parameters}
     assert watch.learn(kind, told, None, telemetry)
     assert not watch.learn(kind, told, None, telemetry)

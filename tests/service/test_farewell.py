@@ -103,7 +103,7 @@ def ends_at_rest(desk):
 
 
 def test_every_way_in_which_the_supervisor_releases_is_here():
-    rows = {row.name: row.farewell for row in CONDITIONS if row.action is Action.RELEASE}
+    rows = {row.name: row.last_setpoint for row in CONDITIONS if row.action is Action.RELEASE}
     assert rows.keys() <= {*ORDERLY, *AT_ONCE, *ELSEWHERE}
     assert {name for name in ORDERLY if name in rows and not rows[name]} == set()
     assert {name for name in AT_ONCE if rows[name]} == set()

@@ -15,11 +15,11 @@ from shapely.geometry import Polygon
 from moar_companion.autopilots.fence import Area, Fence, Limit
 from moar_companion.config import shipped_configs
 from moar_companion.estimation import site_fence
-from moar_companion.estimation.site_fence import FenceWatch, fenced, plane_fence
+from moar_companion.estimation.site_fence import SiteFence, fenced, plane_fence
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
-from moar_companion.planning.planner_set import Planners
+from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind, FenceItem, Mission
 from moar_companion.vehicle import Vehicle
@@ -145,7 +145,7 @@ PARAMETERS = {"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 10.0, "GF_MAX_VER_DIST": 0.0,
 
 
 def test_until_it_is_told_why_nothing_is_begun():
-    watch = FenceWatch(SITE, 1.5)
+    watch = SiteFence(SITE, 1.5)
     assert "not read yet" in watch.reluctance
     watch.learn(AutopilotKind.PX4, PARAMETERS, None, HOME_M)
     assert "not read yet" in watch.reluctance
@@ -157,7 +157,7 @@ def test_until_it_is_told_why_nothing_is_begun():
 
 
 def test_a_fence_about_an_unknown_home_keeps_from_planning_though_another_was_known():
-    watch = FenceWatch(SITE, 1.5)
+    watch = SiteFence(SITE, 1.5)
     watch.learn(AutopilotKind.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), None)
     assert (watch.reluctance, watch.plane) == (None, None)
     watch.learn(AutopilotKind.PX4, PARAMETERS, (), None)
@@ -172,7 +172,7 @@ def test_a_fence_about_an_unknown_home_keeps_from_planning_though_another_was_kn
 
 
 def test_what_is_asked_for_again_stays_what_it_was():
-    watch = FenceWatch(SITE, 1.5)
+    watch = SiteFence(SITE, 1.5)
     watch.learn(AutopilotKind.PX4, PARAMETERS, (), HOME_M)
     known = watch.plane
     watch.learn(AutopilotKind.PX4, {}, (), HOME_M)
@@ -202,7 +202,7 @@ def test_a_fence_with_items_that_cannot_be_read_is_not_taken_as_none():
 
 def test_the_fence_is_made_anew_only_when_something_has_changed():
     """It is looked at with every thought, fifty times a second."""
-    watch, items = FenceWatch(SITE, 1.5), corners(3)
+    watch, items = SiteFence(SITE, 1.5), corners(3)
     with mock.patch.object(site_fence, "fence_of", wraps=site_fence.fence_of) as made:
         for _ in range(3):
             watch.learn(AutopilotKind.PX4, PARAMETERS, items, HOME_M)
@@ -222,7 +222,7 @@ def corners(number):
 
 
 def test_a_home_that_moves_by_less_than_it_is_known_makes_no_new_fence():
-    watch = FenceWatch(SITE, 1.5)
+    watch = SiteFence(SITE, 1.5)
     watch.learn(AutopilotKind.PX4, PARAMETERS, (), HOME_M)
     known = watch.plane
     for x_m, same in ((27.001, True), (27.05, True), (27.5, False)):
@@ -255,7 +255,7 @@ def test_a_fence_that_is_tightened_behind_the_aircraft_holds_it_until_it_is_wide
 
 def test_towards_a_fence_that_is_drawn_nearer_it_slows_down():
     desk = flown_with_a_fence(GF_ACTION=2.0)
-    flight = desk.companion._conduct.course.flight
+    flight = desk.companion._executor.routes.flight
     rest_m, _ = flight.rest()
     ahead_m = float(rest_m[:, 2].max())
     before = flight._reference.trajectory.speed_mps.copy()
@@ -270,7 +270,7 @@ def test_a_wider_obstacle_within_a_fence_has_a_planner_of_its_own():
     plane = plane_fence(
         Fence(circle=Limit(parameter="GF_MAX_HOR_DIST", value_m=12.0)), FRAME, HOME_M, 1.5
     )
-    planners = Planners(Planner(SITE, VEHICLE))
+    planners = PlannerSet(Planner(SITE, VEHICLE))
     inner = planners.widened_by(0.0, plane)
     assert inner is planners.widened_by(0.0, plane)
     assert inner is not planners.widened_by(0.2, plane)
@@ -287,7 +287,7 @@ def test_a_start_outside_is_left_by_a_leg_that_leads_in():
     plane = plane_fence(
         Fence(ceiling=Limit(parameter="GF_MAX_VER_DIST", value_m=8.0)), FRAME, HOME_M, 1.5
     )
-    planners = Planners(Planner(SITE, VEHICLE))
+    planners = PlannerSet(Planner(SITE, VEHICLE))
     job = PlanJob(
         job_id=1,
         request=planners.exact.plan(mission=Mission.EXIT, start=(27.0, 9.0)).request,

@@ -14,15 +14,15 @@ from hypothesis import strategies as st
 from moar_companion.config import shipped_configs
 from moar_companion.estimation.pose import Jump, Pose
 from moar_companion.frames import PlaneToLocal
-from moar_companion.guidance.flight_volume import Airspace
-from moar_companion.guidance.path_follower import Flight
+from moar_companion.guidance.flight_volume import FlightVolume
+from moar_companion.guidance.path_follower import PathFollower
 from moar_companion.guidance.splice import Adoption
 from moar_companion.planner.plan_values import PlanRequest, PlanStatus
 from moar_companion.planner.planner import Planner
 from moar_companion.planner.regions import obstacle_clearance_m
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
-from moar_companion.planning.planner_set import Planners
-from moar_companion.safety.offboard_loss import Loss, loss_parameters
+from moar_companion.planning.planner_set import PlannerSet
+from moar_companion.safety.offboard_loss import OffboardLoss, loss_parameters
 from moar_companion.types import AutopilotKind, Mission, RiskIndices, Weights
 from moar_companion.vehicle import Vehicle
 
@@ -32,9 +32,10 @@ from .desk import usual_planner
 STEP_S = 0.02
 WEIGHTS = Weights(safety=0.4, time=0.4, energy=0.2)
 SHORT, LONG = (
-    Loss.of(AutopilotKind.ARDUPILOT, {"GUID_TIMEOUT": timeout_s}) for timeout_s in (0.5, 3.0)
+    OffboardLoss.of(AutopilotKind.ARDUPILOT, {"GUID_TIMEOUT": timeout_s})
+    for timeout_s in (0.5, 3.0)
 )
-PX4 = Loss.told(AutopilotKind.PX4, dict.fromkeys(loss_parameters(AutopilotKind.PX4)))
+PX4 = OffboardLoss.told(AutopilotKind.PX4, dict.fromkeys(loss_parameters(AutopilotKind.PX4)))
 
 
 class Flown:
@@ -50,8 +51,10 @@ class Flown:
         )
         origin = self.site.frame.to_geodetic((x_m, 0.0, 0.0))
         self.plane = PlaneToLocal.between(self.site.frame, origin, AutopilotKind.PX4)
-        airspace = Airspace(site=self.site, vehicle=self.vehicle, maps=self.planner.maps, loss=loss)
-        self.flight = Flight(airspace, self.pose)
+        volume = FlightVolume(
+            site=self.site, vehicle=self.vehicle, maps=self.planner.maps, loss=loss
+        )
+        self.flight = PathFollower(volume, self.pose)
 
     def order(self, mission):
         target = self.site.targets[0].name if mission is Mission.INSPECTION else None
@@ -65,7 +68,7 @@ class Flown:
             weights=WEIGHTS,
             risk=RiskIndices(),
         )
-        answer = answer_job(Planners(self.planner), PlanJob(job_id=1, request=request))
+        answer = answer_job(PlannerSet(self.planner), PlanJob(job_id=1, request=request))
         assert answer.plan is not None, answer.reason
         adoption = self.flight.adopt(answer.plan, junction, answer.escape_m)
         assert adoption is not Adoption.TOO_LATE
@@ -142,8 +145,10 @@ def test_when_the_way_without_us_grows_in_flight_it_slows_down(learns):
     flown.order(Mission.INSPECTION)
     for _ in range(100):
         flown.advanced(flown.flight)
-    loss = Loss.of(AutopilotKind.ARDUPILOT, {"GUID_TIMEOUT": 5.0})
-    airspace = Airspace(site=flown.site, vehicle=flown.vehicle, maps=flown.planner.maps, loss=loss)
+    loss = OffboardLoss.of(AutopilotKind.ARDUPILOT, {"GUID_TIMEOUT": 5.0})
+    volume = FlightVolume(
+        site=flown.site, vehicle=flown.vehicle, maps=flown.planner.maps, loss=loss
+    )
     if learns:
         flown.flight.learn_loss(loss)
     too_fast_mps = 0.0
@@ -153,7 +158,7 @@ def test_when_the_way_without_us_grows_in_flight_it_slows_down(learns):
         speed_mps = math.hypot(*setpoint.velocity_mps)
         if tick > 150 and speed_mps:  # by then it has braked
             place, way = np.array([setpoint.position_m]), np.array([setpoint.velocity_mps])
-            allowed_mps = float(airspace.speed_cap_mps(place, way / speed_mps)[0])
+            allowed_mps = float(volume.speed_cap_mps(place, way / speed_mps)[0])
             too_fast_mps = max(too_fast_mps, speed_mps - allowed_mps)
     assert flown.flight.arrived
     assert (too_fast_mps < 0.2) is learns, too_fast_mps
@@ -162,8 +167,10 @@ def test_when_the_way_without_us_grows_in_flight_it_slows_down(learns):
 def test_towards_an_obstacle_it_fades_back_to_its_path_the_more_slowly_the_nearer_it_is():
     flown = Flown("x500", LONG)
     flown.pose = Pose(position_m=(24.4, 0.0, 10.99), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
-    airspace = Airspace(site=flown.site, vehicle=flown.vehicle, maps=flown.planner.maps, loss=LONG)
-    flight = Flight(airspace, flown.pose)
+    volume = FlightVolume(
+        site=flown.site, vehicle=flown.vehicle, maps=flown.planner.maps, loss=LONG
+    )
+    flight = PathFollower(volume, flown.pose)
     flight.shift(Jump(step_m=(2.0, 0.0, 0.0)))  # the conductor is 1.7 m beside the path
     fades_mps = []
     for _ in range(3000):
@@ -198,8 +205,8 @@ def test_whatever_stands_on_a_site_the_way_on_from_its_paths_is_free(wires, star
         return
     place = (start[0], 0.0, start[1])
     pose = Pose(position_m=place, velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
-    airspace = Airspace(site=site, vehicle=vehicle, maps=planner.maps, loss=loss)
-    flight = Flight(airspace, pose)
+    volume = FlightVolume(site=site, vehicle=vehicle, maps=planner.maps, loss=loss)
+    flight = PathFollower(volume, pose)
     places, rests = np.split(flight.rests_m(plan, flight.junction_at(pose), ()), 2)
     assert places[-1] == pytest.approx(rests[-1])
     # Cells are free by their centres.
@@ -231,8 +238,8 @@ def test_however_low_the_landing_leg_leads_a_death_in_the_workspace_ends_above_i
     planner = Planner(site, vehicle)
     plan = planner.plan(mission="exit", start=(10.25, 15.25), weights=WEIGHTS)
     pose = Pose(position_m=(10.25, 0.0, 15.25), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
-    airspace = Airspace(site=site, vehicle=vehicle, maps=planner.maps, loss=LONG)
-    flight = Flight(airspace, pose)
+    volume = FlightVolume(site=site, vehicle=vehicle, maps=planner.maps, loss=LONG)
+    flight = PathFollower(volume, pose)
     places, rests = np.split(flight.rests_m(plan, flight.junction_at(pose), ()), 2)
     assert (places[0, 1], places[-1, 1]) == pytest.approx((15.25, 1.0))
     inside = places[:, 1] > 6.0

@@ -22,7 +22,7 @@ from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
-from moar_companion.planning.planner_set import Planners
+from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind, Mission, RiskIndices
 from moar_companion.vehicle import Vehicle
@@ -44,7 +44,7 @@ def planners(name, kind):
     site = Site.load(shipped_configs() / "sites" / f"{name}.yaml")
     vehicle = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
     vehicle = replace(vehicle, autopilot=kind)
-    return Planners(Planner(flown_site(site, vehicle, Supervision()), vehicle))
+    return PlannerSet(Planner(flown_site(site, vehicle, Supervision()), vehicle))
 
 
 def samples(points):
@@ -144,7 +144,7 @@ def refused(start_m, mission=Mission.EXIT, **changes):
         weights=planner.vehicle.weights[mission],
         risk=RiskIndices(),
     )
-    answer = answer_job(Planners(planner), PlanJob(job_id=1, request=request))
+    answer = answer_job(PlannerSet(planner), PlanJob(job_id=1, request=request))
     assert answer.plan is None
     return pilot_text(answer.reason, "denied")
 

@@ -9,7 +9,7 @@ from types import SimpleNamespace
 import pytest
 
 from moar_companion.service import host_monitor
-from moar_companion.service.host_monitor import HostWatch, memory_available
+from moar_companion.service.host_monitor import HostMonitor, memory_available
 
 
 def test_the_memory_that_linux_calls_available():
@@ -26,7 +26,7 @@ def test_this_computer_tells_both(tmp_path):
 
 
 def look(recordings):
-    watch = HostWatch(recordings)
+    watch = HostMonitor(recordings)
     watch.close()
     return watch.look()
 
@@ -52,7 +52,7 @@ def test_a_disk_that_does_not_answer_keeps_nobody_waiting_and_its_last_word_hold
 
     monkeypatch.setattr(host_monitor.shutil, "disk_usage", usage)
     monkeypatch.setattr(host_monitor, "_PERIOD_S", 0.0)
-    watch = HostWatch(tmp_path)
+    watch = HostMonitor(tmp_path)
     assert asked.wait(20)
     assert watch.look().disk_free == 3e9
     answers.set()

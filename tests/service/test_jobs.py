@@ -18,7 +18,7 @@ from moar_companion.planner import planner as planner_module
 from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanJob, preparations, prepare_for
-from moar_companion.planning.planner_set import Planners
+from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.service import planner_worker
 from moar_companion.service.planner_worker import PlannerWorker
 from moar_companion.site import Site
@@ -61,7 +61,7 @@ def test_the_first_target_and_the_ways_out_are_ready_though_not_all_can_be(plann
         prepare()
     assert goals(planner) == [("inspection", first), ("exit", None), ("evacuation", None)]
     # The second target is flown to, then the first again: its table is made once more.
-    planners = Planners(planner)
+    planners = PlannerSet(planner)
     for target in (second, first):
         prepare_for(planners, job(target))
         prepare_for(planners, job(target))
@@ -70,8 +70,8 @@ def test_the_first_target_and_the_ways_out_are_ready_though_not_all_can_be(plann
 
 
 def test_nothing_is_made_ready_for_wider_obstacles_or_an_unknown_target(planner):
-    prepare_for(Planners(planner), job("splice-9"))
-    prepare_for(Planners(planner), job(planner.site.targets[0].name, widening_m=0.3))
+    prepare_for(PlannerSet(planner), job("splice-9"))
+    prepare_for(PlannerSet(planner), job(planner.site.targets[0].name, widening_m=0.3))
     assert not planner._tables
 
 
@@ -125,7 +125,7 @@ def test_failsafes_that_change_are_marked_once_and_the_tables_made_anew(planner)
     worker = PlannerWorker()
     worker.take(planner)
     with (
-        mock.patch.object(Planners, "expose", autospec=True) as expose,
+        mock.patch.object(PlannerSet, "expose", autospec=True) as expose,
         mock.patch.object(worker, "_prepare") as prepare,
     ):
         worker.plan_contingency(job(target, failsafes=NO_FAILSAFES))

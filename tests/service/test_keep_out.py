@@ -11,12 +11,12 @@ import math
 import pytest
 
 from moar_companion.estimation.pose import Setpoint
-from moar_companion.guidance.flight_volume import Airspace
+from moar_companion.guidance.flight_volume import FlightVolume
 from moar_companion.guidance.plan_path import CheckedLeg
 from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
-from moar_companion.planning.planner_set import Planners
-from moar_companion.safety.offboard_loss import Loss
+from moar_companion.planning.planner_set import PlannerSet
+from moar_companion.safety.offboard_loss import OffboardLoss
 from moar_companion.types import AutopilotKind, Mission, RiskIndices, Weights
 
 from .desk import (
@@ -47,7 +47,7 @@ def desk(planner):
 
 def rooms_m(desk, since_s):
     """From the hull at every moving setpoint since then to the nearest keep-out, by cells."""
-    plane, maps = desk.companion._surroundings.plane, desk.planner.maps
+    plane, maps = desk.companion._pose_tracker.plane, desk.planner.maps
     rooms = []
     for message in desk.setpoints(since_s):
         if any((message.vx, message.vy, message.vz)):
@@ -256,14 +256,14 @@ def setpoint(speed_mps):
     ],
 )
 def test_a_checked_leg_is_open_as_far_as_it_has_room(planner, room_m, widened_m, speed_mps, passes):
-    airspace = Airspace(
+    volume = FlightVolume(
         site=planner.site,
         vehicle=planner.vehicle,
         maps=planner.maps,
-        loss=Loss.of(AutopilotKind.ARDUPILOT, {"GUID_TIMEOUT": 0.5}),
+        loss=OffboardLoss.of(AutopilotKind.ARDUPILOT, {"GUID_TIMEOUT": 0.5}),
     )
     leg = CheckedLeg(points_m=((30.0, 0.0, 3.0), (45.0, 0.0, 3.0)), room_m=room_m)
-    refused = airspace.refusal(
+    refused = volume.refusal(
         setpoint(speed_mps), (leg,), plane_tolerance_m=2.0, widened_m=widened_m
     )
     assert (refused is None) is passes
@@ -290,7 +290,7 @@ def job(mission, target=None, *, start_m=(27.0, 2.6), widening_m):
 @pytest.mark.parametrize("widening_m", [0.0, 0.3, 0.5])
 def test_a_plan_keeps_as_far_away_as_its_job_says(planner, widening_m):
     answer = answer_job(
-        Planners(planner), job(Mission.INSPECTION, "splice-inner", widening_m=widening_m)
+        PlannerSet(planner), job(Mission.INSPECTION, "splice-inner", widening_m=widening_m)
     )
     cells = answer.plan.states[:, :2]
     rooms = planner.maps.room_m[cells[:, 0], cells[:, 1]]
@@ -299,7 +299,9 @@ def test_a_plan_keeps_as_far_away_as_its_job_says(planner, widening_m):
 
 
 def test_the_way_ahead_is_shorter_by_as_much(planner):
-    answer = answer_job(Planners(planner), job(Mission.INSPECTION, "splice-inner", widening_m=0.5))
+    answer = answer_job(
+        PlannerSet(planner), job(Mission.INSPECTION, "splice-inner", widening_m=0.5)
+    )
     exact = planner.maps.reach
     assert answer.reach.blocked.sum() > exact.blocked.sum()
 
@@ -316,13 +318,13 @@ def test_the_width_is_blamed_only_where_there_is_a_plan_without_it(
     planner, case, target, start_m, too_wide
 ):
     answer = answer_job(
-        Planners(planner), job(Mission.INSPECTION, target, start_m=start_m, widening_m=0.8)
+        PlannerSet(planner), job(Mission.INSPECTION, target, start_m=start_m, widening_m=0.8)
     )
     assert (answer.plan, answer.too_wide) == (None, too_wide), case
 
 
 def test_a_landing_leg_knows_how_much_room_it_has(planner):
-    plan = answer_job(Planners(planner), job(Mission.EXIT, widening_m=0.0)).plan
+    plan = answer_job(PlannerSet(planner), job(Mission.EXIT, widening_m=0.0)).plan
     ends = plan.landing_leg.points_m[[0, -1]]
     nearest_m = min(
         math.dist(item.position_m, (x_m, z_m)) - item.radius_m - item.keep_out_m

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 
 from moar_companion.config import shipped_configs
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.planner_set import Planners
-from moar_companion.safety.obstacle_inflation import STEP_M, Widening
+from moar_companion.planning.planner_set import PlannerSet
+from moar_companion.safety.obstacle_inflation import STEP_M, ObstacleInflation
 from moar_companion.site import Site
 from moar_companion.vehicle import Vehicle
 
@@ -25,7 +25,7 @@ class Story:
     """What is needed over time, and what plans are made with."""
 
     def __init__(self):
-        self.widening, self.now_s = Widening(), 0.0
+        self.widening, self.now_s = ObstacleInflation(), 0.0
         self.widths_m = [0.0]
 
     @property
@@ -83,7 +83,7 @@ def test_noise_of_half_a_step_changes_it_once_at_most(middle_m):
 
 @given(st.lists(st.tuples(st.floats(0.0, 5.0), st.floats(0.0, 4.0)), max_size=40))
 def test_it_is_never_less_than_needed_and_always_whole_steps(looks):
-    widening, now_s = Widening(), 0.0
+    widening, now_s = ObstacleInflation(), 0.0
     for needed_m, seconds in looks:
         now_s += seconds
         before, widening = widening, widening.followed(needed_m, now_s)
@@ -110,7 +110,7 @@ def exact():
 
 
 def test_the_planner_of_a_widening_is_built_once(exact):
-    planners = Planners(exact)
+    planners = PlannerSet(exact)
     assert planners.widened_by(0.0) is exact
     wide = planners.widened_by(0.3)
     assert wide.maps.position_uncertainty_m == 0.3
@@ -118,7 +118,7 @@ def test_the_planner_of_a_widening_is_built_once(exact):
 
 
 def test_of_many_widenings_those_of_late_are_kept(exact):
-    planners = Planners(exact)
+    planners = PlannerSet(exact)
     first, second = planners.widened_by(0.1), planners.widened_by(0.2)
     for width_m in (0.3, 0.1, 0.4, 0.5):
         planners.widened_by(width_m)
@@ -131,7 +131,7 @@ def test_of_many_widenings_those_of_late_are_kept(exact):
 
 def test_of_a_great_site_one_is_kept(exact):
     space = replace(exact.site.workspace, resolution_m=0.03)
-    planners = Planners(Planner(replace(exact.site, workspace=space), exact.vehicle))
+    planners = PlannerSet(Planner(replace(exact.site, workspace=space), exact.vehicle))
     wide = planners.widened_by(0.3)
     assert planners.widened_by(0.3) is wide
     built = weakref.ref(wide)

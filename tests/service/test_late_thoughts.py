@@ -76,11 +76,11 @@ def test_no_mode_is_asked_for():
 
 def test_a_landing_that_is_asked_for_too_late_is_asked_for_again_once():
     desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT)
-    desk.companion._conduct.engaging.forget_landing()
+    desk.companion._executor.mode_requester.forget_landing()
     desk.run(4.0).run_to_heartbeat()
     in_time = desk.companion.data_to_send
     asked_s = desk.now_s
-    desk.companion._conduct.engaging.note_landing()
+    desk.companion._executor.mode_requester.note_landing()
     come_late(desk)
     assert desk.run(0.1).mode_requests(asked_s) == []
     desk.companion.data_to_send = in_time
@@ -116,7 +116,7 @@ def test_a_farewell_that_comes_too_late_is_said_by_the_next_thought(thoughts):
 
 def test_a_farewell_that_was_made_up_for_is_no_part_of_what_is_streamed_next():
     desk = released_late(1).step()
-    assert desk.companion._conduct.setpoints._last is None
+    assert desk.companion._executor.setpoints._last is None
 
 
 def test_a_farewell_that_comes_in_time_is_said_once():

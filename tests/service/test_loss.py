@@ -12,8 +12,8 @@ from pymavlink.dialects.v20 import all as mavlink
 from shapely.geometry import LineString, Point
 
 from moar_companion.autopilots.failsafe_actions import Action, first_hit
-from moar_companion.planner.free_distance import Reach
-from moar_companion.safety.offboard_loss import Loss, loss_parameters
+from moar_companion.planner.free_distance import FreeDistance
+from moar_companion.safety.offboard_loss import OffboardLoss, loss_parameters
 from moar_companion.types import AutopilotKind
 from sitl.autopilot import FakeAutopilot, Options
 
@@ -26,7 +26,7 @@ UNTOLD = {kind: dict.fromkeys(loss_parameters(kind)) for kind in (PX4, ARDUPILOT
 
 
 def loss(kind, **parameters):
-    return Loss.told(kind, {**UNTOLD[kind], **parameters})
+    return OffboardLoss.told(kind, {**UNTOLD[kind], **parameters})
 
 
 # What is told -----------------------------------------------------------------------------------
@@ -57,8 +57,8 @@ def test_ardupilot_holds_whatever_its_parameters():
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
 def test_before_all_is_asked_nothing_is_known(kind):
     for name in UNTOLD[kind]:
-        assert Loss.told(kind, {n: 1.0 for n in UNTOLD[kind] if n != name}) is None
-    assert Loss.told(AutopilotKind.UNKNOWN, {}) is None
+        assert OffboardLoss.told(kind, {n: 1.0 for n in UNTOLD[kind] if n != name}) is None
+    assert OffboardLoss.told(AutopilotKind.UNKNOWN, {}) is None
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
@@ -264,7 +264,9 @@ def test_the_fake_autopilots_come_no_farther_whichever_way(manner, wind_mps):
 # What is objected to ----------------------------------------------------------------------------
 
 
-REACH = Reach.over(make_site(conductor(5.5, 4.5, name="wire"), size=(20.0, 10.0)), radius_m=0.1)
+REACH = FreeDistance.over(
+    make_site(conductor(5.5, 4.5, name="wire"), size=(20.0, 10.0)), radius_m=0.1
+)
 
 
 def objection(told, *places, home=(15.5, 0.0, 0.0)):

@@ -18,7 +18,7 @@ from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
-from moar_companion.planning.planner_set import Planners
+from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Polygon, Site, Target
 from moar_companion.types import AutopilotKind, Mission, RiskIndices
 from moar_companion.vehicle import Vehicle
@@ -66,7 +66,7 @@ def to_beyond(mission):
 
 def answer(gap_m, mission, widening_m=0.0):
     job = PlanJob(job_id=1, request=to_beyond(mission), widening_m=widening_m)
-    return answer_job(Planners(planner(gap_m)), job)
+    return answer_job(PlannerSet(planner(gap_m)), job)
 
 
 def clearance_m(plan):
@@ -121,7 +121,7 @@ def test_a_fence_is_named_only_where_no_width_takes_the_room(gap_m, widening_m, 
         replace(wall, vertices_m=tuple((x, min(z, 13.5)) for x, z in wall.vertices_m))
         for wall in site.obstacles
     )
-    known = Planners(
+    known = PlannerSet(
         Planner(flown_site(replace(site, obstacles=obstacles), VEHICLE, Supervision()), VEHICLE)
     )
     free = PlanJob(job_id=1, request=to_beyond(Mission.INSPECTION), widening_m=widening_m)

@@ -6,7 +6,7 @@ import json
 
 import pytest
 
-from moar_companion.companion.mission_snapshot import Memory, decoded, encoded
+from moar_companion.companion.mission_snapshot import MissionSnapshot, decoded, encoded
 from moar_companion.config import shipped_configs
 from moar_companion.mission.state_machine import MissionState, Task
 from moar_companion.site import Site
@@ -20,7 +20,7 @@ EXIT = Task(mission=Mission.EXIT, landing=0)
 
 def memory(state=MissionState.FLYING, task=INSPECTION, **changes):
     values = {"state": state, "since_s": 100.0, "task": task, "site": SITE.name}
-    return Memory(**(values | changes))
+    return MissionSnapshot(**(values | changes))
 
 
 @pytest.mark.parametrize("state", MissionState)

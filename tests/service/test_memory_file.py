@@ -10,26 +10,26 @@ import time
 
 import pytest
 
-from moar_companion.companion.mission_snapshot import Memory, decoded
+from moar_companion.companion.mission_snapshot import MissionSnapshot, decoded
 from moar_companion.mission.state_machine import MissionState
 from moar_companion.service import snapshot_file
-from moar_companion.service.snapshot_file import MemoryFile
+from moar_companion.service.snapshot_file import SnapshotFile
 
-IDLE = Memory(state=MissionState.IDLE, since_s=1.0)
-FLYING = Memory(state=MissionState.FLYING, since_s=2.0)
-HOLDING = Memory(state=MissionState.HOLDING, since_s=3.0)
+IDLE = MissionSnapshot(state=MissionState.IDLE, since_s=1.0)
+FLYING = MissionSnapshot(state=MissionState.FLYING, since_s=2.0)
+HOLDING = MissionSnapshot(state=MissionState.HOLDING, since_s=3.0)
 
 
 @pytest.fixture
 def file(tmp_path):
-    item = MemoryFile(tmp_path / "state")
+    item = SnapshotFile(tmp_path / "state")
     yield item
     item.close()
 
 
 def written(tmp_path):
     """What the next process would find."""
-    next_one = MemoryFile(tmp_path / "state")
+    next_one = SnapshotFile(tmp_path / "state")
     next_one.close()
     return next_one.load(0.0)
 

@@ -20,7 +20,7 @@ from moar_companion.mission_states import MissionState
 from moar_companion.planner.planner import Planner
 from moar_companion.safety.checks import Host, causes, exceeds
 from moar_companion.safety.conditions import CONDITIONS
-from moar_companion.safety.offboard_loss import Loss
+from moar_companion.safety.offboard_loss import OffboardLoss
 from moar_companion.types import AutopilotKind, Heard, Mission
 
 from .desk import ACCEPTED, EXIT, INSPECTION, Desk, usual_planner
@@ -117,11 +117,13 @@ def test_every_condition_is_told_in_one_chunk_with_its_limit_and_action():
 def test_what_a_dead_companion_would_lead_to_is_told_in_one_chunk():
     reach = usual_planner().maps.reach
     for action in range(9):
-        loss = Loss.of(AutopilotKind.PX4, {"COM_OBL_RC_ACT": float(action), "RTL_TYPE": 1.0})
+        loss = OffboardLoss.of(
+            AutopilotKind.PX4, {"COM_OBL_RC_ACT": float(action), "RTL_TYPE": 1.0}
+        )
         for words in (loss.objection_anywhere, loss.assumption, loss._against(f" through {LONG}")):
             if words is not None:
                 assert_is_for_pilots(pilot_text(words, "holding"))
-    slow = Loss.of(AutopilotKind.ARDUPILOT, {"WPNAV_ACCEL": 33.3333, "GUID_TIMEOUT": 99.0})
+    slow = OffboardLoss.of(AutopilotKind.ARDUPILOT, {"WPNAV_ACCEL": 33.3333, "GUID_TIMEOUT": 99.0})
     assert reach is not None
     for words in (slow.lag(1.23456), slow.objection_anywhere):
         assert_is_for_pilots(pilot_text(words, "rejected"))
@@ -163,7 +165,7 @@ def test_a_battery_of_another_number_of_cells_is_told_at_once_and_in_the_refusal
     assert [text for text in desk.texts() if "not 12 cells" in text]
     seen = replace(
         HOVERING,
-        way_out=leaves(Mission.EXIT, 0.0).way_out,
+        escape_route=leaves(Mission.EXIT, 0.0).escape_route,
         misread="battery 0 of 16.0 V, not 12 cells",
     )
     found = causes(seen, Supervision(), 1.5, NOW_S)

@@ -18,13 +18,13 @@ from moar_companion.config import shipped_configs
 from moar_companion.mavlink import telemetry_receiver
 from moar_companion.mavlink.codec import checksum
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.mavlink.passive_listener import Witness
+from moar_companion.mavlink.passive_listener import PassiveListener
 from moar_companion.mavlink.tlog import Tlog
 from moar_companion.outlets.replay_picture import draw_replay
 from moar_companion.planner.planner import Planner
 from moar_companion.replay import player
-from moar_companion.replay.player import SAMPLE_PERIOD_S, Playback
-from moar_companion.replay.site_position import Whereabouts
+from moar_companion.replay.player import SAMPLE_PERIOD_S, Player
+from moar_companion.replay.site_position import SitePosition
 from moar_companion.risk import update
 from moar_companion.site import Site
 from moar_companion.types import Mission
@@ -46,7 +46,7 @@ class Tape:
     """A recording in the making: one heartbeat a second of autopilot and ground station."""
 
     def __init__(self, playback=None):
-        self.playback = playback or Playback(VEHICLE, Witness())
+        self.playback = playback or Player(VEHICLE, PassiveListener())
         self.autopilot = Peer(1, 1)
         self.companion = Peer(1, 195)
         self.ground = Peer(255, 190)
@@ -367,7 +367,7 @@ def test_whatever_the_autopilot_says_the_json_is_finite():
 def test_with_a_site_the_samples_have_place_clearance_and_way_out():
     site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
     planner = Planner(site, VEHICLE)
-    tape = Tape(Playback(VEHICLE, Witness(), Whereabouts(planner)))
+    tape = Tape(Player(VEHICLE, PassiveListener(), SitePosition(planner)))
     tape.heartbeat = {"base_mode": ARMED}
     tape.record(tape.autopilot.heartbeat(**tape.heartbeat))
     here = site.frame.to_geodetic((26.0, 0.5, 5.0))
@@ -396,7 +396,7 @@ def test_with_a_site_the_samples_have_place_clearance_and_way_out():
 
 
 def played(data):
-    playback = Playback(VEHICLE, Witness())
+    playback = Player(VEHICLE, PassiveListener())
     for record in Tlog(data):
         playback.feed(record.time_s, record.packet)
     return playback.finish("recording")

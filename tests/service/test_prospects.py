@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from moar_companion.companion.risk_monitor import Prospects
+from moar_companion.companion.risk_monitor import RiskMonitor
 from moar_companion.config import shipped_configs
 from moar_companion.types import MotorOutputs, Telemetry
 from moar_companion.vehicle import Vehicle
@@ -18,7 +18,7 @@ class Aircraft:
     """All is told ten times a second, and a motor is at its end; `silent` is told no more."""
 
     def __init__(self):
-        self.prospects = Prospects(None, VEHICLE)
+        self.risk_monitor = RiskMonitor(None, VEHICLE)
         self.telemetry = Telemetry()
         self.now_s = 100.0
         self.silent = set()
@@ -30,8 +30,8 @@ class Aircraft:
             told["motors"] = MotorOutputs(received_s=self.now_s, pulse_us=(1990, 1990, 1990, 1990))
             told = {name: value for name, value in told.items() if name not in self.silent}
             self.telemetry = replace(self.telemetry, **told)
-            self.prospects.judge(self.telemetry, {}, None, self.now_s)
-        return self.prospects.saturated
+            self.risk_monitor.judge(self.telemetry, {}, None, self.now_s)
+        return self.risk_monitor.saturated
 
 
 def test_motors_at_their_end_are_saturated_while_they_are_told():

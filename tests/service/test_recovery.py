@@ -7,23 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion.companion.wind_recovery import Recovery
+from moar_companion.companion.wind_recovery import WindRecovery
 from moar_companion.estimation.pose import Pose
-from moar_companion.guidance.flight_volume import Airspace
-from moar_companion.guidance.path_follower import Flight
+from moar_companion.guidance.flight_volume import FlightVolume
+from moar_companion.guidance.path_follower import PathFollower
 from moar_companion.mission.values import MissionStatus
 from moar_companion.mission_states import MissionState
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
 from moar_companion.safety.conditions import CONDITIONS
-from moar_companion.safety.offboard_loss import Loss, loss_parameters
+from moar_companion.safety.offboard_loss import OffboardLoss, loss_parameters
 from moar_companion.safety.supervisor import Acting, Ruling
 from moar_companion.types import AutopilotKind
 
 from ..planner.problems import conductor
 from .desk import STEP_S, usual_planner
 
-PX4 = Loss.told(AutopilotKind.PX4, dict.fromkeys(loss_parameters(AutopilotKind.PX4)))
+PX4 = OffboardLoss.told(AutopilotKind.PX4, dict.fromkeys(loss_parameters(AutopilotKind.PX4)))
 RIGHT_M = usual_planner().site.workspace.upper_m[0]
 FENCE = PlaneFence(
     bounds=(Bound(name="GF_MAX_HOR_DIST 14 m", x_m=((-1e3, RIGHT_M - 3.0),)),), margin_m=1.5
@@ -35,7 +35,7 @@ def within(min_altitude_m):
     planner = usual_planner()
     workspace = replace(planner.site.workspace, min_altitude_m=min_altitude_m)
     site = replace(planner.site, workspace=workspace)
-    return airspace(site=site, maps=Planner(site, planner.vehicle).maps)
+    return volume(site=site, maps=Planner(site, planner.vehicle).maps)
 
 
 class Silent:
@@ -45,9 +45,9 @@ class Silent:
         pass
 
 
-def airspace(**changes):
+def volume(**changes):
     planner = usual_planner()
-    plain = Airspace(site=planner.site, vehicle=planner.vehicle, maps=planner.maps, loss=PX4)
+    plain = FlightVolume(site=planner.site, vehicle=planner.vehicle, maps=planner.maps, loss=PX4)
     return replace(plain, **changes)
 
 
@@ -68,7 +68,7 @@ def at_rest(flight, seconds=1.6):
 
 
 def blown_off(fence):
-    flight = Flight(airspace(fence=fence), pose(RIGHT_M - 6.0, 10.0))
+    flight = PathFollower(volume(fence=fence), pose(RIGHT_M - 6.0, 10.0))
     flight.advance(pose(RIGHT_M + 8.0, 10.0, 3.0), STEP_S, holds=True)
     here = at_rest(flight)
     assert flight.is_carried_off
@@ -93,7 +93,7 @@ def acting(name, *, overridden=False):
 def test_it_comes_back_where_nothing_but_its_place_stands_against_it(fence, conditions, returns):
     flight, here = blown_off(fence)
     status = MissionStatus(state=MissionState.HOLDING)
-    Recovery(Silent()).act(flight, here, status, Ruling(conditions=conditions), 0.0, 100.0)
+    WindRecovery(Silent()).act(flight, here, status, Ruling(conditions=conditions), 0.0, 100.0)
     assert flight.returns is returns
 
 
@@ -111,7 +111,7 @@ def test_the_way_back_leads_into_the_fence_and_the_gate_lets_it_pass():
 
 def test_a_way_back_from_above_is_flown_no_faster_than_the_vehicle_descends():
     over_m = usual_planner().site.workspace.upper_m[1] + 12.0
-    flight = Flight(airspace(), pose(RIGHT_M - 4.0, over_m))
+    flight = PathFollower(volume(), pose(RIGHT_M - 4.0, over_m))
     assert flight.come_back(0.0)
     setpoints = []
     for _ in range(round(40.0 / STEP_S)):
@@ -125,7 +125,7 @@ def test_a_way_back_from_above_is_flown_no_faster_than_the_vehicle_descends():
 @pytest.mark.parametrize(("blown_z_m", "carried_z_m"), [(4.5, 4.5), (3.0, 4.5), (6.0, 6.0)])
 def test_below_the_least_altitude_it_is_taken_along_no_lower(x_m, blown_z_m, carried_z_m):
     """As from the end of a landing leg."""
-    flight = Flight(within(5.0), pose(x_m, 4.5))
+    flight = PathFollower(within(5.0), pose(x_m, 4.5))
     flight.advance(pose(x_m + 4.0, blown_z_m, 3.0), STEP_S, holds=True)
     for step in range(200):
         flight.advance(pose(x_m + 4.0 + 0.05 * step, blown_z_m, 3.0), STEP_S, holds=True)
@@ -138,7 +138,7 @@ def test_below_the_least_altitude_it_is_taken_along_no_lower(x_m, blown_z_m, car
 
 
 def test_what_is_carried_from_above_the_least_altitude_is_refused_below_it():
-    flight = Flight(within(5.0), pose(RIGHT_M - 6.0, 8.0))
+    flight = PathFollower(within(5.0), pose(RIGHT_M - 6.0, 8.0))
     flight.advance(pose(RIGHT_M + 8.0, 3.0, 3.0), STEP_S, holds=True)
     assert place_m(flight)[2] >= 5.0
     lower = replace(flight._setpoint(), position_m=(RIGHT_M + 8.0, 0.0, 4.5))
@@ -152,7 +152,7 @@ def past_a_wire():
     planner = usual_planner()
     wire = conductor(*WIRE_M, radius=0.0175, keep_out=0.9, name="wire")
     site = replace(planner.site, obstacles=(wire,))
-    return airspace(site=site, maps=Planner(site, planner.vehicle).maps)
+    return volume(site=site, maps=Planner(site, planner.vehicle).maps)
 
 
 @pytest.mark.parametrize(

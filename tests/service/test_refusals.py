@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.companion.companion import Companion
-from moar_companion.companion.signing_report import Refusals
+from moar_companion.companion.signing_report import SigningReport
 from moar_companion.config import CompanionConfig, LinkConfig, shipped_configs
 from moar_companion.mavlink.signing import Refusal, Signing, SigningKey, timestamp_at
 from moar_companion.mavlink.statustext import pilot_text
@@ -22,7 +22,7 @@ def refused(**counts):
 
 
 def test_the_first_is_told_at_once_and_the_next_after_half_a_minute():
-    refusals = Refusals()
+    refusals = SigningReport()
     assert refusals.texts({"a": refused()}, NOBODY, 0.0) == []
     assert refusals.texts({"a": refused(unsigned=1)}, NOBODY, 1.0) == ["1 packet refused: unsigned"]
     assert refusals.texts({"a": refused(unsigned=500)}, NOBODY, 30.9) == []
@@ -34,7 +34,7 @@ def test_the_first_is_told_at_once_and_the_next_after_half_a_minute():
 
 def test_each_reason_is_told_by_itself_over_all_links():
     found = {"a": refused(wrong=2, old=1), "b": refused(wrong=3)}
-    assert Refusals().texts(found, NOBODY, 1.0) == [
+    assert SigningReport().texts(found, NOBODY, 1.0) == [
         "5 packets refused: wrong signature",
         "1 packet refused: old or replayed",
     ]
@@ -42,13 +42,13 @@ def test_each_reason_is_told_by_itself_over_all_links():
 
 def test_they_fit_into_one_text():
     found = {"a": refused(unsigned=999_999_999, wrong=999_999_999, old=999_999_999)}
-    for words in Refusals().texts(found, NOBODY, 1.0):
+    for words in SigningReport().texts(found, NOBODY, 1.0):
         assert words in pilot_text(words)
 
 
 def test_a_signer_whose_clock_is_behind_is_named_with_how_far_that_is():
     behind_s = {"a": {1: 119.7, 255: 61.0}, "b": {}}
-    (words,) = Refusals().texts({"a": refused(old=12)}, behind_s, 1.0)
+    (words,) = SigningReport().texts({"a": refused(old=12)}, behind_s, 1.0)
     assert words == "system 1 signs 120 s behind (12 packets refused: old or replayed)"
     assert pilot_text(words) == "MOAR: system 1 signs 120 s behind"
 
@@ -63,7 +63,7 @@ def test_a_signer_whose_clock_is_behind_is_named_with_how_far_that_is():
 )
 def test_a_time_that_was_kept_ahead_of_the_clock_is_told_with_the_remedy(ahead_s, told):
     behind_s = {"a": {1: 120.0}}
-    (words,) = Refusals().texts({"a": refused(old=12)}, behind_s, 1.0, ahead_s=ahead_s)
+    (words,) = SigningReport().texts({"a": refused(old=12)}, behind_s, 1.0, ahead_s=ahead_s)
     assert "where it is right delete signing.json, and restart; system 1 signs" in words
     assert pilot_text(words) == told
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.companion.mission_snapshot import Memory
+from moar_companion.companion.mission_snapshot import MissionSnapshot
 from moar_companion.config import Authority, shipped_configs
 from moar_companion.estimation.pose_tracker import Ground
 from moar_companion.mission.state_machine import MissionState, Task
@@ -31,7 +31,7 @@ TOLD = "MOAR: restarted, was flying inspection"
 
 def desk_after(state=MissionState.FLYING, task=REST, mode=OFFBOARD, **config):
     """Another process flew; it ended twelve seconds after its state began."""
-    before = Memory(state=state, since_s=STARTED_S - 12.0, task=task, site=SITE.name)
+    before = MissionSnapshot(state=state, since_s=STARTED_S - 12.0, task=task, site=SITE.name)
     desk = Desk(before=before, **config)
     assert desk.now_s == STARTED_S
     desk.mode = mode

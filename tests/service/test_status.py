@@ -81,7 +81,7 @@ def test_the_setpoint_of_the_status_is_the_one_that_was_sent():
     desk = Desk().come_to("flying").run(2.0)
     sent = desk.setpoints()[-1]
     path = status_of(desk)["path"]
-    plane = desk.companion._surroundings.plane
+    plane = desk.companion._pose_tracker.plane
     ned_m = plane.position_to_ned(tuple(path["setpoint"]["position_m"]))
     assert ned_m == pytest.approx((sent.x, sent.y, sent.z), abs=1e-4)
     assert math.dist(ned_m, desk.position_ned_m) == pytest.approx(path["error_m"], abs=0.1)

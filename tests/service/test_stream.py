@@ -8,12 +8,12 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.companion.mission_executor import Conduct
-from moar_companion.companion.setpoint_streamer import Stream
+from moar_companion.companion.mission_executor import MissionExecutor
+from moar_companion.companion.setpoint_streamer import SetpointStreamer
 from moar_companion.config import Supervision
 from moar_companion.estimation.pose import Jump, Setpoint
 from moar_companion.frames import PlaneToLocal
-from moar_companion.guidance.path_follower import Flight
+from moar_companion.guidance.path_follower import PathFollower
 from moar_companion.site import Margin
 from moar_companion.types import AutopilotKind, Mission
 
@@ -47,9 +47,9 @@ def test_a_setpoint_that_moves_as_none_may_is_not_sent_but_the_last_one_at_rest(
     wrong, reason, monkeypatch
 ):
     desk = Desk().come_to("flying").run(5.0)
-    before, of_now = desk.setpoints()[-1], Flight.setpoint
+    before, of_now = desk.setpoints()[-1], PathFollower.setpoint
     with monkeypatch.context() as once:
-        once.setattr(Flight, "setpoint", lambda *arguments: wrong(of_now(*arguments)))
+        once.setattr(PathFollower, "setpoint", lambda *arguments: wrong(of_now(*arguments)))
         desk.step()
     last = desk.setpoints()[-1]
     assert (last.x, last.y, last.z) == (before.x, before.y, before.z)
@@ -66,7 +66,7 @@ def test_a_map_that_moves_without_a_jump_moves_no_setpoint_in_the_autopilots_fra
     """In the site's frame the setpoint goes on as it should."""
     desk = Desk().come_to("flying").run(5.0)
     began = desk.now_s
-    monkeypatch.setattr(Conduct, "shift", lambda *_: None)
+    monkeypatch.setattr(MissionExecutor, "shift", lambda *_: None)
     latitude, longitude, altitude = desk.origin
     desk.origin = (latitude, longitude + 0.4 / 78_000.0, altitude)
     desk.run(1.5)
@@ -79,9 +79,9 @@ def test_a_map_that_moves_without_a_jump_moves_no_setpoint_in_the_autopilots_fra
 def test_a_flight_that_is_stopped_seeks_its_way_out_from_where_it_stands(monkeypatch):
     desk = Desk().come_to("flying").run(3.0).set(plan_delay_s=None, battery_percent=15)
     desk.run_until_sought("exit")
-    of_now = Flight.setpoint
+    of_now = PathFollower.setpoint
     with monkeypatch.context() as once:
-        once.setattr(Flight, "setpoint", lambda *arguments: jumped(of_now(*arguments)))
+        once.setattr(PathFollower, "setpoint", lambda *arguments: jumped(of_now(*arguments)))
         desk.step()
     assert desk.set(plan_delay_s=0.04).answer_plan().run(0.5).state == "flying"
     assert desk.companion.status.task.mission is Mission.EXIT
@@ -115,7 +115,9 @@ def test_what_a_jump_allows_a_setpoint_at_rest_ends_with_the_stream(ends, sent):
     planner, session, flight = usual_planner(), Sent(), Anywhere()
     frame = planner.site.frame
     plane = PlaneToLocal.between(frame, frame.to_geodetic((0.0, 0.0, 0.0)), AutopilotKind.PX4)
-    stream = Stream(session, planner.vehicle, Supervision(), Margin(position_m=0.9, tracking_m=0.0))
+    stream = SetpointStreamer(
+        session, planner.vehicle, Supervision(), Margin(position_m=0.9, tracking_m=0.0)
+    )
     rest = Setpoint(position_m=(5.0, 0.0, 5.0), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
     assert stream.send(rest, flight, plane, 1.0) is None
     jump = Jump(step_m=(0.0, 0.0, 0.6), origin_step_m=(0.0, 0.0, 0.0), turn_rad=0.0)

@@ -357,7 +357,7 @@ def at_the_end(behind_m):
     """At the end of its way to a target, the aircraft so far from it."""
     desk = Desk().come_to("flying")
     desk.fall_behind(0.0, behind_m, 0.0)
-    while not desk.companion._conduct.course.flight.arrived:
+    while not desk.companion._executor.routes.flight.arrived:
         desk.step()
     return desk
 
@@ -476,7 +476,7 @@ def test_a_late_shell_does_not_make_the_setpoint_jump():
 
 def test_a_heading_that_is_no_number_is_held_and_never_sent():
     desk = Desk().come_to("flying").run(2.0)
-    desk.companion._conduct.course.flight._yaw_rad = math.nan
+    desk.companion._executor.routes.flight._yaw_rad = math.nan
     began = desk.now_s
     desk.run(0.5)
     assert desk.state == "holding"

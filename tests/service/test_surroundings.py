@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.estimation.pose import Pose
-from moar_companion.estimation.pose_tracker import Ground, Surroundings
+from moar_companion.estimation.pose_tracker import Ground, PoseTracker
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.translate import update
@@ -40,12 +40,12 @@ def test_the_room_does_not_step_where_two_cells_meet():
 def recorded_resets_rad(path):
     """Of the heading, in an autopilot's recording."""
     codec = Codec(system_id=9, component_id=9, wanted={ATTITUDE})
-    surroundings, telemetry, resets_rad = Surroundings(None, None), Telemetry(), []
+    pose_tracker, telemetry, resets_rad = PoseTracker(None, None), Telemetry(), []
     for now_s, packet in packets(path):
         for message in codec.receive(packet):
             if message.get_srcComponent() == 1:
                 telemetry = update(telemetry, message, now_s)
-                jump = surroundings.look(telemetry)
+                jump = pose_tracker.look(telemetry)
                 resets_rad += [] if jump is None else [jump.turn_rad]
     return resets_rad
 

@@ -8,7 +8,7 @@ import pytest
 
 from moar_companion.commands.replay import played
 from moar_companion.config import shipped_configs
-from moar_companion.replay.ulog import UlogWitness, samples
+from moar_companion.replay.ulog import UlogListener, samples
 from moar_companion.replay.ulog_topics import Topic
 from moar_companion.types import LandedState, Telemetry
 from moar_companion.vehicle import Vehicle
@@ -21,7 +21,7 @@ STATUS = {"nav_state": 14, "arming_state": 2, "failsafe": 0, "system_type": 2, "
 
 def heard(*rows):
     """The telemetry after rows of topics: name and instance, and the fields."""
-    witness = UlogWitness()
+    witness = UlogListener()
     for number, (name, fields) in enumerate(rows, start=1):
         topic, _, instance = name.partition(":")
         columns = {key: [value] for key, value in ({"timestamp": number * 10**6} | fields).items()}

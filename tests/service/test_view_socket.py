@@ -15,7 +15,7 @@ from unittest.mock import patch
 import pytest
 
 from moar_companion.service import status_socket
-from moar_companion.service.directories import Place
+from moar_companion.service.directories import Directory
 from moar_companion.service.status_socket import open_view_socket
 
 PATIENCE_S = 20.0
@@ -264,7 +264,7 @@ async def test_the_socket_of_a_living_service_is_left_to_it(path, caplog):
 )
 @run
 async def test_a_path_that_cannot_be_had_is_named_in_one_line(taken, name, reason):
-    place = Place(path=taken.parent / name, source="companion.yaml", key="view.socket")
+    place = Directory(path=taken.parent / name, source="companion.yaml", key="view.socket")
     with pytest.raises(OSError) as caught:  # noqa: PT011 - the next line looks at it
         async with open_view_socket(place.path, Status()):
             pass

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.contingency.route_cost import Way, better_of
+from moar_companion.contingency.route_cost import RouteCost, better_of
 from moar_companion.types import Mission
 
 NOW_S = 100.0
@@ -14,7 +14,7 @@ def ways(exit_wh, evacuation_wh, *, exit_age_s=0.0, evacuation_age_s=0.0):
     return {
         mission: None
         if energy is None
-        else Way(duration_s=1.0, energy_wh=energy, asked_s=NOW_S - age_s)
+        else RouteCost(duration_s=1.0, energy_wh=energy, asked_s=NOW_S - age_s)
         for mission, energy, age_s in (
             (Mission.EXIT, exit_wh, exit_age_s),
             (Mission.EVACUATION, evacuation_wh, evacuation_age_s),
@@ -53,12 +53,12 @@ def test_a_way_that_is_found_no_more_while_another_is_does_not_count(ages, bette
 
 
 def test_two_ways_are_as_old_as_the_older_one():
-    first = Way(duration_s=1.0, energy_wh=2.0, asked_s=10.0)
-    second = Way(duration_s=3.0, energy_wh=4.0, asked_s=5.0)
-    assert first.then(second) == Way(duration_s=4.0, energy_wh=6.0, asked_s=5.0)
+    first = RouteCost(duration_s=1.0, energy_wh=2.0, asked_s=10.0)
+    second = RouteCost(duration_s=3.0, energy_wh=4.0, asked_s=5.0)
+    assert first.then(second) == RouteCost(duration_s=4.0, energy_wh=6.0, asked_s=5.0)
     assert second.then(first).asked_s == 5.0
 
 
 def test_at_half_the_pace_a_way_takes_twice_as_much():
-    way = Way(duration_s=3.0, energy_wh=4.0, asked_s=5.0)
-    assert way.paced(0.5) == Way(duration_s=6.0, energy_wh=8.0, asked_s=5.0)
+    way = RouteCost(duration_s=3.0, energy_wh=4.0, asked_s=5.0)
+    assert way.paced(0.5) == RouteCost(duration_s=6.0, energy_wh=8.0, asked_s=5.0)

@@ -8,7 +8,7 @@ from moar_companion.commands import replay
 from moar_companion.config import Supervision, shipped_configs
 from moar_companion.margin import flown_site
 from moar_companion.planner.planner import Planner
-from moar_companion.replay.site_position import Whereabouts
+from moar_companion.replay.site_position import SitePosition
 from moar_companion.site import Site
 from moar_companion.types import (
     Attitude,
@@ -53,8 +53,8 @@ def planner():
 @pytest.fixture
 def place_at(planner):
     """The place of telemetry at a time."""
-    whereabouts = Whereabouts(planner)
-    return lambda telemetry, now_s: whereabouts.at(telemetry, RiskIndices(), now_s)
+    site_position = SitePosition(planner)
+    return lambda telemetry, now_s: site_position.at(telemetry, RiskIndices(), now_s)
 
 
 @pytest.mark.parametrize("told", [by_gnss, by_its_estimator])
@@ -80,11 +80,11 @@ def test_without_a_position_there_is_no_place(place_at):
 def test_a_way_out_is_planned_with_the_margin_also_from_within_it():
     """1.5 m below a conductor: an X500's hull is nearer to it than PX4's margin allows."""
     file = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
-    whereabouts = replay._whereabouts(str(file), VEHICLE)
-    assert whereabouts._planner.site == flown_site(SITE, VEHICLE, Supervision())
+    site_position = replay._site_position(str(file), VEHICLE)
+    assert site_position._planner.site == flown_site(SITE, VEHICLE, Supervision())
     x_m, z_m = SITE.obstacles[3].position_m
     near, free = (
-        whereabouts.at(by_gnss((x_m, 0.0, z_m - below_m)), RiskIndices(), at_s)
+        site_position.at(by_gnss((x_m, 0.0, z_m - below_m)), RiskIndices(), at_s)
         for below_m, at_s in ((1.5, HEARD_S), (3.6, HEARD_S + 2.0))
     )
     assert near.evacuation_s > free.evacuation_s

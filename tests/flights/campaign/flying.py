@@ -362,7 +362,7 @@ class RandomFlight(Lockstep):
             )
         )  # fmt: skip
         self.modes.append(truth.mode)
-        flown = self.companion._conduct.course.flight
+        flown = self.companion._executor.routes.flight
         for item in setpoints:
             message, nav = item.message, self.autopilot.manner.navigation
             told_m = self._local_in_site(message.x, message.y, message.z)
