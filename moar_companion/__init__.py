@@ -26,8 +26,8 @@ __all__ = [
 
 _HOMES = {
     "Mission": "types",
-    "Plan": "planner.plan",
-    "PlanStatus": "planner.plan",
+    "Plan": "planner.plan_values",
+    "PlanStatus": "planner.plan_values",
     "Planner": "planner.planner",
     "RiskIndices": "types",
     "Site": "site",

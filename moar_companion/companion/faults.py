@@ -16,7 +16,7 @@ class Faults:
 
     def note_pause(self, paused_s: float) -> None:
         """Notes a control-loop stall: time without an output that was sent in time."""
-        self.causes = replace(self.causes, thinking=f"control loop stalled {paused_s:.1f} s")
+        self.causes = replace(self.causes, loop_stall=f"control loop stalled {paused_s:.1f} s")
 
     def note_mode_left(self, mode: str) -> None:
         """Notes that the autopilot has left our mode; it may be back in it."""
@@ -24,14 +24,14 @@ class Faults:
 
     def note_restart(self) -> None:
         """Notes a restart of the autopilot."""
-        self.causes = replace(self.causes, restart="the autopilot restarted")
+        self.causes = replace(self.causes, autopilot_reboot="the autopilot restarted")
 
     def note_refusal(self, refused: Refusal) -> None:
         """Notes a setpoint that was not sent."""
         if refused.rest is None:
-            self.causes = replace(self.causes, stream=refused.reason)
+            self.causes = replace(self.causes, setpoint_rejected=refused.reason)
         elif refused.narrow:
-            self.causes = replace(self.causes, narrow=refused.reason)
+            self.causes = replace(self.causes, no_clearance=refused.reason)
         else:
             self.causes = replace(self.causes, gate=refused.reason)
 

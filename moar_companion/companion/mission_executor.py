@@ -388,10 +388,10 @@ class MissionExecutor:
             host=self.host,
             faults=replace(
                 self.faults.causes,
-                loss=self.routes.reluctance,
+                offboard_loss_unknown=self.routes.reluctance,
                 fence=self.routes.fence_objection(pose),
-                death=self.routes.objection,
-                narrow=self.faults.causes.narrow or self.routes.no_room,
+                offboard_loss_collision=self.routes.objection,
+                no_clearance=self.faults.causes.no_clearance or self.routes.no_room,
             ),
         )
 

@@ -237,7 +237,11 @@ def _rates(sight: Sight, limits: Supervision) -> Iterator[Finding]:
 def _place(sight: Sight, site: Site) -> Iterator[Finding]:
     pose, causes = sight.pose, sight.causes
     obstruction = (
-        causes.control or causes.heartbeat or causes.position or causes.attitude or causes.origin
+        causes.autopilot_identity
+        or causes.heartbeat
+        or causes.position
+        or causes.attitude
+        or causes.origin
     )
     if obstruction is not None or pose is None:
         yield Finding(

@@ -169,15 +169,15 @@ def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> 
     """Returns all present reasons against a flight. off_path_m: the vehicle's."""
     telemetry, faults = seen.telemetry, seen.faults
     return Causes(
-        control=_control(seen),
+        autopilot_identity=_control(seen),
         heartbeat=link_age.silence(telemetry, limits, now_s),
         mode_unconfirmed=link_age.mode_unconfirmed(telemetry, limits, now_s),
         position=_position(seen, limits, now_s),
         attitude=_attitude(telemetry, now_s),
         origin="local origin unknown" if seen.pose is None else None,
-        thinking=faults.thinking,
-        restart=faults.restart,
-        stream=faults.stream,
+        loop_stall=faults.loop_stall,
+        autopilot_reboot=faults.autopilot_reboot,
+        setpoint_rejected=faults.setpoint_rejected,
         failsafe=taken_mode(telemetry),
         ground="on the ground" if grounded(telemetry) else None,
         landing=_mode(seen, landing=True),
@@ -186,13 +186,13 @@ def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> 
         battery_failsafe=battery_failsafe(telemetry),
         autopilot_failsafe=holding_failsafe(telemetry, escaping=seen.escaping),
         battery_reserve=_battery_reserve(seen, limits.battery_reserve),
-        no_return_evacuation=_no_return(seen, Mission.EVACUATION),
-        no_return_exit=_no_return(seen, Mission.EXIT),
-        no_return_soon=_no_return_soon(seen.escape_route),
+        energy_evacuation=_no_return(seen, Mission.EVACUATION),
+        energy_exit=_no_return(seen, Mission.EXIT),
+        energy_low_soon=_no_return_soon(seen.escape_route),
         failsafe_exposure=seen.exposure if seen.in_control else None,
         memory=_free("memory", seen.host.memory_available, limits.memory_free_mb),
         gate=faults.gate,
-        narrow=faults.narrow,
+        no_clearance=faults.no_clearance,
         jump=exceeds(
             "the position jumped",
             seen.jumped_m,
@@ -225,18 +225,20 @@ def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> 
         off_path=exceeds("off the path", seen.error_m, off_path_m, "m")
         if seen.in_control
         else None,
-        standing=_standing(seen),
+        no_progress=_standing(seen),
         planner=_plan(seen, limits.plan_stale_s),
         planner_late=_plan(seen, limits.plan_stale_s) or _plan(seen, 0.5 * limits.plan_stale_s),
         obstacle=_obstacle(seen),
         plane=_plane(seen, limits),
         moving=_moving(seen),
-        loss=faults.loss,
-        death=faults.death,
+        offboard_loss_unknown=faults.offboard_loss_unknown,
+        offboard_loss_collision=faults.offboard_loss_collision,
         battery_silent=_battery_silent(seen, now_s),
         disk=_free("disk", seen.host.disk_free, limits.disk_free_mb),
         not_flying=None if seen.in_control or airborne(telemetry, now_s) else "not in the air",
-        unknown=_unknown(seen, now_s) if seen.in_control or airborne(telemetry, now_s) else None,
+        unmonitored=_unknown(seen, now_s)
+        if seen.in_control or airborne(telemetry, now_s)
+        else None,
     )
 
 

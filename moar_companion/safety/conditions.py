@@ -43,10 +43,10 @@ class Causes:
     A required measurement that is missing is a cause. The fields are the names in CONDITIONS.
     """
 
-    thinking: str | None = None
-    restart: str | None = None
-    stream: str | None = None
-    control: str | None = None
+    loop_stall: str | None = None
+    autopilot_reboot: str | None = None
+    setpoint_rejected: str | None = None
+    autopilot_identity: str | None = None
     heartbeat: str | None = None
     mode_unconfirmed: str | None = None
     position: str | None = None
@@ -60,18 +60,18 @@ class Causes:
     battery_failsafe: str | None = None
     autopilot_failsafe: str | None = None
     battery_reserve: str | None = None
-    no_return_evacuation: str | None = None
-    no_return_exit: str | None = None
-    no_return_soon: str | None = None
+    energy_evacuation: str | None = None
+    energy_exit: str | None = None
+    energy_low_soon: str | None = None
     failsafe_exposure: str | None = None
     memory: str | None = None
     gate: str | None = None
-    death: str | None = None
+    offboard_loss_collision: str | None = None
     jump: str | None = None
     origin_moved: str | None = None
     disagreement: str | None = None
     uncertainty: str | None = None
-    narrow: str | None = None
+    no_clearance: str | None = None
     gnss: str | None = None
     localization: str | None = None
     control_saturated: str | None = None
@@ -80,17 +80,17 @@ class Causes:
     fence: str | None = None
     geofence: str | None = None
     off_path: str | None = None
-    standing: str | None = None
+    no_progress: str | None = None
     planner: str | None = None
     planner_late: str | None = None
     obstacle: str | None = None
     plane: str | None = None
     moving: str | None = None
-    loss: str | None = None
+    offboard_loss_unknown: str | None = None
     battery_silent: str | None = None
     disk: str | None = None
     not_flying: str | None = None
-    unknown: str | None = None
+    unmonitored: str | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -122,22 +122,25 @@ class Condition:
 
 CONDITIONS = (
     Condition(
-        name="thinking",
+        name="loop_stall",
         starts="the companion itself stood still for so long that what it has heard is old",
         action=Action.RELEASE,
         last_setpoint=False,
     ),
     Condition(
-        name="restart", starts="the autopilot restarted", action=Action.RELEASE, last_setpoint=False
+        name="autopilot_reboot",
+        starts="the autopilot restarted",
+        action=Action.RELEASE,
+        last_setpoint=False,
     ),
     Condition(
-        name="stream",
+        name="setpoint_rejected",
         starts="the gate lets neither the setpoint pass nor a hold in its place",
         action=Action.RELEASE,
         last_setpoint=False,
     ),
     Condition(
-        name="control",
+        name="autopilot_identity",
         starts="not one autopilot is heard that flies a multirotor, but none, two, another, or one "
         "that the vehicle file does not name",
         action=Action.RELEASE,
@@ -219,7 +222,7 @@ CONDITIONS = (
         override=Override.SAFER,
     ),
     Condition(
-        name="no_return_evacuation",
+        name="energy_evacuation",
         starts="after an evacuation, which takes less energy than an exit, no more than the "
         "vehicle's `reserve_s` of flight would be left; or after the exit that is flown, and an "
         "evacuation takes clearly less",
@@ -229,7 +232,7 @@ CONDITIONS = (
         override=Override.SAFER,
     ),
     Condition(
-        name="no_return_exit",
+        name="energy_exit",
         starts="the same after an exit, where that takes less",
         action=Action.EXIT,
         after_s=2.0,
@@ -272,7 +275,7 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
-        name="death",
+        name="offboard_loss_collision",
         starts="it would hit something if the companion died, by what has changed since it was "
         "planned: the autopilot's parameters, its home, how well the position is known",
         action=Action.HOLD,
@@ -314,7 +317,7 @@ CONDITIONS = (
         over_s=5.0,
     ),
     Condition(
-        name="narrow",
+        name="no_clearance",
         starts="as uncertain as the position is, or with the margin, there is no room where the "
         "setpoint would be, or no way on",
         action=Action.HOLD,
@@ -420,13 +423,13 @@ CONDITIONS = (
         action=Action.CONTINUE,
     ),
     Condition(
-        name="loss",
+        name="offboard_loss_unknown",
         starts="it is not known yet what the autopilot would do without the companion, or where "
         "its fence is",
         action=Action.CONTINUE,
     ),
     Condition(
-        name="no_return_soon",
+        name="energy_low_soon",
         starts="after the better way out no more than a minute above `reserve_s` would be left",
         action=Action.CONTINUE,
         after_s=2.0,
@@ -434,7 +437,7 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
-        name="standing",
+        name="no_progress",
         starts="the setpoint stands on its way: the aircraft does not follow, or no plan leads on",
         action=Action.CONTINUE,
         after_s=10.0,
@@ -460,7 +463,7 @@ CONDITIONS = (
         action=Action.CONTINUE,
     ),
     Condition(
-        name="unknown",
+        name="unmonitored",
         starts="in the air, wind, battery, the position's accuracy, the uploaded fence or a "
         "ground station are not told, or no way out is known that was planned within 15 s",
         action=Action.CONTINUE,

@@ -196,7 +196,7 @@ def test_an_autopilot_failsafe_releases(state):
 @pytest.mark.parametrize("state", [*STREAMED, S.PLANNING])
 def test_stale_data_or_a_fault_releases_and_its_end_brings_nothing_back(state, parting):
     flight = any_story(state)
-    cause = "heartbeat" if parting else "thinking"
+    cause = "heartbeat" if parting else "loop_stall"
     flight.see(**{cause: "for 3.1 s"})
     assert flight.state == "released"
     # Where the mode is not ours nobody follows.

@@ -217,9 +217,9 @@ def test_an_order_that_comes_to_nothing_leaves_what_would_go_on(end):
 
 
 def test_a_hold_ordered_while_ready_outlasts_the_one_that_begins_with_the_mode():
-    flight = story(S.READY).order(Order.HOLD).see(narrow="no room here", mode_ours=True)
+    flight = story(S.READY).order(Order.HOLD).see(no_clearance="no room here", mode_ours=True)
     assert flight.state == "holding"
-    flight.see(narrow=None).tick(60.0)
+    flight.see(no_clearance=None).tick(60.0)
     assert (flight.state, flight.sought) == ("holding", [])
     assert flight.order(Order.CONTINUE).sought == [INSPECTION]
 

@@ -11,12 +11,14 @@ from moar_companion.mission_states import MissionState
 from .stories import EVACUATION, EXIT, INSPECTION, story
 
 S = MissionState
-NARROW = {"narrow": "the target is too close, position uncertainty 1.6 m"}
+NARROW = {"no_clearance": "the target is too close, position uncertainty 1.6 m"}
 
 
 def no_room(flight):
     """The plan that is sought is not found, and the condition that says so is there."""
-    flight._took(state_machine.unplanned(flight.status, NARROW["narrow"], flight.now_s, waits=True))
+    flight._took(
+        state_machine.unplanned(flight.status, NARROW["no_clearance"], flight.now_s, waits=True)
+    )
     flight.said_then = flight.said
     return flight.see(**NARROW)
 
@@ -28,7 +30,7 @@ def test_the_next_target_waits_until_there_is_room():
     assert flight.said_then[-1].endswith(", holding")
     flight.tick(60.0)
     assert (flight.state, flight.sought) == ("holding", [])
-    flight.see(narrow=None).tick(0.9)
+    flight.see(no_clearance=None).tick(0.9)
     assert flight.sought == []
     assert flight.tick(0.2).sought == [rest]
     assert flight.plan_found().state == "flying"
@@ -36,17 +38,17 @@ def test_the_next_target_waits_until_there_is_room():
 
 @pytest.mark.parametrize("way", [EXIT, EVACUATION])
 def test_a_way_out_that_was_held_waits_likewise(way):
-    flight = story(S.FLYING, way).see(**NARROW).see(narrow=None).tick(1.1)
+    flight = story(S.FLYING, way).see(**NARROW).see(no_clearance=None).tick(1.1)
     no_room(flight)
     assert flight.said_then[-1].endswith(", holding")
     assert (flight.state, flight.status.no_path) == ("holding", frozenset())
-    flight.see(narrow=None).tick(1.1)
+    flight.see(no_clearance=None).tick(1.1)
     assert flight.sought == [way]
 
 
 def test_what_an_operator_holds_meanwhile_does_not_go_on():
     flight = no_room(story(S.AT_TARGET).tick(6.0))
-    flight.order(Order.HOLD).see(narrow=None).tick(60.0)
+    flight.order(Order.HOLD).see(no_clearance=None).tick(60.0)
     assert (flight.state, flight.sought) == ("holding", [])
 
 
@@ -54,7 +56,7 @@ def test_what_an_operator_has_ordered_is_denied():
     flight = story(S.HOLDING)
     flight.order(EXIT)
     no_room(flight)
-    flight.see(narrow=None).tick(60.0)
+    flight.see(no_clearance=None).tick(60.0)
     assert (flight.state, flight.sought) == ("holding", [])
 
 

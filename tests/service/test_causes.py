@@ -42,14 +42,14 @@ STORIES = [
     (
         "no autopilot",
         told(autopilot=None),
-        {"control": "no autopilot is heard", "heartbeat": "no heartbeat is heard"},
+        {"autopilot_identity": "no autopilot is heard", "heartbeat": "no heartbeat is heard"},
     ),
     (
         "two autopilots",
         replace(IN_FLIGHT, conflict="two autopilots are heard"),
-        {"control": "two autopilots are heard"},
+        {"autopilot_identity": "two autopilots are heard"},
     ),
-    ("a plane", flies(multirotor=False), {"control": "the vehicle is no multirotor"}),
+    ("a plane", flies(multirotor=False), {"autopilot_identity": "the vehicle is no multirotor"}),
     ("a heartbeat 3 s old", flies(received_s=97.0), {}),
     (
         "an older one",
@@ -239,12 +239,12 @@ STORIES = [
     (
         "an autopilot on USB power",
         drains(remaining=0.0, voltage_v=4.1, charge_state=3),
-        {"unknown": "unknown: battery"},
+        {"unmonitored": "unknown: battery"},
     ),
     (
         "a battery of which nothing is told but its voltage",
         drains(remaining=None, charge_state=None),
-        {"unknown": "unknown: battery"},
+        {"unmonitored": "unknown: battery"},
     ),
     ("a battery that tells no more than its state", drains(remaining=None), {}),
     (
@@ -252,17 +252,17 @@ STORIES = [
         drains(remaining=None, charge_state=3, summary=True),
         {
             "battery_critical": "battery 0 is critical",
-            "unknown": "unknown: battery",
+            "unmonitored": "unknown: battery",
         },
     ),
-    ("no battery", told(batteries={}), {"unknown": "unknown: battery"}),
+    ("no battery", told(batteries={}), {"unmonitored": "unknown: battery"}),
     ("a battery 15 s silent", drains(received_s=85.0), {}),
     (
         "silent for longer",
         drains(received_s=84.0),
         {
             "battery_silent": "battery 0 is silent for 16 s",
-            "unknown": "unknown: battery",
+            "unmonitored": "unknown: battery",
         },
     ),
     (
@@ -270,7 +270,7 @@ STORIES = [
         told(batteries={0: BATTERY, 1: replace(BATTERY, received_s=80.0)}),
         {
             "battery_silent": "battery 1 is silent for 20 s",
-            "unknown": "unknown: battery",
+            "unmonitored": "unknown: battery",
         },
     ),
     (
@@ -278,7 +278,7 @@ STORIES = [
         replace(drains(remaining=None), risk=risk(wind(4.0), charge=0.22)),
         {
             "battery_silent": "battery 0 tells no charge (was 22%)",
-            "unknown": "unknown: battery",
+            "unmonitored": "unknown: battery",
         },
     ),
     (
@@ -290,7 +290,7 @@ STORIES = [
             "battery_critical": "battery 0 is critical",
             "battery_reserve": "battery 0 at 20%, reserve 20%",
             "battery_silent": "battery 0 tells no charge (was 20%)",
-            "unknown": "unknown: battery",
+            "unmonitored": "unknown: battery",
         },
     ),
     (
@@ -299,7 +299,7 @@ STORIES = [
         {
             "battery_reserve": "battery 0 at 20%, reserve 20%",
             "battery_silent": "battery 0 tells no charge (was 20%)",
-            "unknown": "unknown: battery",
+            "unmonitored": "unknown: battery",
         },
     ),
     (
@@ -331,7 +331,15 @@ STORIES = [
     ),
     *[
         (f"the fault {name}", replace(IN_FLIGHT, faults=Causes(**{name: "words"})), {name: "words"})
-        for name in ("thinking", "restart", "stream", "gate", "narrow", "loss", "death")
+        for name in (
+            "loop_stall",
+            "autopilot_reboot",
+            "setpoint_rejected",
+            "gate",
+            "no_clearance",
+            "offboard_loss_unknown",
+            "offboard_loss_collision",
+        )
     ],
 ]
 

@@ -113,13 +113,13 @@ STORIES = [
         uncertain(None, None, 0.0, last=[accuracy("receiver", 2.4)]),
         {
             "uncertainty": "position uncertainty 2.4 m > 2",
-            "unknown": "unknown: position accuracy",
+            "unmonitored": "unknown: position accuracy",
         },
     ),
     (
         "an uncertainty that nobody tells",
         uncertain(None, None, 0.0),
-        {"unknown": "unknown: position accuracy"},
+        {"unmonitored": "unknown: position accuracy"},
     ),
     ("a receiver 3 s silent", receives(received_s=97.0), {}),
     (
@@ -171,14 +171,14 @@ STORIES = [
     (
         "a wind that was too uncertain from the start",
         replace(IN_FLIGHT, risk=risk(wind(30.0, risk=None))),
-        {"unknown": "unknown: wind"},
+        {"unmonitored": "unknown: wind"},
     ),
     (
         "a wind that is measured no more",
         replace(IN_FLIGHT, risk=risk(wind(4.0, risk=None), last=[wind(25.0)])),
         {
             "wind": "wind reported 25.0 m/s > 15",
-            "unknown": "unknown: wind",
+            "unmonitored": "unknown: wind",
         },
     ),
     (
@@ -199,7 +199,7 @@ STORIES = [
     (
         "never heard",
         told(ground_station=None),
-        {"unknown": "unknown: ground station"},
+        {"unmonitored": "unknown: ground station"},
     ),
     ("outside", replace(IN_FLIGHT, strays="1.6 m outside"), {"geofence": "1.6 m outside"}),
     (
@@ -215,7 +215,7 @@ STORIES = [
     (
         "an autopilot that does not tell its uploaded fence",
         replace(IN_FLIGHT, fence_silent=True),
-        {"unknown": "unknown: uploaded fence"},
+        {"unmonitored": "unknown: uploaded fence"},
     ),
     ("outside before control", replace(HOVERING, strays="1.6 m outside"), {}),
     ("1.5 m beside the path", replace(IN_FLIGHT, error_m=1.5), {}),
@@ -227,12 +227,12 @@ STORIES = [
     (
         "a setpoint that stands, nobody knows how far from the aircraft",
         replace(IN_FLIGHT, stands=True, error_m=None),
-        {"standing": "no progress"},
+        {"no_progress": "no progress"},
     ),
     (
         "one that waits for the aircraft",
         replace(IN_FLIGHT, stands=True, error_m=1.4),
-        {"standing": "no progress, 1.4 m from setpoint"},
+        {"no_progress": "no progress, 1.4 m from setpoint"},
     ),
     ("away from a hold that is offered", replace(HOVERING, error_m=1.6), {}),
     ("a plan awaited for 6 s", replace(IN_FLIGHT, plan_awaited_s=6.0), {}),
@@ -275,27 +275,27 @@ STORIES = [
     (
         "with little",
         leaves(Mission.EVACUATION, 90.0),
-        {"no_return_soon": "evacuation leaves 90 s, at 30 s it begins"},
+        {"energy_low_soon": "evacuation leaves 90 s, at 30 s it begins"},
     ),
     (
         "with none",
         leaves(Mission.EVACUATION, 30.0),
         {
-            "no_return_evacuation": "evacuation leaves 30 s <= 30",
+            "energy_evacuation": "evacuation leaves 30 s <= 30",
         },
     ),
     (
         "the exit with none",
         leaves(Mission.EXIT, -1.0),
         {
-            "no_return_exit": "exit leaves no flight time",
+            "energy_exit": "exit leaves no flight time",
         },
     ),
     (
         "an exit with none that is flown, and an evacuation",
         leaves(Mission.EVACUATION, 200.0, flown_left_s=29.0),
         {
-            "no_return_evacuation": "exit leaves 29 s (the evacuation takes less)",
+            "energy_evacuation": "exit leaves 29 s (the evacuation takes less)",
         },
     ),
     ("a way out while nothing is known of the battery", leaves(Mission.EXIT, None), {}),
@@ -304,14 +304,14 @@ STORIES = [
         "one planned earlier",
         leaves(Mission.EXIT, 10.0, age_s=15.1),
         {
-            "no_return_exit": "exit leaves 10 s <= 30",
-            "unknown": "unknown: way out",
+            "energy_exit": "exit leaves 10 s <= 30",
+            "unmonitored": "unknown: way out",
         },
     ),
     (
         "no way out, and no word of the landed state",
         replace(told(landed=None), escape_route=None),
-        {"unknown": "unknown: way out"},
+        {"unmonitored": "unknown: way out"},
     ),
     ("2 m from the plane", moves(position_m=(5.0, -2.0, 5.0)), {}),
     (
@@ -337,7 +337,7 @@ STORIES = [
         replace(
             told(batteries={}, gnss=None, estimator=None, odometry=None), risk=risk(accuracies=())
         ),
-        {"unknown": "unknown: wind and 2 more (battery, position accuracy)"},
+        {"unmonitored": "unknown: wind and 2 more (battery, position accuracy)"},
     ),
     (
         "nothing of it on the ground",

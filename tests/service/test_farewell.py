@@ -59,14 +59,14 @@ ORDERLY = {
     "a release that is ordered": released,
     "the service is told to end": shut_down,
     # The supervisor's, by their names.
-    "control": second_autopilot,
+    "autopilot_identity": second_autopilot,
     "mode_unconfirmed": muted("HEARTBEAT"),
     "position": muted("LOCAL_POSITION_NED"),
     "attitude": muted("ATTITUDE"),
 }
 AT_ONCE = {
-    "thinking": lambda desk: desk.step(1.5),
-    "restart": lambda desk: desk.set(boot_s=1.0),
+    "loop_stall": lambda desk: desk.step(1.5),
+    "autopilot_reboot": lambda desk: desk.set(boot_s=1.0),
     "failsafe": lambda desk: desk.say_heartbeat(AUTO_HOLD, CRITICAL),
     "ground": lambda desk: desk.set(landed_state=1),
     "pilot": lambda desk: desk.say_heartbeat(POSCTL),
@@ -74,7 +74,7 @@ AT_ONCE = {
 ELSEWHERE = {
     "heartbeat": "of an autopilot that falls silent the position is stale long before",
     "origin": "once known, only a restart makes it unknown",
-    "stream": "the last setpoint stands already when the supervisor hears of it: see below",
+    "setpoint_rejected": "the last setpoint stands already when the supervisor hears of it: see below",
     "landing": "at rest already when the landing is asked for: see below",
 }
 
@@ -143,7 +143,7 @@ def test_what_is_not_orderly_ends_without_another_setpoint(way):
     before = len(desk.setpoints())
     AT_ONCE[way](desk)
     # By messages that come a few times a second; by a clock that has run on for 0.3 s.
-    told_late = {"ground": 10, "restart": 17}
+    told_late = {"ground": 10, "autopilot_reboot": 17}
     assert len(silent(desk)) <= before + told_late.get(way, 0)
     assert desk.state in {"released", "overridden", "idle"}
 
