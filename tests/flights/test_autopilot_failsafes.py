@@ -9,15 +9,7 @@ from moar_companion.config import Authority
 from ..copies import flown_once
 from .judging import assert_nothing_was_touched, assert_setpoints_keep_to_free_space
 from .lockstep import hovering
-from .operator import (
-    ACCEPTED,
-    EVACUATION,
-    EXIT,
-    INSPECTION,
-    RELEASE,
-    TEMPORARILY_REJECTED,
-    Manner,
-)
+from .operator import ACCEPTED, EVACUATION, EXIT, INSPECTION, RELEASE, TEMPORARILY_REJECTED, Manner
 
 WARNS = {"BATT_LOW_VOLT": 11.4, "BATT_FS_LOW_ACT": 0, "BATT_CRT_VOLT": 0.0, "BATT_LOW_TIMER": 1}
 """A low battery is told and nothing is done, as by default."""

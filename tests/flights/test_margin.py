@@ -10,11 +10,7 @@ import pytest
 from moar_companion.config import shipped_configs
 from moar_companion.site import Polygon, Site, Target
 
-from .judging import (
-    assert_nothing_was_touched,
-    assert_setpoints_keep_to_free_space,
-    true_places,
-)
+from .judging import assert_nothing_was_touched, assert_setpoints_keep_to_free_space, true_places
 from .lockstep import hovering
 from .marks import BOTH
 from .operator import DENIED, EXIT, INSPECTION, Manner

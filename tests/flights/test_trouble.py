@@ -18,14 +18,7 @@ from .judging import (
 )
 from .lockstep import Lockstep, hovering
 from .marks import ARDUPILOT_FIRST, BOTH, PX4_FIRST
-from .operator import (
-    ACCEPTED,
-    EVACUATION,
-    INSPECTION,
-    RELEASE,
-    TEMPORARILY_REJECTED,
-    Manner,
-)
+from .operator import ACCEPTED, EVACUATION, INSPECTION, RELEASE, TEMPORARILY_REJECTED, Manner
 
 LANDS_WHEN_LOW = {
     Manner.PX4: {},

@@ -20,7 +20,7 @@ def longest_pause_s(rig):
     """For how long the service says that it stood still; None where it goes on.
 
     A machine with other work to do may hold it up for longer than we do. What it does after a
-    pause of any length is exact in lockstep (`tests/service/test_supervision.py`).
+    pause of any length is exact in lockstep (`tests/companion/test_supervision.py`).
     """
     said = re.search(r"MOAR: control loop stalled ([\d.]+) s", rig.said())
     return None if said is None else float(said[1])

@@ -12,7 +12,7 @@ from moar_companion.mavlink.translate import update
 from moar_companion.types import Telemetry
 from tests.mavlink.conftest import SHARED, packets
 
-from .desk import usual_planner
+from ..companion.desk import usual_planner
 
 ATTITUDE = int(mavlink.MAVLINK_MSG_ID_ATTITUDE)
 

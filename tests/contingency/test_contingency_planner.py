@@ -15,7 +15,7 @@ from moar_companion.planning.plan_jobs import PlanAnswer
 from moar_companion.power import landing_s
 from moar_companion.types import AutopilotKind, Mission
 
-from .desk import ACCEPTED, EXIT, INSPECTION, TEMPORARILY_REJECTED, Desk, usual_planner
+from ..companion.desk import ACCEPTED, EXIT, INSPECTION, TEMPORARILY_REJECTED, Desk, usual_planner
 
 UNRESERVED = Supervision(battery_reserve=0.0)
 

@@ -26,8 +26,8 @@ from moar_companion.safety.offboard_loss import OffboardLoss, loss_parameters
 from moar_companion.types import AutopilotKind, Mission, RiskIndices, Weights
 from moar_companion.vehicle import Vehicle
 
+from ..companion.desk import usual_planner
 from ..planner.problems import conductor, make_site
-from .desk import usual_planner
 
 STEP_S = 0.02
 WEIGHTS = Weights(safety=0.4, time=0.4, energy=0.2)

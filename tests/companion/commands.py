@@ -4,10 +4,7 @@ from __future__ import annotations
 
 from moar_companion.config import LinkConfig, LinkRole
 
-from .desk import (
-    LINK,
-    Desk,
-)
+from .desk import LINK, Desk
 
 OPERATOR_LINK = "udp:127.0.0.1:14550"
 LINKS = (LinkConfig(url=LINK), LinkConfig(url=OPERATOR_LINK, role=LinkRole.OPERATOR))

@@ -19,7 +19,7 @@ from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.safety.offboard_loss import OffboardLoss
 from moar_companion.types import AutopilotKind, Mission, RiskIndices, Weights
 
-from .desk import (
+from ..companion.desk import (
     ACCEPTED,
     DENIED,
     EVACUATION,

@@ -20,7 +20,7 @@ from moar_companion.types import (
 )
 from moar_companion.vehicle import Vehicle
 
-from .telemetry import px4_status
+from ..safety.telemetry import px4_status
 
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")

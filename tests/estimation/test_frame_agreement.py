@@ -24,7 +24,7 @@ from moar_companion.types import (
 )
 from tests.mavlink.conftest import SHARED, packets
 
-from .desk import ACCEPTED, EXIT, STEP_S, Desk
+from ..companion.desk import ACCEPTED, EXIT, STEP_S, Desk
 
 PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
 SITE = SiteFrame(

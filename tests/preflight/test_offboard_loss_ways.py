@@ -14,7 +14,7 @@ from moar_companion.site import Site
 from moar_companion.types import AutopilotKind
 from moar_companion.vehicle import Vehicle
 
-from ..service.desk import ACCEPTED, DENIED, INSPECTION, PARAMETERS, Desk, mavlink
+from ..companion.desk import ACCEPTED, DENIED, INSPECTION, PARAMETERS, Desk, mavlink
 
 OK, NOTE, WARNING, NO_GO = Level
 KINDS = {

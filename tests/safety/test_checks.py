@@ -26,7 +26,7 @@ from .seen import (
     told,
     wind,
 )
-from .test_causes_of_place import STORIES as OF_PLACE
+from .test_checks_of_place import STORIES as OF_PLACE
 
 
 def lands_in_failsafe(**changes):

@@ -17,15 +17,7 @@ from moar_companion.mission_states import STREAMING, MissionState
 from moar_companion.safety.conditions import CONDITIONS, Action
 
 from ..mavlink.peer import Peer
-from .desk import (
-    AUTO_HOLD,
-    CRITICAL,
-    EXIT,
-    INSPECTION,
-    POSCTL,
-    RELEASE,
-    Desk,
-)
+from .desk import AUTO_HOLD, CRITICAL, EXIT, INSPECTION, POSCTL, RELEASE, Desk
 
 PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 LAND = 0x06040000

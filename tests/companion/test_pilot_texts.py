@@ -23,10 +23,21 @@ from moar_companion.safety.conditions import CONDITIONS
 from moar_companion.safety.offboard_loss import OffboardLoss
 from moar_companion.types import AutopilotKind, Heard, Mission
 
+from ..safety.seen import (
+    HOVERING,
+    IN_FLIGHT,
+    NOW_S,
+    flies,
+    leaves,
+    moves,
+    receives,
+    risk,
+    told,
+    wind,
+)
+from ..safety.test_checks import STORIES
+from ..safety.test_checks_of_place import STORIES as OF_PLACE
 from .desk import ACCEPTED, EXIT, INSPECTION, Desk, usual_planner
-from .seen import HOVERING, IN_FLIGHT, NOW_S, flies, leaves, moves, receives, risk, told, wind
-from .test_causes import STORIES
-from .test_causes_of_place import STORIES as OF_PLACE
 
 properties = settings(deadline=None, max_examples=300, derandomize=True, database=None)
 ACTIONS = ("", "over", *_DOES.values(), *(state.words for state in MissionState), "no evacuation")

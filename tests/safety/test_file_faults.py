@@ -12,7 +12,7 @@ from moar_companion.safety.checks import Host
 from moar_companion.safety.file_faults import FileFault, FileFaultTexts, words
 from moar_companion.types import Heard
 
-from .desk import Desk
+from ..companion.desk import Desk
 
 FULL = FileFault(reason="no state file: disk full", action="restart goes idle")
 FULL_TEXT = "MOAR: no state file: disk full, restart goes idle"

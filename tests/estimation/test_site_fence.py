@@ -24,7 +24,7 @@ from moar_companion.site import Site
 from moar_companion.types import AutopilotKind, FenceItem, Mission
 from moar_companion.vehicle import Vehicle
 
-from .desk import INSPECTION, STEP_S, TEMPORARILY_REJECTED, Desk
+from ..companion.desk import INSPECTION, STEP_S, TEMPORARILY_REJECTED, Desk
 
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
