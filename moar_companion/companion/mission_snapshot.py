@@ -1,6 +1,6 @@
 """Mission snapshot: the mission's state, kept for the next process.
 
-Pure: the machine's state in, the bytes of a file out, and back. `memory_file` has the file.
+Pure: the machine's state in, the bytes of a file out, and back. `snapshot_file` has the file.
 """
 
 from __future__ import annotations

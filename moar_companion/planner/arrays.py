@@ -70,7 +70,7 @@ class Field(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Limits of a path: rings (`cells`) with their distances, (n,), and a lowest height."""
+    """Limits of a path: rings (`distance_kernels`), their distances (n,), and a lowest height."""
 
     vertices_m: FloatArray
     first: IntArray

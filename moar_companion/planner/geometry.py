@@ -50,7 +50,7 @@ def _to_segment_m(points_m: FloatArray, start_m: FloatArray, end_m: FloatArray) 
 
 
 def rings(obstacles: tuple[Obstacle, ...]) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
-    """Obstacles in the form of the loops in `cells`: vertices, first, radius, keep-out."""
+    """Obstacles as the loops of `distance_kernels` take them: vertices, first, radius, keep-out."""
     outlines = [_outline(obstacle) for obstacle in obstacles]
     return (
         np.array([point for outline in outlines for point in outline]).reshape(-1, 2),

@@ -1,4 +1,4 @@
-"""The compiled distances from straight legs to obstacles, which come as rings (`cells`)."""
+"""Compiled distances from straight legs to obstacles, given as rings (`distance_kernels`)."""
 
 from __future__ import annotations
 

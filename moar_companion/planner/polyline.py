@@ -169,7 +169,7 @@ def _to_outline(
 
 @jit(written(F8), read(F8, 2), read(F8, 2), read(I8))
 def outline_distances(points_m: FloatArray, vertices_m: FloatArray, first: IntArray) -> FloatArray:
-    """Distances of a path (n, 2) from the outlines of rings (`cells`)."""
+    """Distances of a path (n, 2) from the outlines of rings (`distance_kernels`)."""
     found = np.full(len(first) - 1, np.inf)
     for ring in range(len(found)):
         for at in range(1, len(points_m)):

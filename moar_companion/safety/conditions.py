@@ -1,8 +1,8 @@
 """The supervisor's table: every condition against a flight, and its action.
 
 For each: its start, the time that its cause lasts before it acts, how it clears, and who may
-override it; a pilot always may, by taking the mode. `supervisor` applies the table, `page` shows
-it.
+override it; a pilot always may, by taking the mode. `supervisor` applies the table,
+`conditions_doc` shows it.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class Condition:
 CONDITIONS = (
     Condition(
         name="loop_stall",
-        starts="the companion itself stood still for so long that what it has heard is old",
+        starts="the control loop stalled for so long that its input is old",
         action=Action.RELEASE,
         last_setpoint=False,
     ),
@@ -141,7 +141,7 @@ CONDITIONS = (
     ),
     Condition(
         name="autopilot_identity",
-        starts="not one autopilot is heard that flies a multirotor, but none, two, another, or one "
+        starts="not exactly one autopilot of a multirotor is received: none, two, another, or one "
         "that the vehicle file does not name",
         action=Action.RELEASE,
     ),
@@ -152,13 +152,13 @@ CONDITIONS = (
     ),
     Condition(
         name="mode_unconfirmed",
-        starts="neither HEARTBEAT nor CURRENT_MODE has told the mode for `mode_timeout_s`, "
+        starts="neither HEARTBEAT nor CURRENT_MODE has reported the mode for `mode_timeout_s`, "
         "or HEARTBEAT the armed state for `armed_timeout_s`",
         action=Action.RELEASE,
     ),
     Condition(
         name="position",
-        starts="no position is heard, or the clock in it stands still, for `position_timeout_s`, "
+        starts="no position is received, or its clock stands still, for `position_timeout_s`, "
         "or it comes so late (by TIMESYNC)",
         action=Action.RELEASE,
     ),
@@ -276,7 +276,7 @@ CONDITIONS = (
     ),
     Condition(
         name="offboard_loss_collision",
-        starts="it would hit something if the companion died, by what has changed since it was "
+        starts="after an offboard loss it would hit something, by what has changed since it was "
         "planned: the autopilot's parameters, its home, how well the position is known",
         action=Action.HOLD,
         over_s=1.0,
@@ -326,7 +326,7 @@ CONDITIONS = (
     ),
     Condition(
         name="gnss",
-        starts="the receiver has no 3D fix, is silent, or repeats its last words",
+        starts="the receiver has no 3D fix, is silent, or repeats its last message",
         action=Action.HOLD,
         after_s=1.0,
         over_s=5.0,
@@ -360,7 +360,7 @@ CONDITIONS = (
     ),
     Condition(
         name="ground_link",
-        starts="no ground station is heard for `ground_link_lost_s`, after it was heard once "
+        starts="no ground station is received for `ground_link_lost_s`, after it was received once "
         "(`ground_link_action` says what then)",
         action=Action.HOLD,
         over_s=2.0,
@@ -430,7 +430,7 @@ CONDITIONS = (
     ),
     Condition(
         name="energy_low_soon",
-        starts="after the better way out no more than a minute above `reserve_s` would be left",
+        starts="after the better escape route at most a minute above `reserve_s` would be left",
         action=Action.CONTINUE,
         after_s=2.0,
         over_s=10.0,
@@ -446,7 +446,7 @@ CONDITIONS = (
     ),
     Condition(
         name="battery_silent",
-        starts="a battery that has told how full it is has not told it for 15 s, or tells it no "
+        starts="a battery that has reported its charge has not done so for 15 s, or reports it no "
         "more",
         action=Action.CONTINUE,
         override=Override.SAFER,
@@ -465,7 +465,7 @@ CONDITIONS = (
     Condition(
         name="unmonitored",
         starts="in the air, wind, battery, the position's accuracy, the uploaded fence or a "
-        "ground station are not told, or no way out is known that was planned within 15 s",
+        "ground station are not reported, or no escape route is known that was planned within 15 s",
         action=Action.CONTINUE,
         after_s=10.0,
         override=Override.ORDER,

@@ -1,4 +1,4 @@
-"""The supervisor's table as configs/README.md shows it; `python -m moar_companion.safety.conditions_doc`."""
+"""The table of configs/README.md: `python -m moar_companion.safety.conditions_doc`."""
 
 from __future__ import annotations
 

@@ -8,7 +8,8 @@ PX4 holds the last point with its velocity as feed-forward, and so comes to rest
 it; where COM_OF_LOSS_T ends before that, it brakes at MPC_ACC_HOR. ArduPilot moves the point on at
 that velocity for GUID_TIMEOUT, and brakes at WPNAV_ACCEL or WPNAV_ACCEL_Z, as its jerk allows.
 The distances are bounds over flights of the fake autopilots, level, up, down and diagonal, at 0.7
-to 5 m/s, with time-outs of 0.1 to 3 s, in wind of 0 and 6 m/s (`tests/safety/test_offboard_loss.py`).
+to 5 m/s, with time-outs of 0.1 to 3 s, in wind of 0 and 6 m/s
+(`tests/safety/test_offboard_loss.py`).
 """
 
 from __future__ import annotations

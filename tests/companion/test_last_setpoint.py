@@ -66,7 +66,7 @@ AT_ONCE = {
 ELSEWHERE = {
     "heartbeat": "of an autopilot that falls silent the position is stale long before",
     "origin": "once known, only a restart makes it unknown",
-    "setpoint_rejected": "the last setpoint stands already when the supervisor hears of it: see below",
+    "setpoint_rejected": "the last setpoint stands when the supervisor hears of it: see below",
     "landing": "at rest already when the landing is asked for: see below",
 }
 
