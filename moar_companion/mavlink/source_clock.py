@@ -23,6 +23,8 @@ FOREIGN_S = 5.0
 _CONFIRMED_S = 0.3
 """Time for which another clock must advance without a packet of the old one. PX4 sends 100 stamps
 in that time, ArduPilot 30; a restart is silent for as long or longer (measured: 0.3 s, 1.2 s)."""
+_BESIDE_S = 2.0
+"""Time for which a clock must advance beside the line: a frozen one has fallen back by then."""
 _BESIDE_GAP_S = 1.0
 """Greatest interval of a clock that runs beside: each autopilot sends 30 stamps a second."""
 _RATE_S = 0.5
@@ -42,11 +44,12 @@ class Reading(enum.Enum):
 class _Other:
     """Sequence of packets off the line.
 
-    first_s: its beginning. since_s: the first of them after the last packet on the line; None where
-    one on the line came last.
+    first_s, first_stamp_s: its beginning. since_s: the first of them after the last packet on the
+    line; None where one on the line came last.
     """
 
     first_s: float
+    first_stamp_s: float
     since_s: float | None
     stamp_s: float
     arrived_s: float
@@ -86,11 +89,11 @@ class SourceClock:
                 self._delay_s = max(0.0, -lead_s)
             return Reading.CURRENT
         caught_up = passed_s >= 0.0 and lead_s <= FOREIGN_S
-        first_s, since_s = self._advanced(stamp_s, now_s)
+        since_s = self._advanced(stamp_s, now_s)
         if now_s - since_s >= _CONFIRMED_S:
             self._begin(stamp_s, now_s)
             return Reading.CURRENT if caught_up else Reading.RESTARTED
-        beside = lead_s < -FOREIGN_S and since_s - first_s >= _CONFIRMED_S
+        beside = lead_s < -FOREIGN_S and self._runs_beside(stamp_s, now_s)
         return Reading.FOREIGN if beside or lead_s > FOREIGN_S else Reading.LATE
 
     def is_ahead(self, stamp_s: float, now_s: float) -> bool:
@@ -116,16 +119,30 @@ class SourceClock:
     def _begin(self, stamp_s: float, now_s: float) -> None:
         self._last, self._delay_s, self._other = (stamp_s, now_s), 0.0, None
 
-    def _advanced(self, stamp_s: float, now_s: float) -> tuple[float, float]:
-        """Returns since when stamps off the line advance like a clock, beside it and alone."""
-        first_s = since_s = now_s
+    def _advanced(self, stamp_s: float, now_s: float) -> float:
+        """Takes a stamp off the line. Returns since when such stamps alone advance like a clock."""
+        first_s, first_stamp_s, since_s = now_s, stamp_s, now_s
         other = self._other
         if other is not None:
             passed_s, elapsed_s = self.passed_s(other.stamp_s, stamp_s), now_s - other.arrived_s
             apart_s = abs(passed_s - elapsed_s)
             if passed_s >= -self._behind_s and apart_s <= _RATE_S + self._behind_s:
                 if elapsed_s <= _BESIDE_GAP_S:
-                    first_s = other.first_s
+                    first_s, first_stamp_s = other.first_s, other.first_stamp_s
                 since_s = now_s if other.since_s is None else other.since_s
-        self._other = _Other(first_s=first_s, since_s=since_s, stamp_s=stamp_s, arrived_s=now_s)
-        return first_s, since_s
+        self._other = _Other(
+            first_s=first_s,
+            first_stamp_s=first_stamp_s,
+            since_s=since_s,
+            stamp_s=stamp_s,
+            arrived_s=now_s,
+        )
+        return since_s
+
+    def _runs_beside(self, stamp_s: float, now_s: float) -> bool:
+        """Returns True if the stamps off the line have advanced beside it for long enough."""
+        other = self._other
+        if other is None or now_s - other.first_s < _BESIDE_S:
+            return False
+        advance_s = self.passed_s(other.first_stamp_s, stamp_s)
+        return abs(advance_s - (now_s - other.first_s)) <= _RATE_S

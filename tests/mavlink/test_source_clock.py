@@ -69,7 +69,14 @@ def test_a_second_clock_that_runs_on_beside_ours_is_another_autopilots(apart_s):
         now_s = 0.02 * step
         assert clock.read(100.0 + now_s, now_s) is CURRENT
         seen.append(clock.read(100.0 + apart_s + now_s, now_s + 0.01))
-    assert set(seen[20:]) == {FOREIGN}
+    assert set(seen[110:]) == {FOREIGN}
+
+
+def test_a_stamp_that_is_repeated_beside_the_clock_is_no_other_clock():
+    clock = ran_for()
+    for step in range(500):
+        now_s = 10.0 + 0.02 * step
+        assert readings(clock, (now_s, 100.0 + now_s), (now_s + 0.01, 80.0)) == [CURRENT, LATE]
 
 
 def test_a_clock_that_begins_anew_is_believed_once_it_has_run_on_by_itself():
