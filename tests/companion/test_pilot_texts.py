@@ -180,7 +180,7 @@ def test_a_battery_of_another_number_of_cells_is_told_at_once_and_in_the_refusal
         misread="battery 0 of 16.0 V, not 12 cells",
     )
     found = causes(seen, Supervision(), 1.5, NOW_S)
-    reason = found.no_return_exit or found.no_return_evacuation
+    reason = found.energy_exit or found.energy_evacuation
     assert pilot_text(reason, "rejected") == "MOAR: battery 0 of 16.0 V, not 12 cells, rejected"
 
 

@@ -92,7 +92,6 @@ def test_every_scenario_is_flown_on_every_kind_but_where_a_simulator_cannot():
     }
     assert {key: reason for key, reason in reasons.items() if reason is not None} == {
         ("real-px4", "wind_and_calm"): "PX4 v1.17's own simulator has no wind",
-        ("fake-ardupilot", "takeover_by_sticks"): "the fake takes no RC_CHANNELS_OVERRIDE",
     }
 
 
