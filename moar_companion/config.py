@@ -112,15 +112,15 @@ class LinkLoss(str, enum.Enum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Supervision:
-    """Limits of a flight; mission/conditions.py defines the effect of each."""
+    """Limits of a flight; safety/conditions.py defines the effect of each."""
 
     position_timeout_s: Annotated[float, _Seconds] = 0.5
-    """An older position is stale: the stream ends (LOCAL_POSITION_NED comes at 30 Hz)."""
+    """An older position is stale: the stream ends (LOCAL_POSITION_NED comes at 30 to 40 Hz)."""
     heartbeat_timeout_s: Annotated[float, _Seconds] = 3.0
     """Time without any packet of the autopilot, heartbeat or other, until its link is lost."""
     mode_timeout_s: Annotated[float, _Seconds] = 3.0
     """Age of the last mode report at which control ends: the mode may have changed. The mode is
-    reported ten times a second: a link that loses 30 % is silent for so long once in 10^15."""
+    reported 20 times a second: a link that loses 30 % is silent for so long once in 10^31."""
     armed_timeout_s: Annotated[float, _Seconds] = 15.0
     """The same for the armed state, which HEARTBEAT alone reports, on PX4 once a second."""
     ready_timeout_s: Annotated[float, _Seconds] = 30.0

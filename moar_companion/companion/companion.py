@@ -270,7 +270,7 @@ class Companion:
 
     def contingency_answered(self, answer: PlanAnswer) -> None:
         """Takes the answer to a contingency's job; one that is no longer awaited is dropped."""
-        self._executor.way_answered(answer)
+        self._executor.contingency_answered(answer)
 
     def tick(self, now_s: float) -> None:
         """Runs one cycle: takes events, applies the checks, sends this instant's setpoint."""
@@ -331,7 +331,7 @@ class Companion:
         """
         if self._ground is None or now_s > self._read_by_s:
             return False
-        return self._session.autopilot is None or self._executor.routes.reluctance is not None
+        return self._session.autopilot is None or self._executor.routes.not_ready_reason is not None
 
     def _put_off(self, now_s: float) -> None:
         """Executes orders that end motion; other orders wait, or are rejected while compiling.

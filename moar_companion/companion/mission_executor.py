@@ -18,12 +18,23 @@ from ..margin import margin_of
 from ..mavlink.commands import Command, MissionCommand, PauseContinue
 from ..mavlink.session import Session, Severity
 from ..mission import state_machine
-from ..mission.values import Answer, Do, Effect, Overrule, Say, Seek, Situation, Step, Task, Verdict
+from ..mission.values import (
+    Answer,
+    Do,
+    Effect,
+    OverrideConditions,
+    Say,
+    Seek,
+    Situation,
+    Step,
+    Task,
+    Verdict,
+)
 from ..mission_states import IN_CONTROL, STREAMING, MissionState
 from ..planning.plan_jobs import PlanAnswer
 from ..power.cells import misread
 from ..risk import RiskEstimate
-from ..safety.checks import EscapeRoute, Host, Seen, widening_m
+from ..safety.checks import CheckInputs, EscapeRoute, Host, widening_m
 from ..safety.conditions import Action
 from ..safety.supervisor import Ruling
 from ..types import LandedState, Mission
@@ -179,7 +190,9 @@ class MissionExecutor:
             status, effects = state_machine.command(self.status, order, order_id, world, now_s)
             if not command.permitted:
                 # A sender without permission may stop the aircraft, but overrules no condition.
-                effects = tuple(item for item in effects if not isinstance(item, Overrule))
+                effects = tuple(
+                    item for item in effects if not isinstance(item, OverrideConditions)
+                )
             self._carry_out((status, effects), now_s)
             # The task may be flown already: the rest of a landing leg needs no plan.
             if status.order_id == order_id:
@@ -273,7 +286,7 @@ class MissionExecutor:
         ):
             self._send_last_setpoint(now_s)
 
-    def way_answered(self, answer: PlanAnswer) -> None:
+    def contingency_answered(self, answer: PlanAnswer) -> None:
         """Takes the answer to a contingency's job."""
         if self.risk_monitor.ways is not None:
             self.risk_monitor.ways.answered(answer, self.routes.volume)
@@ -345,7 +358,7 @@ class MissionExecutor:
             astray=flight is not None and error_m > guidance.tracking_hold_m,
         )
 
-    def _seen(self, now_s: float) -> Seen:
+    def _seen(self, now_s: float) -> CheckInputs:
         """Observations for the supervisor's checks."""
         flight, pose, ground = self.routes.flight, self._pose_tracker.pose, self._ground
         telemetry, ways = self._session.telemetry, self.risk_monitor.ways
@@ -354,7 +367,7 @@ class MissionExecutor:
         if ground is not None and pose is not None:
             room_m = ground.room_m(pose, self._vehicle.radius_m)
         agreement, jumped_m = self._pose_tracker.agreement, self._pose_tracker.jumped_m(now_s)
-        return Seen(
+        return CheckInputs(
             telemetry=telemetry,
             risk=self.risk,
             conflict=self._session.conflict,
@@ -388,7 +401,7 @@ class MissionExecutor:
             host=self.host,
             faults=replace(
                 self.faults.causes,
-                offboard_loss_unknown=self.routes.reluctance,
+                offboard_loss_unknown=self.routes.not_ready_reason,
                 fence=self.routes.fence_objection(pose),
                 offboard_loss_collision=self.routes.objection,
                 no_clearance=self.faults.causes.no_clearance or self.routes.no_room,
@@ -437,12 +450,12 @@ class MissionExecutor:
                     self._safety_monitor.note_told(condition)
             case Do.BRAKE:
                 self.routes.brake()
-            case Overrule(known):
+            case OverrideConditions(known):
                 self._safety_monitor.override(known)
                 if "origin_moved" in known:
                     self._pose_tracker.agreement.accept_origin()
                 self.mode_requester.forget_landing()
-            case Do.FAREWELL:
+            case Do.SEND_LAST_SETPOINT:
                 self._send_last_setpoint(now_s)
             case Do.LAND:
                 self.mode_requester.note_landing()
@@ -460,7 +473,7 @@ class MissionExecutor:
         plane = self._pose_tracker.plane
         if self.status.state not in STREAMING or not flight or not pose or not plane:
             if plane is not None and self._follows and self.ruling.last_setpoint:
-                self.setpoints.repay(plane, now_s)
+                self.setpoints.resend_last_setpoint(plane, now_s)
             self.setpoints.end()
             return
         in_control = self.status.state in IN_CONTROL

@@ -1,4 +1,4 @@
-"""Plan desk: the awaited plan, its start in flight, and the time of its request.
+"""Plan requests: the awaited plan, its start in flight, and the time of its request.
 
 Jobs go out as values and answers come back as values; only the newest job's answer counts.
 """

@@ -108,17 +108,17 @@ class RouteManager:
         return self.flight is not None and self.flight.braked
 
     @property
-    def reluctance(self) -> str | None:
+    def not_ready_reason(self) -> str | None:
         """Reason why no mission can start; None once offboard-loss action and fence are known."""
         if not self._offboard_loss_check.loss or not self.watch.known:
             return "autopilot parameters not read yet"
-        return None if self._ground is None else self._fences.reluctance
+        return None if self._ground is None else self._fences.not_ready_reason
 
     @property
     def volume(self) -> FlightVolume | None:
         """Flight volume of the vehicle; None while no mission can start."""
         ground, loss = self._ground, self._offboard_loss_check.loss
-        if ground is None or loss is None or self._fences.reluctance is not None:
+        if ground is None or loss is None or self._fences.not_ready_reason is not None:
             return None
         return FlightVolume(
             site=ground.site,

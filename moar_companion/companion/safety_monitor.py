@@ -8,7 +8,7 @@ from collections.abc import Collection
 from ..config import Supervision
 from ..mavlink.session import Severity
 from ..safety import supervisor
-from ..safety.checks import Seen, causes
+from ..safety.checks import CheckInputs, causes
 from ..safety.conditions import Action, Override, conditions
 from ..safety.supervisor import Acting, Ruling
 from ..types import Heard
@@ -67,7 +67,7 @@ class SafetyMonitor:
         """Ruling of the last cycle."""
         return self._ruling
 
-    def rule(self, seen: Seen, now_s: float) -> Ruling:
+    def rule(self, seen: CheckInputs, now_s: float) -> Ruling:
         """Judges the causes found now; returns the new ruling."""
         found = causes(seen, self._limits, self._off_path_m, now_s)
         self._watches, self._ruling = supervisor.step(self._watches, found, now_s, self._table)

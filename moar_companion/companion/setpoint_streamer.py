@@ -47,7 +47,7 @@ class SetpointStreamer:
         self._last_s = -math.inf
         self._jumped_m: Vector = (0.0, 0.0, 0.0)
         """Jump of the estimate since a setpoint last moved."""
-        self._owed: tuple[Setpoint, float] | None = None
+        self._unsent_last: tuple[Setpoint, float] | None = None
         """Last setpoint at rest of a cycle whose output was not sent, and the cycle's time."""
 
     def send(
@@ -92,17 +92,17 @@ class SetpointStreamer:
     def send_last_setpoint(self, flight: PathFollower, plane: PlaneToLocal, now_s: float) -> None:
         """Sends the last setpoint at rest; keeps it until the cycle's output is sent."""
         rest = self.rest(flight, plane, now_s)
-        self._owed = None if rest is None else (rest, now_s)
+        self._unsent_last = None if rest is None else (rest, now_s)
 
     def note_sent(self) -> None:
         """Notes that the output of the last cycle was sent."""
-        self._owed = None
+        self._unsent_last = None
 
-    def repay(self, plane: PlaneToLocal, now_s: float) -> None:
+    def resend_last_setpoint(self, plane: PlaneToLocal, now_s: float) -> None:
         """Sends the pending last setpoint again, while the aircraft is still near its position."""
-        if self._owed is None:
+        if self._unsent_last is None:
             return
-        last_setpoint, said_s = self._owed
+        last_setpoint, said_s = self._unsent_last
         if said_s < now_s <= said_s + self._limits.position_timeout_s:
             self._pass(last_setpoint, plane.position_to_ned(last_setpoint.position_m), plane, now_s)
 
@@ -121,8 +121,8 @@ class SetpointStreamer:
         if self._last is not None:
             self._jumped_m = _plus(self._jumped_m, jump.step_m)
             self._last = _shifted(self._last, jump)
-        if self._owed is not None:
-            self._owed = (_shifted(self._owed[0], jump), self._owed[1])
+        if self._unsent_last is not None:
+            self._unsent_last = (_shifted(self._unsent_last[0], jump), self._unsent_last[1])
 
     def end(self) -> None:
         """Ends the stream: there is no last setpoint any more."""

@@ -45,7 +45,7 @@ class SiteFence:
         """The source of `plane`; None before the first fence."""
         self.plane: PlaneFence | None = None
         """In the site's plane; None where there is no fence, or none is known."""
-        self.reluctance: str | None = _UNREAD
+        self.not_ready_reason: str | None = _UNREAD
         """Reason why no mission can start; None once the fence's place is known."""
         self.assumption: str | None = None
         """Text about unreported parts of the fence; None: all reported, or still requested."""
@@ -82,9 +82,9 @@ class SiteFence:
         self.assumption = fence.assumption
         if fence.about_home and home_m is None:
             if fence != self._placed:
-                self.reluctance = _NO_HOME
+                self.not_ready_reason = _NO_HOME
             return
-        self.reluctance, self._placed = None, fence
+        self.not_ready_reason, self._placed = None, fence
         self.plane = plane_fence(fence, self._site.frame, home_m, self._margin_m)
 
 

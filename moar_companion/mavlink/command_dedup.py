@@ -1,4 +1,4 @@
-"""Ledger of commands: executes each once, although packets come late, repeated or doubled. No I/O.
+"""Commands received: executed once each, although packets come late or repeated. No I/O.
 
 Inputs: packets with commands and cancels, and the service's decisions; output: events for the
 service and answers for the senders.
@@ -121,11 +121,11 @@ class CommandDedup:
     no old command undoes a stop. Old is:
 
     - a repeat: the same command from its sender within 2 s, over another link within 5 s, with a
-      confirmation above 0 within 30 s. The ledger repeats the last answer, or answers CANCELLED
+      confirmation above 0 within 30 s. The table repeats the last answer, or answers CANCELLED
       if the sender has given another command since or any sender a stop;
     - a command given before a stop but received after it: its confirmation is above 0 and a stop
       of any sender is at most 30 s old; or its sequence number is not after that of its sender's
-      own stop on the same link within the last 0.05 s. The ledger answers CANCELLED.
+      own stop on the same link within the last 0.05 s. The table answers CANCELLED.
     """
 
     def __init__(self, commands: Commands | None = None) -> None:

@@ -72,7 +72,7 @@ class Command:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionCommand(Command):
-    """MAV_CMD_USER_1; the ledger waits for its answer."""
+    """MAV_CMD_USER_1; its answer is awaited."""
 
     mission: MissionWord
     index: int | None
@@ -81,7 +81,7 @@ class MissionCommand(Command):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PauseContinue(Command):
-    """MAV_CMD_DO_PAUSE_CONTINUE; the ledger waits for its answer."""
+    """MAV_CMD_DO_PAUSE_CONTINUE; its answer is awaited."""
 
     pause: bool
 

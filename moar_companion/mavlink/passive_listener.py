@@ -1,6 +1,6 @@
 """Passive observer: packets of all senders on a link to telemetry and events. No I/O.
 
-Unlike the session a witness sends nothing. It reads the packets of the autopilot and its radio, of
+Unlike the session it sends nothing. It reads the packets of the autopilot and its radio, of
 ground stations, and of the companion itself, which a recording contains, too.
 """
 

@@ -35,7 +35,7 @@ _EPOCH_S = 1_420_070_400
 _NEW_STREAM_UNITS = 60 * UNITS_PER_S
 """Greatest lag of a stream's first packet behind the reference (specification)."""
 _DETOUR_UNITS = 5 * UNITS_PER_S
-"""Greatest lag of a copy over another link: the time in which the command ledger detects copies.
+"""Greatest lag of a copy over another link: the time in which `command_dedup` detects copies.
 After it a packet recorded on one link cannot be replayed on another."""
 
 _Stream: TypeAlias = tuple[int, int, int]

@@ -1,6 +1,6 @@
 """Identity and telemetry of the autopilot from the messages of all senders. No I/O.
 
-The session uses a listener on its own links, a witness on a recording.
+The session uses one on its own links, `passive_listener` on a recording.
 """
 
 from __future__ import annotations

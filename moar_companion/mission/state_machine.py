@@ -24,7 +24,7 @@ from .values import (
     Effect,
     MissionStatus,
     Order,
-    Overrule,
+    OverrideConditions,
     Say,
     Seek,
     Situation,
@@ -85,7 +85,13 @@ def command(
     overtaken, status = _cancelled(status), replace(status, order_id=None)
     if order is Order.HOLD and status.state in IN_CONTROL:
         held, effects = _enter(replace(status, goes_on=False), MissionState.HOLDING, now_s)
-        return held, (*overtaken, *effects, Do.BRAKE, Overrule(_known(world, now_s)), done)
+        return held, (
+            *overtaken,
+            *effects,
+            Do.BRAKE,
+            OverrideConditions(_known(world, now_s)),
+            done,
+        )
     if order is Order.HOLD and status.state is MissionState.READY:
         # The mode may have been given and not yet received: the stream must not end.
         ready = replace(status, held=True, sought=None)
@@ -131,7 +137,11 @@ def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
     )
     if status.order_id is None:
         return found, effects
-    return found, (*effects, Overrule(status.known), Answer(status.order_id, Verdict.ACCEPTED))
+    return found, (
+        *effects,
+        OverrideConditions(status.known),
+        Answer(status.order_id, Verdict.ACCEPTED),
+    )
 
 
 def unplanned(
@@ -441,12 +451,12 @@ def _silenced(
 ) -> Step:
     """Ends the stream; an open order fails.
 
-    With `farewell` a last setpoint at rest is sent, if there was a stream. Without it nothing
+    With `last_setpoint` one at rest is sent, if there was a stream. Without it nothing
     more is sent: the autopilot has left our control, or our data on the aircraft is not reliable.
     """
     taken_over = state is MissionState.OVERRIDDEN and status.state in _INTERRUPTED
     interrupted = status.task if taken_over else None
-    last = (Do.FAREWELL,) if last_setpoint and status.state in STREAMING else ()
+    last = (Do.SEND_LAST_SETPOINT,) if last_setpoint and status.state in STREAMING else ()
     silent = MissionStatus(state=state, since_s=now_s, task=interrupted)
     say = Say(reason, state.words, serious=state is not MissionState.IDLE)
     return silent, (*last, *_failed(status, reason), say)

@@ -93,7 +93,7 @@ class Situation:
     mode_ours: bool
     """True if the autopilot is in the mode in which it follows our setpoints."""
     mode_heard_s: float
-    """Time when its mode was last received: once a second, so it may have changed since."""
+    """Time when its mode was last received; it may have changed since."""
     on_leg: bool = False
     """True if the reference has entered the landing leg."""
     arrived: bool = False
@@ -134,7 +134,7 @@ class Say:
 
 
 @dataclass(frozen=True, slots=True)
-class Overrule:
+class OverrideConditions:
     """Effect: override the conditions known to the operator whose order is flown."""
 
     known: frozenset[str]
@@ -145,9 +145,9 @@ class Do(enum.Enum):
     """Effects without data."""
 
     BRAKE = "come to rest on the path and stay"
-    FAREWELL = "one last setpoint, at rest"
+    SEND_LAST_SETPOINT = "one last setpoint, at rest"
     LAND = "ask for the landing, where the configuration allows"
 
 
-Effect = Seek | Answer | Say | Overrule | Do
+Effect = Seek | Answer | Say | OverrideConditions | Do
 Step = tuple[MissionStatus, tuple[Effect, ...]]

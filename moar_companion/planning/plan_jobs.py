@@ -68,7 +68,7 @@ class PlanAnswer:
     reach: to obstacles with the plan's inflation; None: no inflation.
     too_wide: a plan exists without inflation. failed: the planner has not answered.
     narrowed_m: part of the margin that the plan omits, since none keeps the whole margin.
-    deadly: rejected; an offboard loss or link failsafe on this path would hit an obstacle.
+    would_collide: rejected; an offboard loss or link failsafe on this path would hit an obstacle.
     detail: the reason as a whole sentence, where that is too long for a pilot's text.
     """
 

@@ -264,14 +264,14 @@ def _place(sight: Sight, site: Site) -> Iterator[Finding]:
             remedy="is it the right site file? Else correct frame.origin",
         )
         return
-    reluctance = causes.plane or causes.moving
-    if reluctance is None:
+    not_ready_reason = causes.plane or causes.moving
+    if not_ready_reason is None:
         yield Finding(level=Level.OK, subject="position", text=text)
     else:
         yield Finding(
             level=Level.WARNING,
             subject="position",
-            text=reluctance,
+            text=not_ready_reason,
             remedy="hover in the plane before a mission is ordered; or correct the site's frame",
         )
     if grounded(sight.telemetry):

@@ -21,7 +21,7 @@ from ..planner.planner import Planner
 from ..power import PowerModel
 from ..risk import RiskEstimate, update
 from ..risk.holding import holding_parameters
-from ..safety.checks import Seen, causes
+from ..safety.checks import CheckInputs, causes
 from ..safety.conditions import Causes
 from ..safety.offboard_loss import OffboardLoss, loss_parameters
 from ..types import AutopilotKind
@@ -206,7 +206,7 @@ class Preflight:
 
     def _causes(self) -> Causes:
         """Returns the service's reasons against a flight now."""
-        seen = Seen(
+        seen = CheckInputs(
             telemetry=self._session.telemetry,
             risk=self._risk,
             pose=self._pose_tracker.pose,

@@ -1,1 +1,1 @@
-"""Pure: recordings through the companion's eyes."""
+"""Pure: recordings, decoded and assessed as in flight."""

@@ -76,7 +76,7 @@ class EventLog:
             self.tell("risk", rise_words(name, report))
 
     def take(self, said: Said) -> None:
-        """Adds an event for a message that a witness received."""
+        """Adds an event for a message that the listener received."""
         if isinstance(said, AutopilotFound):
             found = said.autopilot
             self.tell("autopilot", f"{found.kind.value}, system {found.system_id}")

@@ -1,6 +1,6 @@
 """Plays a recording: packets and their times in, a `Replay` out. No I/O.
 
-The witness defines a packet: of a .tlog it is one of MAVLink, of a ULog a sample of a topic.
+The listener defines a packet: of a .tlog it is one of MAVLink, of a ULog a sample of a topic.
 
 The flight code reads telemetry and judges risk, at its rate. The player decides and sends nothing:
 the companion's actions in this flight are in the recording.
@@ -75,18 +75,18 @@ class Hears(Protocol[Packet_contra]):
 
 
 class Player(Generic[Packet_contra]):
-    """Plays one recording. whereabouts: None without a site. drag: measured from it, if given."""
+    """Plays one recording. site_position: None without a site. drag: measured from it, if given."""
 
     def __init__(
         self,
         vehicle: Vehicle,
-        witness: Hears[Packet_contra],
+        listener: Hears[Packet_contra],
         site_position: SitePosition | None = None,
         *,
         drag: DragFlight | None = None,
     ) -> None:
         self._vehicle = vehicle
-        self._witness = witness
+        self._listener = listener
         self._site_position = site_position
         self._drag = drag
         self._power = PowerModel.of(vehicle)
@@ -112,10 +112,10 @@ class Player(Generic[Packet_contra]):
                 "recording", f"nothing was recorded for {_duration(now_s - self._packet_s)}"
             )
         self._packet_s = now_s
-        before = self._witness.telemetry
-        for said in self._witness.hear(packet, now_s):
+        before = self._listener.telemetry
+        for said in self._listener.hear(packet, now_s):
             self._chronicle.take(said)
-        after = self._witness.telemetry
+        after = self._listener.telemetry
         if after is not before:
             self._chronicle.compare(before, after)
 
@@ -127,18 +127,18 @@ class Player(Generic[Packet_contra]):
     def finish(self, recording: str) -> Replay:
         """Returns the whole replay, after the last packet; `recording` is its name."""
         self._think_to_the_end()
-        witness = self._witness
-        if witness.autopilot is None:
+        listener = self._listener
+        if listener.autopilot is None:
             self._chronicle.tell("recording", "no autopilot's heartbeat: nothing is known")
         return Replay(
             recording=recording,
             vehicle=self._vehicle.name,
-            autopilot="unknown" if witness.autopilot is None else witness.autopilot.value,
-            vehicle_type=witness.vehicle_type,
+            autopilot="unknown" if listener.autopilot is None else listener.autopilot.value,
+            vehicle_type=listener.vehicle_type,
             duration_s=self._packet_s,
             samples=tuple(self._samples),
             events=tuple(self._chronicle.events),
-            inputs={name: (item.messages, item.last_s) for name, item in witness.inputs.items()},
+            inputs={name: (item.messages, item.last_s) for name, item in listener.inputs.items()},
             measures={
                 index: {
                     name: ReplayMeasure(
@@ -151,7 +151,7 @@ class Player(Generic[Packet_contra]):
             },
             sources={
                 source: (counted.received, counted.lost)
-                for source, counted in witness.sources.items()
+                for source, counted in listener.sources.items()
             },
         )
 
@@ -173,11 +173,11 @@ class Player(Generic[Packet_contra]):
 
     def _think(self, now_s: float, ticks: int) -> None:
         """Runs a cycle that stands for `ticks` of them: the known data is the same in all."""
-        self._witness.tick(now_s)
-        telemetry = self._witness.telemetry
+        self._listener.tick(now_s)
+        telemetry = self._listener.telemetry
         self._chronicle.watch_link(telemetry)
         judged = telemetry
-        if not self._witness.leans:
+        if not self._listener.leans:
             # A plane banks, a rover tilts with the ground: wind does not cause their lean.
             judged = replace(telemetry, attitude=None, motors=None, motor_speeds=None)
         if self._drag is not None:

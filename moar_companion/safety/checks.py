@@ -108,7 +108,7 @@ class EscapeRoute:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Seen:
+class CheckInputs:
     """Observations for the checks.
 
     faults: causes that are known as such. conflict: text about a second autopilot.
@@ -165,7 +165,7 @@ class Seen:
     faults: Causes = field(default_factory=Causes)
 
 
-def causes(seen: Seen, limits: Supervision, off_path_m: float, now_s: float) -> Causes:
+def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: float) -> Causes:
     """Returns all present reasons against a flight. off_path_m: the vehicle's."""
     telemetry, faults = seen.telemetry, seen.faults
     return Causes(
@@ -266,7 +266,7 @@ def _known_now(index: IndexReport, names: Collection[str]) -> bool:
     return any(report.known and report.name in names for report in index.inputs)
 
 
-def _control(seen: Seen) -> str | None:
+def _control(seen: CheckInputs) -> str | None:
     autopilot = seen.telemetry.autopilot
     if autopilot is None:
         return "no autopilot is heard"
@@ -277,7 +277,7 @@ def _control(seen: Seen) -> str | None:
     return None if autopilot.multirotor else "the vehicle is no multirotor"
 
 
-def _position(seen: Seen, limits: Supervision, now_s: float) -> str | None:
+def _position(seen: CheckInputs, limits: Supervision, now_s: float) -> str | None:
     if seen.telemetry.local_position is None:
         return "no local position is heard"
     under_way_s = link_age.delay_s(seen.telemetry.link, seen.position_late_s)
@@ -293,7 +293,7 @@ def _attitude(telemetry: Telemetry, now_s: float) -> str | None:
     return None if known else "the attitude is unknown"
 
 
-def _mode(seen: Seen, *, landing: bool) -> str | None:
+def _mode(seen: CheckInputs, *, landing: bool) -> str | None:
     autopilot = seen.telemetry.autopilot
     if not seen.in_control or autopilot is None or seen.landing is not landing:
         return None
@@ -305,7 +305,7 @@ def _batteries(telemetry: Telemetry) -> list[tuple[int, Battery]]:
     return [item for item in sorted(telemetry.batteries.items()) if is_powered(item[1])]
 
 
-def _battery_critical(seen: Seen) -> str | None:
+def _battery_critical(seen: CheckInputs) -> str | None:
     for number, battery in sorted(seen.telemetry.batteries.items()):
         state: float | None = battery.charge_state if is_powered(battery) else None
         if state is None:
@@ -315,7 +315,7 @@ def _battery_critical(seen: Seen) -> str | None:
     return None
 
 
-def _battery_reserve(seen: Seen, reserve: float) -> str | None:
+def _battery_reserve(seen: CheckInputs, reserve: float) -> str | None:
     for number, battery in sorted(seen.telemetry.batteries.items()):
         remaining = battery.remaining if is_powered(battery) else None
         if remaining is None:
@@ -325,7 +325,7 @@ def _battery_reserve(seen: Seen, reserve: float) -> str | None:
     return None
 
 
-def _battery_silent(seen: Seen, now_s: float) -> str | None:
+def _battery_silent(seen: CheckInputs, now_s: float) -> str | None:
     for number, battery in sorted(seen.telemetry.batteries.items()):
         powered, age_s = is_powered(battery), now_s - battery.received_s
         if powered and age_s > BATTERY_MAX_AGE_S and _tells(battery):
@@ -336,7 +336,7 @@ def _battery_silent(seen: Seen, now_s: float) -> str | None:
     return None
 
 
-def _told_before(seen: Seen, number: int, what: str) -> float | None:
+def _told_before(seen: CheckInputs, number: int, what: str) -> float | None:
     """Last reported value of a battery that the risk estimate keeps; None if there is none."""
     last = seen.risk.last_known.get("battery", {}).get(f"battery {number} {what}")
     return None if last is None else last.value
@@ -348,7 +348,7 @@ def _tells(battery: Battery) -> bool:
     return battery.remaining is not None or told
 
 
-def _saturated(seen: Seen) -> str | None:
+def _saturated(seen: CheckInputs) -> str | None:
     if seen.drifted_m is not None:
         return f"wind too strong, drifting {max(1.0, seen.drifted_m):.0f} m"
     off_m = seen.error_m
@@ -357,7 +357,7 @@ def _saturated(seen: Seen) -> str | None:
     return f"wind too strong, {off_m:.1f} m off the path"
 
 
-def _wind(seen: Seen, limit_mps: float) -> str | None:
+def _wind(seen: CheckInputs, limit_mps: float) -> str | None:
     item = strongest(tuple(seen.risk.last_known.get("wind", {}).values()))
     if item is None:
         return None
@@ -367,7 +367,7 @@ def _wind(seen: Seen, limit_mps: float) -> str | None:
     return f"{words} ({item.remark})" if words and item.remark else words
 
 
-def _no_return(seen: Seen, mission: Mission) -> str | None:
+def _no_return(seen: CheckInputs, mission: Mission) -> str | None:
     words = _too_little_left(seen.escape_route, mission)
     return seen.misread if words and seen.misread and not seen.in_control else words
 
@@ -401,19 +401,19 @@ def _ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str
     return f"no ground station for {now_s - heard.received_s:.0f} s"
 
 
-def _standing(seen: Seen) -> str | None:
+def _standing(seen: CheckInputs) -> str | None:
     if not seen.stands:
         return None
     error = "" if seen.error_m is None else f", {_distance(seen.error_m)} m from setpoint"
     return f"no progress{error}"
 
 
-def _plan(seen: Seen, limit_s: float) -> str | None:
+def _plan(seen: CheckInputs, limit_s: float) -> str | None:
     awaited_s = seen.plan_awaited_s
     return exceeds("no new plan for", awaited_s, limit_s, "s")
 
 
-def _obstacle(seen: Seen) -> str | None:
+def _obstacle(seen: CheckInputs) -> str | None:
     least_m = seen.widening_m
     if seen.room_m is None or seen.room_m >= least_m:
         return None
@@ -422,7 +422,7 @@ def _obstacle(seen: Seen) -> str | None:
     return f"{words} (position uncertainty {known_m:.1f} m)" if known_m and least_m else words
 
 
-def _plane(seen: Seen, limits: Supervision) -> str | None:
+def _plane(seen: CheckInputs, limits: Supervision) -> str | None:
     if seen.pose is None or seen.in_control:
         return None  # the flight goes on, and the escape route stays open
     beside_m, limit_m = seen.pose.position_m[1], limits.plane_tolerance_m
@@ -445,14 +445,14 @@ def compass(towards_rad: float) -> str:
     return _COMPASS[round(towards_rad / (math.tau / len(_COMPASS))) % len(_COMPASS)]
 
 
-def _moving(seen: Seen) -> str | None:
+def _moving(seen: CheckInputs) -> str | None:
     if seen.pose is None or seen.in_control:
         return None
     words = exceeds("moving at", math.hypot(*seen.pose.velocity_mps), _HOVER_MPS, "m/s")
     return None if words is None else f"{words}, hover first"
 
 
-def _unknown(seen: Seen, now_s: float) -> str | None:
+def _unknown(seen: CheckInputs, now_s: float) -> str | None:
     tells = any(_tells(battery) for _, battery in _batteries(seen.telemetry))
     missing = [
         name

@@ -99,8 +99,8 @@ class Condition:
 
     name: a field of Causes. starts: the cause that starts it. after_s: time that its cause lasts
     before it acts, including breaks shorter than that and over_s. over_s: time that the cause
-    must be over before it clears. latched: it then still needs a new order to clear. farewell: a
-    last setpoint at rest is useful when the stream ends. rest: the mission's state after that.
+    must be over before it clears. latched: it then still needs a new order to clear.
+    last_setpoint: one at rest is useful when the stream ends. rest: the mission's state after that.
     """
 
     name: str

@@ -52,7 +52,7 @@ from .systemd import Watchdog, notify
 
 _SWITCH_INTERVAL_S = 0.0005
 """The planner thread gives the interpreter back to the streaming loop at least this often."""
-_LONGEST_THOUGHT_S = 0.1
+_MAX_CYCLE_S = 0.1
 """Output of a cycle older than this is discarded. No setpoint leaves 200 ms after its cycle began:
 the rest is for operating-system delays between the clock reading and the sending."""
 _LONGEST_WAIT_S = 0.05
@@ -262,7 +262,7 @@ class Service:
 
     def _is_late(self, due_s: float) -> bool:
         """True if more than the maximum cycle age has passed since `due_s`, in real time."""
-        return self._now_s() - due_s > _LONGEST_THOUGHT_S * self._speed
+        return self._now_s() - due_s > _MAX_CYCLE_S * self._speed
 
     async def _catch_up(self) -> None:
         """Receives all queued bytes after a stall, so that the next cycle uses the newest."""

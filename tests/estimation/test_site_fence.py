@@ -146,28 +146,28 @@ PARAMETERS = {"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 10.0, "GF_MAX_VER_DIST": 0.0,
 
 def test_until_it_is_told_why_nothing_is_begun():
     watch = SiteFence(SITE, 1.5)
-    assert "not read yet" in watch.reluctance
+    assert "not read yet" in watch.not_ready_reason
     watch.learn(AutopilotKind.PX4, PARAMETERS, None, HOME_M)
-    assert "not read yet" in watch.reluctance
+    assert "not read yet" in watch.not_ready_reason
     watch.learn(AutopilotKind.PX4, PARAMETERS, (), None)
-    assert "home" in watch.reluctance
+    assert "home" in watch.not_ready_reason
     watch.learn(AutopilotKind.PX4, PARAMETERS, (), HOME_M)
-    assert watch.reluctance is None
+    assert watch.not_ready_reason is None
     assert watch.plane is not None
 
 
 def test_a_fence_about_an_unknown_home_keeps_from_planning_though_another_was_known():
     watch = SiteFence(SITE, 1.5)
     watch.learn(AutopilotKind.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), None)
-    assert (watch.reluctance, watch.plane) == (None, None)
+    assert (watch.not_ready_reason, watch.plane) == (None, None)
     watch.learn(AutopilotKind.PX4, PARAMETERS, (), None)
-    assert "home" in watch.reluctance
+    assert "home" in watch.not_ready_reason
     watch.learn(AutopilotKind.PX4, PARAMETERS, (), HOME_M)
-    assert watch.reluctance is None
+    assert watch.not_ready_reason is None
     known = watch.plane
     watch.learn(AutopilotKind.PX4, {}, (), None)
     watch.learn(AutopilotKind.PX4, PARAMETERS, (), None)  # the same, asked for again
-    assert watch.reluctance is None
+    assert watch.not_ready_reason is None
     assert watch.plane is known
 
 
@@ -177,7 +177,7 @@ def test_what_is_asked_for_again_stays_what_it_was():
     known = watch.plane
     watch.learn(AutopilotKind.PX4, {}, (), HOME_M)
     assert watch.plane is known
-    assert watch.reluctance is None
+    assert watch.not_ready_reason is None
     watch.learn(AutopilotKind.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), HOME_M)
     assert watch.plane is None
 

@@ -11,7 +11,7 @@ from moar_companion.mission.values import (
     Do,
     MissionStatus,
     Order,
-    Overrule,
+    OverrideConditions,
     Say,
     Seek,
     Situation,
@@ -127,7 +127,7 @@ class Story:
         self.status, effects = step
         self.effects = list(effects)
         for effect in self.effects:
-            if isinstance(effect, Overrule):
+            if isinstance(effect, OverrideConditions):
                 self.watches = supervisor.overridden(self.watches, known=effect.known)
         return self
 
@@ -157,7 +157,7 @@ class Story:
 
     @property
     def last_setpoint(self):
-        return Do.FAREWELL in self.effects
+        return Do.SEND_LAST_SETPOINT in self.effects
 
 
 def story(state, task=INSPECTION, **options):

@@ -21,14 +21,14 @@ STATUS = {"nav_state": 14, "arming_state": 2, "failsafe": 0, "system_type": 2, "
 
 def heard(*rows):
     """The telemetry after rows of topics: name and instance, and the fields."""
-    witness = UlogListener()
+    listener = UlogListener()
     for number, (name, fields) in enumerate(rows, start=1):
         topic, _, instance = name.partition(":")
         columns = {key: [value] for key, value in ({"timestamp": number * 10**6} | fields).items()}
         one = Topic(name=topic, instance=int(instance or 0), columns=columns)
         for time_s, sample in samples([one], [], 0):
-            witness.hear(sample, time_s)
-    return witness
+            listener.hear(sample, time_s)
+    return listener
 
 
 def telemetry(name, **fields):
@@ -36,15 +36,15 @@ def telemetry(name, **fields):
 
 
 def test_the_status_is_the_heartbeat_of_the_same_mode():
-    witness = heard(("vehicle_status", STATUS | {"component_id": 1}))
-    status = witness.telemetry.autopilot
+    listener = heard(("vehicle_status", STATUS | {"component_id": 1}))
+    status = listener.telemetry.autopilot
     assert (status.mode, status.armed, status.ours, status.failsafe) == (
         "OFFBOARD",
         True,
         True,
         False,
     )
-    assert (witness.vehicle_type, witness.leans, status.motors) == ("quadrotor", True, 4)
+    assert (listener.vehicle_type, listener.leans, status.motors) == ("quadrotor", True, 4)
 
 
 @pytest.mark.parametrize(

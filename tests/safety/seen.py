@@ -10,7 +10,7 @@ from moar_companion.estimation.pose import Pose
 from moar_companion.risk import IndexReport, InputReport, RiskEstimate, RiskReport
 from moar_companion.risk.localization import LocalizationMemory
 from moar_companion.risk.receivers import ReceiverMemory
-from moar_companion.safety.checks import EscapeRoute, Host, Seen, causes
+from moar_companion.safety.checks import CheckInputs, EscapeRoute, Host, causes
 from moar_companion.types import (
     Attitude,
     Battery,
@@ -118,7 +118,7 @@ def risk(
 
 
 RISK = risk(wind(4.0))
-IN_FLIGHT = Seen(
+IN_FLIGHT = CheckInputs(
     telemetry=TELEMETRY,
     risk=RISK,
     pose=POSE,
