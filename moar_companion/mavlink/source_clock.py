@@ -25,8 +25,10 @@ _CONFIRMED_S = 0.3
 in that time, ArduPilot 30; a restart is silent for as long or longer (measured: 0.3 s, 1.2 s)."""
 _BESIDE_S = 2.0
 """Time for which a clock must advance beside the line: a frozen one has fallen back by then."""
-_BESIDE_GAP_S = 1.0
-"""Greatest interval of a clock that runs beside: each autopilot sends 30 stamps a second."""
+_BESIDE_GAP_S = 12.0
+"""Greatest interval of a clock that runs beside: TIMESYNC of an ArduPilot without streams, 10 s."""
+_DRIFT = 1e-3
+"""Greatest difference of two clocks' rates; NTP slews one by half of that."""
 _RATE_S = 0.5
 """Greatest difference of advance to the companion's clock between two packets, by their delays."""
 
@@ -145,4 +147,5 @@ class SourceClock:
         if other is None or now_s - other.first_s < _BESIDE_S:
             return False
         advance_s = self.passed_s(other.first_stamp_s, stamp_s)
-        return abs(advance_s - (now_s - other.first_s)) <= _RATE_S
+        elapsed_s = now_s - other.first_s
+        return abs(advance_s - elapsed_s) <= _RATE_S + _DRIFT * elapsed_s

@@ -28,6 +28,8 @@ _CLOCK_TOLERANCE_S = 1.0
 that reorders packets delivers them up to 1 s late."""
 _BOOT_ROUND_S = 2**32 * 1e-3
 """Wrap of `time_boot_ms`: 32 bits, 49.7 days."""
+_MOST_PACKETS = 4096
+"""Packets by which copies of a slower route are recognised: 20 s at 200 a second."""
 _HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
 
 
@@ -49,6 +51,8 @@ class TelemetryReceiver:
         self.identity = Identity()
         self.telemetry = Telemetry()
         self._boot_clock = SourceClock(round_s=_BOOT_ROUND_S, behind_s=_CLOCK_TOLERANCE_S)
+        self._packets_read: dict[tuple[int, int, float], None] = {}
+        """Message, sequence number and stamp of the last packets with the autopilot's clock."""
         self._order = PacketOrder(same={CURRENT_MODE_ID: _HEARTBEAT}, boot_clock=self._boot_clock)
         self._packet_s = 0.0
 
@@ -97,10 +101,19 @@ class TelemetryReceiver:
     def _read_clock(
         self, message: Message, now_s: float
     ) -> AutopilotRestarted | AutopilotConflict | None:
-        """Event from the autopilot's clock: its restart, or a second clock under its ids."""
+        """Event from the autopilot's clock: its restart, or a second clock under its ids.
+
+        A copy by a slower route reports nothing of the clock.
+        """
         boot_s, autopilot = translate.boot_time_s(message), self.identity.autopilot
         if boot_s is None or autopilot is None:
             return None
+        packet = message.get_msgId(), message.get_seq(), boot_s
+        if packet in self._packets_read:
+            return None
+        self._packets_read[packet] = None
+        if len(self._packets_read) > _MOST_PACKETS:
+            del self._packets_read[next(iter(self._packets_read))]
         reading = self._boot_clock.read(boot_s, now_s)
         if reading is Reading.RESTARTED:
             return AutopilotRestarted(autopilot=autopilot)

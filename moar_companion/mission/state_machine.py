@@ -215,7 +215,7 @@ def tick(
         idle, effects = _silenced(
             status, MissionState.IDLE, ruling.reason, now_s, last_setpoint=True
         )
-        rest = status.task if state is MissionState.PLANNING else None
+        rest = None if status.held else status.task
         return replace(idle, task=rest), effects
     return _onward(status, world, ready_timeout_s, now_s)
 
@@ -320,7 +320,8 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
         late = world.mode_heard_s - status.since_s >= ready_timeout_s
         if late or world.astray:
             reason = "the mode was not given" if late else "the aircraft has left its place"
-            return _silenced(status, MissionState.IDLE, reason, now_s, last_setpoint=True)
+            idle, effects = _silenced(status, MissionState.IDLE, reason, now_s, last_setpoint=True)
+            return replace(idle, task=None if status.held else status.task), effects
     elif state is MissionState.FLYING and world.on_leg:
         return _enter(status, MissionState.LANDING_LEG, now_s, keep_sought=True)
     elif state is MissionState.LANDING_LEG and not world.on_leg:

@@ -94,11 +94,19 @@ def test_however_many_old_packets_come_at_once_they_are_no_restart(count):
 def test_nor_are_single_old_packets_among_those_of_the_clock_that_is_known():
     clock = ran_for()
     for count in range(100):
-        now_s = 10.0 + 1.5 * count
-        assert readings(clock, (now_s, 100.0 + now_s), (now_s + 0.05, 40.0 + now_s)) == [
-            CURRENT,
-            LATE,
-        ]
+        now_s, late_s = 10.0 + 1.5 * count, 10.0 + 7.0 * (count % 5)
+        pair = (now_s, 100.0 + now_s), (now_s + 0.05, 100.0 + now_s - late_s)
+        assert readings(clock, *pair) == [CURRENT, LATE]
+
+
+def test_a_clock_behind_ours_is_anothers_though_it_stamps_every_ten_seconds_and_drifts():
+    """An ArduPilot without streams sends TIMESYNC so often."""
+    clock, seen = ran_for(), []
+    for count in range(1200):
+        now_s = 10.0 + 10.0 * count
+        clock.read(100.0 + now_s, now_s)
+        seen.append(clock.read(50.0 + 1.0005 * now_s, now_s + 0.05))
+    assert set(seen[2:]) == {FOREIGN}
 
 
 def test_one_packet_repeated_does_not_run_on():

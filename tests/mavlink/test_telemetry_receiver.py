@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import pytest
+
 from moar_companion.config import LinkRole
 from moar_companion.mavlink.codec import Codec, SourceStatistics
 from moar_companion.mavlink.dialect import mavlink
@@ -44,6 +46,25 @@ def test_a_restart_forgets_what_the_autopilot_said_and_nothing_else():
     assert listener.telemetry.attitude is None
     assert listener.telemetry.ground_station is not None
     assert hear(listener, autopilot.attitude(1.0)) is None  # its clock begins anew
+
+
+@pytest.mark.parametrize("later_s", [0.6, 2.0, 6.0])
+@pytest.mark.parametrize("gap_s", [0.0, 0.4])
+def test_copies_by_a_slower_route_are_neither_a_restart_nor_another_autopilot(later_s, gap_s):
+    """The direct route pauses once; the copies of what it brought arrive all the same."""
+    listener, autopilot = TelemetryReceiver(), Peer(1, 1)
+    hear(listener, autopilot.heartbeat(), now_s=0.0)
+    packets = {step: autopilot.attitude(100.0 + 0.02 * step) for step in range(1000)}
+    copied = round(later_s / 0.02)
+    for step in range(1000):
+        now_s = 1.0 + 0.02 * step
+        if not 10.0 <= now_s < 10.0 + gap_s:
+            assert hear(listener, packets[step], now_s=now_s) is None
+            assert listener.telemetry.attitude.received_s == now_s
+        if step >= copied:
+            before = listener.telemetry.attitude
+            assert hear(listener, packets[step - copied], now_s=now_s + 0.01) is None
+            assert listener.telemetry.attitude == before
 
 
 def test_packets_are_dated_by_the_autopilots_last():

@@ -290,6 +290,16 @@ def test_what_may_be_continued_outlives_an_order_that_comes_to_nothing(begun, en
 
 
 @pytest.mark.parametrize("begun", [after_a_restart, after_a_takeover])
+def test_what_may_be_continued_outlives_a_mode_that_is_not_given(begun):
+    flight = begun().order(Order.CONTINUE).plan_found()
+    assert flight.state == "ready"
+    flight.tick(31.0)
+    assert (flight.state, flight.status.task) == ("idle", INSPECTION)
+    flight.order(Order.CONTINUE)
+    assert (flight.state, flight.sought) == ("planning", [INSPECTION])
+
+
+@pytest.mark.parametrize("begun", [after_a_restart, after_a_takeover])
 def test_a_release_or_a_landing_forgets_what_may_be_continued(begun):
     for forget in (
         lambda flight: flight.order(Order.RELEASE),
