@@ -9,9 +9,13 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from moar_companion.companion.companion import Companion
 from moar_companion.config import CompanionConfig
 from moar_companion.service.app import run_service
+
+try:
+    from moar_companion.companion.companion import Companion
+except ImportError:  # checkouts before that package
+    from moar_companion.service.companion import Companion
 
 
 def main() -> None:
