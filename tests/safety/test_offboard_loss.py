@@ -346,8 +346,9 @@ def test_a_home_beyond_the_ocean_is_looked_at_on_the_site_alone():
 
 @given(st.data())
 def test_what_is_hit_is_hit_wherever_the_grid_ends(data):
-    places = st.tuples(st.floats(-30.0, 50.0), st.floats(-30.0, 40.0))
-    start, end = data.draw(places), data.draw(places)
+    # In millimetres: shapely divides by the length of a line.
+    places = st.tuples(st.integers(-30_000, 50_000), st.integers(-30_000, 40_000))
+    start, end = (tuple(1e-3 * value for value in data.draw(places)) for _ in range(2))
     line = LineString([start, end])
     wire = Point(5.5, 4.5)
     hit = first_hit(REACH, [(np.array([start]), np.array([end]))])
