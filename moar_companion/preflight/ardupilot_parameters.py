@@ -69,7 +69,7 @@ RULES = (
     Rule(
         parameter="GUID_TIMEOUT",
         judge=time_on_last_setpoint(AutopilotKind.ARDUPILOT),
-        meaning="how long ArduPilot flies on along the last setpoint of a dead companion",
+        meaning="how long ArduPilot flies on along the last setpoint of a failed companion",
         remedy="set 0.5",
         unknown=Level.NO_GO,
     ),

@@ -12,7 +12,7 @@ from ..types import Mission, Vector
 from .findings import Finding, Level
 from .site_routes import ways_of
 
-SUBJECT = "dead companion"
+SUBJECT = "companion failure"
 
 
 def objection_level(policy: LossCheck, mission: Mission = Mission.INSPECTION) -> Level:

@@ -63,7 +63,7 @@ RULES = (
     Rule(
         parameter="COM_OF_LOSS_T",
         judge=time_on_last_setpoint(AutopilotKind.PX4),
-        meaning="how long PX4 stays with the last setpoint of a dead companion",
+        meaning="how long PX4 stays with the last setpoint of a failed companion",
         remedy="set 0.5",
     ),
     Rule(

@@ -181,7 +181,8 @@ class OffboardLoss:
     def objection_anywhere(self) -> str | None:
         """Reason why an offboard loss is unsafe anywhere; None if that depends on the place."""
         if self.timeout_s is not None and self.timeout_s > _LONGEST_S:
-            return f"it would fly on for {self.timeout_s:.3g} s (if we died; set GUID_TIMEOUT 0.5)"
+            fly_on = f"it would fly on for {self.timeout_s:.3g} s"
+            return f"{fly_on} (on offboard loss; set GUID_TIMEOUT 0.5)"
         if self.action is Action.RETURN and self.home is None:
             return self._against(
                 f"{self.action.value} by an unknown way", why="RTL_TYPE is not 0; "
@@ -207,4 +208,4 @@ class OffboardLoss:
         )
 
     def _against(self, what: str, how: str = "", why: str = "") -> str:
-        return f"PX4 would {what} ({how}if we died; {why}set COM_OBL_RC_ACT 5)"
+        return f"PX4 would {what} ({how}on offboard loss; {why}set COM_OBL_RC_ACT 5)"

@@ -311,7 +311,7 @@ def test_an_aircraft_by_real_sockets_with_what_to_mend_and_status_1(capsys, unus
     assert "  warning  COM_OBL_RC_ACT: 0 (position mode" in out
     assert "set 5 (hold) or 4 (land)" in out
     assert "PX4 would hit " in out
-    assert "it would return if we died" in " ".join(out.split())
+    assert "it would return on offboard loss" in " ".join(out.split())
     assert "\nNO-GO: " in out
 
 

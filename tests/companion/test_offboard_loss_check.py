@@ -1,4 +1,4 @@
-"""Whether what is flown may be, by what the autopilot would do if we died: as the companion has it.
+"""Judging plans by what the autopilot would do on offboard loss, as the companion does it.
 
 Before the flight, and when a parameter or the home is changed on its way.
 """
@@ -113,7 +113,7 @@ def test_what_is_done_about_it_is_configured(policy):
     assert desk.answers() == [DENIED if policy is LossCheck.REFUSE else ACCEPTED]
     assert desk.said("MOAR: PX4 would hit right-lower")
     # What mends it is in the record, whole.
-    assert "PX4 would hit right-lower (it would land if we died; set COM_OBL_RC_ACT 5)" in {
+    assert "PX4 would hit right-lower (it would land on offboard loss; set COM_OBL_RC_ACT 5)" in {
         text["reason"] for text in desk.decided("text")
     }
 

@@ -132,7 +132,7 @@ def test_px4_as_it_comes_is_a_no_go_for_what_it_does_after_a_dead_companion():
     found = Look().findings()
     assert [name for name, item in found.items() if item.level is NO_GO] == [
         "take over",
-        "dead companion",
+        "companion failure",
     ]
     assert found["COM_OBL_RC_ACT"].level is WARNING
     assert found["COM_OF_LOSS_T"].level is WARNING
@@ -161,7 +161,7 @@ def test_ardupilot_as_it_comes_flies_on_for_long_and_hits_nothing():
     found = Look(autopilot="ardupilot", age_s=60.0, vehicle=vehicle).findings()
     assert [name for name, item in found.items() if item.level is NO_GO] == []
     assert found["GUID_TIMEOUT"].level is WARNING
-    assert found["dead companion"].level is OK
+    assert found["companion failure"].level is OK
     assert found["FS_THR_ENABLE"].level is WARNING
 
 
@@ -352,7 +352,7 @@ def test_ground_is_where_the_site_has_a_landing_point():
 
 def test_without_a_site_there_is_no_place_to_judge():
     found = Look(site=None).findings()
-    assert {"position", "dead companion"}.isdisjoint(found)
+    assert {"position", "companion failure"}.isdisjoint(found)
     assert found["LOCAL_POSITION_NED"].level is OK
 
 
@@ -422,7 +422,7 @@ def test_a_link_that_loses_packets():
     assert "% of packets" in found["communication risk"].text
     # Each is asked for again until it is told.
     assert "unknown" not in found["COM_OBL_RC_ACT"].text
-    assert "not told" not in found["dead companion"].text
+    assert "not told" not in found["companion failure"].text
 
 
 @pytest.mark.parametrize(

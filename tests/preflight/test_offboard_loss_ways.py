@@ -1,4 +1,4 @@
-"""If we died: the check says before the flight what the service says then."""
+"""On offboard loss: the check says before the flight what the service says then."""
 
 from dataclasses import replace
 

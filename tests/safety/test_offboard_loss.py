@@ -281,13 +281,13 @@ def test_holding_is_fine_anywhere():
 def test_landing_is_fine_where_nothing_is_below():
     lands = loss(PX4, COM_OBL_RC_ACT=4.0)
     assert objection(lands, (5.5, 3.5), (8.5, 5.5)) is None
-    words = "PX4 would hit wire (it would land if we died; set COM_OBL_RC_ACT 5)"
+    words = "PX4 would hit wire (it would land on offboard loss; set COM_OBL_RC_ACT 5)"
     assert objection(lands, (8.5, 5.5), (5.5, 7.5)) == words
 
 
 def test_a_return_climbs_flies_level_and_comes_down_at_home():
     returns = loss(PX4)
-    words = "PX4 would hit wire (it would return if we died; set COM_OBL_RC_ACT 5)"
+    words = "PX4 would hit wire (it would return on offboard loss; set COM_OBL_RC_ACT 5)"
     assert objection(returns, (8.5, 5.5), (5.5, 5.5)) is None
     assert objection(returns, (5.5, 1.5)) == words  # climbs
     assert objection(returns, (8.5, 8.5), home=(5.5, 0.0, 0.0)) == words  # comes down
@@ -321,7 +321,8 @@ def test_the_height_of_a_return_is_px4s(parameters, distance_m, height_m, level_
 @pytest.mark.parametrize("value", [1.0, 2.0, 3.0])
 def test_a_return_that_leads_elsewhere_is_objected_to_anywhere(value):
     words = (
-        "PX4 would return by an unknown way (if we died; RTL_TYPE is not 0; set COM_OBL_RC_ACT 5)"
+        "PX4 would return by an unknown way "
+        "(on offboard loss; RTL_TYPE is not 0; set COM_OBL_RC_ACT 5)"
     )
     assert objection(loss(PX4, RTL_TYPE=value), (9.5, 9.5)) == words
     assert objection(loss(PX4, RTL_TYPE=value, COM_OBL_RC_ACT=5.0), (9.5, 9.5)) is None
@@ -360,13 +361,13 @@ def test_what_is_hit_is_hit_wherever_the_grid_ends(data):
 
 
 def test_motors_that_stop_are_objected_to_anywhere():
-    assert "would stop its motors (if we died; set" in objection(
+    assert "would stop its motors (on offboard loss; set" in objection(
         loss(PX4, COM_OBL_RC_ACT=7.0), (9.5, 9.5)
     )
 
 
 def test_so_is_a_time_on_the_last_setpoint_that_leaves_no_speed():
-    words = "it would fly on for 60 s (if we died; set GUID_TIMEOUT 0.5)"
+    words = "it would fly on for 60 s (on offboard loss; set GUID_TIMEOUT 0.5)"
     assert objection(loss(ARDUPILOT, GUID_TIMEOUT=60.0), (9.5, 9.5)) == words
 
 

@@ -1,4 +1,4 @@
-"""The companion dies in flight: the stream is cut dead, and nothing is hit for it.
+"""The companion fails in flight: the stream is cut dead, and nothing is hit for it.
 
 At an instant of a flight the autopilot is copied and flown on alone, until it rests or has landed.
 """
