@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import itertools
 import math
+from collections import Counter
 
 import pytest
 
+from moar_companion.companion.mission_executor import MissionExecutor
 from moar_companion.config import Authority
 
 from ..copies import flown_once
@@ -264,3 +266,23 @@ def test_a_planner_that_falls_silent_leaves_the_last_plan_to_be_flown():
     flight.run(20.0)
     assert flight.state == "holding"  # at the target whose next one could not be planned
     judged(flight)
+
+
+def test_what_is_ahead_is_measured_ten_times_a_second_and_risks_at_each_position(monkeypatch):
+    """Measured at each position, it was a third of a cycle's processor time."""
+    counts = Counter()
+    for name in ("look_ahead", "judge"):
+        method = getattr(MissionExecutor, name)
+
+        def counted(self, now_s, name=name, method=method):
+            counts[name] += 1
+            method(self, now_s)
+
+        monkeypatch.setattr(MissionExecutor, name, counted)
+    flight = hovering()
+    flight.begin(INSPECTION)
+    counts.clear()
+    flight.run(2.0)
+    assert flight.state == "flying"
+    assert 16 <= counts["look_ahead"] <= 21
+    assert counts["judge"] > 2 * counts["look_ahead"]
