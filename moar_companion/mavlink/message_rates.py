@@ -23,6 +23,8 @@ from ..types import AutopilotKind
 from .commands import CommandResult
 from .dialect import CURRENT_MODE_ID, LINK_NODE_STATUS_ID, mavlink
 
+_MODE_IDS = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, CURRENT_MODE_ID})
+
 _COMMON_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED: 40.0,
     mavlink.MAVLINK_MSG_ID_ATTITUDE: 20.0,
@@ -64,10 +66,23 @@ DEFAULT_RATES_HZ: Mapping[AutopilotKind, Mapping[int, float]] = {
 }
 """Wanted rates by autopilot and message id. PX4's own rates where they suffice, so that a slow link
 carries no requests; without messages that an autopilot denies. Both report the mode at 1 Hz, which
-is too slow: a takeover must show within 0.2 s despite packet loss. At 30 % loss and delays of 0.05
-to 0.2 s, 20 Hz shows 83 % (PX4) and 95 % (ArduPilot) of takeovers within 0.2 s, and all of 60
-within 0.4 s; 10 Hz shows 55 % and 85 %. PX4 refuses another rate of its heartbeat, but accepts one
-of CURRENT_MODE."""
+is too slow: PX4 refuses another rate of its heartbeat, but accepts one of CURRENT_MODE. All of it
+fits a serial port at 57600 baud."""
+
+_MODE_ON_NETWORK_HZ = 50.0
+"""Wanted rate of the mode on a link that is no serial port. A takeover must show within 0.2 s, and
+radios and networks lose and delay packets. At 30 % loss and delays of 0.05 to 0.2 s, 50 Hz shows
+98 % of takeovers within 0.2 s, and all of 60 within 0.22 s; 20 Hz shows 72 % (PX4) and 85 %
+(ArduPilot), and all within 0.36 s."""
+
+
+def on_network(rates_hz: Mapping[int, float]) -> Mapping[int, float]:
+    """Returns the wanted rates for a link that is no serial port."""
+    return {
+        message_id: _MODE_ON_NETWORK_HZ if message_id in _MODE_IDS else rate_hz
+        for message_id, rate_hz in rates_hz.items()
+    }
+
 
 _ENOUGH = 0.8
 """Sufficient share of the wanted rate: the autopilot's scheduler rounds, and a window cuts."""

@@ -23,7 +23,7 @@ from .commands import Answer, Command, CommandCancelled, CommandResult, Sender
 from .dialect import Message, mavlink
 from .fence_download import FenceDownload
 from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted
-from .message_rates import DEFAULT_RATES_HZ, MessageRates
+from .message_rates import DEFAULT_RATES_HZ, MessageRates, on_network
 from .mode_requests import DO_SET_MODE, CommandAnswered, ModeRequests
 from .origin_home_requests import OriginHomeRequests
 from .outbox import Outbox
@@ -318,8 +318,9 @@ class Session:
         """Starts the requests of streams and origin, with a heartbeat first."""
         kind = event.autopilot.kind
         self._events.append(event)
+        rates_hz = self._message_rates_hz.get(kind, {})
         self._rates.start(
-            self._message_rates_hz.get(kind, {}),
+            rates_hz if _on_serial_port(event.autopilot) else on_network(rates_hz),
             silent=kind is AutopilotKind.ARDUPILOT,
             now_s=now_s,
         )
@@ -451,7 +452,7 @@ class Session:
         A serial port has one reader, the companion: the autopilot forwards other senders there from
         links with their own streams.
         """
-        if autopilot.link.startswith("serial:"):
+        if _on_serial_port(autopilot):
             return False
         known = {_address(autopilot), (self._system_id, self._component_id)}
         return any(source not in known for source in self._peers[autopilot.link].sources)
@@ -576,6 +577,10 @@ class Session:
 
 def _address(autopilot: Autopilot) -> tuple[int, int]:
     return autopilot.system_id, autopilot.component_id
+
+
+def _on_serial_port(autopilot: Autopilot) -> bool:
+    return autopilot.link.startswith("serial:")
 
 
 def _source(message: Message) -> tuple[int, int]:

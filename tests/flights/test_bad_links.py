@@ -19,9 +19,9 @@ from .operator import EXIT, INSPECTION, Manner
 NUMBERS = {"HEARTBEAT": 0, "CURRENT_MODE": 436}
 NOTICED_S = 0.2
 """What a takeover may take until the stream ends, on a link without loss."""
-NOTICED_ON_A_BAD_LINK_S = 0.4
-"""The most where 30 % is lost and each packet takes 0.05 to 0.2 s: 0.2 s under way, and four losses
-in a row of what tells the mode twenty times a second."""
+NOTICED_ON_A_BAD_LINK_S = 0.3
+"""The most where 30 % is lost and each packet takes 0.05 to 0.2 s: 0.2 s under way, and five losses
+in a row of what tells the mode fifty times a second."""
 
 
 def worsen_link(flight, loss_percent=30.0, delay_ms=50.0, jitter_ms=150.0):
@@ -86,7 +86,7 @@ def test_a_takeover_is_noticed_within_a_fifth_of_a_second(manner, later_s):
 
 @BOTH
 def test_a_takeover_is_noticed_on_a_link_that_loses_three_packets_in_ten(manner):
-    """Of 15 takeovers, at different times, two thirds within 0.2 s."""
+    """Of 15 takeovers, at different times, all but one within 0.2 s."""
     before = in_flight(manner)
     worsen_link(before)
     before.run(1.0)
@@ -100,7 +100,7 @@ def test_a_takeover_is_noticed_on_a_link_that_loses_three_packets_in_ten(manner)
         assert flight.state == "overridden"
         noticed_s.append(flight.last_setpoint_s - took_s)
     assert max(noticed_s) <= NOTICED_ON_A_BAD_LINK_S
-    assert sorted(noticed_s)[9] <= NOTICED_S
+    assert sorted(noticed_s)[13] <= NOTICED_S + 1e-6
 
 
 @BOTH

@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.mavlink.message_rates import DEFAULT_RATES_HZ, MessageRates
+from moar_companion.mavlink.message_rates import DEFAULT_RATES_HZ, MessageRates, on_network
 from moar_companion.types import AutopilotKind
 
 ATTITUDE = 30
@@ -303,3 +303,11 @@ def test_the_late_answer_to_the_asking_down_does_not_settle_the_giving_back():
     assert machine.run(0.1, answer=None) == []
     machine.requests.answered(ACCEPTED)
     assert len(machine.run(10.0, answer=None)) == 3
+
+
+@pytest.mark.parametrize(
+    ("kind", "message_id"), [(AutopilotKind.PX4, 436), (AutopilotKind.ARDUPILOT, 0)]
+)
+def test_the_mode_is_wanted_at_fifty_hertz_on_a_network_and_nothing_else_changes(kind, message_id):
+    wanted_hz = DEFAULT_RATES_HZ[kind]
+    assert on_network(wanted_hz) == {**wanted_hz, message_id: 50.0}
