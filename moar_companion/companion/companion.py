@@ -1,16 +1,20 @@
 """The companion: one machine without I/O. Bytes and time in, bytes out.
 
+    observe -> assess_risk -> rule -> transition -> route -> follow -> emit
+
     bytes -> session -> telemetry -> pose, risk indices -> weights -> plan job
     plan answer -> flight -> setpoint -> gate -> session -> bytes
 
 The shell feeds it with `receive` and `plan_answered`, runs a cycle with `tick` at the setpoint
-rate, and takes `data_to_send`, `plan_jobs` and `decisions`. It never waits and has no clock;
-the same inputs at the same times give the same outputs, byte for byte.
+rate, and takes `data_to_send`, `plan_jobs` and `decisions`. Answers of the planner wait for the
+next cycle. It never waits and has no clock; the same inputs at the same times give the same
+outputs, byte for byte.
 """
 
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Sequence
 
 from ..autopilots import failsafe_parameters
@@ -30,7 +34,7 @@ from ..mavlink.commands import (
 )
 from ..mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
 from ..mavlink.peers import Address, AutopilotElsewhere, PeerRefused
-from ..mavlink.session import CommandAnswered, Session, Severity, SystemStatus
+from ..mavlink.session import CommandAnswered, Event, Session, Severity, SystemStatus
 from ..mavlink.signing import Refusal, Signing, link_signings
 from ..mavlink.telemetry_receiver import ModeLeft
 from ..mission.values import MissionStatus, Verdict
@@ -97,6 +101,8 @@ class Companion:
         )
         self._restart_report = RestartReport(before)
         self._begin(ground)
+        self._plan_answers: deque[PlanAnswer] = deque()
+        self._contingency_answers: deque[PlanAnswer] = deque()
         self._planner_awaited = False
         self._compiling = ""
         self._file_faults = FileFaultTexts()
@@ -125,7 +131,6 @@ class Companion:
             safety_monitor=self._safety_monitor,
             before=self._restart_report.before,
         )
-        self._first_status = self._executor.status
 
     @property
     def telemetry(self) -> Telemetry:
@@ -141,7 +146,7 @@ class Companion:
     def memory(self) -> MissionSnapshot | None:
         """Memory for the next process."""
         status = self.status
-        if status == self._first_status:
+        if self._executor.untouched:
             return self._restart_report.before
         site = None if self._ground is None else self._ground.site.name
         return MissionSnapshot(
@@ -257,29 +262,58 @@ class Companion:
         """Takes the wall clock, in seconds since 1970, for signatures."""
         self._session.note_wall_clock(wall_s)
 
-    def shut_down(self, now_s: float) -> None:
-        """Ends the setpoint stream at rest, if still permitted, before the process ends."""
-        self._notice_pause(now_s)
-        self._hear(now_s)
-        self._executor.shut_down(now_s)
-
-    def plan_answered(self, answer: PlanAnswer, now_s: float) -> None:
-        """Takes the answer to a job; one that is no longer awaited is dropped."""
-        self._hear(now_s)
-        self._executor.plan_answered(answer, now_s)
+    def plan_answered(self, answer: PlanAnswer) -> None:
+        """Takes the answer to a job, for the next cycle."""
+        self._plan_answers.append(answer)
 
     def contingency_answered(self, answer: PlanAnswer) -> None:
-        """Takes the answer to a contingency's job; one that is no longer awaited is dropped."""
-        self._executor.contingency_answered(answer)
+        """Takes the answer to a contingency's job, for the next cycle."""
+        self._contingency_answers.append(answer)
 
     def tick(self, now_s: float) -> None:
-        """Runs one cycle: takes events, applies the checks, sends this instant's setpoint."""
-        self._notice_pause(now_s)
+        """Runs one cycle, from received events to this instant's setpoint."""
         step_s = 0.0 if self._cycle_s is None else min(_LONGEST_STEP_S, now_s - self._cycle_s)
         if self._cycle_s is None:
             self._read_by_s = now_s + _READING_S
+        self._observe(now_s)
         self._cycle_s = now_s
-        self._hear(now_s)
+        self._assess_risk(now_s)
+        self._executor.rule(now_s)
+        self._transition(now_s)
+        self._executor.route(now_s)
+        self._executor.follow(now_s, step_s)
+        state = self.status.state
+        active = SystemStatus.ACTIVE if state in STREAMING else SystemStatus.STANDBY
+        self._session.tick(now_s, active, custom_mode=state.number)
+        if now_s >= self._report_due_s:
+            self._report_due_s = now_s + _REPORT_PERIOD_S
+            self._report(now_s)
+
+    def shut_down(self, now_s: float) -> None:
+        """Ends the setpoint stream at rest, if still permitted: the last cycle of the process."""
+        self._observe(now_s)
+        self._executor.rule(now_s)
+        self._executor.shut_down(now_s)
+
+    # The stages of a cycle; the executor has the others
+
+    def _observe(self, now_s: float) -> None:
+        """Takes telemetry and events.
+
+        Orders wait for `_transition`, until the checks that end our control have run.
+        """
+        self._notice_pause(now_s)
+        jump = self._pose_tracker.look(self.telemetry)
+        if jump is not None:
+            self._executor.shift(jump, now_s)
+        for event in self._session.events_received():
+            self._take_event(event, now_s)
+        self._learn(now_s)
+        while self._contingency_answers:
+            self._executor.take_contingency(self._contingency_answers.popleft())
+
+    def _assess_risk(self, now_s: float) -> None:
+        """Updates the remaining flight and the risk indices, where they are due."""
         telemetry = self.telemetry
         told = telemetry.gnss, telemetry.second_gnss, telemetry.estimator, telemetry.odometry
         # A change of position accuracy must count for the next setpoint.
@@ -289,8 +323,13 @@ class Companion:
             self._executor.look_ahead(now_s)
         if due or told != self._told:
             self._told = told
-            self._executor.judge(now_s)
-        self._executor.supervise(now_s)
+            self._executor.assess_risk(now_s)
+
+    def _transition(self, now_s: float) -> None:
+        """Steps the mission machine: with the ruling, the planner's answers, and orders."""
+        self._executor.transition(now_s)
+        while self._plan_answers:
+            self._executor.take_plan(self._plan_answers.popleft(), now_s)
         self._tell_of_files(now_s)
         if not self._planner_awaited:
             self._tell(now_s)
@@ -299,17 +338,13 @@ class Companion:
         else:
             for command in self._orders.heard():
                 self._executor.order(command, now_s)
-        self._executor.fly(now_s, step_s)
-        state = self.status.state
-        active = SystemStatus.ACTIVE if state in STREAMING else SystemStatus.STANDBY
-        self._session.tick(now_s, active, custom_mode=state.number)
-        if now_s >= self._report_due_s:
-            self._report_due_s = now_s + _REPORT_PERIOD_S
-            self._report(now_s)
+        silence = self._executor.routes.overdue(now_s)
+        if silence is not None:
+            self._executor.take_plan(silence, now_s)
 
     def _tell(self, now_s: float) -> None:
         """Reports the findings at start: restart, and a wrong number of cells."""
-        may_continue = self.status == self._first_status and self.status.task is not None
+        may_continue = self._executor.untouched and self.status.task is not None
         for text in self._restart_report.texts(self.telemetry, now_s, may_continue=may_continue):
             self._reports.say(Severity.WARNING, text, now_s)
         words = None if self._misread_told else misread(self.telemetry, self._vehicle.risk.cells)
@@ -399,60 +434,54 @@ class Companion:
 
     # Received events
 
-    def _hear(self, now_s: float) -> None:
-        """Takes telemetry and events.
+    def _take_event(self, event: Event, now_s: float) -> None:
+        match event:
+            case MissionCommand() | PauseContinue():
+                self._orders.hear(event)
+            case CommandCancelled(command=command):
+                self._executor.withdraw(command, now_s)
+            case DeniedCommand(reason=reason):
+                self._orders.tell_why(event, Verdict.DENIED, reason, now_s)
+            case CommandAnswered(result=result) if result != CommandResult.ACCEPTED:
+                text = "the autopilot refused the mode"
+                self._reports.say(Severity.WARNING, text, now_s)
+            case AutopilotFound(autopilot=autopilot):
+                self._read_by_s = now_s + _READING_S
+                kind = autopilot.kind
+                self._session.want_parameters(loss_parameters(kind))
+                self._session.want_parameters(fence_parameters(kind), changing=True)
+                self._session.want_fence()
+                self._session.want_parameters(failsafe_parameters(kind))
+                self._session.want_parameters(holding_parameters(kind))
+            case ModeLeft(mode=mode):
+                self._executor.faults.note_mode_left(mode)
+            case AutopilotRestarted():
+                self._executor.faults.note_restart()
+            case AutopilotElsewhere(link=link, address=(host, port, *_)):
+                text = f"autopilot also at {host} (port {port}, on {link})"
+                self._reports.say(Severity.WARNING, text, now_s, action="ignored")
+            case PeerRefused(link=link, address=(host, port, *_), system_id=system_id):
+                where = f"{host}:{port} on {link}; commands.systems"
+                text = f"system {system_id} may not command ({where})"
+                self._reports.say(Severity.NOTICE, text, now_s, action="not served")
+            case AutopilotConflict(autopilot=autopilot, other=other, reason=reason):
+                text = f"{reason}, no control ({autopilot}, {other})"
+                self._reports.say(Severity.ERROR, text, now_s)
 
-        Orders wait for the next `tick`, until the checks that end our control have run.
-        """
-        jump = self._pose_tracker.look(self.telemetry)
-        if jump is not None:
-            self._executor.shift(jump, now_s)
-        for event in self._session.events_received():
-            match event:
-                case MissionCommand() | PauseContinue():
-                    self._orders.hear(event)
-                case CommandCancelled(command=command):
-                    self._executor.withdraw(command, now_s)
-                case DeniedCommand(reason=reason):
-                    self._orders.tell_why(event, Verdict.DENIED, reason, now_s)
-                case CommandAnswered(result=result) if result != CommandResult.ACCEPTED:
-                    text = "the autopilot refused the mode"
-                    self._reports.say(Severity.WARNING, text, now_s)
-                case AutopilotFound(autopilot=autopilot):
-                    self._read_by_s = now_s + _READING_S
-                    kind = autopilot.kind
-                    self._session.want_parameters(loss_parameters(kind))
-                    self._session.want_parameters(fence_parameters(kind), changing=True)
-                    self._session.want_fence()
-                    self._session.want_parameters(failsafe_parameters(kind))
-                    self._session.want_parameters(holding_parameters(kind))
-                case ModeLeft(mode=mode):
-                    self._executor.faults.note_mode_left(mode)
-                case AutopilotRestarted():
-                    self._executor.faults.note_restart()
-                case AutopilotElsewhere(link=link, address=(host, port, *_)):
-                    text = f"autopilot also at {host} (port {port}, on {link})"
-                    self._reports.say(Severity.WARNING, text, now_s, action="ignored")
-                case PeerRefused(link=link, address=(host, port, *_), system_id=system_id):
-                    where = f"{host}:{port} on {link}; commands.systems"
-                    text = f"system {system_id} may not command ({where})"
-                    self._reports.say(Severity.NOTICE, text, now_s, action="not served")
-                case AutopilotConflict(autopilot=autopilot, other=other, reason=reason):
-                    text = f"{reason}, no control ({autopilot}, {other})"
-                    self._reports.say(Severity.ERROR, text, now_s)
-        if self._session.autopilot is not None:
-            kind = self._session.autopilot.kind
-            parameters, home_m = self._session.parameters, self._pose_tracker.home_m
-            self._executor.routes.learn_loss(kind, parameters, home_m, now_s)
-            items = self._session.fence_items
-            if items is None and self._session.fence_silent:
-                items = ()
-            readiness = self.telemetry.readiness
-            enabled = readiness is not None and readiness.fence_enabled
-            self._executor.routes.learn_fence(
-                kind, parameters, items, home_m, now_s, enabled=enabled
-            )
-            self._executor.routes.learn_failsafes(kind, parameters, home_m, self.telemetry, now_s)
+    def _learn(self, now_s: float) -> None:
+        """Takes what the autopilot's parameters, fence and home say of the routes."""
+        if self._session.autopilot is None:
+            return
+        kind = self._session.autopilot.kind
+        parameters, home_m = self._session.parameters, self._pose_tracker.home_m
+        self._executor.routes.learn_loss(kind, parameters, home_m, now_s)
+        items = self._session.fence_items
+        if items is None and self._session.fence_silent:
+            items = ()
+        readiness = self.telemetry.readiness
+        enabled = readiness is not None and readiness.fence_enabled
+        self._executor.routes.learn_fence(kind, parameters, items, home_m, now_s, enabled=enabled)
+        self._executor.routes.learn_failsafes(kind, parameters, home_m, self.telemetry, now_s)
 
     def _notice_pause(self, now_s: float) -> None:
         """Notes a fault when the last output sent in time is too old: control has ended."""

@@ -7,6 +7,7 @@ Outputs: plan jobs, setpoints, answers to orders, texts for people.
 from __future__ import annotations
 
 import math
+from collections import deque
 from dataclasses import replace
 
 from ..config import CompanionConfig
@@ -22,6 +23,7 @@ from ..mission.values import (
     Answer,
     Do,
     Effect,
+    MissionStatus,
     OverrideConditions,
     Say,
     Seek,
@@ -94,6 +96,10 @@ class MissionExecutor:
         site = None if ground is None else ground.site
         self.status = state_machine.restarted(None if before is None else before.rest(site))
         """Mission status: state, task and request."""
+        self.untouched = True
+        """True until the first change of the status by an order, a plan or a transition."""
+        self._paths_changed = False
+        """True if a search that found no path may find one now."""
         self.risk_monitor = RiskMonitor(ground, vehicle)
         """The present risk indices, and the escape routes."""
         self.host = Host()
@@ -140,12 +146,7 @@ class MissionExecutor:
         """Fraction of the planned speed that is flown."""
         return _SLOW_PACE if self.ruling.action is Action.SLOW else 1.0
 
-    # In each cycle
-
-    def judge(self, now_s: float) -> None:
-        """Updates the risk indices from telemetry and the remaining flight."""
-        session = self._session
-        self.risk_monitor.judge(session.telemetry, session.parameters, self.tracking_error_m, now_s)
+    # The stages of a cycle, in this order
 
     def look_ahead(self, now_s: float) -> None:
         """Updates the remaining flight, and the obstacles that autopilot failsafes would hit."""
@@ -160,21 +161,57 @@ class MissionExecutor:
             if note is not None and not self._escapes:
                 self._reports.say(Severity.NOTICE, note, now_s)
 
-    def supervise(self, now_s: float) -> None:
-        """Runs the mission machine for one cycle; before orders, so that a release comes first."""
+    def assess_risk(self, now_s: float) -> None:
+        """Updates the risk indices from telemetry and the remaining flight."""
+        session = self._session
+        self.risk_monitor.judge(session.telemetry, session.parameters, self.tracking_error_m, now_s)
+
+    def rule(self, now_s: float) -> None:
+        """Steps the supervisor, once a cycle, with the checks of everything observed."""
         self.setpoints.widened_m = widening_m(self.risk, self._margin)
-        if self.routes.look(self.risk, None if self._escapes else self.tracking_error_m, now_s):
-            # A search that found no path may find one now.
-            self.status = replace(self.status, no_path=frozenset())
+        error_m = None if self._escapes else self.tracking_error_m
+        self._paths_changed = self.routes.look(self.risk, error_m, now_s)
+        self._safety_monitor.rule(self._check_inputs(now_s), now_s)
+        self.faults.forget()
+
+    def transition(self, now_s: float) -> None:
+        """Steps the mission machine; before plans and orders, so that a release comes first."""
         step = state_machine.tick(
             self.status,
             self._situation(now_s),
+            paths_changed=self._paths_changed,
             ready_timeout_s=self._config.supervision.ready_timeout_s,
             resume=self._config.resume,
             now_s=now_s,
         )
         self._carry_out(step, now_s)
-        self.faults.forget()
+
+    def take_plan(self, answer: PlanAnswer, now_s: float) -> None:
+        """Takes the answer to a job; one that is no longer awaited is dropped."""
+        awaited = self.routes.taken(answer)
+        if awaited is None:
+            return
+        ordered = self.status.order_id is not None
+        answer = self.routes.checked_for_offboard_loss(awaited, answer, now_s, ordered=ordered)
+        if answer.plan is None:
+            self._go_without(awaited, answer, now_s)
+            return
+        adopted = self.routes.adopt(awaited, answer, self.risk, now_s)
+        if not awaited.first:
+            return
+        if adopted is not Adoption.TOO_LATE:
+            step = state_machine.planned(self.status, self._situation(now_s), now_s)
+            self._carry_out(step, now_s)
+        elif self.status.sought is not None and self.routes.flight is not None:
+            # The planner is slower than the flight: the next plan begins at a stop point.
+            self.routes.brake()
+            self._seek(self.status.sought, now_s)
+
+    def withdraw(self, command: Command, now_s: float) -> None:
+        """Withdraws an order that an operator cancelled after its acknowledgement."""
+        order_id = self._orders.withdraw(command)
+        if order_id is not None:
+            self._carry_out(state_machine.withdrawn(self.status, order_id, now_s), now_s)
 
     def order(self, command: MissionCommand | PauseContinue, now_s: float) -> None:
         """Executes, or refuses, an order."""
@@ -198,55 +235,46 @@ class MissionExecutor:
             if status.order_id == order_id:
                 self.mode_requester.note_order(self._session.telemetry.autopilot, before, now_s)
 
-    def withdraw(self, command: Command, now_s: float) -> None:
-        """Withdraws an order that an operator cancelled after its acknowledgement."""
-        order_id = self._orders.withdraw(command)
-        if order_id is not None:
-            self._carry_out(state_machine.withdrawn(self.status, order_id, now_s), now_s)
-
-    def fly(self, now_s: float, step_s: float) -> None:
-        """Flies on along the route, and requests better plans. step_s: since the last cycle."""
-        silence = self.routes.overdue(now_s)
-        if silence is not None:
-            self.plan_answered(silence, now_s)
+    def route(self, now_s: float) -> None:
+        """Requests a better plan, or a recovery leg, where one is due."""
         self._orders.tell_progress(now_s)
         pose, task = self._pose_tracker.pose, self.status.task
         if self.status.state in _ON_THE_WAY and task is not None and pose is not None:
             self.routes.replan(task, pose, self.risk.indices, now_s)
         width_m = self.routes.widening_m
         self._recovery.act(self.routes.flight, pose, self.status, self.ruling, width_m, now_s)
+
+    def follow(self, now_s: float, step_s: float) -> None:
+        """Flies on along the route and sends the gated setpoint. step_s: since the last cycle."""
         self._stream(now_s, step_s)
         engaged = self.status.state in STREAMING or self.status.state is MissionState.PLANNING
         telemetry = self._session.telemetry
         known = self.status.known if self.status.order_id is not None else ()
         station = telemetry.ground_station
         self._safety_monitor.tell(station, now_s, streaming=engaged, known=known)
-        at_end = self.routes.arrived(pose, now_s)
+        at_end = self.routes.arrived(self._pose_tracker.pose, now_s)
         self.mode_requester.act(self.status, telemetry, at_end=at_end, now_s=now_s)
 
-    # Between cycles
+    def shift(self, jump: Jump, now_s: float) -> None:
+        """Moves setpoint and flight with a position or heading that jumped."""
+        self.setpoints.shift(jump, self._pose_tracker.plane)
+        if self.routes.flight is not None:
+            self.routes.flight.shift(jump)
+            self._reports.record("jump", now_s, jump_m=list(jump.step_m), turn_rad=jump.turn_rad)
 
-    def plan_answered(self, answer: PlanAnswer, now_s: float) -> None:
-        """Takes the answer to a job; one that is no longer awaited is dropped."""
-        awaited = self.routes.taken(answer)
-        if awaited is None:
-            return
-        ordered = self.status.order_id is not None
-        answer = self.routes.checked_for_offboard_loss(awaited, answer, now_s, ordered=ordered)
-        if answer.plan is None:
-            self._go_without(awaited, answer, now_s)
-            return
-        adopted = self.routes.adopt(awaited, answer, self.risk, now_s)
-        if not awaited.first:
-            return
-        if adopted is not Adoption.TOO_LATE:
-            self._carry_out(
-                state_machine.planned(self.status, self._situation(now_s), now_s), now_s
-            )
-        elif self.status.sought is not None and self.routes.flight is not None:
-            # The planner is slower than the flight: the next plan begins at a stop point.
-            self.routes.brake()
-            self._seek(self.status.sought, now_s)
+    def shut_down(self, now_s: float) -> None:
+        """Ends the setpoint stream at rest, if still permitted, before the process ends."""
+        if (
+            self.status.state in STREAMING
+            and self.ruling.action is not Action.RELEASE
+            and (self._follows or self.status.state is MissionState.READY)
+        ):
+            self._send_last_setpoint(now_s)
+
+    def take_contingency(self, answer: PlanAnswer) -> None:
+        """Takes the answer to a contingency's job; one that is no longer awaited is dropped."""
+        if self.risk_monitor.ways is not None:
+            self.risk_monitor.ways.answered(answer, self.routes.volume)
 
     def _go_without(self, awaited: Awaited, answer: PlanAnswer, now_s: float) -> None:
         """Handles a missing plan: an order is denied, another request stays pending for room."""
@@ -265,31 +293,8 @@ class MissionExecutor:
             self._carry_out(step, now_s)
         elif not no_room:
             self._reports.say(Severity.NOTICE, reason, now_s, action="path kept")
-            if self.status.task is not None and self.routes.braked:
-                # Another escape route may lead on.
-                self.status = self.status.without(self.status.task, now_s=now_s)
-
-    def shift(self, jump: Jump, now_s: float) -> None:
-        """Moves setpoint and flight with a position or heading that jumped."""
-        self.setpoints.shift(jump, self._pose_tracker.plane)
-        if self.routes.flight is not None:
-            self.routes.flight.shift(jump)
-            self._reports.record("jump", now_s, jump_m=list(jump.step_m), turn_rad=jump.turn_rad)
-
-    def shut_down(self, now_s: float) -> None:
-        """Ends the setpoint stream at rest, if still permitted, before the process ends."""
-        world = self._situation(now_s)
-        if (
-            self.status.state in STREAMING
-            and world.ruling.action is not Action.RELEASE
-            and (world.mode_ours or self.status.state is MissionState.READY)
-        ):
-            self._send_last_setpoint(now_s)
-
-    def contingency_answered(self, answer: PlanAnswer) -> None:
-        """Takes the answer to a contingency's job."""
-        if self.risk_monitor.ways is not None:
-            self.risk_monitor.ways.answered(answer, self.routes.volume)
+            if self.routes.braked:
+                self._carry_out(state_machine.blocked(self.status, now_s), now_s)
 
     # Inputs of the mission machine
 
@@ -345,11 +350,12 @@ class MissionExecutor:
         )
 
     def _situation(self, now_s: float) -> Situation:
+        """Inputs of the mission machine; changes nothing."""
         autopilot, guidance = self._session.telemetry.autopilot, self._vehicle.guidance
         flight, pose = self.routes.flight, self._pose_tracker.pose
         error_m = math.inf if flight is None or pose is None else flight.error_m(pose)
         return Situation(
-            ruling=self._safety_monitor.rule(self._seen(now_s), now_s),
+            ruling=self.ruling,
             mode_ours=self._follows,
             mode_heard_s=-math.inf if autopilot is None else autopilot.received_s,
             on_leg=flight is not None and flight.on_leg,
@@ -358,8 +364,8 @@ class MissionExecutor:
             astray=flight is not None and error_m > guidance.tracking_hold_m,
         )
 
-    def _seen(self, now_s: float) -> CheckInputs:
-        """Observations for the supervisor's checks."""
+    def _check_inputs(self, now_s: float) -> CheckInputs:
+        """Inputs of the supervisor's checks."""
         flight, pose, ground = self.routes.flight, self._pose_tracker.pose, self._ground
         telemetry, ways = self._session.telemetry, self.risk_monitor.ways
         escape_route = None if ways is None else ways.escape_route(self.risk.meter)
@@ -421,26 +427,37 @@ class MissionExecutor:
     # Effects
 
     def _carry_out(self, step: Step, now_s: float) -> None:
-        before = self.status.state
-        self.status, effects = step
-        if self.status.state is not before:
-            self._reports.record("state", now_s, state=self.status.state.value, before=before.value)
-        for effect in effects:
-            self._carry_out_one(effect, now_s)
+        """Takes the new status and carries out each effect once, in order."""
+        self._take(step[0], now_s)
+        effects = deque(step[1])
+        while effects:
+            effects.extendleft(reversed(self._carry_out_one(effects.popleft(), now_s)))
         if self.status.sought is None:
             if self.status.state not in STREAMING:
                 self.routes.end()
             else:
                 self.routes.forget_first()
 
-    def _carry_out_one(self, effect: Effect, now_s: float) -> None:
+    def _take(self, status: MissionStatus, now_s: float) -> None:
+        before, self.status = self.status, status
+        if status != before:
+            self.untouched = False
+        if status.state is not before.state:
+            before_word = before.state.value
+            self._reports.record("state", now_s, state=status.state.value, before=before_word)
+
+    def _carry_out_one(self, effect: Effect, now_s: float) -> tuple[Effect, ...]:
+        """Carries out an effect; returns the effects of the transition that it leads to."""
         match effect:
             case Seek(task):
                 if self.routes.resume(task, self._pose_tracker.pose):
-                    step = state_machine.planned(self.status, self._situation(now_s), now_s)
-                    self._carry_out(step, now_s)
-                else:
-                    self._seek(task, now_s)
+                    # The rest of a landing leg needs no plan.
+                    status, effects = state_machine.planned(
+                        self.status, self._situation(now_s), now_s
+                    )
+                    self._take(status, now_s)
+                    return effects
+                self._seek(task, now_s)
             case Answer(order_id, verdict, reason):
                 self._orders.answer(order_id, verdict, reason, now_s)
             case Say(text, action, serious, news, condition):
@@ -459,6 +476,7 @@ class MissionExecutor:
                 self._send_last_setpoint(now_s)
             case Do.LAND:
                 self.mode_requester.note_landing()
+        return ()
 
     def _seek(self, task: Task, now_s: float) -> None:
         """Requests a task's first plan."""

@@ -172,6 +172,11 @@ def unplanned(
     return replace(held, task=sought, goes_on=waits), (say,)
 
 
+def blocked(status: MissionStatus, now_s: float) -> Step:
+    """Notes that the flown task has no path on from here: another escape route may have one."""
+    return status if status.task is None else status.without(status.task, now_s=now_s), ()
+
+
 def withdrawn(status: MissionStatus, order_id: int, now_s: float) -> Step:
     """Drops an order that the operator cancelled while its plan was awaited."""
     if status.order_id != order_id:
@@ -185,13 +190,18 @@ def tick(
     status: MissionStatus,
     world: Situation,
     *,
+    paths_changed: bool = False,
     ready_timeout_s: float,
     resume: bool,
     now_s: float,
 ) -> Step:
-    """Runs one cycle; conditions that end our control come first."""
+    """Runs one cycle; conditions that end our control come first.
+
+    paths_changed: a search that found no path may find one now.
+    """
     state, ruling = status.state, world.ruling
-    if status.no_path and status.sought is None and now_s - status.no_way_s >= _AGAIN_S:
+    rested = status.sought is None and now_s - status.no_way_s >= _AGAIN_S
+    if status.no_path and (paths_changed or rested):
         status = replace(status, no_path=frozenset())
     if status.order_id is not None:
         # The operator knew these conditions when ordering: the request does not fail for them.

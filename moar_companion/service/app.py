@@ -289,7 +289,7 @@ class Service:
             if contingency:
                 self._companion.contingency_answered(answer)
             else:
-                self._companion.plan_answered(answer, now_s)
+                self._companion.plan_answered(answer)
 
     def _send(self, now_s: float) -> bool:
         """Sends the output of the cycle at `now_s`; True if it was young enough to fly by."""

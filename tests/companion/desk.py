@@ -497,7 +497,7 @@ class Desk:
 
     def _give(self, job, answer):
         self.answered.append((job, answer))
-        self.companion.plan_answered(answer, self.now_s)
+        self.companion.plan_answered(answer)
 
     def come_to(self, state, mission=INSPECTION):
         """From hovering to a state, by the usual way."""

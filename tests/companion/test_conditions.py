@@ -164,7 +164,7 @@ def test_a_planner_that_is_silent_for_once_is_asked_for_the_way_out_again():
 def test_an_order_that_is_denied_leaves_the_evacuation_on():
     desk = Desk().come_to("flying").run(4.0)
     desk.set(charge_state=3, plan_delay_s=None).run_until_sought("evacuation").run(0.6)
-    desk.order(EXIT).run(0.5).answer_plan(plan=None, reason="no free way leads there")
+    desk.order(EXIT).run(0.5).answer_plan(plan=None, reason="no free way leads there").step()
     assert not desk.companion.status.sought
     desk.set(plan_delay_s=0.04).run(0.5)
     assert desk.answers()[-1] == DENIED

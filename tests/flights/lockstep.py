@@ -206,7 +206,7 @@ class Lockstep:
         while self._answers and self._answers[0][0] <= now_s:
             answer = self._answers.pop(0)[1]
             self.inputs.append(("answer", now_s, answer))
-            self.companion.plan_answered(answer, now_s)
+            self.companion.plan_answered(answer)
         self.inputs.append(("tick", now_s, None))
         self.companion.tick(now_s)
         for job in self.companion.plan_jobs():

@@ -271,7 +271,7 @@ def test_a_planner_that_falls_silent_leaves_the_last_plan_to_be_flown():
 def test_what_is_ahead_is_measured_ten_times_a_second_and_risks_at_each_position(monkeypatch):
     """Measured at each position, it was a third of a cycle's processor time."""
     counts = Counter()
-    for name in ("look_ahead", "judge"):
+    for name in ("look_ahead", "assess_risk"):
         method = getattr(MissionExecutor, name)
 
         def counted(self, now_s, name=name, method=method):
@@ -285,4 +285,4 @@ def test_what_is_ahead_is_measured_ten_times_a_second_and_risks_at_each_position
     flight.run(2.0)
     assert flight.state == "flying"
     assert 16 <= counts["look_ahead"] <= 21
-    assert counts["judge"] > 2 * counts["look_ahead"]
+    assert counts["assess_risk"] > 2 * counts["look_ahead"]

@@ -17,7 +17,7 @@ def replayed(flight, companion, *, pieces=None):
         elif kind == "contingency":
             companion.contingency_answered(what)
         elif kind == "answer":
-            companion.plan_answered(what, time_s)
+            companion.plan_answered(what)
         else:
             companion.tick(time_s)
             sent += [(time_s, data) for _, data in companion.data_to_send()]

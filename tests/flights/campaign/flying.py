@@ -125,7 +125,7 @@ class Stopped:
         if self.keeps:
             self.heard.append((link, data))
 
-    def plan_answered(self, answer, _now_s):
+    def plan_answered(self, answer):
         if self.keeps:
             self.answers.append(answer)
 
@@ -246,7 +246,7 @@ class RandomFlight(Lockstep):
         for link, data in stopped.heard:
             self.companion.receive(link, data, self.now_s)
         for answer in stopped.answers:
-            self.companion.plan_answered(answer, self.now_s)
+            self.companion.plan_answered(answer)
 
     def restart_companion(self) -> None:
         """A new one is started with the memory of the one that was killed."""
