@@ -241,7 +241,7 @@ class MissionExecutor:
         pose, task = self._pose_tracker.pose, self.status.task
         if self.status.state in _ON_THE_WAY and task is not None and pose is not None:
             self.routes.replan(task, pose, self.risk.indices, now_s)
-        width_m = self.routes.widening_m
+        width_m = self.routes.inflation.lasting_m
         self._recovery.act(self.routes.flight, pose, self.status, self.ruling, width_m, now_s)
 
     def follow(self, now_s: float, step_s: float) -> None:
@@ -278,13 +278,13 @@ class MissionExecutor:
 
     def _go_without(self, awaited: Awaited, answer: PlanAnswer, now_s: float) -> None:
         """Handles a missing plan: an order is denied, another request stays pending for room."""
-        reason = self.routes.explained(answer)
+        reason = self.routes.inflation.explained(answer)
         if answer.detail:
             self._reports.record("no_plan", now_s, reason=reason, detail=answer.detail)
         ordered = awaited.first and self.status.order_id is not None
         no_room = answer.too_wide and not ordered and self.ruling.action <= Action.HOLD
         if no_room:
-            self.routes.note_no_room(awaited, reason)
+            self.routes.inflation.note_no_room(awaited, reason)
         if awaited.first:
             waits = no_room or (answer.would_collide and not ordered)
             step = state_machine.unplanned(
@@ -338,7 +338,7 @@ class MissionExecutor:
             flight=self.routes.flight,
             volume=volume,
             risk=self.risk.indices,
-            widening_m=self.routes.widening_m,
+            widening_m=self.routes.inflation.lasting_m,
             fence=self.routes.fence,
             failsafes=self.routes.watch.failsafes,
             pace=self._pace,
@@ -410,7 +410,7 @@ class MissionExecutor:
                 offboard_loss_unknown=self.routes.not_ready_reason,
                 fence=self.routes.fence_objection(pose),
                 offboard_loss_collision=self.routes.objection,
-                no_clearance=self.faults.causes.no_clearance or self.routes.no_room,
+                no_clearance=self.faults.causes.no_clearance or self.routes.inflation.no_room,
             ),
         )
 

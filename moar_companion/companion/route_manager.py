@@ -19,31 +19,23 @@ from ..guidance.flight_volume import FlightVolume
 from ..guidance.path_follower import PathFollower
 from ..guidance.splice import Adoption
 from ..mavlink.session import Severity
-from ..mavlink.statustext import short_name
 from ..mission.replanning import replan_reason, stays
 from ..mission.values import Task
-from ..planner.comparison import path_difference
 from ..planner.plan_values import Plan
 from ..planner.plane_fence import PlaneFence
-from ..planner.regions import narrowest
 from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..power import PowerModel
 from ..risk import RiskEstimate
-from ..risk.explain import WeightsReason, risk_dict
-from ..safety.checks import uncertainty_m, widening_m
 from ..safety.failsafe_exposure import FailsafeExposure
-from ..safety.obstacle_inflation import ObstacleInflation
 from ..site import Margin
 from ..types import AutopilotKind, FenceItem, Mission, RiskIndices, Telemetry, Vector
 from ..vehicle import Vehicle
 from .offboard_loss_check import OffboardLossCheck
+from .plan_inflation import PlanInflation
+from .plan_reports import PlanReports
 from .plan_requests import Awaited, PlanRequests
 from .reports import Reports
 
-_TOLD_EVERY_S = 10.0
-"""Minimum time between two texts about a path that a risk has moved; the record has all."""
-_RISK_MOVED = 0.05
-"""Minimum change of a risk since the last path to be reported as the reason for a move."""
 _STANDS_FOR_S = 1.0
 """Time between two attempts to resume when the flight was stopped and no condition holds it."""
 _ENDS_AFTER_S = 5.0
@@ -68,7 +60,6 @@ class RouteManager:
         self._ground = ground
         self._vehicle = vehicle
         self._config = config
-        self._margin = margin
         self._reports = reports
         self._plans = PlanRequests()
         self._near_path_s = -math.inf
@@ -76,9 +67,7 @@ class RouteManager:
         """Last time at which the setpoint was short of the plan's end."""
         self._resumed_s = -math.inf
         """Time of the last resumption along a landing leg."""
-        self._told_s = -math.inf
-        self._flown_risk = RiskIndices()
-        """Risk indices of the active path's plan."""
+        self._plan_reports = PlanReports(ground, vehicle, reports)
         site = None if ground is None else ground.site
         self._fences = SiteFence(site, config.supervision.fence_margin_m)
         self.fence: PlaneFence | None = None
@@ -86,16 +75,10 @@ class RouteManager:
         self.watch = FailsafeExposure(config.supervision, PowerModel.of(vehicle))
         """Autopilot failsafes."""
         self._offboard_loss_check = OffboardLossCheck(ground, vehicle, config.supervision, reports)
-        self._uncertainty_m: float | None = None
-        self._needed_m = 0.0
-        """Required obstacle inflation by position uncertainty, beyond keep-outs."""
-        self._widening = ObstacleInflation()
-        self._lasting = ObstacleInflation()
-        """The same without the tracking error, which a gust causes only for a time."""
+        self.inflation = PlanInflation(vehicle, config.supervision, margin)
+        """Obstacle inflation of plans."""
         self._left: PathFollower | None = None
         """The last flight, if it ended on a landing leg."""
-        self._in_vain: tuple[float, str] | None = None
-        """Obstacle inflation at which no path was found, and the reason."""
 
     @property
     def awaited(self) -> Awaited | None:
@@ -170,21 +153,6 @@ class RouteManager:
         crossed = self.flight.leaves_fence()
         return None if crossed is None else f"path leaves {crossed}"
 
-    @property
-    def widening_m(self) -> float:
-        """Obstacle inflation of contingencies and recovery legs, without the tracking error.
-
-        Above the uncertainty limit no mission starts: escape routes are measured as at the limit.
-        """
-        limits = self._config.supervision
-        most_m = limits.position_uncertainty_limit_m - self._margin.position_m
-        return min(self._lasting.width_m, max(0.0, most_m))
-
-    def _width_m(self, mission: Mission) -> float:
-        """Obstacle inflation of a mission's plans; on escape routes without the tracking error."""
-        widening = self._widening if mission is Mission.INSPECTION else self._lasting
-        return widening.width_m
-
     def learn_loss(
         self,
         kind: AutopilotKind,
@@ -216,32 +184,9 @@ class RouteManager:
         """Reason against the active flight or hold, by offboard loss or failsafe; None if none."""
         return self._offboard_loss_check.objection
 
-    @property
-    def no_room(self) -> str | None:
-        """Reason why no path was found; None once the obstacle inflation is less than then.
-
-        None, too, above the uncertainty limit: then the uncertainty is the reason.
-        """
-        if self._in_vain is None or self._uncertainty_m is None:
-            return None
-        width_m, reason = self._in_vain
-        limit_m = self._config.supervision.position_uncertainty_limit_m
-        over = self._widening.width_m < width_m or self._uncertainty_m > limit_m
-        return None if over else reason
-
     def look(self, risk: RiskEstimate, tracking_error_m: float | None, now_s: float) -> bool:
-        """Updates the obstacle inflation; returns True if it has become less.
-
-        tracking_error_m: None without control, and on an escape route, which a gust must not stop.
-        Beyond `tracking_hold_m` the setpoint waits.
-        """
-        before, most_m = self._widening, self._vehicle.guidance.tracking_hold_m
-        self._uncertainty_m = uncertainty_m(risk)
-        self._needed_m = widening_m(risk, self._margin)
-        strays_m = min(tracking_error_m or 0.0, most_m) - self._margin.tracking_m
-        self._widening = before.followed(self._needed_m + max(0.0, strays_m), now_s)
-        self._lasting = self._lasting.followed(self._needed_m, now_s)
-        less_wide = self._widening.width_m < before.width_m
+        """Updates the obstacle inflation, as `PlanInflation.look`; returns True if it is less."""
+        less_wide = self.inflation.look(risk, tracking_error_m, now_s)
         if less_wide:
             self._offboard_loss_check.reconsider(self.flight)
         return less_wide
@@ -280,11 +225,11 @@ class RouteManager:
             self.flight = PathFollower(volume, pose)
         junction = self.flight.junction_at(pose) if recover else self.flight.junction()
         if first:
-            self._in_vain = None
+            self.inflation.forget_no_room()
         elif junction.at_end and not self.flight.braked:
             return False
         weights = self._vehicle.weights[task.mission].adjusted(risk)
-        width_m = self._width_m(task.mission)
+        width_m = self.inflation.of(task.mission)
         self._plans.ask(
             task,
             junction,
@@ -331,63 +276,17 @@ class RouteManager:
         if adoption is not Adoption.TOO_LATE:
             self._offboard_loss_check.objection = None
         if adoption is Adoption.NEW_PATH:
-            self._explain(awaited, plan, flown, estimate, now_s)
+            self._plan_reports.explain(awaited, plan, flown, estimate, now_s)
         if answer.narrowed_m and adoption is Adoption.NEW_PATH:
-            self._tell_narrow(plan, now_s)
+            self._plan_reports.tell_narrow(plan, now_s)
         if awaited.first and adoption is not Adoption.TOO_LATE:
             self._near_path_s = self._under_way_s = now_s
         return adoption
-
-    def _tell_narrow(self, plan: Plan, now_s: float) -> None:
-        """Reports the clearance of an escape route that keeps less than the margin."""
-        if self._ground is None:
-            return
-        nearest = narrowest(self._ground.site, self._vehicle, plan.waypoints.position_m)
-        if nearest is not None:
-            name, clearance_m, needed_m = nearest
-            reason = f"{clearance_m:.1f} m to {short_name(name)} < {needed_m:.1f}"
-            action = "exiting" if plan.mission is Mission.EXIT else "evacuating"
-            self._reports.say(Severity.WARNING, reason, now_s, action=action)
 
     def _stays(self, flown: Plan, plan: Plan) -> bool:
         if flown.cost is None or plan.cost is None:
             return False
         return stays(self._config.replanning, flown_cost=flown.cost.total, new_cost=plan.cost.total)
-
-    def _explain(
-        self,
-        awaited: Awaited,
-        plan: Plan,
-        flown: Plan | None,
-        estimate: RiskEstimate,
-        now_s: float,
-    ) -> None:
-        """Records the reason for a path; reports a path that a risk has moved."""
-        base = self._vehicle.weights[plan.mission]
-        difference = None if flown is None else path_difference(flown, plan)
-        self._reports.record(
-            "plan",
-            now_s,
-            first=awaited.first,
-            plan=plan.to_dict(),
-            explanation={
-                "reason": awaited.reason,
-                "risk": risk_dict(estimate),
-                "weights": WeightsReason.of(base, plan.request.risk).to_dict(),
-                "path": None if difference is None else difference.to_dict(),
-            },
-        )
-        before, self._flown_risk = self._flown_risk.as_dict(), plan.request.risk
-        after = plan.request.risk.as_dict()
-        name = max(after, key=lambda name: abs(after[name] - before[name]))
-        if (
-            difference is not None
-            and abs(after[name] - before[name]) >= _RISK_MOVED
-            and now_s - self._told_s >= _TOLD_EVERY_S
-        ):
-            self._told_s = now_s
-            change = f"{name} risk {after[name]:.2f} (was {before[name]:.2f})"
-            self._reports.say(Severity.INFO, f"{change}, {difference.gist()}", now_s)
 
     def replan(self, task: Task, pose: Pose, risk: RiskIndices, now_s: float) -> None:
         """Requests a new plan when there is a reason, while a path is flown.
@@ -425,7 +324,7 @@ class RouteManager:
                 planned_risk=self._plans.asked_risk,
                 risk=risk,
                 planned_widening_m=self._plans.asked_widening_m,
-                widening_m=self._width_m(task.mission),
+                widening_m=self.inflation.of(task.mission),
                 age_s=age_s,
             )
         if reason is not None and (flight.braked or not flight.on_leg):
@@ -470,10 +369,10 @@ class RouteManager:
 
         Returns False if it was not braked there, or the leg has no room.
         """
-        if self.flight is None or not self.flight.resume_leg(self._needed_m):
+        if self.flight is None or not self.flight.resume_leg(self.inflation.needed_m):
             return False
         self._plans.forget()
-        self._in_vain = None
+        self.inflation.forget_no_room()
         return True
 
     def resume(self, task: Task, pose: Pose | None) -> bool:
@@ -497,23 +396,11 @@ class RouteManager:
             # The gate compares with the last setpoint, which a wind may hold the aircraft beside.
             last = flight.progress(pose).setpoint
             pose = replace(pose, position_m=last.position_m, yaw_rad=last.yaw_rad)
-        taken_up = left.taken_up(volume, pose, self._needed_m)
+        taken_up = left.taken_up(volume, pose, self.inflation.needed_m)
         if taken_up is not None:
             self._plans.forget()
             self.flight = taken_up
         return taken_up is not None
-
-    def explained(self, answer: PlanAnswer) -> str:
-        """Reason why there is no plan, with the uncertainty, or tracking, if that is the cause."""
-        if not answer.too_wide or self._uncertainty_m is None:
-            return answer.reason
-        if not self._needed_m:
-            return f"no way with this tracking error ({answer.reason})"
-        return f"no way with uncertainty {self._uncertainty_m:.1f} m ({answer.reason})"
-
-    def note_no_room(self, awaited: Awaited, reason: str) -> None:
-        """Notes that no path was found with the present obstacle inflation."""
-        self._in_vain = (awaited.job.widening_m, reason)
 
     def forget_first(self) -> None:
         """Drops an awaited first plan, so that it is not flown when it comes."""
@@ -525,7 +412,7 @@ class RouteManager:
         if self.flight is not None and self.flight.mission is not None:
             self._left = self.flight if self.flight.on_leg else None
         self.flight = None
-        self._in_vain = None
+        self.inflation.forget_no_room()
         self._offboard_loss_check.objection = None
         self.watch.end()
         self._plans.forget()

@@ -1,6 +1,6 @@
-"""The path follower: from plans to this instant's setpoint, and the next plan's junction.
+"""The path follower: from plans to this instant's setpoint.
 
-A reference moves along a trajectory (`guidance`). Every new plan begins at a point of the present
+A reference moves along a trajectory (`flown_path`). Every new plan begins at a point of the present
 trajectory beyond the stopping distance of the reference. Any plan can therefore be joined without a
 jump; the rest of the trajectory leads to it. Only for an aircraft off its path does a plan begin
 at the aircraft; the setpoint then moves over to it.
@@ -20,21 +20,19 @@ from ..planner.free_distance import FreeDistance
 from ..planner.plan_values import Plan
 from ..planner.plane_fence import PlaneFence
 from ..safety.offboard_loss import OffboardLoss
-from ..safety.setpoint_gate import distance_m, distances_m
 from ..site import PlanePoint
 from ..types import Mission, Vector
 from .flight_volume import FlightVolume
-from .plan_path import CheckedLeg, approach_m, checked_legs, flown, standing, vector
+from .flown_path import FlownPath
+from .plan_path import vector
 from .splice import Adoption, Splice
 from .tracking import Reference, advanced, turned
-from .trajectory import FloatArray, PathPoints
+from .trajectory import FloatArray
 from .wind_leash import WindLeash
 from .yaw import wanted_yaw_rad
 
 _STANDS_MPS = 0.05
 """Slower than any planned speed, even at half its pace: the residue of a waiting reference."""
-_PLANNING_TIME_S = 0.3
-"""Time of a plan search, in which the reference moves on; the next plan begins beyond that."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -52,7 +50,7 @@ class Progress:
 
 
 class PathFollower:
-    """The reference and everything that moves it.
+    """Keeps the flown path with its plan, the displacement by wind, and the heading.
 
     Invariant: if the setpoint stream stops now, the aircraft stops in free space. This caps the
     speed next to obstacles.
@@ -60,16 +58,19 @@ class PathFollower:
 
     def __init__(self, volume: FlightVolume, pose: Pose) -> None:
         """Sets the setpoint to the aircraft's pose."""
-        self._volume = volume
         self._vehicle = volume.vehicle
+        self._path = FlownPath.at(volume, pose.position_m)
         self._plan: Plan | None = None
-        self._region_corner: int | None = None
-        self._legs: tuple[CheckedLeg, ...] = ()
         self._drift = WindLeash()
         self._yaw_rad = pose.yaw_rad
-        self._reference = Reference.start(
-            self._volume.trajectory(standing(pose.position_m)), pose.position_m
-        )
+
+    @property
+    def _reference(self) -> Reference:
+        return self._path.reference
+
+    @property
+    def _volume(self) -> FlightVolume:
+        return self._path.volume
 
     @property
     def arrived(self) -> bool:
@@ -109,21 +110,7 @@ class PathFollower:
     @property
     def on_leg(self) -> bool:
         """True while the reference is on the landing leg."""
-        return self._leaves_workspace_by(self._reference.distance_m)
-
-    @property
-    def _last_corner(self) -> int:
-        """Index of the trajectory's point at the end of the path without its landing leg."""
-        if self._region_corner is not None:
-            return self._region_corner
-        return len(self._reference.trajectory.corner_m) - 1
-
-    def _leaves_workspace_by(self, distance_m: float) -> bool:
-        """True if the landing leg has begun at a distance along the trajectory."""
-        corner = self._region_corner
-        if corner is None:
-            return False
-        return distance_m >= float(self._reference.trajectory.corner_m[corner])
+        return self._path.on_leg
 
     @property
     def blown_to_m(self) -> Vector | None:
@@ -143,8 +130,7 @@ class PathFollower:
     @property
     def outside_m(self) -> float:
         """Distance of the setpoint outside the workspace, or beside the plane, in metres."""
-        x_m, y_m, z_m = vector(self._reference.position_m)
-        return max(abs(y_m), self._volume.site.workspace.outside_m((x_m, z_m)))
+        return self._path.outside_m
 
     @property
     def why_it_returns(self) -> str:
@@ -154,64 +140,41 @@ class PathFollower:
     @property
     def is_carried_off(self) -> bool:
         """True if the setpoint, after a displacement by wind, needs a recovery leg to go on."""
-        place_m = vector(self._reference.position_m)
-        beside = len(approach_m(place_m)) > 1
-        outside = self._volume.site.workspace.outside_m((place_m[0], place_m[2])) > 0.0
-        return self._drift.carried and self._drift.from_m is None and (beside or outside)
+        displaced = self._drift.carried and self._drift.from_m is None
+        return displaced and self._path.needs_recovery
 
     def come_back(self, widened_m: float) -> bool:
         """Begins the recovery leg at the setpoint; returns False if there is none."""
-        place_m = vector(self._reference.position_m)
-        leg = self._volume.way_back(place_m, widened_m)
-        if leg is None:
+        path = self._path.recovery(widened_m)
+        if path is None:
             return False
-        points_m = np.array(leg.points_m)
-        speed_mps = self._volume.recovery_speeds_mps(points_m)
-        path = PathPoints(position_m=points_m, speed_mps=speed_mps)
-        self._reference = Reference.start(self._volume.trajectory(path), place_m)
-        self._legs, self._region_corner = (leg,), None
+        self._path = path
         self._drift = WindLeash(returns=True)
         return True
 
     def shift(self, jump: Jump) -> None:
         """Moves the setpoint with an estimate that jumped, so that the aircraft does not follow."""
         reference = self._reference
-        self._reference = replace(reference, offset_m=reference.offset_m + np.array(jump.step_m))
+        self._path = replace(
+            self._path,
+            reference=replace(reference, offset_m=reference.offset_m + np.array(jump.step_m)),
+        )
         self._yaw_rad = math.remainder(self._yaw_rad + jump.turn_rad, math.tau)
 
     def learn_loss(self, loss: OffboardLoss) -> None:
         """Caps the speed by the new offboard-loss behaviour."""
-        self._go_on_in(replace(self._volume, loss=loss))
+        self._path = self._path.within(replace(self._volume, loss=loss))
 
     def learn_fence(self, fence: PlaneFence | None) -> None:
         """Takes the autopilot's new fence, and caps the speed by it."""
-        self._go_on_in(replace(self._volume, fence=fence))
-
-    def _go_on_in(self, volume: FlightVolume) -> None:
-        """Keeps the path in another flight volume, which may lower the speed."""
-        self._volume = volume
-        trajectory = self._reference.trajectory.capped(
-            volume.speed_cap_mps, self._vehicle.guidance.acceleration_mps2
-        )
-        self._reference = replace(self._reference, trajectory=trajectory)
+        self._path = self._path.within(replace(self._volume, fence=fence))
 
     def leaves_fence(self) -> str | None:
         """The autopilot's fence limit that the path ahead crosses; None: no limit.
 
         Escape and recovery legs are permitted outside the fence.
         """
-        reference, end_m = self._reference, self._reference.stop_m
-        trajectory = reference.trajectory
-        ahead = trajectory.distance_m >= reference.distance_m
-        if end_m is not None:
-            ahead &= trajectory.distance_m <= end_m
-        places_m = trajectory.position_m[ahead]
-        crossed, width_m = self._volume.leaves_fence(places_m), self._volume.corridor_width_m
-        inwards = [leg for leg in self._legs if leg.leads_in]
-        if crossed is None or not inwards:
-            return crossed
-        from_legs_m = [distances_m(places_m, leg.points_m) for leg in inwards]
-        return self._volume.leaves_fence(places_m[np.min(from_legs_m, axis=0) > width_m])
+        return self._path.leaves_fence()
 
     def error_m(self, pose: Pose) -> float:
         """Distance from the setpoint to the aircraft, in metres."""
@@ -222,20 +185,14 @@ class PathFollower:
         if self.returns:
             self._drift = WindLeash(carried=True)
         if not self.braked:
-            self._reference = self._reference.braked(self._vehicle.guidance.acceleration_mps2)
+            self._path = self._path.braked()
 
     def stand(self, position_m: Vector) -> None:
         """Stops at once at a place that the path has just passed.
 
         Plans lead on from there, whatever the path; a landing leg is kept within its corridor.
         """
-        leg = self._legs[-1] if self.on_leg and self._legs else None
-        beside_m = math.inf if leg is None else distance_m(position_m, leg.points_m)
-        if beside_m > self._volume.corridor_width_m:
-            trajectory = self._volume.trajectory(standing(position_m))
-            self._reference = Reference.start(trajectory, position_m)
-            self._region_corner = None
-        self._reference = self._reference.stood(position_m)
+        self._path = self._path.stood(position_m)
 
     def resume_leg(self, widened_m: float) -> bool:
         """Resumes along the landing leg on which the flight was braked, if the leg has room.
@@ -244,16 +201,10 @@ class PathFollower:
         planned. widened_m: obstacle inflation. Returns False, too, where a jump has moved the
         setpoint out of the leg's corridor.
         """
-        reference, leg = self._reference, self._legs[-1] if self._legs else None
-        stop_m, here = reference.stop_m, vector(reference.position_m)
-        if leg is None or stop_m is None or not self._leaves_workspace_by(stop_m):
+        path = self._path.resumed(widened_m)
+        if path is None:
             return False
-        if distance_m(here, leg.points_m) > self._volume.corridor_width_m:
-            return False
-        widened_m -= self._volume.narrowed_m
-        if not leg.has_room(widened_m) or self._volume.leaves_fence(np.array(leg.points_m)):
-            return False
-        self._reference = replace(self._reference, stop_m=None)
+        self._path = path
         return True
 
     def keeps_clear(self, place_m: Vector) -> bool:
@@ -271,64 +222,16 @@ class PathFollower:
         The aircraft is outside the workspace, and within the tracking tolerance of the leg. The
         setpoint begins at the aircraft, and moves over to the leg. widened_m: obstacle inflation.
         """
-        x_m, _, z_m = pose.position_m
-        leg = self._legs[-1] if self.on_leg and self._legs else None
-        if leg is None or not volume.site.workspace.outside_m((x_m, z_m)):
-            return None
-        volume = volume.widened(self._volume.reach, self._volume.narrowed_m)
-        trajectory = self._reference.trajectory.capped(
-            volume.speed_cap_mps, self._vehicle.guidance.acceleration_mps2
-        )
-        there = np.array(pose.position_m)
-        apart_m = np.sqrt(((trajectory.position_m - there) ** 2).sum(axis=1))
-        nearest = int(apart_m.argmin())
-        place_m, distance_m = trajectory.position_m[nearest], float(trajectory.distance_m[nearest])
-        if (
-            apart_m[nearest] > self._vehicle.guidance.tracking_hold_m
-            or not self._leaves_workspace_by(distance_m)
-            or not leg.has_room(widened_m - volume.narrowed_m)
-            or volume.leaves_fence(np.array(leg.points_m))
-            or not volume.is_free_leg(pose.position_m, vector(place_m))
-        ):
+        path = self._path.taken_up(volume, pose, widened_m)
+        if path is None:
             return None
         flight = PathFollower(volume, pose)
-        flight._plan, flight._region_corner = self._plan, self._region_corner
-        approach = CheckedLeg(
-            points_m=(pose.position_m, vector(place_m)), room_m=math.inf, leads_in=True
-        )
-        flight._legs = (approach, leg)
-        flight._reference = replace(
-            Reference.start(trajectory, pose.position_m),
-            distance_m=distance_m,
-            offset_m=there - place_m,
-        )
+        flight._plan, flight._path = self._plan, path
         return flight
 
     def junction(self) -> Splice:
         """Start of a plan that is requested now: a point where the reference can still stop."""
-        reference = self._reference
-        trajectory = reference.trajectory
-        if reference.stop_m is not None:
-            return Splice(
-                trajectory=trajectory,
-                joined_m=reference.stop_m,
-                position_m=vector(trajectory.at(reference.stop_m)[0]),
-                velocity_mps=(0.0, 0.0, 0.0),
-            )
-        corner = trajectory.corner_after(
-            reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
-            + reference.speed_mps * _PLANNING_TIME_S
-        )
-        joined_m = float(trajectory.corner_m[corner])
-        _, direction, speed = trajectory.at(joined_m)
-        return Splice(
-            trajectory=trajectory,
-            joined_m=joined_m,
-            corner=corner,
-            position_m=vector(trajectory.points_m[corner]),
-            velocity_mps=vector(speed * direction),
-            at_end=corner >= self._last_corner,
-        )
+        return self._path.junction()
 
     def junction_at(self, pose: Pose) -> Splice:
         """Start of a plan for an aircraft that is off its path.
@@ -355,50 +258,13 @@ class PathFollower:
         reach: to obstacles with the plan's inflation; None: no inflation. narrowed_m: part of the
         margin that the plan omits.
         """
-        reference, volume = self._reference, self._volume.widened(reach, narrowed_m)
-        if junction.trajectory is not reference.trajectory:
+        path = self._path.joined(plan, junction, escape_m, reach, narrowed_m)
+        if path is None:
             return Adoption.TOO_LATE
-        path = self._path(plan, junction, escape_m)
-        if junction.joined_m is None:
-            # The old path is free. The setpoint stays there if it is not at rest yet, or if the
-            # line to the new path is not free. The aircraft then comes back to it.
-            resting = reference.speed_mps <= self._vehicle.speed.min_mps
-            if not resting or not self._volume.free_between(
-                reference.position_m, junction.position_m
-            ):
-                return Adoption.TOO_LATE
-            moved = Reference.start(volume.trajectory(path), vector(reference.position_m))
-        else:
-            joined_m, kept = junction.joined_m, narrowed_m <= self.narrowed_m
-            if kept and reach == self.reach and junction.is_followed_by(path):
-                self._plan = plan
-                return Adoption.SAME_PATH
-            stop_m = reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
-            end_m = reference.trajectory.length_m if reference.stop_m is None else reference.stop_m
-            if joined_m < min(stop_m, end_m):
-                return Adoption.TOO_LATE
-            lead_in = junction.trajectory.between(reference.distance_m, joined_m)
-            if volume.is_crowded(lead_in.position_m):
-                narrowed_m = max(narrowed_m, self._volume.narrowed_m)
-                volume = volume.widened(reach, narrowed_m)
-            moved = replace(
-                reference,
-                trajectory=volume.trajectory(path, lead_in),
-                distance_m=0.0,
-                stop_m=None,
-            )
-        here, width_m = vector(reference.position_m), self._volume.corridor_width_m
-        still_in = [leg for leg in self._legs if distance_m(here, leg.points_m) <= width_m]
-        self._legs = (*still_in, *checked_legs(plan, path, escape_m))
-        self._drift = WindLeash()
-        self._volume = volume
-        self._reference = moved
         self._plan = plan
-        self._region_corner = (
-            None
-            if plan.landing_leg is None
-            else len(path.position_m) - 1 - len(plan.landing_leg.points_m)
-        )
+        if path is self._path:
+            return Adoption.SAME_PATH
+        self._path, self._drift = path, WindLeash()
         return Adoption.NEW_PATH
 
     def rest_of_plan(
@@ -442,11 +308,11 @@ class PathFollower:
             self._reference,
             pose.position_m,
             self._vehicle.guidance,
-            0.0 if stays else self._fade_mps(),
+            0.0 if stays else self._path.fade_mps(),
             step_s,
             pace,
         )
-        self._reference = reference
+        self._path = replace(self._path, reference=reference)
         beside = reference.offset_m.any() and not reference.speed_mps
         if stays and beside and not self.on_leg:
             self.stand(vector(reference.position_m))
@@ -454,17 +320,14 @@ class PathFollower:
     def _go_along(self, pose: Pose, step_s: float) -> None:
         """Moves the setpoint, at rest, with an aircraft that is blown off beyond the leash."""
         leash_m = self._drift.leash_m(self._vehicle)
-        place_m, error_m = vector(self._reference.position_m), self.error_m(pose)
+        place_m, error_m = self._path.place_m, self.error_m(pose)
         moved_m = None
         if error_m > leash_m:
             moved_m = self._volume.carried_m(place_m, pose.position_m, leash_m)
         if moved_m is None:
             self._drift = self._drift.after(error_m, leash_m, pose, step_s)
             return
-        self._reference = Reference.start(
-            self._volume.trajectory(standing(moved_m)), moved_m
-        ).stood(moved_m)
-        self._legs, self._region_corner = (), None
+        self._path = replace(self._path, legs=(), landing_corner=None).stood(moved_m)
         drift = self._drift
         self._drift = WindLeash(
             from_m=place_m if drift.from_m is None else drift.from_m,
@@ -472,15 +335,6 @@ class PathFollower:
             carried=True,
             lowest_m=min(drift.lowest_m, place_m[2]),
         )
-
-    def _fade_mps(self) -> float:
-        """Maximum speed of the setpoint's return to a path that was moved under it."""
-        offset, slow_mps = self._reference.offset_m, self._vehicle.speed.min_mps
-        length_m = float(np.sqrt(offset @ offset))
-        if not length_m:
-            return slow_mps
-        here, back = self._reference.position_m[None], -offset[None] / length_m
-        return min(slow_mps, float(self._volume.speed_cap_mps(here, back)[0]))
 
     def setpoint(self, pose: Pose, plane: PlaneToLocal, step_s: float) -> Setpoint:
         """The setpoint of this instant, the heading turned by one step (0: kept)."""
@@ -507,10 +361,7 @@ class PathFollower:
 
     def rest(self) -> tuple[FloatArray, FloatArray]:
         """The points (n, 3) still ahead, and the times (n - 1,) between them, as they are flown."""
-        reference = self._reference
-        return reference.trajectory.rest(
-            reference.distance_m, reference.speed_mps, self._vehicle.guidance.acceleration_mps2
-        )
+        return self._path.rest()
 
     def progress(self, pose: Pose) -> Progress:
         """Progress of the flight, for people."""
@@ -530,13 +381,13 @@ class PathFollower:
         """
         if self.returns:
             return self.why_it_returns
-        return self._volume.strays(pose, self._legs)
+        return self._volume.strays(pose, self._path.legs)
 
     def refusal(self, setpoint: Setpoint, plane_tolerance_m: float, widened_m: float) -> str | None:
         """Reason to refuse a setpoint; None when the setpoint is permitted."""
         return self._volume.refusal(
             setpoint,
-            self._legs,
+            self._path.legs,
             plane_tolerance_m=plane_tolerance_m,
             widened_m=widened_m,
             carried_from_z_m=self._drift.lowest_m if self._drift.carried else None,
@@ -555,15 +406,8 @@ class PathFollower:
         reach: as in `adopt`.
         """
         volume = self._volume.widened(reach)
-        return volume.rests_m(volume.trajectory(self._path(plan, junction, escape_m)))
+        return volume.rests_m(volume.trajectory(self._path.points(plan, junction, escape_m)))
 
     def rests_ahead_m(self) -> FloatArray:
         """Possible stop points (n, 2) on the rest of the active path, to its end or brake point."""
-        reference = self._reference
-        if reference.stop_m is None:
-            return self._volume.rests_m(reference.trajectory, reference.distance_m)
-        braking = reference.trajectory.between(reference.distance_m, reference.stop_m)
-        return self._volume.rests_m(self._volume.trajectory(braking))
-
-    def _path(self, plan: Plan, junction: Splice, escape_m: tuple[PlanePoint, ...]) -> PathPoints:
-        return flown(plan, junction.position_m, escape_m, self._volume.leg_speeds_mps)
+        return self._path.rests_m()

@@ -344,7 +344,7 @@ class RandomFlight(Lockstep):
     @staticmethod
     def _is_on_leg(flown, place_m) -> bool:
         """On one of the legs that were checked as a whole, out of the workspace or back into it."""
-        return any(distance_m(place_m, leg.points_m) <= ON_LEG_M for leg in flown._legs)
+        return any(distance_m(place_m, leg.points_m) <= ON_LEG_M for leg in flown._path.legs)
 
     def _write_down(self, setpoints) -> None:
         truth = self.truths[-1]

@@ -1,0 +1,90 @@
+"""Obstacle inflation of plans, and the search that found no path with it.
+
+Inputs: risks, the tracking error, answers without a plan. Outputs: the inflation of each mission's
+plans, and the reason why there is no room for a path.
+"""
+
+from __future__ import annotations
+
+from ..config import Supervision
+from ..planning.plan_jobs import PlanAnswer
+from ..risk import RiskEstimate
+from ..safety.checks import uncertainty_m, widening_m
+from ..safety.obstacle_inflation import ObstacleInflation
+from ..site import Margin
+from ..types import Mission
+from ..vehicle import Vehicle
+from .plan_requests import Awaited
+
+
+class PlanInflation:
+    """Keeps the obstacle inflation, and that at which no path was found."""
+
+    def __init__(self, vehicle: Vehicle, limits: Supervision, margin: Margin) -> None:
+        self._vehicle = vehicle
+        self._limit_m = limits.position_uncertainty_limit_m
+        self._margin = margin
+        self._uncertainty_m: float | None = None
+        self.needed_m = 0.0
+        """Required obstacle inflation by position uncertainty, beyond keep-outs."""
+        self._widening = ObstacleInflation()
+        self._lasting = ObstacleInflation()
+        """The same without the tracking error, which a gust causes only for a time."""
+        self._in_vain: tuple[float, str] | None = None
+        """Obstacle inflation at which no path was found, and the reason."""
+
+    @property
+    def lasting_m(self) -> float:
+        """Obstacle inflation of contingencies and recovery legs, without the tracking error.
+
+        Above the uncertainty limit no mission starts: escape routes are measured as at the limit.
+        """
+        most_m = self._limit_m - self._margin.position_m
+        return min(self._lasting.width_m, max(0.0, most_m))
+
+    def of(self, mission: Mission) -> float:
+        """Obstacle inflation of a mission's plans; on escape routes without the tracking error."""
+        widening = self._widening if mission is Mission.INSPECTION else self._lasting
+        return widening.width_m
+
+    def look(self, risk: RiskEstimate, tracking_error_m: float | None, now_s: float) -> bool:
+        """Updates the obstacle inflation; returns True if it has become less.
+
+        tracking_error_m: None without control, and on an escape route, which a gust must not stop.
+        Beyond `tracking_hold_m` the setpoint waits.
+        """
+        before, most_m = self._widening, self._vehicle.guidance.tracking_hold_m
+        self._uncertainty_m = uncertainty_m(risk)
+        self.needed_m = widening_m(risk, self._margin)
+        strays_m = min(tracking_error_m or 0.0, most_m) - self._margin.tracking_m
+        self._widening = before.followed(self.needed_m + max(0.0, strays_m), now_s)
+        self._lasting = self._lasting.followed(self.needed_m, now_s)
+        return self._widening.width_m < before.width_m
+
+    @property
+    def no_room(self) -> str | None:
+        """Reason why no path was found; None once the obstacle inflation is less than then.
+
+        None, too, above the uncertainty limit: then the uncertainty is the reason.
+        """
+        if self._in_vain is None or self._uncertainty_m is None:
+            return None
+        width_m, reason = self._in_vain
+        over = self._widening.width_m < width_m or self._uncertainty_m > self._limit_m
+        return None if over else reason
+
+    def note_no_room(self, awaited: Awaited, reason: str) -> None:
+        """Notes that no path was found with the present obstacle inflation."""
+        self._in_vain = (awaited.job.widening_m, reason)
+
+    def forget_no_room(self) -> None:
+        """Drops the search that found no path."""
+        self._in_vain = None
+
+    def explained(self, answer: PlanAnswer) -> str:
+        """Reason why there is no plan, with the uncertainty, or tracking, if that is the cause."""
+        if not answer.too_wide or self._uncertainty_m is None:
+            return answer.reason
+        if not self.needed_m:
+            return f"no way with this tracking error ({answer.reason})"
+        return f"no way with uncertainty {self._uncertainty_m:.1f} m ({answer.reason})"

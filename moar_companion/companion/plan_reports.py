@@ -1,0 +1,87 @@
+"""Reports of adopted plans: the reason for a path, and the clearance of a narrow escape route.
+
+Inputs: the adopted plan, and the rest of the plan before it. Outputs: record entries and texts.
+"""
+
+from __future__ import annotations
+
+import math
+
+from ..estimation.pose_tracker import Ground
+from ..mavlink.session import Severity
+from ..mavlink.statustext import short_name
+from ..planner.comparison import path_difference
+from ..planner.plan_values import Plan
+from ..planner.regions import narrowest
+from ..risk import RiskEstimate
+from ..risk.explain import WeightsReason, risk_dict
+from ..types import Mission, RiskIndices
+from ..vehicle import Vehicle
+from .plan_requests import Awaited
+from .reports import Reports
+
+_TOLD_EVERY_S = 10.0
+"""Minimum time between two texts about a path that a risk has moved; the record has all."""
+_RISK_MOVED = 0.05
+"""Minimum change of a risk since the last path to be reported as the reason for a move."""
+
+
+class PlanReports:
+    """Keeps the risk indices of the active path, and the time of the last text about a move."""
+
+    def __init__(self, ground: Ground | None, vehicle: Vehicle, reports: Reports) -> None:
+        self._ground = ground
+        self._vehicle = vehicle
+        self._reports = reports
+        self._told_s = -math.inf
+        self._flown_risk = RiskIndices()
+        """Risk indices of the active path's plan."""
+
+    def explain(
+        self,
+        awaited: Awaited,
+        plan: Plan,
+        flown: Plan | None,
+        estimate: RiskEstimate,
+        now_s: float,
+    ) -> None:
+        """Records the reason for a path; reports a path that a risk has moved.
+
+        flown: rest of the plan before it; None where that could not stay.
+        """
+        base = self._vehicle.weights[plan.mission]
+        difference = None if flown is None else path_difference(flown, plan)
+        self._reports.record(
+            "plan",
+            now_s,
+            first=awaited.first,
+            plan=plan.to_dict(),
+            explanation={
+                "reason": awaited.reason,
+                "risk": risk_dict(estimate),
+                "weights": WeightsReason.of(base, plan.request.risk).to_dict(),
+                "path": None if difference is None else difference.to_dict(),
+            },
+        )
+        before, self._flown_risk = self._flown_risk.as_dict(), plan.request.risk
+        after = plan.request.risk.as_dict()
+        name = max(after, key=lambda name: abs(after[name] - before[name]))
+        if (
+            difference is not None
+            and abs(after[name] - before[name]) >= _RISK_MOVED
+            and now_s - self._told_s >= _TOLD_EVERY_S
+        ):
+            self._told_s = now_s
+            change = f"{name} risk {after[name]:.2f} (was {before[name]:.2f})"
+            self._reports.say(Severity.INFO, f"{change}, {difference.gist()}", now_s)
+
+    def tell_narrow(self, plan: Plan, now_s: float) -> None:
+        """Reports the clearance of an escape route that keeps less than the margin."""
+        if self._ground is None:
+            return
+        nearest = narrowest(self._ground.site, self._vehicle, plan.waypoints.position_m)
+        if nearest is not None:
+            name, clearance_m, needed_m = nearest
+            reason = f"{clearance_m:.1f} m to {short_name(name)} < {needed_m:.1f}"
+            action = "exiting" if plan.mission is Mission.EXIT else "evacuating"
+            self._reports.say(Severity.WARNING, reason, now_s, action=action)
