@@ -151,17 +151,17 @@ class Companion:
     @property
     def signing_timestamps(self) -> dict[str, int]:
         """The time stamp of each signed link, for the next process."""
-        return self._session.signing_timestamps
+        return self._session.signing.timestamps
 
     @property
     def signing_references(self) -> dict[str, int]:
         """Reference time of each signed link for new senders, for the next process."""
-        return self._session.signing_references
+        return self._session.signing.references
 
     @property
     def packets_refused(self) -> dict[str, dict[Refusal, int]]:
         """Number of refused packets of each signed link, by reason."""
-        return self._session.packets_refused
+        return self._session.signing.packets_refused
 
     @property
     def risk(self) -> RiskEstimate:
@@ -255,7 +255,7 @@ class Companion:
 
     def note_wall_clock(self, wall_s: float) -> None:
         """Takes the wall clock, in seconds since 1970, for signatures."""
-        self._session.note_wall_clock(wall_s)
+        self._session.signing.note_wall_clock(wall_s)
 
     def shut_down(self, now_s: float) -> None:
         """Ends the setpoint stream at rest, if still permitted, before the process ends."""
@@ -407,6 +407,7 @@ class Companion:
         jump = self._pose_tracker.look(self.telemetry)
         if jump is not None:
             self._executor.shift(jump, now_s)
+        requests = self._session.requests
         for event in self._session.events_received():
             match event:
                 case MissionCommand() | PauseContinue():
@@ -421,11 +422,11 @@ class Companion:
                 case AutopilotFound(autopilot=autopilot):
                     self._read_by_s = now_s + _READING_S
                     kind = autopilot.kind
-                    self._session.want_parameters(loss_parameters(kind))
-                    self._session.want_parameters(fence_parameters(kind), changing=True)
-                    self._session.want_fence()
-                    self._session.want_parameters(failsafe_parameters(kind))
-                    self._session.want_parameters(holding_parameters(kind))
+                    requests.want_parameters(loss_parameters(kind))
+                    requests.want_parameters(fence_parameters(kind), changing=True)
+                    requests.want_fence()
+                    requests.want_parameters(failsafe_parameters(kind))
+                    requests.want_parameters(holding_parameters(kind))
                 case ModeLeft(mode=mode):
                     self._executor.faults.note_mode_left(mode)
                 case AutopilotRestarted():
@@ -442,10 +443,10 @@ class Companion:
                     self._reports.say(Severity.ERROR, text, now_s)
         if self._session.autopilot is not None:
             kind = self._session.autopilot.kind
-            parameters, home_m = self._session.parameters, self._pose_tracker.home_m
+            parameters, home_m = requests.parameters, self._pose_tracker.home_m
             self._executor.routes.learn_loss(kind, parameters, home_m, now_s)
-            items = self._session.fence_items
-            if items is None and self._session.fence_silent:
+            items = requests.fence_items
+            if items is None and requests.fence_silent:
                 items = ()
             readiness = self.telemetry.readiness
             enabled = readiness is not None and readiness.fence_enabled
@@ -474,6 +475,6 @@ class Companion:
             None if pose is None else pose.position_m,
             now_s,
         )
-        behind_s, ahead_s = self._session.signers_behind_s, self._session.signing_ahead_s
+        behind_s, ahead_s = self._session.signing.behind_s, self._session.signing.ahead_s
         for words in self._refusals.texts(self.packets_refused, behind_s, now_s, ahead_s=ahead_s):
             self._reports.say(Severity.WARNING, words, now_s)

@@ -145,7 +145,9 @@ class MissionExecutor:
     def judge(self, now_s: float) -> None:
         """Updates the risk indices from telemetry and the remaining flight."""
         session = self._session
-        self.risk_monitor.judge(session.telemetry, session.parameters, self.tracking_error_m, now_s)
+        self.risk_monitor.judge(
+            session.telemetry, session.requests.parameters, self.tracking_error_m, now_s
+        )
 
     def look_ahead(self, now_s: float) -> None:
         """Updates the remaining flight, and the obstacles that autopilot failsafes would hit."""
@@ -395,7 +397,7 @@ class MissionExecutor:
             stands=flight is not None and flight.stands and self.status.state in _ON_THE_WAY,
             strays=flight.strays(pose) if flight is not None and pose is not None else None,
             plan_awaited_s=self.routes.awaited_for_s(now_s),
-            fence_silent=self._session.fence_silent,
+            fence_silent=self._session.requests.fence_silent,
             escape_route=escape_route,
             exposure=self._exposure(escape_route, now_s),
             host=self.host,
