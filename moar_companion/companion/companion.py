@@ -43,7 +43,8 @@ from ..safety.checks import Host
 from ..safety.file_faults import FileFaultTexts
 from ..safety.offboard_loss import loss_parameters
 from ..safety.supervisor import Ruling
-from ..types import Mission, Telemetry, Weights
+from ..telemetry import Telemetry
+from ..types import Mission, Weights
 from ..vehicle import Vehicle
 from .intake import Arrival, Intake
 from .mission_executor import MissionExecutor

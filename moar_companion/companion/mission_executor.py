@@ -37,7 +37,8 @@ from ..risk import RiskEstimate
 from ..safety.checks import CheckInputs, EscapeRoute, Host, widening_m
 from ..safety.conditions import Action
 from ..safety.supervisor import Ruling
-from ..types import LandedState, Mission
+from ..telemetry import LandedState
+from ..types import Mission
 from ..vehicle import Vehicle
 from .faults import Faults
 from .mission_snapshot import MissionSnapshot

@@ -34,7 +34,8 @@ from ..safety.checks import uncertainty_m, widening_m
 from ..safety.failsafe_exposure import FailsafeExposure
 from ..safety.obstacle_inflation import ObstacleInflation
 from ..site import Margin
-from ..types import AutopilotKind, FenceItem, Mission, RiskIndices, Telemetry, Vector
+from ..telemetry import FenceItem, Telemetry
+from ..types import AutopilotKind, Mission, RiskIndices, Vector
 from ..vehicle import Vehicle
 from .offboard_loss_check import OffboardLossCheck
 from .plan_requests import Awaited, PlanRequests

@@ -10,7 +10,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
-from ..types import AutopilotKind, FenceItem
+from ..telemetry import FenceItem
+from ..types import AutopilotKind
 from . import fence_download, translate_outgoing
 from .dialect import Message, mavlink
 from .fence_download import FenceDownload

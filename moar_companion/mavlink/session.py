@@ -14,7 +14,8 @@ from collections.abc import Iterable, Mapping
 from functools import partial
 
 from ..config import Commands, LinkRole
-from ..types import AutopilotKind, Telemetry, Vector
+from ..telemetry import Telemetry
+from ..types import AutopilotKind, Vector
 from . import autopilot_requests, ping_timesync, telemetry_receiver, translate_outgoing
 from .autopilot_control import AutopilotControl, CommandAnswered, commands_motion
 from .autopilot_requests import AutopilotRequests

@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from ..config import LinkRole
-from ..types import LinkStatistics, Telemetry
+from ..telemetry import LinkStatistics, Telemetry
 from . import translate
 from .codec import SourceStatistics
 from .dialect import CURRENT_MODE_ID, Message, mavlink
