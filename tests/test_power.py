@@ -12,14 +12,8 @@ from hypothesis import strategies as st
 
 from moar_companion.config import shipped_configs
 from moar_companion.power import Meter, PowerModel, cell_v, landing_s, metered
-from moar_companion.types import (
-    AutopilotKind,
-    Battery,
-    Landed,
-    LandedState,
-    LocalPosition,
-    Telemetry,
-)
+from moar_companion.telemetry import Battery, Landed, LandedState, LocalPosition, Telemetry
+from moar_companion.types import AutopilotKind
 from moar_companion.vehicle import Power, RiskModel, Vehicle
 
 properties = settings(deadline=None, max_examples=60, derandomize=True, database=None)

@@ -14,7 +14,8 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
-from ..types import AutopilotKind, FenceItem
+from ..telemetry import FenceItem
+from ..types import AutopilotKind
 
 _ALTITUDE_MAX, _CIRCLE, _AREAS, _ALTITUDE_MIN = 1, 2, 4, 8
 """Bits of FENCE_TYPE."""

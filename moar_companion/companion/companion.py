@@ -47,7 +47,8 @@ from ..safety.checks import Host
 from ..safety.file_faults import FileFaultTexts
 from ..safety.offboard_loss import loss_parameters
 from ..safety.supervisor import Ruling
-from ..types import Mission, Telemetry, Weights
+from ..telemetry import Telemetry
+from ..types import Mission, Weights
 from ..vehicle import Vehicle
 from .intake import Arrival, Intake
 from .mission_executor import MissionExecutor
@@ -156,17 +157,17 @@ class Companion:
     @property
     def signing_timestamps(self) -> dict[str, int]:
         """The time stamp of each signed link, for the next process."""
-        return self._session.signing_timestamps
+        return self._session.signing.timestamps
 
     @property
     def signing_references(self) -> dict[str, int]:
         """Reference time of each signed link for new senders, for the next process."""
-        return self._session.signing_references
+        return self._session.signing.references
 
     @property
     def packets_refused(self) -> dict[str, dict[Refusal, int]]:
         """Number of refused packets of each signed link, by reason."""
-        return self._session.packets_refused
+        return self._session.signing.packets_refused
 
     @property
     def risk(self) -> RiskEstimate:
@@ -260,7 +261,7 @@ class Companion:
 
     def note_wall_clock(self, wall_s: float) -> None:
         """Takes the wall clock, in seconds since 1970, for signatures."""
-        self._session.note_wall_clock(wall_s)
+        self._session.signing.note_wall_clock(wall_s)
 
     def plan_answered(self, answer: PlanAnswer) -> None:
         """Takes the answer to a job, for the next cycle."""
@@ -448,11 +449,11 @@ class Companion:
             case AutopilotFound(autopilot=autopilot):
                 self._read_by_s = now_s + _READING_S
                 kind = autopilot.kind
-                self._session.want_parameters(loss_parameters(kind))
-                self._session.want_parameters(fence_parameters(kind), changing=True)
-                self._session.want_fence()
-                self._session.want_parameters(failsafe_parameters(kind))
-                self._session.want_parameters(holding_parameters(kind))
+                self._session.requests.want_parameters(loss_parameters(kind))
+                self._session.requests.want_parameters(fence_parameters(kind), changing=True)
+                self._session.requests.want_fence()
+                self._session.requests.want_parameters(failsafe_parameters(kind))
+                self._session.requests.want_parameters(holding_parameters(kind))
             case ModeLeft(mode=mode):
                 self._executor.faults.note_mode_left(mode)
             case AutopilotRestarted():
@@ -473,10 +474,10 @@ class Companion:
         if self._session.autopilot is None:
             return
         kind = self._session.autopilot.kind
-        parameters, home_m = self._session.parameters, self._pose_tracker.home_m
+        parameters, home_m = self._session.requests.parameters, self._pose_tracker.home_m
         self._executor.routes.learn_loss(kind, parameters, home_m, now_s)
-        items = self._session.fence_items
-        if items is None and self._session.fence_silent:
+        items = self._session.requests.fence_items
+        if items is None and self._session.requests.fence_silent:
             items = ()
         readiness = self.telemetry.readiness
         enabled = readiness is not None and readiness.fence_enabled
@@ -503,6 +504,6 @@ class Companion:
             None if pose is None else pose.position_m,
             now_s,
         )
-        behind_s, ahead_s = self._session.signers_behind_s, self._session.signing_ahead_s
+        behind_s, ahead_s = self._session.signing.behind_s, self._session.signing.ahead_s
         for words in self._refusals.texts(self.packets_refused, behind_s, now_s, ahead_s=ahead_s):
             self._reports.say(Severity.WARNING, words, now_s)

@@ -39,7 +39,8 @@ from ..risk import RiskEstimate
 from ..safety.checks import CheckInputs, EscapeRoute, Host, widening_m
 from ..safety.conditions import Action
 from ..safety.supervisor import Ruling
-from ..types import LandedState, Mission
+from ..telemetry import LandedState
+from ..types import Mission
 from ..vehicle import Vehicle
 from .faults import Faults
 from .mission_snapshot import MissionSnapshot
@@ -164,7 +165,9 @@ class MissionExecutor:
     def assess_risk(self, now_s: float) -> None:
         """Updates the risk indices from telemetry and the remaining flight."""
         session = self._session
-        self.risk_monitor.judge(session.telemetry, session.parameters, self.tracking_error_m, now_s)
+        self.risk_monitor.judge(
+            session.telemetry, session.requests.parameters, self.tracking_error_m, now_s
+        )
 
     def rule(self, now_s: float) -> None:
         """Steps the supervisor, once a cycle, with the checks of everything observed."""
@@ -401,7 +404,7 @@ class MissionExecutor:
             stands=flight is not None and flight.stands and self.status.state in _ON_THE_WAY,
             strays=flight.strays(pose) if flight is not None and pose is not None else None,
             plan_awaited_s=self.routes.awaited_for_s(now_s),
-            fence_silent=self._session.fence_silent,
+            fence_silent=self._session.requests.fence_silent,
             escape_route=escape_route,
             exposure=self._exposure(escape_route, now_s),
             host=self.host,

@@ -10,7 +10,8 @@ from ..mavlink.session import Session, Severity
 from ..mission.values import MissionStatus
 from ..mission_states import IN_CONTROL, MissionState
 from ..safety.autopilot_failsafe import took_mode
-from ..types import AutopilotKind, AutopilotStatus, Telemetry
+from ..telemetry import AutopilotStatus, Telemetry
+from ..types import AutopilotKind
 from .reports import Reports
 
 _ENGAGE_AFTER_S = 1.2

@@ -9,7 +9,7 @@ from dataclasses import replace
 
 from ..estimation.pose_tracker import airborne, grounded
 from ..mavlink.commands import Command, holds
-from ..types import Telemetry
+from ..telemetry import Telemetry
 from .mission_snapshot import MissionSnapshot
 
 _PATIENCE_S = 3.0

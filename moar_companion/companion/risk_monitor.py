@@ -10,7 +10,8 @@ from ..power import PowerModel
 from ..risk import RiskEstimate, update
 from ..risk.holding import held_wind_mps, is_saturated, tilt_limit
 from ..risk.wind import MOTOR_OUTPUT
-from ..types import Telemetry, Vector
+from ..telemetry import Telemetry
+from ..types import Vector
 from ..vehicle import Vehicle
 
 

@@ -28,7 +28,8 @@ from ..power import PowerModel
 from ..risk import RiskEstimate
 from ..safety.failsafe_exposure import FailsafeExposure
 from ..site import Margin
-from ..types import AutopilotKind, FenceItem, Mission, RiskIndices, Telemetry, Vector
+from ..telemetry import FenceItem, Telemetry
+from ..types import AutopilotKind, Mission, RiskIndices, Vector
 from ..vehicle import Vehicle
 from .offboard_loss_check import OffboardLossCheck
 from .plan_inflation import PlanInflation

@@ -11,7 +11,7 @@ from ..safety import supervisor
 from ..safety.checks import CheckInputs, causes
 from ..safety.conditions import Action, Override, conditions
 from ..safety.supervisor import Acting, Ruling
-from ..types import Heard
+from ..telemetry import Heard
 from .reports import Reports
 
 _LISTENS_AFTER_S = 1.0

@@ -35,7 +35,7 @@ from ..mission.values import MissionStatus
 from ..mission_states import STREAMING
 from ..risk.explain import WeightsReason, risk_dict
 from ..safety.supervisor import Ruling
-from ..types import LinkStatistics, Telemetry
+from ..telemetry import LinkStatistics, Telemetry
 from .companion import Companion
 from .reports import Decision
 

@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 
 from ..frames import geodetic_to_local_ned
-from ..types import AutopilotKind, GeodeticPoint, GlobalPosition, Home, LocalOrigin, Telemetry
+from ..telemetry import GlobalPosition, Home, LocalOrigin, Telemetry
+from ..types import AutopilotKind, GeodeticPoint
 
 _COMPARABLE_S = 0.3
 """Maximum difference of the stamps of local and global position. GLOBAL_POSITION_INT comes at 5 Hz

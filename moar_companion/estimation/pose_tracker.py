@@ -12,7 +12,8 @@ from ..frames import PlaneToLocal
 from ..planner.maps import Maps
 from ..planner.regions import obstacle_clearance_m, obstacle_room_m
 from ..site import Site
-from ..types import Attitude, AutopilotKind, GeodeticPoint, LandedState, Telemetry, Vector
+from ..telemetry import Attitude, LandedState, Telemetry
+from ..types import AutopilotKind, GeodeticPoint, Vector
 from .frame_agreement import FrameAgreement
 from .pose import Jump, Pose
 

@@ -19,7 +19,8 @@ from ..autopilots.fence import Area, Fence, Limit, fence_of, fence_parameters
 from ..frames import SiteFrame
 from ..planner.plane_fence import Bound, Interval, PlaneFence
 from ..site import Site
-from ..types import AutopilotKind, FenceItem, Vector
+from ..telemetry import FenceItem
+from ..types import AutopilotKind, Vector
 from .pose import home_moved
 
 _UNREAD = "the autopilot's fence is not read yet"

@@ -1,5 +1,6 @@
 """MAVLink: bytes in, `Telemetry` and events out; setpoints, answers and texts in, bytes out.
 
-`session.Session` is a machine without I/O over `codec`, `translate`, `commands`, `identity`,
-`message_rates` and `outbox`; `link` holds the sockets.
+`session.Session` is a machine without I/O: it decodes (`peers`, `codec`), and hands each message to
+`telemetry_receiver`, `autopilot_requests`, `autopilot_control` or `command_dedup`. All of them send
+by `outbox`; `link` holds the sockets.
 """

@@ -129,7 +129,7 @@ class CommandDedup:
     """
 
     def __init__(self, commands: Commands | None = None) -> None:
-        self._permissions = Permissions(commands or Commands())
+        self.permissions = Permissions(commands or Commands())
         self._remembered: dict[_Key, _Remembered] = {}
         """Remembered commands in the order in which they were given."""
         self._packets: dict[tuple[str, bytes], float] = {}
@@ -157,7 +157,7 @@ class CommandDedup:
         sender = Sender(
             link=link, system_id=message.get_srcSystem(), component_id=message.get_srcComponent()
         )
-        objection = self._permissions.objection(sender, vehicle_id=system_id, signed=signed)
+        objection = self.permissions.objection(sender, vehicle_id=system_id, signed=signed)
         if message.get_msgId() == _COMMAND_CANCEL:
             if objection is not None:
                 return _NOTHING

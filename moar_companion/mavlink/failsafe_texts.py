@@ -12,7 +12,7 @@ import math
 import re
 from dataclasses import replace
 
-from ..types import Estimator, Failsafe, Telemetry
+from ..telemetry import Estimator, Failsafe, Telemetry
 from .dialect import Message
 
 _BEGINS = (

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 
-from ..types import FenceItem
+from ..telemetry import FenceItem
 from .dialect import Message, create, mavlink
 
 _ANSWER_TIMEOUT_S = 1.0

@@ -29,6 +29,11 @@ class Autopilot:
     kind: AutopilotKind
     link: str
 
+    @property
+    def ids(self) -> tuple[int, int]:
+        """System and component id."""
+        return self.system_id, self.component_id
+
     def __str__(self) -> str:
         return f"{self.kind.value} with system id {self.system_id} on {self.link}"
 

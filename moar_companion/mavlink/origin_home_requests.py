@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ..types import Telemetry
+from ..telemetry import Telemetry
 from .dialect import mavlink
 
 _ORIGIN = int(mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 
 from .dialect import Message
-from .translate_outgoing import SystemStatus, heartbeat_message
+from .identity import Autopilot
+from .translate_outgoing import SystemStatus, command_message, heartbeat_message
 
 _HEARTBEAT_PERIOD_S = 1.0
 
@@ -25,6 +26,11 @@ class Outbox:
     def send_to_all(self, message: Message) -> None:
         """Queues a message on every link."""
         self._waiting += [(link, message) for link in self._links]
+
+    def send_command(self, autopilot: Autopilot, command: int, *parameters: float) -> None:
+        """Queues a COMMAND_LONG to the autopilot; parameters not given are 0."""
+        message = command_message(target=autopilot.ids, command=command, parameters=parameters)
+        self.send(autopilot.link, message)
 
     def send_heartbeat_if_due(
         self, now_s: float, system_status: SystemStatus, custom_mode: int

@@ -9,7 +9,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from ..config import LinkRole
-from ..types import AutopilotKind, Telemetry
+from ..telemetry import Telemetry
+from ..types import AutopilotKind
 from . import telemetry_receiver, translate
 from .codec import Codec, SourceStatistics
 from .commands import (

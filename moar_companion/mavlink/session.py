@@ -9,46 +9,51 @@ Only `tick` sends heartbeats, so that they stop when the control loop stalls.
 
 from __future__ import annotations
 
-import math
 from collections import deque
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 from functools import partial
 
 from ..config import Commands, LinkRole
-from ..types import AutopilotKind, FenceItem, Telemetry, Vector
-from . import fence_download, modes, ping_timesync, telemetry_receiver, translate_outgoing
+from ..telemetry import Telemetry
+from ..types import AutopilotKind, Vector
+from . import autopilot_requests, ping_timesync, telemetry_receiver, translate_outgoing
+from .autopilot_control import AutopilotControl, CommandAnswered, commands_motion
+from .autopilot_requests import AutopilotRequests
 from .codec import Codec, packet_source
 from .command_dedup import CommandDedup
 from .commands import Answer, Command, CommandCancelled, CommandResult, Sender
 from .dialect import Message, mavlink
-from .fence_download import FenceDownload
 from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted
-from .message_rates import DEFAULT_RATES_HZ, MessageRates, on_network
-from .mode_requests import DO_SET_MODE, CommandAnswered, ModeRequests
-from .origin_home_requests import OriginHomeRequests
+from .message_rates import DEFAULT_RATES_HZ
 from .outbox import Outbox
-from .parameters import ParameterRequests
 from .peers import Address, AutopilotElsewhere, PeerRefused, Peers, Precedence
-from .permissions import Permissions
-from .signing import LinkSigning, Refusal
+from .signing import LinkSigning, SignedLinks
 from .statustext import Severity, StatusTexts
 from .telemetry_receiver import ModeLeft, TelemetryReceiver
-from .timesync_rtt import TimesyncRtt
-from .translate_motors import MOTOR_PARAMETERS
 from .translate_outgoing import SystemStatus
-from .translate_status import GNSS_PARAMETERS
 
 __all__ = ["CommandAnswered", "Event", "Session", "Severity", "SystemStatus"]
 
 _MAX_PACKETS = 4096
 """Limit of packets kept for a record until they are taken: ten seconds of PX4."""
 
+_COMMAND_ACK = int(mavlink.MAVLINK_MSG_ID_COMMAND_ACK)
 _COMMAND_CANCEL = 80
-_SET_MESSAGE_INTERVAL = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
-_REQUEST_MESSAGE = int(mavlink.MAV_CMD_REQUEST_MESSAGE)
-_AUTOPILOT_VERSION = int(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
-_HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
-_HEARTBEAT_PERIOD_S = 1.0
+_COMMANDS = frozenset(
+    {
+        int(mavlink.MAVLINK_MSG_ID_COMMAND_LONG),
+        int(mavlink.MAVLINK_MSG_ID_COMMAND_INT),
+        _COMMAND_CANCEL,
+    }
+)
+_WANTED = (
+    telemetry_receiver.MESSAGE_IDS
+    | autopilot_requests.MESSAGE_IDS
+    | ping_timesync.MESSAGE_IDS
+    | _COMMANDS
+    | {_COMMAND_ACK}
+)
+"""Messages that are read; the others are only counted."""
 
 Event = (
     Command
@@ -84,42 +89,21 @@ class Session:
     ) -> None:
         self._roles = dict(links)
         self._component_id = component_id
-        self._handlers: dict[int, Callable[[str, Message, float], None]] = {
-            int(mavlink.MAVLINK_MSG_ID_COMMAND_LONG): self._receive_command,
-            int(mavlink.MAVLINK_MSG_ID_COMMAND_INT): self._receive_command,
-            _COMMAND_CANCEL: self._receive_command,
-            int(mavlink.MAVLINK_MSG_ID_COMMAND_ACK): self._receive_acknowledgement,
-            int(mavlink.MAVLINK_MSG_ID_PARAM_VALUE): self._receive_parameter,
-            **dict.fromkeys(ping_timesync.MESSAGE_IDS, self._receive_request),
-            **dict.fromkeys(fence_download.MESSAGE_IDS, self._receive_fence),
-        }
-        self._signing = dict(signing or {})
-        make_codec = partial(
-            Codec,
-            system_id=system_id,
-            component_id=component_id,
-            wanted=telemetry_receiver.MESSAGE_IDS | self._handlers.keys(),
-        )
-        makers = {name: partial(make_codec, signing=self._signing.get(name)) for name in links}
+        self.signing = SignedLinks(signing or {})
+        """Time stamps and refused packets of the signed links."""
+        make_codec = partial(Codec, system_id=system_id, component_id=component_id, wanted=_WANTED)
+        makers = {name: partial(make_codec, signing=self.signing.of(name)) for name in links}
         self._codecs = {name: make() for name, make in makers.items()}
         """Encoder of each link; its peers have the decoders."""
         self._peers = {name: Peers(name, role, makers[name]) for name, role in links.items()}
-        self._permissions = Permissions(commands or Commands())
         self._system_id = system_id
-        self._message_rates_hz = message_rates_hz
-        self._listener = TelemetryReceiver()
-        self._unidentified: tuple[str, tuple[int, int]] | None = None
-        """Link and ids of a received autopilot whose heartbeat has not come yet."""
-        self._identify_s = -math.inf
-        self._rates = MessageRates()
-        self._places = OriginHomeRequests()
-        self._parameters = ParameterRequests()
-        self._fence: FenceDownload | None = None
-        self._modes = ModeRequests()
-        self._round_trips = TimesyncRtt()
-        self._answers = ping_timesync.answer_limit()
+        self._receiver = TelemetryReceiver()
         self._outbox = Outbox(links)
-        self._ledger = CommandDedup(commands)
+        self._control = AutopilotControl(self._receiver, self._outbox)
+        self.requests = AutopilotRequests(self._receiver, self._outbox, message_rates_hz)
+        """Parameters, fence and whatever else is requested of the autopilot."""
+        self._commands = CommandDedup(commands)
+        self._answers = ping_timesync.answer_limit()
         self._texts = StatusTexts()
         self._events: list[Event] = []
         self._packets: deque[tuple[float, bytes]] = deque(maxlen=_MAX_PACKETS)
@@ -130,7 +114,7 @@ class Session:
     @property
     def telemetry(self) -> Telemetry:
         """Latest telemetry of the autopilot, its link, the radio and ground stations."""
-        return self._listener.telemetry
+        return self._receiver.telemetry
 
     @property
     def system_id(self) -> int:
@@ -138,67 +122,28 @@ class Session:
         return self._system_id
 
     @property
+    def _ids(self) -> tuple[int, int]:
+        return self._system_id, self._component_id
+
+    @property
     def autopilot(self) -> Autopilot | None:
         """Autopilot that was received first."""
-        return self._listener.autopilot
+        return self._receiver.autopilot
 
     @property
     def control_allowed(self) -> bool:
         """True while there is exactly one autopilot to control."""
-        return self.autopilot is not None and self.conflict is None
+        return self._control.allowed
 
     @property
     def conflict(self) -> str | None:
         """Text for a received second autopilot, under any ids; None without one."""
-        return self._listener.identity.conflict
-
-    @property
-    def parameters(self) -> Mapping[str, float | None]:
-        """Parameters requested by `want_parameters`, by name; None: never reported."""
-        return self._parameters.values
-
-    @property
-    def fence_items(self) -> tuple[FenceItem, ...] | None:
-        """Fence that was uploaded to the autopilot, once `want_fence` was called.
-
-        None while unknown; empty without a fence.
-        """
-        return None if self._fence is None else self._fence.items
-
-    @property
-    def fence_silent(self) -> bool:
-        """True while the autopilot does not answer requests of its uploaded fence."""
-        return self._fence is not None and self._fence.silent
+        return self._receiver.identity.conflict
 
     @property
     def mode_unanswered(self) -> bool:
         """True from a mode request until the autopilot answers it."""
-        return self._modes.unanswered
-
-    @property
-    def signing_timestamps(self) -> dict[str, int]:
-        """Time stamp of each signed link: a later process must start after it."""
-        return {link: signing.timestamp for link, signing in self._signing.items()}
-
-    @property
-    def signing_references(self) -> dict[str, int]:
-        """Reference time stamp for new senders of each signed link, for a later process."""
-        return {link: signing.reference for link, signing in self._signing.items()}
-
-    @property
-    def signers_behind_s(self) -> dict[str, dict[int, float]]:
-        """Lag of the systems that are refused as too old, by signed link and system id."""
-        return {link: dict(signing.behind_s) for link, signing in self._signing.items()}
-
-    @property
-    def signing_ahead_s(self) -> float:
-        """Greatest lead of the reference for new senders over the wall clock, of all links."""
-        return max((signing.ahead_s for signing in self._signing.values()), default=0.0)
-
-    @property
-    def packets_refused(self) -> dict[str, dict[Refusal, int]]:
-        """Count of refused packets by signed link and reason."""
-        return {link: dict(signing.refused) for link, signing in self._signing.items()}
+        return self._control.unanswered
 
     def events_received(self) -> list[Event]:
         """Returns the events since the last call, in order."""
@@ -222,7 +167,7 @@ class Session:
         and mode requests are discarded.
         """
         waiting = self._outbox.take()
-        return self._encoded(item for item in waiting if control or not _controls(item[1]))
+        return self._encoded(item for item in waiting if control or not commands_motion(item[1]))
 
     def peers(self, link: str) -> tuple[Address, ...]:
         """Addresses to which a listening link sends; empty for other links."""
@@ -234,17 +179,12 @@ class Session:
 
     def control_to_send(self) -> list[tuple[str, bytes]]:
         """Returns the waiting packets that command motion: setpoints and mode requests."""
-        return self._encoded(self._outbox.take(_controls))
+        return self._encoded(self._outbox.take(commands_motion))
 
     def _encoded(self, messages: Iterable[tuple[str, Message]]) -> list[tuple[str, bytes]]:
         return [(link, self._codecs[link].encode(message)) for link, message in messages]
 
     # In
-
-    def note_wall_clock(self, wall_s: float) -> None:
-        """Takes the wall clock, in seconds since 1970, for the time stamps of signatures."""
-        for signing in self._signing.values():
-            signing.advance(wall_s)
 
     def receive(self, link: str, data: bytes, now_s: float, address: Address | None = None) -> None:
         """Takes any bytes from a link, split anywhere; never raises.
@@ -253,7 +193,7 @@ class Session:
         """
         self._now_s = now_s
         peers, before = self._peers[link], self.autopilot
-        known = None if before is None else _address(before)
+        known = None if before is None else before.ids
         codec = peers.codec(address)
         messages = codec.receive(data)
         forged = peers.is_forged(address, codec.sound_sources, known, now_s)
@@ -262,13 +202,13 @@ class Session:
                 self._receive_message(link, message, now_s)
         autopilot = self.autopilot
         if autopilot is not None and link == autopilot.link and not forged:
-            if _address(autopilot) != known:
+            if autopilot.ids != known:
                 for other in self._peers.values():
                     other.forget_autopilot()
-                peers.is_forged(address, codec.sound_sources, _address(autopilot), now_s)
+                peers.is_forged(address, codec.sound_sources, autopilot.ids, now_s)
             for source, message_id in codec.unwanted:
-                if source == _address(autopilot):
-                    self._rates.hear_unused(message_id, link, now_s)
+                if source == autopilot.ids:
+                    self.requests.hear_unused(message_id, link, now_s)
         sources = {source for source in codec.sound_sources if not forged or source != known}
         peers.admit(address, sources, partial(self._may_be_peer, link), now_s)
         self._events += peers.events_received()
@@ -283,56 +223,42 @@ class Session:
 
         Before the autopilot is known, also the system whose heartbeat is requested.
         """
-        vehicle_id, asked = self._system_id, self._unidentified
+        vehicle_id, asked = self._system_id, self.requests.unidentified
         if self.autopilot is None and asked is not None and asked[0] == link:
             vehicle_id = asked[1][0]
-        allows = self._permissions.allows_system
+        allows = self._commands.permissions.allows_system
         return system_id == vehicle_id or allows(system_id, vehicle_id=vehicle_id)
 
     def _receive_message(self, link: str, message: Message, now_s: float) -> None:
-        if _source(message) == (self._system_id, self._component_id):
+        if _source(message) == self._ids:
             return
-        event = self._listener.hear(message, link=link, role=self._roles[link], now_s=now_s)
+        event = self._receiver.hear(message, link=link, role=self._roles[link], now_s=now_s)
         if isinstance(event, AutopilotFound):
             self._system_id = event.autopilot.system_id
             for codec in self._codecs.values():
                 codec.system_id = self._system_id
-        if isinstance(event, (AutopilotFound, AutopilotRestarted)):
-            self._start_conversation(event, now_s)
-        elif event is not None:
+        if event is not None:
             self._events.append(event)
+        if isinstance(event, (AutopilotFound, AutopilotRestarted)):
+            self.requests.start(event.autopilot, now_s)
         if (
             self.autopilot is None
             and self._roles[link] is LinkRole.AUTOPILOT
             and message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
         ):
-            self._unidentified = (link, _source(message))
-        message_id = message.get_msgId()
-        if self._listener.is_autopilots(message, link):
-            self._rates.hear(message_id)
-        handler = self._handlers.get(message_id)
-        if handler is not None:
-            handler(link, message, now_s)
-
-    def _start_conversation(self, event: AutopilotFound | AutopilotRestarted, now_s: float) -> None:
-        """Starts the requests of streams and origin, with a heartbeat first."""
-        kind = event.autopilot.kind
-        self._events.append(event)
-        rates_hz = self._message_rates_hz.get(kind, {})
-        self._rates.start(
-            rates_hz if _on_serial_port(event.autopilot) else on_network(rates_hz),
-            silent=kind is AutopilotKind.ARDUPILOT,
-            now_s=now_s,
-        )
-        self._places = OriginHomeRequests()
-        self._round_trips = TimesyncRtt()
-        self._parameters.restart()
-        if self._fence is not None:
-            self._fence.restart()
-        self._outbox.hurry_heartbeat(now_s)
+            self.requests.unidentified = (link, _source(message))
+        message_id, autopilot = message.get_msgId(), self.autopilot
+        if autopilot is not None and self._receiver.is_autopilots(message, link):
+            self.requests.hear(message, autopilot, self._ids, now_s)
+            if message_id == _COMMAND_ACK:
+                self._receive_acknowledgement(message, now_s)
+        if message_id in _COMMANDS:
+            self._receive_command(link, message, now_s)
+        elif message_id in ping_timesync.MESSAGE_IDS:
+            self._receive_request(link, message, now_s)
 
     def _receive_command(self, link: str, message: Message, now_s: float) -> None:
-        reception = self._ledger.receive(
+        reception = self._commands.receive(
             message,
             link=link,
             system_id=self._system_id,
@@ -344,47 +270,22 @@ class Session:
             self._events.append(reception.event)
         self._acknowledge(reception.answer, link)
 
-    def _receive_acknowledgement(self, link: str, message: Message, now_s: float) -> None:
-        if not self._listener.is_autopilots(message, link):
+    def _receive_acknowledgement(self, message: Message, now_s: float) -> None:
+        if (message.target_system, message.target_component) not in {(0, 0), self._ids}:
             return
-        target = (message.target_system, message.target_component)
-        if target not in {(0, 0), (self._system_id, self._component_id)}:
-            return
-        if message.command == _SET_MESSAGE_INTERVAL:
-            self._rates.answered(message.result)
-        answered = self._modes.answered(message, now_s)
+        self.requests.answered(message)
+        answered = self._control.answered(message, now_s)
         if answered is not None:
             self._events.append(answered)
-
-    def _receive_parameter(self, link: str, message: Message, _now_s: float) -> None:
-        autopilot = self.autopilot
-        if autopilot is not None and self._listener.is_autopilots(message, link):
-            self._parameters.hear(message, autopilot.kind)
-
-    def _receive_fence(self, link: str, message: Message, now_s: float) -> None:
-        target = (message.target_system, message.target_component)
-        ours = target == (self._system_id, self._component_id)
-        autopilot, fence = self.autopilot, self._fence
-        if autopilot is None or fence is None or not ours:
-            return
-        if self._listener.is_autopilots(message, link):
-            end = fence.hear(message, _address(autopilot), now_s)
-            if end is not None:
-                self._outbox.send(link, end)
 
     def _receive_request(self, link: str, message: Message, now_s: float) -> None:
         autopilot = self.autopilot
         answer = ping_timesync.answer(
-            message,
-            ours=(self._system_id, self._component_id),
-            autopilot=_address(autopilot) if autopilot else None,
-            now_s=now_s,
+            message, ours=self._ids, autopilot=autopilot.ids if autopilot else None, now_s=now_s
         )
-        is_autopilots = self._listener.is_autopilots(message, link)
+        is_autopilots = self._receiver.is_autopilots(message, link)
         if answer is not None and (is_autopilots or self._may_ask(link, message, now_s)):
             self._outbox.send(link, answer)
-        if is_autopilots:
-            self._round_trips.hear(message, now_s)
 
     def _may_ask(self, link: str, message: Message, now_s: float) -> bool:
         """Returns True if a request's sender gets an answer: one that may be a peer, within a rate.
@@ -398,127 +299,37 @@ class Session:
     # Out
 
     def tick(self, now_s: float, system_status: SystemStatus, custom_mode: int = 0) -> None:
-        """Queues all due messages: heartbeat, requests of streams, places, parameters, fence."""
+        """Queues the heartbeat and all requests that are due."""
         self._now_s = now_s
         self._outbox.send_heartbeat_if_due(now_s, system_status, custom_mode)
-        self._listener.identity.forget_silent(now_s)
+        self._receiver.identity.forget_silent(now_s)
         autopilot = self.autopilot
         if autopilot is None:
-            self._identify(now_s)
+            self.requests.identify(now_s)
             return
-        codec = self._peers[autopilot.link].autopilots_codec
-        statistics = codec.statistics(*_address(autopilot))
-        trips = self._round_trips
-        self._listener.count_packets(statistics, trips.least_s(now_s), trips.shortest_s)
-        if not self._listener.identity.alive(now_s):
-            return
-        question = self._round_trips.next_request(_address(autopilot), now_s)
-        if question is not None:
-            self._outbox.send(autopilot.link, question)
-        rate = self._rates.next_request(now_s, autopilot.link, shared=self._is_shared(autopilot))
-        if rate is not None:
-            self._command(autopilot, _SET_MESSAGE_INTERVAL, *rate)
-        place = self._places.next_request(self.telemetry, now_s)
-        if place is not None:
-            self._command(autopilot, _REQUEST_MESSAGE, place)
-        if autopilot.kind is AutopilotKind.ARDUPILOT and self.telemetry.second_gnss is not None:
-            self._parameters.want(GNSS_PARAMETERS)
-        if self.telemetry.motors is not None:
-            self._parameters.want(MOTOR_PARAMETERS.get(autopilot.kind, ()))
-        for parameter in self._parameters.requests(now_s):
-            request = translate_outgoing.parameter_request_message(
-                target=_address(autopilot), name=parameter
-            )
-            self._outbox.send(autopilot.link, request)
-        if self._fence is not None:
-            asked = self._fence.next_request(_address(autopilot), now_s)
-            if asked is not None:
-                self._outbox.send(autopilot.link, asked)
-
-    def _identify(self, now_s: float) -> None:
-        """Requests the heartbeat of a received autopilot: the next may be 1 s away."""
-        if self._unidentified is None or now_s < self._identify_s + _HEARTBEAT_PERIOD_S:
-            return
-        self._identify_s = now_s
-        link, target = self._unidentified
-        request = translate_outgoing.command_message(
-            target=target, command=_REQUEST_MESSAGE, parameters=(_HEARTBEAT,)
-        )
-        self._outbox.send(link, request)
-
-    def _is_shared(self, autopilot: Autopilot) -> bool:
-        """Returns True if the autopilot's link ever carried another sender.
-
-        A serial port has one reader, the companion: the autopilot forwards other senders there from
-        links with their own streams.
-        """
-        if _on_serial_port(autopilot):
-            return False
-        known = {_address(autopilot), (self._system_id, self._component_id)}
-        return any(source not in known for source in self._peers[autopilot.link].sources)
-
-    def want_parameters(self, names: Iterable[str], *, changing: bool = False) -> None:
-        """Adds parameters to request, and again after the autopilot's restart.
-
-        changing: requests them periodically, for parameters that may change in flight.
-        """
-        self._parameters.want(names, changing=changing)
-
-    def want_fence(self) -> None:
-        """Starts the periodic download of the uploaded fence."""
-        self._fence = self._fence or FenceDownload()
-
-    def request_version(self) -> None:
-        """Requests AUTOPILOT_VERSION once, if an autopilot is known."""
-        if self.autopilot is not None:
-            self._command(self.autopilot, _REQUEST_MESSAGE, _AUTOPILOT_VERSION)
+        peers = self._peers[autopilot.link]
+        statistics = peers.autopilots_codec.statistics(*autopilot.ids)
+        self._receiver.count_packets(statistics, *self.requests.round_trips_s(now_s))
+        if self._receiver.identity.alive(now_s):
+            others = bool(peers.sources - {autopilot.ids, self._ids})
+            self.requests.send_due(autopilot, now_s, others=others)
 
     def send_setpoint(
         self, position_ned_m: Vector, velocity_ned_mps: Vector, yaw_rad: float, now_s: float
     ) -> bool:
         """Queues one setpoint to the autopilot; returns False if there is none to control.
 
-        During a conflict a setpoint at rest is still sent, as the last setpoint to the controlled
-        autopilot. It carries that autopilot's ids, so that others ignore it (measured). A second
-        autopilot with the same ids comes to rest, too, if earlier setpoints have moved it.
-
         Raises ValueError if a value is not finite.
         """
-        autopilot = self.autopilot
-        message = translate_outgoing.setpoint_message(
-            target=_address(autopilot) if autopilot else (0, 0),
-            position_ned_m=position_ned_m,
-            velocity_ned_mps=velocity_ned_mps,
-            yaw_rad=yaw_rad,
-            now_s=now_s,
-        )
-        if autopilot is None or (any(velocity_ned_mps) and not self.control_allowed):
-            return False
-        self._outbox.send(autopilot.link, message)
-        return True
+        return self._control.send_setpoint(position_ned_m, velocity_ned_mps, yaw_rad, now_s)
 
     def request_own_mode(self) -> bool:
-        """Requests OFFBOARD or GUIDED once; returns False if there is no autopilot to control.
-
-        Never repeated automatically: both autopilots accept it in a failsafe, and cancel that.
-        """
-        return self._request_mode(modes.own_mode_parameters)
+        """Requests OFFBOARD or GUIDED once; returns False if there is no autopilot to control."""
+        return self._control.request_own_mode(self._now_s)
 
     def request_land(self) -> bool:
         """Requests the autopilot's LAND mode once; returns False if there is none to control."""
-        return self._request_mode(modes.land_parameters)
-
-    def _request_mode(self, parameters_of: Callable[..., tuple[int, int, int] | None]) -> bool:
-        autopilot = self.autopilot
-        status = self.telemetry.autopilot
-        if autopilot is None or not self.control_allowed:
-            return False
-        parameters = parameters_of(autopilot.kind, armed=status is not None and status.armed)
-        if parameters is None:
-            return False
-        self._command(autopilot, DO_SET_MODE, *parameters)
-        self._modes.note_request(self._now_s)
-        return True
+        return self._control.request_land(self._now_s)
 
     def answer(
         self,
@@ -529,7 +340,7 @@ class Session:
         result_param2: int = 0,
     ) -> bool:
         """Acknowledges a received command on its link; returns False if no answer is due."""
-        answer = self._ledger.answer(
+        answer = self._commands.answer(
             command, result, progress=progress, result_param2=result_param2, now_s=self._now_s
         )
         self._acknowledge(answer, command.sender.link)
@@ -567,28 +378,6 @@ class Session:
         if answer is not None:
             self._outbox.send(link, answer.message())
 
-    def _command(self, autopilot: Autopilot, command: int, *parameters: float) -> None:
-        """Queues a COMMAND_LONG to the autopilot; parameters not given are 0."""
-        message = translate_outgoing.command_message(
-            target=_address(autopilot), command=command, parameters=parameters
-        )
-        self._outbox.send(autopilot.link, message)
-
-
-def _address(autopilot: Autopilot) -> tuple[int, int]:
-    return autopilot.system_id, autopilot.component_id
-
-
-def _on_serial_port(autopilot: Autopilot) -> bool:
-    return autopilot.link.startswith("serial:")
-
 
 def _source(message: Message) -> tuple[int, int]:
     return message.get_srcSystem(), message.get_srcComponent()
-
-
-def _controls(message: Message) -> bool:
-    """Returns True if a message commands motion."""
-    name: str = message.get_type()
-    asks_for_mode = name == "COMMAND_LONG" and message.command == DO_SET_MODE
-    return asks_for_mode or name == "SET_POSITION_TARGET_LOCAL_NED"

@@ -157,6 +157,47 @@ class LinkSigning:
         self.timestamp = min(LATEST_TIMESTAMP, max(self.timestamp, timestamp))
 
 
+class SignedLinks:
+    """Signatures of all signed links, by link; empty without any."""
+
+    def __init__(self, links: Mapping[str, LinkSigning]) -> None:
+        self._links = dict(links)
+
+    def of(self, link: str) -> LinkSigning | None:
+        """Signatures of a link; None if it is not signed."""
+        return self._links.get(link)
+
+    def note_wall_clock(self, wall_s: float) -> None:
+        """Takes the wall clock, in seconds since 1970, for the time stamps of signatures."""
+        for signing in self._links.values():
+            signing.advance(wall_s)
+
+    @property
+    def timestamps(self) -> dict[str, int]:
+        """Time stamp of each signed link: a later process must start after it."""
+        return {link: signing.timestamp for link, signing in self._links.items()}
+
+    @property
+    def references(self) -> dict[str, int]:
+        """Reference time stamp for new senders of each signed link, for a later process."""
+        return {link: signing.reference for link, signing in self._links.items()}
+
+    @property
+    def behind_s(self) -> dict[str, dict[int, float]]:
+        """Lag of the systems that are refused as too old, by signed link and system id."""
+        return {link: dict(signing.behind_s) for link, signing in self._links.items()}
+
+    @property
+    def ahead_s(self) -> float:
+        """Greatest lead of the reference for new senders over the wall clock, of all links."""
+        return max((signing.ahead_s for signing in self._links.values()), default=0.0)
+
+    @property
+    def packets_refused(self) -> dict[str, dict[Refusal, int]]:
+        """Count of refused packets by signed link and reason."""
+        return {link: dict(signing.refused) for link, signing in self._links.items()}
+
+
 def timestamp_at(wall_s: float) -> int:
     """Time stamp of a wall clock in seconds since 1970; 0 before 2015 and from 2104 on.
 

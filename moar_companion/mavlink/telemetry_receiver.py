@@ -8,7 +8,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from ..config import LinkRole
-from ..types import LinkStatistics, Telemetry
+from ..telemetry import LinkStatistics, Telemetry
 from . import translate
 from .codec import SourceStatistics
 from .dialect import CURRENT_MODE_ID, Message, mavlink
@@ -65,11 +65,7 @@ class TelemetryReceiver:
         """Returns True for a message of the autopilot on its link."""
         autopilot = self.identity.autopilot
         source = (message.get_srcSystem(), message.get_srcComponent())
-        return (
-            autopilot is not None
-            and link == autopilot.link
-            and source == (autopilot.system_id, autopilot.component_id)
-        )
+        return autopilot is not None and link == autopilot.link and source == autopilot.ids
 
     def hear(self, message: Message, *, link: str, role: LinkRole, now_s: float) -> Shown | None:
         """Takes a message of any sender on a link with this role; returns its autopilot event."""

@@ -11,7 +11,8 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
-from ..types import AutopilotKind, AutopilotStatus, Heard, Telemetry
+from ..telemetry import AutopilotStatus, Heard, Telemetry
+from ..types import AutopilotKind
 from . import failsafe_texts, modes, translate_motion, translate_motors, translate_status
 from .dialect import CURRENT_MODE_ID, Message, mavlink
 

@@ -9,9 +9,8 @@ import math
 from collections.abc import Callable
 from dataclasses import replace
 
-from ..types import (
+from ..telemetry import (
     Attitude,
-    GeodeticPoint,
     GlobalPosition,
     Home,
     Landed,
@@ -20,9 +19,9 @@ from ..types import (
     LocalPosition,
     Odometry,
     Telemetry,
-    Vector,
     Wind,
 )
+from ..types import GeodeticPoint, Vector
 from .dialect import Message, mavlink
 
 _LANDED_STATES = {state.value: state for state in LandedState}

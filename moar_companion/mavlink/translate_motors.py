@@ -9,7 +9,8 @@ import math
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import replace
 
-from ..types import AutopilotKind, MotorOutputs, MotorSpeeds, Telemetry
+from ..telemetry import MotorOutputs, MotorSpeeds, Telemetry
+from ..types import AutopilotKind
 from .dialect import ESC_STATUS_ID, Message, mavlink
 from .parameters import parameter_value
 

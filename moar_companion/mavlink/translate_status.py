@@ -9,8 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
-from ..types import (
-    AutopilotKind,
+from ..telemetry import (
     Battery,
     Estimator,
     Firmware,
@@ -22,6 +21,7 @@ from ..types import (
     RemoteControl,
     Telemetry,
 )
+from ..types import AutopilotKind
 from .dialect import LINK_NODE_STATUS_ID, Message, mavlink
 from .translate_motors import motor_parameter
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from ..types import Telemetry
+from ..telemetry import Telemetry
 from .meter import is_powered
 
 CELL_V = (3.0, 4.4)

@@ -18,7 +18,7 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
-from ..types import Battery, LandedState, LocalPosition, Telemetry
+from ..telemetry import Battery, LandedState, LocalPosition, Telemetry
 from .model import S_PER_H, PowerModel
 
 BATTERY_MAX_AGE_S = 15.0

@@ -13,7 +13,8 @@ from ..mavlink.identity import Autopilot
 from ..risk import RiskEstimate
 from ..safety.conditions import Causes
 from ..site import Site
-from ..types import AutopilotKind, AutopilotStatus, LandedState, Telemetry
+from ..telemetry import AutopilotStatus, LandedState, Telemetry
+from ..types import AutopilotKind
 from ..vehicle import RiskModel, Vehicle
 from .battery_check import battery_findings
 from .findings import Finding, Level

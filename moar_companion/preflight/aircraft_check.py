@@ -144,8 +144,8 @@ class Preflight:
             return
         if self._found_s is None:
             self._found_s = now_s
-            session.want_parameters(_parameters(session.autopilot.kind))
-            session.want_fence()
+            session.requests.want_parameters(_parameters(session.autopilot.kind))
+            session.requests.want_fence()
         self._pose_tracker.look(session.telemetry)
         if now_s >= self._risk_due_s:
             self._risk_due_s = now_s + _RISK_PERIOD_S
@@ -159,7 +159,7 @@ class Preflight:
             )
         if session.telemetry.firmware is None and now_s >= self._version_due_s:
             self._version_due_s = now_s + _VERSION_PERIOD_S
-            session.request_version()
+            session.requests.request_version()
         looked_s = now_s - self._found_s
         self._done = looked_s >= (_LOOK_S if self._all_told() else _LONGEST_LOOK_S)
 
@@ -173,7 +173,7 @@ class Preflight:
 
     def findings(self) -> list[Finding]:
         """Returns the findings, once `done`."""
-        session = self._session
+        session, parameters = self._session, self._session.requests.parameters
         autopilot, status = session.autopilot, session.telemetry.autopilot
         if autopilot is None or status is None:
             return [self._silence(), *self._refusals()]
@@ -190,7 +190,7 @@ class Preflight:
         )
         case = Case(
             vehicle=self._vehicle,
-            parameters=session.parameters,
+            parameters=parameters,
             ground_station_heard=session.telemetry.ground_station is not None,
             objection=objection_level(self._limits.loss_action),
         )
@@ -199,7 +199,7 @@ class Preflight:
             *aircraft_findings(sight, self._vehicle, self._site, self._limits),
             *parameter_findings(_RULES.get(autopilot.kind, ()), case),
             *self._fence(autopilot.kind),
-            held_wind_finding(autopilot.kind, session.parameters, self._vehicle, self._limits),
+            held_wind_finding(autopilot.kind, parameters, self._vehicle, self._limits),
             *self._if_we_die(autopilot.kind),
             *self._failsafes(autopilot.kind),
         ]
@@ -216,12 +216,11 @@ class Preflight:
         return causes(seen, self._limits, self._vehicle.guidance.off_path_m, self._now_s)
 
     def _fence(self, kind: AutopilotKind) -> list[Finding]:
-        session, items = self._session, self._session.fence_items
-        names = fence_parameters(kind)
-        readiness = session.telemetry.readiness
+        requests, names = self._session.requests, fence_parameters(kind)
+        readiness, items = self._session.telemetry.readiness, requests.fence_items
         fence = fence_of(
             kind,
-            {**dict.fromkeys(names), **session.parameters},
+            {**dict.fromkeys(names), **requests.parameters},
             items or (),
             enabled=readiness is not None and readiness.fence_enabled,
         )
@@ -236,7 +235,7 @@ class Preflight:
         )
 
     def _if_we_die(self, kind: AutopilotKind) -> list[Finding]:
-        loss = OffboardLoss.of(kind, self._session.parameters)
+        loss = OffboardLoss.of(kind, self._session.requests.parameters)
         if self._planner is None or loss is None:
             return []
         home_m = self._pose_tracker.home_m
@@ -244,7 +243,7 @@ class Preflight:
 
     def _failsafes(self, kind: AutopilotKind) -> list[Finding]:
         names = failsafe_parameters(kind)
-        told = failsafes_of(kind, {**dict.fromkeys(names), **self._session.parameters})
+        told = failsafes_of(kind, {**dict.fromkeys(names), **self._session.requests.parameters})
         if self._planner is None or told is None:
             return []
         told = replace(told, home_m=self._pose_tracker.home_m)
@@ -254,10 +253,11 @@ class Preflight:
         """True if nothing that was requested may still come."""
         session = self._session
         assert session.autopilot is not None
-        fence_told = session.fence_items is not None or session.fence_silent
+        requests = session.requests
+        fence_told = requests.fence_items is not None or requests.fence_silent
         known = session.telemetry.firmware is not None and fence_told
         return known and all(
-            name in session.parameters for name in _parameters(session.autopilot.kind)
+            name in requests.parameters for name in _parameters(session.autopilot.kind)
         )
 
     def _refusals(self) -> list[Finding]:
@@ -269,7 +269,7 @@ class Preflight:
                 text=f"{link}: system {system_id} signs {seconds:.0f} s behind, refused",
                 remedy="set its clock and this computer's",
             )
-            for link, signers in self._session.signers_behind_s.items()
+            for link, signers in self._session.signing.behind_s.items()
             for system_id, seconds in signers.items()
         ]
         return behind + [
@@ -279,7 +279,7 @@ class Preflight:
                 text=f"{link}: {count} packets refused, {reason.value}",
                 remedy=_REFUSAL_REMEDIES[reason],
             )
-            for link, counts in self._session.packets_refused.items()
+            for link, counts in self._session.signing.packets_refused.items()
             for reason, count in counts.items()
             if count
         ]

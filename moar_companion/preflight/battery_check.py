@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from ..power.cells import CELL_V
-from ..types import Battery, Telemetry
+from ..telemetry import Battery, Telemetry
 from ..vehicle import RiskModel
 from .findings import Finding, Level
 

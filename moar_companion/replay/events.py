@@ -10,7 +10,7 @@ from ..outlets.replay_report import ReplayEvent
 from ..risk.battery import WARNINGS
 from ..risk.explain import rise_words
 from ..risk.indices import IndexReport
-from ..types import AutopilotStatus, Battery, Gnss, Telemetry
+from ..telemetry import AutopilotStatus, Battery, Gnss, Telemetry
 
 SILENCE_S = 3.0
 """Three missed heartbeats: the autopilot is silent."""

@@ -22,7 +22,8 @@ from ..power import PowerModel
 from ..risk import RiskEstimate, update
 from ..risk.explain import WeightsReason, index_words
 from ..risk.indices import IndexReport
-from ..types import AutopilotKind, Mission, Telemetry
+from ..telemetry import Telemetry
+from ..types import AutopilotKind, Mission
 from ..vehicle import Vehicle
 from .events import SILENCE_S, EventLog
 from .site_position import SitePosition

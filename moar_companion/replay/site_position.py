@@ -14,7 +14,8 @@ from ..planner.plan_values import PlanRequest
 from ..planner.planner import Planner
 from ..planning.plan_jobs import PlanJob, answer_job
 from ..planning.planner_set import PlannerSet
-from ..types import Mission, RiskIndices, Telemetry
+from ..telemetry import Telemetry
+from ..types import Mission, RiskIndices
 
 _EVACUATION_PERIOD_S = 2.0
 """Time between two plans."""

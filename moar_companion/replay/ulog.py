@@ -14,7 +14,8 @@ from ..mavlink.identity import Autopilot, AutopilotFound
 from ..mavlink.modes import is_multirotor
 from ..mavlink.passive_listener import Input, Said, TextSaid, type_in_words
 from ..mavlink.statustext import HeardText
-from ..types import AutopilotKind, Telemetry
+from ..telemetry import Telemetry
+from ..types import AutopilotKind
 from .ulog_topics import ESTIMATOR, ESTIMATOR_SELECTOR, INPUT_OF, TOPICS, Sample, Topic
 
 _NO_ESTIMATOR = 255

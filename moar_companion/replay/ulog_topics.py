@@ -21,13 +21,11 @@ from ..mavlink.translate_status import (
     innovation,
     radio_told,
 )
-from ..types import (
+from ..telemetry import (
     Attitude,
-    AutopilotKind,
     AutopilotStatus,
     Battery,
     Estimator,
-    GeodeticPoint,
     GlobalPosition,
     Gnss,
     Heard,
@@ -40,6 +38,7 @@ from ..types import (
     RemoteControl,
     Telemetry,
 )
+from ..types import AutopilotKind, GeodeticPoint
 
 ESTIMATOR, ESTIMATOR_SELECTOR = "estimator_status", "estimator_selector_status"
 """Each estimator is an instance of the first topic; the second names the one in use."""

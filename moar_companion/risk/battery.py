@@ -21,7 +21,7 @@ from ..power import (
     metered,
     on_the_ground,
 )
-from ..types import Battery, Telemetry
+from ..telemetry import Battery, Telemetry
 from ..vehicle import RiskModel
 from .inputs import InputReport, heard, heard_at
 

@@ -14,7 +14,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from ..types import LandedState, Telemetry, Vector
+from ..telemetry import LandedState, Telemetry
+from ..types import Vector
 from .drag import Level
 
 GRAVITY_MPS2 = 9.80665

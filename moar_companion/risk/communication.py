@@ -14,7 +14,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-from ..types import LandedState, LinkNode, LinkStatistics, Radio, Telemetry
+from ..telemetry import LandedState, LinkNode, LinkStatistics, Radio, Telemetry
 from ..vehicle import RiskModel
 from .inputs import YES_OR_NO, InputReport, certain, heard
 

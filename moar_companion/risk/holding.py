@@ -11,7 +11,8 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ..types import AutopilotKind, Telemetry
+from ..telemetry import Telemetry
+from ..types import AutopilotKind
 from ..vehicle import RiskModel
 from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, tells_of_wind
 from .drag import air_velocity_mps

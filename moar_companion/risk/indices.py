@@ -16,7 +16,8 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from ..power import Demands, Meter, PowerModel
-from ..types import RiskIndices, Telemetry
+from ..telemetry import Telemetry
+from ..types import RiskIndices
 from ..vehicle import Power, RiskModel
 from . import battery, communication, localization, wind
 from .communication import CommunicationMemory

@@ -15,7 +15,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from ..types import LandedState, MagneticField, Odometry, Telemetry
+from ..telemetry import LandedState, MagneticField, Odometry, Telemetry
 from ..vehicle import RiskModel
 from .inputs import YES_OR_NO, InputReport, certain, heard
 from .receivers import Memories, ReceiverMemory, positive, receiver_inputs

@@ -10,7 +10,7 @@ import math
 from dataclasses import dataclass, replace
 from typing import Any
 
-from ..types import Gnss, Telemetry
+from ..telemetry import Gnss, Telemetry
 from ..vehicle import RiskModel
 from .inputs import InputReport, certain, heard, heard_at
 

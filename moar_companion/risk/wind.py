@@ -14,7 +14,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
-from ..types import Telemetry, Wind
+from ..telemetry import Telemetry, Wind
 from ..vehicle import Range, RiskModel
 from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, AirSample, braking, extended, tells_of_wind
 from .drag import Level, air_velocity_mps, deceleration_mps2

@@ -7,7 +7,8 @@ on (ArduCopter 4.6.3, Copter::any_failsafe_triggered). The mode decides about co
 from __future__ import annotations
 
 from ..power import is_powered
-from ..types import AutopilotKind, AutopilotStatus, Failsafe, Telemetry
+from ..telemetry import AutopilotStatus, Failsafe, Telemetry
+from ..types import AutopilotKind
 
 _LOW, _FAILED = 2, 5
 """MAV_BATTERY_CHARGE_STATE: low, critical, emergency, failed."""

@@ -26,7 +26,8 @@ from ..risk.localization import (
 from ..risk.receivers import RECEIVER_ACCURACY, trouble
 from ..risk.wind import strongest
 from ..site import Margin
-from ..types import AutopilotKind, Battery, Mission, Telemetry
+from ..telemetry import Battery, Telemetry
+from ..types import AutopilotKind, Mission
 from . import link_age
 from .autopilot_failsafe import battery_failsafe, holding_failsafe, taken_mode
 from .conditions import Causes

@@ -28,7 +28,8 @@ from ..config import Supervision
 from ..estimation.pose import home_moved
 from ..planner.free_distance import FreeDistance
 from ..power import Meter, PowerModel, is_powered
-from ..types import AutopilotKind, Telemetry, Vector
+from ..telemetry import Telemetry
+from ..types import AutopilotKind, Vector
 
 _STAYS = frozenset({Action.NONE, Action.HOLD})
 """Actions after which the aircraft stays in place."""

@@ -9,7 +9,7 @@ import errno
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 
-from ..types import Telemetry
+from ..telemetry import Telemetry
 
 _WORDS = {
     errno.ENOSPC: "disk full",

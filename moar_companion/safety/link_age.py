@@ -6,7 +6,7 @@ Any packet shows that the autopilot works; its mode and its armed state have age
 from __future__ import annotations
 
 from ..config import Supervision
-from ..types import LinkStatistics, Telemetry
+from ..telemetry import LinkStatistics, Telemetry
 
 
 def silence(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:

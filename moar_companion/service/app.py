@@ -37,7 +37,7 @@ from ..planner.planner import Planner
 from ..safety.checks import Host
 from ..safety.file_faults import FileFault, words
 from ..site import Site
-from ..types import AutopilotStatus
+from ..telemetry import AutopilotStatus
 from ..vehicle import Vehicle
 from .directories import recorder_folder, state_folder, view_socket
 from .host_monitor import HostMonitor

@@ -7,7 +7,8 @@ import math
 import pytest
 
 from moar_companion.autopilots.fence import Limit, areas_of, fence_of, fence_parameters
-from moar_companion.types import AutopilotKind, FenceItem
+from moar_companion.telemetry import FenceItem
+from moar_companion.types import AutopilotKind
 
 PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
 OFF = {

@@ -21,7 +21,8 @@ from moar_companion.planner.planner import Planner
 from moar_companion.safety.checks import Host, causes, exceeds
 from moar_companion.safety.conditions import CONDITIONS
 from moar_companion.safety.offboard_loss import OffboardLoss
-from moar_companion.types import AutopilotKind, Heard, Mission
+from moar_companion.telemetry import Heard
+from moar_companion.types import AutopilotKind, Mission
 
 from ..safety.seen import (
     HOVERING,

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 from moar_companion.companion.risk_monitor import RiskMonitor
 from moar_companion.config import shipped_configs
-from moar_companion.types import MotorOutputs, Telemetry
+from moar_companion.telemetry import MotorOutputs, Telemetry
 from moar_companion.vehicle import Vehicle
 
 from ..risk.conftest import HEALTHY

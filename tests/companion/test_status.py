@@ -11,7 +11,7 @@ from moar_companion.companion.status import LatestDecisions
 from moar_companion.config import CompanionConfig, LinkConfig, shipped_configs
 from moar_companion.mavlink.session import Severity
 from moar_companion.mavlink.signing import Signing, SigningKey
-from moar_companion.types import LinkStatistics
+from moar_companion.telemetry import LinkStatistics
 from moar_companion.vehicle import Vehicle
 
 from ..mavlink.peer import Peer

@@ -13,15 +13,8 @@ from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import create
 from moar_companion.mavlink.telemetry_receiver import MESSAGE_IDS
 from moar_companion.mavlink.translate import update
-from moar_companion.types import (
-    AutopilotKind,
-    GeodeticPoint,
-    GlobalPosition,
-    Home,
-    LocalOrigin,
-    LocalPosition,
-    Telemetry,
-)
+from moar_companion.telemetry import GlobalPosition, Home, LocalOrigin, LocalPosition, Telemetry
+from moar_companion.types import AutopilotKind, GeodeticPoint
 from tests.mavlink.conftest import SHARED, packets
 
 from ..companion.desk import ACCEPTED, EXIT, STEP_S, Desk

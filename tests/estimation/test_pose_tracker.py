@@ -9,7 +9,7 @@ from moar_companion.estimation.pose_tracker import Ground, PoseTracker
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.translate import update
-from moar_companion.types import Telemetry
+from moar_companion.telemetry import Telemetry
 from tests.mavlink.conftest import SHARED, packets
 
 from ..companion.desk import usual_planner

@@ -21,7 +21,8 @@ from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Site
-from moar_companion.types import AutopilotKind, FenceItem, Mission
+from moar_companion.telemetry import FenceItem
+from moar_companion.types import AutopilotKind, Mission
 from moar_companion.vehicle import Vehicle
 
 from ..companion.desk import INSPECTION, STEP_S, TEMPORARILY_REJECTED, Desk

@@ -44,8 +44,8 @@ def new_session() -> Session:
     """With the fence and parameters asked for, of which more can be heard."""
     signing = {SIGNED: LinkSigning(SigningKey(SECRET), link_id=2, timestamp=TIMESTAMP)}
     session = Session(links=LINKS, signing=signing)
-    session.want_parameters(("GF_ACTION", "COM_OBL_RC_ACT"))
-    session.want_fence()
+    session.requests.want_parameters(("GF_ACTION", "COM_OBL_RC_ACT"))
+    session.requests.want_fence()
     return session
 
 

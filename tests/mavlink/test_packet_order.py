@@ -12,7 +12,7 @@ from moar_companion.mavlink.identity import AutopilotConflict
 from moar_companion.mavlink.packet_order import PacketOrder
 from moar_companion.mavlink.source_clock import SourceClock
 from moar_companion.mavlink.telemetry_receiver import TelemetryReceiver
-from moar_companion.types import Failsafe
+from moar_companion.telemetry import Failsafe
 
 HEARTBEAT, CURRENT_MODE, ATTITUDE = 0, 436, 30
 HOLD, OFFBOARD = 0x03040000, 0x00060000

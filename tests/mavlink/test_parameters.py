@@ -159,7 +159,7 @@ def test_each_autopilot_has_its_own_encoding(kind, param_type, on_wire, value):
 
 
 def test_a_session_asks_the_autopilot_alone_and_nothing_before_it_is_heard(story, autopilot):
-    story.session.want_parameters(["COM_OF_LOSS_T"])
+    story.session.requests.want_parameters(["COM_OF_LOSS_T"])
     assert of_type(story.run(2.0), "PARAM_REQUEST_READ") == []
     story.meet(autopilot)
     sent = [item for item in story.run(0.1) if item[2].get_type() == "PARAM_REQUEST_READ"]
@@ -170,21 +170,21 @@ def test_a_session_asks_the_autopilot_alone_and_nothing_before_it_is_heard(story
 
 
 def test_only_the_autopilot_on_its_own_link_tells_its_parameters(story, autopilot, peer):
-    story.session.want_parameters(["A"])
+    story.session.requests.want_parameters(["A"])
     story.meet(autopilot)
     value = {"param_id": b"A", "param_type": REAL32, "param_count": 1, "param_index": 0}
     story.hear(peer(1, 195).send("PARAM_VALUE", param_value=1.0, **value))
     story.hear(peer(2, 1).send("PARAM_VALUE", param_value=1.0, **value))
     story.hear(autopilot.send("PARAM_VALUE", param_value=1.0, **value), link="network")
-    assert story.session.parameters == {}
+    assert story.session.requests.parameters == {}
     story.hear(autopilot.send("PARAM_VALUE", param_value=2.0, **value))
-    assert story.session.parameters == {"A": 2.0}
+    assert story.session.requests.parameters == {"A": 2.0}
 
 
 def test_the_version_is_asked_for_once_a_call(story, autopilot):
-    story.session.request_version()
+    story.session.requests.request_version()
     story.meet(autopilot)
-    story.session.request_version()
+    story.session.requests.request_version()
     asked = [
         message
         for message in of_type(story.run(0.02), "COMMAND_LONG")
@@ -220,11 +220,11 @@ def test_the_version_is_asked_for_once_a_call(story, autopilot):
     ],
 )
 def test_the_lists_of_real_autopilots_are_read_as_they_are(story, recording, name, values):
-    story.session.want_parameters(values)
+    story.session.requests.want_parameters(values)
     for time_s, packet in recording(name):
         story.now_s = time_s
         story.hear(packet)
-    assert story.session.parameters == values
+    assert story.session.requests.parameters == values
 
 
 @pytest.mark.parametrize(

@@ -10,8 +10,7 @@ from moar_companion.preflight.aircraft import Arrivals, Sight, aircraft_findings
 from moar_companion.preflight.findings import Level
 from moar_companion.risk import RiskEstimate, update
 from moar_companion.safety.conditions import Causes
-from moar_companion.types import (
-    AutopilotKind,
+from moar_companion.telemetry import (
     AutopilotStatus,
     Firmware,
     Heard,
@@ -19,6 +18,7 @@ from moar_companion.types import (
     RemoteControl,
     Telemetry,
 )
+from moar_companion.types import AutopilotKind
 from moar_companion.vehicle import Vehicle
 
 LINEDRONE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")

@@ -10,14 +10,8 @@ from moar_companion.margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.replay.site_position import SitePosition
 from moar_companion.site import Site
-from moar_companion.types import (
-    Attitude,
-    GlobalPosition,
-    LocalOrigin,
-    LocalPosition,
-    RiskIndices,
-    Telemetry,
-)
+from moar_companion.telemetry import Attitude, GlobalPosition, LocalOrigin, LocalPosition, Telemetry
+from moar_companion.types import RiskIndices
 from moar_companion.vehicle import Vehicle
 
 from ..safety.telemetry import px4_status

@@ -10,7 +10,7 @@ from moar_companion.commands.replay import played
 from moar_companion.config import shipped_configs
 from moar_companion.replay.ulog import UlogListener, samples
 from moar_companion.replay.ulog_topics import Topic
-from moar_companion.types import LandedState, Telemetry
+from moar_companion.telemetry import LandedState, Telemetry
 from moar_companion.vehicle import Vehicle
 from tests.mavlink.conftest import SHARED
 from tests.mavlink.messages import updated

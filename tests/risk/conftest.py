@@ -10,13 +10,11 @@ import pytest
 
 from moar_companion.power import Demands, PowerModel
 from moar_companion.risk import IndexReport, InputReport, RiskEstimate, update
-from moar_companion.types import (
+from moar_companion.telemetry import (
     Attitude,
-    AutopilotKind,
     AutopilotStatus,
     Battery,
     Estimator,
-    GeodeticPoint,
     Gnss,
     Heard,
     Home,
@@ -30,6 +28,7 @@ from moar_companion.types import (
     Telemetry,
     Wind,
 )
+from moar_companion.types import AutopilotKind, GeodeticPoint
 from moar_companion.vehicle import RiskModel
 
 Source = Callable[[float], Any]

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from moar_companion.power import Demands, Meter, PowerModel
 from moar_companion.risk.battery import inputs, remember
-from moar_companion.types import Battery, Landed, LandedState, Telemetry
+from moar_companion.telemetry import Battery, Landed, LandedState, Telemetry
 from moar_companion.vehicle import Power, RiskModel
 
 properties = settings(deadline=None, max_examples=100, derandomize=True, database=None)

@@ -15,9 +15,8 @@ from moar_companion.risk.braking import (
     extended,
     lean_acceleration_mps2,
 )
-from moar_companion.types import (
+from moar_companion.telemetry import (
     Attitude,
-    AutopilotKind,
     AutopilotStatus,
     Estimator,
     Landed,
@@ -25,6 +24,7 @@ from moar_companion.types import (
     LocalPosition,
     Telemetry,
 )
+from moar_companion.types import AutopilotKind
 
 headings = st.floats(-math.pi, math.pi)
 ARMED = AutopilotStatus(

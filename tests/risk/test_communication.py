@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from moar_companion.risk import communication
 from moar_companion.risk.communication import CommunicationMemory
-from moar_companion.types import (
+from moar_companion.telemetry import (
     Heard,
     LandedState,
     LinkNode,

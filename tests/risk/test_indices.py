@@ -7,9 +7,31 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion import types
 from moar_companion.power import Demands
 from moar_companion.risk import RiskEstimate, update
+from moar_companion.telemetry import (
+    Attitude,
+    AutopilotStatus,
+    Battery,
+    Estimator,
+    Gnss,
+    Heard,
+    Home,
+    Landed,
+    LandedState,
+    LinkNode,
+    LinkStatistics,
+    LocalPosition,
+    MagneticField,
+    MotorOutputs,
+    MotorSpeeds,
+    Odometry,
+    Radio,
+    RemoteControl,
+    Telemetry,
+    Wind,
+)
+from moar_companion.types import AutopilotKind, GeodeticPoint
 from moar_companion.vehicle import RiskModel
 
 INDICES = ("wind", "communication", "localization", "battery")
@@ -22,7 +44,7 @@ maybe_wild = st.none() | wild
 vectors = st.tuples(wild, wild, wild)
 bytes_ = st.none() | st.integers(0, 254)
 receivers = st.builds(
-    types.Gnss,
+    Gnss,
     received_s=received,
     receiver_s=maybe_wild,
     fix_type=st.integers(0, 8),
@@ -33,14 +55,14 @@ receivers = st.builds(
     vertical_accuracy_m=maybe_wild,
 )
 wild_telemetry = st.builds(
-    types.Telemetry,
+    Telemetry,
     autopilot=st.none()
     | st.builds(
-        types.AutopilotStatus,
+        AutopilotStatus,
         received_s=received,
         system_id=st.just(1),
         component_id=st.just(1),
-        kind=st.sampled_from(types.AutopilotKind),
+        kind=st.sampled_from(AutopilotKind),
         armed=st.booleans(),
         custom_mode=st.just(0),
         mode=st.just(""),
@@ -48,10 +70,10 @@ wild_telemetry = st.builds(
         failsafe=st.booleans(),
     ),
     attitude=st.none()
-    | st.builds(types.Attitude, received_s=received, roll_rad=wild, pitch_rad=wild, yaw_rad=wild),
+    | st.builds(Attitude, received_s=received, roll_rad=wild, pitch_rad=wild, yaw_rad=wild),
     local_position=st.none()
     | st.builds(
-        types.LocalPosition,
+        LocalPosition,
         received_s=received,
         boot_s=received,
         position_ned_m=vectors,
@@ -59,19 +81,16 @@ wild_telemetry = st.builds(
     ),
     home=st.none()
     | st.builds(
-        types.Home,
+        Home,
         received_s=received,
-        point=st.just(
-            types.GeodeticPoint(latitude_deg=0.0, longitude_deg=0.0, altitude_amsl_m=0.0)
-        ),
+        point=st.just(GeodeticPoint(latitude_deg=0.0, longitude_deg=0.0, altitude_amsl_m=0.0)),
         position_ned_m=vectors,
     ),
-    landed=st.none()
-    | st.builds(types.Landed, received_s=received, state=st.sampled_from(types.LandedState)),
+    landed=st.none() | st.builds(Landed, received_s=received, state=st.sampled_from(LandedState)),
     batteries=st.dictionaries(
         st.integers(0, 2),
         st.builds(
-            types.Battery,
+            Battery,
             received_s=received,
             remaining=maybe_wild,
             voltage_v=maybe_wild,
@@ -86,7 +105,7 @@ wild_telemetry = st.builds(
     better_gnss_taken=st.booleans(),
     estimator=st.none()
     | st.builds(
-        types.Estimator,
+        Estimator,
         received_s=received,
         flags=st.just(0),
         horizontal_position_ok=st.booleans(),
@@ -98,16 +117,15 @@ wild_telemetry = st.builds(
     ),
     odometry=st.none()
     | st.builds(
-        types.Odometry,
+        Odometry,
         received_s=received,
         reset_counter=st.integers(0, 255),
         horizontal_accuracy_m=maybe_wild,
     ),
-    magnetic_field=st.none()
-    | st.builds(types.MagneticField, received_s=received, strength_gauss=wild),
+    magnetic_field=st.none() | st.builds(MagneticField, received_s=received, strength_gauss=wild),
     motor_speeds=st.none()
     | st.builds(
-        types.MotorSpeeds,
+        MotorSpeeds,
         received_s=received,
         rpm=st.lists(st.integers(0, 1_000_000), max_size=4).map(tuple),
     ),
@@ -115,15 +133,15 @@ wild_telemetry = st.builds(
     motor_max_us=maybe_wild,
     link_node=st.none()
     | st.builds(
-        types.LinkNode,
+        LinkNode,
         received_s=received,
         packets_received=st.integers(0, 10_000),
         packets_lost=st.integers(0, 10_000),
     ),
-    wind=st.none() | st.builds(types.Wind, received_s=received, velocity_ned_mps=vectors),
+    wind=st.none() | st.builds(Wind, received_s=received, velocity_ned_mps=vectors),
     radio=st.none()
     | st.builds(
-        types.Radio,
+        Radio,
         received_s=received,
         rssi=bytes_,
         remote_rssi=bytes_,
@@ -132,17 +150,17 @@ wild_telemetry = st.builds(
         receive_errors=st.just(0),
         transmit_buffer_percent=st.none() | st.integers(0, 100),
     ),
-    remote_control=st.none() | st.builds(types.RemoteControl, received_s=received, rssi=maybe_wild),
+    remote_control=st.none() | st.builds(RemoteControl, received_s=received, rssi=maybe_wild),
     motors=st.none()
     | st.builds(
-        types.MotorOutputs,
+        MotorOutputs,
         received_s=received,
         pulse_us=st.lists(st.integers(0, 3000), max_size=8).map(tuple),
     ),
-    ground_station=st.none() | st.builds(types.Heard, received_s=received, system_id=st.just(255)),
+    ground_station=st.none() | st.builds(Heard, received_s=received, system_id=st.just(255)),
     link=st.none()
     | st.builds(
-        types.LinkStatistics,
+        LinkStatistics,
         received_s=received,
         packets_received=st.integers(0, 10_000),
         packets_lost=st.integers(0, 10_000),
@@ -150,7 +168,7 @@ wild_telemetry = st.builds(
 )
 
 
-def step(estimate: RiskEstimate, telemetry: types.Telemetry, now_s: float) -> RiskEstimate:
+def step(estimate: RiskEstimate, telemetry: Telemetry, now_s: float) -> RiskEstimate:
     return update(estimate, telemetry, now_s, model=MODEL, cruise_mps=5.0)
 
 
@@ -179,15 +197,13 @@ def test_whatever_is_heard_the_indices_stay_between_0_and_1(steps):
 @given(telemetry=wild_telemetry, silence_s=st.floats(0.0, 1000.0))
 def test_forgetting_all_never_lowers_an_index(telemetry, silence_s):
     heard = step(step(RiskEstimate.unknown(MODEL), telemetry, NOW_S), telemetry, NOW_S + 0.5)
-    after = step(heard, types.Telemetry(), NOW_S + 0.5 + silence_s)
+    after = step(heard, Telemetry(), NOW_S + 0.5 + silence_s)
     for name in INDICES:
         assert getattr(after.indices, name) >= getattr(heard.indices, name)
         assert getattr(after.indices, name) >= MODEL.unknown
 
 
-NAMES = sorted(
-    {field.name for field in fields(types.Telemetry)} - {"global_position", "local_origin"}
-)
+NAMES = sorted({field.name for field in fields(Telemetry)} - {"global_position", "local_origin"})
 needs_wh = st.fixed_dictionaries(
     {name: st.floats(0.0, 150.0) for name in ("finish_wh", "exit_wh", "evacuation_wh")}
 )
@@ -228,18 +244,18 @@ def test_losing_sources_never_lowers_an_index_that_has_settled(
     flight.hear("gnss", satellites=satellites)
     flight.hear("radio", rssi=rssi)
     flight.sources["batteries"] = lambda t: {
-        0: types.Battery(
+        0: Battery(
             received_s=t, remaining=remaining, voltage_v=15.0, current_a=None, charge_state=1
         )
     }
-    flight.sources["link"] = lambda t: types.LinkStatistics(
+    flight.sources["link"] = lambda t: LinkStatistics(
         received_s=t, packets_received=50 * round(2 * t), packets_lost=loss * round(2 * t)
     )
     before = flight.fly(100.0, step_s=0.5).indices
     flight.silence(*silent)
     flight.demands = replace(flight.demands, **dict.fromkeys(unknown_needs))
     if erased:
-        nothing = {name: getattr(types.Telemetry(), name) for name in silent}
+        nothing = {name: getattr(Telemetry(), name) for name in silent}
         flight.telemetry = replace(flight.telemetry, **nothing)
     while duration_s > 0.0:
         duration_s -= 0.5
@@ -284,7 +300,7 @@ def test_more_wind_is_never_less_risk(values):
     first, second = (
         step(
             RiskEstimate.unknown(MODEL),
-            types.Telemetry(wind=types.Wind(received_s=NOW_S, velocity_ned_mps=(0.0, -wind, 0.0))),
+            Telemetry(wind=Wind(received_s=NOW_S, velocity_ned_mps=(0.0, -wind, 0.0))),
             NOW_S,
         )
         for wind in (low, high)
@@ -293,7 +309,7 @@ def test_more_wind_is_never_less_risk(values):
 
 
 def test_before_anything_is_heard_every_index_is_unknown():
-    estimate = step(RiskEstimate.unknown(MODEL), types.Telemetry(), NOW_S)
+    estimate = step(RiskEstimate.unknown(MODEL), Telemetry(), NOW_S)
     assert set(estimate.indices.as_dict().values()) == {MODEL.unknown}
     assert not any(getattr(estimate.report, name).ever_known for name in INDICES)
     assert all(getattr(estimate.report, name).worst is None for name in INDICES)

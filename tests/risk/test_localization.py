@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from moar_companion.risk import localization
 from moar_companion.risk.localization import LocalizationMemory, remember
-from moar_companion.types import Estimator, LandedState, MagneticField, Odometry, Telemetry
+from moar_companion.telemetry import Estimator, LandedState, MagneticField, Odometry, Telemetry
 from moar_companion.vehicle import RiskModel
 
 

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from moar_companion.risk import InputReport
 from moar_companion.risk.receivers import ReceiverMemory, receiver_inputs, trouble
-from moar_companion.types import Gnss, Telemetry
+from moar_companion.telemetry import Gnss, Telemetry
 from moar_companion.vehicle import RiskModel
 
 MODEL = RiskModel()

@@ -12,7 +12,7 @@ from moar_companion.risk import InputReport
 from moar_companion.risk.braking import GRAVITY_MPS2
 from moar_companion.risk.drag import deceleration_mps2
 from moar_companion.risk.wind import Spread, strongest
-from moar_companion.types import Attitude, Landed, LandedState, MotorOutputs, MotorSpeeds, Wind
+from moar_companion.telemetry import Attitude, Landed, LandedState, MotorOutputs, MotorSpeeds, Wind
 from moar_companion.vehicle import Range, RiskModel
 
 NAMES = [

@@ -11,7 +11,7 @@ from moar_companion.risk import IndexReport, InputReport, RiskEstimate, RiskRepo
 from moar_companion.risk.localization import LocalizationMemory
 from moar_companion.risk.receivers import ReceiverMemory
 from moar_companion.safety.checks import CheckInputs, EscapeRoute, Host, causes
-from moar_companion.types import (
+from moar_companion.telemetry import (
     Attitude,
     Battery,
     Estimator,
@@ -20,11 +20,10 @@ from moar_companion.types import (
     Landed,
     LandedState,
     LocalPosition,
-    Mission,
     Odometry,
-    RiskIndices,
     Telemetry,
 )
+from moar_companion.types import Mission, RiskIndices
 
 from .telemetry import px4_status
 

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from moar_companion.types import AutopilotKind, AutopilotStatus
+from moar_companion.telemetry import AutopilotStatus
+from moar_companion.types import AutopilotKind
 
 OFFBOARD = 0x00060000
 

@@ -11,7 +11,8 @@ import pytest
 
 from moar_companion.safety.checks import Host
 from moar_companion.safety.conditions import Causes
-from moar_companion.types import AutopilotKind, Failsafe, Landed, LandedState, LinkStatistics
+from moar_companion.telemetry import Failsafe, Landed, LandedState, LinkStatistics
+from moar_companion.types import AutopilotKind
 
 from .seen import (
     BATTERY,

@@ -11,7 +11,8 @@ import pytest
 from moar_companion.safety.checks import uncertainty_m, widening_m
 from moar_companion.safety.conditions import Causes
 from moar_companion.site import Margin
-from moar_companion.types import Heard, Landed, LandedState, Mission
+from moar_companion.telemetry import Heard, Landed, LandedState
+from moar_companion.types import Mission
 
 from .seen import (
     HOVERING,

@@ -12,7 +12,8 @@ from moar_companion.config import Supervision
 from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.power import Meter, PowerModel
 from moar_companion.safety.failsafe_exposure import FailsafeExposure
-from moar_companion.types import AutopilotKind, Heard, Telemetry
+from moar_companion.telemetry import Heard, Telemetry
+from moar_companion.types import AutopilotKind
 
 from ..planner.problems import conductor, make_site, make_vehicle
 

@@ -10,7 +10,7 @@ import pytest
 
 from moar_companion.safety.checks import Host
 from moar_companion.safety.file_faults import FileFault, FileFaultTexts, words
-from moar_companion.types import Heard
+from moar_companion.telemetry import Heard
 
 from ..companion.desk import Desk
 

@@ -1,0 +1,193 @@
+"""Requests of what the companion reads from the autopilot, and their answers. No I/O.
+
+Requested are the heartbeat of a received autopilot, message rates, the local origin and home,
+parameters, the uploaded fence, the version, and TIMESYNC for the delay of the link. None of them
+moves the aircraft: that is `autopilot_control`.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+
+from ..telemetry import FenceItem
+from ..types import AutopilotKind
+from . import fence_download, translate_outgoing
+from .dialect import Message, mavlink
+from .fence_download import FenceDownload
+from .identity import Autopilot
+from .message_rates import MessageRates, on_network
+from .origin_home_requests import OriginHomeRequests
+from .outbox import Outbox
+from .parameters import ParameterRequests
+from .telemetry_receiver import TelemetryReceiver
+from .timesync_rtt import TimesyncRtt
+from .translate_motors import MOTOR_PARAMETERS
+from .translate_status import GNSS_PARAMETERS
+
+_SET_MESSAGE_INTERVAL = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
+_REQUEST_MESSAGE = int(mavlink.MAV_CMD_REQUEST_MESSAGE)
+_AUTOPILOT_VERSION = int(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)
+_PARAM_VALUE = int(mavlink.MAVLINK_MSG_ID_PARAM_VALUE)
+_HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+_HEARTBEAT_PERIOD_S = 1.0
+
+MESSAGE_IDS: frozenset[int] = fence_download.MESSAGE_IDS | {_PARAM_VALUE}
+"""Messages that are read as answers alone, not as telemetry."""
+
+
+class AutopilotRequests:
+    """Requests of the one autopilot, from its first heartbeat on, and again after its restart.
+
+    rates_hz: wanted rates by autopilot kind and message id.
+    """
+
+    def __init__(
+        self,
+        receiver: TelemetryReceiver,
+        outbox: Outbox,
+        rates_hz: Mapping[AutopilotKind, Mapping[int, float]],
+    ) -> None:
+        self._receiver = receiver
+        self._outbox = outbox
+        self._rates_hz = rates_hz
+        self._rates = MessageRates()
+        self._places = OriginHomeRequests()
+        self._parameters = ParameterRequests()
+        self._fence: FenceDownload | None = None
+        self._round_trips = TimesyncRtt()
+        self._identify_s = -math.inf
+        self.unidentified: tuple[str, tuple[int, int]] | None = None
+        """Link and ids of a received autopilot whose heartbeat has not come yet."""
+
+    @property
+    def parameters(self) -> Mapping[str, float | None]:
+        """Parameters requested by `want_parameters`, by name; None: never reported."""
+        return self._parameters.values
+
+    @property
+    def fence_items(self) -> tuple[FenceItem, ...] | None:
+        """Fence that was uploaded to the autopilot, once `want_fence` was called.
+
+        None while unknown; empty without a fence.
+        """
+        return None if self._fence is None else self._fence.items
+
+    @property
+    def fence_silent(self) -> bool:
+        """True while the autopilot does not answer requests of its uploaded fence."""
+        return self._fence is not None and self._fence.silent
+
+    def want_parameters(self, names: Iterable[str], *, changing: bool = False) -> None:
+        """Adds parameters to request, and again after the autopilot's restart.
+
+        changing: requests them periodically, for parameters that may change in flight.
+        """
+        self._parameters.want(names, changing=changing)
+
+    def want_fence(self) -> None:
+        """Starts the periodic download of the uploaded fence."""
+        self._fence = self._fence or FenceDownload()
+
+    def request_version(self) -> None:
+        """Requests AUTOPILOT_VERSION once, if an autopilot is known."""
+        autopilot = self._receiver.autopilot
+        if autopilot is not None:
+            self._outbox.send_command(autopilot, _REQUEST_MESSAGE, _AUTOPILOT_VERSION)
+
+    def start(self, autopilot: Autopilot, now_s: float) -> None:
+        """Starts the requests of a found or restarted autopilot, with a heartbeat first."""
+        rates_hz = self._rates_hz.get(autopilot.kind, {})
+        self._rates.start(
+            rates_hz if _on_serial_port(autopilot) else on_network(rates_hz),
+            silent=autopilot.kind is AutopilotKind.ARDUPILOT,
+            now_s=now_s,
+        )
+        self._places = OriginHomeRequests()
+        self._round_trips = TimesyncRtt()
+        self._parameters.restart()
+        if self._fence is not None:
+            self._fence.restart()
+        self._outbox.hurry_heartbeat(now_s)
+
+    # In
+
+    def hear(
+        self, message: Message, autopilot: Autopilot, ours: tuple[int, int], now_s: float
+    ) -> None:
+        """Takes a message of the autopilot on its link. ours: the companion's ids."""
+        message_id = message.get_msgId()
+        self._rates.hear(message_id)
+        self._round_trips.hear(message, now_s)
+        if message_id == _PARAM_VALUE:
+            self._parameters.hear(message, autopilot.kind)
+        elif message_id in fence_download.MESSAGE_IDS:
+            self._hear_fence(message, autopilot, ours, now_s)
+
+    def _hear_fence(
+        self, message: Message, autopilot: Autopilot, ours: tuple[int, int], now_s: float
+    ) -> None:
+        if self._fence is None or (message.target_system, message.target_component) != ours:
+            return
+        end = self._fence.hear(message, autopilot.ids, now_s)
+        if end is not None:
+            self._outbox.send(autopilot.link, end)
+
+    def hear_unused(self, message_id: int, link: str, now_s: float) -> None:
+        """Counts an unread message of the autopilot on its link."""
+        self._rates.hear_unused(message_id, link, now_s)
+
+    def answered(self, message: Message) -> None:
+        """Takes a COMMAND_ACK of the autopilot, addressed to the companion or to all."""
+        if message.command == _SET_MESSAGE_INTERVAL:
+            self._rates.answered(message.result)
+
+    def round_trips_s(self, now_s: float) -> tuple[float | None, float]:
+        """Shorter of the last two round trips, None before two; the shortest of all."""
+        return self._round_trips.least_s(now_s), self._round_trips.shortest_s
+
+    # Out
+
+    def identify(self, now_s: float) -> None:
+        """Requests the heartbeat of a received autopilot: the next may be 1 s away."""
+        if self.unidentified is None or now_s < self._identify_s + _HEARTBEAT_PERIOD_S:
+            return
+        self._identify_s = now_s
+        link, target = self.unidentified
+        request = translate_outgoing.command_message(
+            target=target, command=_REQUEST_MESSAGE, parameters=(_HEARTBEAT,)
+        )
+        self._outbox.send(link, request)
+
+    def send_due(self, autopilot: Autopilot, now_s: float, *, others: bool) -> None:
+        """Queues all due requests. others: True if its link ever carried another sender.
+
+        A serial port has one reader, the companion: the autopilot forwards other senders there from
+        links with their own streams.
+        """
+        link, target, telemetry = autopilot.link, autopilot.ids, self._receiver.telemetry
+        question = self._round_trips.next_request(target, now_s)
+        if question is not None:
+            self._outbox.send(link, question)
+        shared = others and not _on_serial_port(autopilot)
+        rate = self._rates.next_request(now_s, link, shared=shared)
+        if rate is not None:
+            self._outbox.send_command(autopilot, _SET_MESSAGE_INTERVAL, *rate)
+        place = self._places.next_request(telemetry, now_s)
+        if place is not None:
+            self._outbox.send_command(autopilot, _REQUEST_MESSAGE, place)
+        if autopilot.kind is AutopilotKind.ARDUPILOT and telemetry.second_gnss is not None:
+            self._parameters.want(GNSS_PARAMETERS)
+        if telemetry.motors is not None:
+            self._parameters.want(MOTOR_PARAMETERS.get(autopilot.kind, ()))
+        for name in self._parameters.requests(now_s):
+            request = translate_outgoing.parameter_request_message(target=target, name=name)
+            self._outbox.send(link, request)
+        if self._fence is not None:
+            asked = self._fence.next_request(target, now_s)
+            if asked is not None:
+                self._outbox.send(link, asked)
+
+
+def _on_serial_port(autopilot: Autopilot) -> bool:
+    return autopilot.link.startswith("serial:")
