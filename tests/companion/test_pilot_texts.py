@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from moar_companion.companion.safety_monitor import _DOES
 from moar_companion.config import Supervision
 from moar_companion.mavlink.statustext import pilot_text
-from moar_companion.mission.state_machine import state_words
+from moar_companion.mission.state_changes import state_words
 from moar_companion.mission.values import Task, Verdict
 from moar_companion.mission_states import MissionState
 from moar_companion.planner.planner import Planner
