@@ -402,7 +402,7 @@ class MissionExecutor:
             faults=replace(
                 self.faults.causes,
                 offboard_loss_unknown=self.routes.not_ready_reason,
-                fence=self.routes.fence_objection(pose),
+                autopilot_fence=self.routes.fence_objection(pose),
                 offboard_loss_collision=self.routes.objection,
                 no_clearance=self.faults.causes.no_clearance or self.routes.no_room,
             ),

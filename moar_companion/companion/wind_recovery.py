@@ -18,7 +18,7 @@ from ..safety.conditions import Action
 from ..safety.supervisor import Ruling
 from .reports import Reports
 
-_OUTSIDE = frozenset({"fence", "geofence", "off_path"})
+_OUTSIDE = frozenset({"autopilot_fence", "outside_workspace", "off_path"})
 """Conditions that a recovery leg ends, and that therefore do not prevent it."""
 _AGAIN_S = 5.0
 """Time between two searches for a recovery leg."""

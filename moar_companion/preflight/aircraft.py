@@ -238,7 +238,7 @@ def _place(sight: Sight, site: Site) -> Iterator[Finding]:
     pose, causes = sight.pose, sight.causes
     obstruction = (
         causes.autopilot_identity
-        or causes.heartbeat
+        or causes.autopilot_link_lost
         or causes.position
         or causes.attitude
         or causes.origin
@@ -264,7 +264,7 @@ def _place(sight: Sight, site: Site) -> Iterator[Finding]:
             remedy="is it the right site file? Else correct frame.origin",
         )
         return
-    not_ready_reason = causes.plane or causes.moving
+    not_ready_reason = causes.off_plane or causes.not_hovering
     if not_ready_reason is None:
         yield Finding(level=Level.OK, subject="position", text=text)
     else:

@@ -170,7 +170,7 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
     telemetry, faults = seen.telemetry, seen.faults
     return Causes(
         autopilot_identity=_control(seen),
-        heartbeat=link_age.silence(telemetry, limits, now_s),
+        autopilot_link_lost=link_age.silence(telemetry, limits, now_s),
         mode_unconfirmed=link_age.mode_unconfirmed(telemetry, limits, now_s),
         position=_position(seen, limits, now_s),
         attitude=_attitude(telemetry, now_s),
@@ -178,22 +178,22 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
         loop_stall=faults.loop_stall,
         autopilot_reboot=faults.autopilot_reboot,
         setpoint_rejected=faults.setpoint_rejected,
-        failsafe=taken_mode(telemetry),
+        failsafe_took_mode=taken_mode(telemetry),
         ground="on the ground" if grounded(telemetry) else None,
         landing=_mode(seen, landing=True),
         pilot=_mode(seen, landing=False),
         battery_critical=_battery_critical(seen),
         battery_failsafe=battery_failsafe(telemetry),
-        autopilot_failsafe=holding_failsafe(telemetry, escaping=seen.escaping),
+        failsafe_reported=holding_failsafe(telemetry, escaping=seen.escaping),
         battery_reserve=_battery_reserve(seen, limits.battery_reserve),
         energy_evacuation=_no_return(seen, Mission.EVACUATION),
         energy_exit=_no_return(seen, Mission.EXIT),
         energy_low_soon=_no_return_soon(seen.escape_route),
         failsafe_exposure=seen.exposure if seen.in_control else None,
         memory=_free("memory", seen.host.memory_available, limits.memory_free_mb),
-        gate=faults.gate,
+        setpoint_held=faults.setpoint_held,
         no_clearance=faults.no_clearance,
-        jump=exceeds(
+        position_jump=exceeds(
             "the position jumped",
             seen.jumped_m,
             min(limits.jump_limit_m, round(seen.jump_margin_m, 1)),
@@ -205,7 +205,7 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
             min(limits.jump_limit_m, round(seen.origin_margin_m, 1)),
             "m",
         ),
-        disagreement=exceeds("global position off", seen.global_off_m, _OFF_M, "m")
+        position_disagreement=exceeds("global position off", seen.global_off_m, _OFF_M, "m")
         or exceeds("home position off", seen.home_off_m, _OFF_M, "m"),
         uncertainty=exceeds(
             "position uncertainty",
@@ -220,8 +220,8 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
         control_saturated=_saturated(seen),
         wind=_wind(seen, limits.wind_limit_mps),
         ground_link=_ground_link(telemetry, limits, now_s),
-        fence=faults.fence if seen.in_control else None,
-        geofence=seen.strays if seen.in_control else None,
+        autopilot_fence=faults.autopilot_fence if seen.in_control else None,
+        outside_workspace=seen.strays if seen.in_control else None,
         off_path=exceeds("off the path", seen.error_m, off_path_m, "m")
         if seen.in_control
         else None,
@@ -229,8 +229,8 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
         planner=_plan(seen, limits.plan_stale_s),
         planner_late=_plan(seen, limits.plan_stale_s) or _plan(seen, 0.5 * limits.plan_stale_s),
         obstacle=_obstacle(seen),
-        plane=_plane(seen, limits),
-        moving=_moving(seen),
+        off_plane=_plane(seen, limits),
+        not_hovering=_moving(seen),
         offboard_loss_unknown=faults.offboard_loss_unknown,
         offboard_loss_collision=faults.offboard_loss_collision,
         battery_silent=_battery_silent(seen, now_s),

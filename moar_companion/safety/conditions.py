@@ -47,29 +47,29 @@ class Causes:
     autopilot_reboot: str | None = None
     setpoint_rejected: str | None = None
     autopilot_identity: str | None = None
-    heartbeat: str | None = None
+    autopilot_link_lost: str | None = None
     mode_unconfirmed: str | None = None
     position: str | None = None
     attitude: str | None = None
     origin: str | None = None
-    failsafe: str | None = None
+    failsafe_took_mode: str | None = None
     ground: str | None = None
     landing: str | None = None
     pilot: str | None = None
     battery_critical: str | None = None
     battery_failsafe: str | None = None
-    autopilot_failsafe: str | None = None
+    failsafe_reported: str | None = None
     battery_reserve: str | None = None
     energy_evacuation: str | None = None
     energy_exit: str | None = None
     energy_low_soon: str | None = None
     failsafe_exposure: str | None = None
     memory: str | None = None
-    gate: str | None = None
+    setpoint_held: str | None = None
     offboard_loss_collision: str | None = None
-    jump: str | None = None
+    position_jump: str | None = None
     origin_moved: str | None = None
-    disagreement: str | None = None
+    position_disagreement: str | None = None
     uncertainty: str | None = None
     no_clearance: str | None = None
     gnss: str | None = None
@@ -77,15 +77,15 @@ class Causes:
     control_saturated: str | None = None
     wind: str | None = None
     ground_link: str | None = None
-    fence: str | None = None
-    geofence: str | None = None
+    autopilot_fence: str | None = None
+    outside_workspace: str | None = None
     off_path: str | None = None
     no_progress: str | None = None
     planner: str | None = None
     planner_late: str | None = None
     obstacle: str | None = None
-    plane: str | None = None
-    moving: str | None = None
+    off_plane: str | None = None
+    not_hovering: str | None = None
     offboard_loss_unknown: str | None = None
     battery_silent: str | None = None
     disk: str | None = None
@@ -146,7 +146,7 @@ CONDITIONS = (
         action=Action.RELEASE,
     ),
     Condition(
-        name="heartbeat",
+        name="autopilot_link_lost",
         starts="no packet of the autopilot was received for `heartbeat_timeout_s`",
         action=Action.RELEASE,
     ),
@@ -167,7 +167,7 @@ CONDITIONS = (
     ),
     Condition(name="origin", starts="the local frame's origin is unknown", action=Action.RELEASE),
     Condition(
-        name="failsafe",
+        name="failsafe_took_mode",
         starts="the autopilot is in failsafe (system status critical or worse), and flies a mode "
         "of its own",
         action=Action.RELEASE,
@@ -258,7 +258,7 @@ CONDITIONS = (
         override=Override.SAFER,
     ),
     Condition(
-        name="autopilot_failsafe",
+        name="failsafe_reported",
         starts="the autopilot is in failsafe for anything else (remote control, ground station, "
         "estimator, dead reckoning, fence, unknown), and has not taken the mode; an exit or "
         "evacuation goes on unless the position is in doubt",
@@ -268,7 +268,7 @@ CONDITIONS = (
         override=Override.SAFER,
     ),
     Condition(
-        name="gate",
+        name="setpoint_held",
         starts="the gate has refused a setpoint, and holds at the last good one",
         action=Action.HOLD,
         latched=True,
@@ -283,7 +283,7 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
-        name="jump",
+        name="position_jump",
         starts="the position has jumped within 10 s by more than `jump_limit_m`, or than the "
         "margin's position error and what is free beyond the margin",
         action=Action.HOLD,
@@ -300,7 +300,7 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
-        name="disagreement",
+        name="position_disagreement",
         starts="the local position, by its origin, is more than 0.5 m from the global position; "
         "or home is that far from itself (ArduPilot)",
         action=Action.HOLD,
@@ -367,7 +367,7 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
-        name="fence",
+        name="autopilot_fence",
         starts="the path ahead leaves the autopilot's fence less `fence_margin_m`, which has "
         "changed; or the aircraft is outside the fence",
         action=Action.HOLD,
@@ -375,7 +375,7 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
-        name="geofence",
+        name="outside_workspace",
         starts="the aircraft is outside the workspace by more than the vehicle's "
         "`tracking_hold_m`, too low, or farther from the plane than `leash_m`, and beside its "
         "checked legs; or on its way back from there",
@@ -413,12 +413,12 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
-        name="plane",
+        name="off_plane",
         starts="the aircraft is farther from the plane than `plane_tolerance_m`",
         action=Action.CONTINUE,
     ),
     Condition(
-        name="moving",
+        name="not_hovering",
         starts="before the companion has control, the aircraft does not hover",
         action=Action.CONTINUE,
     ),

@@ -162,10 +162,10 @@ def test_details_in_details_are_left_out_too():
 
 def test_the_aircraft_is_told_which_side_of_the_plane_it_is_on_by_compass():
     beside = replace(moves(position_m=(5.0, 22.3, 5.0)), azimuth_rad=math.pi / 2.0)
-    words = causes(beside, Supervision(), 1.5, NOW_S).plane
+    words = causes(beside, Supervision(), 1.5, NOW_S).off_plane
     assert words == "22.3 m north of plane > 2"
     other = replace(beside, azimuth_rad=math.radians(315.0))
-    assert causes(other, Supervision(), 1.5, NOW_S).plane == "22.3 m south-west of plane > 2"
+    assert causes(other, Supervision(), 1.5, NOW_S).off_plane == "22.3 m south-west of plane > 2"
 
 
 def test_a_battery_of_another_number_of_cells_is_told_at_once_and_in_the_refusal():

@@ -42,7 +42,10 @@ STORIES = [
     (
         "no autopilot",
         told(autopilot=None),
-        {"autopilot_identity": "no autopilot is heard", "heartbeat": "no heartbeat is heard"},
+        {
+            "autopilot_identity": "no autopilot is heard",
+            "autopilot_link_lost": "no heartbeat is heard",
+        },
     ),
     (
         "two autopilots",
@@ -54,7 +57,10 @@ STORIES = [
     (
         "an older one",
         flies(received_s=96.94),
-        {"heartbeat": "autopilot silent for 3.1 s", "mode_unconfirmed": "mode not told for 3.1 s"},
+        {
+            "autopilot_link_lost": "autopilot silent for 3.1 s",
+            "mode_unconfirmed": "mode not told for 3.1 s",
+        },
     ),
     (
         "an older one, though other packets come",
@@ -104,13 +110,13 @@ STORIES = [
     (
         "a failsafe of unknown cause while the mode is ours",
         flies(failsafe=True),
-        {"autopilot_failsafe": "autopilot failsafe, cause unknown"},
+        {"failsafe_reported": "autopilot failsafe, cause unknown"},
     ),
     ("the same on the way out", replace(flies(failsafe=True), escaping=True), {}),
     (
         "a failsafe by text",
         flies(failsafe=True, failsafes={Failsafe.GROUND_STATION, Failsafe.REMOTE_CONTROL}),
-        {"autopilot_failsafe": "failsafe: GCS, RC"},
+        {"failsafe_reported": "failsafe: GCS, RC"},
     ),
     (
         "the same on the way out: it goes on",
@@ -120,7 +126,7 @@ STORIES = [
     (
         "an estimator in doubt on the way out",
         replace(flies(failsafe=True, failsafes={Failsafe.ESTIMATOR}), escaping=True),
-        {"autopilot_failsafe": "failsafe: EKF"},
+        {"failsafe_reported": "failsafe: EKF"},
     ),
     (
         "a battery's failsafe on the way out",
@@ -130,7 +136,7 @@ STORIES = [
     (
         "a failsafe before control, in a mode of its own",
         flies(HOVERING, failsafe=True),
-        {"failsafe": "autopilot failsafe chose HOLD"},
+        {"failsafe_took_mode": "autopilot failsafe chose HOLD"},
     ),
     (
         "one that ArduPilot goes on to tell in the pilot's mode",
@@ -146,17 +152,17 @@ STORIES = [
     (
         "one that has taken ArduPilot's mode",
         flies(HOVERING, failsafe=True, kind=AutopilotKind.ARDUPILOT, mode="LAND", homeward=True),
-        {"failsafe": "autopilot failsafe chose LAND"},
+        {"failsafe_took_mode": "autopilot failsafe chose LAND"},
     ),
     (
         "one that began with ArduPilot's mode",
         lands_in_failsafe(mode_since_s=90.0, failsafe_since_s=88.0),
-        {"failsafe": "autopilot failsafe chose LAND"},
+        {"failsafe_took_mode": "autopilot failsafe chose LAND"},
     ),
     (
         "a landing ordered while one stands",
         lands_in_failsafe(mode_since_s=90.0, failsafe_since_s=80.0),
-        {"failsafe": "the autopilot is in LAND"},
+        {"failsafe_took_mode": "the autopilot is in LAND"},
     ),
     (
         "a second failsafe with the landing",
@@ -164,12 +170,12 @@ STORIES = [
             lands_in_failsafe(mode_since_s=90.0, failsafe_since_s=80.0),
             failsafes_told={Failsafe.BATTERY: 90.1},
         ),
-        {"failsafe": "autopilot failsafe chose LAND"},
+        {"failsafe_took_mode": "autopilot failsafe chose LAND"},
     ),
     (
         "PX4's hold and then its landing",
         flies(HOVERING, failsafe=True, mode="LAND", mode_since_s=90.0, failsafe_since_s=80.0),
-        {"failsafe": "autopilot failsafe chose LAND"},
+        {"failsafe_took_mode": "autopilot failsafe chose LAND"},
     ),
     ("disarmed", flies(armed=False), {"ground": "on the ground"}),
     (
@@ -335,7 +341,7 @@ STORIES = [
             "loop_stall",
             "autopilot_reboot",
             "setpoint_rejected",
-            "gate",
+            "setpoint_held",
             "no_clearance",
             "offboard_loss_unknown",
             "offboard_loss_collision",

@@ -179,14 +179,14 @@ def test_the_graver_action_goes_before(grave):
 
 
 def test_of_equal_actions_the_first_of_the_table_speaks():
-    watched = Watched().look(heartbeat="late", position="stale", attitude="unknown")
+    watched = Watched().look(autopilot_link_lost="late", position="stale", attitude="unknown")
     assert watched.ruling.reason == "late"
 
 
 def test_no_farewell_where_one_of_the_releases_forbids_it():
     watched = Watched().look(position="stale")
     assert watched.ruling.last_setpoint
-    watched.look(failsafe="the autopilot is in failsafe")
+    watched.look(failsafe_took_mode="the autopilot is in failsafe")
     assert watched.ruling.reason == "stale"
     assert not watched.ruling.last_setpoint
 
