@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..safety.conditions import Causes
+from ..safety.condition_types import Causes
 from .setpoint_streamer import Refusal
 
 

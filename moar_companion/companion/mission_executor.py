@@ -34,8 +34,9 @@ from ..mission_states import IN_CONTROL, STREAMING, MissionState
 from ..planning.plan_jobs import PlanAnswer
 from ..power.cells import misread
 from ..risk import RiskEstimate
-from ..safety.checks import CheckInputs, EscapeRoute, Host, widening_m
-from ..safety.conditions import Action
+from ..safety.check_inputs import CheckInputs, EscapeRoute, Host
+from ..safety.condition_types import Action
+from ..safety.position_checks import widening_m
 from ..safety.supervisor import Ruling
 from ..types import LandedState, Mission
 from ..vehicle import Vehicle

@@ -30,9 +30,9 @@ from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..power import PowerModel
 from ..risk import RiskEstimate
 from ..risk.explain import WeightsReason, risk_dict
-from ..safety.checks import uncertainty_m, widening_m
 from ..safety.failsafe_exposure import FailsafeExposure
 from ..safety.obstacle_inflation import ObstacleInflation
+from ..safety.position_checks import uncertainty_m, widening_m
 from ..site import Margin
 from ..types import AutopilotKind, FenceItem, Mission, RiskIndices, Telemetry, Vector
 from ..vehicle import Vehicle

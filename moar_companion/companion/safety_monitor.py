@@ -8,8 +8,10 @@ from collections.abc import Collection
 from ..config import Supervision
 from ..mavlink.session import Severity
 from ..safety import supervisor
-from ..safety.checks import CheckInputs, causes
-from ..safety.conditions import Action, Override, conditions
+from ..safety.check_inputs import CheckInputs
+from ..safety.checks import causes
+from ..safety.condition_types import Action, Override
+from ..safety.conditions import conditions
 from ..safety.supervisor import Acting, Ruling
 from ..types import Heard
 from .reports import Reports

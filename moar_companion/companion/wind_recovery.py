@@ -14,7 +14,7 @@ from ..guidance.path_follower import PathFollower
 from ..mavlink.session import Severity
 from ..mission.values import MissionStatus
 from ..mission_states import IN_CONTROL, MissionState
-from ..safety.conditions import Action
+from ..safety.condition_types import Action
 from ..safety.supervisor import Ruling
 from .reports import Reports
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..mission_states import IN_CONTROL, STREAMING, MissionState
-from ..safety.conditions import Action
+from ..safety.condition_types import Action
 from ..safety.supervisor import Acting, Ruling
 from ..types import Mission
 from .state_changes import (

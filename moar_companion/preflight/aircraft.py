@@ -11,7 +11,7 @@ from ..estimation.pose import Pose
 from ..estimation.pose_tracker import grounded
 from ..mavlink.identity import Autopilot
 from ..risk import RiskEstimate
-from ..safety.conditions import Causes
+from ..safety.condition_types import Causes
 from ..site import Site
 from ..types import AutopilotKind, AutopilotStatus, LandedState, Telemetry
 from ..vehicle import RiskModel, Vehicle

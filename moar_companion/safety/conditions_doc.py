@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 
-from .conditions import CONDITIONS, Action
+from .condition_types import Action
+from .conditions import CONDITIONS
 
 
 def documentation() -> str:

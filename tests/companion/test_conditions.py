@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import LinkLoss, Supervision
-from moar_companion.safety.checks import Host
+from moar_companion.safety.check_inputs import Host
 
 from ..mavlink.peer import Peer
 from .desk import (

@@ -14,7 +14,8 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import Authority
 from moar_companion.mission_states import STREAMING, MissionState
-from moar_companion.safety.conditions import CONDITIONS, Action
+from moar_companion.safety.condition_types import Action
+from moar_companion.safety.conditions import CONDITIONS
 
 from ..mavlink.peer import Peer
 from .desk import AUTO_HOLD, CRITICAL, EXIT, INSPECTION, POSCTL, RELEASE, Desk

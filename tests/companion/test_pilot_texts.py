@@ -18,9 +18,11 @@ from moar_companion.mission.state_changes import state_words
 from moar_companion.mission.values import Task, Verdict
 from moar_companion.mission_states import MissionState
 from moar_companion.planner.planner import Planner
-from moar_companion.safety.checks import Host, causes, exceeds
+from moar_companion.safety.check_inputs import Host
+from moar_companion.safety.checks import causes
 from moar_companion.safety.conditions import CONDITIONS
 from moar_companion.safety.offboard_loss import OffboardLoss
+from moar_companion.safety.reason_text import exceeds
 from moar_companion.types import AutopilotKind, Heard, Mission
 
 from ..safety.seen import (

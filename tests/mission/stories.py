@@ -19,7 +19,7 @@ from moar_companion.mission.values import (
 )
 from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
 from moar_companion.safety import supervisor
-from moar_companion.safety.conditions import Causes
+from moar_companion.safety.condition_types import Causes
 from moar_companion.types import Mission
 
 WELL = Situation(mode_ours=False, mode_heard_s=0.0)

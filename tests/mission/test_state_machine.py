@@ -6,7 +6,8 @@ import pytest
 
 from moar_companion.mission.values import Do, Order
 from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
-from moar_companion.safety.conditions import CONDITIONS, Action, Override
+from moar_companion.safety.condition_types import Action, Override
+from moar_companion.safety.conditions import CONDITIONS
 
 from .stories import (
     EVACUATION,

@@ -8,7 +8,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from moar_companion.mission.values import Answer, Order, Seek
 from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
-from moar_companion.safety.conditions import CONDITIONS, Action, Causes, Override
+from moar_companion.safety.condition_types import Action, Causes, Override
+from moar_companion.safety.conditions import CONDITIONS
 from moar_companion.types import Mission
 
 from .stories import EVACUATION, EXIT, FAILSAFE, IN_THE_AIR, INSPECTION, Story

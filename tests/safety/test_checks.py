@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.safety.checks import Host
-from moar_companion.safety.conditions import Causes
+from moar_companion.safety.check_inputs import Host
+from moar_companion.safety.condition_types import Causes
 from moar_companion.types import AutopilotKind, Failsafe, Landed, LandedState, LinkStatistics
 
 from .seen import (

@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.safety.checks import uncertainty_m, widening_m
-from moar_companion.safety.conditions import Causes
+from moar_companion.safety.condition_types import Causes
+from moar_companion.safety.position_checks import uncertainty_m, widening_m
 from moar_companion.site import Margin
 from moar_companion.types import Heard, Landed, LandedState, Mission
 

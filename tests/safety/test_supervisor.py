@@ -9,7 +9,8 @@ import pytest
 
 from moar_companion.config import LinkLoss, Supervision, shipped_configs
 from moar_companion.mission_states import MissionState
-from moar_companion.safety.conditions import CONDITIONS, Action, Causes, Override, conditions
+from moar_companion.safety.condition_types import Action, Causes, Override
+from moar_companion.safety.conditions import CONDITIONS, conditions
 from moar_companion.safety.conditions_doc import documentation
 from moar_companion.safety.supervisor import HEALTHY, overridden, step
 from moar_companion.types import Mission
