@@ -44,7 +44,7 @@ def position(seen: CheckInputs, limits: Supervision, now_s: float) -> str | None
     under_way_s = link_age.delay_s(seen.telemetry.link, seen.position_late_s)
     age_s = now_s - seen.position_moved_s + under_way_s
     if seen.host.read_late_s > _READ_LATE_S:
-        return exceeds("position read late, age", age_s, limits.position_timeout_s, "s")
+        return exceeds("position read late", age_s, limits.position_timeout_s, "s")
     return exceeds("position age", age_s, limits.position_timeout_s, "s")
 
 

@@ -89,7 +89,7 @@ STORIES = [
     (
         "an older one, which has waited to be read",
         replace(IN_FLIGHT, position_moved_s=99.4, host=Host(read_late_s=0.3)),
-        {"position": "position read late, age 0.6 s > 0.5"},
+        {"position": "position read late 0.6 s > 0.5"},
     ),
     ("no attitude", told(attitude=None), {"attitude": "the attitude is unknown"}),
     (

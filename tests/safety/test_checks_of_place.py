@@ -201,7 +201,11 @@ STORIES = [
         told(ground_station=None),
         {"unmonitored": "unknown: ground station"},
     ),
-    ("outside", replace(IN_FLIGHT, strays="1.6 m outside"), {"outside_workspace": "1.6 m outside"}),
+    (
+        "outside",
+        replace(IN_FLIGHT, strays="1.6 m outside the workspace"),
+        {"outside_workspace": "1.6 m outside the workspace"},
+    ),
     (
         "a path that leaves the autopilot's fence",
         replace(IN_FLIGHT, faults=Causes(autopilot_fence="path leaves FENCE_ALT_MAX 9 m")),
@@ -217,7 +221,7 @@ STORIES = [
         replace(IN_FLIGHT, fence_silent=True),
         {"unmonitored": "unknown: uploaded fence"},
     ),
-    ("outside before control", replace(HOVERING, strays="1.6 m outside"), {}),
+    ("outside before control", replace(HOVERING, strays="1.6 m outside the workspace"), {}),
     ("1.5 m beside the path", replace(IN_FLIGHT, error_m=1.5), {}),
     (
         "farther",
