@@ -18,14 +18,6 @@ from .reports import Reports
 
 _LISTENS_AFTER_S = 1.0
 """Delay of texts: a station's first heartbeat answers ours, before it is ready for texts."""
-_DOES = {
-    Action.SLOW: "slowing",
-    Action.HOLD: "holding",
-    Action.EXIT: "exiting",
-    Action.EVACUATION: "evacuating",
-    Action.RELEASE: "released",
-}
-"""Texts for the companion's actions."""
 
 
 class _Audience:
@@ -131,7 +123,7 @@ class SafetyMonitor:
                 continue
             self._told[name] = False
             leads = item.condition.action is ruling.action is not Action.CONTINUE
-            action = _DOES[ruling.action] if leads else ""
+            action = ruling.action.words if leads else ""
             self._reports.say(Severity.WARNING, item.reason, now_s, action=action, news=missed)
 
 

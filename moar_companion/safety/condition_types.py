@@ -24,6 +24,20 @@ class Action(enum.IntEnum):
     RELEASE = 5
     """The stream ends: the autopilot or the pilot flies."""
 
+    @property
+    def words(self) -> str:
+        """Text for operators; empty where the flight goes on."""
+        return _WORDS.get(self, "")
+
+
+_WORDS = {
+    Action.SLOW: "slowing",
+    Action.HOLD: "holding",
+    Action.EXIT: "exiting",
+    Action.EVACUATION: "evacuating",
+    Action.RELEASE: "released",
+}
+
 
 class Override(enum.Enum):
     """Orders that are carried out although a condition acts."""

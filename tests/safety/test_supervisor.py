@@ -11,7 +11,7 @@ from moar_companion.config import LinkLoss, Supervision, shipped_configs
 from moar_companion.mission_states import MissionState
 from moar_companion.safety.condition_types import Action, Causes, Override
 from moar_companion.safety.conditions import CONDITIONS, conditions
-from moar_companion.safety.conditions_doc import documentation
+from moar_companion.safety.conditions_doc import documentation, texts
 from moar_companion.safety.supervisor import HEALTHY, overridden, step
 from moar_companion.types import Mission
 
@@ -226,11 +226,10 @@ def test_what_a_lost_ground_station_does_is_configured(action):
 # The page ---------------------------------------------------------------------------------------
 
 
-def test_the_table_of_the_page_is_made_from_the_conditions():
+@pytest.mark.parametrize(("mark", "table"), [("conditions", documentation), ("texts", texts)])
+def test_the_tables_of_the_page_are_made_from_the_conditions(mark, table):
     """If not: `python -m moar_companion.safety.conditions_doc`, between the two marks."""
     page = (shipped_configs() / "README.md").read_text()
-    written = re.search(
-        r"<!-- conditions:[^>]*-->\n(.*?)\n<!-- end of conditions -->", page, re.DOTALL
-    )
+    written = re.search(rf"<!-- {mark}:[^>]*-->\n(.*?)\n<!-- end of {mark} -->", page, re.DOTALL)
     assert written
-    assert written[1] == documentation()
+    assert written[1] == table()
