@@ -43,7 +43,7 @@ from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..power.cells import misread
 from ..risk import RiskEstimate
 from ..risk.holding import holding_parameters
-from ..safety.checks import Host
+from ..safety.check_inputs import Host
 from ..safety.file_faults import FileFaultTexts
 from ..safety.offboard_loss import loss_parameters
 from ..safety.supervisor import Ruling

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..safety.conditions import Causes
+from ..safety.condition_types import Causes
 from .setpoint_streamer import Refusal
 
 
@@ -33,7 +33,7 @@ class Faults:
         elif refused.narrow:
             self.causes = replace(self.causes, no_clearance=refused.reason)
         else:
-            self.causes = replace(self.causes, gate=refused.reason)
+            self.causes = replace(self.causes, setpoint_held=refused.reason)
 
     def forget(self) -> None:
         """Clears the faults after a check."""

@@ -36,8 +36,9 @@ from ..mission_states import IN_CONTROL, STREAMING, MissionState
 from ..planning.plan_jobs import PlanAnswer
 from ..power.cells import misread
 from ..risk import RiskEstimate
-from ..safety.checks import CheckInputs, EscapeRoute, Host, widening_m
-from ..safety.conditions import Action
+from ..safety.check_inputs import CheckInputs, EscapeRoute, Host
+from ..safety.condition_types import Action
+from ..safety.position_checks import widening_m
 from ..safety.supervisor import Ruling
 from ..telemetry import LandedState
 from ..types import Mission
@@ -411,7 +412,7 @@ class MissionExecutor:
             faults=replace(
                 self.faults.causes,
                 offboard_loss_unknown=self.routes.not_ready_reason,
-                fence=self.routes.fence_objection(pose),
+                autopilot_fence=self.routes.fence_objection(pose),
                 offboard_loss_collision=self.routes.objection,
                 no_clearance=self.faults.causes.no_clearance or self.routes.inflation.no_room,
             ),

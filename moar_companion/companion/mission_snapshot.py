@@ -10,7 +10,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, TypeAdapter
 
-from ..mission.state_machine import state_words
+from ..mission.state_changes import state_words
 from ..mission.values import Task
 from ..mission_states import STREAMING, MissionState
 from ..site import Site

@@ -9,8 +9,8 @@ from __future__ import annotations
 from ..config import Supervision
 from ..planning.plan_jobs import PlanAnswer
 from ..risk import RiskEstimate
-from ..safety.checks import uncertainty_m, widening_m
 from ..safety.obstacle_inflation import ObstacleInflation
+from ..safety.position_checks import uncertainty_m, widening_m
 from ..site import Margin
 from ..types import Mission
 from ..vehicle import Vehicle

@@ -8,22 +8,16 @@ from collections.abc import Collection
 from ..config import Supervision
 from ..mavlink.session import Severity
 from ..safety import supervisor
-from ..safety.checks import CheckInputs, causes
-from ..safety.conditions import Action, Override, conditions
+from ..safety.check_inputs import CheckInputs
+from ..safety.checks import causes
+from ..safety.condition_types import Action, Override
+from ..safety.conditions import conditions
 from ..safety.supervisor import Acting, Ruling
 from ..telemetry import Heard
 from .reports import Reports
 
 _LISTENS_AFTER_S = 1.0
 """Delay of texts: a station's first heartbeat answers ours, before it is ready for texts."""
-_DOES = {
-    Action.SLOW: "slowing",
-    Action.HOLD: "holding",
-    Action.EXIT: "exiting",
-    Action.EVACUATION: "evacuating",
-    Action.RELEASE: "released",
-}
-"""Texts for the companion's actions."""
 
 
 class _Audience:
@@ -129,7 +123,7 @@ class SafetyMonitor:
                 continue
             self._told[name] = False
             leads = item.condition.action is ruling.action is not Action.CONTINUE
-            action = _DOES[ruling.action] if leads else ""
+            action = ruling.action.words if leads else ""
             self._reports.say(Severity.WARNING, item.reason, now_s, action=action, news=missed)
 
 

@@ -14,11 +14,11 @@ from ..guidance.path_follower import PathFollower
 from ..mavlink.session import Severity
 from ..mission.values import MissionStatus
 from ..mission_states import IN_CONTROL, MissionState
-from ..safety.conditions import Action
+from ..safety.condition_types import Action
 from ..safety.supervisor import Ruling
 from .reports import Reports
 
-_OUTSIDE = frozenset({"fence", "geofence", "off_path"})
+_OUTSIDE = frozenset({"autopilot_fence", "outside_workspace", "off_path"})
 """Conditions that a recovery leg ends, and that therefore do not prevent it."""
 _AGAIN_S = 5.0
 """Time between two searches for a recovery leg."""

@@ -30,7 +30,7 @@ from ..planner.plane_fence import PlaneFence
 from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..power import Demands, Meter, PowerModel, landing_s
 from ..risk.headway import least_s
-from ..safety.checks import EscapeRoute
+from ..safety.check_inputs import EscapeRoute
 from ..site import Site
 from ..types import Mission, RiskIndices, Vector
 from ..vehicle import RiskModel, Vehicle

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
-from ..safety.checks import WAY_MAX_AGE_S
+from ..safety.check_inputs import WAY_MAX_AGE_S
 from ..types import Mission
 
 _CLEARLY_LESS = 0.9

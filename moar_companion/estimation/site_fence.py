@@ -23,8 +23,8 @@ from ..telemetry import FenceItem
 from ..types import AutopilotKind, Vector
 from .pose import home_moved
 
-_UNREAD = "the autopilot's fence is not read yet"
-_NO_HOME = "the fence counts from home, which is unknown"
+_UNREAD = "autopilot's fence not read yet"
+_NO_HOME = "fence about home, home unknown"
 _HOME_MOVES_M = 0.1
 """A smaller move of home, as of its estimate, is covered by the fence's margin. One metre, the
 tolerance for a return route, would be most of that margin."""

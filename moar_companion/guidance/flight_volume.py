@@ -239,7 +239,8 @@ class FlightVolume:
         low_m = workspace.min_altitude_m
         outside_m = workspace.outside_m((x_m, z_m))
         if low_m is not None and z_m < low_m - workspace.resolution_m:
-            words = f"altitude {z_m:.1f} m < {low_m:g}"
+            height = f"{z_m:.1f}" if round(z_m, 1) else "0"
+            words = f"altitude {height} m < {low_m:g}"
         elif outside_m > beside_m:
             words = f"{outside_m:.1f} m outside the workspace"
         elif abs(y_m) > self.vehicle.guidance.leash_m:
@@ -280,7 +281,7 @@ class FlightVolume:
                     for leg in legs
                 )
             ):
-                return f"the setpoint is outside {crossed}"
+                return f"setpoint outside {crossed}"
         x_m, _, z_m = setpoint.position_m
         finite = math.isfinite(x_m) and math.isfinite(z_m)
         if (

@@ -15,13 +15,20 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..mission_states import IN_CONTROL, STREAMING, MissionState
-from ..safety.conditions import Action
+from ..safety.condition_types import Action
 from ..safety.supervisor import Acting, Ruling
 from ..types import Mission
+from .state_changes import (
+    answer_cancelled,
+    answer_failed,
+    answer_rejected,
+    end_stream,
+    enter,
+    entered,
+)
 from .values import (
     Answer,
     Do,
-    Effect,
     MissionStatus,
     Order,
     OverrideConditions,
@@ -32,9 +39,6 @@ from .values import (
     Task,
     Verdict,
 )
-
-_INTERRUPTED = IN_CONTROL - {MissionState.HOLDING}
-"""Flights that may be resumed after a pilot's takeover; a hold by an operator may not."""
 
 _CONTINUED = set(MissionState) - STREAMING | {MissionState.HOLDING}
 """States whose task may be continued by an operator's order."""
@@ -77,14 +81,14 @@ def command(
     if order is Order.CONTINUE:
         stands = status.held or status.state in _CONTINUED
         if status.task is None or not stands:
-            return _rejected(status, order_id, "nothing is held")
+            return answer_rejected(status, order_id, "nothing is held")
         if status.task.done:
-            return _rejected(status, order_id, "nothing is left to fly")
+            return answer_rejected(status, order_id, "nothing is left to fly")
         return _sought(status, status.task, order_id, world, now_s)
     done = Answer(order_id, Verdict.ACCEPTED)
-    overtaken, status = _cancelled(status), replace(status, order_id=None)
+    overtaken, status = answer_cancelled(status), replace(status, order_id=None)
     if order is Order.HOLD and status.state in IN_CONTROL:
-        held, effects = _enter(replace(status, goes_on=False), MissionState.HOLDING, now_s)
+        held, effects = enter(replace(status, goes_on=False), MissionState.HOLDING, now_s)
         return held, (
             *overtaken,
             *effects,
@@ -98,7 +102,7 @@ def command(
         return ready, (*overtaken, Do.BRAKE, done, Say("ready to hold"))
     if status.state in STREAMING or status.state is MissionState.PLANNING:
         rest = MissionState.IDLE if order is Order.HOLD else MissionState.RELEASED
-        silent, effects = _silenced(
+        silent, effects = end_stream(
             status, rest, f"{order.value} on command", now_s, last_setpoint=True
         )
         return silent, (*overtaken, *effects, done)
@@ -106,12 +110,12 @@ def command(
         # The task that a returned mode would resume is dropped.
         dropped = replace(status, task=None)
         if order is Order.RELEASE:
-            dropped, effects = _enter(dropped, MissionState.RELEASED, now_s)
+            dropped, effects = enter(dropped, MissionState.RELEASED, now_s)
             return dropped, (*effects, done)
         return dropped, (done,)
     if order is Order.RELEASE:
         return replace(status, task=None), (done,)
-    return _rejected(status, order_id, "nothing is flown")
+    return answer_rejected(status, order_id, "nothing is flown")
 
 
 def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
@@ -123,14 +127,14 @@ def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
     if ruling.leading is not None and ruling.action is Action.RELEASE:
         return _released(status, ruling, ruling.leading, world, now_s)
     if status.state is MissionState.PLANNING and (unfit := _unfit(status.sought, world)):
-        idle, effects = _enter(status, MissionState.IDLE, now_s)
+        idle, effects = enter(status, MissionState.IDLE, now_s)
         order_id = status.order_id
         return idle, effects if order_id is None else (
             *effects,
-            *_rejected(idle, order_id, unfit)[1],
+            *answer_rejected(idle, order_id, unfit)[1],
         )
     found = replace(status, task=status.sought, held=False, goes_on=False)
-    found, effects = _enter(
+    found, effects = enter(
         replace(found, no_path=status.no_path - {status.sought}),
         MissionState.FLYING if in_control else MissionState.READY,
         now_s,
@@ -158,7 +162,7 @@ def unplanned(
         return status, ()
     answers = () if status.order_id is None else (Answer(status.order_id, Verdict.DENIED, reason),)
     if status.state is MissionState.PLANNING:
-        idle, effects = _enter(status, MissionState.IDLE, now_s)
+        idle, effects = enter(status, MissionState.IDLE, now_s)
         return idle, (*effects, *answers)
     if status.order_id is not None:
         return replace(status, sought=None, order_id=None), answers
@@ -167,7 +171,7 @@ def unplanned(
         inspects = status.task is not None and status.task.mission is Mission.INSPECTION
         vain = _OUTWARD if failed and inspects else (sought,)
         return replace(status, sought=None).without(*vain, now_s=now_s), (say,)
-    held = _entered(status, MissionState.HOLDING, now_s)
+    held = entered(status, MissionState.HOLDING, now_s)
     say = Say(reason, MissionState.HOLDING.words, serious=True)
     return replace(held, task=sought, goes_on=waits), (say,)
 
@@ -182,7 +186,7 @@ def withdrawn(status: MissionStatus, order_id: int, now_s: float) -> Step:
     if status.order_id != order_id:
         return status, ()
     if status.state is MissionState.PLANNING:
-        return _enter(status, MissionState.IDLE, now_s)
+        return enter(status, MissionState.IDLE, now_s)
     return replace(status, sought=None, order_id=None), ()
 
 
@@ -222,7 +226,7 @@ def tick(
         if supervised is not None:
             return supervised
     elif ruling.action >= Action.HOLD and not _heeds(status, ruling.action):
-        idle, effects = _silenced(
+        idle, effects = end_stream(
             status, MissionState.IDLE, ruling.reason, now_s, last_setpoint=True
         )
         rest = None if status.held else status.task
@@ -235,7 +239,7 @@ def _released(
 ) -> Step:
     """Ends control for the supervisor; a last setpoint at rest while the mode is still ours."""
     last_setpoint = ruling.last_setpoint and world.mode_ours
-    return _silenced(
+    return end_stream(
         status, leading.condition.rest, leading.reason, now_s, last_setpoint=last_setpoint
     )
 
@@ -270,7 +274,7 @@ def _supervised(
 
 def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, goes_on: bool) -> Step:
     """Holds here; a task that an operator has held meanwhile, or that is done, does not resume."""
-    failed = _failed(status, ruling.reason)
+    failed = answer_failed(status, ruling.reason)
     if status.state is MissionState.HOLDING:
         if status.sought is None:
             return status, ()
@@ -279,7 +283,7 @@ def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, goes_on: boo
         return held, (*failed, Do.BRAKE)
     left = status.task is not None and not status.task.done
     goes_on = goes_on and left and not status.held
-    held = _entered(replace(status, goes_on=goes_on, held=False), MissionState.HOLDING, now_s)
+    held = entered(replace(status, goes_on=goes_on, held=False), MissionState.HOLDING, now_s)
     action = MissionState.HOLDING.words
     say = Say(ruling.reason, action, serious=True, condition=ruling.name)
     return held, (*failed, Do.BRAKE, say)
@@ -316,7 +320,7 @@ def _led_out(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: boo
     sought = replace(status, sought=wanted, order_id=None, goes_on=False)
     action = _LEADS_OUT[wanted.mission]
     say = Say(ruling.reason, action, serious=True, news=False, condition=ruling.name)
-    return sought, (*_failed(status, ruling.reason), say, Seek(wanted))
+    return sought, (*answer_failed(status, ruling.reason), say, Seek(wanted))
 
 
 def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now_s: float) -> Step:
@@ -325,20 +329,20 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
     if state is MissionState.READY:
         if world.mode_ours:
             given = MissionState.HOLDING if status.held else MissionState.FLYING
-            return _enter(replace(status, held=False), given, now_s, keep_sought=True)
+            return enter(replace(status, held=False), given, now_s, keep_sought=True)
         # Only a mode received after the deadline counts: it may have been given before that.
         late = world.mode_heard_s - status.since_s >= ready_timeout_s
         if late or world.astray:
             reason = "the mode was not given" if late else "the aircraft has left its place"
-            idle, effects = _silenced(status, MissionState.IDLE, reason, now_s, last_setpoint=True)
+            idle, effects = end_stream(status, MissionState.IDLE, reason, now_s, last_setpoint=True)
             return replace(idle, task=None if status.held else status.task), effects
     elif state is MissionState.FLYING and world.on_leg:
-        return _enter(status, MissionState.LANDING_LEG, now_s, keep_sought=True)
+        return enter(status, MissionState.LANDING_LEG, now_s, keep_sought=True)
     elif state is MissionState.LANDING_LEG and not world.on_leg:
-        return _enter(status, MissionState.FLYING, now_s, keep_sought=True)
+        return enter(status, MissionState.FLYING, now_s, keep_sought=True)
     elif state is MissionState.FLYING and world.arrived and task is not None:
         if task.mission is Mission.INSPECTION:
-            return _enter(status, MissionState.AT_TARGET, now_s, keep_sought=True)
+            return enter(status, MissionState.AT_TARGET, now_s, keep_sought=True)
         return _landed_above(status, now_s)
     elif state is MissionState.LANDING_LEG and world.arrived:
         return _landed_above(status, now_s)
@@ -347,7 +351,7 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
             return status, ()
         rest = replace(task, stops=task.stops[1:])
         if rest.done:
-            held = _entered(status, MissionState.HOLDING, now_s)
+            held = entered(status, MissionState.HOLDING, now_s)
             return replace(held, task=rest), (_DONE,)
         return replace(status, sought=rest), (Seek(rest),)
     return status, ()
@@ -355,7 +359,7 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
 
 def _landed_above(status: MissionStatus, now_s: float) -> Step:
     """Ends the landing leg: only the autopilot's landing is left."""
-    held = _entered(status, MissionState.HOLDING, now_s, keep_sought=True)
+    held = entered(status, MissionState.HOLDING, now_s, keep_sought=True)
     task = None if held.task is None else replace(held.task, flown=True)
     return replace(held, task=task), (_ARRIVED, Do.LAND)
 
@@ -367,7 +371,7 @@ def _overridden(status: MissionStatus, world: Situation, *, resume: bool, now_s:
     """
     gravest, task = next(iter(world.ruling.conditions), None), status.task
     if gravest is not None and gravest.condition.action is Action.RELEASE:
-        return _silenced(status, gravest.condition.rest, gravest.reason, now_s)
+        return end_stream(status, gravest.condition.rest, gravest.reason, now_s)
     if resume and world.mode_ours and task is not None and not task.done:
         return _sought(status, task, None, world, now_s)
     return status, ()
@@ -379,15 +383,15 @@ def _sought(
     """Seeks a task's plan, if it could be flown; in control the flight continues meanwhile."""
     obstruction = world.ruling.against(task.mission)
     if obstruction is not None:
-        return status, () if order_id is None else _rejected(status, order_id, obstruction)[1]
+        return status, () if order_id is None else answer_rejected(status, order_id, obstruction)[1]
     crossed = status.state in _LET_GO and now_s - status.since_s < _CROSSED_S
     if crossed and order_id is not None:
-        return _rejected(status, order_id, "just let go")
+        return answer_rejected(status, order_id, "just let go")
     known = _known(world, now_s)
     news = world.ruling.apart_from(known)
     if order_id is not None and news.action >= Action.HOLD and not _suits(task, news.action):
-        return _rejected(status, order_id, f"{news.reason} (just begun)")
-    effects = _cancelled(status)
+        return answer_rejected(status, order_id, f"{news.reason} (just begun)")
+    effects = answer_cancelled(status)
     if status.state not in STREAMING:
         status = replace(status, state=MissionState.PLANNING, since_s=now_s)
         effects = (*effects, Say(f"planning {task.mission.value}"))
@@ -403,71 +407,3 @@ def _known(world: Situation, now_s: float) -> frozenset[str]:
 def _unfit(task: Task, world: Situation) -> str | None:
     """Reason why a found plan cannot begin from where the aircraft is now."""
     return "the aircraft has left its place" if world.astray else world.ruling.against(task.mission)
-
-
-def _rejected(status: MissionStatus, order_id: int, reason: str) -> Step:
-    return status, (Answer(order_id, Verdict.TEMPORARILY_REJECTED, reason),)
-
-
-def _enter(
-    status: MissionStatus, state: MissionState, now_s: float, *, keep_sought: bool = False
-) -> Step:
-    """Enters a state and reports it; drops the awaited plan, unless kept."""
-    entered = _entered(status, state, now_s, keep_sought=keep_sought)
-    return entered, (Say(state_words(state, status.task)),)
-
-
-def _entered(
-    status: MissionStatus, state: MissionState, now_s: float, *, keep_sought: bool = False
-) -> MissionStatus:
-    """Enters a state; drops the awaited plan, unless kept."""
-    entered = replace(status, state=state, since_s=now_s)
-    return entered if keep_sought else replace(entered, sought=None, order_id=None)
-
-
-def state_words(state: MissionState, task: Task | None) -> str:
-    """Text of a state: `flying inspection to splice-inner`, `at target splice-inner`."""
-    if task is None or state in {MissionState.IDLE, MissionState.RELEASED}:
-        return state.words
-    goal = task.stops[0] if task.stops else ""
-    if state is MissionState.AT_TARGET:
-        return f"{state.words} {goal}".rstrip()
-    if state is MissionState.LANDING_LEG:
-        return f"{state.words} of the {task.mission.value}"
-    if state is MissionState.READY:
-        return f"{state.words} for {task.mission.value}"
-    to_goal = f" to {goal}" if goal and state is MissionState.FLYING else ""
-    return f"{state.words} {task.mission.value}{to_goal}"
-
-
-def _cancelled(status: MissionStatus) -> tuple[Effect, ...]:
-    """Answer to an order that a newer one overtakes."""
-    if status.order_id is None:
-        return ()
-    return (Answer(status.order_id, Verdict.CANCELLED, "overtaken by a newer order"),)
-
-
-def _failed(status: MissionStatus, reason: str) -> tuple[Effect, ...]:
-    """Answer to an order that the supervisor forbids."""
-    return () if status.order_id is None else (Answer(status.order_id, Verdict.FAILED, reason),)
-
-
-def _silenced(
-    status: MissionStatus,
-    state: MissionState,
-    reason: str,
-    now_s: float,
-    *,
-    last_setpoint: bool = False,
-) -> Step:
-    """Ends the stream; an open order fails.
-
-    With `last_setpoint` one at rest is sent, if there was a stream. Without it nothing
-    more is sent: the autopilot has left our control, or our data on the aircraft is not reliable.
-    """
-    taken_over = state is MissionState.OVERRIDDEN and status.state in _INTERRUPTED
-    interrupted = status.task if taken_over else None
-    last = (Do.SEND_LAST_SETPOINT,) if last_setpoint and status.state in STREAMING else ()
-    silent = MissionStatus(state=state, since_s=now_s, task=interrupted)
-    say = Say(reason, state.words, serious=state is not MissionState.IDLE)
-    return silent, (*last, *_failed(status, reason), say)

@@ -1,6 +1,7 @@
 """Values of the mission machine: orders, tasks, status, situation and effects.
 
-Values only; `state_machine` has the steps between them, `supervisor` what may be flown.
+Values only; `state_machine` has the steps between them, `state_changes` the effects that steps
+share, `supervisor` what may be flown.
 """
 
 from __future__ import annotations

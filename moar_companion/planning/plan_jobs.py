@@ -24,7 +24,7 @@ from ..planner.plan_values import Plan, PlanRequest, PlanStatus
 from ..planner.plane_fence import PlaneFence
 from ..planner.planner import Planner
 from ..planner.regions import obstacle_room_m
-from ..safety.checks import compass
+from ..safety.reason_text import compass
 from ..site import PlanePoint
 from ..types import Mission
 from ..vehicle import Vehicle

@@ -11,7 +11,7 @@ from ..estimation.pose import Pose
 from ..estimation.pose_tracker import grounded
 from ..mavlink.identity import Autopilot
 from ..risk import RiskEstimate
-from ..safety.conditions import Causes
+from ..safety.condition_types import Causes
 from ..site import Site
 from ..telemetry import AutopilotStatus, LandedState, Telemetry
 from ..types import AutopilotKind
@@ -239,7 +239,7 @@ def _place(sight: Sight, site: Site) -> Iterator[Finding]:
     pose, causes = sight.pose, sight.causes
     obstruction = (
         causes.autopilot_identity
-        or causes.heartbeat
+        or causes.autopilot_link_lost
         or causes.position
         or causes.attitude
         or causes.origin
@@ -265,7 +265,7 @@ def _place(sight: Sight, site: Site) -> Iterator[Finding]:
             remedy="is it the right site file? Else correct frame.origin",
         )
         return
-    not_ready_reason = causes.plane or causes.moving
+    not_ready_reason = causes.off_plane or causes.not_hovering
     if not_ready_reason is None:
         yield Finding(level=Level.OK, subject="position", text=text)
     else:

@@ -21,8 +21,9 @@ from ..planner.planner import Planner
 from ..power import PowerModel
 from ..risk import RiskEstimate, update
 from ..risk.holding import holding_parameters
-from ..safety.checks import CheckInputs, causes
-from ..safety.conditions import Causes
+from ..safety.check_inputs import CheckInputs
+from ..safety.checks import causes
+from ..safety.condition_types import Causes
 from ..safety.offboard_loss import OffboardLoss, loss_parameters
 from ..types import AutopilotKind
 from ..vehicle import Vehicle

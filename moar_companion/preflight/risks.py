@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 
 from ..risk import IndexReport, RiskEstimate
-from ..safety.conditions import Causes
+from ..safety.condition_types import Causes
 from .battery_check import CHARGE
 from .findings import Finding, Level
 

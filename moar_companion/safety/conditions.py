@@ -7,118 +7,11 @@ override it; a pilot always may, by taking the mode. `supervisor` applies the ta
 
 from __future__ import annotations
 
-import enum
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from ..config import Supervision
 from ..mission_states import MissionState
-from ..types import Mission
-
-
-class Action(enum.IntEnum):
-    """Effect of a condition on the flight; the greater takes precedence."""
-
-    CONTINUE = 0
-    """The flight continues."""
-    SLOW = 1
-    HOLD = 2
-    EXIT = 3
-    EVACUATION = 4
-    RELEASE = 5
-    """The stream ends: the autopilot or the pilot flies."""
-
-
-class Override(enum.Enum):
-    """Orders that are carried out although a condition acts."""
-
-    NOBODY = "nobody"
-    SAFER = "a hold, an exit or an evacuation that is ordered"
-    ORDER = "any new order"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Causes:
-    """Reason why each condition starts, as text with the number; None is healthy.
-
-    A required measurement that is missing is a cause. The fields are the names in CONDITIONS.
-    """
-
-    loop_stall: str | None = None
-    autopilot_reboot: str | None = None
-    setpoint_rejected: str | None = None
-    autopilot_identity: str | None = None
-    heartbeat: str | None = None
-    mode_unconfirmed: str | None = None
-    position: str | None = None
-    attitude: str | None = None
-    origin: str | None = None
-    failsafe: str | None = None
-    ground: str | None = None
-    landing: str | None = None
-    pilot: str | None = None
-    battery_critical: str | None = None
-    battery_failsafe: str | None = None
-    autopilot_failsafe: str | None = None
-    battery_reserve: str | None = None
-    energy_evacuation: str | None = None
-    energy_exit: str | None = None
-    energy_low_soon: str | None = None
-    failsafe_exposure: str | None = None
-    memory: str | None = None
-    gate: str | None = None
-    offboard_loss_collision: str | None = None
-    jump: str | None = None
-    origin_moved: str | None = None
-    disagreement: str | None = None
-    uncertainty: str | None = None
-    no_clearance: str | None = None
-    gnss: str | None = None
-    localization: str | None = None
-    control_saturated: str | None = None
-    wind: str | None = None
-    ground_link: str | None = None
-    fence: str | None = None
-    geofence: str | None = None
-    off_path: str | None = None
-    no_progress: str | None = None
-    planner: str | None = None
-    planner_late: str | None = None
-    obstacle: str | None = None
-    plane: str | None = None
-    moving: str | None = None
-    offboard_loss_unknown: str | None = None
-    battery_silent: str | None = None
-    disk: str | None = None
-    not_flying: str | None = None
-    unmonitored: str | None = None
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Condition:
-    """A row of the table.
-
-    name: a field of Causes. starts: the cause that starts it. after_s: time that its cause lasts
-    before it acts, including breaks shorter than that and over_s. over_s: time that the cause
-    must be over before it clears. latched: it then still needs a new order to clear.
-    last_setpoint: one at rest is useful when the stream ends. rest: the mission's state after that.
-    """
-
-    name: str
-    starts: str
-    action: Action
-    after_s: float = 0.0
-    over_s: float = 0.0
-    latched: bool = False
-    override: Override = Override.NOBODY
-    last_setpoint: bool = True
-    rest: MissionState = MissionState.RELEASED
-
-    def objects_to(self, mission: Mission) -> bool:
-        """True if this mission must not be ordered while the condition lasts."""
-        if self.override is Override.SAFER:
-            return mission is Mission.INSPECTION
-        return self.override is Override.NOBODY
-
+from .condition_types import Action, Condition, Override
 
 CONDITIONS = (
     Condition(
@@ -146,7 +39,7 @@ CONDITIONS = (
         action=Action.RELEASE,
     ),
     Condition(
-        name="heartbeat",
+        name="autopilot_link_lost",
         starts="no packet of the autopilot was received for `heartbeat_timeout_s`",
         action=Action.RELEASE,
     ),
@@ -167,7 +60,7 @@ CONDITIONS = (
     ),
     Condition(name="origin", starts="the local frame's origin is unknown", action=Action.RELEASE),
     Condition(
-        name="failsafe",
+        name="failsafe_took_mode",
         starts="the autopilot is in failsafe (system status critical or worse), and flies a mode "
         "of its own",
         action=Action.RELEASE,
@@ -258,7 +151,7 @@ CONDITIONS = (
         override=Override.SAFER,
     ),
     Condition(
-        name="autopilot_failsafe",
+        name="failsafe_reported",
         starts="the autopilot is in failsafe for anything else (remote control, ground station, "
         "estimator, dead reckoning, fence, unknown), and has not taken the mode; an exit or "
         "evacuation goes on unless the position is in doubt",
@@ -268,7 +161,7 @@ CONDITIONS = (
         override=Override.SAFER,
     ),
     Condition(
-        name="gate",
+        name="setpoint_held",
         starts="the gate has refused a setpoint, and holds at the last good one",
         action=Action.HOLD,
         latched=True,
@@ -283,7 +176,7 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
-        name="jump",
+        name="position_jump",
         starts="the position has jumped within 10 s by more than `jump_limit_m`, or than the "
         "margin's position error and what is free beyond the margin",
         action=Action.HOLD,
@@ -300,7 +193,7 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
-        name="disagreement",
+        name="position_disagreement",
         starts="the local position, by its origin, is more than 0.5 m from the global position; "
         "or home is that far from itself (ArduPilot)",
         action=Action.HOLD,
@@ -367,7 +260,7 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
-        name="fence",
+        name="autopilot_fence",
         starts="the path ahead leaves the autopilot's fence less `fence_margin_m`, which has "
         "changed; or the aircraft is outside the fence",
         action=Action.HOLD,
@@ -375,7 +268,7 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
-        name="geofence",
+        name="outside_workspace",
         starts="the aircraft is outside the workspace by more than the vehicle's "
         "`tracking_hold_m`, too low, or farther from the plane than `leash_m`, and beside its "
         "checked legs; or on its way back from there",
@@ -413,12 +306,12 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
-        name="plane",
+        name="off_plane",
         starts="the aircraft is farther from the plane than `plane_tolerance_m`",
         action=Action.CONTINUE,
     ),
     Condition(
-        name="moving",
+        name="not_hovering",
         starts="before the companion has control, the aircraft does not hover",
         action=Action.CONTINUE,
     ),

@@ -1,10 +1,12 @@
-"""The table of configs/README.md: `python -m moar_companion.safety.conditions_doc`."""
+"""The tables of configs/README.md: `python -m moar_companion.safety.conditions_doc`."""
 
 from __future__ import annotations
 
 import sys
 
-from .conditions import CONDITIONS, Action
+from .condition_texts import examples
+from .condition_types import Action
+from .conditions import CONDITIONS
 
 
 def documentation() -> str:
@@ -23,9 +25,16 @@ def documentation() -> str:
     return "\n".join(rows)
 
 
+def texts() -> str:
+    """Returns the texts of all conditions as the second table of configs/README.md."""
+    rows = ["| condition | text |", "|---|---|"]
+    rows += [f"| `{row.name}` | `{text}` |" for row in CONDITIONS for text in examples(row)]
+    return "\n".join(rows)
+
+
 def _seconds(word: str, seconds: float, none: str) -> str:
     return f"{word} {seconds:g} s".strip() if seconds else none
 
 
 if __name__ == "__main__":
-    sys.stdout.write(documentation() + "\n")
+    sys.stdout.write(f"{documentation()}\n\n{texts()}\n")

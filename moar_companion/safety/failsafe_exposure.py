@@ -205,7 +205,7 @@ class FailsafeExposure:
             words = f"battery {action.action.value}"
             if action.trigger in here:
                 return f"{words} hits {here[action.trigger].hit.obstacle}, {left_s:.0f} s left"
-            return f"{words} in {left_s:.0f} s, {leaving_s:.0f} s to leave"
+            return f"{words} in {left_s:.0f} s, need {leaving_s:.0f} s"
         return None
 
 

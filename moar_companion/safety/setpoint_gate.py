@@ -74,7 +74,7 @@ def refusal(
         return f"setpoint too close to an obstacle (widened by {widened_m:.1f} m)"
     if cell is None:
         return "setpoint outside the workspace"
-    return "setpoint too near an obstacle, or low"
+    return "setpoint near an obstacle, or low"
 
 
 def motion_refusal(
@@ -96,12 +96,12 @@ def motion_refusal(
     """
     if blown_to_m is not None and before is not None and not any(after[1]):
         nearer = math.dist(after[0], blown_to_m) <= math.dist(before[0], blown_to_m)
-        return None if nearer else "the setpoint moves away from an aircraft that is blown off"
+        return None if nearer else "setpoint leaves drifting aircraft"
     speed_mps = math.hypot(*after[1])
     # A setpoint may begin to move over while it still brakes on its path.
     most_mps = greatest_mps + least_mps
     if speed_mps > most_mps + _TOLERANCE_MPS:
-        return f"setpoint moves at {speed_mps:.1f} m/s > {most_mps:g}"
+        return f"setpoint at {speed_mps:.1f} m/s > {most_mps:g}"
     if before is None:
         return None
     moved_m = math.dist(before[0], after[0])
@@ -110,7 +110,7 @@ def motion_refusal(
     changed_mps = math.dist(before[1], after[1])
     small_mps = max(least_mps, _SMALL_CORNER * greatest_mps)
     if changed_mps > _HARDER * acceleration_mps2 * elapsed_s + small_mps + _TOLERANCE_MPS:
-        return f"setpoint speed jumps by {changed_mps:.1f} m/s"
+        return f"setpoint speed jump {changed_mps:.1f} m/s"
     return None
 
 

@@ -10,7 +10,8 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 
 from ..types import Mission
-from .conditions import CONDITIONS, Action, Causes, Condition, Override
+from .condition_types import Action, Causes, Condition, Override
+from .conditions import CONDITIONS
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

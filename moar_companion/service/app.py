@@ -34,7 +34,7 @@ from ..mavlink.urls import parse_url
 from ..outlets.log import log_to_stderr
 from ..outlets.recorder import Recorder
 from ..planner.planner import Planner
-from ..safety.checks import Host
+from ..safety.check_inputs import Host
 from ..safety.file_faults import FileFault, words
 from ..site import Site
 from ..telemetry import AutopilotStatus

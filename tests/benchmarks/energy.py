@@ -20,7 +20,7 @@ from unittest.mock import patch
 import numpy as np
 
 from moar_companion.config import shipped_configs
-from moar_companion.safety import checks
+from moar_companion.safety import energy_checks
 from moar_companion.site import Site
 from moar_companion.types import Mission, Weights
 from moar_companion.vehicle import Power, Vehicle
@@ -102,7 +102,7 @@ def _file(name: str) -> Vehicle:
     return Vehicle.load(shipped_configs() / "vehicles" / f"{name}.yaml")
 
 
-@patch.object(checks, "MARGIN", math.inf)
+@patch.object(energy_checks, "MARGIN", math.inf)
 def fly(case: Case) -> Result:
     kind = KINDS[case.manner.value]
     capacity_wh, airframe = kind.battery.capacity_wh, kind.airframe

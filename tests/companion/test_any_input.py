@@ -24,7 +24,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import Authority
 from moar_companion.planner.planner import Planner
-from moar_companion.safety.conditions import Action
+from moar_companion.safety.condition_types import Action
 from moar_companion.site import Conductor
 
 from ..mavlink.peer import Peer

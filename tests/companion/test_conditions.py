@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import LinkLoss, Supervision
-from moar_companion.safety.checks import Host
+from moar_companion.safety.check_inputs import Host
 
 from ..mavlink.peer import Peer
 from .desk import (
@@ -422,7 +422,9 @@ def test_obstacles_stay_as_wide_as_they_were_when_the_receiver_falls_silent():
 def test_it_is_told_of_what_still_holds_though_its_cause_is_over():
     desk = Desk().set(reset_counter=0).come_to("flying").run(2.0)
     desk.jump(0.0, -2.0, -4.0).set(reset_counter=1).run(11.0)
-    (jump,) = (item for item in desk.companion.ruling.conditions if item.condition.name == "jump")
+    (jump,) = (
+        item for item in desk.companion.ruling.conditions if item.condition.name == "position_jump"
+    )
     assert not jump.lasts
     assert sum(text.startswith("MOAR: the position jumped") for text in desk.texts()) == 1
     ground_station(desk, 254, seconds=3)

@@ -14,7 +14,8 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import Authority
 from moar_companion.mission_states import STREAMING, MissionState
-from moar_companion.safety.conditions import CONDITIONS, Action
+from moar_companion.safety.condition_types import Action
+from moar_companion.safety.conditions import CONDITIONS
 
 from ..mavlink.peer import Peer
 from .desk import AUTO_HOLD, CRITICAL, EXIT, INSPECTION, POSCTL, RELEASE, Desk
@@ -59,12 +60,12 @@ ORDERLY = {
 AT_ONCE = {
     "loop_stall": lambda desk: desk.step(1.5),
     "autopilot_reboot": lambda desk: desk.set(boot_s=1.0),
-    "failsafe": lambda desk: desk.say_heartbeat(AUTO_HOLD, CRITICAL),
+    "failsafe_took_mode": lambda desk: desk.say_heartbeat(AUTO_HOLD, CRITICAL),
     "ground": lambda desk: desk.set(landed_state=1),
     "pilot": lambda desk: desk.say_heartbeat(POSCTL),
 }
 ELSEWHERE = {
-    "heartbeat": "of an autopilot that falls silent the position is stale long before",
+    "autopilot_link_lost": "of an autopilot that falls silent the position is stale long before",
     "origin": "once known, only a restart makes it unknown",
     "setpoint_rejected": "the last setpoint stands when the supervisor hears of it: see below",
     "landing": "at rest already when the landing is asked for: see below",

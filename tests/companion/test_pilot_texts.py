@@ -11,16 +11,18 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from moar_companion.companion.safety_monitor import _DOES
 from moar_companion.config import Supervision
 from moar_companion.mavlink.statustext import pilot_text
-from moar_companion.mission.state_machine import state_words
+from moar_companion.mission.state_changes import state_words
 from moar_companion.mission.values import Task, Verdict
 from moar_companion.mission_states import MissionState
 from moar_companion.planner.planner import Planner
-from moar_companion.safety.checks import Host, causes, exceeds
+from moar_companion.safety.check_inputs import Host
+from moar_companion.safety.checks import causes
+from moar_companion.safety.condition_types import Action
 from moar_companion.safety.conditions import CONDITIONS
 from moar_companion.safety.offboard_loss import OffboardLoss
+from moar_companion.safety.reason_text import exceeds
 from moar_companion.telemetry import Heard
 from moar_companion.types import AutopilotKind, Mission
 
@@ -41,7 +43,13 @@ from ..safety.test_checks_of_place import STORIES as OF_PLACE
 from .desk import ACCEPTED, EXIT, INSPECTION, Desk, usual_planner
 
 properties = settings(deadline=None, max_examples=300, derandomize=True, database=None)
-ACTIONS = ("", "over", *_DOES.values(), *(state.words for state in MissionState), "no evacuation")
+ACTIONS = (
+    "",
+    "over",
+    *(action.words for action in Action if action.words),
+    *(state.words for state in MissionState),
+    "no evacuation",
+)
 ACTIONS += tuple(verdict.value.rpartition(" ")[2] for verdict in Verdict)
 LONG = "the-third-splice-of-the-left-upper-conductor-of-span-12"
 EXTREMES = (1e-9, 0.04, 0.96, 1.0001, 9.99, 12.0, 101.5, 99_999.0, 1e30, math.inf)
@@ -118,7 +126,7 @@ def test_every_condition_is_told_in_one_chunk_with_its_limit_and_action():
             if reason is None:
                 continue
             heard.add(row.name)
-            for action in ("", "over", "rejected", _DOES.get(row.action, ""), row.rest.words):
+            for action in ("", "over", "rejected", row.action.words, row.rest.words):
                 text = pilot_text(reason, action)
                 assert_is_for_pilots(text)
                 if ">" in reason:
@@ -163,10 +171,10 @@ def test_details_in_details_are_left_out_too():
 
 def test_the_aircraft_is_told_which_side_of_the_plane_it_is_on_by_compass():
     beside = replace(moves(position_m=(5.0, 22.3, 5.0)), azimuth_rad=math.pi / 2.0)
-    words = causes(beside, Supervision(), 1.5, NOW_S).plane
+    words = causes(beside, Supervision(), 1.5, NOW_S).off_plane
     assert words == "22.3 m north of plane > 2"
     other = replace(beside, azimuth_rad=math.radians(315.0))
-    assert causes(other, Supervision(), 1.5, NOW_S).plane == "22.3 m south-west of plane > 2"
+    assert causes(other, Supervision(), 1.5, NOW_S).off_plane == "22.3 m south-west of plane > 2"
 
 
 def test_a_battery_of_another_number_of_cells_is_told_at_once_and_in_the_refusal():

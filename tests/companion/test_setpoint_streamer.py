@@ -39,8 +39,8 @@ def hurried(setpoint):
     ("wrong", "reason"),
     [
         (jumped, "setpoint jumps by 0.30 m"),
-        (turned_back, "setpoint speed jumps by 1.4 m/s"),
-        (hurried, "setpoint moves at 1.4 m/s > 1.1"),
+        (turned_back, "setpoint speed jump 1.4 m/s"),
+        (hurried, "setpoint at 1.4 m/s > 1.1"),
     ],
 )
 def test_a_setpoint_that_moves_as_none_may_is_not_sent_but_the_last_one_at_rest(

@@ -56,7 +56,7 @@ def test_a_hold_overrides_what_it_is_ordered_for(desk):
 @pytest.mark.parametrize("mission", [None, INSPECTION, EVACUATION])
 def test_a_flight_ordered_just_as_the_position_jumps_is_told_so_and_not_begun(desk, mission):
     desk.pause().run(2.0).jump(0.0, -2.0, -4.0).set(reset_counter=1)
-    act(desk, "jump").step()
+    act(desk, "position_jump").step()
     order = desk.order(mission) if mission else desk.go_on()
     order.run(2.1)
     answers = desk.answers() if mission else desk.answers(PAUSE_CONTINUE)

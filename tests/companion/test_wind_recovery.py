@@ -85,7 +85,7 @@ def acting(name, *, overridden=False):
     ("conditions", "returns"),
     [
         ((), True),
-        ((acting("fence"), acting("geofence")), True),
+        ((acting("autopilot_fence"), acting("outside_workspace")), True),
         ((acting("wind", overridden=True),), True),
         ((acting("wind"),), False),
     ],

@@ -198,7 +198,7 @@ def test_a_fence_with_items_that_cannot_be_read_is_not_taken_as_none():
     desk = Desk(fence_items=4)
     desk.run(20.0).order(INSPECTION).run(0.5)
     assert desk.answers() == [TEMPORARILY_REJECTED]
-    assert desk.said("the autopilot's fence is not read, rejected")
+    assert desk.said("autopilot's fence not read yet, rejected")
 
 
 def test_the_fence_is_made_anew_only_when_something_has_changed():

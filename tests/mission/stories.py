@@ -19,7 +19,7 @@ from moar_companion.mission.values import (
 )
 from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
 from moar_companion.safety import supervisor
-from moar_companion.safety.conditions import Causes
+from moar_companion.safety.condition_types import Causes
 from moar_companion.types import Mission
 
 WELL = Situation(mode_ours=False, mode_heard_s=0.0)
@@ -30,8 +30,8 @@ LAST = Task(mission=Mission.INSPECTION, stops=("second",))
 EXIT = Task(mission=Mission.EXIT)
 EVACUATION = Task(mission=Mission.EVACUATION, landing=1)
 
-FAILSAFE = {"failsafe": "the autopilot is in failsafe"}
-NO_FAILSAFE = {"failsafe": None}
+FAILSAFE = {"failsafe_took_mode": "the autopilot is in failsafe"}
+NO_FAILSAFE = {"failsafe_took_mode": None}
 ON_THE_GROUND = {"ground": "on the ground", "not_flying": "not in the air"}
 IN_THE_AIR = {"ground": None, "not_flying": None}
 NOBODY_KNOWS = {"ground": None, "not_flying": "not in the air"}

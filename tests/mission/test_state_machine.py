@@ -6,7 +6,8 @@ import pytest
 
 from moar_companion.mission.values import Do, Order
 from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
-from moar_companion.safety.conditions import CONDITIONS, Action, Override
+from moar_companion.safety.condition_types import Action, Override
+from moar_companion.safety.conditions import CONDITIONS
 
 from .stories import (
     EVACUATION,
@@ -151,9 +152,9 @@ def test_with_resume_a_mode_given_back_is_flown_again():
 
 def test_not_even_resume_comes_back_while_something_stands_against_it():
     flight = story(S.OVERRIDDEN, resume=True)
-    flight.see(mode_ours=True, plane="3.0 m from the plane")
+    flight.see(mode_ours=True, off_plane="3.0 m from the plane")
     assert flight.state == "overridden"
-    flight.see(plane=None)
+    flight.see(off_plane=None)
     assert flight.state == "planning"
 
 
@@ -196,7 +197,7 @@ def test_an_autopilot_failsafe_releases(state):
 @pytest.mark.parametrize("state", [*STREAMED, S.PLANNING])
 def test_stale_data_or_a_fault_releases_and_its_end_brings_nothing_back(state, parting):
     flight = any_story(state)
-    cause = "heartbeat" if parting else "loop_stall"
+    cause = "autopilot_link_lost" if parting else "loop_stall"
     flight.see(**{cause: "for 3.1 s"})
     assert flight.state == "released"
     # Where the mode is not ours nobody follows.

@@ -114,7 +114,7 @@ def test_every_order_has_its_answer_in_every_state(state, word):
         (ON_THE_GROUND, "not in the air"),
         (NOBODY_KNOWS, "not in the air"),
         ({"position": "no local position is heard"}, "no local position is heard"),
-        ({"plane": "3.0 m from the plane > 2"}, "3.0 m from the plane"),
+        ({"off_plane": "3.0 m from the plane > 2"}, "3.0 m from the plane"),
     ],
 )
 def test_a_mission_is_not_begun_when_something_stands_against_it(change, reason):
@@ -127,7 +127,7 @@ def test_a_mission_is_not_begun_when_something_stands_against_it(change, reason)
 
 @pytest.mark.parametrize(
     "change",
-    [{"astray": True}, {"moving": "moving at 3.0 m/s > 1, hover first"}, NOBODY_KNOWS],
+    [{"astray": True}, {"not_hovering": "moving at 3.0 m/s > 1, hover first"}, NOBODY_KNOWS],
 )
 def test_a_plan_is_not_begun_from_where_the_aircraft_is_no_more(change):
     flight = story(S.PLANNING).see(**change)

@@ -8,7 +8,8 @@ from hypothesis.stateful import RuleBasedStateMachine, invariant, precondition, 
 
 from moar_companion.mission.values import Answer, Order, Seek
 from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
-from moar_companion.safety.conditions import CONDITIONS, Action, Causes, Override
+from moar_companion.safety.condition_types import Action, Causes, Override
+from moar_companion.safety.conditions import CONDITIONS
 from moar_companion.types import Mission
 
 from .stories import EVACUATION, EXIT, FAILSAFE, IN_THE_AIR, INSPECTION, Story
@@ -47,8 +48,8 @@ class Events(RuleBasedStateMachine):
         ruling, causes = self.story.world.ruling, self.story.causes
         if status.order_id is not None:
             ruling = ruling.apart_from(status.known)
-        self.failsafe_known = self.failsafe_known and causes.failsafe is not None
-        self.failsafe_new |= causes.failsafe is not None and not self.failsafe_known
+        self.failsafe_known = self.failsafe_known and causes.failsafe_took_mode is not None
+        self.failsafe_new |= causes.failsafe_took_mode is not None and not self.failsafe_known
         if status.state in STREAMING:
             assert not self.failsafe_new
             if status.state in IN_CONTROL:
@@ -66,7 +67,7 @@ class Events(RuleBasedStateMachine):
     def _commanded(self):
         """An operator's order is being planned: what failsafe there is, he knows of."""
         if any(isinstance(effect, Seek) for effect in self.story.effects):
-            self.failsafe_known = self.story.causes.failsafe is not None
+            self.failsafe_known = self.story.causes.failsafe_took_mode is not None
             self.failsafe_new = False
             return True
         return False

@@ -398,7 +398,7 @@ def test_a_hold_that_crosses_the_way_out_does_not_override_it():
 
 @pytest.mark.parametrize("order", [EXIT, INSPECTION, Order.CONTINUE])
 def test_an_order_to_fly_that_crosses_a_hold_is_told_so(order):
-    flight = story(S.FLYING).see(jump="the position jumped 4.5 m").order(order)
+    flight = story(S.FLYING).see(position_jump="the position jumped 4.5 m").order(order)
     assert (flight.state, flight.answers) == ("holding", [(2, "temporarily rejected")])
     assert flight.reasons == ["the position jumped 4.5 m (just begun)"]
     flight.tick(KNOWN_S).order(order)

@@ -9,7 +9,7 @@ from moar_companion.mavlink.identity import Autopilot
 from moar_companion.preflight.aircraft import Arrivals, Sight, aircraft_findings
 from moar_companion.preflight.findings import Level
 from moar_companion.risk import RiskEstimate, update
-from moar_companion.safety.conditions import Causes
+from moar_companion.safety.condition_types import Causes
 from moar_companion.telemetry import (
     AutopilotStatus,
     Firmware,

@@ -8,7 +8,7 @@ from moar_companion.preflight.battery_check import CHARGE
 from moar_companion.preflight.findings import Finding, Level
 from moar_companion.preflight.risks import risk_findings
 from moar_companion.risk import RiskEstimate, update
-from moar_companion.safety.conditions import Causes
+from moar_companion.safety.condition_types import Causes
 from moar_companion.telemetry import Battery, Estimator, Gnss, Telemetry
 from moar_companion.vehicle import RiskModel
 

@@ -10,7 +10,8 @@ from moar_companion.estimation.pose import Pose
 from moar_companion.risk import IndexReport, InputReport, RiskEstimate, RiskReport
 from moar_companion.risk.localization import LocalizationMemory
 from moar_companion.risk.receivers import ReceiverMemory
-from moar_companion.safety.checks import CheckInputs, EscapeRoute, Host, causes
+from moar_companion.safety.check_inputs import CheckInputs, EscapeRoute, Host
+from moar_companion.safety.checks import causes
 from moar_companion.telemetry import (
     Attitude,
     Battery,

@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.safety.checks import Host
-from moar_companion.safety.conditions import Causes
+from moar_companion.safety.check_inputs import Host
+from moar_companion.safety.condition_types import Causes
 from moar_companion.telemetry import Failsafe, Landed, LandedState, LinkStatistics
 from moar_companion.types import AutopilotKind
 
@@ -43,7 +43,10 @@ STORIES = [
     (
         "no autopilot",
         told(autopilot=None),
-        {"autopilot_identity": "no autopilot is heard", "heartbeat": "no heartbeat is heard"},
+        {
+            "autopilot_identity": "no autopilot is heard",
+            "autopilot_link_lost": "no heartbeat is heard",
+        },
     ),
     (
         "two autopilots",
@@ -55,7 +58,10 @@ STORIES = [
     (
         "an older one",
         flies(received_s=96.94),
-        {"heartbeat": "autopilot silent for 3.1 s", "mode_unconfirmed": "mode not told for 3.1 s"},
+        {
+            "autopilot_link_lost": "autopilot silent for 3.1 s",
+            "mode_unconfirmed": "mode not told for 3.1 s",
+        },
     ),
     (
         "an older one, though other packets come",
@@ -84,7 +90,7 @@ STORIES = [
     (
         "an older one, which has waited to be read",
         replace(IN_FLIGHT, position_moved_s=99.4, host=Host(read_late_s=0.3)),
-        {"position": "position read late, age 0.6 s > 0.5"},
+        {"position": "position read late 0.6 s > 0.5"},
     ),
     ("no attitude", told(attitude=None), {"attitude": "the attitude is unknown"}),
     (
@@ -105,13 +111,13 @@ STORIES = [
     (
         "a failsafe of unknown cause while the mode is ours",
         flies(failsafe=True),
-        {"autopilot_failsafe": "autopilot failsafe, cause unknown"},
+        {"failsafe_reported": "autopilot failsafe, cause unknown"},
     ),
     ("the same on the way out", replace(flies(failsafe=True), escaping=True), {}),
     (
         "a failsafe by text",
         flies(failsafe=True, failsafes={Failsafe.GROUND_STATION, Failsafe.REMOTE_CONTROL}),
-        {"autopilot_failsafe": "failsafe: GCS, RC"},
+        {"failsafe_reported": "failsafe: GCS, RC"},
     ),
     (
         "the same on the way out: it goes on",
@@ -121,7 +127,7 @@ STORIES = [
     (
         "an estimator in doubt on the way out",
         replace(flies(failsafe=True, failsafes={Failsafe.ESTIMATOR}), escaping=True),
-        {"autopilot_failsafe": "failsafe: EKF"},
+        {"failsafe_reported": "failsafe: EKF"},
     ),
     (
         "a battery's failsafe on the way out",
@@ -131,7 +137,7 @@ STORIES = [
     (
         "a failsafe before control, in a mode of its own",
         flies(HOVERING, failsafe=True),
-        {"failsafe": "autopilot failsafe chose HOLD"},
+        {"failsafe_took_mode": "autopilot failsafe chose HOLD"},
     ),
     (
         "one that ArduPilot goes on to tell in the pilot's mode",
@@ -147,17 +153,17 @@ STORIES = [
     (
         "one that has taken ArduPilot's mode",
         flies(HOVERING, failsafe=True, kind=AutopilotKind.ARDUPILOT, mode="LAND", homeward=True),
-        {"failsafe": "autopilot failsafe chose LAND"},
+        {"failsafe_took_mode": "autopilot failsafe chose LAND"},
     ),
     (
         "one that began with ArduPilot's mode",
         lands_in_failsafe(mode_since_s=90.0, failsafe_since_s=88.0),
-        {"failsafe": "autopilot failsafe chose LAND"},
+        {"failsafe_took_mode": "autopilot failsafe chose LAND"},
     ),
     (
         "a landing ordered while one stands",
         lands_in_failsafe(mode_since_s=90.0, failsafe_since_s=80.0),
-        {"failsafe": "the autopilot is in LAND"},
+        {"failsafe_took_mode": "the autopilot is in LAND"},
     ),
     (
         "a second failsafe with the landing",
@@ -165,12 +171,12 @@ STORIES = [
             lands_in_failsafe(mode_since_s=90.0, failsafe_since_s=80.0),
             failsafes_told={Failsafe.BATTERY: 90.1},
         ),
-        {"failsafe": "autopilot failsafe chose LAND"},
+        {"failsafe_took_mode": "autopilot failsafe chose LAND"},
     ),
     (
         "PX4's hold and then its landing",
         flies(HOVERING, failsafe=True, mode="LAND", mode_since_s=90.0, failsafe_since_s=80.0),
-        {"failsafe": "autopilot failsafe chose LAND"},
+        {"failsafe_took_mode": "autopilot failsafe chose LAND"},
     ),
     ("disarmed", flies(armed=False), {"ground": "on the ground"}),
     (
@@ -336,7 +342,7 @@ STORIES = [
             "loop_stall",
             "autopilot_reboot",
             "setpoint_rejected",
-            "gate",
+            "setpoint_held",
             "no_clearance",
             "offboard_loss_unknown",
             "offboard_loss_collision",

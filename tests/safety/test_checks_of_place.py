@@ -8,8 +8,8 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.safety.checks import uncertainty_m, widening_m
-from moar_companion.safety.conditions import Causes
+from moar_companion.safety.condition_types import Causes
+from moar_companion.safety.position_checks import uncertainty_m, widening_m
 from moar_companion.site import Margin
 from moar_companion.telemetry import Heard, Landed, LandedState
 from moar_companion.types import Mission
@@ -41,17 +41,17 @@ STORIES = [
     (
         "local and global position apart",
         replace(IN_FLIGHT, global_off_m=0.61, home_off_m=3.0),
-        {"disagreement": "global position off 0.6 m > 0.5"},
+        {"position_disagreement": "global position off 0.6 m > 0.5"},
     ),
     (
         "a home that is not where its origin says",
         replace(IN_FLIGHT, global_off_m=0.1, home_off_m=3.0),
-        {"disagreement": "home position off 3.0 m > 0.5"},
+        {"position_disagreement": "home position off 3.0 m > 0.5"},
     ),
     (
         "jumps of more",
         replace(IN_FLIGHT, jumped_m=3.1),
-        {"jump": "the position jumped 3.1 m > 3"},
+        {"position_jump": "the position jumped 3.1 m > 3"},
     ),
     (
         "blown off with its setpoint",
@@ -202,15 +202,19 @@ STORIES = [
         told(ground_station=None),
         {"unmonitored": "unknown: ground station"},
     ),
-    ("outside", replace(IN_FLIGHT, strays="1.6 m outside"), {"geofence": "1.6 m outside"}),
+    (
+        "outside",
+        replace(IN_FLIGHT, strays="1.6 m outside the workspace"),
+        {"outside_workspace": "1.6 m outside the workspace"},
+    ),
     (
         "a path that leaves the autopilot's fence",
-        replace(IN_FLIGHT, faults=Causes(fence="path leaves FENCE_ALT_MAX 9 m")),
-        {"fence": "path leaves FENCE_ALT_MAX 9 m"},
+        replace(IN_FLIGHT, faults=Causes(autopilot_fence="path leaves FENCE_ALT_MAX 9 m")),
+        {"autopilot_fence": "path leaves FENCE_ALT_MAX 9 m"},
     ),
     (
         "before control another one is planned",
-        replace(HOVERING, faults=Causes(fence="path leaves FENCE_ALT_MAX 9 m")),
+        replace(HOVERING, faults=Causes(autopilot_fence="path leaves FENCE_ALT_MAX 9 m")),
         {},
     ),
     (
@@ -218,7 +222,7 @@ STORIES = [
         replace(IN_FLIGHT, fence_silent=True),
         {"unmonitored": "unknown: uploaded fence"},
     ),
-    ("outside before control", replace(HOVERING, strays="1.6 m outside"), {}),
+    ("outside before control", replace(HOVERING, strays="1.6 m outside the workspace"), {}),
     ("1.5 m beside the path", replace(IN_FLIGHT, error_m=1.5), {}),
     (
         "farther",
@@ -318,19 +322,19 @@ STORIES = [
     (
         "farther",
         moves(position_m=(5.0, -2.1, 5.0)),
-        {"plane": "2.1 m right of plane > 2"},
+        {"off_plane": "2.1 m right of plane > 2"},
     ),
     (
         "hardly farther",
         moves(position_m=(5.0, -2.001, 5.0)),
-        {"plane": "over 2 m right of plane"},
+        {"off_plane": "over 2 m right of plane"},
     ),
     ("farther in flight", moves(IN_FLIGHT, position_m=(5.0, 9.0, 5.0)), {}),
     ("moving at 1 m/s", moves(velocity_mps=(0.6, 0.0, 0.8)), {}),
     (
         "faster",
         moves(velocity_mps=(0.6, 0.9, 0.0)),
-        {"moving": "moving at 1.1 m/s > 1, hover first"},
+        {"not_hovering": "moving at 1.1 m/s > 1, hover first"},
     ),
     ("faster in flight", moves(IN_FLIGHT, velocity_mps=(5.0, 0.0, 0.0)), {}),
     (

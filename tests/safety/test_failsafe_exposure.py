@@ -49,7 +49,7 @@ def test_a_batterys_action_is_left_before_by_the_reserve_and_the_time_to_leave()
     at = 0.3 + 50.0 / flight_s
     assert reason(watch, ABOVE, at) is None
     assert reason(watch, ABOVE, at, leaving_s=25.0) == "battery land hits wire, 50 s left"
-    assert reason(watch, BESIDE, at, leaving_s=25.0) == "battery land in 50 s, 25 s to leave"
+    assert reason(watch, BESIDE, at, leaving_s=25.0) == "battery land in 50 s, need 25 s"
     assert reason(watch, BESIDE, at) is None
     assert reason(watch, ABOVE, 0.2) == "battery land hits wire, 0 s left"
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.safety.checks import Host
+from moar_companion.safety.check_inputs import Host
 from moar_companion.safety.file_faults import FileFault, FileFaultTexts, words
 from moar_companion.telemetry import Heard
 

@@ -9,8 +9,9 @@ import pytest
 
 from moar_companion.config import LinkLoss, Supervision, shipped_configs
 from moar_companion.mission_states import MissionState
-from moar_companion.safety.conditions import CONDITIONS, Action, Causes, Override, conditions
-from moar_companion.safety.conditions_doc import documentation
+from moar_companion.safety.condition_types import Action, Causes, Override
+from moar_companion.safety.conditions import CONDITIONS, conditions
+from moar_companion.safety.conditions_doc import documentation, texts
 from moar_companion.safety.supervisor import HEALTHY, overridden, step
 from moar_companion.types import Mission
 
@@ -179,14 +180,14 @@ def test_the_graver_action_goes_before(grave):
 
 
 def test_of_equal_actions_the_first_of_the_table_speaks():
-    watched = Watched().look(heartbeat="late", position="stale", attitude="unknown")
+    watched = Watched().look(autopilot_link_lost="late", position="stale", attitude="unknown")
     assert watched.ruling.reason == "late"
 
 
 def test_no_farewell_where_one_of_the_releases_forbids_it():
     watched = Watched().look(position="stale")
     assert watched.ruling.last_setpoint
-    watched.look(failsafe="the autopilot is in failsafe")
+    watched.look(failsafe_took_mode="the autopilot is in failsafe")
     assert watched.ruling.reason == "stale"
     assert not watched.ruling.last_setpoint
 
@@ -225,11 +226,10 @@ def test_what_a_lost_ground_station_does_is_configured(action):
 # The page ---------------------------------------------------------------------------------------
 
 
-def test_the_table_of_the_page_is_made_from_the_conditions():
+@pytest.mark.parametrize(("mark", "table"), [("conditions", documentation), ("texts", texts)])
+def test_the_tables_of_the_page_are_made_from_the_conditions(mark, table):
     """If not: `python -m moar_companion.safety.conditions_doc`, between the two marks."""
     page = (shipped_configs() / "README.md").read_text()
-    written = re.search(
-        r"<!-- conditions:[^>]*-->\n(.*?)\n<!-- end of conditions -->", page, re.DOTALL
-    )
+    written = re.search(rf"<!-- {mark}:[^>]*-->\n(.*?)\n<!-- end of {mark} -->", page, re.DOTALL)
     assert written
-    assert written[1] == documentation()
+    assert written[1] == table()

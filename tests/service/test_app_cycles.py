@@ -20,7 +20,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from moar_companion.companion.companion import Companion
 from moar_companion.config import CompanionConfig, LinkConfig, Recorder, shipped_configs
 from moar_companion.outlets import background_writer, recorder
-from moar_companion.safety.checks import Host
+from moar_companion.safety.check_inputs import Host
 from moar_companion.service import app, host_monitor
 from moar_companion.service.app import Service
 from moar_companion.vehicle import Vehicle

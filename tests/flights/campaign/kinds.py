@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.safety.checks import Host
+from moar_companion.safety.check_inputs import Host
 from sitl.conditions import GPS_JAMMED, GPS_NO_FIX, GPS_SILENT
 from sitl.geodesy import FlatProjection, SphereProjection
 

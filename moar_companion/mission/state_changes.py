@@ -1,0 +1,84 @@
+"""Changes of state with their effects: into a state, into silence, and answers to orders. Pure.
+
+Inputs: the present status and the new state; outputs: the next status, and the effects that
+every change of that kind has. `state_machine` decides which change is due.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from ..mission_states import IN_CONTROL, STREAMING, MissionState
+from .values import Answer, Do, Effect, MissionStatus, Say, Step, Task, Verdict
+
+_INTERRUPTED = IN_CONTROL - {MissionState.HOLDING}
+"""Flights that may be resumed after a pilot's takeover; a hold by an operator may not."""
+
+
+def enter(
+    status: MissionStatus, state: MissionState, now_s: float, *, keep_sought: bool = False
+) -> Step:
+    """Enters a state and reports it; drops the awaited plan, unless kept."""
+    after = entered(status, state, now_s, keep_sought=keep_sought)
+    return after, (Say(state_words(state, status.task)),)
+
+
+def entered(
+    status: MissionStatus, state: MissionState, now_s: float, *, keep_sought: bool = False
+) -> MissionStatus:
+    """Enters a state; drops the awaited plan, unless kept."""
+    after = replace(status, state=state, since_s=now_s)
+    return after if keep_sought else replace(after, sought=None, order_id=None)
+
+
+def end_stream(
+    status: MissionStatus,
+    state: MissionState,
+    reason: str,
+    now_s: float,
+    *,
+    last_setpoint: bool = False,
+) -> Step:
+    """Ends the stream; an open order fails.
+
+    With `last_setpoint` one at rest is sent, if there was a stream. Without it nothing
+    more is sent: the autopilot has left our control, or our data on the aircraft is not reliable.
+    """
+    taken_over = state is MissionState.OVERRIDDEN and status.state in _INTERRUPTED
+    interrupted = status.task if taken_over else None
+    last = (Do.SEND_LAST_SETPOINT,) if last_setpoint and status.state in STREAMING else ()
+    silent = MissionStatus(state=state, since_s=now_s, task=interrupted)
+    say = Say(reason, state.words, serious=state is not MissionState.IDLE)
+    return silent, (*last, *answer_failed(status, reason), say)
+
+
+def state_words(state: MissionState, task: Task | None) -> str:
+    """Text of a state: `flying inspection to splice-inner`, `at target splice-inner`."""
+    if task is None or state in {MissionState.IDLE, MissionState.RELEASED}:
+        return state.words
+    goal = task.stops[0] if task.stops else ""
+    if state is MissionState.AT_TARGET:
+        return f"{state.words} {goal}".rstrip()
+    if state is MissionState.LANDING_LEG:
+        return f"{state.words} of the {task.mission.value}"
+    if state is MissionState.READY:
+        return f"{state.words} for {task.mission.value}"
+    to_goal = f" to {goal}" if goal and state is MissionState.FLYING else ""
+    return f"{state.words} {task.mission.value}{to_goal}"
+
+
+def answer_rejected(status: MissionStatus, order_id: int, reason: str) -> Step:
+    """Answers an order that cannot be carried out now."""
+    return status, (Answer(order_id, Verdict.TEMPORARILY_REJECTED, reason),)
+
+
+def answer_failed(status: MissionStatus, reason: str) -> tuple[Effect, ...]:
+    """Answers an open order that the supervisor forbids."""
+    return () if status.order_id is None else (Answer(status.order_id, Verdict.FAILED, reason),)
+
+
+def answer_cancelled(status: MissionStatus) -> tuple[Effect, ...]:
+    """Answers an open order that a newer one overtakes."""
+    if status.order_id is None:
+        return ()
+    return (Answer(status.order_id, Verdict.CANCELLED, "overtaken by a newer order"),)

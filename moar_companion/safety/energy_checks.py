@@ -1,0 +1,128 @@
+"""Checks of wind, batteries and the flight time that is left. Pure.
+
+Inputs: `CheckInputs`, limits, time; outputs: texts with the value, None where all is well.
+"""
+
+from __future__ import annotations
+
+from ..power import BATTERY_MAX_AGE_S, is_powered
+from ..risk.holding import MARGIN
+from ..risk.wind import strongest
+from ..telemetry import Battery
+from ..types import Mission
+from .check_inputs import CheckInputs, EscapeRoute
+from .reason_text import exceeds
+
+_SATURATED_OFF_M = 1.5
+"""Beyond this error, with tilt or motors at their limits, the aircraft cannot return. In calm air
+PX4 strays by 1.15 m."""
+_CRITICAL = 3
+_FAILED = 5
+"""MAV_BATTERY_CHARGE_STATE: critical, emergency, failed."""
+_NONE_LEFT_S = 0.5
+"""A shorter time would be shown as 0 s."""
+_SOON_S = 60.0
+"""Lead time of the warning before the aircraft has to leave."""
+
+
+def wind(seen: CheckInputs, limit_mps: float) -> str | None:
+    """Text for a wind above the limit, or near what the aircraft can hold."""
+    item = strongest(tuple(seen.risk.last_known.get("wind", {}).values()))
+    if item is None:
+        return None
+    if seen.held_wind_mps is not None:
+        limit_mps = min(limit_mps, round(MARGIN * seen.held_wind_mps, 1))
+    words = exceeds(item.name, item.value, limit_mps, item.unit)
+    return f"{words} ({item.remark})" if words and item.remark else words
+
+
+def control_saturated(seen: CheckInputs) -> str | None:
+    """Text for an aircraft that the wind carries off, or holds at its limits."""
+    if seen.drifted_m is not None:
+        return f"wind too strong, drifting {max(1.0, seen.drifted_m):.0f} m"
+    off_m = seen.error_m
+    if not (seen.in_control and seen.saturated) or off_m is None or off_m <= _SATURATED_OFF_M:
+        return None
+    return f"wind too strong, {off_m:.1f} m off the path"
+
+
+def battery_critical(seen: CheckInputs) -> str | None:
+    """Text for a battery that the autopilot calls critical or worse."""
+    for number, battery in sorted(seen.telemetry.batteries.items()):
+        state: float | None = battery.charge_state if is_powered(battery) else None
+        if state is None:
+            state = _told_before(seen, number, "charge state")
+        if state is not None and _CRITICAL <= state <= _FAILED:
+            return f"battery {number} is critical"
+    return None
+
+
+def battery_reserve(seen: CheckInputs, reserve: float) -> str | None:
+    """Text for a battery with no more than `reserve` left, a fraction."""
+    for number, battery in sorted(seen.telemetry.batteries.items()):
+        remaining = battery.remaining if is_powered(battery) else None
+        if remaining is None:
+            remaining = _told_before(seen, number, "remaining")
+        if remaining is not None and remaining <= reserve:
+            return f"battery {number} at {remaining:.0%}, reserve {reserve:.0%}"
+    return None
+
+
+def battery_silent(seen: CheckInputs, now_s: float) -> str | None:
+    """Text for a battery that does not report its charge any more."""
+    for number, battery in sorted(seen.telemetry.batteries.items()):
+        powered, age_s = is_powered(battery), now_s - battery.received_s
+        if powered and age_s > BATTERY_MAX_AGE_S and _tells(battery):
+            return f"battery {number} is silent for {age_s:.0f} s"
+        last = _told_before(seen, number, "remaining")
+        if last is not None and (battery.remaining is None or not powered):
+            return f"battery {number} tells no charge (was {last:.0%})"
+    return None
+
+
+def battery_monitored(seen: CheckInputs, now_s: float) -> bool:
+    """True if a battery reports its charge, and none has ceased to."""
+    batteries = seen.telemetry.batteries.values()
+    tells = any(is_powered(battery) and _tells(battery) for battery in batteries)
+    return tells and battery_silent(seen, now_s) is None
+
+
+def _told_before(seen: CheckInputs, number: int, what: str) -> float | None:
+    """Last reported value of a battery that the risk estimate keeps; None if there is none."""
+    last = seen.risk.last_known.get("battery", {}).get(f"battery {number} {what}")
+    return None if last is None else last.value
+
+
+def _tells(battery: Battery) -> bool:
+    """True if it reports its charge; a summary only repeats an earlier charge state."""
+    told = battery.charge_state is not None and not battery.summary
+    return battery.remaining is not None or told
+
+
+def energy_left(seen: CheckInputs, mission: Mission) -> str | None:
+    """Text where an exit or an evacuation would leave too little flight time."""
+    words = _too_little_left(seen.escape_route, mission)
+    return seen.misread if words and seen.misread and not seen.in_control else words
+
+
+def _too_little_left(way: EscapeRoute | None, mission: Mission) -> str | None:
+    if way is None or way.mission is not mission:
+        return None
+    if way.flown_left_s is not None:
+        return f"{_left(way.flown_left_s, Mission.EXIT)} (the {mission.value} takes less)"
+    if way.left_s is None or way.left_s > way.reserve_s:
+        return None
+    words = _left(way.left_s, mission)
+    return f"{words} <= {way.reserve_s:.0f}" if words.endswith(" s") else words
+
+
+def energy_low_soon(way: EscapeRoute | None) -> str | None:
+    """Text where the better escape route is due within a minute."""
+    if way is None or way.left_s is None or not 0.0 < way.left_s - way.reserve_s <= _SOON_S:
+        return None
+    return f"{_left(way.left_s, way.mission)}, at {way.reserve_s:.0f} s it begins"
+
+
+def _left(left_s: float, mission: Mission) -> str:
+    left = f"{left_s:.0f} s" if left_s > _NONE_LEFT_S else "no flight time"
+    return f"{mission.value} leaves {left}"

@@ -1,0 +1,92 @@
+"""The table of texts to pilots: complete, true to the code, and each one fit for a pilot."""
+
+from __future__ import annotations
+
+import ast
+import re
+from pathlib import Path
+
+import pytest
+
+import moar_companion
+from moar_companion.config import Supervision
+from moar_companion.safety.checks import causes
+from moar_companion.safety.condition_texts import TEXTS, action_words, examples
+from moar_companion.safety.condition_types import Action, Override
+from moar_companion.safety.conditions import CONDITIONS
+
+from .seen import NOW_S
+from .test_checks import STORIES
+from .test_checks_of_place import STORIES as OF_PLACE
+
+ROWS = pytest.mark.parametrize("row", CONDITIONS, ids=lambda row: row.name)
+PLACEHOLDER = "words"
+"""Reason of a fault in the stories of the checks."""
+
+
+def form(text):
+    """A pattern for all texts of one form: what is in braces varies."""
+    parts = re.split(r"\{[^}]*\}", text)
+    return re.compile(".+?".join(map(re.escape, parts)))
+
+
+def words(text):
+    return set(re.findall(r"[A-Za-z0-9/']+", text))
+
+
+def told(name):
+    """Reasons of a condition in the stories of the checks, without details."""
+    found = (causes(row[1], Supervision(), 1.5, NOW_S) for row in STORIES + OF_PLACE)
+    reasons = {getattr(each, name) for each in found} - {None, PLACEHOLDER}
+    return {re.sub(r"\s*\([^()]*\)", "", reason) for reason in reasons}
+
+
+@pytest.fixture(scope="module")
+def known():
+    """All words of texts in the product: of its code without docstrings and the table of texts."""
+    files = Path(moar_companion.__file__).parent.rglob("*.py")
+    trees = [ast.parse(path.read_text()) for path in files if path.name != "condition_texts.py"]
+    nodes = [node for tree in trees for node in ast.walk(tree)]
+    docstrings = {id(node.value) for node in nodes if isinstance(node, ast.Expr)}
+    return {
+        word
+        for node in nodes
+        if isinstance(node, ast.Constant) and isinstance(node.value, str)
+        if id(node) not in docstrings
+        for word in words(node.value)
+    }
+
+
+def test_every_condition_has_its_texts():
+    assert TEXTS.keys() == {row.name for row in CONDITIONS}
+
+
+@ROWS
+def test_a_text_fits_into_one_chunk_whole_with_its_action(row):
+    for text, sent in zip(TEXTS[row.name], examples(row), strict=True):
+        assert len(sent) <= 50
+        action = action_words(row, text)
+        whole = re.sub("[{}]", "", text) + (f", {action}" if action else "")
+        assert sent == f"MOAR: {whole}"
+        assert not re.search(r"(?<!\d)0\.0+(?!\d)", sent)
+
+
+@ROWS
+def test_what_acts_on_the_flight_says_so(row):
+    unchanged = row.action is Action.CONTINUE and row.override is not Override.NOBODY
+    assert all(bool(action_words(row, text)) is not unchanged for text in TEXTS[row.name])
+
+
+@ROWS
+def test_what_is_told_has_the_form_of_a_text_of_the_table(row):
+    forms = [form(text) for text in TEXTS[row.name]]
+    for reason in told(row.name):
+        assert any(each.fullmatch(reason) for each in forms), reason
+
+
+@ROWS
+def test_a_text_that_no_story_tells_has_only_words_that_the_code_has(row, known):
+    reasons = told(row.name)
+    for text in TEXTS[row.name]:
+        if not any(form(text).fullmatch(reason) for reason in reasons):
+            assert words(re.sub(r"\{[^}]*\}", " ", text)) <= known, text
