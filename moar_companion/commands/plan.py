@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=(0.0, 0.0),
         help="how it moves, in m/s (default: at rest)",
     )
-    add_file(parser, "--vehicle", "the vehicle file (default: the LineDrone)")
+    add_file(parser, "--vehicle", "the vehicle file (default: the LineDrone as flown)")
     parser.add_argument(
         "--risk",
         metavar="NAME=INDEX,...",
@@ -129,14 +129,14 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Plans, writes the outputs, prints the summary."""
-    from ..config import Supervision, shipped_configs  # noqa: PLC0415
+    from ..config import Supervision, default_vehicle  # noqa: PLC0415
     from ..margin import flown_site  # noqa: PLC0415
     from ..planner.analysis.alternatives import alternatives  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
     from ..vehicle import Vehicle  # noqa: PLC0415
 
-    vehicle_file = arguments.vehicle or str(shipped_configs() / "vehicles" / "linedrone.yaml")
+    vehicle_file = arguments.vehicle or str(default_vehicle())
     site = Site.load(arguments.site)
     vehicle = Vehicle.load(vehicle_file)
     if arguments.as_flown:

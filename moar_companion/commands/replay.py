@@ -49,7 +49,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         type=file_name("RECORDING"),
         help="the recording (.tlog, .tlog.gz; .ulg of PX4, with the extra ulog)",
     )
-    add_file(parser, "--vehicle", "the vehicle file (default: the LineDrone)")
+    add_file(parser, "--vehicle", "the vehicle file (default: the LineDrone as simulated)")
     add_file(parser, "--site", "the site file: where on it the aircraft was, and its way out")
     add_file(parser, "--json", "write everything as JSON; - is stdout")
     add_file(parser, "--plot", "draw a picture (.png); needs the extra plots")
