@@ -31,6 +31,11 @@ def shipped_configs() -> Path:
     return inside if inside.is_dir() else package.parent / "configs"
 
 
+def default_vehicle() -> Path:
+    """The vehicle file of `plan` and of the service where none is named: the LineDrone as flown."""
+    return shipped_configs() / "vehicles" / "linedrone_flight.yaml"
+
+
 class Authority(str, enum.Enum):
     """Authority of the companion over the aircraft."""
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import importlib
 import math
 import re
 from collections.abc import Callable
@@ -17,6 +18,15 @@ _RISKS = tuple(RiskIndices().as_dict())
 def refused(option: str, value: str, allowed: str) -> InputError:
     """The error of an option's value."""
     return InputError(option, "", f"is {value!r}, {allowed}")
+
+
+def require(source: str, module: str, extra: str) -> None:
+    """Raises InputError if a module of an extra is missing; `source` is the option or the file."""
+    try:
+        importlib.import_module(module)
+    except ModuleNotFoundError:
+        install = f'pip install "moar-companion[{extra}]"'
+        raise InputError(source, "", f"needs {module}: {install}") from None
 
 
 def number(text: str) -> float | None:

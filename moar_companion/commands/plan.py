@@ -17,7 +17,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import InputError
 from ..types import Mission, RiskIndices, Weights
-from .options import add_file, file_name, numbers, refused, risk_indices
+from .options import add_file, file_name, numbers, refused, require, risk_indices
 from .outputs import STDOUT, check_outputs, say, write_output
 from .plan_summary import summary
 
@@ -73,7 +73,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         default=(0.0, 0.0),
         help="how it moves, in m/s (default: at rest)",
     )
-    add_file(parser, "--vehicle", "the vehicle file (default: the LineDrone)")
+    add_file(parser, "--vehicle", "the vehicle file (default: the LineDrone as flown)")
     parser.add_argument(
         "--risk",
         metavar="NAME=INDEX,...",
@@ -113,37 +113,42 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     )
     add_file(parser, "--json", "write the plan as JSON; - is stdout")
     add_file(parser, "--maps", "write the maps as NPZ")
-    add_file(parser, "--plot", "draw a picture (.png, .svg, .pdf)")
+    add_file(parser, "--plot", "draw a picture (.png, .svg, .pdf); needs the extra plots")
     add_file(
         parser,
         "--pareto",
         "write the best paths for all weights, and how far weights and risks can move before the "
         "path changes, as JSON",
     )
-    add_file(parser, "--pareto-plot", "draw the best paths for all weights (.png, .svg, .pdf)")
+    add_file(
+        parser,
+        "--pareto-plot",
+        "draw the best paths for all weights (.png, .svg, .pdf); needs the extra plots",
+    )
 
 
 def run(arguments: argparse.Namespace) -> int:
     """Plans, writes the outputs, prints the summary."""
-    from ..config import Supervision, shipped_configs  # noqa: PLC0415
+    from ..config import Supervision, default_vehicle  # noqa: PLC0415
     from ..margin import flown_site  # noqa: PLC0415
     from ..planner.analysis.alternatives import alternatives  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
     from ..vehicle import Vehicle  # noqa: PLC0415
 
-    vehicle_file = arguments.vehicle or str(shipped_configs() / "vehicles" / "linedrone.yaml")
+    vehicle_file = arguments.vehicle or str(default_vehicle())
     site = Site.load(arguments.site)
     vehicle = Vehicle.load(vehicle_file)
     if arguments.as_flown:
         site = flown_site(site, vehicle, Supervision())
     mission: Mission = arguments.mission
     target = _target(site, arguments.site, mission, arguments.target)
-    formats = {
-        option: _picture_format(option, path)
-        for option, path in (("--plot", arguments.plot), ("--pareto-plot", arguments.pareto_plot))
-    }
+    pictures = {"--plot": arguments.plot, "--pareto-plot": arguments.pareto_plot}
+    formats = {option: _picture_format(option, path) for option, path in pictures.items()}
     _check_outputs(arguments, vehicle_file)
+    for option, path in pictures.items():
+        if path is not None:
+            require(option, "matplotlib", "plots")
     risk = RiskIndices(**arguments.risk)
     weights: Weights = arguments.weights or vehicle.weights[mission]
     planner = Planner(site, vehicle)

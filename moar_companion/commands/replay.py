@@ -2,7 +2,7 @@
 
 The recording is read whole, played by the code that flies, and shown as a summary, JSON and a
 picture. A recording that ends in the middle of a packet is played to its end. A ULog is read by
-pyulog, which comes with the extra `ulog`.
+pyulog, which comes with the extra `ulog`; the picture needs the extra `plots`.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import IO, TYPE_CHECKING
 
 from ..errors import InputError
-from .options import add_file, file_name, refused
+from .options import add_file, file_name, refused, require
 from .outputs import STDOUT, check_outputs, say, write_output
 
 if TYPE_CHECKING:
@@ -47,12 +47,12 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "recording",
         metavar="RECORDING",
         type=file_name("RECORDING"),
-        help="the recording (.tlog, .tlog.gz; .ulg of PX4)",
+        help="the recording (.tlog, .tlog.gz; .ulg of PX4, with the extra ulog)",
     )
-    add_file(parser, "--vehicle", "the vehicle file (default: the LineDrone)")
+    add_file(parser, "--vehicle", "the vehicle file (default: the LineDrone as simulated)")
     add_file(parser, "--site", "the site file: where on it the aircraft was, and its way out")
     add_file(parser, "--json", "write everything as JSON; - is stdout")
-    add_file(parser, "--plot", "draw a picture (.png)")
+    add_file(parser, "--plot", "draw a picture (.png); needs the extra plots")
     parser.add_argument(
         "--fit-drag",
         action="store_true",
@@ -68,6 +68,8 @@ def run(arguments: argparse.Namespace) -> int:
 
     vehicle_file = arguments.vehicle or str(shipped_configs() / "vehicles" / "linedrone.yaml")
     _check_outputs(arguments, vehicle_file)
+    if arguments.plot is not None:
+        require("--plot", "matplotlib", "plots")
     vehicle = Vehicle.load(vehicle_file)
     site_position = None if arguments.site is None else _site_position(arguments.site, vehicle)
     drag = _drag_flight() if arguments.fit_drag else None
@@ -203,11 +205,9 @@ def _ulog_played(
     from ..replay.ulog import UlogListener, samples  # noqa: PLC0415
     from ..replay.ulog_topics import TOPICS, Topic  # noqa: PLC0415
 
-    try:
-        from pyulog import ULog  # noqa: PLC0415
-    except ImportError:
-        extra = "pip install 'moar-companion[ulog]'"
-        raise InputError(path, "", f"is a ULog, which needs pyulog: {extra}") from None
+    require(path, "pyulog", "ulog")
+    from pyulog import ULog  # noqa: PLC0415
+
     if not _defines_its_topics(data):
         raise InputError(path, "", "is no sound ULog: its definitions are broken")
     try:

@@ -9,7 +9,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from ..config import CompanionConfig, LinkConfig, LinkRole, shipped_configs
+from ..config import CompanionConfig, LinkConfig, LinkRole, default_vehicle
 from ..errors import InputError
 from ..mavlink.urls import LinkAddress, parse_url
 from .options import add_file
@@ -67,8 +67,7 @@ def merged(arguments: argparse.Namespace) -> CompanionConfig:
     if file is None and os.path.lexists(INSTALLED_CONFIG):
         file = INSTALLED_CONFIG
     if file is None:
-        shipped = shipped_configs() / "vehicles" / "linedrone_flight.yaml"
-        config = CompanionConfig(vehicle=Path(arguments.vehicle or shipped))
+        config = CompanionConfig(vehicle=Path(arguments.vehicle or default_vehicle()))
     else:
         config = CompanionConfig.load(file, vehicle=arguments.vehicle)
     if arguments.site is not None:

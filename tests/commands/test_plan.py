@@ -123,7 +123,7 @@ def test_weights_are_normalised_and_risk_adjusts_them(plan):
 
 
 def test_the_weights_of_the_vehicle_are_those_of_the_mission(plan):
-    assert plan(mission="exit")["weights"]["safety"] == pytest.approx(1 / 3)
+    assert plan(mission="exit")["weights"]["safety"] == pytest.approx(0.43)
     assert plan(mission="evacuation")["weights"]["safety"] == pytest.approx(0.6)
 
 
@@ -211,7 +211,7 @@ def test_the_explanation_is_told_in_the_summary(site, capsys):
     arguments = ["plan", site, "--mission", "inspection", "--risk", "wind=0.8"]
     assert cli.main([*arguments, "--explain"]) == 0
     explained = capsys.readouterr().out
-    assert "k_S 0.33 -> 0.41 (wind +0.08)" in explained
+    assert "k_S 0.43 -> 0.47 (wind +0.04)" in explained
     assert explained.splitlines()[-1].strip().startswith("path ")
     assert cli.main(arguments) == 0
     assert "->" not in capsys.readouterr().out
@@ -220,13 +220,13 @@ def test_the_explanation_is_told_in_the_summary(site, capsys):
 def test_without_a_path_the_weights_are_explained_all_the_same(site, capsys):
     arguments = ["plan", site, "--mission", "exit", "--start", "1000,3", "--risk", "wind=0.8"]
     assert cli.main([*arguments, "--explain"]) == 2
-    assert "k_S 0.33 -> 0.41 (wind +0.08)" in capsys.readouterr().out
+    assert "k_S 0.43 -> 0.47 (wind +0.04)" in capsys.readouterr().out
 
 
 def test_another_vehicle(plan):
-    slow = shipped_configs() / "vehicles" / "linedrone_flight.yaml"
-    assert plan()["v_max_mps"] == 10.0
-    assert plan("--vehicle", str(slow))["v_max_mps"] == 0.7
+    fast = shipped_configs() / "vehicles" / "linedrone.yaml"
+    assert plan()["v_max_mps"] == 0.7  # the service's default
+    assert plan("--vehicle", str(fast))["v_max_mps"] == 10.0
 
 
 def test_the_target_is_a_name_or_the_index_of_a_landing_point(plan):

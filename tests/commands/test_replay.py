@@ -6,7 +6,6 @@ import gzip
 import json
 import random
 import struct
-import sys
 from pathlib import Path
 
 import pytest
@@ -282,13 +281,6 @@ def test_a_broken_log_is_refused_in_one_line(refused, tmp_path, content):
     path = tmp_path / "flight.ulg"
     path.write_bytes(content)
     assert "is no sound ULog" in refused(path)
-
-
-def test_without_pyulog_a_log_is_refused_with_what_to_install(refused, tmp_path, monkeypatch):
-    monkeypatch.setitem(sys.modules, "pyulog", None)
-    path = tmp_path / "flight.ulg"
-    path.write_bytes(ulog(*a_flight()))
-    assert "needs pyulog: pip install 'moar-companion[ulog]'" in refused(path)
 
 
 def test_every_sample_says_why_and_what_the_weights_became(replay):

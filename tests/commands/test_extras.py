@@ -1,0 +1,70 @@
+"""Commands where the extras are not installed: one line that names the extra, or no difference."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from moar_companion.config import shipped_configs
+
+ROOT = Path(__file__).parents[2]
+SITE = str(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+PLAN = ("plan", SITE, "--mission", "inspection")
+RECORDING = str(ROOT / "tests" / "data" / "ardupilot_failsafes.tlog")
+WITHOUT_EXTRAS = """\
+import sys
+sys.modules |= {"matplotlib": None, "pyulog": None}
+from moar_companion.cli import main
+sys.exit(main())
+"""
+
+
+def run(*arguments):
+    return subprocess.run(
+        [sys.executable, "-c", WITHOUT_EXTRAS, *arguments],
+        capture_output=True,
+        text=True,
+        timeout=300,
+        check=False,
+        cwd=ROOT,
+    )
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "others"),
+    [
+        (PLAN, "--plot", ("--json", "--maps")),
+        (PLAN, "--pareto-plot", ("--pareto",)),
+        (("replay", RECORDING), "--plot", ("--json",)),
+    ],
+)
+def test_without_matplotlib_a_picture_is_refused_before_anything_is_written(
+    command, option, others, tmp_path
+):
+    files = [word for other in others for word in (other, str(tmp_path / other.strip("-")))]
+    done = run(*command, *files, option, str(tmp_path / "picture.png"))
+    line = f'{option}: needs matplotlib: pip install "moar-companion[plots]"'
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"moar-companion: {line}\n"
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_pyulog_a_log_is_refused(tmp_path):
+    log = tmp_path / "flight.ulg"
+    log.write_bytes(b"ULog\x01\x12\x35" + bytes(9))
+    done = run("replay", str(log))
+    line = f'{log}: needs pyulog: pip install "moar-companion[ulog]"'
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr == f"moar-companion: {line}\n"
+
+
+@pytest.mark.parametrize("command", [PLAN, ("replay", RECORDING)])
+def test_summary_and_json_need_no_extra(command, tmp_path):
+    answer = tmp_path / "answer.json"
+    done = run(*command, "--json", str(answer))
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout
+    assert answer.exists()
