@@ -1,9 +1,10 @@
-"""Resident memory in flight: `.venv/bin/python -m tests.benchmarks.resident DIR ...`.
+"""A long flight in real time: `.venv/bin/python -m tests.benchmarks.resident DIR ...`.
 
 For each checkout a service with recording, state and view, and a fake PX4, all at once and in real
 time; 10 messages a second of other systems on the service's link. Inspections are ordered every 2
-minutes. Every 30 s resident and anonymous memory and address space (MB); in the end the slope of
-resident memory after the first 3 minutes.
+minutes. Every 30 s resident and anonymous memory, address space and the recorded files (MB); in the
+end the slope of resident memory after the first 3 minutes, and the intervals of setpoints by the
+kernel's times. --busy: so many busy processes beside, at the services' priority.
 """
 
 from __future__ import annotations
@@ -25,11 +26,14 @@ from moar_companion.site import Site
 from sitl.demonstration.manners import MANNERS
 from sitl.demonstration.operator import INSPECTION, Operator, OperatorError
 
-from .service import ROOT, _configuration, free_port, process
+from .service import ROOT, Relay, _configuration, free_port, process
 from .soak import Chatter
+from .starved import busy
 
 SITE = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
 WARM_S, LOOK_S, LOOKS_PER_ORDER = 180.0, 30.0, 4
+PAUSE_S = 2.0
+"""A longer interval lies between two flights."""
 
 
 def memory_mb(process_id: int) -> tuple[float, float, float]:
@@ -53,7 +57,9 @@ class Flight:
         self.rows: list[tuple[float, float]] = []
         self.operator = Operator(operator_port, MANNERS["px4"], speed=1.0, meanwhile=lambda: None)
         stack.callback(self.operator.close)
-        folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+        self.relay = Relay(self.port)
+        self.relay.start()
+        self.folder = folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         config = _configuration(folder, SITE, self.port)
         with config.open("a") as file:
             file.write(f"state: {{directory: {folder}}}\nview: {{socket: {folder}/view.sock}}\n")
@@ -61,7 +67,7 @@ class Flight:
             process(
                 "sitl",
                 *("--home", f"{home.latitude_deg},{home.longitude_deg},{home.altitude_amsl_m}"),
-                *("--link", f"companion=udpout:127.0.0.1:{self.port}"),
+                *("--link", f"companion=udpout:127.0.0.1:{self.relay.port}"),
                 *("--link", f"gcs=udpout:127.0.0.1:{operator_port}"),
                 *("--param", "COM_OBL_RC_ACT=5"),
                 *("--param", "COM_OF_LOSS_T=0.5"),
@@ -94,7 +100,8 @@ class Flight:
 
     def tell(self, what: str) -> float:
         memory = memory_mb(self.service.pid)
-        figures = " | ".join(f"{value:.1f}" for value in memory)
+        files = sum(file.stat().st_size for file in self.folder.rglob("*") if file.is_file()) / 1e6
+        figures = " | ".join(f"{value:.1f}" for value in (*memory, files))
         sys.stdout.write(f"| {self.code.name} | {what} | {figures} |\n")
         sys.stdout.flush()
         return memory[0]
@@ -104,11 +111,13 @@ def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("code", type=Path, nargs="*", default=[ROOT])
     parser.add_argument("--minutes", type=float, default=10.0, help="more than 4")
+    parser.add_argument("--busy", type=int, default=0)
     given = parser.parse_args()
     with contextlib.ExitStack() as stack, socket.socket(type=socket.SOCK_DGRAM) as other:
         flights = [Flight(code, stack) for code in given.code]
         for flight in flights:
             flight.begin()
+        stack.enter_context(busy(given.busy, os.sched_getaffinity(0)))
         chatter, began_s, looks = Chatter(), time.monotonic(), 0
         while (now_s := time.monotonic() - began_s) < 60.0 * given.minutes:
             for flight in flights:
@@ -124,7 +133,13 @@ def main() -> None:
         for flight in flights:
             rows = np.array([row for row in flight.rows if row[0] >= WARM_S])
             slope = 3600.0 * np.polyfit(rows[:, 0], rows[:, 1], 1)[0]
-            sys.stdout.write(f"{flight.code.name}: {slope:+.1f} MB/h\n")
+            gaps_s = np.diff(flight.relay.setpoints_s)
+            gaps_ms = 1e3 * gaps_s[gaps_s < PAUSE_S]
+            median, p99, most = np.percentile(gaps_ms, [50, 99, 100])
+            spread = f"median {median:.1f} ms, p99 {p99:.1f}, greatest {most:.1f}"
+            sys.stdout.write(
+                f"{flight.code.name}: {slope:+.1f} MB/h, {len(gaps_ms)} intervals: {spread}\n"
+            )
 
 
 if __name__ == "__main__":
