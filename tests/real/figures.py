@@ -24,8 +24,10 @@ _FRESH_S = 0.1
 _TOUCHED_DOWN_M = 0.5
 _NOTICE_S = 0.2
 """Within which a takeover is to end the stream."""
-_NOTICE_ON_LOSSY_LINK_S = 0.4
-"""0.2 s under way, and four losses in a row of what tells the mode twenty times a second."""
+_NOTICE_ON_LOSSY_LINK_S = 0.3
+"""0.2 s under way, and five losses in a row of what tells the mode fifty times a second."""
+_SWITCH_DEBOUNCE_S = 0.2
+"""ArduPilot changes the mode when the mode switch has stayed for so long (RC_Channel)."""
 
 
 @dataclass(frozen=True)
@@ -79,6 +81,8 @@ class Row:
         if self.expected_let_go and not self.let_go:
             faults.append("was to let go, and did not")
         notice_s = _NOTICE_ON_LOSSY_LINK_S if self.scenario == "lossy_link" else _NOTICE_S
+        if self.scenario == "takeover_by_sticks" and self.kind.endswith("ardupilot"):
+            notice_s += _SWITCH_DEBOUNCE_S
         if self.takeover_s is not None and self.takeover_s > notice_s:
             faults.append(f"the takeover was noticed after {self.takeover_s:.2f} s")
         if not self.landed:

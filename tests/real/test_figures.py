@@ -62,6 +62,14 @@ def test_a_takeover_is_to_be_noticed_and_is_nothing_against_the_companion():
     )
 
 
+def test_a_mode_switch_of_ardupilot_counts_without_its_debounce():
+    turned = {"scenario": "takeover_by_sticks", "takeover_s": 0.21, "expected_let_go": False}
+    assert changed(kind="real-ardupilot", **turned).faults == []
+    assert changed(kind="real-px4", **turned).faults == ["the takeover was noticed after 0.21 s"]
+    turned["takeover_s"] = 0.41
+    assert changed(kind="real-ardupilot", **turned).faults != []
+
+
 def test_the_table_has_a_line_for_each_flight_and_says_what_was_not_flown():
     lines = table([FLOWN, changed(unable="no wind")]).splitlines()
     assert len(lines) == 4
