@@ -1,6 +1,7 @@
 """Differences between PX4 and ArduPilot: their fences and their failsafe actions.
 
-A third autopilot needs one more file. Pure: parameters in, `Failsafes` out.
+A third autopilot begins with one more file (the rest: `.github/CONTRIBUTING.md`).
+Pure: parameters in, `Failsafes` out.
 """
 
 from __future__ import annotations

@@ -133,14 +133,14 @@ def fence_of(
     *,
     enabled: bool = False,
 ) -> Fence | None:
-    """Fence of an autopilot; None while a parameter is awaited.
+    """Fence of an autopilot; None of an unknown kind, and while a parameter is awaited.
 
     parameters: None as a value means never reported. enabled: True if SYS_STATUS reports a fence.
     ArduPilot's RC switch, mission items and DO_FENCE_ENABLE change no parameter
     (AC_Fence::enable). A fence that they disable still counts while a parameter enables it.
     """
     names = fence_parameters(kind)
-    if any(name not in parameters for name in names):
+    if not names or any(name not in parameters for name in names):
         return None
     untold = tuple(
         name for name in names if parameters[name] is None and not name.endswith("_ACTION")

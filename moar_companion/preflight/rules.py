@@ -1,7 +1,7 @@
 """Judgement of the autopilot's parameters: a value in, a finding out.
 
-The tables are `px4` and `ardupilot`. Only reported values are judged: a parameter that was not
-reported is unknown, and never taken for its default.
+The tables are `px4_parameters` and `ardupilot_parameters`. Only reported values are judged: a
+parameter that was not reported is unknown, and never taken for its default.
 """
 
 from __future__ import annotations

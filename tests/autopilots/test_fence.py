@@ -124,3 +124,7 @@ def test_an_incomplete_polygon_and_a_radius_that_is_no_number_do_no_harm():
     areas = areas_of(items)
     assert len(areas[0].vertices_deg) == 2
     assert areas[1].radius_m == 0.0
+
+
+def test_an_autopilot_of_an_unknown_kind_has_no_fence_that_we_know():
+    assert fence_of(AutopilotKind.UNKNOWN, {}, (), enabled=True) is None

@@ -1,4 +1,7 @@
-"""An ArduPilot on the desk: GUIDED, which it lets a companion take back at any time."""
+"""An ArduPilot on the desk: GUIDED, which it lets a companion take back at any time.
+
+At the end an autopilot of an unknown kind, which is not flown.
+"""
 
 from __future__ import annotations
 
@@ -155,5 +158,12 @@ def test_an_order_while_it_lands_is_for_later():
     desk = ardupilot()
     desk.mode, desk.landed_state = LAND, 4
     desk.run(1.2).order(INSPECTION).run(2.0)
+    assert desk.answers() == [TEMPORARILY_REJECTED]
+    assert not desk.setpoints()
+
+
+def test_an_autopilot_of_an_unknown_kind_is_heard_and_not_flown():
+    desk = Desk(autopilot=mavlink.MAV_AUTOPILOT_GENERIC).run(8.0).order(INSPECTION).run(1.0)
+    assert desk.state == "idle"
     assert desk.answers() == [TEMPORARILY_REJECTED]
     assert not desk.setpoints()
