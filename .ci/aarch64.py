@@ -42,17 +42,22 @@ def environment(python: str) -> dict[str, str]:
 
 
 def needed(python: str) -> set[str]:
-    """The names of all run-time dependencies, direct and transitive."""
+    """The names of all run-time dependencies and of the extras' ones, direct and transitive."""
     names: set[str] = set()
     todo = ["moar-companion"]
     while todo:
+        package = todo.pop()
+        extras = ("plots", "ulog") if package == "moar-companion" else ("",)
         try:
-            lines = requires(todo.pop()) or []
+            lines = requires(package) or []
         except PackageNotFoundError:  # only on another Python: asked for, not entered
             continue
         for requirement in map(Requirement, lines):
             name = canonicalize_name(requirement.name)
-            wanted = requirement.marker is None or requirement.marker.evaluate(environment(python))
+            marker, here = requirement.marker, environment(python)
+            wanted = marker is None or any(
+                marker.evaluate({**here, "extra": extra}) for extra in extras
+            )
             if wanted and name not in names:
                 names.add(name)
                 todo.append(name)

@@ -281,7 +281,7 @@ class FlightVolume:
                     for leg in legs
                 )
             ):
-                return f"setpoint outside {crossed}"
+                return f"aims outside {crossed}"
         x_m, _, z_m = setpoint.position_m
         finite = math.isfinite(x_m) and math.isfinite(z_m)
         if (

@@ -57,6 +57,8 @@ class AutopilotRequests:
         self._fence: FenceDownload | None = None
         self._round_trips = TimesyncRtt()
         self._identify_s = -math.inf
+        self._link: str | None = None
+        """Link for which the rates were started."""
         self.unidentified: tuple[str, tuple[int, int]] | None = None
         """Link and ids of a received autopilot whose heartbeat has not come yet."""
 
@@ -97,18 +99,22 @@ class AutopilotRequests:
 
     def start(self, autopilot: Autopilot, now_s: float) -> None:
         """Starts the requests of a found or restarted autopilot, with a heartbeat first."""
-        rates_hz = self._rates_hz.get(autopilot.kind, {})
-        self._rates.start(
-            rates_hz if _on_serial_port(autopilot) else on_network(rates_hz),
-            silent=autopilot.kind is AutopilotKind.ARDUPILOT,
-            now_s=now_s,
-        )
+        self._start_rates(autopilot, now_s)
         self._places = OriginHomeRequests()
         self._round_trips = TimesyncRtt()
         self._parameters.restart()
         if self._fence is not None:
             self._fence.restart()
         self._outbox.hurry_heartbeat(now_s)
+
+    def _start_rates(self, autopilot: Autopilot, now_s: float) -> None:
+        self._link = autopilot.link
+        rates_hz = self._rates_hz.get(autopilot.kind, {})
+        self._rates.start(
+            rates_hz if _on_serial_port(autopilot) else on_network(rates_hz),
+            silent=autopilot.kind is AutopilotKind.ARDUPILOT,
+            now_s=now_s,
+        )
 
     # In
 
@@ -166,6 +172,9 @@ class AutopilotRequests:
         links with their own streams.
         """
         link, target, telemetry = autopilot.link, autopilot.ids, self._receiver.telemetry
+        if link != self._link:
+            # The autopilot is heard on another link: its streams there have rates of their own.
+            self._start_rates(autopilot, now_s)
         question = self._round_trips.next_request(target, now_s)
         if question is not None:
             self._outbox.send(link, question)

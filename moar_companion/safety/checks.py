@@ -101,7 +101,7 @@ def _unmonitored(seen: CheckInputs, now_s: float) -> str | None:
         if not known
     ]
     if len(missing) <= _MOST_NAMED:
-        return f"unknown: {' and '.join(missing)}" if missing else None
+        return f"unknown: {', '.join(missing)}" if missing else None
     first, others = missing[0], missing[1:]
     return f"unknown: {first} and {len(others)} more ({', '.join(others)})"
 

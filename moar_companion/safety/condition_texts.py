@@ -17,7 +17,7 @@ _GATE = (
     "setpoint too close to an obstacle",
     "setpoint near an obstacle, or low",
     "setpoint outside the workspace",
-    "setpoint outside {FENCE_RADIUS 50 m}",
+    "aims outside {GF_MAX_HOR_DIST 100 m}",
     "setpoint leaves drifting aircraft",
     "setpoint at {12.1} m/s > {10.5}",
     "setpoint jumps by {1.20} m",
@@ -45,7 +45,9 @@ TEXTS: dict[str, tuple[str, ...]] = {
     "position": (
         "no local position is heard",
         "position age {0.6} s > {0.5}",
+        "position age over {0.5} s",
         "position read late {0.6} s > {0.5}",
+        "position read late over {0.5} s",
     ),
     "attitude": ("the attitude is unknown",),
     "origin": ("local origin unknown",),
@@ -74,7 +76,7 @@ TEXTS: dict[str, tuple[str, ...]] = {
     "failsafe_exposure": (
         "{RC loss} hits {tower}: {121} s",
         "a failsafe hits an obstacle: {121} s",
-        "battery {land} hits {tower}, {40} s left",
+        "{return} in {121} s hits {right-middle}",
         "battery {return} in {40} s, need {35} s",
     ),
     "memory": ("memory {99} MB < {100}",),
@@ -95,7 +97,7 @@ TEXTS: dict[str, tuple[str, ...]] = {
         "home position off {3.0} m > {0.5}",
         "home position off over {0.5} m",
     ),
-    "uncertainty": ("position uncertainty {2.4} m > {2}",),
+    "uncertainty": ("position uncertainty {2.4} m > {2}", "position uncertainty over {2} m"),
     "no_clearance": (
         "no room here, uncertainty {1.4} m",
         "no room here, margin {0.8} m",
@@ -107,7 +109,7 @@ TEXTS: dict[str, tuple[str, ...]] = {
         "the receiver is silent for {2.1} s",
         "the receiver stopped {2.1} s ago",
     ),
-    "localization": ("localization risk {0.93} > {0.9}",),
+    "localization": ("localization risk {0.93} > {0.9}", "localization risk over {0.9}"),
     "control_saturated": (
         "wind too strong, drifting {4} m",
         "wind too strong, {1.8} m off the path",
@@ -144,7 +146,7 @@ TEXTS: dict[str, tuple[str, ...]] = {
     "not_flying": ("not in the air",),
     "unmonitored": (
         "unknown: {battery}",
-        "unknown: {wind} and {battery}",
+        "unknown: {position accuracy}, {ground station}",
         "unknown: {battery} and {3} more",
     ),
 }

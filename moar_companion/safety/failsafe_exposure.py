@@ -202,10 +202,10 @@ class FailsafeExposure:
                 continue
             if left_s - leaving_s >= self._limits.exposure_reserve_s:
                 continue
-            words = f"battery {action.action.value}"
+            words = f"{action.action.value} in {left_s:.0f} s"
             if action.trigger in here:
-                return f"{words} hits {here[action.trigger].hit.obstacle}, {left_s:.0f} s left"
-            return f"{words} in {left_s:.0f} s, need {leaving_s:.0f} s"
+                return f"{words} hits {here[action.trigger].hit.obstacle}"
+            return f"battery {words}, need {leaving_s:.0f} s"
         return None
 
 

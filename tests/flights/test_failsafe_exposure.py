@@ -52,7 +52,7 @@ def test_the_exit_begins_early_enough_that_critical_never_comes_over_a_conductor
     flight.autopilot.conditions.drain_factor = drain_factor
     flight.autopilot.conditions.battery_percent = percent
     flight.run_until(lambda: flight.companion.status.task.mission is Mission.EXIT, 120.0)
-    assert flight.operator.said("battery land hits ")
+    assert flight.operator.said("land in ")
     flight.run_until(lambda: LANDING[manner] in flight.truth.mode, 120.0)
     assert not over_a_conductor(flight)
     flight.run(20.0)
@@ -77,7 +77,7 @@ def test_where_a_low_battery_only_brakes_the_exit_begins_before_that():
     flight.autopilot.conditions.drain_factor = 3.0
     flight.autopilot.conditions.battery_percent = 75.0
     flight.run_until(lambda: flight.truth.mode != "GUIDED", 240.0)
-    assert flight.operator.said("battery land hits ")
+    assert flight.operator.said("land in ")
     assert flight.operator.said("flying exit")
     assert not over_a_conductor(flight)
 

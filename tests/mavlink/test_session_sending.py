@@ -7,9 +7,11 @@ from functools import partial
 
 import pytest
 
+from moar_companion.config import LinkRole
+from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.commands import CommandCancelled, CommandResult, MissionCommand
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.mavlink.session import CommandAnswered, Severity, SystemStatus
+from moar_companion.mavlink.session import CommandAnswered, Session, Severity, SystemStatus
 from moar_companion.types import AutopilotKind
 
 from .peer import Peer
@@ -19,6 +21,7 @@ USER_1 = 31010
 SET_MESSAGE_INTERVAL = 511
 REQUEST_MESSAGE = 512
 DO_SET_MODE = 176
+UDP, SERIAL = "udp:127.0.0.1:14540", "serial:/dev/ttyTHS1:57600"
 ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 
 
@@ -105,6 +108,30 @@ def test_the_rates_can_be_given(autopilot):
     story.meet(autopilot, autopilot=ARDUPILOT)
     (request,) = commands(story.run(0.5), SET_MESSAGE_INTERVAL)
     assert (request.param1, request.param2) == (74, 250000)
+
+
+@pytest.mark.parametrize(("first", "then", "mode_hz"), [(UDP, SERIAL, 20), (SERIAL, UDP, 50)])
+def test_an_autopilot_that_is_heard_on_another_link_is_asked_for_the_rates_of_that_one(
+    autopilot, first, then, mode_hz
+):
+    """More than 20 Hz of the mode does not fit a serial port, and fewer tell a takeover late."""
+    reader = Codec(system_id=9, component_id=9)
+    session = Session(
+        links=dict.fromkeys((UDP, SERIAL), LinkRole.AUTOPILOT),
+        message_rates_hz={AutopilotKind.ARDUPILOT: {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 20.0}},
+    )
+    now_s, asked = 100.0, {}
+    for cycle in range(600):
+        now_s += 0.02
+        link = first if cycle < 100 else then
+        if cycle % 10 == 0:
+            session.receive(link, autopilot.heartbeat(autopilot=ARDUPILOT), now_s)
+        session.tick(now_s, SystemStatus.ACTIVE)
+        for on, data in session.data_to_send():
+            for message in reader.receive(data):
+                if message.get_type() == "COMMAND_LONG" and message.command == SET_MESSAGE_INTERVAL:
+                    asked[on] = message.param2
+    assert asked == {first: 1e6 / (70 - mode_hz), then: 1e6 / mode_hz}
 
 
 def test_a_silent_autopilot_is_asked_nothing(story, autopilot):

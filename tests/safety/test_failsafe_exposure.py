@@ -48,10 +48,10 @@ def test_a_batterys_action_is_left_before_by_the_reserve_and_the_time_to_leave()
     flight_s = POWER.capacity_wh / POWER.hover_w * 3600.0
     at = 0.3 + 50.0 / flight_s
     assert reason(watch, ABOVE, at) is None
-    assert reason(watch, ABOVE, at, leaving_s=25.0) == "battery land hits wire, 50 s left"
+    assert reason(watch, ABOVE, at, leaving_s=25.0) == "land in 50 s hits wire"
     assert reason(watch, BESIDE, at, leaving_s=25.0) == "battery land in 50 s, need 25 s"
     assert reason(watch, BESIDE, at) is None
-    assert reason(watch, ABOVE, 0.2) == "battery land hits wire, 0 s left"
+    assert reason(watch, ABOVE, 0.2) == "land in 0 s hits wire"
 
 
 def test_where_no_escape_route_is_known_it_is_taken_for_long():
@@ -108,7 +108,7 @@ def test_a_threshold_that_can_be_forecast_counts_beside_one_that_cannot():
     capacity = {"BATT_CAPACITY": 5000.0, "BATT_LOW_MAH": 1500.0, "BATT_LOW_VOLT": 19.8}
     watch = watching(kind=AutopilotKind.ARDUPILOT, BATT_FS_LOW_ACT=1.0, **capacity)
     at = 0.3 + 20.0 / (POWER.capacity_wh / POWER.hover_w * 3600.0)
-    assert reason(watch, ABOVE, at) == "battery land hits wire, 20 s left"
+    assert reason(watch, ABOVE, at) == "land in 20 s hits wire"
     assert reason(watch, ABOVE, 1.0) is None
     assert reason(watch, ABOVE, 1.0, now_s=121.0) == "low battery hits wire: 121 s (120)"
 
@@ -126,5 +126,5 @@ def test_an_earlier_hold_of_the_battery_ends_control_before_the_landing():
     )
     flight_s = POWER.capacity_wh / POWER.hover_w * 3600.0
     assert reason(watch, ABOVE, 0.7 + 40.0 / flight_s) is None
-    assert reason(watch, ABOVE, 0.7 + 20.0 / flight_s) == "battery land hits wire, 20 s left"
+    assert reason(watch, ABOVE, 0.7 + 20.0 / flight_s) == "land in 20 s hits wire"
     assert reason(watch, BESIDE, 0.7 + 20.0 / flight_s) is None
