@@ -6,6 +6,7 @@ import argparse
 import importlib
 import math
 import re
+import sys
 from collections.abc import Callable
 
 from ..errors import InputError
@@ -25,7 +26,7 @@ def require(source: str, module: str, extra: str) -> None:
     try:
         importlib.import_module(module)
     except ModuleNotFoundError:
-        install = f'pip install "moar-companion[{extra}]"'
+        install = f'{sys.executable} -m pip install "moar-companion[{extra}]"'
         raise InputError(source, "", f"needs {module}: {install}") from None
 
 

@@ -46,7 +46,7 @@ def test_without_matplotlib_a_picture_is_refused_before_anything_is_written(
 ):
     files = [word for other in others for word in (other, str(tmp_path / other.strip("-")))]
     done = run(*command, *files, option, str(tmp_path / "picture.png"))
-    line = f'{option}: needs matplotlib: pip install "moar-companion[plots]"'
+    line = f'{option}: needs matplotlib: {sys.executable} -m pip install "moar-companion[plots]"'
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"moar-companion: {line}\n"
     assert list(tmp_path.iterdir()) == []
@@ -56,7 +56,7 @@ def test_without_pyulog_a_log_is_refused(tmp_path):
     log = tmp_path / "flight.ulg"
     log.write_bytes(b"ULog\x01\x12\x35" + bytes(9))
     done = run("replay", str(log))
-    line = f'{log}: needs pyulog: pip install "moar-companion[ulog]"'
+    line = f'{log}: needs pyulog: {sys.executable} -m pip install "moar-companion[ulog]"'
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"moar-companion: {line}\n"
 
