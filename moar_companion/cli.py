@@ -31,7 +31,7 @@ _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Command:
+class Subcommand:
     """A command: the module in `commands` that does it, and what it does."""
 
     module: str
@@ -41,7 +41,7 @@ class Command:
 
 
 COMMANDS = {
-    "plan": Command(
+    "plan": Subcommand(
         module="plan",
         summary="plan one path on a site",
         description="Plan one path on a site: to a target (inspection), or out of the site to a "
@@ -55,7 +55,7 @@ COMMANDS = {
             f"{PROGRAM} plan site.yaml --mission evacuation --weights 3,1,1 --maps maps.npz",
         ),
     ),
-    "check": Command(
+    "check": Subcommand(
         module="check",
         summary="look at files and aircraft before the flight: go or no-go",
         description="Look at configuration, vehicle and site as the service finds them, and on its "
@@ -68,7 +68,7 @@ COMMANDS = {
             f"{PROGRAM} check --files --config /etc/moar-companion/companion.yaml",
         ),
     ),
-    "replay": Command(
+    "replay": Subcommand(
         module="replay",
         summary="risk indices and events over a recorded flight",
         description="Play a recorded flight through the code that flies: its risk indices and "
@@ -80,7 +80,7 @@ COMMANDS = {
             f"{PROGRAM} replay flight.tlog --site site.yaml --json -",
         ),
     ),
-    "command": Command(
+    "command": Subcommand(
         module="command",
         summary="order a mission of a companion in flight, or see how it fares",
         description="The operator's side: order a mission of the companion (inspection, exit, "
@@ -92,7 +92,7 @@ COMMANDS = {
             f"{PROGRAM} command status --connect serial:/dev/ttyUSB0:57600",
         ),
     ),
-    "view": Command(
+    "view": Subcommand(
         module="view",
         summary="watch a running service in the terminal",
         description="Watch a running service on this computer: state, risks, plan and link, until "
@@ -103,10 +103,34 @@ COMMANDS = {
             f"{PROGRAM} view /tmp/view.sock --json",
         ),
     ),
+    "evaluate": Subcommand(
+        module="evaluate",
+        summary="rerun the paper's experiments: figures, tables, a report",
+        description="Rerun the experiments of the paper on three environments: maps, sensitivity "
+        "to weights, adaptability to risks, the 36 tests, the flight. Writes figures (PNG, SVG), "
+        "results (Parquet) and one report (HTML) into a folder. Needs the extra evaluation.",
+        examples=(
+            f"{PROGRAM} evaluate all",
+            f"{PROGRAM} evaluate sensitivity --out results --workers 8",
+            f"{PROGRAM} evaluate adaptability --scheduler tcp://10.0.0.5:8786",
+        ),
+    ),
+    "watch": Subcommand(
+        module="watch",
+        summary="watch a fleet over MQTT in the terminal, a row per vehicle",
+        description="Watch the companions that publish to an MQTT broker, a row per vehicle: "
+        "state, risks, battery, age, until q or Ctrl-C. It only looks on. Into a file or a pipe "
+        "it writes a line per vehicle every 5 s.",
+        examples=(
+            f"{PROGRAM} watch --mqtt mqtt://192.168.1.10",
+            f"{PROGRAM} watch --mqtt mqtts://10.0.0.2 --ca-file ca.pem --username ground",
+            f"{PROGRAM} watch --mqtt mqtt://127.0.0.1 --once",
+        ),
+    ),
 }
 """Commands by their name on the command line."""
 
-SERVICE = Command(
+SERVICE = Subcommand(
     module="service",
     summary="run the companion service",
     description="Without a command: run the companion service, which listens to the autopilot, "
@@ -253,7 +277,7 @@ class _Once(argparse.Action):
 class _Parser(argparse.ArgumentParser):
     """argparse with error messages of one line, as all others."""
 
-    def __init__(self, prog: str, command: Command) -> None:
+    def __init__(self, prog: str, command: Subcommand) -> None:
         examples = "\n".join(f"  {line}" for line in command.examples)
         super().__init__(
             prog=prog,

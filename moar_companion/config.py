@@ -15,7 +15,8 @@ from typing import Annotated, Any, TypeVar
 from pydantic import Field, Strict
 
 from . import yaml_file
-from .yaml_file import HEXADECIMAL_KEY, Finding, shown
+from .mqtt_config import ORDER_LINK, Mqtt, MqttFile, mqtt_findings
+from .yaml_file import HEXADECIMAL_KEY, FileFinding, shown
 from .yaml_schema import FileModel, FilePath, Name, Section
 
 _Seconds = Field(gt=0.0, le=3_600.0)
@@ -139,7 +140,7 @@ class Supervision:
     """Limit of the localization risk, close to its maximum."""
     position_uncertainty_m: Annotated[float | None, Field(ge=0.0, le=100.0)] = None
     """Position error that distances from obstacles allow for, even where less is reported; None:
-    the error measured with the vehicle's autopilot (`margin.SEEN`)."""
+    the error measured with the vehicle's autopilot (`autopilots`)."""
     position_uncertainty_limit_m: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
     """Above it the mission is held; between the two, obstacles grow by the excess."""
     battery_reserve: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2
@@ -173,10 +174,20 @@ class Supervision:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Recorder:
-    """Folder of the recorded flights; None: no recording."""
+class RecorderSettings:
+    """Recordings of flights. directory: None: `flights` in systemd's state folder, else none."""
 
+    enabled: bool = True
     directory: Path | None = None
+    part_mb: float = 256.0
+    """Size of an .mcap at which the next part begins: Foxglove opens that at once."""
+    part_min: float = 60.0
+    """Age of a part at which the next one begins."""
+    keep_gb: float = 20.0
+    """Size of all recordings above which the oldest are removed: over 100 hours of flight."""
+    floor_mb: float = 300.0
+    """Free disk space below which the oldest are removed, or the recording ends. Above
+    `supervision.disk_free_mb`: recordings alone never stand against a flight."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -221,12 +232,19 @@ class CompanionConfig:
     commands: Commands = field(default_factory=Commands)
     replanning: Replanning = field(default_factory=Replanning)
     supervision: Supervision = field(default_factory=Supervision)
-    recorder: Recorder = field(default_factory=Recorder)
+    recorder: RecorderSettings = field(default_factory=RecorderSettings)
     state: State = field(default_factory=State)
     view: View = field(default_factory=View)
     signing: KeySource = field(default_factory=KeySource)
+    mqtt: Mqtt = field(default_factory=Mqtt)
     file: Path | None = field(default=None, compare=False)
     """File that it was read from; None without a file."""
+
+    @property
+    def session_links(self) -> dict[str, LinkRole]:
+        """Links of the companion and their roles, with that of orders over MQTT."""
+        links = {link.url: link.role for link in self.links}
+        return links | ({ORDER_LINK: LinkRole.OPERATOR} if self.mqtt.takes_orders else {})
 
     @classmethod
     def load(
@@ -238,9 +256,9 @@ class CompanionConfig:
         may then be missing. Raises InputError with one line when the file cannot be used.
         """
 
-        def check(file: _CompanionFile) -> Iterator[Finding]:
+        def check(file: _CompanionFile) -> Iterator[FileFinding]:
             if file.vehicle is None and vehicle is None:
-                yield Finding(("vehicle",), "is missing")
+                yield FileFinding(("vehicle",), "is missing")
             yield from _findings(file)
 
         file = yaml_file.read(path, _CompanionFile, check)
@@ -265,13 +283,19 @@ class CompanionConfig:
             ),
             replanning=file.replanning,
             supervision=file.supervision,
-            recorder=Recorder(directory=_resolved(folder, file.recorder.directory)),
+            recorder=RecorderSettings(
+                **{
+                    **file.recorder.model_dump(exclude_unset=True),
+                    "directory": _resolved(folder, file.recorder.directory),
+                }
+            ),
             state=State(directory=_resolved(folder, file.state.directory)),
             view=View(socket=_resolved(folder, file.view.socket)),
             signing=KeySource(
                 key_file=_resolved(folder, file.signing.key_file),
                 credential=file.signing.credential,
             ),
+            mqtt=file.mqtt.settings(folder),
             file=Path(path),
             **values,
         )
@@ -304,7 +328,12 @@ class _CommandsFile(FileModel):
 
 
 class _RecorderFile(FileModel):
+    enabled: bool = True
     directory: FilePath | None = None
+    part_mb: Annotated[float, Field(ge=1.0, le=1e6)] = 256.0
+    part_min: Annotated[float, Field(ge=1.0, le=1e4)] = 60.0
+    keep_gb: Annotated[float, Field(ge=0.1, le=1e6)] = 20.0
+    floor_mb: Annotated[float, Field(ge=0.0, le=1e6)] = 300.0
 
 
 class _StateFile(FileModel):
@@ -338,19 +367,21 @@ class _CompanionFile(FileModel):
     state: _StateFile = Field(default_factory=_StateFile)
     view: _ViewFile = Field(default_factory=_ViewFile)
     signing: _SigningFile = Field(default_factory=_SigningFile)
+    mqtt: MqttFile = Field(default_factory=MqttFile)
 
 
-def _findings(file: _CompanionFile) -> Iterator[Finding]:
+def _findings(file: _CompanionFile) -> Iterator[FileFinding]:
     seen: dict[str, int] = {}
     for index, link in enumerate(file.links):
         if link.url in seen:
             problem = f"is {link.url!r}, the same as links[{seen[link.url]}]: must be unique"
-            yield Finding(("links", index, "url"), problem)
+            yield FileFinding(("links", index, "url"), problem)
         seen.setdefault(link.url, index)
     yield from _signing_findings(file)
+    yield from mqtt_findings(file.mqtt)
     replanning = file.replanning
     if replanning.min_interval_s > replanning.period_s:
-        yield Finding(
+        yield FileFinding(
             ("replanning", "min_interval_s"),
             f"is {replanning.min_interval_s:g}, must be at most period_s ({replanning.period_s:g})",
         )
@@ -358,21 +389,21 @@ def _findings(file: _CompanionFile) -> Iterator[Finding]:
     limit_m = file.supervision.position_uncertainty_limit_m
     if allowed_m is not None and limit_m < allowed_m:
         problem = f"is {limit_m:g}, must be at least position_uncertainty_m ({allowed_m:g})"
-        yield Finding(("supervision", "position_uncertainty_limit_m"), problem)
+        yield FileFinding(("supervision", "position_uncertainty_limit_m"), problem)
 
 
-def _signing_findings(file: _CompanionFile) -> Iterator[Finding]:
+def _signing_findings(file: _CompanionFile) -> Iterator[FileFinding]:
     key_file, credential = file.signing.key_file, file.signing.credential
     for name, value in (("key_file", key_file), ("credential", credential)):
         if value is not None and HEXADECIMAL_KEY.fullmatch(Path(value).name):
             problem = f"is {shown(value)}, must be the name of what has the key"
-            yield Finding(("signing", name), problem)
+            yield FileFinding(("signing", name), problem)
             return
     if credential is not None and Path(credential).name != credential:
         problem = f"is {credential!r}, must be the name of a credential, without a folder"
-        yield Finding(("signing", "credential"), problem)
+        yield FileFinding(("signing", "credential"), problem)
     if key_file is None and credential is None:
         problem = "is true, must have a key: signing.key_file or signing.credential"
         for index, link in enumerate(file.links):
             if link.signed:
-                yield Finding(("links", index, "signed"), problem)
+                yield FileFinding(("links", index, "signed"), problem)

@@ -4,10 +4,8 @@ Two projections meet here, each the one its owner uses:
 
 - The site is surveyed in true metres, so its plane stands on the WGS84 ellipsoid: near the
   origin, metres per radian are the radii of curvature (within 1e-5 over 100 m).
-- PX4's local frame is an azimuthal equidistant projection on a sphere of 6,371,000 m (PX4, `geo.h`,
-  CONSTANTS_RADIUS_OF_EARTH); ArduPilot scales angles by 6,378,100 m and the cosine of the latitude
-  (`AP_Common/Location.h`, LOCATION_SCALING_FACTOR). Over 100 m they differ from true metres by up
-  to 0.3 m, which next to a conductor matters.
+- The autopilot's local frame has the projection of its kind (`autopilots`). Over 100 m it differs
+  from true metres by up to 0.3 m, which next to a conductor matters.
 
 `PlaneToLocal` composes the two as one affine map between the plane and local NED.
 """
@@ -21,12 +19,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from .autopilots import profile
 from .types import AutopilotKind, GeodeticPoint, Vector
 
 _WGS84_SEMI_MAJOR_M = 6_378_137.0
 _WGS84_ECCENTRICITY_SQUARED = 6.694_379_990_14e-3
-_PX4_RADIUS_M = 6_371_000.0
-_ARDUPILOT_RADIUS_M = 6_378_100.0
 _PROBE_M = 10.0
 """Length over which the local frame's scale is taken; any below a kilometre gives the same."""
 
@@ -76,33 +73,6 @@ class SiteFrame:
         )
 
 
-def geodetic_to_local_ned(
-    point: GeodeticPoint, origin: GeodeticPoint, kind: AutopilotKind
-) -> Vector:
-    """Position of a geodetic point in the autopilot's local NED frame, by its own projection."""
-    latitude, longitude = math.radians(point.latitude_deg), math.radians(point.longitude_deg)
-    latitude_0, longitude_0 = math.radians(origin.latitude_deg), math.radians(origin.longitude_deg)
-    down_m = origin.altitude_amsl_m - point.altitude_amsl_m
-    difference = longitude - longitude_0
-    if kind is AutopilotKind.ARDUPILOT:
-        scale = math.cos(0.5 * (latitude + latitude_0))
-        return (
-            (latitude - latitude_0) * _ARDUPILOT_RADIUS_M,
-            difference * scale * _ARDUPILOT_RADIUS_M,
-            down_m,
-        )
-    # The sine of the half angle keeps full precision over metres, where an arccosine loses it.
-    north = math.sin(latitude - latitude_0) + (
-        2.0 * math.sin(latitude_0) * math.cos(latitude) * math.sin(0.5 * difference) ** 2
-    )
-    east = math.cos(latitude) * math.sin(difference)
-    sine = math.hypot(north, east)
-    if sine == 0.0:
-        return 0.0, 0.0, down_m
-    factor = _PX4_RADIUS_M * math.asin(min(1.0, sine)) / sine
-    return north * factor, east * factor, down_m
-
-
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class PlaneToLocal:
     """The affine map between the site's frame (x, y, z) and the autopilot's local NED.
@@ -119,9 +89,10 @@ class PlaneToLocal:
         cls, site: SiteFrame, local_origin: GeodeticPoint, kind: AutopilotKind
     ) -> PlaneToLocal:
         """The map for an estimator origin as reported by GPS_GLOBAL_ORIGIN."""
+        to_local_ned = profile(kind).to_local_ned
 
         def local(position_m: Vector) -> npt.NDArray[np.floating[Any]]:
-            return np.array(geodetic_to_local_ned(site.to_geodetic(position_m), local_origin, kind))
+            return np.array(to_local_ned(site.to_geodetic(position_m), local_origin))
 
         offset = local((0.0, 0.0, 0.0))
         columns = [

@@ -16,9 +16,9 @@ from pydantic import Field
 
 from . import yaml_file
 from .frames import SiteFrame
-from .outline import outline_problem
+from .polygon_outline import outline_problem
 from .types import GeodeticPoint, Mission
-from .yaml_file import Finding
+from .yaml_file import FileFinding
 from .yaml_schema import Coordinate, FileModel, Interval, Length, Name, PositiveLength
 
 PlanePoint = tuple[float, float]
@@ -310,7 +310,7 @@ class _SiteFile(FileModel):
     landing: _LandingFile = Field(default_factory=_LandingFile)
 
 
-def _findings(file: _SiteFile) -> Iterator[Finding]:
+def _findings(file: _SiteFile) -> Iterator[FileFinding]:
     yield from _workspace_findings(file.workspace)
     yield from _obstacle_findings(file.obstacles)
     conductors = [entry.conductor.name for entry in file.obstacles if entry.conductor]
@@ -318,13 +318,13 @@ def _findings(file: _SiteFile) -> Iterator[Finding]:
         yield from _target_findings(("targets", name), target, conductors)
 
 
-def _workspace_findings(workspace: _WorkspaceFile) -> Iterator[Finding]:
+def _workspace_findings(workspace: _WorkspaceFile) -> Iterator[FileFinding]:
     extents_m = []
     for name in ("x_m", "z_m"):
         low, high = getattr(workspace, name)
         if low >= high:
             problem = f"is [{low:g}, {high:g}], the first must be less than the second"
-            yield Finding(("workspace", name), problem)
+            yield FileFinding(("workspace", name), problem)
         extents_m.append(high - low)
     if min(extents_m) <= 0.0:
         return
@@ -334,7 +334,7 @@ def _workspace_findings(workspace: _WorkspaceFile) -> Iterator[Finding]:
         enough_m = max(
             math.sqrt(extents_m[0] * extents_m[1] / MAX_CELLS), max(extents_m) / MAX_CELLS
         )
-        yield Finding(
+        yield FileFinding(
             ("workspace", "resolution_m"),
             f"is {workspace.resolution_m:g}, which makes {count:.7g} cells where {MAX_CELLS} are "
             f"allowed: must be at least {_rounded_up(enough_m):g}, or the workspace smaller",
@@ -347,41 +347,41 @@ def _rounded_up(value: float) -> float:
     return math.ceil(value / unit) * unit
 
 
-def _obstacle_findings(obstacles: list[_ObstacleFile]) -> Iterator[Finding]:
+def _obstacle_findings(obstacles: list[_ObstacleFile]) -> Iterator[FileFinding]:
     seen: dict[str, int] = {}
     for index, entry in enumerate(obstacles):
         key: yaml_file.Key = ("obstacles", index)
         shapes = entry.shapes()
         if len(shapes) != 1:
-            yield Finding(key, "must have one key, conductor or polygon")
+            yield FileFinding(key, "must have one key, conductor or polygon")
         for kind, shape in shapes.items():
             if shape.name in seen:
                 problem = f"is {shape.name!r} like obstacles[{seen[shape.name]}], must be unique"
-                yield Finding((*key, kind, "name"), problem)
+                yield FileFinding((*key, kind, "name"), problem)
             seen.setdefault(shape.name, index)
             if isinstance(shape, _PolygonFile):
                 problem_of_outline = outline_problem(np.array(shape.vertices_m))
                 if problem_of_outline:
-                    yield Finding((*key, kind, "vertices_m"), problem_of_outline)
+                    yield FileFinding((*key, kind, "vertices_m"), problem_of_outline)
 
 
 def _target_findings(
     key: yaml_file.Key, target: _TargetFile, conductors: list[str]
-) -> Iterator[Finding]:
+) -> Iterator[FileFinding]:
     place = {name: getattr(target, name) for name in ("x_m", "z_m")}
     relative = {name: getattr(target, name) for name in ("conductor", "standoff_m", "side")}
     given = [name for name, value in (place | relative).items() if value is not None]
     both = any(name in place for name in given) and any(name in relative for name in given)
     if both or not given:
         problem = f"has {' and '.join(given)}, " if both else ""
-        yield Finding(key, f"{problem}must have x_m and z_m, or conductor, standoff_m and side")
+        yield FileFinding(key, f"{problem}must have x_m and z_m, or conductor, standoff_m and side")
         return
     for name in place if given[0] in place else relative:
         if name not in given:
-            yield Finding((*key, name), "is missing")
+            yield FileFinding((*key, name), "is missing")
     if target.conductor is not None and target.conductor not in conductors:
         known = yaml_file.nearest(target.conductor, conductors) or (
             f", must be one of {', '.join(conductors)}" if conductors else ", there are none"
         )
         problem = f"is {target.conductor!r}, no conductor of this site{known}"
-        yield Finding((*key, "conductor"), problem)
+        yield FileFinding((*key, "conductor"), problem)

@@ -336,7 +336,7 @@ class Telemetry:
     """The last value of every source; `None` where none was ever received."""
 
     autopilot: AutopilotStatus | None = None
-    failsafes_told: dict[Failsafe, float] = field(default_factory=dict)
+    failsafes_reported: dict[Failsafe, float] = field(default_factory=dict)
     """Failsafes that the autopilot's texts have named and not cleared, with the time of the last
     sign of each."""
     attitude: Attitude | None = None

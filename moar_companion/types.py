@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 import math
 from dataclasses import dataclass
+from typing import NewType
 
 Vector = tuple[float, float, float]
 
@@ -83,13 +84,8 @@ class Weights:
         Where all three terms vanish (k_{S,0} alone with a battery risk of 1; k_{T,0} alone with
         the other three at 1 and none from the battery) the weights stay as they are.
         """
-        return self.under(risk.wind, risk.communication, risk.localization, risk.battery)
-
-    def under(
-        self, wind: float, communication: float, localization: float, battery: float
-    ) -> Weights:
-        """The same under four risks, each in [0, 1]."""
-        shift = 0.5 * wind + 0.25 * communication + 0.25 * localization - battery
+        wind, battery = risk.wind, risk.battery
+        shift = 0.5 * wind + 0.25 * risk.communication + 0.25 * risk.localization - battery
         safety = self.safety * (1.0 + shift)
         time = self.time * (1.0 - shift)
         energy = self.energy * (1.0 + 0.5 * wind + 0.5 * battery)
@@ -98,12 +94,8 @@ class Weights:
         return Weights.normalised(safety, time, energy)
 
 
-class AutopilotKind(str, enum.Enum):
-    """Kind of autopilot, which determines its behaviour (MAV_AUTOPILOT of its heartbeat)."""
-
-    PX4 = "px4"
-    ARDUPILOT = "ardupilot"
-    UNKNOWN = "unknown"
+AutopilotKind = NewType("AutopilotKind", str)
+"""Kind of autopilot, by its name in vehicle files; `autopilots` has a profile of each."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -12,11 +12,14 @@ from dataclasses import dataclass, field
 from os import PathLike
 from typing import Annotated, Literal
 
-from pydantic import Field
+from pydantic import Field, PlainValidator
+from pydantic_core import PydanticCustomError
 
 from . import yaml_file
+from .adaptation import Adaptation, AdaptationKind
+from .autopilots import PROFILES
 from .types import AutopilotKind, Mission, Weights
-from .yaml_file import Finding
+from .yaml_file import FileFinding
 from .yaml_schema import FileModel, Length, Name, PositiveLength, Section, file_key
 
 _Positive = Field(gt=0.0, le=1e6)
@@ -87,7 +90,7 @@ class Guidance:
     PSC_POSXY_P). In calm air PX4 strays by up to 1.15 m."""
     tracking_margin_m: Annotated[float | None, Field(ge=0.0, le=100.0)] = None
     """Tracking error that distances from obstacles allow for; None: the error measured with the
-    autopilot (`margin.SEEN`)."""
+    autopilot (`autopilots`)."""
     recovery_m: Annotated[float, _Positive] = 60.0
     """Greatest distance outside the workspace that is flown: a wind of 13 m/s moved a quadrotor by
     41 m in 14 s, and the site does not describe its surroundings."""
@@ -257,9 +260,15 @@ class Vehicle:
     speed: SpeedLimits
     weights: Mapping[Mission, Weights]
     """k_{S,0}, k_{T,0}, k_{E,0} per mission, normalised."""
+    adaptation: AdaptationKind = AdaptationKind.PAPER
+    """Rule by which risks shift the weights."""
     guidance: Guidance = field(default_factory=Guidance)
     power: Power = field(default_factory=Power)
     risk: RiskModel = field(default_factory=RiskModel)
+
+    def rule(self, mission: Mission) -> Adaptation:
+        """The adaptation of a mission's weights, not calibrated."""
+        return Adaptation(base=self.weights[mission], kind=self.adaptation)
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Vehicle:
@@ -269,7 +278,7 @@ class Vehicle:
         total = sum(shape.weights.values)
         return cls(
             name=file.name,
-            autopilot=None if file.autopilot is None else AutopilotKind(file.autopilot),
+            autopilot=file.autopilot,
             radius_m=file.geometry.radius_m,
             safety=SafetyShape(
                 d_min_m=shape.d_min_m,
@@ -292,6 +301,7 @@ class Vehicle:
                 mission: Weights.normalised(*getattr(file.weights, mission.value).values)
                 for mission in Mission
             },
+            adaptation=AdaptationKind(file.adaptation),
             guidance=file.guidance,
             power=file.power,
             risk=file.risk,
@@ -356,38 +366,49 @@ class _WeightsFile(FileModel):
     evacuation: _MissionWeightsFile
 
 
+def _known_autopilot(value: object) -> AutopilotKind | None:
+    for kind in PROFILES:
+        if value == kind:
+            return kind
+    if value is None:
+        return None
+    expected = " or ".join(repr(kind) for kind in PROFILES)
+    raise PydanticCustomError("literal_error", "must be {expected}", {"expected": expected})
+
+
 class _VehicleFile(FileModel):
     name: Name
-    autopilot: Literal["px4", "ardupilot"] | None = None
+    autopilot: Annotated[AutopilotKind | None, PlainValidator(_known_autopilot)] = None
     geometry: _GeometryFile
     safety: _SafetyFile
     speed: _SpeedFile
     weights: _WeightsFile
+    adaptation: Literal["paper", "calibrated"] = "paper"
     guidance: Annotated[Guidance, Section(Guidance)] = Field(default_factory=Guidance)
     power: Annotated[Power, Section(Power)] = Field(default_factory=Power)
     risk: Annotated[RiskModel, Section(RiskModel)] = Field(default_factory=RiskModel)
 
 
-def _findings(file: _VehicleFile) -> Iterator[Finding]:
+def _findings(file: _VehicleFile) -> Iterator[FileFinding]:
     safety, speed = file.safety, file.speed
     if safety.d_min_m >= safety.d_max_m:
         problem = f"is {safety.d_min_m:g}, must be less than d_max_m ({safety.d_max_m:g})"
-        yield Finding(("safety", "d_min_m"), problem)
+        yield FileFinding(("safety", "d_min_m"), problem)
     if sum(safety.weights.values) <= 0.0:
-        yield Finding(("safety", "weights"), "are all 0, must have a positive sum")
+        yield FileFinding(("safety", "weights"), "are all 0, must have a positive sum")
     for name in (*_CRUISING, "max_mps"):
         limit = getattr(speed, name)
         if limit is not None and limit < speed.min_mps:
             problem = f"is {limit:g}, must be at least min_mps ({speed.min_mps:g})"
-            yield Finding(("speed", name), problem)
+            yield FileFinding(("speed", name), problem)
     for mission in Mission:
         if sum(getattr(file.weights, mission.value).values) <= 0.0:
-            yield Finding(("weights", mission.value), "are all 0, must have a positive sum")
+            yield FileFinding(("weights", mission.value), "are all 0, must have a positive sum")
     yield from _guidance_findings(file.guidance)
     yield from _risk_findings(file.risk)
 
 
-def _risk_findings(risk: RiskModel) -> Iterator[Finding]:
+def _risk_findings(risk: RiskModel) -> Iterator[FileFinding]:
     usual = RiskModel()
     for member in dataclasses.fields(risk):
         limits, before = getattr(risk, member.name), getattr(usual, member.name)
@@ -396,17 +417,19 @@ def _risk_findings(risk: RiskModel) -> Iterator[Finding]:
         key = ("risk", file_key(member.name))
         falls = before is not None and before.high < before.low
         if limits.low == limits.high:
-            yield Finding(key, "has two equal values, must differ")
+            yield FileFinding(key, "has two equal values, must differ")
         elif (limits.high < limits.low) is not falls:
             first = "greater" if falls else "lesser"
-            yield Finding(key, f"has its values the wrong way round, must have the {first} first")
+            yield FileFinding(
+                key, f"has its values the wrong way round, must have the {first} first"
+            )
 
 
-def _guidance_findings(guidance: Guidance) -> Iterator[Finding]:
+def _guidance_findings(guidance: Guidance) -> Iterator[FileFinding]:
     slow, hold, off = guidance.tracking_slow_m, guidance.tracking_hold_m, guidance.off_path_m
     if slow >= hold:
         problem = f"is {slow:g}, must be less than tracking_hold_m ({hold:g})"
-        yield Finding(("guidance", "tracking_slow_m"), problem)
+        yield FileFinding(("guidance", "tracking_slow_m"), problem)
     if hold > off:
         problem = f"is {hold:g}, must be at most off_path_m ({off:g})"
-        yield Finding(("guidance", "tracking_hold_m"), problem)
+        yield FileFinding(("guidance", "tracking_hold_m"), problem)

@@ -62,7 +62,7 @@ _PLAIN_WORDS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Finding:
+class FileFinding:
     """One error in a file: its key, and a problem that completes `key: …`."""
 
     key: Key
@@ -72,7 +72,7 @@ class Finding:
 def read(
     path: str | os.PathLike[str],
     schema: type[Model],
-    check: Callable[[Model], Iterable[Finding]] = lambda _: (),
+    check: Callable[[Model], Iterable[FileFinding]] = lambda _: (),
 ) -> Model:
     """The file's content as the schema's model.
 
@@ -191,7 +191,7 @@ class _Loader(yaml.SafeLoader):
         """Real number, also `.inf` and `.nan`: the schema refuses them."""
         return float(self.construct_scalar(node).replace(".inf", "inf").replace(".nan", "nan"))
 
-    def findings(self, root: yaml.MappingNode) -> Iterator[Finding]:
+    def findings(self, root: yaml.MappingNode) -> Iterator[FileFinding]:
         """Keys that are no text or given twice, and tags; a shared node is checked once."""
         seen: set[int] = set()
         pending: list[tuple[Key, yaml.Node]] = [((), root)]
@@ -201,7 +201,7 @@ class _Loader(yaml.SafeLoader):
                 continue
             seen.add(id(node))
             if node.tag not in self._fitting_tags(node):
-                yield Finding(key, f"has the tag {node.tag!r}, must have none")
+                yield FileFinding(key, f"has the tag {node.tag!r}, must have none")
             elif isinstance(node, yaml.SequenceNode):
                 pending.extend(((*key, index), item) for index, item in enumerate(node.value))
             elif isinstance(node, yaml.MappingNode):
@@ -221,7 +221,7 @@ class _Loader(yaml.SafeLoader):
         tag: str = self.resolve(kind, value, (True, False))  # type: ignore[no-untyped-call]
         return tag
 
-    def _key_findings(self, key: Key, mapping: yaml.MappingNode) -> Iterator[Finding]:
+    def _key_findings(self, key: Key, mapping: yaml.MappingNode) -> Iterator[FileFinding]:
         lines: dict[str, int] = {}
         for name, value in mapping.value:
             line = name.start_mark.line + 1
@@ -231,10 +231,10 @@ class _Loader(yaml.SafeLoader):
                 lone_number = name.tag == _INTEGER_TAG and value.tag == _NULL_TAG
                 hint = " (a number has a decimal point, no comma)" if lone_number else ""
                 problem = f"has {_kind(name)} as a key (line {line}), must be text in quotes{hint}"
-                yield Finding(key, problem)
+                yield FileFinding(key, problem)
             elif name.value in lines:
                 problem = f"is given twice (lines {lines[name.value]} and {line}), must be once"
-                yield Finding((*key, name.value), problem)
+                yield FileFinding((*key, name.value), problem)
             else:
                 lines[name.value] = line
 
@@ -308,38 +308,44 @@ def _place(key: Key, places: dict[Key, _Place]) -> tuple[int, int]:
     return places[key].end
 
 
-def _finding(details: ErrorDetails, schema: type[BaseModel], data: Any) -> Finding:
+def _finding(details: ErrorDetails, schema: type[BaseModel], data: Any) -> FileFinding:
     """One error of pydantic as a finding."""
     kind, value, context = details["type"], details["input"], details.get("ctx", {})
     key = tuple(part for part in details["loc"] if part != "[key]")
     if kind == "missing":
-        return Finding(key, "is missing")
+        return FileFinding(key, "is missing")
     if kind == "extra_forbidden":
         for part in key[:-1]:
             data = data[part]
         known = _keys(_schema_at(schema, key[:-1]))
         likely = nearest(str(key[-1]), [name for name in known if name not in data])
-        return Finding(key, f"is not a known key{likely or ', must be one of ' + ', '.join(known)}")
+        return FileFinding(
+            key, f"is not a known key{likely or ', must be one of ' + ', '.join(known)}"
+        )
     if kind in ("too_short", "too_long"):
         limit = context.get("min_length", context.get("max_length"))
         bound = "at least" if kind == "too_short" else "at most"
-        return Finding(key, f"has a length of {context['actual_length']}, must be {bound} {limit}")
+        return FileFinding(
+            key, f"has a length of {context['actual_length']}, must be {bound} {limit}"
+        )
     if kind in _LIMITS:
         word, limit = _LIMITS[kind]
-        return Finding(key, f"is {shown(value)}, must be {word} {context[limit]:.10g}")
+        return FileFinding(key, f"is {shown(value)}, must be {word} {context[limit]:.10g}")
     if kind == "string_too_short":
-        return Finding(key, f"is {shown(value)}, must not be empty")
+        return FileFinding(key, f"is {shown(value)}, must not be empty")
     if kind == "string_too_long":
-        return Finding(
+        return FileFinding(
             key, f"has {len(value)} characters, must have {context['max_length']} at most"
         )
     if kind in ("literal_error", "enum"):
-        return Finding(key, f"is {shown(value)}, must be {context['expected']}")
+        return FileFinding(key, f"is {shown(value)}, must be {context['expected']}")
     if kind == "value_error":
-        return Finding(key, f"is {shown(value)}, {context['error']}")
+        return FileFinding(key, f"is {shown(value)}, {context['error']}")
     if kind in _TYPES:
-        return Finding(key, f"is {shown(value)}{_why_text(kind, value)}, must be {_TYPES[kind]}")
-    return Finding(key, f"is {shown(value)}: {details['msg']}")
+        return FileFinding(
+            key, f"is {shown(value)}{_why_text(kind, value)}, must be {_TYPES[kind]}"
+        )
+    return FileFinding(key, f"is {shown(value)}: {details['msg']}")
 
 
 _TYPES = {

@@ -1,36 +1,37 @@
-"""Differences between PX4 and ArduPilot: their fences and their failsafe actions.
+"""What differs between autopilots: one file, and so one `Profile`, for each. Pure.
 
-A third autopilot begins with one more file (the rest: `.github/CONTRIBUTING.md`).
-Pure: parameters in, `Failsafes` out.
+A new autopilot is one more file like `px4`, and its row in `_ROWS`. Everything else asks `profile`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
+from ..telemetry import Telemetry
 from ..types import AutopilotKind
-from . import ardupilot, px4
-from .failsafe_actions import Failsafes
+from . import ardupilot, px4, unknown
+from .profile import Profile
 
-_FILES = {AutopilotKind.PX4: px4, AutopilotKind.ARDUPILOT: ardupilot}
+_ROWS = (
+    px4.PROFILE,
+    ardupilot.PROFILE,
+)
+
+PX4, ARDUPILOT, UNKNOWN = px4.KIND, ardupilot.KIND, unknown.KIND
+
+PROFILES: dict[AutopilotKind, Profile] = {row.kind: row for row in _ROWS}
+"""Profiles of the autopilots that can be flown, by kind."""
 
 
-def failsafe_parameters(kind: AutopilotKind) -> tuple[str, ...]:
-    """Names of the parameters that decide an autopilot's failsafe actions."""
-    return tuple(_FILES[kind].DEFAULTS) if kind in _FILES else ()
+def profile(kind: AutopilotKind | None) -> Profile:
+    """Profile of a kind of autopilot; for any without one that of an unknown autopilot."""
+    return unknown.PROFILE if kind is None else PROFILES.get(kind, unknown.PROFILE)
 
 
-def failsafes_of(kind: AutopilotKind, parameters: Mapping[str, float | None]) -> Failsafes | None:
-    """Failsafes of an autopilot; None while a parameter is awaited, or for an unknown kind.
+def profile_of(telemetry: Telemetry) -> Profile:
+    """Profile of the received autopilot; of an unknown one before its first heartbeat."""
+    return profile(None if telemetry.autopilot is None else telemetry.autopilot.kind)
 
-    A parameter that was never reported has the autopilot's default, and is listed in `untold`.
-    """
-    names = failsafe_parameters(kind)
-    if not names or not set(names) <= parameters.keys():
-        return None
-    told = {name: value for name in names if (value := parameters[name]) is not None}
-    values = {**_FILES[kind].DEFAULTS, **told}
-    return Failsafes(
-        actions=tuple(_FILES[kind].actions(values)),
-        untold=tuple(name for name in names if name not in told),
-    )
+
+def kind_of(mav_autopilot: int) -> AutopilotKind:
+    """Kind of an autopilot by MAV_AUTOPILOT of its heartbeat."""
+    kinds = (row.kind for row in PROFILES.values() if row.mav_autopilot == mav_autopilot)
+    return next(kinds, UNKNOWN)

@@ -1,16 +1,31 @@
-"""ArduCopter: its failsafe actions in GUIDED, by its parameters.
+"""ArduCopter: its modes, messages, failsafes, fence, frame and flight.
 
-Sources: ArduCopter 4.6.3, `ArduCopter/events.cpp` (failsafe_radio_on_event,
+`ardupilot_parameters` has check's rules.
+
+Sources: ArduCopter 4.6.3, `ArduCopter/mode.h`, `events.cpp` (failsafe_radio_on_event,
 failsafe_gcs_on_event, handle_battery_failsafe, failsafe_deadreckon_check, do_failsafe_action),
-`ekf_check.cpp` (failsafe_ekf_event), `mode_rtl.cpp` (compute_return_target).
+`ekf_check.cpp` (failsafe_ekf_event), `mode_rtl.cpp` (compute_return_target), `fence.cpp`;
+`AP_BattMonitor.cpp`; `AC_Fence.cpp` (var_info, check), `AC_PolyFence_loader.cpp` (breached);
+`AP_Common/Location.h` (LOCATION_SCALING_FACTOR); measurements.
 """
 
 from __future__ import annotations
 
+import math
+import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from ..telemetry import Failsafe
+from ..types import AutopilotKind, GeodeticPoint, Vector
+from . import ardupilot_parameters
 from .failsafe_actions import Action, FailsafeAction, Trigger
+from .fence import Area, Fence, limit
+from .offboard_loss import SOFT_MPS2, OffboardLoss
+from .profile import FailsafeText, Profile
+
+KIND = AutopilotKind("ardupilot")
+NAME = "ArduPilot"
 
 DEFAULTS = {
     "BATT_CAPACITY": 3300.0,
@@ -68,6 +83,116 @@ _LEAST_HEIGHT_M = 0.3
 """Least height of a return, RTL_ALT_MIN."""
 _LEAST_SLOPE = 0.5
 """Least slope of the cone, RTL_MIN_CONE_SLOPE: none below it."""
+_LOSS_DEFAULTS = {
+    "GUID_TIMEOUT": 3.0,
+    "PSC_JERK_XY": 5.0,
+    "PSC_JERK_Z": 5.0,
+    "WPNAV_ACCEL": 250.0,
+    "WPNAV_ACCEL_Z": 100.0,
+}
+"""Parameters of the flight after an offboard loss, and their defaults in 4.6."""
+_DETECTION_S = 0.4
+"""0.1 s until ArduPilot detects missing setpoints; the rest is the shaper's jerk."""
+_SHAPING_S = 0.5
+"""Time in which the default jerk builds the acceleration up; any more counts 1.1 s/s."""
+_SHAPED = 1.1
+_LEVEL = 0.5
+"""Fraction of WPNAV_ACCEL with which ArduPilot brakes in a tail wind."""
+_ALTITUDE_MAX, _CIRCLE, _AREAS, _ALTITUDE_MIN = 1, 2, 4, 8
+"""Bits of FENCE_TYPE."""
+_INCLUSION_UNION = 2
+"""Bit of FENCE_OPTIONS: the union of the inclusion areas counts."""
+_FENCE_ACTIONS = {
+    0: "report",
+    1: "return or land",
+    2: "land",
+    3: "smart return or return or land",
+    4: "brake or land",
+    5: "smart return or land",
+}
+"""FENCE_ACTION."""
+_RADIUS_M = 6_378_100.0
+_GUIDED = 4
+_LAND = 9
+_MODES = {
+    0: "STABILIZE",
+    1: "ACRO",
+    2: "ALT_HOLD",
+    3: "AUTO",
+    _GUIDED: "GUIDED",
+    5: "LOITER",
+    6: "RTL",
+    7: "CIRCLE",
+    _LAND: "LAND",
+    11: "DRIFT",
+    13: "SPORT",
+    14: "FLIP",
+    15: "AUTOTUNE",
+    16: "POSHOLD",
+    17: "BRAKE",
+    18: "THROW",
+    19: "AVOID_ADSB",
+    20: "GUIDED_NOGPS",
+    21: "SMART_RTL",
+    22: "FLOWHOLD",
+    23: "FOLLOW",
+    24: "ZIGZAG",
+    25: "SYSTEMID",
+    26: "AUTOROTATE",
+    27: "AUTO_RTL",
+    28: "TURTLE",
+}
+"""Of copters."""
+_FAILSAFE_TEXTS = (
+    FailsafeText(
+        failsafe=Failsafe.BATTERY,
+        begins=re.compile(r"Battery (\d+ is (low|critical)|Failsafe)"),
+        lasts_s=math.inf,  # a battery does not recover
+    ),
+    FailsafeText(
+        failsafe=Failsafe.REMOTE_CONTROL,
+        begins=re.compile(r"Radio Failsafe(?! Cleared)"),
+        ends="Radio Failsafe Cleared",
+        lasts_s=60.0,
+    ),
+    FailsafeText(
+        failsafe=Failsafe.GROUND_STATION,
+        begins=re.compile(r"GCS Failsafe(?! Cleared)"),
+        ends="GCS Failsafe Cleared",
+        lasts_s=60.0,
+    ),
+    FailsafeText(
+        failsafe=Failsafe.ESTIMATOR,
+        begins=re.compile(r"EKF (variance|Failsafe(?! Cleared))"),
+        ends="EKF Failsafe Cleared",
+        lasts_s=5.0,  # it ends 1 s after its cause
+    ),
+    FailsafeText(
+        failsafe=Failsafe.DEAD_RECKONING,
+        begins=re.compile(r"Dead Reckoning started"),
+        ends="Dead Reckoning stopped",
+        lasts_s=5.0,
+    ),
+    FailsafeText(
+        failsafe=Failsafe.FENCE,
+        begins=re.compile(r".*[Ff]ence breached"),
+        lasts_s=60.0,
+    ),
+)
+"""Of events.cpp, ekf_check.cpp, fence.cpp, AP_BattMonitor.cpp. The first is too long for one chunk;
+its first chunk identifies it."""
+
+
+def to_local_ned(point: GeodeticPoint, origin: GeodeticPoint) -> Vector:
+    """Position about an origin: angles times a radius and the cosine of the mean latitude."""
+    latitude, longitude = math.radians(point.latitude_deg), math.radians(point.longitude_deg)
+    latitude_0, longitude_0 = math.radians(origin.latitude_deg), math.radians(origin.longitude_deg)
+    scale = math.cos(0.5 * (latitude + latitude_0))
+    return (
+        (latitude - latitude_0) * _RADIUS_M,
+        (longitude - longitude_0) * scale * _RADIUS_M,
+        origin.altitude_amsl_m - point.altitude_amsl_m,
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -97,7 +222,7 @@ class Return:
         return top_m
 
 
-def actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
+def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
     """Yields ArduPilot's failsafe actions in GUIDED, by the values of all of DEFAULTS."""
     home = Return.of(value)
     capacity_mah = value["BATT_CAPACITY"]
@@ -148,3 +273,131 @@ def actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
         drift_m=_DRIFT_M,
     )
     yield FailsafeAction(trigger=Trigger.COMPANION_LOSS, action=Action.HOLD, setting="GUID_TIMEOUT")
+
+
+def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLoss:
+    """Offboard loss: ArduPilot moves the last point on at its velocity for GUID_TIMEOUT.
+
+    Then it brakes at WPNAV_ACCEL or WPNAV_ACCEL_Z, as its jerk allows. A bound over flights of the
+    fake ArduPilot (`tests/safety/test_offboard_loss.py`).
+    """
+    timeout_s = max(0.0, value["GUID_TIMEOUT"])
+    level_mps2, upright_mps2 = (
+        max(SOFT_MPS2, value[name] / 100.0) for name in ("WPNAV_ACCEL", "WPNAV_ACCEL_Z")
+    )
+    shaping_s = max(
+        level_mps2 / max(SOFT_MPS2, value["PSC_JERK_XY"]),
+        upright_mps2 / max(SOFT_MPS2, value["PSC_JERK_Z"]),
+    )
+    longer_s = max(0.0, _SHAPED * (shaping_s - _SHAPING_S))
+    return OffboardLoss(
+        kind=KIND,
+        name=NAME,
+        action=Action.HOLD,
+        remedy="set GUID_TIMEOUT 0.5",
+        timeout_s=timeout_s,
+        way_s=timeout_s + _DETECTION_S + longer_s,
+        way_s2pm=max(0.5 / (_LEVEL * level_mps2), 0.5 / upright_mps2),
+        follows_mps2=min(level_mps2, upright_mps2),
+        follows_parameters=("WPNAV_ACCEL", "WPNAV_ACCEL_Z"),
+        follows_unit_mps2=0.01,
+        unreported=unreported,
+    )
+
+
+def _fence(
+    values: Mapping[str, float], areas: tuple[Area, ...], unreported: tuple[str, ...], enabled: bool
+) -> Fence:
+    """Fence. ArduPilot's RC switch, mission items and DO_FENCE_ENABLE change no parameter.
+
+    (AC_Fence::enable.) A fence that they disable still counts while a parameter enables it.
+    """
+    if not (enabled or values["FENCE_ENABLE"] or values["FENCE_AUTOENABLE"]):
+        return Fence(unreported=unreported)
+    chosen = int(values["FENCE_TYPE"])
+    return Fence(
+        circle=limit(values, "FENCE_RADIUS", on=chosen & _CIRCLE),
+        ceiling=limit(values, "FENCE_ALT_MAX", on=chosen & _ALTITUDE_MAX),
+        floor=limit(values, "FENCE_ALT_MIN", on=chosen & _ALTITUDE_MIN),
+        areas=areas if chosen & _AREAS else (),
+        union=bool(int(values["FENCE_OPTIONS"]) & _INCLUSION_UNION),
+        margin_m=max(0.0, values["FENCE_MARGIN"]),
+        action=_FENCE_ACTIONS.get(int(values["FENCE_ACTION"]), "return or land"),
+        unreported=unreported,
+    )
+
+
+PROFILE = Profile(
+    kind=KIND,
+    name=NAME,
+    mav_autopilot=3,
+    measured_releases=((4, 6),),
+    oldest_release=(4, 3),
+    mode_name=_MODES.get,
+    mode_enums={
+        1: "PLANE_MODE",  # fixed wing
+        **dict.fromkeys(range(19, 26), "PLANE_MODE"),  # VTOL
+        10: "ROVER_MODE",
+        11: "ROVER_MODE",  # boat
+        12: "SUB_MODE",
+    },
+    is_own_mode=lambda custom_mode: custom_mode == _GUIDED,
+    own_mode="GUIDED",
+    own_mode_numbers=(_GUIDED, 0),
+    land_mode="LAND",
+    land_mode_numbers=(_LAND, 0),
+    armed_in_mode_request=False,
+    homeward_modes=frozenset({"RTL", "LAND", "BRAKE", "SMART_RTL", "AUTO_RTL", "AVOID_ADSB"}),
+    follow_up_modes={},
+    streams_by_itself=False,
+    rates_hz={
+        "BATTERY_STATUS": 1.0,
+        "EKF_STATUS_REPORT": 2.0,
+        "WIND": 2.0,
+        "RAW_IMU": 2.0,
+        "GPS_GLOBAL_ORIGIN": 0.2,
+        "HEARTBEAT": 20.0,
+    },
+    integers_bytewise=False,
+    rssi_max=255,
+    channels_without_receiver=True,
+    summary_is_battery_0=True,
+    better_gnss_taken=False,
+    gnss_switch="GPS_AUTO_SWITCH",
+    gnss_switch_better=frozenset({1.0, 2.0}),  # the best one, or a mean in which it weighs more
+    gnss_primary="GPS_PRIMARY",
+    motor_range=("MOT_PWM_MIN", "MOT_PWM_MAX"),
+    unused_pulse_us=0.0,
+    failsafe_flies=False,
+    failsafe_texts=_FAILSAFE_TEXTS,
+    innovation_limit=0.8,  # FS_EKF_THRESH; above it the flags stay good
+    to_local_ned=to_local_ned,
+    projection_known=True,
+    home_by_projection=True,
+    # 4.6.3 (SITL): from the true position to the setpoint 1.0 m in calm air; in gusts the measured
+    # tracking error counts.
+    position_error_m=0.5,
+    tracking_error_m=0.9,
+    stray_s2=0.0,
+    landing_mps=0.5,  # LAND_SPEED
+    landed_hover_s=1.0,  # the motors stop after 3 s
+    tilt_limits=(("PSC_ANGLE_MAX", 1.0), ("ANGLE_MAX", 0.01)),  # AC_PosControl: 0 means the second
+    hover_thrust="MOT_THST_HOVER",
+    loss_defaults=_LOSS_DEFAULTS,
+    read_loss=_loss,
+    failsafe_defaults=DEFAULTS,
+    read_failsafes=_actions,
+    fence_parameters=(
+        "FENCE_ACTION",
+        "FENCE_ALT_MAX",
+        "FENCE_ALT_MIN",
+        "FENCE_AUTOENABLE",
+        "FENCE_ENABLE",
+        "FENCE_MARGIN",
+        "FENCE_OPTIONS",
+        "FENCE_RADIUS",
+        "FENCE_TYPE",
+    ),
+    read_fence=_fence,
+    rules=ardupilot_parameters.RULES,
+)

@@ -1,11 +1,6 @@
-"""The autopilot's own fence: its parameters and the uploaded areas as one value. Pure.
+"""The autopilot's own fence as one value, in metres from home and in degrees. Pure.
 
-Inputs: parameters by name, the items of the uploaded fence. Output: a `Fence`, in metres from home
-and in degrees.
-
-Sources: PX4 v1.17, `navigator/geofence.cpp` (Geofence::checkPointAgainstAllGeofences; the distances
-count from home, 0 switches a limit off, areas always count) and `geofence_params.c`; ArduPilot
-Copter-4.6.3, `AC_Fence.cpp` (var_info, check) and `AC_PolyFence_loader.cpp` (breached).
+The file of each autopilot reads its limits from its parameters; the uploaded areas are MAVLink's.
 """
 
 from __future__ import annotations
@@ -14,32 +9,12 @@ import math
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
+from .. import pilot_texts
 from ..telemetry import FenceItem
-from ..types import AutopilotKind
+from ..text_format import limit_text, plural
 
-_ALTITUDE_MAX, _CIRCLE, _AREAS, _ALTITUDE_MIN = 1, 2, 4, 8
-"""Bits of FENCE_TYPE."""
-_INCLUSION_UNION = 2
-"""Bit of FENCE_OPTIONS: the union of the inclusion areas counts."""
 _POLYGON_INCLUSION, _POLYGON_EXCLUSION, _CIRCLE_INCLUSION, _CIRCLE_EXCLUSION = range(5001, 5005)
 """MAV_CMD_NAV_FENCE_*; 5000 is a return point, which limits nothing."""
-_HOLD = 2
-"""Value of GF_ACTION."""
-
-_PARAMETERS = {
-    AutopilotKind.PX4: ("GF_ACTION", "GF_MAX_HOR_DIST", "GF_MAX_VER_DIST", "GF_SOURCE"),
-    AutopilotKind.ARDUPILOT: (
-        "FENCE_ACTION",
-        "FENCE_ALT_MAX",
-        "FENCE_ALT_MIN",
-        "FENCE_AUTOENABLE",
-        "FENCE_ENABLE",
-        "FENCE_MARGIN",
-        "FENCE_OPTIONS",
-        "FENCE_RADIUS",
-        "FENCE_TYPE",
-    ),
-}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +25,7 @@ class Limit:
     value_m: float
 
     def __str__(self) -> str:
-        return f"{self.parameter} {self.value_m:g} m"
+        return f"{self.parameter} {limit_text(self.value_m)} m"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,8 +48,9 @@ class Fence:
 
     margin_m: distance that the autopilot keeps from its fence (FENCE_MARGIN). action: for people.
     overrules_land: True if the autopilot overrides a LAND ordered outside.
-    source_gnss: True if the receiver's position counts, not the estimator's (GF_SOURCE 1).
-    untold: parameters that the autopilot never reported, except the action: their limits are
+    source_gnss: parameter by which the receiver's position counts, not the estimator's; empty if
+    it does not.
+    unreported: parameters that the autopilot never reported, except the action: their limits are
     unknown.
     """
 
@@ -86,17 +62,16 @@ class Fence:
     margin_m: float = 0.0
     action: str = "nothing"
     overrules_land: bool = False
-    source_gnss: bool = False
-    untold: tuple[str, ...] = ()
+    source_gnss: str = ""
+    unreported: tuple[str, ...] = ()
 
     @property
     def assumption(self) -> str | None:
         """Text of the unknown parameters; None if all were reported."""
-        if not self.untold:
+        if not self.unreported:
             return None
-        count, names = len(self.untold), ", ".join(self.untold)
-        what = "parameter" if count == 1 else "parameters"
-        return f"{count} fence {what} not told ({names}), taken as none"
+        count, names = len(self.unreported), ", ".join(self.unreported)
+        return pilot_texts.FENCE_UNREPORTED(count=count, plural=plural(count), detail=names)
 
     @property
     def about_home(self) -> bool:
@@ -110,79 +85,8 @@ class Fence:
         return (*limits, *(area.name for area in self.areas))
 
 
-_PX4_ACTIONS = {0: "nothing", 1: "warn", 2: "hold", 3: "return", 4: "terminate", 5: "land"}
-_ARDUPILOT_ACTIONS = {
-    0: "report",
-    1: "return or land",
-    2: "land",
-    3: "smart return or return or land",
-    4: "brake or land",
-    5: "smart return or land",
-}
-
-
-def fence_parameters(kind: AutopilotKind) -> tuple[str, ...]:
-    """Names of the parameters of an autopilot's fence."""
-    return _PARAMETERS.get(kind, ())
-
-
-def fence_of(
-    kind: AutopilotKind,
-    parameters: Mapping[str, float | None],
-    items: Iterable[FenceItem],
-    *,
-    enabled: bool = False,
-) -> Fence | None:
-    """Fence of an autopilot; None of an unknown kind, and while a parameter is awaited.
-
-    parameters: None as a value means never reported. enabled: True if SYS_STATUS reports a fence.
-    ArduPilot's RC switch, mission items and DO_FENCE_ENABLE change no parameter
-    (AC_Fence::enable). A fence that they disable still counts while a parameter enables it.
-    """
-    names = fence_parameters(kind)
-    if not names or any(name not in parameters for name in names):
-        return None
-    untold = tuple(
-        name for name in names if parameters[name] is None and not name.endswith("_ACTION")
-    )
-    values = {name: parameters[name] or 0.0 for name in names}
-    if kind is AutopilotKind.PX4:
-        return _px4(values, areas_of(items), untold)
-    return _ardupilot(values, areas_of(items), untold, enabled=enabled)
-
-
-def _px4(values: Mapping[str, float], areas: tuple[Area, ...], untold: tuple[str, ...]) -> Fence:
-    action = int(values["GF_ACTION"])
-    return Fence(
-        circle=_limit(values, "GF_MAX_HOR_DIST", on=values["GF_MAX_HOR_DIST"] > 0.0),
-        ceiling=_limit(values, "GF_MAX_VER_DIST", on=values["GF_MAX_VER_DIST"] > 0.0),
-        areas=areas,
-        action=_PX4_ACTIONS.get(action, "warn"),
-        overrules_land=action == _HOLD,
-        source_gnss=values["GF_SOURCE"] == 1.0,
-        untold=untold,
-    )
-
-
-def _ardupilot(
-    values: Mapping[str, float], areas: tuple[Area, ...], untold: tuple[str, ...], *, enabled: bool
-) -> Fence:
-    if not (enabled or values["FENCE_ENABLE"] or values["FENCE_AUTOENABLE"]):
-        return Fence(untold=untold)
-    chosen = int(values["FENCE_TYPE"])
-    return Fence(
-        circle=_limit(values, "FENCE_RADIUS", on=chosen & _CIRCLE),
-        ceiling=_limit(values, "FENCE_ALT_MAX", on=chosen & _ALTITUDE_MAX),
-        floor=_limit(values, "FENCE_ALT_MIN", on=chosen & _ALTITUDE_MIN),
-        areas=areas if chosen & _AREAS else (),
-        union=bool(int(values["FENCE_OPTIONS"]) & _INCLUSION_UNION),
-        margin_m=max(0.0, values["FENCE_MARGIN"]),
-        action=_ARDUPILOT_ACTIONS.get(int(values["FENCE_ACTION"]), "return or land"),
-        untold=untold,
-    )
-
-
-def _limit(values: Mapping[str, float], name: str, *, on: float) -> Limit | None:
+def limit(values: Mapping[str, float], name: str, *, on: float) -> Limit | None:
+    """Limit with a parameter's value; None if it is off."""
     return Limit(parameter=name, value_m=values[name]) if on else None
 
 

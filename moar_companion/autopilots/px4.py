@@ -1,8 +1,11 @@
-"""PX4: its failsafe actions in OFFBOARD, by its parameters.
+"""PX4: its modes, messages, failsafes, fence, frame and flight. `px4_parameters` has check's rules.
 
-Sources: PX4 v1.17, `src/modules/commander/failsafe/failsafe.cpp` (fromNavDllOrRclActParam,
+Sources: PX4 v1.17, `px4_custom_mode.h`; `geo.h` (CONSTANTS_RADIUS_OF_EARTH);
+`src/modules/commander/failsafe/failsafe.cpp` (fromNavDllOrRclActParam,
 fromBatteryWarningActParam, fromOffboardLossActParam, checkModeFallback), `framework.cpp`
-(getSelectedAction), `HealthAndArmingChecks/checks/offboardCheck.cpp`, `navigator/rtl.cpp`.
+(getSelectedAction), `HealthAndArmingChecks/checks/offboardCheck.cpp`, `navigator/rtl.cpp`;
+`navigator/geofence.cpp` (Geofence::checkPointAgainstAllGeofences; the distances count from home, 0
+switches a limit off, areas always count) and `geofence_params.c`; measurements.
 """
 
 from __future__ import annotations
@@ -11,7 +14,15 @@ import math
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from ..types import AutopilotKind, GeodeticPoint, Vector
+from . import px4_parameters
 from .failsafe_actions import Action, FailsafeAction, Trigger
+from .fence import Area, Fence, limit
+from .offboard_loss import SOFT_MPS2, OffboardLoss
+from .profile import Profile
+
+KIND = AutopilotKind("px4")
+NAME = "PX4"
 
 DEFAULTS = {
     "BAT_CRIT_THR": 0.07,
@@ -34,17 +45,17 @@ _DRIFT_M = 4.5
 _OFFBOARD_BIT = 4
 """Bit of COM_RCL_EXCEPT and COM_DLL_EXCEPT."""
 _OFFBOARD_LOSS = {
-    0: (None, "position mode; without sticks by NAV_RCL_ACT"),
-    1: (None, "altitude mode; without sticks by NAV_RCL_ACT"),
-    2: (None, "stabilized mode; without sticks by NAV_RCL_ACT"),
-    3: (Action.RETURN, "return"),
-    4: (Action.LAND, "land"),
-    5: (Action.HOLD, "hold"),
-    6: (Action.FALL, "terminate"),
-    7: (Action.FALL, "disarm"),
+    0: None,
+    1: None,
+    2: None,
+    3: Action.RETURN,
+    4: Action.LAND,
+    5: Action.HOLD,
+    6: Action.FALL,
+    7: Action.FALL,
 }
-"""COM_OBL_RC_ACT: the resulting action (None: that of NAV_RCL_ACT), and PX4's name for it."""
-_UNKNOWN = (Action.RETURN, "not known here, taken for a return")
+"""COM_OBL_RC_ACT; None: a mode with sticks, and without them that of NAV_RCL_ACT. Any other value
+counts as a return."""
 _LINK_LOSS = {
     0: Action.NONE,
     1: Action.HOLD,
@@ -62,12 +73,88 @@ _BATTERY = {
 """COM_LOW_BAT_ACT: at BAT_CRIT_THR, at BAT_EMERGEN_THR; at BAT_LOW_THR PX4 only warns."""
 
 
-def offboard_loss(value: Mapping[str, float]) -> tuple[Action, str]:
-    """Action of PX4 without setpoints and sticks, and PX4's name of COM_OBL_RC_ACT's value."""
-    action, word = _OFFBOARD_LOSS.get(int(value["COM_OBL_RC_ACT"]), _UNKNOWN)
-    if action is None:
-        action = _LINK_LOSS.get(int(value["NAV_RCL_ACT"]), Action.RETURN)
-    return (Action.RETURN if action is Action.NONE else action), word
+_LOSS_DEFAULTS = {
+    "COM_OBL_RC_ACT": DEFAULTS["COM_OBL_RC_ACT"],
+    "MPC_ACC_HOR": 3.0,
+    "MPC_XY_P": 0.95,
+    "MPC_Z_P": 1.0,
+    "NAV_ACC_RAD": DEFAULTS["NAV_ACC_RAD"],
+    "NAV_RCL_ACT": DEFAULTS["NAV_RCL_ACT"],
+    "RTL_CONE_ANG": DEFAULTS["RTL_CONE_ANG"],
+    "RTL_MIN_DIST": DEFAULTS["RTL_MIN_DIST"],
+    "RTL_RETURN_ALT": DEFAULTS["RTL_RETURN_ALT"],
+    "RTL_TYPE": DEFAULTS["RTL_TYPE"],
+}
+"""Parameters of the flight after an offboard loss, and their defaults in v1.17."""
+_OVERSHOOT = 1.2
+"""Factor of v / MPC_XY_P: the controller's integral has learnt the drag of the flight."""
+_SWITCH_S2PM = 0.1
+"""Term of v^2 that COM_OBL_RC_ACT adds: it brakes from the velocity at its start."""
+_HARD_MPS2 = 3.0
+"""Default of MPC_ACC_HOR: v^2 / 2a is longer with a lower value."""
+_FENCE_ACTIONS = {0: "nothing", 1: "warn", 2: "hold", 3: "return", 4: "terminate", 5: "land"}
+"""GF_ACTION."""
+_FENCE_HOLD = 2
+_RADIUS_M = 6_371_000.0
+_MAIN_MODES = {
+    1: "MANUAL",
+    2: "ALTCTL",
+    3: "POSCTL",
+    4: "AUTO",
+    5: "ACRO",
+    6: "OFFBOARD",
+    7: "STABILIZED",
+    8: "RATTITUDE",
+    10: "TERMINATION",
+    11: "ALTITUDE_CRUISE",
+}
+_AUTO_MODES = {
+    1: "READY",
+    2: "TAKEOFF",
+    3: "HOLD",
+    4: "MISSION",
+    5: "RTL",
+    6: "LAND",
+    8: "FOLLOW_TARGET",
+    9: "PRECLAND",
+    10: "VTOL_TAKEOFF",
+}
+_POSCTL_MODES = {1: "ORBIT", 2: "POSCTL_SLOW"}
+_OFFBOARD = (6, 0)
+_LAND = (4, 6)
+
+
+def _mode_numbers(custom_mode: int) -> tuple[int, int]:
+    """Main and sub mode."""
+    return custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
+
+
+def mode_name(custom_mode: int) -> str | None:
+    """Name of a mode as QGroundControl shows it; None if unknown."""
+    main, sub = _mode_numbers(custom_mode)
+    if main == 4:
+        return _AUTO_MODES.get(sub)
+    if main == 3 and sub:
+        return _POSCTL_MODES.get(sub)
+    return _MAIN_MODES.get(main)
+
+
+def to_local_ned(point: GeodeticPoint, origin: GeodeticPoint) -> Vector:
+    """Position about an origin: an azimuthal equidistant projection on a sphere."""
+    latitude, longitude = math.radians(point.latitude_deg), math.radians(point.longitude_deg)
+    latitude_0, longitude_0 = math.radians(origin.latitude_deg), math.radians(origin.longitude_deg)
+    down_m = origin.altitude_amsl_m - point.altitude_amsl_m
+    difference = longitude - longitude_0
+    # The sine of the half angle keeps full precision over metres, where an arccosine loses it.
+    north = math.sin(latitude - latitude_0) + (
+        2.0 * math.sin(latitude_0) * math.cos(latitude) * math.sin(0.5 * difference) ** 2
+    )
+    east = math.cos(latitude) * math.sin(difference)
+    sine = math.hypot(north, east)
+    if sine == 0.0:
+        return 0.0, 0.0, down_m
+    factor = _RADIUS_M * math.asin(min(1.0, sine)) / sine
+    return north * factor, east * factor, down_m
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -109,7 +196,55 @@ class Return:
         return max(height_m, climbs_m, 2.0 * self.arrived_m)
 
 
-def actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
+def _loss_action(value: Mapping[str, float]) -> Action:
+    """Action without setpoints and sticks."""
+    action = _OFFBOARD_LOSS.get(int(value["COM_OBL_RC_ACT"]), Action.RETURN)
+    if action is None:
+        action = _LINK_LOSS.get(int(value["NAV_RCL_ACT"]), Action.RETURN)
+    return Action.RETURN if action is Action.NONE else action
+
+
+def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLoss:
+    """Offboard loss: PX4 holds the last point with its velocity as feed-forward.
+
+    It comes to rest v / MPC_XY_P beyond; where COM_OF_LOSS_T ends before that, it brakes at
+    MPC_ACC_HOR. A bound over flights of the fake PX4 (`tests/safety/test_offboard_loss.py`).
+    """
+    brakes_mps2 = max(SOFT_MPS2, min(_HARD_MPS2, value["MPC_ACC_HOR"]))
+    gain_per_s = max(0.1, min(value["MPC_XY_P"], value["MPC_Z_P"]))
+    return OffboardLoss(
+        kind=KIND,
+        name=NAME,
+        action=_loss_action(value),
+        remedy="set COM_OBL_RC_ACT 5",
+        timeout_s=None,
+        way_s=_OVERSHOOT / gain_per_s,
+        way_s2pm=_SWITCH_S2PM + 0.5 / brakes_mps2 - 0.5 / _HARD_MPS2,
+        home=Return.of(value),
+        unknown_way="RTL_TYPE is not 0",
+        unreported=unreported,
+    )
+
+
+def _fence(
+    values: Mapping[str, float],
+    areas: tuple[Area, ...],
+    unreported: tuple[str, ...],
+    _enabled: bool,
+) -> Fence:
+    action = int(values["GF_ACTION"])
+    return Fence(
+        circle=limit(values, "GF_MAX_HOR_DIST", on=values["GF_MAX_HOR_DIST"] > 0.0),
+        ceiling=limit(values, "GF_MAX_VER_DIST", on=values["GF_MAX_VER_DIST"] > 0.0),
+        areas=areas,
+        action=_FENCE_ACTIONS.get(action, "warn"),
+        overrules_land=action == _FENCE_HOLD,
+        source_gnss="GF_SOURCE" if values["GF_SOURCE"] == 1.0 else "",
+        unreported=unreported,
+    )
+
+
+def _actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
     """Yields PX4's failsafe actions in OFFBOARD, by the values of all parameters of DEFAULTS."""
     home = Return.of(value)
     battery = int(value["COM_LOW_BAT_ACT"])
@@ -141,7 +276,7 @@ def actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
             home=home,
         )
     offboard = f"COM_OBL_RC_ACT {value['COM_OBL_RC_ACT']:g}"
-    lost, _ = offboard_loss(value)
+    lost = _loss_action(value)
     # Position setpoints need a position: without one the offboard-loss action runs. An action that
     # needs a position, too, falls back to a descent. ALTCTL without sticks is a descent as well.
     yield FailsafeAction(
@@ -157,3 +292,64 @@ def actions(value: Mapping[str, float]) -> Iterator[FailsafeAction]:
         remedy="COM_OBL_RC_ACT 5 (hold)",
         home=home,
     )
+
+
+PROFILE = Profile(
+    kind=KIND,
+    name=NAME,
+    mav_autopilot=12,
+    measured_releases=((1, 17), (1, 18)),
+    oldest_release=(1, 14),
+    mode_name=mode_name,
+    mode_enums={},
+    is_own_mode=lambda custom_mode: _mode_numbers(custom_mode) == _OFFBOARD,
+    own_mode="OFFBOARD",
+    own_mode_numbers=_OFFBOARD,
+    land_mode="LAND",
+    land_mode_numbers=_LAND,
+    armed_in_mode_request=True,
+    homeward_modes=frozenset({"RTL", "LAND", "PRECLAND", "TERMINATION"}),
+    follow_up_modes={"TAKEOFF": "HOLD"},
+    streams_by_itself=True,
+    rates_hz={
+        "ODOMETRY": 5.0,
+        "ESTIMATOR_STATUS": 1.0,
+        "WIND_COV": 2.0,
+        "HIGHRES_IMU": 2.0,
+        "LINK_NODE_STATUS": 1.0,
+        # It refuses another rate of its heartbeat, 1 Hz, but accepts one of CURRENT_MODE.
+        "CURRENT_MODE": 20.0,
+    },
+    integers_bytewise=True,
+    rssi_max=100,  # the percentage of its receivers' drivers
+    channels_without_receiver=False,
+    summary_is_battery_0=False,
+    better_gnss_taken=True,  # by accuracy (SENS_GPS_MASK)
+    gnss_switch=None,
+    gnss_switch_better=frozenset(),
+    gnss_primary=None,
+    motor_range=("PWM_MAIN_MIN1", "PWM_MAIN_MAX1"),
+    unused_pulse_us=900.0,
+    failsafe_flies=True,
+    failsafe_texts=(),
+    innovation_limit=math.inf,
+    to_local_ned=to_local_ned,
+    projection_known=True,
+    home_by_projection=False,  # home keeps its local position from when it was set
+    # v1.17 (SIH), which reported errors of 0.03 to 0.2 m; the greatest one was in height. From the
+    # true position to the setpoint 2.48 m in calm air; in gusts the measured tracking error counts.
+    position_error_m=1.4,
+    tracking_error_m=1.15,
+    stray_s2=0.58,
+    landing_mps=0.7,  # MPC_LAND_SPEED
+    landed_hover_s=5.0,  # the motors stop after 8 s
+    tilt_limits=(("MPC_TILTMAX_AIR", 1.0),),
+    hover_thrust="MPC_THR_HOVER",
+    loss_defaults=_LOSS_DEFAULTS,
+    read_loss=_loss,
+    failsafe_defaults=DEFAULTS,
+    read_failsafes=_actions,
+    fence_parameters=("GF_ACTION", "GF_MAX_HOR_DIST", "GF_MAX_VER_DIST", "GF_SOURCE"),
+    read_fence=_fence,
+    rules=px4_parameters.RULES,
+)

@@ -1,6 +1,6 @@
 """The companion: one machine without I/O. Bytes and time in, bytes out.
 
-    observe -> assess_risk -> rule -> transition -> route -> follow -> emit
+    observe -> look_ahead -> assess_risk -> rule -> transition -> route -> follow -> emit
 
     bytes -> session -> telemetry -> pose, risk indices -> weights -> plan job
     plan answer -> flight -> setpoint -> gate -> session -> bytes
@@ -17,35 +17,28 @@ import math
 from collections import deque
 from collections.abc import Sequence
 
-from ..autopilots import failsafe_parameters
-from ..autopilots.fence import fence_parameters
+from ..adaptation import Adaptation
+from ..autopilots import profile
 from ..config import CompanionConfig
 from ..contingency.contingency_planner import Outlook
 from ..estimation.pose import Pose
-from ..estimation.pose_tracker import Ground, PoseTracker
+from ..estimation.pose_tracker import PoseTracker, SiteMaps
 from ..guidance.path_follower import Progress
 from ..mavlink.commands import (
     CommandCancelled,
-    CommandResult,
     DeniedCommand,
-    MissionCommand,
-    PauseContinue,
-    stops,
 )
-from ..mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
-from ..mavlink.peers import Address, AutopilotElsewhere, PeerRefused
-from ..mavlink.session import CommandAnswered, Event, Session, Severity, SystemStatus
-from ..mavlink.signing import Refusal, Signing, link_signings
+from ..mavlink.identity import AutopilotFound, AutopilotRestarted
+from ..mavlink.peers import Address
+from ..mavlink.session import Event, Session, Severity, SystemStatus
+from ..mavlink.signing import Signing, SigningRefusal, link_signings
 from ..mavlink.telemetry_receiver import ModeLeft
 from ..mission.values import MissionStatus, Verdict
 from ..mission_states import STREAMING
 from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..power.cells import misread
 from ..risk import RiskEstimate
-from ..risk.holding import holding_parameters
 from ..safety.check_inputs import Host
-from ..safety.file_faults import FileFaultTexts
-from ..safety.offboard_loss import loss_parameters
 from ..safety.supervisor import Ruling
 from ..telemetry import Telemetry
 from ..types import Mission, Weights
@@ -57,19 +50,15 @@ from .operator_commands import OperatorCommands
 from .reports import Decision, Reports
 from .restart_report import RestartReport
 from .safety_monitor import SafetyMonitor
-from .signing_report import SigningReport
 
 _RISK_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 0.5
-_READING_S = 1.0
-"""Maximum wait of an order, after the start, for the autopilot, whose heartbeat comes each second;
-then as long again for its parameters. Over UDP they are read within 0.3 s."""
 _LONGEST_STEP_S = 0.1
 """Maximum time step of the reference, also after a longer stall of the shell."""
 
 
 class Companion:
-    """The machine. ground: None without a site: then telemetry and risk only.
+    """The machine. site_maps: None without a site: then telemetry and risk only.
 
     before: memory of the previous process. signing: needed where links are signed.
     """
@@ -78,16 +67,16 @@ class Companion:
         self,
         config: CompanionConfig,
         vehicle: Vehicle,
-        ground: Ground | None,
+        site_maps: SiteMaps | None,
         *,
         before: MissionSnapshot | None = None,
         signing: Signing | None = None,
     ) -> None:
         self._config = config
         self._vehicle = vehicle
-        self._ground = ground
+        self._site_maps = site_maps
         self._session = Session(
-            links={link.url: link.role for link in config.links},
+            links=config.session_links,
             system_id=config.system_id,
             component_id=config.component_id,
             commands=config.commands,
@@ -95,36 +84,29 @@ class Companion:
         )
         self._reports = Reports(self._session)
         self._intake = Intake()
-        self._refusals = SigningReport()
         self._orders = OperatorCommands(self._session, self._reports)
         self._safety_monitor = SafetyMonitor(
             config.supervision, vehicle.guidance.off_path_m, self._reports
         )
         self._restart_report = RestartReport(before)
-        self._begin(ground)
-        self._plan_answers: deque[PlanAnswer] = deque()
+        self._begin(site_maps)
         self._contingency_answers: deque[PlanAnswer] = deque()
-        self._planner_awaited = False
-        self._compiling = ""
-        self._file_faults = FileFaultTexts()
         self._misread_told = False
-        self._read_by_s = -math.inf
-        """End of an order's wait for the autopilot and its parameters."""
         self._cycle_s: float | None = None
         self._followed_s: float | None = None
         """Start time of the last cycle whose output was sent in time."""
         self._risk_due_s = -math.inf
         self._told: tuple[object, ...] = ()
-        """Reports of position accuracy at the last risk estimate."""
+        """Reports of position accuracy in the last cycle."""
         self._report_due_s = -math.inf
 
-    def _begin(self, ground: Ground | None) -> None:
-        site = None if ground is None else ground.site
+    def _begin(self, site_maps: SiteMaps | None) -> None:
+        site = None if site_maps is None else site_maps.site
         self._pose_tracker = PoseTracker(site, self._vehicle.autopilot)
         self._executor = MissionExecutor(
             self._config,
             self._vehicle,
-            ground,
+            site_maps,
             session=self._session,
             pose_tracker=self._pose_tracker,
             orders=self._orders,
@@ -145,11 +127,11 @@ class Companion:
 
     @property
     def memory(self) -> MissionSnapshot | None:
-        """Memory for the next process."""
+        """Memory for the next process: that of the previous one until the status has changed."""
         status = self.status
-        if self._executor.untouched:
+        if not self._executor.status_changed:
             return self._restart_report.before
-        site = None if self._ground is None else self._ground.site.name
+        site = None if self._site_maps is None else self._site_maps.site.name
         return MissionSnapshot(
             state=status.state, since_s=status.since_s, task=status.task, site=site
         )
@@ -165,7 +147,7 @@ class Companion:
         return self._session.signing.references
 
     @property
-    def packets_refused(self) -> dict[str, dict[Refusal, int]]:
+    def packets_refused(self) -> dict[str, dict[SigningRefusal, int]]:
         """Number of refused packets of each signed link, by reason."""
         return self._session.signing.packets_refused
 
@@ -175,16 +157,18 @@ class Companion:
         return self._executor.risk
 
     @property
-    def base_weights(self) -> Weights:
-        """The vehicle's weights for the present mission: k_{S,0}, k_{T,0}, k_{E,0}."""
+    def rule(self) -> Adaptation:
+        """The adaptation of the present mission's weights; of the active plan, if it has one."""
         task = self.status.sought or self.status.task
         mission = Mission.INSPECTION if task is None else task.mission
-        return self._vehicle.weights[mission]
+        flight = self._executor.routes.flight
+        active = None if flight is None or flight.mission is not mission else flight.rule
+        return active or self._vehicle.rule(mission)
 
     @property
     def weights(self) -> Weights:
-        """The weights of the present mission under the present risks (Eq. 9)."""
-        return self.base_weights.adjusted(self.risk.indices)
+        """The weights of the present mission under the present risks."""
+        return self.rule.weights(self.risk.indices)
 
     @property
     def ruling(self) -> Ruling:
@@ -194,8 +178,13 @@ class Companion:
     @property
     def outlook(self) -> Outlook | None:
         """Battery energy left, and demand of the remaining flight; None without a site."""
-        ways = self._executor.risk_monitor.ways
+        ways = self._executor.risk_monitor.contingencies
         return None if ways is None else ways.outlook(self.risk.meter)
+
+    @property
+    def host(self) -> Host:
+        """Free resources of the computer, as noted last."""
+        return self._executor.host
 
     @property
     def pose(self) -> Pose | None:
@@ -205,10 +194,10 @@ class Companion:
     @property
     def clearance_m(self) -> float | None:
         """Distance from the aircraft's hull to the nearest obstacle; None where unknown."""
-        pose, ground = self._pose_tracker.pose, self._ground
-        if pose is None or ground is None:
+        pose, site_maps = self._pose_tracker.pose, self._site_maps
+        if pose is None or site_maps is None:
             return None
-        return ground.clearance_m(pose, self._vehicle.radius_m)
+        return site_maps.clearance_m(pose, self._vehicle.radius_m)
 
     @property
     def progress(self) -> Progress | None:
@@ -237,22 +226,16 @@ class Companion:
     def await_planner(self, compiling: str = "") -> None:
         """Notes that the planner is in preparation; until `take_ground` telemetry and risk only.
 
-        Orders wait for the planner, which is ready soon. During a compilation, which takes long,
-        orders are temporarily rejected. compiling: its progress as text.
+        compiling: progress of a compilation as text; empty where the planner is ready soon.
         """
-        self._planner_awaited = True
-        if compiling and not self._compiling:
-            self._reports.say(Severity.INFO, compiling, self._cycle_s or 0.0)
-        self._compiling = compiling
+        self._orders.await_planner(compiling, self._cycle_s or 0.0)
 
-    def take_ground(self, ground: Ground) -> None:
+    def take_ground(self, site_maps: SiteMaps) -> None:
         """Takes the site when its planner is ready: from now on orders are executed."""
-        if self._compiling:
-            self._reports.say(Severity.INFO, "the planner is ready", self._cycle_s or 0.0)
-        self._ground = ground
-        self._planner_awaited, self._compiling = False, ""
+        self._orders.planner_ready(self._cycle_s or 0.0)
+        self._site_maps = site_maps
         host = self._executor.host
-        self._begin(ground)
+        self._begin(site_maps)
         self._executor.host = host
 
     def note_host(self, host: Host) -> None:
@@ -264,8 +247,8 @@ class Companion:
         self._session.signing.note_wall_clock(wall_s)
 
     def plan_answered(self, answer: PlanAnswer) -> None:
-        """Takes the answer to a job, for the next cycle."""
-        self._plan_answers.append(answer)
+        """Takes the answer to a job, for the next cycle; one no longer awaited is dropped."""
+        self._executor.routes.plan_answered(answer)
 
     def contingency_answered(self, answer: PlanAnswer) -> None:
         """Takes the answer to a contingency's job, for the next cycle."""
@@ -275,20 +258,20 @@ class Companion:
         """Runs one cycle, from received events to this instant's setpoint."""
         step_s = 0.0 if self._cycle_s is None else min(_LONGEST_STEP_S, now_s - self._cycle_s)
         if self._cycle_s is None:
-            self._read_by_s = now_s + _READING_S
+            self._orders.await_autopilot(now_s)
         self._observe(now_s)
         self._cycle_s = now_s
-        self._assess_risk(now_s)
+        risk_due = now_s >= self._risk_due_s
+        if risk_due:
+            self._risk_due_s = now_s + _RISK_PERIOD_S
+            self._executor.look_ahead(now_s)
+        if self._accuracy_changed() or risk_due:
+            self._executor.assess_risk(now_s)
         self._executor.rule(now_s)
         self._transition(now_s)
         self._executor.route(now_s)
         self._executor.follow(now_s, step_s)
-        state = self.status.state
-        active = SystemStatus.ACTIVE if state in STREAMING else SystemStatus.STANDBY
-        self._session.tick(now_s, active, custom_mode=state.number)
-        if now_s >= self._report_due_s:
-            self._report_due_s = now_s + _REPORT_PERIOD_S
-            self._report(now_s)
+        self._emit(now_s)
 
     def shut_down(self, now_s: float) -> None:
         """Ends the setpoint stream at rest, if still permitted: the last cycle of the process."""
@@ -296,7 +279,7 @@ class Companion:
         self._executor.rule(now_s)
         self._executor.shut_down(now_s)
 
-    # The stages of a cycle; the executor has the others
+    # The stages of a cycle that are not the executor's
 
     def _observe(self, now_s: float) -> None:
         """Takes telemetry and events.
@@ -313,82 +296,35 @@ class Companion:
         while self._contingency_answers:
             self._executor.take_contingency(self._contingency_answers.popleft())
 
-    def _assess_risk(self, now_s: float) -> None:
-        """Updates the remaining flight and the risk indices, where they are due."""
-        telemetry = self.telemetry
-        told = telemetry.gnss, telemetry.second_gnss, telemetry.estimator, telemetry.odometry
-        # A change of position accuracy must count for the next setpoint.
-        due = now_s >= self._risk_due_s
-        if due:
-            self._risk_due_s = now_s + _RISK_PERIOD_S
-            self._executor.look_ahead(now_s)
-        if due or told != self._told:
-            self._told = told
-            self._executor.assess_risk(now_s)
+    def _accuracy_changed(self) -> bool:
+        """True if a report of position accuracy is new: it must count for the next setpoint."""
+        telemetry, before = self.telemetry, self._told
+        self._told = telemetry.gnss, telemetry.second_gnss, telemetry.estimator, telemetry.odometry
+        return self._told != before
 
     def _transition(self, now_s: float) -> None:
-        """Steps the mission machine: with the ruling, the planner's answers, and orders."""
+        """Steps the mission machine: with the planner's answer, the ruling, and orders."""
         self._executor.transition(now_s)
-        while self._plan_answers:
-            self._executor.take_plan(self._plan_answers.popleft(), now_s)
-        self._tell_of_files(now_s)
-        if not self._planner_awaited:
-            self._tell(now_s)
-        if self._planner_awaited or self._is_reading(now_s):
-            self._put_off(now_s)
-        else:
-            for command in self._orders.heard():
-                self._executor.order(command, now_s)
-        silence = self._executor.routes.overdue(now_s)
-        if silence is not None:
-            self._executor.take_plan(silence, now_s)
+        self._tell(now_s)
+        unread = self._executor.routes.not_ready_reason is not None
+        unknown = self._session.autopilot is None or unread
+        for command in self._orders.due(now_s, unknown=unknown and self._site_maps is not None):
+            self._executor.order(command, now_s)
+            self._restart_report.note_order(command)
+        self._orders.tell_progress(now_s)
 
     def _tell(self, now_s: float) -> None:
-        """Reports the findings at start: restart, and a wrong number of cells."""
-        may_continue = self._executor.untouched and self.status.task is not None
+        """Reports file faults, and the findings at start: restart, and a wrong number of cells."""
+        self._reports.tell_file_faults(self._executor.host.file_faults, self.telemetry, now_s)
+        if self._orders.planner_awaited:
+            return
+        may_continue = not self._executor.status_changed and self.status.task is not None
         for text in self._restart_report.texts(self.telemetry, now_s, may_continue=may_continue):
             self._reports.say(Severity.WARNING, text, now_s)
         words = None if self._misread_told else misread(self.telemetry, self._vehicle.risk.cells)
         if words is not None and self.status.state not in STREAMING:
             self._misread_told = True
             self._reports.say(Severity.WARNING, words, now_s)
-
-    def _tell_of_files(self, now_s: float) -> None:
-        """Reports file faults of the service, and their ends."""
-        for fault, over in self._file_faults.texts(self._executor.host.file_faults, self.telemetry):
-            severity = Severity.NOTICE if over else Severity.WARNING
-            action = "over" if over else fault.action
-            self._reports.say(severity, fault.reason, now_s, action=action, news=True)
-
-    def _is_reading(self, now_s: float) -> bool:
-        """True while the autopilot, or its parameters, may still arrive within the waiting time.
-
-        An order rejected meanwhile would stay rejected for all its repeats.
-        """
-        if self._ground is None or now_s > self._read_by_s:
-            return False
-        return self._session.autopilot is None or self._executor.routes.not_ready_reason is not None
-
-    def _put_off(self, now_s: float) -> None:
-        """Executes orders that end motion; other orders wait, or are rejected while compiling.
-
-        An order that ends motion cancels the waiting orders, as if they had been executed before.
-        """
-        waiting: list[MissionCommand | PauseContinue] = []
-        for command in self._orders.heard():
-            if stops(command):
-                for earlier in waiting:
-                    order_id = self._orders.enter(earlier, now_s)
-                    self._orders.answer(order_id, Verdict.CANCELLED, "", now_s)
-                waiting = []
-                self._executor.order(command, now_s)
-                self._restart_report.note_stop(command)
-            elif self._compiling:
-                self._orders.reject(command, self._compiling, now_s)
-            else:
-                waiting.append(command)
-        for command in waiting:
-            self._orders.hear(command)
 
     # Out
 
@@ -426,7 +362,7 @@ class Companion:
 
     def contingency_jobs(self) -> list[PlanJob]:
         """Planning jobs for escape routes since the last call; lower priority than `plan_jobs`."""
-        ways = self._executor.risk_monitor.ways
+        ways = self._executor.risk_monitor.contingencies
         return [] if ways is None else ways.jobs()
 
     def decisions(self) -> list[Decision]:
@@ -437,40 +373,27 @@ class Companion:
 
     def _take_event(self, event: Event, now_s: float) -> None:
         match event:
-            case MissionCommand() | PauseContinue():
-                self._orders.hear(event)
             case CommandCancelled(command=command):
-                self._executor.withdraw(command, now_s)
+                self._executor.withdraw(command.number)
             case DeniedCommand(reason=reason):
                 self._orders.tell_why(event, Verdict.DENIED, reason, now_s)
-            case CommandAnswered(result=result) if result != CommandResult.ACCEPTED:
-                text = "the autopilot refused the mode"
-                self._reports.say(Severity.WARNING, text, now_s)
             case AutopilotFound(autopilot=autopilot):
-                self._read_by_s = now_s + _READING_S
-                kind = autopilot.kind
-                self._session.requests.want_parameters(loss_parameters(kind))
-                self._session.requests.want_parameters(fence_parameters(kind), changing=True)
+                self._orders.await_autopilot(now_s)
+                known = profile(autopilot.kind)
+                self._session.requests.want_parameters(known.loss_parameters)
+                self._session.requests.want_parameters(known.fence_parameters, changing=True)
                 self._session.requests.want_fence()
-                self._session.requests.want_parameters(failsafe_parameters(kind))
-                self._session.requests.want_parameters(holding_parameters(kind))
+                self._session.requests.want_parameters(known.failsafe_parameters)
+                self._session.requests.want_parameters(known.holding_parameters)
             case ModeLeft(mode=mode):
                 self._executor.faults.note_mode_left(mode)
             case AutopilotRestarted():
                 self._executor.faults.note_restart()
-            case AutopilotElsewhere(link=link, address=(host, port, *_)):
-                text = f"autopilot also at {host} (port {port}, on {link})"
-                self._reports.say(Severity.WARNING, text, now_s, action="ignored")
-            case PeerRefused(link=link, address=(host, port, *_), system_id=system_id):
-                where = f"{host}:{port} on {link}; commands.systems"
-                text = f"system {system_id} may not command ({where})"
-                self._reports.say(Severity.NOTICE, text, now_s, action="not served")
-            case AutopilotConflict(autopilot=autopilot, other=other, reason=reason):
-                text = f"{reason}, no control ({autopilot}, {other})"
-                self._reports.say(Severity.ERROR, text, now_s)
+            case _:
+                self._reports.tell_event(event, now_s)
 
     def _learn(self, now_s: float) -> None:
-        """Takes what the autopilot's parameters, fence and home say of the routes."""
+        """Takes the autopilot's parameters, fence and home, on which routes depend."""
         if self._session.autopilot is None:
             return
         kind = self._session.autopilot.kind
@@ -491,10 +414,14 @@ class Companion:
             # Data received meanwhile is old, and the autopilot may have acted on offboard loss.
             self._executor.faults.note_pause(paused_s)
 
-    # Reports
-
-    def _report(self, now_s: float) -> None:
-        """Sends risk indices and weights to ground stations; records the status."""
+    def _emit(self, now_s: float) -> None:
+        """Sends heartbeat and requests, each half second risk indices and weights."""
+        state = self.status.state
+        active = SystemStatus.ACTIVE if state in STREAMING else SystemStatus.STANDBY
+        self._session.tick(now_s, active, custom_mode=state.number)
+        if now_s < self._report_due_s:
+            return
+        self._report_due_s = now_s + _REPORT_PERIOD_S
         indices, weights, pose = self.risk.indices, self.weights, self._pose_tracker.pose
         self._reports.send_values(indices, weights, now_s)
         self._reports.record_status(
@@ -504,6 +431,4 @@ class Companion:
             None if pose is None else pose.position_m,
             now_s,
         )
-        behind_s, ahead_s = self._session.signing.behind_s, self._session.signing.ahead_s
-        for words in self._refusals.texts(self.packets_refused, behind_s, now_s, ahead_s=ahead_s):
-            self._reports.say(Severity.WARNING, words, now_s)
+        self._reports.tell_refusals(self._session.signing, now_s)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ..safety.condition_types import Causes
-from .setpoint_streamer import Refusal
+from ..text_format import distance
+from .setpoint_streamer import SetpointRefusal
 
 
 class Faults:
@@ -16,17 +17,19 @@ class Faults:
 
     def note_pause(self, paused_s: float) -> None:
         """Notes a control-loop stall: time without an output that was sent in time."""
-        self.causes = replace(self.causes, loop_stall=f"control loop stalled {paused_s:.1f} s")
+        self.causes = replace(
+            self.causes, loop_stall=f"control loop stalled {distance(paused_s)} s"
+        )
 
     def note_mode_left(self, mode: str) -> None:
         """Notes that the autopilot has left our mode; it may be back in it."""
-        self.causes = replace(self.causes, pilot=f"the autopilot was in {mode}")
+        self.causes = replace(self.causes, pilot=f"autopilot was in {mode}")
 
     def note_restart(self) -> None:
         """Notes a restart of the autopilot."""
         self.causes = replace(self.causes, autopilot_reboot="the autopilot restarted")
 
-    def note_refusal(self, refused: Refusal) -> None:
+    def note_refusal(self, refused: SetpointRefusal) -> None:
         """Notes a setpoint that was not sent."""
         if refused.rest is None:
             self.causes = replace(self.causes, setpoint_rejected=refused.reason)

@@ -13,7 +13,9 @@ from collections import Counter
 from collections.abc import Callable, Sequence
 from operator import itemgetter
 
+from .. import pilot_texts
 from ..mavlink.peers import Address, Precedence
+from ..text_format import plural
 
 Arrival = tuple[float, str, bytes, Address | None]
 """Arrival time in seconds, link, bytes, and on a listening link the sender."""
@@ -51,8 +53,8 @@ class Intake:
     ) -> list[Arrival]:
         """Returns the data to read in this cycle, in the order of arrival.
 
-        Peers have precedence over strangers; within each, addresses that have sent less come first.
-        A flooding sender therefore takes nothing from the others.
+        Peers have precedence over unknown senders; within each, addresses that have sent less come
+        first. A flooding sender therefore takes nothing from the others.
         """
         kept: list[Arrival] = []
         others: list[tuple[Precedence, tuple[str, Address | None], Arrival]] = []
@@ -89,7 +91,9 @@ class Intake:
         count, links = sum(self.dropped.values()), ", ".join(sorted(self.dropped))
         self.dropped.clear()
         self._told_s = now_s
-        return [f"{count} datagram{'' if count == 1 else 's'} too many ({links})"]
+        return [
+            pilot_texts.DATAGRAMS_DROPPED(large_count=count, plural=plural(count), detail=links)
+        ]
 
 
 def _cost_bytes(data: bytes) -> int:

@@ -6,17 +6,14 @@ Outputs: plan jobs, setpoints, answers to orders, texts for people.
 
 from __future__ import annotations
 
-import math
 from collections import deque
-from dataclasses import replace
 
 from ..config import CompanionConfig
-from ..contingency.contingency_planner import Scene
+from ..error_margin import margin_of
 from ..estimation.pose import Jump
-from ..estimation.pose_tracker import Ground, PoseTracker
+from ..estimation.pose_tracker import PoseTracker, SiteMaps
 from ..guidance.splice import Adoption
-from ..margin import margin_of
-from ..mavlink.commands import Command, MissionCommand, PauseContinue
+from ..mavlink.received_commands import Accepted
 from ..mavlink.session import Session, Severity
 from ..mission import state_machine
 from ..mission.values import (
@@ -34,15 +31,13 @@ from ..mission.values import (
 )
 from ..mission_states import IN_CONTROL, STREAMING, MissionState
 from ..planning.plan_jobs import PlanAnswer
-from ..power.cells import misread
 from ..risk import RiskEstimate
-from ..safety.check_inputs import CheckInputs, EscapeRoute, Host
+from ..safety.check_inputs import Host
 from ..safety.condition_types import Action
 from ..safety.position_checks import widening_m
 from ..safety.supervisor import Ruling
-from ..telemetry import LandedState
-from ..types import Mission
 from ..vehicle import Vehicle
+from .cycle_inputs import ON_THE_WAY, CycleInputs, escapes
 from .faults import Faults
 from .mission_snapshot import MissionSnapshot
 from .mode_requester import ModeRequester
@@ -55,7 +50,6 @@ from .safety_monitor import SafetyMonitor
 from .setpoint_streamer import SetpointStreamer
 from .wind_recovery import WindRecovery
 
-_ON_THE_WAY = (MissionState.FLYING, MissionState.LANDING_LEG)
 _SLOW_PACE = 0.5
 """Fraction of the planned speed while a condition demands SLOW."""
 
@@ -63,14 +57,14 @@ _SLOW_PACE = 0.5
 class MissionExecutor:
     """Holds the mission status and executes the mission.
 
-    ground: None without a site. before: memory of the previous process.
+    site_maps: None without a site. before: memory of the previous process.
     """
 
     def __init__(
         self,
         config: CompanionConfig,
         vehicle: Vehicle,
-        ground: Ground | None,
+        site_maps: SiteMaps | None,
         *,
         session: Session,
         pose_tracker: PoseTracker,
@@ -82,12 +76,12 @@ class MissionExecutor:
         self._config = config
         self._vehicle = vehicle
         self._margin = margin_of(vehicle, config.supervision)
-        self._ground = ground
+        self._site_maps = site_maps
         self._session = session
         self._pose_tracker = pose_tracker
         self._orders = orders
         self._reports = reports
-        self.routes = RouteManager(ground, vehicle, config, reports, self._margin)
+        self.routes = RouteManager(site_maps, vehicle, config, reports, self._margin)
         self.setpoints = SetpointStreamer(session, vehicle, config.supervision, self._margin)
         pilot_may_fly = before is not None and before.state is not MissionState.IDLE
         self.mode_requester = ModeRequester(
@@ -95,15 +89,28 @@ class MissionExecutor:
         )
         self._recovery = WindRecovery(reports)
         self._safety_monitor = safety_monitor
-        site = None if ground is None else ground.site
+        site = None if site_maps is None else site_maps.site
         self.status = state_machine.restarted(None if before is None else before.rest(site))
         """Mission status: state, task and request."""
-        self.untouched = True
-        """True until the first change of the status by an order, a plan or a transition."""
+        self.status_changed = False
+        """True from the first change of the status by an order, a plan or a transition."""
+        self._withdrawn: deque[int] = deque()
+        """Numbers of orders that were cancelled since the last transition."""
         self._paths_changed = False
         """True if a search that found no path may find one now."""
-        self.risk_monitor = RiskMonitor(ground, vehicle)
+        self.risk_monitor = RiskMonitor(site_maps, vehicle)
         """The present risk indices, and the escape routes."""
+        self._inputs = CycleInputs(
+            vehicle,
+            config.supervision,
+            self._margin,
+            site_maps,
+            session=session,
+            pose_tracker=pose_tracker,
+            routes=self.routes,
+            risk_monitor=self.risk_monitor,
+            mode_requester=self.mode_requester,
+        )
         self.host = Host()
         """Free resources of the computer."""
         self.faults = Faults()
@@ -120,30 +127,6 @@ class MissionExecutor:
         return self._safety_monitor.ruling
 
     @property
-    def tracking_error_m(self) -> float | None:
-        """Distance from our setpoint to the aircraft; infinite where its pose is unknown.
-
-        None while the companion is not in control.
-        """
-        flight, pose = self.routes.flight, self._pose_tracker.pose
-        if flight is None or self.status.state not in IN_CONTROL:
-            return None
-        return math.inf if pose is None else flight.error_m(pose)
-
-    @property
-    def _follows(self) -> bool:
-        """True while the autopilot is in the mode in which it follows our setpoints."""
-        autopilot = self._session.telemetry.autopilot
-        return autopilot is not None and autopilot.ours
-
-    @property
-    def _escapes(self) -> bool:
-        """True while an exit or evacuation is flown."""
-        task = self.status.task
-        in_control = self.status.state in IN_CONTROL
-        return in_control and task is not None and task.mission is not Mission.INSPECTION
-
-    @property
     def _pace(self) -> float:
         """Fraction of the planned speed that is flown."""
         return _SLOW_PACE if self.ruling.action is Action.SLOW else 1.0
@@ -154,32 +137,44 @@ class MissionExecutor:
         """Updates the remaining flight, and the obstacles that autopilot failsafes would hit."""
         telemetry, pose = self._session.telemetry, self._pose_tracker.pose
         place_m = None if pose is None else pose.position_m
-        self.risk_monitor.keep_escape_routes(telemetry, self._scene(), place_m, now_s)
+        scene = self._inputs.scene(self.status, self._pace)
+        self.risk_monitor.keep_escape_routes(telemetry, scene, place_m, now_s)
         volume = self.routes.volume
         if self.status.state in IN_CONTROL and volume is not None:
             watch, meter = self.routes.watch, self.risk.meter
             watch.look(place_m, volume.maps.reach, telemetry, meter, now_s)
-            note = watch.note(self._exposure_limit_s, self.status.since_s, now_s)
-            if note is not None and not self._escapes:
+            limit_s = self._inputs.exposure_limit_s(self.status)
+            note = watch.note(limit_s, self.status.since_s, now_s)
+            if note is not None and not escapes(self.status):
                 self._reports.say(Severity.NOTICE, note, now_s)
 
     def assess_risk(self, now_s: float) -> None:
         """Updates the risk indices from telemetry and the remaining flight."""
-        session = self._session
-        self.risk_monitor.judge(
-            session.telemetry, session.requests.parameters, self.tracking_error_m, now_s
-        )
+        session, error_m = self._session, self._inputs.tracking_error_m(self.status)
+        self.risk_monitor.judge(session.telemetry, session.requests.parameters, error_m, now_s)
 
     def rule(self, now_s: float) -> None:
         """Steps the supervisor, once a cycle, with the checks of everything observed."""
         self.setpoints.widened_m = widening_m(self.risk, self._margin)
-        error_m = None if self._escapes else self.tracking_error_m
+        tracking_error_m = self._inputs.tracking_error_m(self.status)
+        error_m = None if escapes(self.status) else tracking_error_m
         self._paths_changed = self.routes.look(self.risk, error_m, now_s)
-        self._safety_monitor.rule(self._check_inputs(now_s), now_s)
+        faults = self.faults.causes
+        seen = self._inputs.check_inputs(self.status, self.host, faults, now_s)
+        self._safety_monitor.rule(seen, now_s)
         self.faults.forget()
 
     def transition(self, now_s: float) -> None:
-        """Steps the mission machine; before plans and orders, so that a release comes first."""
+        """Steps the mission machine: with cancelled orders, the planner's answer, the ruling.
+
+        A failed search comes before the ruling, which may require the next escape route at once.
+        """
+        while self._withdrawn:
+            step = state_machine.withdrawn(self.status, self._withdrawn.popleft(), now_s)
+            self._carry_out(step, now_s)
+        taken = self.routes.taken(now_s)
+        if taken is not None:
+            self._take_plan(*taken, now_s)
         step = state_machine.tick(
             self.status,
             self._situation(now_s),
@@ -190,11 +185,8 @@ class MissionExecutor:
         )
         self._carry_out(step, now_s)
 
-    def take_plan(self, answer: PlanAnswer, now_s: float) -> None:
-        """Takes the answer to a job; one that is no longer awaited is dropped."""
-        awaited = self.routes.taken(answer)
-        if awaited is None:
-            return
+    def _take_plan(self, awaited: Awaited, answer: PlanAnswer, now_s: float) -> None:
+        """Adopts an awaited plan, or handles its absence."""
         ordered = self.status.order_id is not None
         answer = self.routes.checked_for_offboard_loss(awaited, answer, now_s, ordered=ordered)
         if answer.plan is None:
@@ -211,16 +203,15 @@ class MissionExecutor:
             self.routes.brake()
             self._seek(self.status.sought, now_s)
 
-    def withdraw(self, command: Command, now_s: float) -> None:
-        """Withdraws an order that an operator cancelled after its acknowledgement."""
-        order_id = self._orders.withdraw(command)
-        if order_id is not None:
-            self._carry_out(state_machine.withdrawn(self.status, order_id, now_s), now_s)
+    def withdraw(self, order_id: int) -> None:
+        """Takes an order that its operator cancelled, for the next transition."""
+        self._withdrawn.append(order_id)
 
-    def order(self, command: MissionCommand | PauseContinue, now_s: float) -> None:
+    def order(self, command: Accepted, now_s: float) -> None:
         """Executes, or refuses, an order."""
-        order_id = self._orders.enter(command, now_s)
-        site = None if self._ground is None else self._ground.site
+        order_id = command.number
+        self._session.commands.note_executed(command, now_s)
+        site = None if self._site_maps is None else self._site_maps.site
         order = understood(command, site, self._config.authority)
         self._reports.record("order", now_s, order=words(order), sender=command.sender.system_id)
         if isinstance(order, Refused):
@@ -241,9 +232,8 @@ class MissionExecutor:
 
     def route(self, now_s: float) -> None:
         """Requests a better plan, or a recovery leg, where one is due."""
-        self._orders.tell_progress(now_s)
         pose, task = self._pose_tracker.pose, self.status.task
-        if self.status.state in _ON_THE_WAY and task is not None and pose is not None:
+        if self.status.state in ON_THE_WAY and task is not None and pose is not None:
             self.routes.replan(task, pose, self.risk.indices, now_s)
         width_m = self.routes.inflation.lasting_m
         self._recovery.act(self.routes.flight, pose, self.status, self.ruling, width_m, now_s)
@@ -271,14 +261,14 @@ class MissionExecutor:
         if (
             self.status.state in STREAMING
             and self.ruling.action is not Action.RELEASE
-            and (self._follows or self.status.state is MissionState.READY)
+            and (self._inputs.mode_ours or self.status.state is MissionState.READY)
         ):
             self._send_last_setpoint(now_s)
 
     def take_contingency(self, answer: PlanAnswer) -> None:
         """Takes the answer to a contingency's job; one that is no longer awaited is dropped."""
-        if self.risk_monitor.ways is not None:
-            self.risk_monitor.ways.answered(answer, self.routes.volume)
+        if self.risk_monitor.contingencies is not None:
+            self.risk_monitor.contingencies.answered(answer, self.routes.volume)
 
     def _go_without(self, awaited: Awaited, answer: PlanAnswer, now_s: float) -> None:
         """Handles a missing plan: an order is denied, another request stays pending for room."""
@@ -300,133 +290,8 @@ class MissionExecutor:
             if self.routes.braked:
                 self._carry_out(state_machine.blocked(self.status, now_s), now_s)
 
-    # Inputs of the mission machine
-
-    @property
-    def _exposure_limit_s(self) -> float:
-        """Maximum stay where a failsafe without a forecast would hit an obstacle, dwell added."""
-        return self._config.supervision.exposure_limit_s + self._dwell_s
-
-    @property
-    def _dwell_s(self) -> float:
-        """Time to stay at the present target."""
-        task = self.status.task
-        return 0.0 if self._ground is None or task is None else self._ground.dwell_s(task.stops)
-
-    def _exposure(self, escape_route: EscapeRoute | None, now_s: float) -> str | None:
-        """Reason to leave before an autopilot failsafe acts; None if there is none."""
-        return self.routes.watch.reason(
-            self._session.telemetry,
-            self.risk.meter,
-            leaving_s=None if escape_route is None else escape_route.exposed_s,
-            limit_s=self._exposure_limit_s,
-            from_s=self.status.since_s,
-            now_s=now_s,
-        )
-
-    def _scene(self) -> Scene | None:
-        """Inputs of contingency planning; None where no plan is possible."""
-        pose, volume = self._pose_tracker.pose, self.routes.volume
-        landed = self._session.telemetry.landed
-        if pose is None or volume is None:
-            return None
-        if landed is not None and landed.state is not LandedState.IN_AIR:
-            return None  # the aircraft takes off or lands
-        plane, spread = self._pose_tracker.plane, self.risk.wind.spread
-        beside = abs(pose.position_m[1]) > self._config.supervision.plane_tolerance_m
-        if beside and self.status.state not in STREAMING:
-            return None  # the pilot or autopilot flies it elsewhere
-        return Scene(
-            pose=pose,
-            status=self.status,
-            flight=self.routes.flight,
-            volume=volume,
-            risk=self.risk.indices,
-            widening_m=self.routes.inflation.lasting_m,
-            fence=self.routes.fence,
-            failsafes=self.routes.watch.failsafes,
-            pace=self._pace,
-            meter=self.risk.meter,
-            wind_mps=None
-            if plane is None or spread is None
-            else plane.velocity_from_ned((*spread.mean_ne_mps, 0.0)),
-            model=self.risk.wind.learning.used(self._vehicle.risk),
-        )
-
     def _situation(self, now_s: float) -> Situation:
-        """Inputs of the mission machine; changes nothing."""
-        autopilot, guidance = self._session.telemetry.autopilot, self._vehicle.guidance
-        flight, pose = self.routes.flight, self._pose_tracker.pose
-        error_m = math.inf if flight is None or pose is None else flight.error_m(pose)
-        return Situation(
-            ruling=self.ruling,
-            mode_ours=self._follows,
-            mode_heard_s=-math.inf if autopilot is None else autopilot.received_s,
-            on_leg=flight is not None and flight.on_leg,
-            arrived=self.routes.arrived(pose, now_s),
-            dwell_s=self._dwell_s,
-            astray=flight is not None and error_m > guidance.tracking_hold_m,
-        )
-
-    def _check_inputs(self, now_s: float) -> CheckInputs:
-        """Inputs of the supervisor's checks."""
-        flight, pose, ground = self.routes.flight, self._pose_tracker.pose, self._ground
-        telemetry, ways = self._session.telemetry, self.risk_monitor.ways
-        escape_route = None if ways is None else ways.escape_route(self.risk.meter)
-        room_m = None
-        if ground is not None and pose is not None:
-            room_m = ground.room_m(pose, self._vehicle.radius_m)
-        agreement, jumped_m = self._pose_tracker.agreement, self._pose_tracker.jumped_m(now_s)
-        return CheckInputs(
-            telemetry=telemetry,
-            risk=self.risk,
-            conflict=self._session.conflict,
-            expected=self._vehicle.autopilot,
-            pose=pose,
-            position_moved_s=self._pose_tracker.position_moved_s,
-            position_late_s=self._pose_tracker.position_late_s,
-            jumped_m=jumped_m,
-            jump_margin_m=self._jump_margin_m(room_m, jumped_m),
-            origin_moved_m=agreement.origin_moved_m,
-            origin_margin_m=self._jump_margin_m(room_m, agreement.origin_moved_m),
-            global_off_m=agreement.global_off_m,
-            home_off_m=agreement.home_off_m,
-            room_m=room_m,
-            widening_m=widening_m(self.risk, self._margin),
-            in_control=self.status.state in IN_CONTROL,
-            escaping=self._escapes,
-            landing=self.mode_requester.is_landing(telemetry.autopilot, now_s),
-            azimuth_rad=None if ground is None else math.radians(ground.site.frame.azimuth_deg),
-            misread=misread(telemetry, self._vehicle.risk.cells),
-            error_m=flight.error_m(pose) if flight is not None and pose is not None else None,
-            drifted_m=flight.drifted_m(pose) if flight is not None and pose is not None else None,
-            saturated=self.risk_monitor.saturated,
-            held_wind_mps=self.risk_monitor.held_wind_mps,
-            stands=flight is not None and flight.stands and self.status.state in _ON_THE_WAY,
-            strays=flight.strays(pose) if flight is not None and pose is not None else None,
-            plan_awaited_s=self.routes.awaited_for_s(now_s),
-            fence_silent=self._session.requests.fence_silent,
-            escape_route=escape_route,
-            exposure=self._exposure(escape_route, now_s),
-            host=self.host,
-            faults=replace(
-                self.faults.causes,
-                offboard_loss_unknown=self.routes.not_ready_reason,
-                autopilot_fence=self.routes.fence_objection(pose),
-                offboard_loss_collision=self.routes.objection,
-                no_clearance=self.faults.causes.no_clearance or self.routes.inflation.no_room,
-            ),
-        )
-
-    def _jump_margin_m(self, room_m: float | None, jumped_m: float) -> float:
-        """Permitted position error, here and before a jump of `jumped_m`.
-
-        room_m: from the aircraft's hull to the nearest keep-out.
-        """
-        if room_m is None:
-            return math.inf
-        spare_m = room_m - self._margin.tracking_m - jumped_m
-        return max(0.0, self._margin.position_m + min(0.0, room_m) + max(0.0, spare_m))
+        return self._inputs.situation(self.status, self.ruling, now_s)
 
     # Effects
 
@@ -444,8 +309,7 @@ class MissionExecutor:
 
     def _take(self, status: MissionStatus, now_s: float) -> None:
         before, self.status = self.status, status
-        if status != before:
-            self.untouched = False
+        self.status_changed = self.status_changed or status != before
         if status.state is not before.state:
             before_word = before.state.value
             self._reports.record("state", now_s, state=status.state.value, before=before_word)
@@ -494,7 +358,7 @@ class MissionExecutor:
         flight, pose = self.routes.flight, self._pose_tracker.pose
         plane = self._pose_tracker.plane
         if self.status.state not in STREAMING or not flight or not pose or not plane:
-            if plane is not None and self._follows and self.ruling.last_setpoint:
+            if plane is not None and self._inputs.mode_ours and self.ruling.last_setpoint:
                 self.setpoints.resend_last_setpoint(plane, now_s)
             self.setpoints.end()
             return

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from .. import pilot_texts
+from ..autopilots import profile
 from ..config import Authority
 from ..estimation.pose_tracker import grounded
 from ..mavlink.session import Session, Severity
@@ -11,7 +13,6 @@ from ..mission.values import MissionStatus
 from ..mission_states import IN_CONTROL, MissionState
 from ..safety.autopilot_failsafe import took_mode
 from ..telemetry import AutopilotStatus, Telemetry
-from ..types import AutopilotKind
 from .reports import Reports
 
 _ENGAGE_AFTER_S = 1.2
@@ -23,7 +24,6 @@ _FRESH_S = 0.1
 _AGAIN_S = 1.0
 """Both autopilots answer within milliseconds, and PX4 reports its mode once a second."""
 _MOST_REQUESTS = 3
-_LAND = "LAND"
 _LAND_AGAIN_S = 3.0
 """A LAND request that arrived shows in the heartbeat of the next second."""
 _MOST_LANDINGS = 3
@@ -70,8 +70,10 @@ class ModeRequester:
 
     def is_landing(self, autopilot: AutopilotStatus | None, now_s: float) -> bool:
         """True if the autopilot begins the requested landing."""
-        asked = self._landings_sent > 0 and now_s - self._landing_sent_s <= _LAND_AGAIN_S
-        return asked and autopilot is not None and autopilot.mode == _LAND
+        if autopilot is None or self._landings_sent == 0:
+            return False
+        recent = now_s - self._landing_sent_s <= _LAND_AGAIN_S
+        return recent and autopilot.mode == profile(autopilot.kind).land_mode
 
     def note_order(
         self, autopilot: AutopilotStatus | None, before: MissionState, now_s: float
@@ -89,8 +91,8 @@ class ModeRequester:
         """Reports that our mode is not requested: the operator must select it."""
         if autopilot is None or autopilot.ours:
             return
-        own = "OFFBOARD" if autopilot.kind is AutopilotKind.PX4 else "GUIDED"
-        reason = f"{autopilot.mode} is kept"
+        own = profile(autopilot.kind).own_mode
+        reason = pilot_texts.MODE_KEPT(mode=autopilot.mode)
         self._reports.say(Severity.WARNING, reason, now_s, action=f"waiting for {own}", news=True)
 
     def note_landing(self) -> None:
@@ -144,29 +146,28 @@ class ModeRequester:
             self._session.request_own_mode()
 
     def _ask_for_landing(self, now_s: float) -> None:
-        """Requests LAND, again where the link may have lost it; at last warns people."""
+        """Requests LAND, again where the link may have lost it; at last warns the operator."""
         if self._landings_sent and now_s - self._landing_sent_s < _LAND_AGAIN_S:
             return
         if self._landings_sent < _MOST_LANDINGS:
             self._landing_asked_s = now_s if self._session.request_land() else None
             return
         self._landing_due = False
-        words = "the landing has not begun, choose LAND"
-        self._reports.say(Severity.WARNING, words, now_s)
+        self._reports.say(Severity.WARNING, pilot_texts.NO_LANDING(), now_s)
 
     def _may_take(self, status: MissionStatus, autopilot: AutopilotStatus, now_s: float) -> bool:
         """True if our mode is to be requested now: once for an order, again without an answer."""
         if (
             self._in_mode is None
             or status.state is not MissionState.READY
-            or status.held
+            or status.hold_ordered
             or now_s - status.since_s < _ENGAGE_AFTER_S
         ):
             return False
         # After a take-off PX4 changes to HOLD by itself, and reports that up to a second later.
         same = autopilot.mode == self._in_mode
-        took_off = (self._in_mode, autopilot.mode) == ("TAKEOFF", "HOLD")
-        fit = (same or took_off) and not took_mode(autopilot) and not self._pilot_flies
+        follows = profile(autopilot.kind).follow_up_modes.get(self._in_mode) == autopilot.mode
+        fit = (same or follows) and not took_mode(autopilot) and not self._pilot_flies
         waits = now_s - self._requested_s < _AGAIN_S
         answered = self._requests > 0 and not self._session.mode_unanswered
         if answered or not fit or (self._requests == _MOST_REQUESTS and not waits):

@@ -9,16 +9,19 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import replace
 
+from .. import pilot_texts
+from ..autopilots import profile
 from ..autopilots.failsafe_actions import LINKS, Failsafes
+from ..autopilots.offboard_loss import OffboardLoss
 from ..config import LossCheck, Supervision
 from ..estimation.pose import home_moved
-from ..estimation.pose_tracker import Ground
+from ..estimation.pose_tracker import SiteMaps
 from ..guidance.path_follower import PathFollower
 from ..guidance.trajectory import FloatArray
 from ..mavlink.session import Severity
 from ..planner.free_distance import FreeDistance
 from ..planning.plan_jobs import PlanAnswer
-from ..safety.offboard_loss import OffboardLoss
+from ..safety.failsafe_paths import failsafe_hit, loss_objection
 from ..types import AutopilotKind, Mission, Vector
 from ..vehicle import Vehicle
 from .plan_requests import Awaited
@@ -32,9 +35,9 @@ class OffboardLossCheck:
     """
 
     def __init__(
-        self, ground: Ground | None, vehicle: Vehicle, limits: Supervision, reports: Reports
+        self, site_maps: SiteMaps | None, vehicle: Vehicle, limits: Supervision, reports: Reports
     ) -> None:
-        self._ground = ground
+        self._site_maps = site_maps
         self._vehicle = vehicle
         self._check = limits.loss_action
         self._failsafe_check = limits.failsafe_action
@@ -58,7 +61,7 @@ class OffboardLossCheck:
 
         Reports the parameters that the autopilot never sent.
         """
-        before, self.loss = self.loss, OffboardLoss.told(kind, parameters)
+        before, self.loss = self.loss, profile(kind).offboard_loss(parameters)
         if self.loss is None:
             return
         if self.loss != before:
@@ -131,21 +134,23 @@ class OffboardLossCheck:
         self, failsafes: Failsafes, reach: FreeDistance | None, rests_m: FloatArray
     ) -> str | None:
         """Text of a failsafe's collision from places (n, 2) after a link loss; None without one."""
-        if self._ground is None:
+        if self._site_maps is None:
             return None
-        found = failsafes.of(LINKS).hit(reach or self._ground.maps.reach, rests_m)
+        found = failsafe_hit(failsafes.of(LINKS), reach or self._site_maps.maps.reach, rests_m)
         if found is None:
             return None
         action, hit = found
-        return f"{action.trigger.value}: {action.action.value} hits {hit.obstacle}"
+        return pilot_texts.FAILSAFE_HITS(
+            link=action.trigger.value, reaction=action.action.noun, obstacle=hit.obstacle
+        )
 
     def _objection_to(self, reach: FreeDistance | None, rests_m: FloatArray) -> str | None:
         """Reason why an offboard loss at stop points (n, 2) is unsafe; None if it is safe."""
-        loss, ground = self.loss, self._ground
-        if loss is None or ground is None:
+        loss, site_maps = self.loss, self._site_maps
+        if loss is None or site_maps is None:
             return None
         lag = loss.lag(self._vehicle.guidance.acceleration_mps2)
-        return lag or loss.objection(reach or ground.maps.reach, rests_m, self._home_m)
+        return lag or loss_objection(loss, reach or site_maps.maps.reach, rests_m, self._home_m)
 
     def _refuses(self, mission: Mission) -> bool:
         """True if an objection forbids a mission."""

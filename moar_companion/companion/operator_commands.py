@@ -1,19 +1,23 @@
-"""Operators' commands: their meaning on this site, and the answers to them."""
+"""Operators' commands: when they are due, their meaning on this site, the answers to them."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+import math
+from dataclasses import dataclass
 
+from .. import pilot_texts
 from ..config import Authority
-from ..mavlink.commands import Command, CommandResult, MissionCommand, PauseContinue
+from ..mavlink.commands import Command, CommandResult, PauseContinue, stops
+from ..mavlink.received_commands import Accepted
 from ..mavlink.session import Session, Severity
 from ..mission.values import Order, Task, Verdict
 from ..site import Site
 from ..types import Mission
 from .reports import Reports
 
-_IN_PROGRESS_AFTER_S = 0.2
-"""Planning time after which an order is answered IN_PROGRESS (contract)."""
+_READING_S = 1.0
+"""Maximum wait of an order, after the start, for the autopilot, whose heartbeat comes each second;
+then as long again for its parameters. Over UDP they are read within 0.3 s."""
 
 _RESULTS = {
     Verdict.ACCEPTED: CommandResult.ACCEPTED,
@@ -32,7 +36,7 @@ class Refused:
 
 
 def understood(
-    command: MissionCommand | PauseContinue, site: Site | None, authority: Authority
+    command: Accepted, site: Site | None, authority: Authority
 ) -> Task | Order | Refused:
     """Returns the task or order in a command, or the reason for its refusal."""
     if isinstance(command, PauseContinue):
@@ -40,70 +44,89 @@ def understood(
     if not isinstance(command.mission, Mission):
         return Order(command.mission)
     if site is None:
-        return Refused(reason="no site is loaded")
+        return Refused(reason=pilot_texts.NO_SITE())
     if authority is Authority.OBSERVE:
-        return Refused(reason="the authority is observe")
+        return Refused(reason=pilot_texts.OBSERVE())
     index = command.index
     if command.mission is Mission.INSPECTION:
         names = tuple(target.name for target in site.targets)
         if not names or (index is not None and index >= len(names)):
-            return Refused(reason=f"no target {index or 0}: the site has {len(names)}")
+            reason = pilot_texts.NO_TARGET(index=index or 0, number=len(names))
+            return Refused(reason=reason)
         stops = names if index is None else (names[index],)
         return Task(mission=command.mission, stops=stops)
     landings = site.landing_m.get(command.mission, ())
     if not landings or (index is not None and index >= len(landings)):
-        return Refused(reason=f"no landing point {index or 0}: the site has {len(landings)}")
+        reason = pilot_texts.NO_LANDING_POINT(index=index or 0, number=len(landings))
+        return Refused(reason=reason)
     return Task(mission=command.mission, landing=index)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Open:
-    command: Command
-    received_s: float
-    progress_told: bool = False
-
-
 class OperatorCommands:
-    """Commands that wait for a cycle, and unanswered orders by their numbers."""
+    """Takes commands of the session when they are due, and answers them with their reasons."""
 
     def __init__(self, session: Session, reports: Reports) -> None:
         self._session = session
         self._reports = reports
-        self._heard: list[MissionCommand | PauseContinue] = []
-        self._open: dict[int, _Open] = {}
-        self._last_id = 0
+        self.planner_awaited = False
+        """True while the planner is in preparation."""
+        self._compiling = ""
+        self._read_by_s = -math.inf
+        """End of the wait for the autopilot and its parameters."""
 
-    def hear(self, command: MissionCommand | PauseContinue) -> None:
-        """Keeps a command until the next cycle."""
-        self._heard.append(command)
+    def await_planner(self, compiling: str, now_s: float) -> None:
+        """Notes that the planner is in preparation.
 
-    def heard(self) -> list[MissionCommand | PauseContinue]:
-        """Returns the commands since the last call."""
-        heard, self._heard = self._heard, []
-        return heard
+        Orders wait for it. During a compilation, which takes long, they are temporarily rejected.
+        compiling: its progress as text; empty without one.
+        """
+        self.planner_awaited = True
+        if compiling and not self._compiling:
+            self._reports.say(Severity.INFO, compiling, now_s)
+        self._compiling = compiling
 
-    def reject(self, command: Command, reason: str, now_s: float) -> None:
-        """Answers that a command is rejected temporarily: it may be given again later."""
-        self.answer(self.enter(command, now_s), Verdict.TEMPORARILY_REJECTED, reason, now_s)
+    def planner_ready(self, now_s: float) -> None:
+        """Notes that the planner is ready."""
+        if self._compiling:
+            self._reports.say(Severity.INFO, pilot_texts.PLANNER_READY(), now_s)
+        self.planner_awaited, self._compiling = False, ""
 
-    def enter(self, command: Command, now_s: float) -> int:
-        """Registers a command that will be answered; returns its number."""
-        self._last_id += 1
-        self._open[self._last_id] = _Open(command=command, received_s=now_s)
-        return self._last_id
+    def await_autopilot(self, now_s: float) -> None:
+        """Notes the start, or a found autopilot: orders wait for it, or for its parameters.
 
-    def withdraw(self, command: Command) -> int | None:
-        """Removes a command that its sender cancelled; returns its number, if it was open."""
-        self._heard = [heard for heard in self._heard if heard != command]
-        for order_id, order in self._open.items():
-            if order.command == command:
-                del self._open[order_id]
-                return order_id
-        return None
+        An order rejected meanwhile would stay rejected for all its repeats.
+        """
+        self._read_by_s = now_s + _READING_S
+
+    def due(self, now_s: float, *, unknown: bool) -> list[Accepted]:
+        """Commands to execute now, in the order of arrival.
+
+        Before planner and autopilot are known only those that end motion: the others wait, or are
+        rejected during a compilation. One that ends motion cancels those that wait, as if executed
+        before. unknown: the autopilot or its parameters are not known yet.
+        """
+        waiting = self._session.commands.waiting
+        if not self.planner_awaited and not (unknown and now_s <= self._read_by_s):
+            return waiting
+        due: list[Accepted] = []
+        earlier: list[Accepted] = []
+        for command in waiting:
+            if stops(command):
+                for other in earlier:
+                    self.answer(other.number, Verdict.CANCELLED, "", now_s)
+                earlier = []
+                due.append(command)
+            elif self._compiling:
+                self.answer(command.number, Verdict.TEMPORARILY_REJECTED, self._compiling, now_s)
+            else:
+                earlier.append(command)
+        return due
 
     def answer(self, order_id: int, verdict: Verdict, reason: str, now_s: float) -> None:
-        """Sends the final answer to an order."""
-        command = self._open.pop(order_id).command
+        """Sends the final answer to an order; nothing where it has one already."""
+        command = self._session.commands.open(order_id)
+        if command is None:
+            return
         self._session.answer(command, _RESULTS[verdict])
         self._reports.record("answer", now_s, verdict=verdict.value, reason=reason)
         if reason:
@@ -116,10 +139,8 @@ class OperatorCommands:
 
     def tell_progress(self, now_s: float) -> None:
         """Answers IN_PROGRESS once to each order that has waited for long."""
-        for order_id, order in self._open.items():
-            if not order.progress_told and now_s - order.received_s > _IN_PROGRESS_AFTER_S:
-                self._open[order_id] = replace(order, progress_told=True)
-                self._session.answer(order.command, CommandResult.IN_PROGRESS)
+        for command in self._session.commands.without_answer(now_s):
+            self._session.answer(command, CommandResult.IN_PROGRESS)
 
 
 def words(order: Task | Order | Refused) -> str:

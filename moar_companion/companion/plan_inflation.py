@@ -6,12 +6,14 @@ plans, and the reason why there is no room for a path.
 
 from __future__ import annotations
 
+from .. import pilot_texts
 from ..config import Supervision
 from ..planning.plan_jobs import PlanAnswer
 from ..risk import RiskEstimate
 from ..safety.obstacle_inflation import ObstacleInflation
 from ..safety.position_checks import uncertainty_m, widening_m
 from ..site import Margin
+from ..text_format import distance
 from ..types import Mission
 from ..vehicle import Vehicle
 from .plan_requests import Awaited
@@ -86,5 +88,5 @@ class PlanInflation:
         if not answer.too_wide or self._uncertainty_m is None:
             return answer.reason
         if not self.needed_m:
-            return f"no way with this tracking error ({answer.reason})"
-        return f"no way with uncertainty {self._uncertainty_m:.1f} m ({answer.reason})"
+            return pilot_texts.TRACKING_BLOCKS(detail=answer.reason)
+        return pilot_texts.UNCERTAINTY_BLOCKS(m=distance(self._uncertainty_m), detail=answer.reason)

@@ -7,14 +7,15 @@ from __future__ import annotations
 
 import math
 
-from ..estimation.pose_tracker import Ground
+from .. import pilot_texts
+from ..estimation.pose_tracker import SiteMaps
 from ..mavlink.session import Severity
-from ..mavlink.statustext import short_name
 from ..planner.comparison import path_difference
 from ..planner.plan_values import Plan
 from ..planner.regions import narrowest
 from ..risk import RiskEstimate
 from ..risk.explain import WeightsReason, risk_dict
+from ..text_format import distance, limit_text
 from ..types import Mission, RiskIndices
 from ..vehicle import Vehicle
 from .plan_requests import Awaited
@@ -29,8 +30,8 @@ _RISK_MOVED = 0.05
 class PlanReports:
     """Keeps the risk indices of the active path, and the time of the last text about a move."""
 
-    def __init__(self, ground: Ground | None, vehicle: Vehicle, reports: Reports) -> None:
-        self._ground = ground
+    def __init__(self, site_maps: SiteMaps | None, vehicle: Vehicle, reports: Reports) -> None:
+        self._site_maps = site_maps
         self._vehicle = vehicle
         self._reports = reports
         self._told_s = -math.inf
@@ -49,7 +50,7 @@ class PlanReports:
 
         flown: rest of the plan before it; None where that could not stay.
         """
-        base = self._vehicle.weights[plan.mission]
+        rule = plan.request.adaptation or self._vehicle.rule(plan.mission)
         difference = None if flown is None else path_difference(flown, plan)
         self._reports.record(
             "plan",
@@ -59,7 +60,7 @@ class PlanReports:
             explanation={
                 "reason": awaited.reason,
                 "risk": risk_dict(estimate),
-                "weights": WeightsReason.of(base, plan.request.risk).to_dict(),
+                "weights": WeightsReason.of(rule, plan.request.risk).to_dict(),
                 "path": None if difference is None else difference.to_dict(),
             },
         )
@@ -72,16 +73,23 @@ class PlanReports:
             and now_s - self._told_s >= _TOLD_EVERY_S
         ):
             self._told_s = now_s
-            change = f"{name} risk {after[name]:.2f} (was {before[name]:.2f})"
-            self._reports.say(Severity.INFO, f"{change}, {difference.gist()}", now_s)
+            reason = pilot_texts.PATH_MOVED(
+                risk=name,
+                fraction=f"{after[name]:.2f}",
+                path=difference.gist(),
+                detail=f"was {before[name]:.2f}",
+            )
+            self._reports.say(Severity.INFO, reason, now_s)
 
     def tell_narrow(self, plan: Plan, now_s: float) -> None:
         """Reports the clearance of an escape route that keeps less than the margin."""
-        if self._ground is None:
+        if self._site_maps is None:
             return
-        nearest = narrowest(self._ground.site, self._vehicle, plan.waypoints.position_m)
+        nearest = narrowest(self._site_maps.site, self._vehicle, plan.waypoints.position_m)
         if nearest is not None:
             name, clearance_m, needed_m = nearest
-            reason = f"{clearance_m:.1f} m to {short_name(name)} < {needed_m:.1f}"
+            reason = pilot_texts.NARROW(
+                low_m=distance(clearance_m), obstacle=name, least_m=limit_text(needed_m)
+            )
             action = "exiting" if plan.mission is Mission.EXIT else "evacuating"
             self._reports.say(Severity.WARNING, reason, now_s, action=action)

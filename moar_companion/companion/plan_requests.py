@@ -8,13 +8,16 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from .. import pilot_texts
+from ..adaptation import Adaptation
 from ..autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
 from ..guidance.splice import Splice
 from ..mission.values import Task
 from ..planner.plan_values import PlanRequest
 from ..planner.plane_fence import PlaneFence
 from ..planning.plan_jobs import PlanAnswer, PlanJob
-from ..types import RiskIndices, Weights
+from ..site import PlanePoint
+from ..types import RiskIndices
 
 _ANSWER_TIMEOUT_S = 5.0
 """Plans take milliseconds: a planner without an answer for this long has failed."""
@@ -38,6 +41,10 @@ class PlanRequests:
         self._last_id = 0
         self._jobs: list[PlanJob] = []
         self._awaited: Awaited | None = None
+        self._origin_m: PlanePoint | None = None
+        """Start of the first plan of the present task."""
+        self._answer: PlanAnswer | None = None
+        """Its answer, until the mission takes it."""
         self.asked_s = -math.inf
         self.asked_risk = RiskIndices()
         self.asked_widening_m = 0.0
@@ -56,7 +63,7 @@ class PlanRequests:
         self,
         task: Task,
         junction: Splice,
-        weights: Weights,
+        rule: Adaptation,
         risk: RiskIndices,
         widening_m: float,
         fence: PlaneFence | None,
@@ -67,8 +74,14 @@ class PlanRequests:
         reason: str,
         now_s: float,
     ) -> None:
-        """Requests a task's plan; drops the request that was pending."""
+        """Requests a task's plan; drops the request that was pending.
+
+        The task's weights are calibrated from the start of its first plan, so that the same risks
+        give the same weights along the whole flight.
+        """
         (x_m, _, z_m), (vx_mps, _, vz_mps) = junction.position_m, junction.velocity_mps
+        if first:
+            self._origin_m = (x_m, z_m)
         self._last_id += 1
         job = PlanJob(
             job_id=self._last_id,
@@ -77,15 +90,18 @@ class PlanRequests:
                 target=task.goal,
                 start_m=(x_m, z_m),
                 velocity_mps=(vx_mps, vz_mps),
-                weights=weights,
+                weights=rule.weights(risk),
                 risk=risk,
+                adaptation=rule,
             ),
+            origin_m=self._origin_m,
             widening_m=widening_m,
             fence=fence,
             failsafes=failsafes,
             narrowed_m=narrowed_m,
         )
         self._awaited = Awaited(job=job, junction=junction, first=first, reason=reason)
+        self._answer = None
         if first:
             self.wanting_since_s = None
         elif self.wanting_since_s is None:
@@ -97,29 +113,31 @@ class PlanRequests:
 
     def forget(self) -> None:
         """Drops the pending request."""
-        self._awaited = None
+        self._awaited = self._answer = None
         self.wanting_since_s = None
 
-    def taken(self, answer: PlanAnswer) -> Awaited | None:
-        """Returns the request of an answer; None if it is no longer awaited."""
-        awaited = self._awaited
-        if awaited is None or awaited.job.job_id != answer.job_id:
-            return None
-        self._awaited = None
+    def answered(self, answer: PlanAnswer) -> None:
+        """Keeps the answer to the pending request; drops any other. A plan ends the wait for it."""
+        if self._awaited is None or self._awaited.job.job_id != answer.job_id:
+            return
+        self._answer = answer
         if answer.plan is not None:
             self.wanting_since_s = None
-        return awaited
 
-    def overdue(self, now_s: float) -> PlanAnswer | None:
-        """Returns an answer of failure if none has come in time."""
-        if self._awaited is None or now_s - self.asked_s < _ANSWER_TIMEOUT_S:
+    def taken(self, now_s: float) -> tuple[Awaited, PlanAnswer] | None:
+        """Ends the pending request: returns it with its answer, a failure if none came in time."""
+        awaited, answer = self._awaited, self._answer
+        if awaited is not None and answer is None and now_s - self.asked_s >= _ANSWER_TIMEOUT_S:
+            answer = PlanAnswer(
+                job_id=awaited.job.job_id,
+                plan=None,
+                reason=pilot_texts.PLANNER_SILENT(),
+                failed=True,
+            )
+        if awaited is None or answer is None:
             return None
-        return PlanAnswer(
-            job_id=self._awaited.job.job_id,
-            plan=None,
-            reason="the planner does not answer",
-            failed=True,
-        )
+        self._awaited = self._answer = None
+        return awaited, answer
 
     def jobs(self) -> list[PlanJob]:
         """Returns the jobs since the last call."""

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import asdict, dataclass
 from typing import Any
 
-from ..mavlink.session import Session, Severity
-from ..mavlink.statustext import pilot_text
+from .. import pilot_texts
+from ..mavlink.commands import CommandResult
+from ..mavlink.identity import AutopilotConflict
+from ..mavlink.peers import AutopilotElsewhere, PeerRefused
+from ..mavlink.session import CommandAnswered, Event, Session, Severity
+from ..mavlink.signing import SignedLinks
+from ..safety.file_faults import FileFault, FileFaultTexts
+from ..telemetry import Telemetry
+from ..text_format import pilot_text
 from ..types import RiskIndices, Weights
+from .signing_report import SigningReport
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +34,8 @@ class Reports:
     def __init__(self, session: Session) -> None:
         self._session = session
         self._decisions: list[Decision] = []
+        self._file_faults = FileFaultTexts()
+        self._refusals = SigningReport()
 
     def say(
         self,
@@ -43,6 +54,38 @@ class Reports:
         text = pilot_text(reason, action)
         self._session.send_text(severity, text, now_s, news=news, link=link)
         self.record("text", now_s, text=text, reason=reason)
+
+    def tell_event(self, event: Event, now_s: float) -> None:
+        """Reports an event of the session that operators have to know of."""
+        match event:
+            case CommandAnswered(result=result) if result != CommandResult.ACCEPTED:
+                self.say(Severity.WARNING, pilot_texts.MODE_REFUSED(), now_s)
+            case AutopilotElsewhere(link=link, address=(host, port, *_)):
+                detail = f"port {port}, on {link}"
+                text = pilot_texts.AUTOPILOT_ELSEWHERE(host=host, detail=detail)
+                self.say(Severity.WARNING, text, now_s, action="ignored")
+            case PeerRefused(link=link, address=(host, port, *_), system_id=system_id):
+                detail = f"{host}:{port} on {link}; commands.systems"
+                text = pilot_texts.SYSTEM_MAY_NOT(id=system_id, detail=detail)
+                self.say(Severity.NOTICE, text, now_s, action="not served")
+            case AutopilotConflict(autopilot=autopilot, other=other, reason=reason):
+                text = f"{reason} ({autopilot}, {other})"
+                self.say(Severity.ERROR, text, now_s, action="no control")
+
+    def tell_file_faults(
+        self, faults: Iterable[FileFault], telemetry: Telemetry, now_s: float
+    ) -> None:
+        """Reports file faults of the service, and their ends."""
+        for fault, over in self._file_faults.texts(faults, telemetry):
+            severity = Severity.NOTICE if over else Severity.WARNING
+            action = "over" if over else fault.action
+            self.say(severity, fault.reason, now_s, action=action, news=True)
+
+    def tell_refusals(self, signing: SignedLinks, now_s: float) -> None:
+        """Reports packets that signed links have refused."""
+        refused, behind_s = signing.packets_refused, signing.behind_s
+        for words in self._refusals.texts(refused, behind_s, now_s, ahead_s=signing.ahead_s):
+            self.say(Severity.WARNING, words, now_s)
 
     def send_values(self, risk: RiskIndices, weights: Weights, now_s: float) -> None:
         """Sends risk indices and weights as NAMED_VALUE_FLOAT (contract)."""

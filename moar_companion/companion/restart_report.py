@@ -7,8 +7,9 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from .. import pilot_texts
 from ..estimation.pose_tracker import airborne, grounded
-from ..mavlink.commands import Command, holds
+from ..mavlink.commands import Command, holds, stops
 from ..telemetry import Telemetry
 from .mission_snapshot import MissionSnapshot
 
@@ -25,12 +26,12 @@ class RestartReport:
         self._heard_s: float | None = None
         self._told = False
 
-    def note_stop(self, command: Command) -> None:
-        """Takes a hold or a release before the planner is ready; a release drops the task.
+    def note_order(self, command: Command) -> None:
+        """Takes an executed order: a release drops the task.
 
         The mission status is created again from `before` when the planner is ready.
         """
-        if self.before is not None and not holds(command):
+        if self.before is not None and stops(command) and not holds(command):
             self.before = replace(self.before, task=None)
 
     def texts(self, telemetry: Telemetry, now_s: float, *, may_continue: bool) -> list[str]:
@@ -46,9 +47,9 @@ class RestartReport:
         self._told = True
         texts = []
         if before is not None and (before.streamed or flying):
-            texts.append(f"restarted, was {before.words(now_s)}")
+            texts.append(pilot_texts.RESTARTED(before=before.words(now_s)))
             if may_continue:
-                texts.append("order continue to fly the rest")
+                texts.append(pilot_texts.CONTINUE_POSSIBLE())
         if flying and autopilot.ours:
-            texts.append(f"{autopilot.mode} is on, waiting for an order")
+            texts.append(pilot_texts.MODE_STILL_ON(mode=autopilot.mode))
         return texts

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from ..contingency.contingency_planner import ContingencyPlanner, Scene
-from ..estimation.pose_tracker import Ground, grounded
+from ..contingency.contingency_planner import ContingencyInputs, ContingencyPlanner
+from ..estimation.pose_tracker import SiteMaps, grounded
 from ..power import PowerModel
 from ..risk import RiskEstimate, update
 from ..risk.holding import held_wind_mps, is_saturated, tilt_limit
@@ -16,9 +16,9 @@ from ..vehicle import Vehicle
 
 
 class RiskMonitor:
-    """Risks by telemetry and by the path still to be flown. ground: None without a site."""
+    """Risks by telemetry and by the path still to be flown. site_maps: None without a site."""
 
-    def __init__(self, ground: Ground | None, vehicle: Vehicle) -> None:
+    def __init__(self, site_maps: SiteMaps | None, vehicle: Vehicle) -> None:
         self._vehicle = vehicle
         self._power = PowerModel.of(vehicle)
         self.risk = RiskEstimate.unknown(vehicle.risk)
@@ -27,26 +27,30 @@ class RiskMonitor:
         """Wind in which the aircraft can hold; None before an autopilot is received."""
         self.saturated = False
         """True while lean or motors are at their limits."""
-        self.ways = (
-            None if ground is None else ContingencyPlanner(ground.site, vehicle, self._power)
+        self.contingencies = (
+            None if site_maps is None else ContingencyPlanner(site_maps.site, vehicle, self._power)
         )
         """Contingency plans; None without a site."""
 
     def keep_escape_routes(
-        self, telemetry: Telemetry, scene: Scene | None, place_m: Vector | None, now_s: float
+        self,
+        telemetry: Telemetry,
+        scene: ContingencyInputs | None,
+        place_m: Vector | None,
+        now_s: float,
     ) -> None:
         """Updates the contingency plans. scene: None if nothing can be planned; place_m: aircraft.
 
         A flight continues until the aircraft is known to be on the ground or disarmed.
         """
-        if self.ways is None:
+        if self.contingencies is None:
             return
         if grounded(telemetry):
-            self.ways.end()
+            self.contingencies.end()
         elif scene is None:
-            self.ways.wait(place_m, now_s)
+            self.contingencies.wait(place_m, now_s)
         else:
-            self.ways.look(scene, now_s)
+            self.contingencies.look(scene, now_s)
 
     def judge(
         self,
@@ -64,7 +68,7 @@ class RiskMonitor:
             cruise_mps=self._vehicle.speed.horizontal_mps,
             tracking_error_m=tracking_error_m,
             power=self._power,
-            demands=None if self.ways is None else self.ways.demands,
+            demands=None if self.contingencies is None else self.contingencies.demands,
         )
         autopilot, model = telemetry.autopilot, self._vehicle.risk
         if autopilot is None:

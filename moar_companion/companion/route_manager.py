@@ -13,7 +13,7 @@ import numpy as np
 
 from ..config import CompanionConfig
 from ..estimation.pose import Pose
-from ..estimation.pose_tracker import Ground
+from ..estimation.pose_tracker import SiteMaps
 from ..estimation.site_fence import SiteFence, fenced
 from ..guidance.flight_volume import FlightVolume
 from ..guidance.path_follower import PathFollower
@@ -46,11 +46,11 @@ _OFF_PATH_FOR_S = 1.0
 
 
 class RouteManager:
-    """An aircraft's route on a site. ground: None without a site: then no plan is possible."""
+    """An aircraft's route on a site. site_maps: None without a site: then no plan is possible."""
 
     def __init__(
         self,
-        ground: Ground | None,
+        site_maps: SiteMaps | None,
         vehicle: Vehicle,
         config: CompanionConfig,
         reports: Reports,
@@ -58,7 +58,7 @@ class RouteManager:
     ) -> None:
         self.flight: PathFollower | None = None
         """Active or offered flight; None while there is none."""
-        self._ground = ground
+        self._site_maps = site_maps
         self._vehicle = vehicle
         self._config = config
         self._reports = reports
@@ -68,14 +68,16 @@ class RouteManager:
         """Last time at which the setpoint was short of the plan's end."""
         self._resumed_s = -math.inf
         """Time of the last resumption along a landing leg."""
-        self._plan_reports = PlanReports(ground, vehicle, reports)
-        site = None if ground is None else ground.site
+        self._plan_reports = PlanReports(site_maps, vehicle, reports)
+        site = None if site_maps is None else site_maps.site
         self._fences = SiteFence(site, config.supervision.fence_margin_m)
         self.fence: PlaneFence | None = None
         """Part of the autopilot's fence that cuts the site: plans stay inside."""
         self.watch = FailsafeExposure(config.supervision, PowerModel.of(vehicle))
         """Autopilot failsafes."""
-        self._offboard_loss_check = OffboardLossCheck(ground, vehicle, config.supervision, reports)
+        self._offboard_loss_check = OffboardLossCheck(
+            site_maps, vehicle, config.supervision, reports
+        )
         self.inflation = PlanInflation(vehicle, config.supervision, margin)
         """Obstacle inflation of plans."""
         self._left: PathFollower | None = None
@@ -96,18 +98,18 @@ class RouteManager:
         """Reason why no mission can start; None once offboard-loss action and fence are known."""
         if not self._offboard_loss_check.loss or not self.watch.known:
             return "autopilot parameters not read yet"
-        return None if self._ground is None else self._fences.not_ready_reason
+        return None if self._site_maps is None else self._fences.not_ready_reason
 
     @property
     def volume(self) -> FlightVolume | None:
         """Flight volume of the vehicle; None while no mission can start."""
-        ground, loss = self._ground, self._offboard_loss_check.loss
-        if ground is None or loss is None or self._fences.not_ready_reason is not None:
+        site_maps, loss = self._site_maps, self._offboard_loss_check.loss
+        if site_maps is None or loss is None or self._fences.not_ready_reason is not None:
             return None
         return FlightVolume(
-            site=ground.site,
+            site=site_maps.site,
             vehicle=self._vehicle,
-            maps=ground.maps,
+            maps=site_maps.maps,
             loss=loss,
             fence=self._fences.plane,
         )
@@ -131,10 +133,10 @@ class RouteManager:
         plane = self._fences.plane
         if self._fences.assumption and self._fences.assumption != assumption:
             self._reports.say(Severity.WARNING, self._fences.assumption, now_s)
-        if self._ground is None or plane == before:
+        if self._site_maps is None or plane == before:
             return
         height_m = self._vehicle.guidance.landing_height_m
-        self.fence = fenced(plane, self._ground.site, height_m)
+        self.fence = fenced(plane, self._site_maps.site, height_m)
         if self.flight is not None:
             self.flight.learn_fence(plane)
 
@@ -150,9 +152,9 @@ class RouteManager:
             place_m = np.array([pose.position_m])[:, ::2]
             crossed = plane.crossed(place_m, plane.margin_m)
             if crossed is not None:
-                return f"outside fence {crossed}"
+                return f"outside {crossed}"
         crossed = self.flight.leaves_fence()
-        return None if crossed is None else f"path leaves {crossed}"
+        return None if crossed is None else f"path past {crossed}"
 
     def learn_loss(
         self,
@@ -173,12 +175,14 @@ class RouteManager:
         now_s: float,
     ) -> None:
         """Takes the autopilot's failsafes; later plans avoid places where one would hit."""
-        before = self.watch.untold
+        before = self.watch.unreported
         if not self.watch.learn(kind, parameters, home_m, telemetry):
             return
         self._offboard_loss_check.reconsider(self.flight)
-        if self.watch.untold != before:
-            self._reports.record("failsafes", now_s, taken_as_by_default=list(self.watch.untold))
+        if self.watch.unreported != before:
+            self._reports.record(
+                "failsafes", now_s, taken_as_by_default=list(self.watch.unreported)
+            )
 
     @property
     def objection(self) -> str | None:
@@ -196,13 +200,13 @@ class RouteManager:
         """Planning jobs since the last call. Only the newest one's answer is awaited."""
         return self._plans.jobs()
 
-    def taken(self, answer: PlanAnswer) -> Awaited | None:
-        """Request of an answer; None when the answer is no longer awaited."""
-        return self._plans.taken(answer)
+    def plan_answered(self, answer: PlanAnswer) -> None:
+        """Keeps the answer to the awaited job for `taken`; drops any other."""
+        self._plans.answered(answer)
 
-    def overdue(self, now_s: float) -> PlanAnswer | None:
-        """The answer in place of a timed-out one; None while there is still time."""
-        return self._plans.overdue(now_s)
+    def taken(self, now_s: float) -> tuple[Awaited, PlanAnswer] | None:
+        """The awaited plan with its answer, or with a failure if none came in time; None so far."""
+        return self._plans.taken(now_s)
 
     def ask(
         self,
@@ -229,12 +233,11 @@ class RouteManager:
             self.inflation.forget_no_room()
         elif junction.at_end and not self.flight.braked:
             return False
-        weights = self._vehicle.weights[task.mission].adjusted(risk)
         width_m = self.inflation.of(task.mission)
         self._plans.ask(
             task,
             junction,
-            weights,
+            self._vehicle.rule(task.mission),
             risk,
             width_m,
             self.fence,

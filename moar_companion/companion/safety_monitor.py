@@ -1,4 +1,4 @@
-"""Safety monitor: asks the supervisor what may be flown, reports conditions that begin or end."""
+"""Safety monitor: steps the supervisor, and reports conditions that begin or end."""
 
 from __future__ import annotations
 

@@ -12,12 +12,13 @@ from ..guidance.path_follower import PathFollower
 from ..mavlink.session import Session
 from ..safety.setpoint_gate import motion_refusal
 from ..site import Margin
+from ..text_format import distance
 from ..types import Vector
 from ..vehicle import Vehicle
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Refusal:
+class SetpointRefusal:
     """Reason why a setpoint was not sent.
 
     narrow: only the margin, or the position's uncertainty, forbids it. rest: the setpoint sent
@@ -39,6 +40,7 @@ class SetpointStreamer:
         self._vehicle = vehicle
         self._limits = limits
         self._margin = margin
+        self._greatest_mps = max(astuple(vehicle.speed))
         self.widened_m = 0.0
         """Current inflation of obstacles."""
         self._last: Setpoint | None = None
@@ -52,7 +54,7 @@ class SetpointStreamer:
 
     def send(
         self, setpoint: Setpoint, flight: PathFollower, plane: PlaneToLocal, now_s: float
-    ) -> Refusal | None:
+    ) -> SetpointRefusal | None:
         """Sends a flight's setpoint of the site's frame, or returns the reason for its refusal.
 
         After a refusal the last setpoint is sent at rest: as a hold, if it passes the checks. If
@@ -67,9 +69,9 @@ class SetpointStreamer:
         if narrow:
             known_m = self._margin.position_m + self.widened_m
             reason = (
-                f"no room here, uncertainty {known_m:.1f} m"
+                f"no room here, uncertainty {distance(known_m)} m"
                 if self.widened_m
-                else f"no room here, margin {flight.margin_m:g} m"
+                else f"no room here, margin {distance(flight.margin_m)} m"
             )
         if reason is None:
             self._pass(setpoint, plane.position_to_ned(setpoint.position_m), plane, now_s)
@@ -77,7 +79,7 @@ class SetpointStreamer:
         rest = self.rest(flight, plane, now_s)
         if rest is None and self._rest is not None:
             self._pass(self._rest, self._last_ned_m, plane, now_s)
-        return Refusal(reason=reason, narrow=narrow, rest=rest)
+        return SetpointRefusal(reason=reason, narrow=narrow, rest=rest)
 
     def rest(self, flight: PathFollower, plane: PlaneToLocal, now_s: float) -> Setpoint | None:
         """Sends the last setpoint's position, at rest; None if that must not be sent."""
@@ -155,15 +157,15 @@ class SetpointStreamer:
         The vehicle's limits apply in the world and in the autopilot's frame, whichever of them the
         map between them moves.
         """
-        last, speed, blown_to_m = self._last, self._vehicle.speed, flight.blown_to_m
+        last, blown_to_m = self._last, flight.blown_to_m
 
         def refused(before_m: Vector, after_m: Vector, blown_to_m: Vector | None) -> str | None:
             return motion_refusal(
                 None if last is None else (before_m, last.velocity_mps),
                 (after_m, setpoint.velocity_mps),
                 now_s - self._last_s,
-                greatest_mps=max(astuple(speed)),
-                least_mps=speed.min_mps,
+                greatest_mps=self._greatest_mps,
+                least_mps=self._vehicle.speed.min_mps,
                 acceleration_mps2=self._vehicle.guidance.acceleration_mps2,
                 blown_to_m=blown_to_m,
             )
@@ -174,7 +176,7 @@ class SetpointStreamer:
         if reason is not None or blown_to_m is not None:
             return reason
         reason = refused(self._last_ned_m, after_ned_m, None)
-        return None if reason is None else f"local {reason}"
+        return None if reason is None else f"NED {reason}"
 
     def _pass(
         self, setpoint: Setpoint, place_ned_m: Vector, plane: PlaneToLocal, now_s: float

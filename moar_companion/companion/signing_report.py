@@ -5,7 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
-from ..mavlink.signing import Refusal
+from .. import pilot_texts
+from ..mavlink.signing import SigningRefusal
+from ..text_format import plural, seconds
 
 _PERIOD_S = 30.0
 """Time between two texts of one reason, which leaves room for other texts."""
@@ -20,12 +22,12 @@ class SigningReport:
     """Counts reported so far, and the times of the reports."""
 
     def __init__(self) -> None:
-        self._told = dict.fromkeys(Refusal, 0)
-        self._told_s = dict.fromkeys(Refusal, -math.inf)
+        self._told = dict.fromkeys(SigningRefusal, 0)
+        self._told_s = dict.fromkeys(SigningRefusal, -math.inf)
 
     def texts(
         self,
-        refused: Mapping[str, Mapping[Refusal, int]],
+        refused: Mapping[str, Mapping[SigningRefusal, int]],
         behind_s: Mapping[str, Mapping[int, float]],
         now_s: float,
         *,
@@ -37,13 +39,14 @@ class SigningReport:
         ahead_s: lead of the reference they are judged by over this computer's clock.
         """
         texts = []
-        for reason in Refusal:
+        for reason in SigningRefusal:
             count = sum(counts[reason] for counts in refused.values())
             if count > self._told[reason] and now_s - self._told_s[reason] >= _PERIOD_S:
                 number = count - self._told[reason]
-                plural = "" if number == 1 else "s"
-                words = f"{number} packet{plural} refused: {reason.value}"
-                if reason is Refusal.OLD and any(behind_s.values()):
+                words = pilot_texts.PACKETS_REFUSED(
+                    large_count=number, plural=plural(number), refusal=reason.value
+                )
+                if reason is SigningRefusal.OLD and any(behind_s.values()):
                     slowest = _slowest(behind_s)
                     words = f"{slowest} ({words})"
                     if ahead_s > _AHEAD_S:
@@ -56,9 +59,9 @@ class SigningReport:
 def _slowest(behind_s: Mapping[str, Mapping[int, float]]) -> str:
     """Text about the signer that is farthest behind."""
     most_s, system_id = max(
-        (seconds, system_id) for link in behind_s.values() for system_id, seconds in link.items()
+        (late_s, system_id) for link in behind_s.values() for system_id, late_s in link.items()
     )
-    return f"system {system_id} signs {most_s:.0f} s behind"
+    return pilot_texts.SIGNER_BEHIND(id=system_id, s=seconds(most_s))
 
 
 def _ahead(ahead_s: float) -> str:
@@ -67,4 +70,4 @@ def _ahead(ahead_s: float) -> str:
     amount = f"{minutes:.0f} min"
     if minutes >= 120.0:
         amount = f"{minutes / 60.0:.1f} h" if minutes < 2880.0 else f"{minutes / 1440.0:.0f} d"
-    return f"signing.json {amount} ahead of the clock"
+    return pilot_texts.SIGNING_AHEAD(time=amount)

@@ -7,26 +7,30 @@ named otherwise; None (null): unknown, or not present now.
     autopilot    kind, system_id, mode, ours, armed, failsafe, age_s
     supervision  action; conditions: name, action, reason, overridden, the gravest first
     mission      state, for_s, mission, goal, text, text_age_s
-    aircraft     landed, position_m, position_ned_m, velocity_mps, speed_mps, yaw_rad, clearance_m
+    aircraft     landed, position_m, position_ned_m, velocity_mps, speed_mps, yaw_rad, clearance_m;
+                 global_position: latitude_deg, longitude_deg, altitude_amsl_m
     path         setpoint: position_m, velocity_mps, yaw_rad; error_m; left_m, left_s
     risk         by index: value, target (where it moves to), known, worst, cause, held (at the
                  last value of its cause), words; inputs: name, value, unit, reading (the value as
                  text), age_s, risk, known
+    batteries    id, remaining, voltage_v, current_a, charge_state, age_s of each
     energy       left_wh, flight_s, factor, source; finish, exit, evacuation: duration_s, energy_wh,
                  left_s, age_s; better
     weights      base, adjusted: safety, time, energy; by_risk: effect of each index; words
-    plan         status, mission, target, cost, search_ms, age_s, reason, change (of the path before
-                 it, as text); paths, replans: counts
+    plan         status, site, mission, target, cost, search_ms, age_s, reason, change (of the path
+                 before it, as text); path: its waypoints at start, corners and end; paths, replans:
+                 counts
     link         packets_received, packets_lost, packets_late, rate_hz
     radio        rssi, remote_rssi, noise, remote_noise, transmit_buffer_percent, age_s
     age_s        by source of telemetry
+    host         disk_free_mb, memory_free_mb, read_late_s: of this computer
     recorder     the folder of the record
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, fields
 from pathlib import Path
 from typing import Any
@@ -34,13 +38,17 @@ from typing import Any
 from ..mission.values import MissionStatus
 from ..mission_states import STREAMING
 from ..risk.explain import WeightsReason, risk_dict
+from ..safety.check_inputs import Host
 from ..safety.supervisor import Ruling
 from ..telemetry import LinkStatistics, Telemetry
 from .companion import Companion
 from .reports import Decision
 
+Waypoint = Mapping[str, float]
+"""Waypoint of a plan's JSON (contract)."""
+
 _NO_SOURCES = {
-    "failsafes_told",
+    "failsafes_reported",
     "batteries",
     "second_gnss_first",
     "better_gnss_taken",
@@ -48,6 +56,8 @@ _NO_SOURCES = {
     "motor_max_us",
 }
 """Fields of the telemetry without an age of their own."""
+_STRAIGHT_M = 1e-6
+"""Greatest detour over a waypoint that lies on a straight line."""
 _RATE_PERIOD_S = 1.0
 """Time over which packets are counted for a rate."""
 
@@ -58,6 +68,7 @@ class LatestDecisions:
     def __init__(self) -> None:
         self._text: Decision | None = None
         self._plan: Decision | None = None
+        self._path: list[Waypoint] = []
         self._paths = 0
         self._replans = 0
         self._counted: LinkStatistics | None = None
@@ -73,6 +84,7 @@ class LatestDecisions:
                     self._replans += 1
                 case "plan":
                     self._plan = decision
+                    self._path = _corners(decision.data["plan"]["waypoints"])
                     self._paths += 1
         self._count(link)
 
@@ -103,13 +115,15 @@ class LatestDecisions:
             "aircraft": _aircraft(companion),
             "path": _path(companion),
             "risk": risk_dict(companion.risk),
+            "batteries": _batteries(telemetry, now_s),
             "energy": None if companion.outlook is None else asdict(companion.outlook),
-            "weights": WeightsReason.of(companion.base_weights, companion.risk.indices).to_dict(),
+            "weights": WeightsReason.of(companion.rule, companion.risk.indices).to_dict(),
             "plan": self._last_plan(now_s),
             "link": self._link(telemetry),
             "refused": _refused(companion),
             "radio": _radio(telemetry, now_s),
             "age_s": _ages_s(telemetry, now_s),
+            "host": _host(companion.host),
             "recorder": None if recorder is None else str(recorder),
         }
 
@@ -119,6 +133,7 @@ class LatestDecisions:
         plan, change = self._plan.data["plan"], self._plan.data["explanation"]["path"]
         return {
             "status": plan["status"],
+            "site": plan["site"],
             "mission": plan["mission"],
             "target": plan["target"],
             "cost": plan["cost"],
@@ -126,6 +141,7 @@ class LatestDecisions:
             "age_s": now_s - self._plan.time_s,
             "reason": self._plan.data["explanation"]["reason"],
             "change": None if change is None else change["words"],
+            "path": self._path,
             "paths": self._paths,
             "replans": self._replans,
         }
@@ -158,7 +174,7 @@ def _autopilot(telemetry: Telemetry, now_s: float) -> dict[str, Any] | None:
     if autopilot is None:
         return None
     return {
-        "kind": autopilot.kind.value,
+        "kind": autopilot.kind,
         "system_id": autopilot.system_id,
         "mode": autopilot.mode,
         "ours": autopilot.ours,
@@ -196,6 +212,7 @@ def _mission(status: MissionStatus, now_s: float) -> dict[str, Any]:
 def _aircraft(companion: Companion) -> dict[str, Any]:
     telemetry, pose = companion.telemetry, companion.pose
     local, landed = telemetry.local_position, telemetry.landed
+    place = telemetry.global_position
     return {
         "landed": None if landed is None else landed.state.name.lower(),
         "position_m": None if pose is None else pose.position_m,
@@ -204,6 +221,7 @@ def _aircraft(companion: Companion) -> dict[str, Any]:
         "speed_mps": None if local is None else math.hypot(*local.velocity_ned_mps),
         "yaw_rad": None if telemetry.attitude is None else telemetry.attitude.yaw_rad,
         "clearance_m": companion.clearance_m,
+        "global_position": None if place is None else asdict(place.point),
     }
 
 
@@ -213,6 +231,48 @@ def _path(companion: Companion) -> dict[str, Any] | None:
     if progress is None or companion.status.state not in STREAMING:
         return None
     return asdict(progress)
+
+
+def _corners(waypoints: Sequence[Waypoint]) -> list[Waypoint]:
+    """Waypoints at which the path begins, turns or ends."""
+    inner = (
+        at
+        for before, at, after in zip(waypoints, waypoints[1:], waypoints[2:], strict=False)
+        if not _is_straight(before, at, after)
+    )
+    return [*waypoints[:1], *inner, *waypoints[1:][-1:]]
+
+
+def _is_straight(before: Waypoint, at: Waypoint, after: Waypoint) -> bool:
+    """True if the path does not turn at the second of three waypoints."""
+    places = [
+        [point.get(name, 0.0) for name in ("x_m", "y_m", "z_m")] for point in (before, at, after)
+    ]
+    direct_m, detour_m = math.dist(places[0], places[2]), math.dist(*places[:2])
+    return detour_m + math.dist(*places[1:]) - direct_m < _STRAIGHT_M
+
+
+def _batteries(telemetry: Telemetry, now_s: float) -> list[dict[str, Any]]:
+    return [
+        {
+            "id": number,
+            "remaining": battery.remaining,
+            "voltage_v": battery.voltage_v,
+            "current_a": battery.current_a,
+            "charge_state": battery.charge_state,
+            "age_s": now_s - battery.received_s,
+        }
+        for number, battery in sorted(telemetry.batteries.items())
+    ]
+
+
+def _host(host: Host) -> dict[str, float | None]:
+    disk, memory = host.disk_free, host.memory_available
+    return {
+        "disk_free_mb": None if disk is None else disk / 1e6,
+        "memory_free_mb": None if memory is None else memory / 1e6,
+        "read_late_s": host.read_late_s,
+    }
 
 
 def _radio(telemetry: Telemetry, now_s: float) -> dict[str, Any] | None:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 
+from .. import pilot_texts
 from ..estimation.pose import Pose
 from ..guidance.path_follower import PathFollower
 from ..mavlink.session import Severity
@@ -16,6 +17,7 @@ from ..mission.values import MissionStatus
 from ..mission_states import IN_CONTROL, MissionState
 from ..safety.condition_types import Action
 from ..safety.supervisor import Ruling
+from ..text_format import distance
 from .reports import Reports
 
 _OUTSIDE = frozenset({"autopilot_fence", "outside_workspace", "off_path"})
@@ -65,7 +67,7 @@ class WindRecovery:
         if flight.come_back(widened_m):
             self._reports.say(Severity.WARNING, flight.why_it_returns, now_s, action="returning")
         else:
-            reason = f"{flight.outside_m:.0f} m outside, no free way back: fly it back"
+            reason = pilot_texts.NO_WAY_BACK(m=distance(flight.outside_m))
             self._reports.say(Severity.WARNING, reason, now_s)
 
     def _tell_drift(self, flight: PathFollower, pose: Pose, now_s: float) -> None:
@@ -76,5 +78,5 @@ class WindRecovery:
             self._told_m = drifted_m  # the condition reports it
         elif drifted_m >= _TOLD_AGAIN * self._told_m:
             self._told_m = drifted_m
-            reason = f"wind too strong, drifting {drifted_m:.0f} m"
+            reason = pilot_texts.BLOWN_OFF(outside_m=f"{drifted_m:.0f}")
             self._reports.say(Severity.WARNING, reason, now_s)

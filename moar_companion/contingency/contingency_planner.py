@@ -29,12 +29,12 @@ from ..planner.plan_values import PlanRequest
 from ..planner.plane_fence import PlaneFence
 from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..power import Demands, Meter, PowerModel, landing_s
-from ..risk.headway import least_s
 from ..safety.check_inputs import EscapeRoute
+from ..safety.failsafe_paths import exposed_places
 from ..site import Site
 from ..types import Mission, RiskIndices, Vector
 from ..vehicle import RiskModel, Vehicle
-from .route_cost import RouteCost, better_of, energy_wh_of
+from .route_cost import RouteCost, better_of, energy_wh_of, least_in_wind_s
 
 _ROUND_S = 2.0
 """Time between two rounds of requests: at 5 m/s the aircraft moves 10 m."""
@@ -95,7 +95,7 @@ class _Asked:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Scene:
+class ContingencyInputs:
     """Inputs of contingency planning: the aircraft in the air, and its active flight.
 
     pace: flown fraction of the planned speed. meter: of the batteries.
@@ -153,7 +153,7 @@ class ContingencyPlanner:
         self.better: Mission | None = None
         """The escape route that takes less energy, or is active; None while there is none."""
 
-    def look(self, scene: Scene, now_s: float) -> None:
+    def look(self, scene: ContingencyInputs, now_s: float) -> None:
         """Updates the remaining flight, and requests the next plan."""
         self._now_s = now_s
         self._wind_mps = scene.wind_mps or self._wind_mps
@@ -244,7 +244,7 @@ class ContingencyPlanner:
         else:
             self._ways[asked.question], self._starts[asked.question] = way, asked.start_m
 
-    def _questions(self, scene: Scene) -> Iterator[_Question]:
+    def _questions(self, scene: ContingencyInputs) -> Iterator[_Question]:
         """Routes to be planned: the escape routes first."""
         task, flight = scene.status.task, scene.flight
         if flight is None or not flight.on_leg:  # outside the workspace no plan is possible
@@ -254,7 +254,9 @@ class ContingencyPlanner:
                 yield _Question(stop, Mission.INSPECTION, following)
             yield from (_Question(task.stops[-1], mission) for mission in self._outwards)
 
-    def _ask_next(self, scene: Scene, questions: tuple[_Question, ...], now_s: float) -> None:
+    def _ask_next(
+        self, scene: ContingencyInputs, questions: tuple[_Question, ...], now_s: float
+    ) -> None:
         if self._asked is not None and now_s - self._asked.asked_s < _ANSWER_TIMEOUT_S:
             return
         self._queue = [question for question in self._queue if question in questions]
@@ -270,6 +272,7 @@ class ContingencyPlanner:
             vx_mps = vz_mps = 0.0
         if question.origin is not None:
             (x_m, z_m), (vx_mps, vz_mps) = self._site.target(question.origin).position_m, (0.0, 0.0)
+        rule = self._vehicle.rule(question.mission)
         job = PlanJob(
             job_id=next(self._numbers),
             request=PlanRequest(
@@ -277,8 +280,9 @@ class ContingencyPlanner:
                 target=question.goal,
                 start_m=(x_m, z_m),
                 velocity_mps=(vx_mps, vz_mps),
-                weights=self._vehicle.weights[question.mission].adjusted(scene.risk),
+                weights=rule.weights(scene.risk),
                 risk=scene.risk,
+                adaptation=rule,
             ),
             widening_m=scene.widening_m,
             fence=scene.fence,
@@ -306,7 +310,7 @@ class ContingencyPlanner:
         """Route through points (n, 3) in times (n - 1,), longer where the wind slows the flight."""
         if self._wind_mps is not None:
             steps_m = np.diff(position_m, axis=0)
-            against_s = least_s(steps_m, self._wind_mps[:2], self._in_wind)
+            against_s = least_in_wind_s(steps_m, self._wind_mps[:2], self._in_wind)
             duration_s = np.maximum(duration_s, against_s)
         return RouteCost(
             duration_s=float(duration_s.sum()),
@@ -320,7 +324,7 @@ class ContingencyPlanner:
         """The route with its exposed time, by its points (n, 3) and the times (n - 1,) between."""
         if not self._failsafes.actions:
             return way
-        exposed = self._failsafes.exposed(volume.maps.reach, position_m[:, ::2])
+        exposed = exposed_places(self._failsafes, volume.maps.reach, position_m[:, ::2])
         last = int(np.flatnonzero(exposed)[-1]) if exposed.any() else 0
         return replace(way, exposed_s=float(duration_s[:last].sum()))
 
@@ -352,7 +356,7 @@ class ContingencyPlanner:
         ends, duration_s = np.array([here_m, there_m]), np.array([seconds])
         return self._way(ends, duration_s, self._now_s)
 
-    def _sum_up(self, scene: Scene) -> None:
+    def _sum_up(self, scene: ContingencyInputs) -> None:
         status, task, flight = scene.status, scene.status.task, scene.flight
         ordered = task is not None and (status.state in _FLOWN or task.flown)
         self._flown = task.mission if task is not None and ordered else None
@@ -389,7 +393,7 @@ class ContingencyPlanner:
             evacuation_wh=energy_wh_of(self._out[Mission.EVACUATION]),
         )
 
-    def _ahead(self, scene: Scene, pace: float) -> RouteCost | None:
+    def _ahead(self, scene: ContingencyInputs, pace: float) -> RouteCost | None:
         """The rest of the flight; None where a part is unknown, or the flight was braked."""
         task, flight = scene.status.task, scene.flight
         if task is None or flight is None:

@@ -1,12 +1,19 @@
-"""Cost of routes that may have to be flown, and the choice between two escape routes."""
+"""Cost of routes that may have to be flown, their duration in wind, and the better one. Pure."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+import numpy as np
+
+from ..planner.grid import FloatArray
+from ..risk.braking import GRAVITY_MPS2
+from ..risk.drag import Level, air_velocity_mps
 from ..safety.check_inputs import WAY_MAX_AGE_S
 from ..types import Mission
+from ..vehicle import Vehicle
 
 _CLEARLY_LESS = 0.9
 """Fraction of the other route's energy: above it, the better escape route does not change."""
@@ -66,3 +73,25 @@ def better_of(ways: Mapping[Mission, RouteCost | None], before: Mission | None) 
 def energy_wh_of(way: RouteCost | None) -> float | None:
     """Energy of a route, if it is known."""
     return None if way is None else way.energy_wh
+
+
+def least_in_wind_s(steps_m: FloatArray, wind_mps: Level, vehicle: Vehicle) -> FloatArray:
+    """Least durations (n,) of steps (n, 3), up last, in wind; at most those at v_MIN.
+
+        |v - w| <= u,    (k + q u) u = g tan(limit)
+
+    v, w: the aircraft's and the wind's velocity over ground, both level; u: the airspeed at which
+    the drag equals the acceleration of the lean; k, q: of `risk.drag`; limit: the greatest lean,
+    `RiskModel.tilt_rad.high`. wind_mps: towards which it blows, along the first two axes.
+    """
+    lean_mps2 = GRAVITY_MPS2 * math.tan(vehicle.risk.tilt_rad.high)
+    u_mps, _ = air_velocity_mps((lean_mps2, 0.0), vehicle.risk)
+    level_m = steps_m[:, :2]
+    square, along = (level_m**2).sum(axis=1), level_m @ np.array(wind_mps)
+    # The greatest of the rates 1 / t at which |step / t - w| = u, if there is one.
+    root = along**2 + square * (u_mps**2 - math.hypot(*wind_mps) ** 2)
+    rate = np.where(root >= 0.0, along + np.sqrt(np.abs(root)), 0.0)
+    slowest_s = np.sqrt((steps_m**2).sum(axis=1)) / vehicle.speed.min_mps
+    against_s: FloatArray = np.where(square > 0.0, slowest_s, 0.0)
+    np.divide(square, rate, out=against_s, where=rate > 0.0)
+    return np.asarray(np.minimum(against_s, slowest_s))

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import math
 
-from ..frames import geodetic_to_local_ned
+from ..autopilots import UNKNOWN, profile
 from ..telemetry import GlobalPosition, Home, LocalOrigin, Telemetry
 from ..types import AutopilotKind, GeodeticPoint
 
@@ -31,7 +31,7 @@ class FrameAgreement:
         """The same for home's two coordinates; None, too, where the autopilot keeps them apart."""
         self.origin_moved_m = 0.0
         """Move of the origin since the flight began, or since it was last accepted."""
-        self._kind = AutopilotKind.UNKNOWN
+        self._kind = UNKNOWN
         self._accepted: GeodeticPoint | None = None
         self._origin: GeodeticPoint | None = None
         self._compared: GlobalPosition | None = None
@@ -47,13 +47,13 @@ class FrameAgreement:
         if self._accepted is None or grounded:
             self._accepted = origin.point
         self.origin_moved_m = self._distance_m(origin.point, self._accepted, (0.0, 0.0, 0.0))
-        if kind is AutopilotKind.UNKNOWN:
-            return  # the projection is unknown, too
+        if not profile(kind).projection_known:
+            return
         self._compare_global(telemetry, origin.point)
         self._compare_home(telemetry.home, origin)
 
     def accept_origin(self) -> None:
-        """Accepts the present origin: the operator who orders has seen how far it moved."""
+        """Accepts the present origin: the operator who orders knows its move."""
         self._accepted, self.origin_moved_m = self._origin, 0.0
 
     def _compare_global(self, telemetry: Telemetry, origin: GeodeticPoint) -> None:
@@ -71,12 +71,12 @@ class FrameAgreement:
         self.global_off_m = self._distance_m(other.point, origin, (north_m, east_m, down_m))
 
     def _compare_home(self, home: Home | None, origin: LocalOrigin) -> None:
-        """Compares ArduPilot's home only: PX4's local home keeps its value from when home was set.
+        """Compares home's two coordinates where the autopilot derives one from the other.
 
-        In recordings ArduPilot's differ by less than 1 mm, PX4's by up to 0.8 m level and 1.4 m in
-        height.
+        In recordings ArduPilot's differ by less than 1 mm; PX4's, whose local home keeps its value
+        from when home was set, by up to 0.8 m level and 1.4 m in height.
         """
-        if home is None or self._kind is not AutopilotKind.ARDUPILOT:
+        if home is None or not profile(self._kind).home_by_projection:
             return
         if self._home_compared != (home, origin):
             self._home_compared = home, origin
@@ -86,4 +86,4 @@ class FrameAgreement:
         self, point: GeodeticPoint, origin: GeodeticPoint, local_m: tuple[float, float, float]
     ) -> float:
         """Distance between a point in the world and one in the local frame at an origin."""
-        return math.dist(geodetic_to_local_ned(point, origin, self._kind), local_m)
+        return math.dist(profile(self._kind).to_local_ned(point, origin), local_m)

@@ -39,7 +39,7 @@ _MOST_JUMPS = 100
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Ground:
+class SiteMaps:
     """Site and maps of a companion that plans."""
 
     site: Site

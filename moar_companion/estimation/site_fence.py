@@ -15,7 +15,8 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from ..autopilots.fence import Area, Fence, Limit, fence_of, fence_parameters
+from ..autopilots import profile
+from ..autopilots.fence import Area, Fence, Limit
 from ..frames import SiteFrame
 from ..planner.plane_fence import Bound, Interval, PlaneFence
 from ..site import Site
@@ -71,12 +72,12 @@ class SiteFence:
             kind,
             items,
             enabled,
-            *(parameters.get(name, "") for name in fence_parameters(kind)),
+            *(parameters.get(name, "") for name in profile(kind).fence_parameters),
         )
         before, self._told = self._told, told
         if told == before and not home_moved(home_m, self._home_m, _HOME_MOVES_M):
             return
-        fence = fence_of(kind, parameters, items, enabled=enabled)
+        fence = profile(kind).fence(parameters, items, enabled=enabled)
         if fence is None:
             return
         self._home_m = home_m

@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..autopilots.offboard_loss import OffboardLoss
 from ..estimation.pose import Pose, Setpoint
 from ..planner.escape import recovery_leg
 from ..planner.free_distance import FreeDistance
@@ -21,9 +22,9 @@ from ..planner.legs import leg_clearances
 from ..planner.maps import Maps
 from ..planner.plane_fence import PlaneFence
 from ..planner.regions import obstacle_room_m
-from ..safety.offboard_loss import OffboardLoss
 from ..safety.setpoint_gate import distance_m, refusal
 from ..site import Site
+from ..text_format import distance, limit_text
 from ..types import Vector
 from ..vehicle import Vehicle
 from .plan_path import CheckedLeg, approach_m, vector
@@ -240,11 +241,11 @@ class FlightVolume:
         outside_m = workspace.outside_m((x_m, z_m))
         if low_m is not None and z_m < low_m - workspace.resolution_m:
             height = f"{z_m:.1f}" if round(z_m, 1) else "0"
-            words = f"altitude {height} m < {low_m:g}"
+            words = f"altitude {height} m < {limit_text(low_m)}"
         elif outside_m > beside_m:
-            words = f"{outside_m:.1f} m outside the workspace"
+            words = f"{distance(outside_m)} m outside the workspace"
         elif abs(y_m) > self.vehicle.guidance.leash_m:
-            words = f"{abs(y_m):.1f} m from the plane"
+            words = f"{distance(abs(y_m))} m from the plane"
         else:
             return None
         near = any(distance_m(pose.position_m, leg.points_m) <= beside_m for leg in legs)
@@ -281,7 +282,7 @@ class FlightVolume:
                     for leg in legs
                 )
             ):
-                return f"aims outside {crossed}"
+                return f"aims past {crossed}"
         x_m, _, z_m = setpoint.position_m
         finite = math.isfinite(x_m) and math.isfinite(z_m)
         if (

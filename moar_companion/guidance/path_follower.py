@@ -13,14 +13,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from .. import pilot_texts
+from ..adaptation import Adaptation
+from ..autopilots.offboard_loss import OffboardLoss
 from ..estimation.pose import Jump, Pose, Setpoint
 from ..frames import PlaneToLocal
 from ..planner.comparison import rest_of
 from ..planner.free_distance import FreeDistance
 from ..planner.plan_values import Plan
 from ..planner.plane_fence import PlaneFence
-from ..safety.offboard_loss import OffboardLoss
 from ..site import PlanePoint
+from ..text_format import distance
 from ..types import Mission, Vector
 from .flight_volume import FlightVolume
 from .flown_path import FlownPath
@@ -93,6 +96,11 @@ class PathFollower:
         return None if self._plan is None else self._plan.mission
 
     @property
+    def rule(self) -> Adaptation | None:
+        """Adaptation of the active plan's weights; None before the first plan."""
+        return None if self._plan is None else self._plan.request.adaptation
+
+    @property
     def margin_m(self) -> float:
         """Margin of keep-outs for the errors of a flight, in metres."""
         return self._volume.site.margin.total_m
@@ -135,7 +143,7 @@ class PathFollower:
     @property
     def why_it_returns(self) -> str:
         """Text for people about the recovery leg."""
-        return f"{self.outside_m:.0f} m outside, wind is less"
+        return pilot_texts.RETURNING(m=distance(self.outside_m))
 
     @property
     def is_carried_off(self) -> bool:

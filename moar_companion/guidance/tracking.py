@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -56,15 +57,20 @@ class Reference:
             offset_rate_mps=np.zeros(3),
         )
 
-    @property
+    @cached_property
+    def sample(self) -> tuple[FloatArray, FloatArray, float]:
+        """Position (3,), direction (3,) and greatest speed of the trajectory here."""
+        return self.trajectory.at(self.distance_m)
+
+    @cached_property
     def position_m(self) -> FloatArray:
         """Position of the setpoint, (3,)."""
-        return self.trajectory.at(self.distance_m)[0] + self.offset_m
+        return self.sample[0] + self.offset_m
 
-    @property
+    @cached_property
     def velocity_mps(self) -> FloatArray:
         """Velocity of the setpoint, (3,)."""
-        return self.speed_mps * self.trajectory.at(self.distance_m)[1] + self.offset_rate_mps
+        return self.speed_mps * self.sample[1] + self.offset_rate_mps
 
     @property
     def arrived(self) -> bool:
@@ -95,7 +101,7 @@ def advanced(
     """
     offset = _faded(reference, fade_mps, step_s)
     trajectory, speed = reference.trajectory, reference.speed_mps
-    _, _, allowed = trajectory.at(reference.distance_m)
+    _, _, allowed = reference.sample
     end_m = trajectory.length_m
     if reference.stop_m is not None:
         end_m = reference.stop_m

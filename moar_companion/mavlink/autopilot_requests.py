@@ -10,20 +10,18 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Mapping
 
+from ..autopilots import profile
 from ..telemetry import FenceItem
-from ..types import AutopilotKind
 from . import fence_download, translate_outgoing
 from .dialect import Message, mavlink
 from .fence_download import FenceDownload
 from .identity import Autopilot
-from .message_rates import MessageRates, on_network
+from .message_rates import MessageRates, on_network, wanted_rates_hz
 from .origin_home_requests import OriginHomeRequests
 from .outbox import Outbox
 from .parameters import ParameterRequests
 from .telemetry_receiver import TelemetryReceiver
 from .timesync_rtt import TimesyncRtt
-from .translate_motors import MOTOR_PARAMETERS
-from .translate_status import GNSS_PARAMETERS
 
 _SET_MESSAGE_INTERVAL = int(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL)
 _REQUEST_MESSAGE = int(mavlink.MAV_CMD_REQUEST_MESSAGE)
@@ -39,14 +37,14 @@ MESSAGE_IDS: frozenset[int] = fence_download.MESSAGE_IDS | {_PARAM_VALUE}
 class AutopilotRequests:
     """Requests of the one autopilot, from its first heartbeat on, and again after its restart.
 
-    rates_hz: wanted rates by autopilot kind and message id.
+    rates_hz: wanted rates by message id; None: those of its kind.
     """
 
     def __init__(
         self,
         receiver: TelemetryReceiver,
         outbox: Outbox,
-        rates_hz: Mapping[AutopilotKind, Mapping[int, float]],
+        rates_hz: Mapping[int, float] | None,
     ) -> None:
         self._receiver = receiver
         self._outbox = outbox
@@ -109,10 +107,10 @@ class AutopilotRequests:
 
     def _start_rates(self, autopilot: Autopilot, now_s: float) -> None:
         self._link = autopilot.link
-        rates_hz = self._rates_hz.get(autopilot.kind, {})
+        rates_hz = wanted_rates_hz(autopilot.kind) if self._rates_hz is None else self._rates_hz
         self._rates.start(
             rates_hz if _on_serial_port(autopilot) else on_network(rates_hz),
-            silent=autopilot.kind is AutopilotKind.ARDUPILOT,
+            silent=not profile(autopilot.kind).streams_by_itself,
             now_s=now_s,
         )
 
@@ -173,7 +171,7 @@ class AutopilotRequests:
         """
         link, target, telemetry = autopilot.link, autopilot.ids, self._receiver.telemetry
         if link != self._link:
-            # The autopilot is heard on another link: its streams there have rates of their own.
+            # The autopilot is received on another link: its streams there have rates of their own.
             self._start_rates(autopilot, now_s)
         question = self._round_trips.next_request(target, now_s)
         if question is not None:
@@ -185,10 +183,11 @@ class AutopilotRequests:
         place = self._places.next_request(telemetry, now_s)
         if place is not None:
             self._outbox.send_command(autopilot, _REQUEST_MESSAGE, place)
-        if autopilot.kind is AutopilotKind.ARDUPILOT and telemetry.second_gnss is not None:
-            self._parameters.want(GNSS_PARAMETERS)
+        known = profile(autopilot.kind)
+        if telemetry.second_gnss is not None:
+            self._parameters.want(known.gnss_parameters)
         if telemetry.motors is not None:
-            self._parameters.want(MOTOR_PARAMETERS.get(autopilot.kind, ()))
+            self._parameters.want(known.motor_range or ())
         for name in self._parameters.requests(now_s):
             request = translate_outgoing.parameter_request_message(target=target, name=name)
             self._outbox.send(link, request)

@@ -18,7 +18,7 @@ from functools import cache
 from typing import Any
 
 from .dialect import Message, mavlink
-from .signing import SIGNATURE_BYTES, SIGNED_FLAG, LinkSigning, Refusal
+from .signing import SIGNATURE_BYTES, SIGNED_FLAG, LinkSigning, SigningRefusal
 
 _MARKERS = re.compile(b"[\xfd\xfe]")
 _MARKER_V2 = 0xFD
@@ -31,9 +31,10 @@ _LATE_WINDOW = 80
 """Packets by which a late one may be behind; more is a wrap at 256. Delays of 50 to 200 ms shift a
 packet by 0.15 s, in which PX4 sends 62 (412 a second)."""
 
-_SECRETS = frozenset(
+SECRETS = frozenset(
     {int(mavlink.MAVLINK_MSG_ID_AUTH_KEY), int(mavlink.MAVLINK_MSG_ID_SETUP_SIGNING)}
 )
+"""Messages that carry a key: never recorded."""
 
 _RADIO_WORDS = frozenset(
     {int(mavlink.MAVLINK_MSG_ID_RADIO_STATUS), int(mavlink.MAVLINK_MSG_ID_RADIO)}
@@ -155,7 +156,7 @@ class Codec:
         """Count of frames of messages outside the dialect; their checksum cannot be verified."""
         self.dropped_bytes = 0
         """Bytes outside frames: noise and remains of corrupted frames."""
-        self.refused = dict.fromkeys(Refusal, 0) if signing is None else signing.refused
+        self.refused = dict.fromkeys(SigningRefusal, 0) if signing is None else signing.refused
         """Whole packets refused on this link for their signature or the lack of one, by reason."""
 
     @property
@@ -251,10 +252,10 @@ class Codec:
             if self._signing is None:
                 if source is None or (after < len(buffer) and buffer[after] not in {0xFD, 0xFE}):
                     return False
-            elif refusal in {Refusal.UNSIGNED, Refusal.WRONG}:
+            elif refusal in {SigningRefusal.UNSIGNED, SigningRefusal.WRONG}:
                 return False
         if refusal is not None:
-            self.refused[refusal] += refusal is not Refusal.UNSIGNED or (
+            self.refused[refusal] += refusal is not SigningRefusal.UNSIGNED or (
                 message_id not in _RADIO_WORDS
             )
             return True
@@ -269,7 +270,7 @@ class Codec:
             return True
         wanted = self._wanted is None or message_id in self._wanted
         source.off_stream += message_id in _ANSWERS or not wanted
-        if message_id not in _SECRETS:
+        if message_id not in SECRETS:
             self.packets.append(packet)
         if wanted:
             message = _build(message_class, bytes(buffer[payload_start:payload_end]))
@@ -301,6 +302,23 @@ def is_sound(buffer: bytes | bytearray, position: int) -> bool | None:
     if message_class is None:
         return None
     return _is_sound(buffer, position, payload_start + buffer[position + 1], message_class)
+
+
+def frame_head(buffer: bytes | bytearray, position: int) -> tuple[int, int, int] | None:
+    """Message id, start and length of the payload of the frame at a marker; None: cut short."""
+    begin = 10 if buffer[position] == _MARKER_V2 else 6
+    if position + begin > len(buffer):
+        return None
+    *_, message_id, start = _header(buffer, position)
+    return message_id, start, buffer[position + 1]
+
+
+def checksum_of(buffer: bytes | bytearray, position: int) -> bytes:
+    """The checksum, two bytes, that a frame of a known message should have."""
+    *_, message_id, start = _header(buffer, position)
+    checked = bytearray(buffer[position + 1 : start + buffer[position + 1]])
+    checked.append(mavlink.mavlink_map[message_id].crc_extra)
+    return checksum(checked).to_bytes(2, "little")
 
 
 def packet_source(packet: bytes) -> tuple[int, int]:

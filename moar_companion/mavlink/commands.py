@@ -17,9 +17,10 @@ from __future__ import annotations
 
 import enum
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal, TypedDict
 
+from .. import pilot_texts
 from ..types import Mission
 from .dialect import Message, create, mavlink
 
@@ -68,6 +69,8 @@ class Command:
     parameters: tuple[float | None, ...]
     permitted: bool = True
     """True if its sender may command; holds and pauses are accepted from any sender."""
+    number: int = field(default=0, compare=False)
+    """Identity among the accepted commands of this process, from 1; 0: not accepted."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -121,7 +124,7 @@ class CommandCancelled:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Answer:
+class CommandAnswer:
     """COMMAND_ACK and its receiver."""
 
     receiver: Sender
@@ -143,7 +146,9 @@ class Answer:
         )
 
 
-def interpret(message: Message, *, link: str, system_id: int, component_id: int) -> Command | None:
+def interpret(
+    message: Message, *, link: str, system_id: int, component_id: int
+) -> MissionCommand | PauseContinue | UnsupportedCommand | DeniedCommand | None:
     """Returns the command of a COMMAND_LONG or COMMAND_INT; None: other addressee. Never raises.
 
     system_id, component_id: the companion's.
@@ -186,12 +191,13 @@ def _parameters(message: Message) -> tuple[float | None, ...]:
 def _mission_command(given: _Given) -> MissionCommand | DeniedCommand:
     number, index = given["parameters"][:2]
     if number not in range(len(_MISSIONS)):
-        reason = f"param1 {_shown(number)} is not a mission (0 to {len(_MISSIONS) - 1})"
+        detail = f"0 to {len(_MISSIONS) - 1}"
+        reason = pilot_texts.NO_MISSION(value=_shown(number), detail=detail)
         return DeniedCommand(**given, reason=reason)
     if index == -1:
         index = None
     if index is not None and (not 0 <= index <= _MAX_INDEX or index != int(index)):
-        reason = f"param2 {_shown(index)} is not an index (0, 1, …; -1: any)"
+        reason = pilot_texts.NO_INDEX(value=_shown(index), detail="0, 1, …; -1: any")
         return DeniedCommand(**given, reason=reason)
     mission = _MISSIONS[int(number or 0)]
     return MissionCommand(**given, mission=mission, index=None if index is None else int(index))
@@ -200,10 +206,11 @@ def _mission_command(given: _Given) -> MissionCommand | DeniedCommand:
 def _pause_continue(given: _Given) -> PauseContinue | DeniedCommand:
     number = given["parameters"][0]
     if number not in {0, 1}:
-        reason = f"param1 {_shown(number)} is neither 0 (pause) nor 1 (continue)"
+        detail = "0: pause, 1: continue"
+        reason = pilot_texts.NO_PAUSE(value=_shown(number), detail=detail)
         return DeniedCommand(**given, reason=reason)
     return PauseContinue(**given, pause=number == 0)
 
 
 def _shown(value: float | None) -> str:
-    return "NaN" if value is None else f"{value:g}"
+    return "NaN" if value is None else f"{value:.2g}" if abs(value) > 9_999.0 else f"{value:.5g}"

@@ -24,6 +24,7 @@ __all__ = [
     "LINK_NODE_STATUS_ID",
     "Message",
     "create",
+    "id_of",
     "mavlink",
 ]
 
@@ -258,6 +259,11 @@ for _definition in _DEFINITIONS:
 def create(name: str, /, **fields: Any) -> Message:
     """Creates a message of the map by its MAVLink name, with all its fields by name."""
     return _BY_NAME[name](**fields)
+
+
+def id_of(name: str) -> int:
+    """Id of a message of the map by its MAVLink name."""
+    return int(_BY_NAME[name].id)
 
 
 _BY_NAME = {message_class.msgname: message_class for message_class in mavlink.mavlink_map.values()}

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, replace
 
+from .. import pilot_texts
 from ..types import AutopilotKind
 from . import translate
 from .dialect import Message, mavlink
@@ -35,7 +36,7 @@ class Autopilot:
         return self.system_id, self.component_id
 
     def __str__(self) -> str:
-        return f"{self.kind.value} with system id {self.system_id} on {self.link}"
+        return f"{self.kind} with system id {self.system_id} on {self.link}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -113,9 +114,8 @@ class Identity:
             self._told_s = -math.inf
             return AutopilotFound(autopilot=heard)
         if other:
-            ids = f"systems {known.system_id} and {heard.system_id}"
-            words = f"two autopilots, {ids}"
-            return self._note(key, heard, words, "two autopilots are heard", now_s)
+            words = pilot_texts.TWO_AUTOPILOTS(id=known.system_id, other_id=heard.system_id)
+            return self._note(key, heard, words, "two autopilots are received", now_s)
         if link != known.link:
             if self.heard_s is not None and now_s - self.heard_s <= _LINK_TIMEOUT_S:
                 return None
@@ -129,7 +129,7 @@ class Identity:
         """Records a packet with the autopilot's ids and another clock; returns a due conflict."""
         if self.autopilot is None:
             return None
-        words = f"two clocks under autopilot id {self.autopilot.system_id}"
+        words = pilot_texts.TWO_CLOCKS(id=self.autopilot.system_id)
         return self._note("clock", self.autopilot, words, words, now_s)
 
     def _note(

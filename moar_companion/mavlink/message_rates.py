@@ -19,9 +19,10 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
+from ..autopilots import profile
 from ..types import AutopilotKind
 from .commands import CommandResult
-from .dialect import CURRENT_MODE_ID, LINK_NODE_STATUS_ID, mavlink
+from .dialect import CURRENT_MODE_ID, id_of, mavlink
 
 _MODE_IDS = frozenset({mavlink.MAVLINK_MSG_ID_HEARTBEAT, CURRENT_MODE_ID})
 
@@ -39,35 +40,19 @@ _COMMON_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 0.5,
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
 }
-
 """Positions: PX4's default is 30 Hz. On a link that loses 30 % and takes 0.2 s, one flight of 200 s
 in eight then ends for a gap over the remaining 0.3 s; at 40 Hz one in 250."""
 
-DEFAULT_RATES_HZ: Mapping[AutopilotKind, Mapping[int, float]] = {
-    AutopilotKind.PX4: {
-        **_COMMON_RATES_HZ,
-        mavlink.MAVLINK_MSG_ID_ODOMETRY: 5.0,
-        mavlink.MAVLINK_MSG_ID_ESTIMATOR_STATUS: 1.0,
-        mavlink.MAVLINK_MSG_ID_WIND_COV: 2.0,
-        mavlink.MAVLINK_MSG_ID_HIGHRES_IMU: 2.0,
-        LINK_NODE_STATUS_ID: 1.0,
-        CURRENT_MODE_ID: 20.0,
-    },
-    AutopilotKind.ARDUPILOT: {
-        **_COMMON_RATES_HZ,
-        mavlink.MAVLINK_MSG_ID_BATTERY_STATUS: 1.0,
-        mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT: 2.0,
-        mavlink.MAVLINK_MSG_ID_WIND: 2.0,
-        mavlink.MAVLINK_MSG_ID_RAW_IMU: 2.0,
-        mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN: 0.2,
-        mavlink.MAVLINK_MSG_ID_HEARTBEAT: 20.0,
-    },
-    AutopilotKind.UNKNOWN: _COMMON_RATES_HZ,
-}
-"""Wanted rates by autopilot and message id. PX4's own rates where they suffice, so that a slow link
-carries no requests; without messages that an autopilot denies. Both report the mode at 1 Hz, which
-is too slow: PX4 refuses another rate of its heartbeat, but accepts one of CURRENT_MODE. All of it
-fits a serial port at 57600 baud."""
+
+def wanted_rates_hz(kind: AutopilotKind) -> Mapping[int, float]:
+    """Returns the wanted rates of an autopilot by message id.
+
+    An autopilot's own rates where they suffice, so that a slow link carries no requests; without
+    messages that it denies. All of it fits a serial port at 57600 baud.
+    """
+    own = {id_of(name): rate_hz for name, rate_hz in profile(kind).rates_hz.items()}
+    return {**_COMMON_RATES_HZ, **own}
+
 
 _MODE_ON_NETWORK_HZ = 50.0
 """Wanted rate of the mode on a link that is no serial port. A takeover must show within 0.2 s, and

@@ -1,66 +1,14 @@
 """Flight modes: an autopilot's custom_mode to its name, and the mode that follows setpoints.
 
-Numbers measured on PX4 v1.17 and ArduCopter 4.6; others are from PX4's `px4_custom_mode.h` and
-ArduCopter's `mode.h`.
+The numbers and names are in the autopilot's profile (`autopilots`).
 """
 
 from __future__ import annotations
 
+from ..autopilots import profile
+from ..autopilots.profile import Profile
 from ..types import AutopilotKind
 from .dialect import mavlink
-
-_PX4_MAIN = {
-    1: "MANUAL",
-    2: "ALTCTL",
-    3: "POSCTL",
-    4: "AUTO",
-    5: "ACRO",
-    6: "OFFBOARD",
-    7: "STABILIZED",
-    8: "RATTITUDE",
-    10: "TERMINATION",
-    11: "ALTITUDE_CRUISE",
-}
-_PX4_AUTO = {
-    1: "READY",
-    2: "TAKEOFF",
-    3: "HOLD",
-    4: "MISSION",
-    5: "RTL",
-    6: "LAND",
-    8: "FOLLOW_TARGET",
-    9: "PRECLAND",
-    10: "VTOL_TAKEOFF",
-}
-_PX4_POSCTL = {1: "ORBIT", 2: "POSCTL_SLOW"}
-_COPTER = {
-    0: "STABILIZE",
-    1: "ACRO",
-    2: "ALT_HOLD",
-    3: "AUTO",
-    4: "GUIDED",
-    5: "LOITER",
-    6: "RTL",
-    7: "CIRCLE",
-    9: "LAND",
-    11: "DRIFT",
-    13: "SPORT",
-    14: "FLIP",
-    15: "AUTOTUNE",
-    16: "POSHOLD",
-    17: "BRAKE",
-    18: "THROW",
-    19: "AVOID_ADSB",
-    20: "GUIDED_NOGPS",
-    21: "SMART_RTL",
-    22: "FLOWHOLD",
-    23: "FOLLOW",
-    24: "ZIGZAG",
-    25: "SYSTEMID",
-    26: "AUTOROTATE",
-    27: "AUTO_RTL",
-    28: "TURTLE",
-}
 
 _QUADROTOR = int(mavlink.MAV_TYPE_QUADROTOR)
 _MULTIROTORS = frozenset(
@@ -84,45 +32,6 @@ _MOTORS = {
     int(mavlink.MAV_TYPE_DECAROTOR): 10,
     int(mavlink.MAV_TYPE_DODECAROTOR): 12,
 }
-
-
-def _names(enum: str) -> dict[int, str]:
-    """Names of one of pymavlink's enums of modes."""
-    names = {
-        number: item.name.removeprefix(f"{enum}_") for number, item in mavlink.enums[enum].items()
-    }
-    return {number: name for number, name in names.items() if name != "ENUM_END"}
-
-
-_OTHER_VEHICLES = {
-    int(mavlink.MAV_TYPE_FIXED_WING): _names("PLANE_MODE"),
-    **dict.fromkeys(
-        range(int(mavlink.MAV_TYPE_VTOL_DUOROTOR), int(mavlink.MAV_TYPE_VTOL_RESERVED5) + 1),
-        _names("PLANE_MODE"),
-    ),
-    int(mavlink.MAV_TYPE_GROUND_ROVER): _names("ROVER_MODE"),
-    int(mavlink.MAV_TYPE_SURFACE_BOAT): _names("ROVER_MODE"),
-    int(mavlink.MAV_TYPE_SUBMARINE): _names("SUB_MODE"),
-}
-"""Modes of ArduPilot's vehicles other than copters, by MAV_TYPE."""
-
-_HOMEWARD = frozenset(
-    {
-        "RTL",
-        "LAND",
-        "PRECLAND",
-        "TERMINATION",
-        "BRAKE",
-        "SMART_RTL",
-        "AUTO_RTL",
-        "AVOID_ADSB",
-    }
-)
-
-_PX4_OFFBOARD = (6, 0)
-_PX4_LAND = (4, 6)
-_COPTER_GUIDED = 4
-_COPTER_LAND = 9
 _CUSTOM_MODE = 1
 _ARMED = 128
 
@@ -132,20 +41,17 @@ def mode_name(kind: AutopilotKind, custom_mode: int, vehicle_type: int = _QUADRO
 
     vehicle_type: MAV_TYPE; ArduPilot numbers modes of planes, rovers and submarines differently.
     """
-    name: str | None = None
-    if kind is AutopilotKind.PX4:
-        main, sub = custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF
-        if main == 4:
-            name = _PX4_AUTO.get(sub)
-        elif main == 3 and sub:
-            name = _PX4_POSCTL.get(sub)
-        else:
-            name = _PX4_MAIN.get(main)
-    elif kind is AutopilotKind.ARDUPILOT and vehicle_type in _OTHER_VEHICLES:
-        name = _OTHER_VEHICLES[vehicle_type].get(custom_mode)
-    elif kind is AutopilotKind.ARDUPILOT:
-        name = _COPTER.get(custom_mode)
+    autopilot = profile(kind)
+    enum = autopilot.mode_enums.get(vehicle_type)
+    name = autopilot.mode_name(custom_mode) if enum is None else _enum_name(enum, custom_mode)
     return name or f"MODE 0x{custom_mode:08X}"
+
+
+def _enum_name(enum: str, custom_mode: int) -> str | None:
+    """Name in one of MAVLink's enums of modes; None if it has no such mode."""
+    item = mavlink.enums[enum].get(custom_mode)
+    name = None if item is None else item.name.removeprefix(f"{enum}_")
+    return None if name == "ENUM_END" else name
 
 
 def is_ours(kind: AutopilotKind, custom_mode: int, vehicle_type: int = _QUADROTOR) -> bool:
@@ -154,11 +60,7 @@ def is_ours(kind: AutopilotKind, custom_mode: int, vehicle_type: int = _QUADROTO
     base_mode's guided bit is no criterion: ArduPilot sets it in many modes. False for planes,
     rovers and submarines in every mode: they would not hold a setpoint at rest.
     """
-    if not is_multirotor(vehicle_type):
-        return False
-    if kind is AutopilotKind.PX4:
-        return (custom_mode >> 16 & 0xFF, custom_mode >> 24 & 0xFF) == _PX4_OFFBOARD
-    return kind is AutopilotKind.ARDUPILOT and custom_mode == _COPTER_GUIDED
+    return is_multirotor(vehicle_type) and profile(kind).is_own_mode(custom_mode)
 
 
 def is_multirotor(vehicle_type: int) -> bool:
@@ -177,7 +79,7 @@ def is_homeward(kind: AutopilotKind, custom_mode: int, vehicle_type: int = _QUAD
     Only the pilot may end these modes: ArduPilot lets a companion end any failsafe, and its fence
     acts without system_status 5.
     """
-    return mode_name(kind, custom_mode, vehicle_type) in _HOMEWARD
+    return mode_name(kind, custom_mode, vehicle_type) in profile(kind).homeward_modes
 
 
 def is_failsafe(system_status: int) -> bool:
@@ -191,22 +93,18 @@ def is_failsafe(system_status: int) -> bool:
 
 def own_mode_parameters(kind: AutopilotKind, *, armed: bool) -> tuple[int, int, int] | None:
     """First parameters of MAV_CMD_DO_SET_MODE for OFFBOARD or GUIDED; None: kind unknown."""
-    if kind is AutopilotKind.PX4:
-        return _px4_parameters(_PX4_OFFBOARD, armed=armed)
-    if kind is AutopilotKind.ARDUPILOT:
-        return _CUSTOM_MODE, _COPTER_GUIDED, 0
-    return None
+    return _mode_request(profile(kind), profile(kind).own_mode_numbers, armed=armed)
 
 
 def land_parameters(kind: AutopilotKind, *, armed: bool) -> tuple[int, int, int] | None:
     """First parameters of MAV_CMD_DO_SET_MODE for LAND; None: kind unknown."""
-    if kind is AutopilotKind.PX4:
-        return _px4_parameters(_PX4_LAND, armed=armed)
-    if kind is AutopilotKind.ARDUPILOT:
-        return _CUSTOM_MODE, _COPTER_LAND, 0
-    return None
+    return _mode_request(profile(kind), profile(kind).land_mode_numbers, armed=armed)
 
 
-def _px4_parameters(mode: tuple[int, int], *, armed: bool) -> tuple[int, int, int]:
-    # PX4 takes base_mode with the armed bit as it is: 129 in flight, 1 on the ground.
-    return _CUSTOM_MODE | (_ARMED if armed else 0), *mode
+def _mode_request(
+    autopilot: Profile, numbers: tuple[int, int] | None, *, armed: bool
+) -> tuple[int, int, int] | None:
+    if numbers is None:
+        return None
+    base_mode = _CUSTOM_MODE | (_ARMED if armed and autopilot.armed_in_mode_request else 0)
+    return base_mode, *numbers

@@ -15,6 +15,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from operator import itemgetter
 from types import MappingProxyType
 
+from ..autopilots import profile
 from ..types import AutopilotKind
 from .dialect import Message, mavlink
 
@@ -116,7 +117,7 @@ class ParameterRequests:
 
 def parameter_value(message: Message, kind: AutopilotKind) -> float | None:
     """Value of a PARAM_VALUE in its sender's encoding; None if not finite."""
-    if kind is AutopilotKind.PX4 and message.param_type in _INTEGERS:
+    if profile(kind).integers_bytewise and message.param_type in _INTEGERS:
         # From the packet: a conversion to float changes some byte patterns.
         packet = message.get_msgbuf()
         (integer,) = struct.unpack_from("<i", packet, _PAYLOAD_STARTS[packet[0]])

@@ -53,7 +53,7 @@ class PeerRefused:
 
 
 class Precedence(enum.IntEnum):
-    """Reading order of bytes: the autopilot's and a stream's, then a peer's, then a stranger's."""
+    """Reading order of bytes: the autopilot's and a stream's, a peer's, an unknown sender's."""
 
     AUTOPILOT = 0
     PEER = 1
@@ -100,7 +100,7 @@ class Peers:
         return events
 
     def codec(self, address: Address | None) -> Codec:
-        """Codec for the next bytes from an address; a stranger's reads whole packets only."""
+        """Codec for the next bytes from an address; of an unknown sender, whole packets only."""
         if address is None:
             return self._of_stream
         peer = self._peers.get(address)

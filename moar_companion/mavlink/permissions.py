@@ -8,7 +8,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .. import pilot_texts
 from ..config import GROUND_STATION_IDS, Commands
+from ..mqtt_config import ORDER_LINK
 from .commands import Sender
 
 
@@ -30,12 +32,16 @@ class Permissions:
         signed: True if the command's packet has a correct signature.
         """
         rules = self.rules
+        if sender.link == ORDER_LINK:
+            return None  # each of its orders is signed with a key of its own
         if rules.links is not None and sender.link not in rules.links:
-            return f"this link may not command ({sender.link}; commands.links)"
+            return pilot_texts.LINK_MAY_NOT(detail=f"{sender.link}; commands.links")
         if not self.allows_system(sender.system_id, vehicle_id=vehicle_id):
-            return f"system {sender.system_id} may not command (commands.systems)"
+            return pilot_texts.SYSTEM_MAY_NOT(id=sender.system_id, detail="commands.systems")
         if rules.components is not None and sender.component_id not in rules.components:
-            return f"component {sender.component_id} may not command (commands.components)"
+            return pilot_texts.COMPONENT_MAY_NOT(
+                id=sender.component_id, detail="commands.components"
+            )
         if rules.signed_only and not signed:
-            return "commands must be signed (commands.signed_only)"
+            return pilot_texts.UNSIGNED(detail="commands.signed_only")
         return None

@@ -6,7 +6,7 @@ Sources: https://mavlink.io/en/services/timesync.html and .../ping.html.
 from __future__ import annotations
 
 from .dialect import Message, create, mavlink
-from .limits import SenderLimit
+from .rate_limits import SenderLimit
 
 _TIMESYNC = int(mavlink.MAVLINK_MSG_ID_TIMESYNC)
 _PING = int(mavlink.MAVLINK_MSG_ID_PING)

@@ -1,8 +1,8 @@
 """The companion's side of MAVLink over all its links: bytes and time in, bytes and events out.
 
 A machine without I/O and without a clock. The service calls `receive` with bytes and `tick` at the
-rate of its control loop (10 Hz or more), takes `events_received` and `telemetry`, and writes the
-bytes of `data_to_send`.
+rate of its control loop (10 Hz or more), takes `events_received`, `commands.waiting` and
+`telemetry`, and writes the bytes of `data_to_send`.
 
 Only `tick` sends heartbeats, so that they stop when the control loop stalls.
 """
@@ -15,18 +15,25 @@ from functools import partial
 
 from ..config import Commands, LinkRole
 from ..telemetry import Telemetry
-from ..types import AutopilotKind, Vector
+from ..types import Vector
 from . import autopilot_requests, ping_timesync, telemetry_receiver, translate_outgoing
 from .autopilot_control import AutopilotControl, CommandAnswered, commands_motion
 from .autopilot_requests import AutopilotRequests
 from .codec import Codec, packet_source
-from .command_dedup import CommandDedup
-from .commands import Answer, Command, CommandCancelled, CommandResult, Sender
+from .commands import (
+    Command,
+    CommandAnswer,
+    CommandCancelled,
+    CommandResult,
+    DeniedCommand,
+    Sender,
+    UnsupportedCommand,
+)
 from .dialect import Message, mavlink
 from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted
-from .message_rates import DEFAULT_RATES_HZ
 from .outbox import Outbox
 from .peers import Address, AutopilotElsewhere, PeerRefused, Peers, Precedence
+from .received_commands import ReceivedCommands
 from .signing import LinkSigning, SignedLinks
 from .statustext import Severity, StatusTexts
 from .telemetry_receiver import ModeLeft, TelemetryReceiver
@@ -56,7 +63,8 @@ _WANTED = (
 """Messages that are read; the others are only counted."""
 
 Event = (
-    Command
+    UnsupportedCommand
+    | DeniedCommand
     | CommandCancelled
     | AutopilotFound
     | AutopilotRestarted
@@ -73,8 +81,8 @@ class Session:
 
     links: name and role of each link. system_id, component_id: the companion's; once an autopilot
     is found the companion takes its system id. commands: rules for permitted senders.
-    message_rates_hz: wanted rates by autopilot kind and message id. signing: of the links on which
-    all packets are signed.
+    message_rates_hz: wanted rates by message id; None: those of the autopilot's kind. signing: of
+    the links on which all packets are signed.
     """
 
     def __init__(
@@ -84,7 +92,7 @@ class Session:
         system_id: int = 1,
         component_id: int = 195,
         commands: Commands | None = None,
-        message_rates_hz: Mapping[AutopilotKind, Mapping[int, float]] = DEFAULT_RATES_HZ,
+        message_rates_hz: Mapping[int, float] | None = None,
         signing: Mapping[str, LinkSigning] | None = None,
     ) -> None:
         self._roles = dict(links)
@@ -101,8 +109,9 @@ class Session:
         self._outbox = Outbox(links)
         self._control = AutopilotControl(self._receiver, self._outbox)
         self.requests = AutopilotRequests(self._receiver, self._outbox, message_rates_hz)
-        """Parameters, fence and whatever else is requested of the autopilot."""
-        self._commands = CommandDedup(commands)
+        """Requests of the autopilot: parameters, fence, message rates."""
+        self.commands = ReceivedCommands(commands)
+        """Commands to the companion, until their final answers."""
         self._answers = ping_timesync.answer_limit()
         self._texts = StatusTexts()
         self._events: list[Event] = []
@@ -226,7 +235,7 @@ class Session:
         vehicle_id, asked = self._system_id, self.requests.unidentified
         if self.autopilot is None and asked is not None and asked[0] == link:
             vehicle_id = asked[1][0]
-        allows = self._commands.permissions.allows_system
+        allows = self.commands.permissions.allows_system
         return system_id == vehicle_id or allows(system_id, vehicle_id=vehicle_id)
 
     def _receive_message(self, link: str, message: Message, now_s: float) -> None:
@@ -258,7 +267,7 @@ class Session:
             self._receive_request(link, message, now_s)
 
     def _receive_command(self, link: str, message: Message, now_s: float) -> None:
-        reception = self._commands.receive(
+        reception = self.commands.receive(
             message,
             link=link,
             system_id=self._system_id,
@@ -340,7 +349,7 @@ class Session:
         result_param2: int = 0,
     ) -> bool:
         """Acknowledges a received command on its link; returns False if no answer is due."""
-        answer = self._commands.answer(
+        answer = self.commands.answer(
             command, result, progress=progress, result_param2=result_param2, now_s=self._now_s
         )
         self._acknowledge(answer, command.sender.link)
@@ -374,7 +383,7 @@ class Session:
             else:
                 self._outbox.send(link, message)
 
-    def _acknowledge(self, answer: Answer | None, link: str) -> None:
+    def _acknowledge(self, answer: CommandAnswer | None, link: str) -> None:
         if answer is not None:
             self._outbox.send(link, answer.message())
 

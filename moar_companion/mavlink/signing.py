@@ -35,7 +35,7 @@ _EPOCH_S = 1_420_070_400
 _NEW_STREAM_UNITS = 60 * UNITS_PER_S
 """Greatest lag of a stream's first packet behind the reference (specification)."""
 _DETOUR_UNITS = 5 * UNITS_PER_S
-"""Greatest lag of a copy over another link: the time in which `command_dedup` detects copies.
+"""Greatest lag of a copy over another link: the time in which `received_commands` detects copies.
 After it a packet recorded on one link cannot be replayed on another."""
 
 _Stream: TypeAlias = tuple[int, int, int]
@@ -58,7 +58,7 @@ class SigningKey:
         return "SigningKey(secret)"
 
 
-class Refusal(str, enum.Enum):
+class SigningRefusal(str, enum.Enum):
     """Reason why a packet is refused, as text for people."""
 
     UNSIGNED = "unsigned"
@@ -111,7 +111,7 @@ class LinkSigning:
         self.behind_s: dict[int, float] = {}
         """Lag of the systems whose first packet was refused as too old, by system id."""
         self._clock_is_set = False
-        self.refused = dict.fromkeys(Refusal, 0)
+        self.refused = dict.fromkeys(SigningRefusal, 0)
         """Count of whole packets refused by its codecs, by reason."""
         self._streams: dict[_Stream, int] = {}
         self._newest: MutableMapping[_Stream, int] = {} if newest is None else newest
@@ -129,13 +129,13 @@ class LinkSigning:
         self._advance_to(self.timestamp + 1)
         return self.timestamp
 
-    def refusal(self, packet: bytes) -> Refusal | None:
+    def refusal(self, packet: bytes) -> SigningRefusal | None:
         """Reason why a whole packet is refused; None: accepted, and refused when repeated."""
         if packet[0] != _MARKER_V2 or not packet[2] & SIGNED_FLAG:
-            return Refusal.UNSIGNED
+            return SigningRefusal.UNSIGNED
         hashed = hashlib.sha256(self.key.secret + packet[:-_HASH_BYTES]).digest()
         if not hmac.compare_digest(hashed[:_HASH_BYTES], packet[-_HASH_BYTES:]):
-            return Refusal.WRONG
+            return SigningRefusal.WRONG
         link_id = packet[-SIGNATURE_BYTES]
         timestamp = int.from_bytes(packet[1 - SIGNATURE_BYTES : -_HASH_BYTES], "little")
         stream = packet[5], packet[6], link_id
@@ -144,7 +144,7 @@ class LinkSigning:
         if timestamp <= last or timestamp < newest - _DETOUR_UNITS:
             if stream not in self._streams and timestamp <= last:
                 self.behind_s[packet[5]] = (self.reference - timestamp) / UNITS_PER_S
-            return Refusal.OLD
+            return SigningRefusal.OLD
         self.behind_s.pop(packet[5], None)
         self._streams[stream] = timestamp
         self._newest[stream] = max(timestamp, newest)
@@ -193,7 +193,7 @@ class SignedLinks:
         return max((signing.ahead_s for signing in self._links.values()), default=0.0)
 
     @property
-    def packets_refused(self) -> dict[str, dict[Refusal, int]]:
+    def packets_refused(self) -> dict[str, dict[SigningRefusal, int]]:
         """Count of refused packets by signed link and reason."""
         return {link: dict(signing.refused) for link, signing in self._links.items()}
 

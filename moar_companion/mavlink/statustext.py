@@ -6,17 +6,11 @@ import enum
 import re
 from dataclasses import dataclass
 
+from ..text_format import TEXT_CHARS as CHUNK_BYTES
 from .dialect import Message, create
 
-CHUNK_BYTES = 50
 _MAX_BYTES = 1000
 """Limit of one text: an operator reads no more on a ground station."""
-_OURS = "MOAR: "
-_NAME_CHARS = 16
-_CUT = ".."
-_DETAIL = re.compile(r"\s*\([^()]*\)")
-_MACHINE_WORD = re.compile(r"(?<=[a-z])_(?=[a-z])")
-"""Underscore as in `at_target`; parameters, as GF_MAX_HOR_DIST, keep theirs."""
 _REPEAT_S = 10.0
 _NEWS_REPEAT_S = 1.0
 _MOST_REMEMBERED = 256
@@ -38,36 +32,6 @@ class Severity(enum.IntEnum):
     WARNING = 4
     NOTICE = 5
     INFO = 6
-
-
-def pilot_text(reason: str, action: str = "") -> str:
-    """Text for pilots that fits into one chunk: `MOAR: wind 12.3 m/s > 10, holding`.
-
-    reason: the fault with value and limit; details in parentheses are left out. action: of the
-    companion.
-    """
-    tail = f", {action}" if action else ""
-    return f"{_OURS}{_shortened(reason, CHUNK_BYTES - len(_OURS) - len(tail))}{tail}"
-
-
-def short_name(name: str) -> str:
-    """Name of a target or an obstacle, cut to 16 characters to leave room for the rest."""
-    return name if len(name) <= _NAME_CHARS else name[: _NAME_CHARS - len(_CUT)].rstrip() + _CUT
-
-
-def _shortened(reason: str, room: int) -> str:
-    """Text without details; if too long, cuts long names, then clauses, then words."""
-    before = ""
-    while before != reason:  # details may be nested
-        before, reason = reason, _DETAIL.sub("", reason)
-    words = _MACHINE_WORD.sub(" ", reason).split()
-    if len(" ".join(words)) > room:
-        words = [short_name(word) for word in words]
-    text = " ".join(words)
-    for separator in (", ", " "):
-        while len(text) > room and separator in text:
-            text = text.rpartition(separator)[0].rstrip(",;:")
-    return text[:room]
 
 
 class StatusTexts:

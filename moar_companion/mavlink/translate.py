@@ -11,15 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import replace
 
+from ..autopilots import kind_of
 from ..telemetry import AutopilotStatus, Heard, Telemetry
 from ..types import AutopilotKind
 from . import failsafe_texts, modes, translate_motion, translate_motors, translate_status
 from .dialect import CURRENT_MODE_ID, Message, mavlink
 
-_KINDS = {
-    int(mavlink.MAV_AUTOPILOT_PX4): AutopilotKind.PX4,
-    int(mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA): AutopilotKind.ARDUPILOT,
-}
 _NO_AIRCRAFT = {
     int(mavlink.MAV_TYPE_ANTENNA_TRACKER),
     int(mavlink.MAV_TYPE_GCS),
@@ -62,7 +59,7 @@ def autopilot_kind(message: Message) -> AutopilotKind | None:
     """Kind of the autopilot that sent a HEARTBEAT; None if not from an aircraft's autopilot."""
     if message.autopilot == mavlink.MAV_AUTOPILOT_INVALID or message.type in _NO_AIRCRAFT:
         return None
-    return _KINDS.get(message.autopilot, AutopilotKind.UNKNOWN)
+    return kind_of(message.autopilot)
 
 
 def is_ground_station(message: Message) -> bool:
@@ -101,7 +98,7 @@ def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetr
         failsafe_since_s = before.failsafe_since_s if before.failsafe else now_s
     return replace(
         telemetry,
-        failsafes_told={} if cleared else failsafe_texts.lasting(telemetry, now_s),
+        failsafes_reported={} if cleared else failsafe_texts.lasting(telemetry, now_s),
         autopilot=AutopilotStatus(
             received_s=now_s,
             system_id=message.get_srcSystem(),

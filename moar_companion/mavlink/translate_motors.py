@@ -6,34 +6,29 @@ Part of `translate`, which names the sources.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 
+from ..autopilots import profile_of
 from ..telemetry import MotorOutputs, MotorSpeeds, Telemetry
 from ..types import AutopilotKind
 from .dialect import ESC_STATUS_ID, Message, mavlink
 from .parameters import parameter_value
 
-_IDLE_PULSE_US = 900
-"""PX4's pulse of outputs without a function, and of all while disarmed; ArduPilot's is 0."""
 _MOST_MOTORS = 32
 _UNKNOWN_U16 = 65535
-_MIN_PARAMETERS = {AutopilotKind.PX4: "PWM_MAIN_MIN1", AutopilotKind.ARDUPILOT: "MOT_PWM_MIN"}
-_MAX_PARAMETERS = {AutopilotKind.PX4: "PWM_MAIN_MAX1", AutopilotKind.ARDUPILOT: "MOT_PWM_MAX"}
-MOTOR_PARAMETERS: Mapping[AutopilotKind, tuple[str, ...]] = {
-    kind: (name, _MAX_PARAMETERS[kind]) for kind, name in _MIN_PARAMETERS.items()
-}
-"""Parameters of the range of the outputs, which all motors of a vehicle share."""
 
 
 def motor_parameter(telemetry: Telemetry, message: Message) -> Telemetry:
     """Telemetry with the limit of the range of the outputs in a PARAM_VALUE."""
-    kind = AutopilotKind.UNKNOWN if telemetry.autopilot is None else telemetry.autopilot.kind
-    if message.param_id == _MIN_PARAMETERS.get(kind):
-        return replace(telemetry, motor_min_us=_pulse_us(message, kind))
-    if message.param_id == _MAX_PARAMETERS.get(kind):
-        return replace(telemetry, motor_max_us=_pulse_us(message, kind))
-    return telemetry
+    autopilot = profile_of(telemetry)
+    names = autopilot.motor_range
+    if names is None or message.param_id not in names:
+        return telemetry
+    pulse_us = _pulse_us(message, autopilot.kind)
+    if message.param_id == names[0]:
+        return replace(telemetry, motor_min_us=pulse_us)
+    return replace(telemetry, motor_max_us=pulse_us)
 
 
 def _pulse_us(message: Message, kind: AutopilotKind) -> float | None:
@@ -72,9 +67,10 @@ def _actuator_output_status(telemetry: Telemetry, message: Message, now_s: float
 
 
 def motor_outputs(telemetry: Telemetry, pulses_us: Iterable[float], now_s: float) -> Telemetry:
-    """Telemetry with the motor outputs: both autopilots put motors before other actuators."""
+    """Telemetry with the motor outputs: autopilots put motors before other actuators."""
+    unused_us = profile_of(telemetry).unused_pulse_us
     count = None if telemetry.autopilot is None else telemetry.autopilot.motors
-    in_use = tuple(pulse for pulse in pulses_us if pulse > 0 and pulse != _IDLE_PULSE_US)[:count]
+    in_use = tuple(pulse for pulse in pulses_us if pulse > 0 and pulse != unused_us)[:count]
     before = None if telemetry.motors is None else telemetry.motors.least_us
     told = in_use if before is None else (before, *in_use)
     motors = MotorOutputs(received_s=now_s, pulse_us=in_use, least_us=min(told, default=None))

@@ -9,6 +9,7 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 
+from ..autopilots import profile_of
 from ..telemetry import (
     Battery,
     Estimator,
@@ -21,7 +22,6 @@ from ..telemetry import (
     RemoteControl,
     Telemetry,
 )
-from ..types import AutopilotKind
 from .dialect import LINK_NODE_STATUS_ID, Message, mavlink
 from .translate_motors import motor_parameter
 
@@ -35,13 +35,6 @@ _MOST_CELL_MV = 5000
 """Greatest voltage of a lithium cell."""
 _UNKNOWN_U16 = 65535
 _UNKNOWN_U32 = 4294967295
-_MAX_RSSI = {
-    AutopilotKind.PX4: 100,
-    AutopilotKind.ARDUPILOT: 255,
-    AutopilotKind.UNKNOWN: 254,
-}
-"""RSSI of full signal in RC_CHANNELS. The definition has 254, and 255 for unknown. PX4 passes on
-the percentage of its receivers' drivers; ArduPilot has 255."""
 _NOT_FLOWN_WITH = {
     int(mavlink.MAV_BATTERY_FUNCTION_AVIONICS),
     int(mavlink.MAV_BATTERY_FUNCTION_PAYLOAD),
@@ -51,14 +44,12 @@ _BATTERY_STATUS_TIMEOUT_S = 5.0
 messages are missing."""
 _HORIZONTAL_POSITION = 0x10
 """Absolute horizontal position, in ESTIMATOR_STATUS and EKF_STATUS_REPORT alike."""
-PX4_GPS_GLITCH = 0x400
-_ARDUPILOT_GPS_GLITCH = 0x8000
+ESTIMATOR_GPS_GLITCH = 0x400
+"""In ESTIMATOR_STATUS."""
+_EKF_GPS_GLITCH = 0x8000
+"""In EKF_STATUS_REPORT."""
 _MAGNETOMETER_UPDATED = 0x1C0
 """The three axes in HIGHRES_IMU.fields_updated; other values are repeats."""
-GNSS_PARAMETERS = ("GPS_AUTO_SWITCH", "GPS_PRIMARY")
-"""ArduPilot's parameters that select one of two receivers for navigation."""
-_BETTER_GNSS_TAKEN = {1.0, 2.0}
-"""Values of GPS_AUTO_SWITCH: the best receiver, or a mean in which the better one weighs more."""
 _PREARM_CHECK = int(mavlink.MAV_SYS_STATUS_PREARM_CHECK)
 _GEOFENCE = int(mavlink.MAV_SYS_STATUS_GEOFENCE)
 _RC_RECEIVER = int(mavlink.MAV_SYS_STATUS_SENSOR_RC_RECEIVER)
@@ -159,10 +150,9 @@ def _battery_summary(telemetry: Telemetry, message: Message, now_s: float) -> Te
 
 
 def _summary_is_of_any(telemetry: Telemetry, batteries: Mapping[int, Battery]) -> bool:
-    """Returns True if SYS_STATUS may describe another battery than 0: PX4's is the emptiest one."""
-    autopilot = telemetry.autopilot
-    ardupilot = autopilot is not None and autopilot.kind is AutopilotKind.ARDUPILOT
-    return not ardupilot and any(number != 0 for number in batteries)
+    """Returns True if SYS_STATUS may describe another battery than 0, as PX4's the emptiest."""
+    elsewhere = any(number != 0 for number in batteries)
+    return elsewhere and not profile_of(telemetry).summary_is_battery_0
 
 
 def _percent(value: int) -> float | None:
@@ -193,12 +183,11 @@ def _gps_raw_int(telemetry: Telemetry, message: Message, now_s: float) -> Teleme
 
 
 def _gps2_raw(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    px4 = telemetry.autopilot is not None and telemetry.autopilot.kind is AutopilotKind.PX4
-    # PX4 weights receivers by accuracy (SENS_GPS_MASK); ArduPilot's parameter selects the mode.
+    always = profile_of(telemetry).better_gnss_taken
     return replace(
         telemetry,
         second_gnss=_gnss(message, now_s),
-        better_gnss_taken=px4 or telemetry.better_gnss_taken,
+        better_gnss_taken=always or telemetry.better_gnss_taken,
     )
 
 
@@ -227,10 +216,10 @@ def _accuracy_m(value_mm: int) -> float | None:
 
 
 def _parameter(telemetry: Telemetry, message: Message, _now_s: float) -> Telemetry:
-    name, value = message.param_id, message.param_value
-    if name == "GPS_AUTO_SWITCH":
-        return replace(telemetry, better_gnss_taken=value in _BETTER_GNSS_TAKEN)
-    if name == "GPS_PRIMARY":
+    name, value, autopilot = message.param_id, message.param_value, profile_of(telemetry)
+    if name == autopilot.gnss_switch:
+        return replace(telemetry, better_gnss_taken=value in autopilot.gnss_switch_better)
+    if name == autopilot.gnss_primary:
         return replace(telemetry, second_gnss_first=value == 1.0)
     return motor_parameter(telemetry, message)
 
@@ -241,7 +230,7 @@ def _estimator_status(telemetry: Telemetry, message: Message, now_s: float) -> T
         estimator=Estimator(
             received_s=now_s,
             flags=message.flags,
-            horizontal_position_ok=horizontal_position_ok(message.flags, PX4_GPS_GLITCH),
+            horizontal_position_ok=horizontal_position_ok(message.flags, ESTIMATOR_GPS_GLITCH),
             horizontal_accuracy_m=_finite(message.pos_horiz_accuracy),
             vertical_accuracy_m=_finite(message.pos_vert_accuracy),
             velocity_innovation=innovation(message.vel_ratio),
@@ -259,7 +248,7 @@ def _ekf_status_report(telemetry: Telemetry, message: Message, now_s: float) -> 
         estimator=Estimator(
             received_s=now_s,
             flags=message.flags,
-            horizontal_position_ok=horizontal_position_ok(message.flags, _ARDUPILOT_GPS_GLITCH),
+            horizontal_position_ok=horizontal_position_ok(message.flags, _EKF_GPS_GLITCH),
             horizontal_accuracy_m=None,
             velocity_innovation=innovation(message.velocity_variance),
             position_innovation=innovation(message.pos_horiz_variance),
@@ -360,9 +349,9 @@ def _link_node_status(telemetry: Telemetry, message: Message, now_s: float) -> T
 
 def _rc_channels(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     told = telemetry.remote_control is not None and telemetry.remote_control.ever_told
-    kind = AutopilotKind.UNKNOWN if telemetry.autopilot is None else telemetry.autopilot.kind
-    rssi: float | None = message.rssi / _MAX_RSSI[kind]
-    if message.rssi > _MAX_RSSI[kind]:
+    rssi_max = profile_of(telemetry).rssi_max
+    rssi: float | None = message.rssi / rssi_max
+    if message.rssi > rssi_max:
         rssi = None
     elif message.rssi in {0, _UNKNOWN_U8} and not told:
         # Autopilots without a signal strength report one of these. Only after another value do

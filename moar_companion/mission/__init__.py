@@ -1,1 +1,1 @@
-"""Pure: the mission's state machine, its values, and when to plan anew."""
+"""Pure: the mission's state machine, its values, and the reasons to replan."""

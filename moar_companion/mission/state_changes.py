@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from .. import pilot_texts
 from ..mission_states import IN_CONTROL, STREAMING, MissionState
 from .values import Answer, Do, Effect, MissionStatus, Say, Step, Task, Verdict
 
@@ -55,16 +56,17 @@ def end_stream(
 def state_words(state: MissionState, task: Task | None) -> str:
     """Text of a state: `flying inspection to splice-inner`, `at target splice-inner`."""
     if task is None or state in {MissionState.IDLE, MissionState.RELEASED}:
-        return state.words
-    goal = task.stops[0] if task.stops else ""
-    if state is MissionState.AT_TARGET:
-        return f"{state.words} {goal}".rstrip()
+        return pilot_texts.STATE(state=state.words)
+    goal, mission = task.stops[0] if task.stops else "", task.mission.value
+    if state is MissionState.AT_TARGET and goal:
+        return pilot_texts.AT_TARGET(target=goal)
     if state is MissionState.LANDING_LEG:
-        return f"{state.words} of the {task.mission.value}"
+        return pilot_texts.LANDING_LEG(mission=mission)
     if state is MissionState.READY:
-        return f"{state.words} for {task.mission.value}"
-    to_goal = f" to {goal}" if goal and state is MissionState.FLYING else ""
-    return f"{state.words} {task.mission.value}{to_goal}"
+        return pilot_texts.READY(mission=mission)
+    if state is MissionState.FLYING and goal:
+        return pilot_texts.FLYING_TO_TARGET(mission=mission, target=goal)
+    return pilot_texts.STATE_OF_MISSION(state=state.words, mission=mission)
 
 
 def answer_rejected(status: MissionStatus, order_id: int, reason: str) -> Step:
@@ -81,4 +83,4 @@ def answer_cancelled(status: MissionStatus) -> tuple[Effect, ...]:
     """Answers an open order that a newer one overtakes."""
     if status.order_id is None:
         return ()
-    return (Answer(status.order_id, Verdict.CANCELLED, "overtaken by a newer order"),)
+    return (Answer(status.order_id, Verdict.CANCELLED, pilot_texts.OVERTAKEN()),)

@@ -14,6 +14,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from .. import pilot_texts
 from ..mission_states import IN_CONTROL, STREAMING, MissionState
 from ..safety.condition_types import Action
 from ..safety.supervisor import Acting, Ruling
@@ -51,8 +52,8 @@ _CROSSED_S = 0.5
 _HELD_S = 1.0
 """Minimum hold before a flight resumes by itself: as long as any condition that holds."""
 
-_DONE = Say("every target is done", MissionState.HOLDING.words)
-_ARRIVED = Say("above the landing point", MissionState.HOLDING.words)
+_DONE = Say(pilot_texts.EVERY_TARGET_DONE(), MissionState.HOLDING.words)
+_ARRIVED = Say(pilot_texts.ABOVE_LANDING_POINT(), MissionState.HOLDING.words)
 
 _AGAIN_S = 2.0
 """Time until an escape route without a path is sought again: much may have changed."""
@@ -72,6 +73,14 @@ def restarted(rest: Task | None) -> MissionStatus:
     return MissionStatus(task=rest)
 
 
+def engages(status: MissionStatus, now_s: float, *, mode_ours: bool) -> bool:
+    """True in the cycle in which control begins: the mode is given to an offered flight.
+
+    Not in the cycle of the offer itself, whose ruling was made without control.
+    """
+    return status.state is MissionState.READY and mode_ours and status.since_s < now_s
+
+
 def command(
     status: MissionStatus, order: Task | Order, order_id: int, world: Situation, now_s: float
 ) -> Step:
@@ -79,16 +88,16 @@ def command(
     if isinstance(order, Task):
         return _sought(status, order, order_id, world, now_s)
     if order is Order.CONTINUE:
-        stands = status.held or status.state in _CONTINUED
+        stands = status.hold_ordered or status.state in _CONTINUED
         if status.task is None or not stands:
-            return answer_rejected(status, order_id, "nothing is held")
+            return answer_rejected(status, order_id, pilot_texts.NOTHING_HELD())
         if status.task.done:
-            return answer_rejected(status, order_id, "nothing is left to fly")
+            return answer_rejected(status, order_id, pilot_texts.NOTHING_LEFT())
         return _sought(status, status.task, order_id, world, now_s)
     done = Answer(order_id, Verdict.ACCEPTED)
     overtaken, status = answer_cancelled(status), replace(status, order_id=None)
     if order is Order.HOLD and status.state in IN_CONTROL:
-        held, effects = enter(replace(status, goes_on=False), MissionState.HOLDING, now_s)
+        held, effects = enter(replace(status, resumes=False), MissionState.HOLDING, now_s)
         return held, (
             *overtaken,
             *effects,
@@ -98,13 +107,12 @@ def command(
         )
     if order is Order.HOLD and status.state is MissionState.READY:
         # The mode may have been given and not yet received: the stream must not end.
-        ready = replace(status, held=True, sought=None)
-        return ready, (*overtaken, Do.BRAKE, done, Say("ready to hold"))
+        ready = replace(status, hold_ordered=True, sought=None)
+        return ready, (*overtaken, Do.BRAKE, done, Say(pilot_texts.READY_TO_HOLD()))
     if status.state in STREAMING or status.state is MissionState.PLANNING:
         rest = MissionState.IDLE if order is Order.HOLD else MissionState.RELEASED
-        silent, effects = end_stream(
-            status, rest, f"{order.value} on command", now_s, last_setpoint=True
-        )
+        reason = pilot_texts.ON_COMMAND(order=order.value)
+        silent, effects = end_stream(status, rest, reason, now_s, last_setpoint=True)
         return silent, (*overtaken, *effects, done)
     if status.state is MissionState.OVERRIDDEN:
         # The task that a returned mode would resume is dropped.
@@ -115,7 +123,7 @@ def command(
         return dropped, (done,)
     if order is Order.RELEASE:
         return replace(status, task=None), (done,)
-    return answer_rejected(status, order_id, "nothing is flown")
+    return answer_rejected(status, order_id, pilot_texts.NOTHING_FLOWN())
 
 
 def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
@@ -133,7 +141,7 @@ def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
             *effects,
             *answer_rejected(idle, order_id, unfit)[1],
         )
-    found = replace(status, task=status.sought, held=False, goes_on=False)
+    found = replace(status, task=status.sought, hold_ordered=False, resumes=False)
     found, effects = enter(
         replace(found, no_path=status.no_path - {status.sought}),
         MissionState.FLYING if in_control else MissionState.READY,
@@ -173,7 +181,7 @@ def unplanned(
         return replace(status, sought=None).without(*vain, now_s=now_s), (say,)
     held = entered(status, MissionState.HOLDING, now_s)
     say = Say(reason, MissionState.HOLDING.words, serious=True)
-    return replace(held, task=sought, goes_on=waits), (say,)
+    return replace(held, task=sought, resumes=waits), (say,)
 
 
 def blocked(status: MissionStatus, now_s: float) -> Step:
@@ -220,7 +228,7 @@ def tick(
     leading = ruling.leading
     if leading is not None and ruling.action is Action.RELEASE:
         return _released(status, ruling, leading, world, now_s)
-    given = state is MissionState.READY and world.mode_ours
+    given = engages(status, now_s, mode_ours=world.mode_ours)
     if state in IN_CONTROL or given:
         supervised = _supervised(status, ruling, now_s, on_leg=world.on_leg)
         if supervised is not None:
@@ -229,7 +237,7 @@ def tick(
         idle, effects = end_stream(
             status, MissionState.IDLE, ruling.reason, now_s, last_setpoint=True
         )
-        rest = None if status.held else status.task
+        rest = None if status.hold_ordered else status.task
         return replace(idle, task=rest), effects
     return _onward(status, world, ready_timeout_s, now_s)
 
@@ -260,30 +268,33 @@ def _supervised(
 ) -> Step | None:
     """Applies the supervisor's action to a flight in control; None if there is nothing to do."""
     if ruling.action is Action.HOLD:
-        return _braked(status, ruling, now_s, goes_on=True)
+        return _braked(status, ruling, now_s, resumes=True)
     if ruling.action in _WAYS_OUT:
         return _led_out(status, ruling, now_s, on_leg=on_leg)
     task = status.task
-    if not status.goes_on or status.sought is not None or task is None or task in status.no_path:
+    if not status.resumes or status.sought is not None or task is None or task in status.no_path:
         return None
     if now_s - status.since_s < _HELD_S:
         return None
-    say = Say(f"resuming {task.mission.value}", news=status.no_way_s < status.since_s)
+    say = Say(
+        pilot_texts.RESUMING(mission=task.mission.value), news=status.no_way_s < status.since_s
+    )
     return replace(status, sought=task), (say, Seek(task))
 
 
-def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, goes_on: bool) -> Step:
+def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, resumes: bool) -> Step:
     """Holds here; a task that an operator has held meanwhile, or that is done, does not resume."""
     failed = answer_failed(status, ruling.reason)
     if status.state is MissionState.HOLDING:
         if status.sought is None:
             return status, ()
-        going_on = goes_on and (status.goes_on or status.order_id is None)
-        held = replace(status, sought=None, order_id=None, goes_on=going_on)
+        resumes = resumes and (status.resumes or status.order_id is None)
+        held = replace(status, sought=None, order_id=None, resumes=resumes)
         return held, (*failed, Do.BRAKE)
     left = status.task is not None and not status.task.done
-    goes_on = goes_on and left and not status.held
-    held = entered(replace(status, goes_on=goes_on, held=False), MissionState.HOLDING, now_s)
+    resumes = resumes and left and not status.hold_ordered
+    status = replace(status, resumes=resumes, hold_ordered=False)
+    held = entered(status, MissionState.HOLDING, now_s)
     action = MissionState.HOLDING.words
     say = Say(ruling.reason, action, serious=True, condition=ruling.name)
     return held, (*failed, Do.BRAKE, say)
@@ -313,11 +324,11 @@ def _led_out(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: boo
     if not ways:
         if task.mission is not Mission.INSPECTION and not holds:
             return None
-        return _braked(status, ruling, now_s, goes_on=False)
+        return _braked(status, ruling, now_s, resumes=False)
     wanted = ways[0]
     if status.order_id is None and wanted == (status.sought or (None if holds else task)):
         return None
-    sought = replace(status, sought=wanted, order_id=None, goes_on=False)
+    sought = replace(status, sought=wanted, order_id=None, resumes=False)
     action = _LEADS_OUT[wanted.mission]
     say = Say(ruling.reason, action, serious=True, news=False, condition=ruling.name)
     return sought, (*answer_failed(status, ruling.reason), say, Seek(wanted))
@@ -327,15 +338,15 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
     """Takes the next step of the mission while no condition is against it."""
     state, task = status.state, status.task
     if state is MissionState.READY:
-        if world.mode_ours:
-            given = MissionState.HOLDING if status.held else MissionState.FLYING
-            return enter(replace(status, held=False), given, now_s, keep_sought=True)
+        if engages(status, now_s, mode_ours=world.mode_ours):
+            given = MissionState.HOLDING if status.hold_ordered else MissionState.FLYING
+            return enter(replace(status, hold_ordered=False), given, now_s, keep_sought=True)
         # Only a mode received after the deadline counts: it may have been given before that.
         late = world.mode_heard_s - status.since_s >= ready_timeout_s
         if late or world.astray:
-            reason = "the mode was not given" if late else "the aircraft has left its place"
+            reason = pilot_texts.MODE_NOT_GIVEN() if late else pilot_texts.PLACE_LEFT()
             idle, effects = end_stream(status, MissionState.IDLE, reason, now_s, last_setpoint=True)
-            return replace(idle, task=None if status.held else status.task), effects
+            return replace(idle, task=None if status.hold_ordered else status.task), effects
     elif state is MissionState.FLYING and world.on_leg:
         return enter(status, MissionState.LANDING_LEG, now_s, keep_sought=True)
     elif state is MissionState.LANDING_LEG and not world.on_leg:
@@ -386,7 +397,7 @@ def _sought(
         return status, () if order_id is None else answer_rejected(status, order_id, obstruction)[1]
     crossed = status.state in _LET_GO and now_s - status.since_s < _CROSSED_S
     if crossed and order_id is not None:
-        return answer_rejected(status, order_id, "just let go")
+        return answer_rejected(status, order_id, pilot_texts.JUST_RELEASED())
     known = _known(world, now_s)
     news = world.ruling.apart_from(known)
     if order_id is not None and news.action >= Action.HOLD and not _suits(task, news.action):
@@ -394,7 +405,7 @@ def _sought(
     effects = answer_cancelled(status)
     if status.state not in STREAMING:
         status = replace(status, state=MissionState.PLANNING, since_s=now_s)
-        effects = (*effects, Say(f"planning {task.mission.value}"))
+        effects = (*effects, Say(pilot_texts.PLANNING(mission=task.mission.value)))
     sought = replace(status, sought=task, order_id=order_id, known=known)
     return sought, (*effects, Seek(task))
 
@@ -406,4 +417,4 @@ def _known(world: Situation, now_s: float) -> frozenset[str]:
 
 def _unfit(task: Task, world: Situation) -> str | None:
     """Reason why a found plan cannot begin from where the aircraft is now."""
-    return "the aircraft has left its place" if world.astray else world.ruling.against(task.mission)
+    return pilot_texts.PLACE_LEFT() if world.astray else world.ruling.against(task.mission)

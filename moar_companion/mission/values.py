@@ -70,10 +70,11 @@ class MissionStatus:
     """Operator's order that `sought` answers; None for a request of the machine itself."""
     known: frozenset[str] = frozenset()
     """Conditions known to the operator of that order, which have acted ever since."""
-    held: bool = False
-    """A hold was ordered while ready: when the mode is given, the aircraft holds."""
-    goes_on: bool = False
-    """Held by the supervisor, not by an operator: resumes when no condition acts."""
+    hold_ordered: bool = False
+    """While ready: an operator has ordered a hold. Given the mode, the aircraft holds; without it
+    the task is not kept."""
+    resumes: bool = False
+    """While holding: the supervisor holds, not an operator. Resumes when no condition acts."""
     no_path: frozenset[Task] = frozenset()
     """Tasks not sought as escape for a while: no path found from here, or the planner failed."""
     no_way_s: float = -math.inf
@@ -102,7 +103,7 @@ class Situation:
     dwell_s: float = 0.0
     """Time to stay at the present target."""
     astray: bool = False
-    """True if the aircraft is off its setpoint; given the mode, it would be drawn there."""
+    """True if the aircraft is off its setpoint; given the mode, it would fly there."""
 
 
 @dataclass(frozen=True, slots=True)

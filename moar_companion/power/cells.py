@@ -23,6 +23,6 @@ def misread(telemetry: Telemetry, cells: int | None) -> str | None:
         least_v, most_v = CELL_V
         fits = least_v <= battery.voltage_v / cells <= most_v
         if not fits or told not in (None, cells):
-            of = f"{told} cells" if fits else f"{battery.voltage_v:.1f} V"
-            return f"battery {number} of {of}, not {cells} cells (risk.cells of the vehicle file)"
+            has = f"{told}S" if fits else f"{battery.voltage_v:.1f} V"
+            return f"battery {number}: {has}, not {cells}S (risk.cells of the vehicle file)"
     return None

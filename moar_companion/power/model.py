@@ -12,14 +12,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..autopilots import profile
 from ..types import AutopilotKind
 from ..vehicle import Power, Range, RiskModel, Vehicle
 
 FloatArray = npt.NDArray[np.floating[Any]]
 
-_LANDINGS = {AutopilotKind.PX4: (0.7, 5.0), AutopilotKind.ARDUPILOT: (0.5, 1.0)}
-"""Landing by the autopilot: speed in m/s (MPC_LAND_SPEED, LAND_SPEED), and the hover time in s with
-the energy of the motors on the ground until they stop, 8 s with PX4, 3 s with ArduPilot."""
 _INDUCED_MPS = 6.0
 """Speed of the air through the rotors in hover at some 90 N per square metre of rotor. Momentum
 theory gives from it the additional power of a climb. A descent saves none: the rotors sink into
@@ -112,13 +110,9 @@ class PowerModel:
 
 
 def landing_s(height_m: float, kind: AutopilotKind) -> float:
-    """Duration of the autopilot's landing from a height, with the ground phase as hover time.
-
-    An unknown autopilot has the slowest landing.
-    """
-    slowest = min(_LANDINGS.values())[0], max(after_s for _, after_s in _LANDINGS.values())
-    speed_mps, after_s = _LANDINGS.get(kind, slowest)
-    return height_m / speed_mps + after_s
+    """Duration of the autopilot's landing from a height, with the ground phase as hover time."""
+    landing = profile(kind)
+    return height_m / landing.landing_mps + landing.landed_hover_s
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

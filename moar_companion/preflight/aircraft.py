@@ -6,25 +6,21 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+from ..autopilots import PROFILES, profile
 from ..config import Supervision
 from ..estimation.pose import Pose
 from ..estimation.pose_tracker import grounded
 from ..mavlink.identity import Autopilot
 from ..risk import RiskEstimate
 from ..safety.condition_types import Causes
+from ..safety.position_checks import ATTITUDE_TIMEOUT_S
 from ..site import Site
 from ..telemetry import AutopilotStatus, LandedState, Telemetry
-from ..types import AutopilotKind
 from ..vehicle import RiskModel, Vehicle
 from .battery_check import battery_findings
 from .findings import Finding, Level
 from .risks import risk_findings
 
-_NAMES = {AutopilotKind.PX4: "PX4", AutopilotKind.ARDUPILOT: "ArduPilot"}
-_MEASURED = {AutopilotKind.PX4: ((1, 17), (1, 18)), AutopilotKind.ARDUPILOT: ((4, 6),)}
-"""Versions whose behaviour this program was measured against."""
-_OLDEST = {AutopilotKind.PX4: (1, 14), AutopilotKind.ARDUPILOT: (4, 3)}
-"""Versions before these have other failsafes and other parameters for them."""
 _FAR_M = 500.0
 """Distance from the structure beyond which no take-off is plausible."""
 _HEIGHT_ERROR_M = 1.0
@@ -105,18 +101,19 @@ def aircraft_findings(
 
 def _identity(sight: Sight, vehicle: Vehicle) -> Iterator[Finding]:
     autopilot = sight.autopilot
-    if autopilot.kind not in _NAMES:
+    if autopilot.kind not in PROFILES:
+        known = " nor ".join(row.name for row in PROFILES.values())
         yield Finding(
             level=Level.NO_GO,
             subject="autopilot",
-            text=f"{autopilot} is neither PX4 nor ArduPilot",
+            text=f"{autopilot} is neither {known}",
             remedy="no other is known here",
         )
     elif vehicle.autopilot not in (None, autopilot.kind):
         yield Finding(
             level=Level.NO_GO,
             subject="autopilot",
-            text=f"{autopilot}, and the vehicle file says {vehicle.autopilot.value}",
+            text=f"{autopilot}, and the vehicle file says {vehicle.autopilot}",
             remedy="correct `autopilot` there: each has its own map projection",
         )
     else:
@@ -125,32 +122,31 @@ def _identity(sight: Sight, vehicle: Vehicle) -> Iterator[Finding]:
         yield Finding(
             level=Level.NO_GO,
             subject="autopilot",
-            text=f"a second one is heard, {other}",
+            text=f"a second one is received, {other}",
             remedy="nothing is controlled while there are two: switch one off, or part the links",
         )
 
 
 def _firmware(sight: Sight) -> Finding:
-    firmware, kind = sight.telemetry.firmware, sight.autopilot.kind
+    firmware, known = sight.telemetry.firmware, profile(sight.autopilot.kind)
     if firmware is None:
         return Finding(
             level=Level.WARNING,
             subject="firmware",
-            text="unknown, the autopilot does not tell its version",
+            text="unknown, the autopilot does not report its version",
             remedy="look it up in the ground station",
         )
-    measured = _MEASURED.get(kind, ())
     release = firmware.version[:2]
-    known = " and ".join(f"{major}.{minor}" for major, minor in measured)
-    if release in measured:
+    measured = " and ".join(f"{major}.{minor}" for major, minor in known.measured_releases)
+    if release in known.measured_releases:
         return Finding(level=Level.OK, subject="firmware", text=str(firmware))
-    text = f"{firmware}, where this program was measured against {known or 'none of this kind'}"
-    if release < _OLDEST.get(kind, (0, 0)):
+    text = f"{firmware}, where this program was measured against {measured or 'none of this kind'}"
+    if release < known.oldest_release:
         return Finding(
             level=Level.WARNING,
             subject="firmware",
             text=text,
-            remedy="its failsafes may be others: update it",
+            remedy="its failsafes may differ: update it",
         )
     return Finding(level=Level.NOTE, subject="firmware", text=text)
 
@@ -212,7 +208,7 @@ _LANDED_WORDS = {
 def _rates(sight: Sight, limits: Supervision) -> Iterator[Finding]:
     for name, arrivals, wanted_hz, longest_s in (
         ("LOCAL_POSITION_NED", sight.positions, 30.0, limits.position_timeout_s),
-        ("ATTITUDE", sight.attitudes, 20.0, 1.0),
+        ("ATTITUDE", sight.attitudes, 20.0, ATTITUDE_TIMEOUT_S),
     ):
         rate_hz = arrivals.rate_hz
         if rate_hz is None:
@@ -331,8 +327,8 @@ def _drag(risk: RiskModel) -> Finding:
     return Finding(
         level=Level.WARNING,
         subject="drag",
-        text=f"{text}, the default, not measured: the wind told by the lean may be 0.9 to 2 times "
-        "the true one",
+        text=f"{text}, the default, not measured: the wind computed from the lean may be "
+        "0.9 to 2 times the true one",
         remedy="fly straight legs in calm air, recording; `moar-companion replay FLIGHT.tlog "
         "--fit-drag` has the two lines for the vehicle file",
     )
@@ -343,21 +339,21 @@ def _people(sight: Sight) -> Iterator[Finding]:
     ground, remote = sight.telemetry.ground_station, sight.telemetry.remote_control
     readiness = sight.telemetry.readiness
     if readiness is not None and readiness.remote_control_ok is None:
-        remote = None  # ArduPilot sends channels without any receiver, too
+        remote = None  # channels may come without a receiver, or from one that is not used
     rssi = None if remote is None else remote.rssi
     signal = "unknown signal" if rssi is None else f"signal {rssi:.0%}"
     people = (
         _person(
             sight.risk,
             "ground station",
-            None if ground is None else f"heard, system {ground.system_id}",
+            None if ground is None else f"received, system {ground.system_id}",
             "connect it, and let the autopilot forward its messages to this link: orders come "
             "that way",
         ),
         _person(
             sight.risk,
             "remote control",
-            None if remote is None else f"heard, {signal}",
+            None if remote is None else f"received, {signal}",
             "switch it on: without it only the ground station can take over",
         ),
     )
@@ -366,7 +362,7 @@ def _people(sight: Sight) -> Iterator[Finding]:
         yield Finding(
             level=Level.NO_GO,
             subject="take over",
-            text="nobody can: neither a remote control nor a ground station reaches the aircraft",
+            text="no take-over: neither a remote control nor a ground station reaches the aircraft",
             remedy="switch one on",
         )
 
@@ -374,7 +370,7 @@ def _people(sight: Sight) -> Iterator[Finding]:
 def _person(risk: RiskEstimate, subject: str, heard: str | None, remedy: str) -> Finding:
     """Checks a link for take-over by its inputs of the communication risk. heard: its text."""
     if heard is None:
-        return Finding(level=Level.WARNING, subject=subject, text="not heard", remedy=remedy)
+        return Finding(level=Level.WARNING, subject=subject, text="not received", remedy=remedy)
     bad = [
         item.phrase
         for name, item in risk.last_known.get("communication", {}).items()

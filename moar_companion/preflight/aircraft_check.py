@@ -7,34 +7,30 @@ parameters and the version. It never sends a setpoint, a mode or a parameter.
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 
-from ..autopilots import failsafe_parameters, failsafes_of
-from ..autopilots.fence import fence_of, fence_parameters
-from ..config import CompanionConfig, LinkRole
+from ..autopilots import profile
+from ..autopilots.parameter_rules import Case, Rule
+from ..autopilots.profile import Profile
+from ..config import CompanionConfig, LinkRole, LossCheck
 from ..estimation.pose_tracker import PoseTracker
 from ..mavlink.identity import Autopilot, AutopilotConflict
 from ..mavlink.peers import Address
 from ..mavlink.session import Session, SystemStatus
-from ..mavlink.signing import Refusal, Signing, link_signings
+from ..mavlink.signing import Signing, SigningRefusal, link_signings
 from ..planner.planner import Planner
 from ..power import PowerModel
 from ..risk import RiskEstimate, update
-from ..risk.holding import holding_parameters
 from ..safety.check_inputs import CheckInputs
 from ..safety.checks import causes
 from ..safety.condition_types import Causes
-from ..safety.offboard_loss import OffboardLoss, loss_parameters
-from ..types import AutopilotKind
 from ..vehicle import Vehicle
-from . import ardupilot_parameters, px4_parameters
 from .aircraft import Arrivals, Sight, aircraft_findings
-from .failsafes import failsafe_findings
+from .failsafes import failsafe_findings, loss_findings, objection_level
 from .fence_check import fence_findings
 from .findings import Finding, Level
-from .held_wind import held_wind_finding
-from .offboard_loss_ways import loss_findings, objection_level
-from .rules import Case, parameter_findings
+from .risks import held_wind_finding
 
 WAIT_S = 10.0
 """Ten heartbeats: an autopilot that sends none in this time is absent."""
@@ -46,27 +42,72 @@ _RISK_PERIOD_S = 0.1
 _VERSION_PERIOD_S = 1.0
 
 _REFUSAL_REMEDIES = {
-    Refusal.UNSIGNED: "give the sender the key (configs/README.md, Signing), or find who sends it",
-    Refusal.WRONG: "give the sender the key that signing names, or find who sends it",
-    Refusal.OLD: "compare the clocks here and there; a sender whose clock is right is replayed",
+    SigningRefusal.UNSIGNED: "give the sender the key (configs/README.md, Signing), "
+    "or find who sends it",
+    SigningRefusal.WRONG: "give the sender the key that signing names, or find who sends it",
+    SigningRefusal.OLD: "compare the clocks here and there; "
+    "a sender whose clock is right is replayed",
 }
 
-_RULES = {
-    AutopilotKind.PX4: px4_parameters.RULES,
-    AutopilotKind.ARDUPILOT: ardupilot_parameters.RULES,
-}
+_NOT_TOLD = "check again over a better link, or look it up in the ground station"
 
 
-def _parameters(kind: AutopilotKind) -> tuple[str, ...]:
+def _parameters(autopilot: Profile) -> tuple[str, ...]:
     """Names of the parameters requested of an autopilot, each once."""
-    rules = (rule.parameter for rule in _RULES.get(kind, ()))
     asked = (
-        *loss_parameters(kind),
-        *fence_parameters(kind),
-        *failsafe_parameters(kind),
-        *holding_parameters(kind),
+        *(rule.parameter for rule in autopilot.rules),
+        *autopilot.loss_parameters,
+        *autopilot.fence_parameters,
+        *autopilot.failsafe_parameters,
+        *autopilot.holding_parameters,
     )
-    return tuple(dict.fromkeys((*rules, *asked)))
+    return tuple(dict.fromkeys(asked))
+
+
+def parameter_findings(
+    autopilot: Profile,
+    parameters: Mapping[str, float | None],
+    vehicle: Vehicle,
+    policy: LossCheck,
+    *,
+    ground_station_heard: bool,
+) -> list[Finding]:
+    """Returns one finding for each rule of the autopilot. policy: on an unsafe offboard loss."""
+    loss = autopilot.offboard_loss(autopilot.with_silence(parameters))
+    if loss is None:
+        return []
+    speed = vehicle.speed
+    case = Case(
+        parameters=parameters,
+        loss=loss,
+        objection=objection_level(policy),
+        ground_station_heard=ground_station_heard,
+        speeds_mps=(speed.horizontal_mps, speed.up_mps, speed.down_mps),
+        max_speed_mps=speed.max_mps,
+        acceleration_mps2=vehicle.guidance.acceleration_mps2,
+        cells=vehicle.risk.cells,
+        battery_full=vehicle.risk.battery_remaining.high,
+    )
+    return [_parameter_finding(rule, case) for rule in autopilot.rules]
+
+
+def _parameter_finding(rule: Rule, case: Case) -> Finding:
+    value = case.parameters.get(rule.parameter)
+    if value is None:
+        return Finding(
+            level=rule.unknown,
+            subject=rule.parameter,
+            text=f"unknown, there is no such parameter or no answer: {rule.meaning}",
+            remedy="" if rule.unknown is Level.NOTE else _NOT_TOLD,
+        )
+    level, words = rule.judge(value, case)
+    remedy = rule.remedy if isinstance(rule.remedy, str) else rule.remedy(case)
+    return Finding(
+        level=level,
+        subject=rule.parameter,
+        text=f"{words}: {rule.meaning}",
+        remedy=remedy if level >= Level.WARNING else "",
+    )
 
 
 class Preflight:
@@ -145,7 +186,7 @@ class Preflight:
             return
         if self._found_s is None:
             self._found_s = now_s
-            session.requests.want_parameters(_parameters(session.autopilot.kind))
+            session.requests.want_parameters(_parameters(profile(session.autopilot.kind)))
             session.requests.want_fence()
         self._pose_tracker.look(session.telemetry)
         if now_s >= self._risk_due_s:
@@ -189,20 +230,21 @@ class Preflight:
             pose=self._pose_tracker.pose,
             causes=self._causes(),
         )
-        case = Case(
-            vehicle=self._vehicle,
-            parameters=parameters,
-            ground_station_heard=session.telemetry.ground_station is not None,
-            objection=objection_level(self._limits.loss_action),
-        )
+        known = profile(autopilot.kind)
         return [
             *self._refusals(),
             *aircraft_findings(sight, self._vehicle, self._site, self._limits),
-            *parameter_findings(_RULES.get(autopilot.kind, ()), case),
-            *self._fence(autopilot.kind),
+            *parameter_findings(
+                known,
+                parameters,
+                self._vehicle,
+                self._limits.loss_action,
+                ground_station_heard=session.telemetry.ground_station is not None,
+            ),
+            *self._fence(known),
             held_wind_finding(autopilot.kind, parameters, self._vehicle, self._limits),
-            *self._if_we_die(autopilot.kind),
-            *self._failsafes(autopilot.kind),
+            *self._offboard_loss(known),
+            *self._failsafes(known),
         ]
 
     def _causes(self) -> Causes:
@@ -216,12 +258,11 @@ class Preflight:
         )
         return causes(seen, self._limits, self._vehicle.guidance.off_path_m, self._now_s)
 
-    def _fence(self, kind: AutopilotKind) -> list[Finding]:
-        requests, names = self._session.requests, fence_parameters(kind)
+    def _fence(self, autopilot: Profile) -> list[Finding]:
+        requests = self._session.requests
         readiness, items = self._session.telemetry.readiness, requests.fence_items
-        fence = fence_of(
-            kind,
-            {**dict.fromkeys(names), **requests.parameters},
+        fence = autopilot.fence(
+            autopilot.with_silence(requests.parameters),
             items or (),
             enabled=readiness is not None and readiness.fence_enabled,
         )
@@ -235,16 +276,15 @@ class Preflight:
             told=items is not None,
         )
 
-    def _if_we_die(self, kind: AutopilotKind) -> list[Finding]:
-        loss = OffboardLoss.of(kind, self._session.requests.parameters)
+    def _offboard_loss(self, autopilot: Profile) -> list[Finding]:
+        loss = autopilot.offboard_loss(autopilot.with_silence(self._session.requests.parameters))
         if self._planner is None or loss is None:
             return []
         home_m = self._pose_tracker.home_m
         return loss_findings(self._planner, loss, home_m, self._limits.loss_action)
 
-    def _failsafes(self, kind: AutopilotKind) -> list[Finding]:
-        names = failsafe_parameters(kind)
-        told = failsafes_of(kind, {**dict.fromkeys(names), **self._session.requests.parameters})
+    def _failsafes(self, autopilot: Profile) -> list[Finding]:
+        told = autopilot.failsafes(autopilot.with_silence(self._session.requests.parameters))
         if self._planner is None or told is None:
             return []
         told = replace(told, home_m=self._pose_tracker.home_m)
@@ -258,7 +298,7 @@ class Preflight:
         fence_told = requests.fence_items is not None or requests.fence_silent
         known = session.telemetry.firmware is not None and fence_told
         return known and all(
-            name in requests.parameters for name in _parameters(session.autopilot.kind)
+            name in requests.parameters for name in _parameters(profile(session.autopilot.kind))
         )
 
     def _refusals(self) -> list[Finding]:
@@ -301,6 +341,6 @@ class Preflight:
         return Finding(
             level=Level.NO_GO,
             subject="autopilot",
-            text=f"none heard on {links} for {WAIT_S:g} s",
+            text=f"none received on {links} for {WAIT_S:g} s",
             remedy=remedy,
         )

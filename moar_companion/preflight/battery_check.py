@@ -23,8 +23,8 @@ def battery_findings(telemetry: Telemetry, model: RiskModel) -> list[Finding]:
             Finding(
                 level=Level.NO_GO,
                 subject="battery",
-                text="not told by the autopilot",
-                remedy="set up its battery monitor: nobody knows when the battery is empty",
+                text="not reported by the autopilot",
+                remedy="set up its battery monitor: an empty battery would not be seen",
             )
         ]
     batteries = sorted(telemetry.batteries.items())
@@ -49,7 +49,7 @@ def _silent(subject: str, *, beside: bool) -> Finding:
     return Finding(
         level=Level.WARNING if beside else Level.NO_GO,
         subject=subject,
-        text="charge and voltage unknown: nobody knows when it is empty",
+        text="charge and voltage unknown: an empty one would not be seen",
         remedy="set up its battery monitor, or switch that off where there is no such battery",
     )
 

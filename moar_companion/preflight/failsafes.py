@@ -1,4 +1,7 @@
-"""Collisions of the autopilot's own failsafes on any route of the site, and remedies. Pure."""
+"""Collisions of the autopilot's failsafes, and after a companion failure, on any route. Pure.
+
+The texts on a companion failure are those with which the service refuses such a flight, or warns.
+"""
 
 from __future__ import annotations
 
@@ -7,15 +10,19 @@ from dataclasses import replace
 import numpy as np
 
 from ..autopilots.failsafe_actions import BATTERY, LINKS, Action, FailsafeAction, Failsafes, Trigger
+from ..autopilots.offboard_loss import OffboardLoss
 from ..config import LossCheck, Supervision
 from ..planner.plan_values import PlanStatus
 from ..planner.planner import Planner
 from ..power import PowerModel
 from ..safety.failsafe_exposure import moving
+from ..safety.failsafe_paths import exposed_places, failsafe_hit
+from ..types import Mission, Vector
 from .findings import Finding, Level
 from .site_routes import SiteRoute, ways_of
 
 SUBJECT = "failsafe"
+LOSS_SUBJECT = "companion failure"
 
 
 def failsafe_findings(
@@ -23,7 +30,7 @@ def failsafe_findings(
 ) -> list[Finding]:
     """Returns a finding for each trigger whose action would hit something, or one if none would.
 
-    `dead_companion` judges the loss of the companion.
+    `loss_findings` judges the loss of the companion.
     """
     ways = [
         (target, way)
@@ -50,8 +57,8 @@ def failsafe_findings(
     if returns and failsafes.home_m is None:
         text = "home is unknown: returns were looked at as far as they climb"
         found.append(Finding(level=Level.WARNING, subject=SUBJECT, text=text))
-    if failsafes.untold:
-        text = f"not told, taken as by default: {', '.join(failsafes.untold)}"
+    if failsafes.unreported:
+        text = f"not reported, taken as default: {', '.join(failsafes.unreported)}"
         found.append(Finding(level=Level.WARNING, subject=SUBJECT, text=text))
     return found
 
@@ -72,7 +79,7 @@ def _protection(item: FailsafeAction, limits: Supervision, power: PowerModel) ->
     if item.trigger not in BATTERY or item.action is Action.FALL:
         return ""
     if item.voltage_v is not None and power.cells is None:
-        return "; when, nobody can forecast without risk.cells of the vehicle file"
+        return "; its time cannot be forecast without risk.cells of the vehicle file"
     return f"; the companion leaves {limits.exposure_reserve_s:g} s before"
 
 
@@ -82,13 +89,46 @@ def _hits(planner: Planner, failsafe: Failsafes, ways: list[tuple[str, SiteRoute
     for target, way in ways:
         waypoints = way.plan.waypoints
         places_m, time_s = waypoints.position_m, waypoints.time_s
-        hit = failsafe.hit(reach, places_m, drifting=True)
+        hit = failsafe_hit(failsafe, reach, places_m, drifting=True)
         if hit is None:
             continue
-        exposed = failsafe.exposed(reach, places_m, drifting=True)
+        exposed = exposed_places(failsafe, reach, places_m, drifting=True)
         from_share = float(time_s[np.argmax(exposed)]) / max(1e-9, float(time_s[-1]))
         name = f"to {target}" if way.name.startswith("from ") else f"{way.name} from {target}"
         found.append(f"{hit[1].obstacle} from {from_share:.0%} of the plan {name}")
     drift_m = max(item.drift_m for item in failsafe.actions)
     drifting = f"drifting up to {drift_m:g} m " if drift_m else ""
     return f"{drifting}it would hit {', '.join(found)}" if found else ""
+
+
+def objection_level(policy: LossCheck, mission: Mission = Mission.INSPECTION) -> Level:
+    """Level of an objection to a mission: the service never refuses an escape route."""
+    refused = policy is LossCheck.REFUSE and mission is Mission.INSPECTION
+    return Level.NO_GO if refused else Level.WARNING
+
+
+def loss_findings(
+    planner: Planner, loss: OffboardLoss, home_m: Vector | None, policy: LossCheck
+) -> list[Finding]:
+    """Returns a finding for each collision, or one if there is none. home_m: site's frame."""
+    objections: dict[tuple[Level, str], list[str]] = {}
+    all_ways = ways_of(planner)
+    for target, ways in all_ways.items():
+        for way in ways:
+            objection = way.objection(planner, loss, home_m)
+            if objection is None:
+                continue
+            inspects = way.mission is Mission.INSPECTION
+            name = f"to {target}" if inspects else f"{way.name} from {target}"
+            level = objection_level(policy, way.mission)
+            objections.setdefault((level, objection), []).append(name)
+    found = [
+        Finding(level=level, subject=LOSS_SUBJECT, text=f"{objection} ({', '.join(names)})")
+        for (level, objection), names in objections.items()
+    ]
+    if all_ways and not found:
+        text = f"the autopilot would {loss.action.value}, and hit nothing on any way of this site"
+        found = [Finding(level=Level.OK, subject=LOSS_SUBJECT, text=text)]
+    if loss.assumption is not None:
+        found.append(Finding(level=Level.WARNING, subject=LOSS_SUBJECT, text=loss.assumption))
+    return found

@@ -41,8 +41,8 @@ def fence_findings(
                 remedy="check again over a better link, or look it up in the ground station",
             )
         )
-    if fence.untold:
-        text = f"{', '.join(fence.untold)} not told: what they limit is not kept"
+    if fence.unreported:
+        text = f"{', '.join(fence.unreported)} not reported: their limits are not kept"
         found.append(Finding(level=Level.WARNING, subject="fence parameters", text=text))
     if planner is None or not fence.names:
         return found
@@ -78,7 +78,7 @@ def _source(fence: Fence) -> Iterator[Finding]:
     if fence.source_gnss:
         yield Finding(
             level=Level.WARNING,
-            subject="GF_SOURCE",
+            subject=fence.source_gnss,
             text="1: the fence is judged by the receiver's position, not by the estimator's",
             remedy="set 0, or add the receiver's error to supervision.fence_margin_m",
         )

@@ -1,14 +1,18 @@
-"""Reasons of the service against an inspection: risk indices, and its supervisor's limits. Pure.
+"""Reasons of the service against an inspection: risk indices, limits, and the held wind. Pure.
 
 Inputs: the indices and the causes as the service has them, the findings on the batteries.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 
+from ..config import Supervision
 from ..risk import IndexReport, RiskEstimate
+from ..risk.holding import MARGIN, held_wind_mps, tilt_limit
 from ..safety.condition_types import Causes
+from ..types import AutopilotKind
+from ..vehicle import Vehicle
 from .battery_check import CHARGE
 from .findings import Finding, Level
 
@@ -17,7 +21,7 @@ _INDICES = (
     ("wind", "wait for calmer air", Level.NOTE, ("wind",)),
     (
         "communication",
-        "bring the ground station nearer, or see below why it is not heard",
+        "bring the ground station nearer, or see below why it is not received",
         Level.WARNING,
         (),
     ),
@@ -31,7 +35,7 @@ _INDICES = (
 )
 """Each index with its remedy, its level without data, and the causes for which the service
 refuses an inspection at any value of the index."""
-_UNTOLD = "the autopilot has to tell it: set it up there, or look at the link's rates"
+_UNREPORTED = "the autopilot has to report it: set it up there, or look at the link's rates"
 
 
 def risk_findings(
@@ -42,7 +46,7 @@ def risk_findings(
     for name, usual, unknown, limits in _INDICES:
         other = misread if name == "battery" else None  # charging does not help
         remedy = other or usual
-        yield _index(name, estimate, unknown, remedy, other or _UNTOLD)
+        yield _index(name, estimate, unknown, remedy, other or _UNREPORTED)
         for cause in limits:
             words = getattr(causes, cause)
             if words is not None:
@@ -54,20 +58,22 @@ def risk_findings(
                 )
 
 
-def _index(name: str, estimate: RiskEstimate, unknown: Level, remedy: str, untold: str) -> Finding:
+def _index(
+    name: str, estimate: RiskEstimate, unknown: Level, remedy: str, unreported: str
+) -> Finding:
     """Returns the finding of an index's target, with its inputs or the last value that holds it.
 
-    unknown, untold: the level and the remedy without data.
+    unknown, unreported: the level and the remedy without data.
     """
     report: IndexReport = getattr(estimate.report, name)
     if report.value is None:
         index, more = getattr(estimate.indices, name), " any more" if report.ever_known else ""
-        text = f"nothing that tells of it is heard{more}, and it counts as {index:.2f}"
-        level, remedy = max(unknown, Level.of_risk(index) if more else unknown), untold
+        text = f"no input of it is received{more}, and it counts as {index:.2f}"
+        level, remedy = max(unknown, Level.of_risk(index) if more else unknown), unreported
     else:
         level = Level.of_risk(report.target)
         if report.held and report.cause is not None:
-            told = f"held at the last word: {estimate.last_known[name][report.cause].phrase}"
+            told = f"held at the last value: {estimate.last_known[name][report.cause].phrase}"
         else:
             told = ", ".join(
                 item.phrase
@@ -77,3 +83,29 @@ def _index(name: str, estimate: RiskEstimate, unknown: Level, remedy: str, untol
         text = f"{report.target:.2f} ({told})"
     remedy = remedy if level >= Level.WARNING else ""
     return Finding(level=level, subject=f"{name} risk", text=text, remedy=remedy)
+
+
+def held_wind_finding(
+    kind: AutopilotKind,
+    parameters: Mapping[str, float | None],
+    vehicle: Vehicle,
+    limits: Supervision,
+) -> Finding:
+    """Returns a finding on the wind that the aircraft can hold, by drag and lean.
+
+    It names the key and the parameter of the lean's limit.
+    """
+    limit_rad, source = tilt_limit(kind, parameters, vehicle.risk)
+    held_mps = held_wind_mps(vehicle.risk, limit_rad)
+    allowed_mps = MARGIN * held_mps
+    text = f"holds in {held_mps:.1f} m/s, by {source} and risk.drag_per_s"
+    if vehicle.risk.drag_is_usual:
+        text += " (the default, not measured)"
+    if allowed_mps >= limits.wind_limit_mps:
+        return Finding(level=Level.OK, subject="wind", text=text)
+    return Finding(
+        level=Level.NOTE,
+        subject="wind",
+        text=f"{text}: it holds at {allowed_mps:.1f} m/s, before supervision.wind_limit_mps "
+        f"({limits.wind_limit_mps:g})",
+    )

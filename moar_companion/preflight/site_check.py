@@ -12,13 +12,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from ..margin import seen_margin
+from ..autopilots import profile
+from ..error_margin import seen_margin
 from ..planner.plan_values import PlanStatus
 from ..planner.planner import Planner
 from ..power import PowerModel
 from ..power.model import S_PER_H
 from ..site import Conductor, Obstacle, PlanePoint
-from ..types import AutopilotKind, Mission
+from ..types import Mission
 from ..vehicle import Vehicle
 from .findings import Finding, Level
 from .site_routes import SiteRoute, place_problem, too_near, unseen, ways_of
@@ -27,8 +28,6 @@ _LARGE_BYTES = 500_000_000
 """More than this is a burden on a companion computer of 4 GB."""
 _LOST_SHARE = 0.5
 """Fraction of a required clearance that may be lost on the way between two cells."""
-_PX4_STRAY_S2 = 0.58
-"""Deviation of PX4 in metres for each m/s^2 of the setpoint (`vehicle.Guidance`)."""
 _ENDURANCE_SHARE = 0.8
 """Fraction for the flight; the rest is for take-off and landing, the wind and waiting."""
 
@@ -96,20 +95,17 @@ def _obstacles(planner: Planner) -> Iterator[Finding]:
 def _margin(planner: Planner) -> Finding:
     """Checks the margin beyond keep-outs against the measured need of the autopilot."""
     vehicle, margin = planner.vehicle, planner.site.margin
-    seen, whose = seen_margin(vehicle.autopilot), "PX4"
-    if vehicle.autopilot is AutopilotKind.ARDUPILOT:
-        whose = "ArduPilot"
-    else:
-        stray_m = vehicle.guidance.acceleration_mps2 * _PX4_STRAY_S2
-        seen = replace(seen, tracking_m=max(seen.tracking_m, stray_m))
+    seen, autopilot = seen_margin(vehicle.autopilot), profile(vehicle.autopilot)
+    stray_m = vehicle.guidance.acceleration_mps2 * autopilot.stray_s2
+    seen = replace(seen, tracking_m=max(seen.tracking_m, stray_m))
     text = f"{margin.total_m:.2f} m beyond every keep_out_m: {margin}"
     if margin.position_m >= seen.position_m and margin.tracking_m >= seen.tracking_m:
         return Finding(level=Level.OK, subject="margin", text=text)
     return Finding(
         level=Level.WARNING,
         subject="margin",
-        text=f"{text}; {whose} was seen with {seen}",
-        remedy="only what was measured in flight, with RTK say, should be less: "
+        text=f"{text}; to be expected of {autopilot.name}: {seen}",
+        remedy="only what was measured in flight, for example with RTK, should be less: "
         "supervision.position_uncertainty_m, guidance.tracking_margin_m of the vehicle",
     )
 
@@ -202,7 +198,7 @@ def _ways(subject: str, times_s: dict[SiteRoute, float]) -> Finding:
         return Finding(
             level=Level.NO_GO,
             subject=subject,
-            text=f"no free way: {', '.join(lost)}",
+            text=f"no free path: {', '.join(lost)}",
             remedy="is it walled in? A lesser keep_out_m or a finer resolution_m may open a way",
         )
     times = ", ".join(f"{way.name} {time_s:.0f} s" for way, time_s in times_s.items())
@@ -216,7 +212,7 @@ def _endurance(flown_s: float, vehicle: Vehicle) -> Finding:
     power = PowerModel.of(vehicle)
     endurance_s = power.capacity_wh / power.hover_w * S_PER_H
     text = (
-        f"all targets in turn and the way out take {flown_s:.0f} s, and a full battery lasts "
+        f"all targets in turn and the exit take {flown_s:.0f} s, and a full battery lasts "
         f"{endurance_s:.0f} s"
     )
     if flown_s > min(_ENDURANCE_SHARE * endurance_s, endurance_s - power.reserve_s):

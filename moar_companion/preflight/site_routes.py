@@ -10,6 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from ..autopilots import PROFILES, profile
+from ..autopilots.offboard_loss import OffboardLoss
 from ..errors import InputError
 from ..estimation.pose import Pose
 from ..guidance.flight_volume import FlightVolume
@@ -19,9 +21,9 @@ from ..planner.grid import TOLERANCE
 from ..planner.plan_values import Plan, PlanStatus
 from ..planner.planner import Planner
 from ..planner.regions import goal_region
-from ..safety.offboard_loss import OffboardLoss
+from ..safety.failsafe_paths import loss_objection
 from ..site import Obstacle, PlanePoint, Site
-from ..types import AutopilotKind, Mission, Vector
+from ..types import Mission, Vector
 from ..vehicle import Vehicle
 
 _STEP_S = 0.1
@@ -41,12 +43,17 @@ class SiteRoute:
         """Flight time in still air, landing leg included; 0 without a plan.
 
         For an aircraft that never falls behind its setpoint, with default autopilot parameters: a
-        plan's own duration ignores the vehicle's acceleration and braking.
+        plan's own duration ignores the vehicle's acceleration and braking. Where the vehicle file
+        names no autopilot, the longest time with any.
         """
         if self.plan.status is not PlanStatus.FOUND:
             return 0.0
-        loss = OffboardLoss.of(planner.vehicle.autopilot or AutopilotKind.PX4, {})
-        assert loss is not None  # of these two kinds
+        kind = planner.vehicle.autopilot
+        autopilots = PROFILES.values() if kind is None else (profile(kind),)
+        losses = (item.offboard_loss(item.with_silence({})) for item in autopilots)
+        return max(self._flown_s(planner, loss) for loss in losses if loss is not None)
+
+    def _flown_s(self, planner: Planner, loss: OffboardLoss) -> float:
         flight, pose = self._flight(planner, loss)
         flight.adopt(self.plan, flight.junction_at(pose), ())
         steps = 0
@@ -63,7 +70,7 @@ class SiteRoute:
         flight, pose = self._flight(planner, loss)
         rests_m = flight.rests_m(self.plan, flight.junction_at(pose), ())
         lag = loss.lag(planner.vehicle.guidance.acceleration_mps2)
-        return lag or loss.objection(planner.maps.reach, rests_m, home_m)
+        return lag or loss_objection(loss, planner.maps.reach, rests_m, home_m)
 
     def _flight(self, planner: Planner, loss: OffboardLoss) -> tuple[PathFollower, Pose]:
         """Returns a flight that has not begun, and its pose."""

@@ -3,6 +3,6 @@
 from __future__ import annotations
 
 from .indices import IndexReport, RiskEstimate, RiskReport, update
-from .inputs import InputReport
+from .input_reports import InputReport
 
 __all__ = ["IndexReport", "InputReport", "RiskEstimate", "RiskReport", "update"]

@@ -23,7 +23,7 @@ from ..power import (
 )
 from ..telemetry import Battery, Telemetry
 from ..vehicle import RiskModel
-from .inputs import InputReport, heard, heard_at
+from .input_reports import InputReport, heard, heard_at
 
 POSITION_MAX_AGE_S = 0.5
 """Maximum age of LOCAL_POSITION_NED: 5 periods at 10 Hz or more."""

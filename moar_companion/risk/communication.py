@@ -16,7 +16,7 @@ from typing import Protocol, TypeVar
 
 from ..telemetry import LandedState, LinkNode, LinkStatistics, Radio, Telemetry
 from ..vehicle import RiskModel
-from .inputs import YES_OR_NO, InputReport, certain, heard
+from .input_reports import YES_OR_NO, InputReport, certain, heard
 
 _RADIO_MAX_AGE_S = 3.0
 """Maximum age of RADIO_STATUS: 3 periods at about 1 Hz."""

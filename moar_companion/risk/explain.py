@@ -2,21 +2,23 @@
 
     wind 0.71: wind from tilt 9.2 m/s, 0.1 s old -> 0.71
     k_S 0.33 -> 0.45 (wind +0.13, battery -0.01), k_T 0.33 -> 0.18 (wind -0.14), k_E 0.33 -> 0.37
+    calibrated: k_S 0.33 -> 0.61 (wind +0.28), k_T 0.33 -> 0.19 (wind -0.14), k_E 0.33 -> 0.19 ...
 
 An index follows its worst input, rising fast and falling slowly; the text names its target while it
 moves. The effect of a risk on a weight is the change of the weight without that risk, the others
-being equal (Eq. 9).
+being equal (Eq. 9, or `adaptation`).
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
+from ..adaptation import Adaptation, AdaptationKind
 from ..types import RiskIndices, Weights
 from .indices import IndexReport, RiskEstimate
-from .inputs import InputReport, read
+from .input_reports import InputReport, read
 
 _SYMBOLS = {"safety": "k_S", "time": "k_T", "energy": "k_E"}
 _TOLD = 0.005
@@ -25,32 +27,35 @@ _TOLD = 0.005
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class WeightsReason:
-    """Weights before and after Eq. 9. by_risk: effect by index and weight."""
+    """Weights before and after their adaptation. by_risk: effect by index and weight."""
 
-    base: Weights
+    rule: Adaptation
     adjusted: Weights
     by_risk: Mapping[str, Mapping[str, float]]
 
     @classmethod
-    def of(cls, base: Weights, risk: RiskIndices) -> WeightsReason:
-        """Effect of the indices on weights."""
-        adjusted, values = base.adjusted(risk), risk.as_dict()
+    def of(cls, rule: Adaptation, risk: RiskIndices) -> WeightsReason:
+        """Effect of the indices on weights by a rule."""
+        adjusted, values = rule.weights(risk), risk.as_dict()
         by_risk: dict[str, dict[str, float]] = {}
         for name, value in values.items():
-            without = base.under(**(values | {name: 0.0})) if value else adjusted
+            without = rule.weights(replace(risk, **{name: 0.0})) if value else adjusted
             by_risk[name] = {
                 "safety": adjusted.safety - without.safety,
                 "time": adjusted.time - without.time,
                 "energy": adjusted.energy - without.energy,
             }
-        return cls(base=base, adjusted=adjusted, by_risk=by_risk)
+        return cls(rule=rule, adjusted=adjusted, by_risk=by_risk)
 
     def words(self) -> str:
-        """Text for people: `k_S 0.33 -> 0.45 (wind +0.13), k_T ...`."""
-        return ", ".join(self._words_of(weight, symbol) for weight, symbol in _SYMBOLS.items())
+        """Text for people: `k_S 0.33 -> 0.45 (wind +0.13), k_T ...`; a rule other than Eq. 9."""
+        words = ", ".join(self._words_of(weight, symbol) for weight, symbol in _SYMBOLS.items())
+        if self.rule.kind is AdaptationKind.PAPER:
+            return words
+        return f"{self.rule.words}: {words}"
 
     def _words_of(self, weight: str, symbol: str) -> str:
-        base, adjusted = getattr(self.base, weight), getattr(self.adjusted, weight)
+        base, adjusted = getattr(self.rule.base, weight), getattr(self.adjusted, weight)
         told = [
             f"{name} {changes[weight]:+.2f}"
             for name, changes in self.by_risk.items()
@@ -62,7 +67,8 @@ class WeightsReason:
     def to_dict(self) -> dict[str, Any]:
         """Returns a dict for JSON."""
         return {
-            "base": {weight: getattr(self.base, weight) for weight in _SYMBOLS},
+            "adaptation": self.rule.to_dict(),
+            "base": {weight: getattr(self.rule.base, weight) for weight in _SYMBOLS},
             "adjusted": {weight: getattr(self.adjusted, weight) for weight in _SYMBOLS},
             "by_risk": {name: dict(changes) for name, changes in self.by_risk.items()},
             "words": self.words(),
@@ -79,7 +85,7 @@ def index_words(name: str, value: float, report: IndexReport) -> str:
     if report.target < _TOLD:
         return f"{words}: no input raises it"
     if report.held:
-        words += ", held at the last word"
+        words += ", held at the last value"
     if report.told is None:
         nothing = "nothing is measured any more" if report.ever_known else "nothing was measured"
         return f"{words}: {nothing}"
@@ -88,7 +94,7 @@ def index_words(name: str, value: float, report: IndexReport) -> str:
 
 def rise_words(name: str, report: IndexReport) -> str:
     """Text of an index's target and its cause: `wind to 0.71: wind from tilt 9.2 m/s`."""
-    why = "nothing tells of it" if report.told is None else report.told.phrase
+    why = "no input of it" if report.told is None else report.told.phrase
     return f"{name} to {report.target:.2f}: {why}"
 
 

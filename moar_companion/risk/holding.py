@@ -11,20 +11,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 
+from ..autopilots import profile
 from ..telemetry import Telemetry
 from ..types import AutopilotKind
 from ..vehicle import RiskModel
 from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, tells_of_wind
 from .drag import air_velocity_mps
 
-_TILT_LIMITS = {
-    AutopilotKind.PX4: (("MPC_TILTMAX_AIR", 1.0),),
-    AutopilotKind.ARDUPILOT: (("PSC_ANGLE_MAX", 1.0), ("ANGLE_MAX", 0.01)),
-}
-"""The parameters that limit the lean in position control, with their units in degrees; the first
-that is above 0 counts (AC_PosControl: PSC_ANGLE_MAX 0 means ANGLE_MAX)."""
-_HOVER_THRUSTS = {AutopilotKind.PX4: "MPC_THR_HOVER", AutopilotKind.ARDUPILOT: "MOT_THST_HOVER"}
-"""Parameters of the hover thrust, as a fraction of the greatest thrust."""
 _THRUST_SHARE = 0.9
 """Fraction of the greatest thrust for holding; the rest controls the attitude."""
 _STEEPEST_RAD = math.radians(80.0)
@@ -35,27 +28,23 @@ MARGIN = 0.8
 """Usable fraction of the held wind; the rest is for gusts and to regain the position."""
 
 
-def holding_parameters(kind: AutopilotKind) -> tuple[str, ...]:
-    """Names of the parameters of an autopilot's lean limit and hover thrust."""
-    names = tuple(name for name, _ in _TILT_LIMITS.get(kind, ()))
-    return (*names, _HOVER_THRUSTS[kind]) if kind in _HOVER_THRUSTS else names
-
-
 def tilt_limit(
     kind: AutopilotKind, parameters: Mapping[str, float | None], model: RiskModel
 ) -> tuple[float, str]:
     """Greatest lean in rad, and the parameter or key that sets it."""
     limit_rad, source = model.tilt_rad.high, "risk.tilt_deg"
-    for name, degrees in _TILT_LIMITS.get(kind, ()):
+    autopilot = profile(kind)
+    for name, degrees in autopilot.tilt_limits:
         value = parameters.get(name)
         if value is not None and value > 0.0:
             limit_rad, source = math.radians(degrees * value), name
             break
-    thrust = parameters.get(_HOVER_THRUSTS.get(kind, ""))
-    if thrust is not None and 0.0 < thrust < _THRUST_SHARE:
+    hover_thrust = autopilot.hover_thrust
+    thrust = None if hover_thrust is None else parameters.get(hover_thrust)
+    if hover_thrust is not None and thrust is not None and 0.0 < thrust < _THRUST_SHARE:
         carried_rad = math.acos(thrust / _THRUST_SHARE)
         if carried_rad < limit_rad:
-            return carried_rad, _HOVER_THRUSTS[kind]
+            return carried_rad, hover_thrust
     return min(limit_rad, _STEEPEST_RAD), source
 
 

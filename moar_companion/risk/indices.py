@@ -21,7 +21,7 @@ from ..types import RiskIndices
 from ..vehicle import Power, RiskModel
 from . import battery, communication, localization, wind
 from .communication import CommunicationMemory
-from .inputs import InputReport
+from .input_reports import InputReport
 from .localization import LocalizationMemory
 from .wind import WindMemory
 

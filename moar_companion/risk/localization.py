@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 
 from ..telemetry import LandedState, MagneticField, Odometry, Telemetry
 from ..vehicle import RiskModel
-from .inputs import YES_OR_NO, InputReport, certain, heard
+from .input_reports import YES_OR_NO, InputReport, certain, heard
 from .receivers import Memories, ReceiverMemory, positive, receiver_inputs
 
 _ESTIMATOR_MAX_AGE_S = 3.0

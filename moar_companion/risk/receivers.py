@@ -12,7 +12,7 @@ from typing import Any
 
 from ..telemetry import Gnss, Telemetry
 from ..vehicle import RiskModel
-from .inputs import InputReport, certain, heard, heard_at
+from .input_reports import InputReport, certain, heard, heard_at
 
 _MAX_AGE_S = 3.0
 """Maximum age of GPS_RAW_INT: 5 to 8 Hz, at 1 Hz while PX4's receiver is silent: 3 periods."""
@@ -146,12 +146,12 @@ def _fault(gnss: Gnss, memory: ReceiverMemory, now_s: float) -> str | None:
     """Text of the fault that makes a receiver useless; None without one."""
     age_s = now_s - gnss.received_s
     if age_s > _MAX_AGE_S:
-        return f"the receiver is silent for {age_s:.1f} s"
+        return f"GNSS receiver silent for {age_s:.1f} s"
     if gnss.fix_type < _FIX_3D:
-        return "the receiver has no 3D fix"
+        return "GNSS receiver has no 3D fix"
     stopped_s = memory.stopped_s(gnss)
     if stopped_s is not None and stopped_s > _FROZEN_S:
-        return f"the receiver stopped {stopped_s:.1f} s ago"
+        return f"GNSS receiver stopped {stopped_s:.1f} s ago"
     return None
 
 

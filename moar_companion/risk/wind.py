@@ -19,14 +19,14 @@ from ..vehicle import Range, RiskModel
 from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, AirSample, braking, extended, tells_of_wind
 from .drag import Level, air_velocity_mps, deceleration_mps2
 from .drag_learning import DragLearning, apart_from_own_motion
-from .inputs import InputReport, heard, heard_at
-from .sustained import Sample, mean, then
+from .input_reports import InputReport, heard, heard_at
+from .sliding_mean import Sample, mean, then
 
 MOTOR_OUTPUT = "motor output"
 REPORTED = "wind reported"
 FROM_TILT = "wind from tilt"
 _USUAL_DRAG = "default drag, not measured"
-_ALONE = "alone it tells of no calm"
+_ALONE = "alone it proves no calm"
 GUST_S = 15.0
 """Time constant of the running spread: the last 30 s have 86 % of the weight."""
 WIND_MAX_AGE_S = 3.0

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from ..config import Supervision
 from ..telemetry import Telemetry
+from ..text_format import seconds
 from .check_inputs import CheckInputs
 
 
@@ -15,21 +16,21 @@ def autopilot_identity(seen: CheckInputs) -> str | None:
     """Text where not exactly one autopilot, of the expected kind, is received."""
     autopilot = seen.telemetry.autopilot
     if autopilot is None:
-        return "no autopilot is heard"
+        return "no autopilot is received"
     if seen.conflict is not None:
         return seen.conflict
     if seen.expected not in (None, autopilot.kind):
-        return f"vehicle file {seen.expected.value}, heard {autopilot.kind.value}"
+        return f"autopilot {autopilot.kind}, file {seen.expected}"
     return None if autopilot.multirotor else "the vehicle is no multirotor"
 
 
 def mode_left(seen: CheckInputs, *, landing: bool) -> str | None:
-    """Text for a mode that is not ours. landing: the companion has asked for the landing."""
+    """Text for a mode that is not ours. landing: the companion has requested the landing."""
     autopilot = seen.telemetry.autopilot
     if not seen.in_control or autopilot is None or seen.landing is not landing:
         return None
     # The mode may have been left and given back between two cycles.
-    return seen.faults.pilot if autopilot.ours else f"the autopilot is in {autopilot.mode}"
+    return seen.faults.pilot if autopilot.ours else f"autopilot in {autopilot.mode}"
 
 
 def ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
@@ -37,4 +38,4 @@ def ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str 
     heard = telemetry.ground_station
     if heard is None or now_s - heard.received_s <= limits.ground_link_lost_s:
         return None
-    return f"no ground station for {now_s - heard.received_s:.0f} s"
+    return f"no ground station for {seconds(now_s - heard.received_s)} s"

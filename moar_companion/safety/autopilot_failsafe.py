@@ -6,9 +6,10 @@ on (ArduCopter 4.6.3, Copter::any_failsafe_triggered). The mode decides about co
 
 from __future__ import annotations
 
+from ..autopilots import profile
 from ..power import is_powered
 from ..telemetry import AutopilotStatus, Failsafe, Telemetry
-from ..types import AutopilotKind
+from ..text_format import listed, reason_chars
 
 _LOW, _FAILED = 2, 5
 """MAV_BATTERY_CHARGE_STATE: low, critical, emergency, failed."""
@@ -22,12 +23,12 @@ _WITHOUT_POSITION = frozenset({Failsafe.ESTIMATOR, Failsafe.DEAD_RECKONING})
 def took_mode(autopilot: AutopilotStatus | None) -> bool:
     """True if a failsafe, not a pilot, has chosen a mode that is not ours.
 
-    PX4 reports a failsafe only while the failsafe flies. ArduPilot also reports it in a mode
-    that the pilot has chosen: there only a return, a landing or a stop is the failsafe's.
+    Where an autopilot, as ArduPilot, reports a failsafe also in a mode that the pilot has chosen,
+    only a return, a landing or a stop is the failsafe's.
     """
     if autopilot is None or not autopilot.failsafe or autopilot.ours:
         return False
-    return autopilot.kind is not AutopilotKind.ARDUPILOT or autopilot.homeward
+    return profile(autopilot.kind).failsafe_flies or autopilot.homeward
 
 
 def taken_mode(telemetry: Telemetry) -> str | None:
@@ -40,14 +41,14 @@ def taken_mode(telemetry: Telemetry) -> str | None:
     if autopilot is None or not took_mode(autopilot):
         return None
     begun_s, mode_s = autopilot.failsafe_since_s, autopilot.mode_since_s
-    signs_s = (*telemetry.failsafes_told.values(), begun_s)
+    signs_s = (*telemetry.failsafes_reported.values(), begun_s)
     if (
-        autopilot.kind is AutopilotKind.ARDUPILOT
+        not profile(autopilot.kind).failsafe_flies
         and mode_s is not None
         and not any(sign_s is None or sign_s >= mode_s - _WITH_MODE_S for sign_s in signs_s)
     ):
-        return f"the autopilot is in {autopilot.mode}"
-    return f"autopilot failsafe chose {autopilot.mode}"
+        return f"autopilot in {autopilot.mode}"
+    return f"failsafe chose {autopilot.mode}"
 
 
 def reported(telemetry: Telemetry) -> frozenset[Failsafe] | None:
@@ -58,7 +59,7 @@ def reported(telemetry: Telemetry) -> frozenset[Failsafe] | None:
     autopilot = telemetry.autopilot
     if autopilot is None or not autopilot.failsafe or took_mode(autopilot):
         return None
-    found, readiness = set(telemetry.failsafes_told), telemetry.readiness
+    found, readiness = set(telemetry.failsafes_reported), telemetry.readiness
     charges = (item.charge_state for item in telemetry.batteries.values() if is_powered(item))
     if any(charge is not None and _LOW <= charge <= _FAILED for charge in charges):
         found.add(Failsafe.BATTERY)
@@ -93,4 +94,4 @@ def holding_failsafe(telemetry: Telemetry, *, escaping: bool) -> str | None:
         return "autopilot failsafe, cause unknown"
     if not others:
         return None
-    return f"failsafe: {', '.join(sorted(item.value for item in others))}"
+    return listed("failsafe", sorted(item.value for item in others), reason_chars("rejected"))

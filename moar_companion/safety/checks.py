@@ -12,14 +12,13 @@ from ..config import Supervision
 from ..estimation.pose_tracker import airborne, grounded
 from ..risk.receivers import trouble
 from ..risk.wind import strongest
+from ..text_format import exceeds, limit_text, listed, reason_chars
 from ..types import Mission
 from . import autopilot_checks, energy_checks, link_age, position_checks
 from .autopilot_failsafe import battery_failsafe, holding_failsafe, taken_mode
 from .check_inputs import WAY_MAX_AGE_S, CheckInputs
 from .condition_types import Causes
-from .reason_text import exceeds
 
-_MOST_NAMED = 2
 _MB = 1e6
 
 
@@ -96,17 +95,17 @@ def _unmonitored(seen: CheckInputs, now_s: float) -> str | None:
             ("position accuracy", position_checks.accuracy_known(seen.risk)),
             ("uploaded fence", not seen.fence_silent),
             ("ground station", seen.telemetry.ground_station is not None),
-            ("way out", seen.escape_route is not None and seen.escape_route.age_s <= WAY_MAX_AGE_S),
+            (
+                "escape route",
+                seen.escape_route is not None and seen.escape_route.age_s <= WAY_MAX_AGE_S,
+            ),
         )
         if not known
     ]
-    if len(missing) <= _MOST_NAMED:
-        return f"unknown: {', '.join(missing)}" if missing else None
-    first, others = missing[0], missing[1:]
-    return f"unknown: {first} and {len(others)} more ({', '.join(others)})"
+    return listed("unknown", missing, reason_chars("over")) if missing else None
 
 
 def _free(what: str, left: float | None, limit_mb: float) -> str | None:
     if left is None or left >= limit_mb * _MB:
         return None
-    return f"{what} {left / _MB:.0f} MB < {limit_mb:g}"
+    return f"{what} {left / _MB:.0f} MB < {limit_text(limit_mb)}"

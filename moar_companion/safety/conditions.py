@@ -77,7 +77,7 @@ CONDITIONS = (
     ),
     Condition(
         name="landing",
-        starts="the autopilot has begun the landing that the companion asked for",
+        starts="the autopilot has begun the landing that the companion requested",
         action=Action.RELEASE,
         override=Override.ORDER,
         last_setpoint=False,
@@ -254,7 +254,7 @@ CONDITIONS = (
     Condition(
         name="ground_link",
         starts="no ground station is received for `ground_link_lost_s`, after it was received once "
-        "(`ground_link_action` says what then)",
+        "(action: `ground_link_action`)",
         action=Action.HOLD,
         over_s=2.0,
         override=Override.ORDER,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import sys
 
+from ..pilot_texts import TEXTS
 from .condition_texts import examples
 from .condition_types import Action
 from .conditions import CONDITIONS
@@ -32,9 +33,16 @@ def texts() -> str:
     return "\n".join(rows)
 
 
+def other_texts() -> str:
+    """Returns the texts that belong to no condition as the third table of configs/README.md."""
+    rows = ["| text | meaning | what can be done |", "|---|---|---|"]
+    rows += [f"| `{text.example}` | {text.meaning} | {text.remedy} |" for text in TEXTS.values()]
+    return "\n".join(rows)
+
+
 def _seconds(word: str, seconds: float, none: str) -> str:
     return f"{word} {seconds:g} s".strip() if seconds else none
 
 
 if __name__ == "__main__":
-    sys.stdout.write(f"{documentation()}\n\n{texts()}\n")
+    sys.stdout.write(f"{documentation()}\n\n{texts()}\n\n{other_texts()}\n")

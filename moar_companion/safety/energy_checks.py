@@ -9,9 +9,9 @@ from ..power import BATTERY_MAX_AGE_S, is_powered
 from ..risk.holding import MARGIN
 from ..risk.wind import strongest
 from ..telemetry import Battery
+from ..text_format import distance, exceeds, seconds
 from ..types import Mission
 from .check_inputs import CheckInputs, EscapeRoute
-from .reason_text import exceeds
 
 _SATURATED_OFF_M = 1.5
 """Beyond this error, with tilt or motors at their limits, the aircraft cannot return. In calm air
@@ -43,7 +43,7 @@ def control_saturated(seen: CheckInputs) -> str | None:
     off_m = seen.error_m
     if not (seen.in_control and seen.saturated) or off_m is None or off_m <= _SATURATED_OFF_M:
         return None
-    return f"wind too strong, {off_m:.1f} m off the path"
+    return f"wind too strong, {distance(off_m)} m off path"
 
 
 def battery_critical(seen: CheckInputs) -> str | None:
@@ -64,7 +64,7 @@ def battery_reserve(seen: CheckInputs, reserve: float) -> str | None:
         if remaining is None:
             remaining = _told_before(seen, number, "remaining")
         if remaining is not None and remaining <= reserve:
-            return f"battery {number} at {remaining:.0%}, reserve {reserve:.0%}"
+            return f"battery {number} at {remaining:.0%} <= {reserve:.0%}"
     return None
 
 
@@ -73,10 +73,10 @@ def battery_silent(seen: CheckInputs, now_s: float) -> str | None:
     for number, battery in sorted(seen.telemetry.batteries.items()):
         powered, age_s = is_powered(battery), now_s - battery.received_s
         if powered and age_s > BATTERY_MAX_AGE_S and _tells(battery):
-            return f"battery {number} is silent for {age_s:.0f} s"
+            return f"battery {number} is silent for {seconds(age_s)} s"
         last = _told_before(seen, number, "remaining")
         if last is not None and (battery.remaining is None or not powered):
-            return f"battery {number} tells no charge (was {last:.0%})"
+            return f"battery {number} reports no charge (was {last:.0%})"
     return None
 
 
@@ -113,16 +113,17 @@ def _too_little_left(way: EscapeRoute | None, mission: Mission) -> str | None:
     if way.left_s is None or way.left_s > way.reserve_s:
         return None
     words = _left(way.left_s, mission)
-    return f"{words} <= {way.reserve_s:.0f}" if words.endswith(" s") else words
+    return f"{words} <= {seconds(way.reserve_s)}" if words.endswith(" s") else words
 
 
 def energy_low_soon(way: EscapeRoute | None) -> str | None:
     """Text where the better escape route is due within a minute."""
     if way is None or way.left_s is None or not 0.0 < way.left_s - way.reserve_s <= _SOON_S:
         return None
-    return f"{_left(way.left_s, way.mission)}, at {way.reserve_s:.0f} s it begins"
+    words = _left(way.left_s, way.mission)
+    return f"{words}, due at {seconds(way.reserve_s)}" if words.endswith(" s") else words
 
 
 def _left(left_s: float, mission: Mission) -> str:
-    left = f"{left_s:.0f} s" if left_s > _NONE_LEFT_S else "no flight time"
+    left = f"{seconds(left_s)} s" if left_s > _NONE_LEFT_S else "no flight time"
     return f"{mission.value} leaves {left}"

@@ -14,14 +14,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ..autopilots import failsafe_parameters, failsafes_of
+from .. import pilot_texts
+from ..autopilots import profile
 from ..autopilots.failsafe_actions import (
     BATTERY,
     NO_FAILSAFES,
     Action,
     FailsafeAction,
     Failsafes,
-    Hit,
     Trigger,
 )
 from ..config import Supervision
@@ -29,7 +29,9 @@ from ..estimation.pose import home_moved
 from ..planner.free_distance import FreeDistance
 from ..power import Meter, PowerModel, is_powered
 from ..telemetry import Telemetry
+from ..text_format import reason_chars, seconds, with_name
 from ..types import AutopilotKind, Vector
+from .failsafe_paths import Hit, failsafe_hit
 
 _STAYS = frozenset({Action.NONE, Action.HOLD})
 """Actions after which the aircraft stays in place."""
@@ -37,6 +39,7 @@ _NEAR_VOLTAGE = 1.03
 """Factor on a voltage threshold: a lithium cell sags by 0.1 V (3 %) when a multirotor climbs."""
 _UNKNOWN_LEAVING_S = 60.0
 """Time to leave where no escape route is known: that of the longest exit of the shipped sites."""
+_CHARS = reason_chars("evacuating")
 _OVER_S = 2.0
 """A shorter time without exposure, as between two cells, does not end an exposure."""
 
@@ -71,9 +74,9 @@ class FailsafeExposure:
         """Failsafes that move the aircraft; RC loss counts only once RC was received."""
 
     @property
-    def untold(self) -> tuple[str, ...]:
+    def unreported(self) -> tuple[str, ...]:
         """Parameters that the autopilot never reported, taken at their defaults."""
-        return self._all.untold
+        return self._all.unreported
 
     def learn(
         self,
@@ -84,13 +87,14 @@ class FailsafeExposure:
     ) -> bool:
         """Takes parameters and home, (x, y, z) in the site's frame; returns True if any is new."""
         heard = self._heard | heard_links(kind, telemetry)
-        told = (kind, heard, *(parameters.get(name, "") for name in failsafe_parameters(kind)))
+        names = profile(kind).failsafe_parameters
+        told = (kind, heard, *(parameters.get(name, "") for name in names))
         before_m = self._all.home_m
         moved = home_moved(home_m, before_m)
         if told == self._told and not moved:
             return False
         self._told, self._heard = told, heard
-        found = failsafes_of(kind, parameters)
+        found = profile(kind).failsafes(parameters)
         self.known = found is not None
         if found is None:
             return False
@@ -112,7 +116,7 @@ class FailsafeExposure:
         place = np.array([[place_m[0], place_m[2]]])
         found = []
         for item in self.failsafes.actions:
-            hit = replace(self.failsafes, actions=(item,)).hit(reach, place)
+            hit = failsafe_hit(replace(self.failsafes, actions=(item,)), reach, place)
             if hit is not None:
                 times_s = self._times_s(item, telemetry, meter)
                 forecast = bool(times_s) and None not in times_s
@@ -149,7 +153,9 @@ class FailsafeExposure:
         stayed_s = self._stayed_s(from_s, now_s)
         if stayed_s is None or stayed_s <= limit_s:
             return None
-        return f"{self._where()}: {stayed_s:.0f} s ({limit_s:.0f})"
+        trigger, obstacle = self._where()
+        pattern = f"{trigger} hits {{}}: {seconds(stayed_s)} s"
+        return f"{with_name(pattern, obstacle, _CHARS)} ({limit_s:.0f})"
 
     def note(self, limit_s: float, from_s: float, now_s: float) -> str | None:
         """Warning text, once, halfway to the limit; None at other times."""
@@ -157,16 +163,19 @@ class FailsafeExposure:
         if stayed_s is None or not 0.5 * limit_s <= stayed_s <= limit_s or self._noted_s >= from_s:
             return None
         self._noted_s = now_s
-        return f"{self._where()}, exit in {limit_s - stayed_s:.0f} s"
+        trigger, obstacle = self._where()
+        left_s = seconds(limit_s - stayed_s)
+        return pilot_texts.EXPOSED(trigger=trigger, obstacle=obstacle, s=left_s)
 
     def _stayed_s(self, from_s: float, now_s: float) -> float | None:
         return None if self._since_s is None else now_s - max(self._since_s, from_s)
 
-    def _where(self) -> str:
-        unforeseen = [item for item in self._exposed if not item.forecast]
-        if not unforeseen:
-            return "a failsafe hits an obstacle"
-        return f"{unforeseen[0].action.trigger.value} hits {unforeseen[0].hit.obstacle}"
+    def _where(self) -> tuple[str, str]:
+        """Trigger and obstacle of the first action without a forecast, for texts."""
+        unforeseen = next((item for item in self._exposed if not item.forecast), None)
+        if unforeseen is None:
+            return "failsafe", "obstacle"
+        return unforeseen.action.trigger.noun, unforeseen.hit.obstacle
 
     def _times_s(
         self, action: FailsafeAction, telemetry: Telemetry, meter: Meter
@@ -202,10 +211,12 @@ class FailsafeExposure:
                 continue
             if left_s - leaving_s >= self._limits.exposure_reserve_s:
                 continue
-            words = f"{action.action.value} in {left_s:.0f} s"
+            words = f"{action.action.noun} in {seconds(left_s)} s"
             if action.trigger in here:
-                return f"{words} hits {here[action.trigger].hit.obstacle}"
-            return f"battery {words}, need {leaving_s:.0f} s"
+                return with_name(f"{words} hits {{}}", here[action.trigger].hit.obstacle, _CHARS)
+            needed_s = leaving_s + self._limits.exposure_reserve_s
+            left, needed = seconds(math.floor(left_s)), seconds(math.ceil(needed_s))
+            return f"battery {action.action.noun} {left} s < {needed}"
         return None
 
 
@@ -228,8 +239,7 @@ def moving(failsafes: Failsafes, heard: frozenset[Trigger]) -> Failsafes:
 def heard_links(kind: AutopilotKind, telemetry: Telemetry) -> frozenset[Trigger]:
     """The links that the autopilot is known to receive, by the trigger of their loss."""
     readiness, remote = telemetry.readiness, telemetry.remote_control
-    if kind is AutopilotKind.ARDUPILOT and readiness is not None:
-        # ArduPilot reports channels without any receiver, too.
+    if profile(kind).channels_without_receiver and readiness is not None:
         remote = None if readiness.remote_control_ok is None else remote
     return frozenset() if remote is None else frozenset({Trigger.RC_LOSS})
 

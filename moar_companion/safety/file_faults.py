@@ -18,6 +18,7 @@ _WORDS = {
     errno.EROFS: "read-only",
     errno.EACCES: "read-only",
     errno.EPERM: "read-only",
+    errno.EIO: "I/O error",
 }
 """Short words: a STATUSTEXT has room for 50 characters."""
 
@@ -31,8 +32,8 @@ class FileFault:
 
 
 def words(error: OSError) -> str:
-    """Reason of a write error, as text for people."""
-    return _WORDS.get(error.errno or 0) or error.strerror or str(error)
+    """Reason of a write error in a text for pilots."""
+    return _WORDS.get(error.errno or 0) or f"error {error.errno or 0}"
 
 
 class FileFaultTexts:

@@ -13,7 +13,7 @@ def silence(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | No
     """Returns the reason when no packet of the autopilot has come for too long; else None."""
     autopilot = telemetry.autopilot
     if autopilot is None:
-        return "no heartbeat is heard"
+        return "no heartbeat is received"
     packet_s = autopilot.received_s
     if telemetry.link is not None:
         packet_s = max(packet_s, telemetry.link.received_s)
@@ -28,9 +28,9 @@ def mode_unconfirmed(telemetry: Telemetry, limits: Supervision, now_s: float) ->
         return None
     age_s = now_s - autopilot.received_s
     if age_s > limits.mode_timeout_s:
-        return f"mode not told for {age_s:.1f} s"
+        return f"mode unknown for {age_s:.1f} s"
     age_s = 0.0 if autopilot.armed_s is None else now_s - autopilot.armed_s
-    return f"armed state not told for {age_s:.1f} s" if age_s > limits.armed_timeout_s else None
+    return f"armed state unknown for {age_s:.1f} s" if age_s > limits.armed_timeout_s else None
 
 
 def delay_s(link: LinkStatistics | None, late_s: float) -> float:

@@ -18,13 +18,13 @@ from ..risk.localization import (
 from ..risk.receivers import RECEIVER_ACCURACY
 from ..site import Margin
 from ..telemetry import Telemetry
+from ..text_format import compass, digits_above, distance, exceeds, limit_text
 from . import link_age
 from .check_inputs import CheckInputs
-from .reason_text import compass, digits_above, distance, exceeds
 
 _READ_LATE_S = 0.2
 """Above this wait for reading, data is late because of the companion, not the network."""
-_ATTITUDE_TIMEOUT_S = 1.0
+ATTITUDE_TIMEOUT_S = 1.0
 """ATTITUDE comes at 100 Hz, at 10 Hz on a slow link."""
 _HOVER_MPS = 1.0
 """A hold is offered only to an aircraft that is nearly at rest: one that gets the mode in full
@@ -40,7 +40,7 @@ _HEIGHT = (ESTIMATOR_HEIGHT_ACCURACY, ODOMETRY_HEIGHT_ACCURACY)
 def position(seen: CheckInputs, limits: Supervision, now_s: float) -> str | None:
     """Text for a missing position, or one that is too old."""
     if seen.telemetry.local_position is None:
-        return "no local position is heard"
+        return "no local position is received"
     under_way_s = link_age.delay_s(seen.telemetry.link, seen.position_late_s)
     age_s = now_s - seen.position_moved_s + under_way_s
     if seen.host.read_late_s > _READ_LATE_S:
@@ -51,7 +51,7 @@ def position(seen: CheckInputs, limits: Supervision, now_s: float) -> str | None
 def attitude(telemetry: Telemetry, now_s: float) -> str | None:
     """Text for a missing attitude, or one that is too old."""
     attitude = telemetry.attitude
-    known = attitude is not None and now_s - attitude.received_s <= _ATTITUDE_TIMEOUT_S
+    known = attitude is not None and now_s - attitude.received_s <= ATTITUDE_TIMEOUT_S
     return None if known else "the attitude is unknown"
 
 
@@ -77,7 +77,7 @@ def position_disagreement(seen: CheckInputs) -> str | None:
 def uncertainty(seen: CheckInputs, limits: Supervision) -> str | None:
     """Text for a position that is too uncertain."""
     limit_m = limits.position_uncertainty_limit_m
-    return exceeds("position uncertainty", uncertainty_m(seen.risk), limit_m, "m")
+    return exceeds("uncertainty", uncertainty_m(seen.risk), limit_m, "m")
 
 
 def uncertainty_m(risk: RiskEstimate) -> float | None:
@@ -140,8 +140,8 @@ def off_plane(seen: CheckInputs, limits: Supervision) -> str | None:
     if abs(beside_m) <= limit_m:
         return None
     side = f"{_side(beside_m, seen.azimuth_rad)} of plane"
-    shown = digits_above(abs(beside_m), limit_m)
-    return f"over {limit_m:g} m {side}" if shown is None else f"{shown} m {side} > {limit_m:g}"
+    shown, limit = digits_above(abs(beside_m), limit_m), limit_text(limit_m)
+    return f"over {limit} m {side}" if shown is None else f"{shown} m {side} > {limit}"
 
 
 def _side(beside_m: float, azimuth_rad: float | None) -> str:
@@ -156,4 +156,4 @@ def not_hovering(seen: CheckInputs) -> str | None:
     if seen.pose is None or seen.in_control:
         return None
     words = exceeds("moving at", math.hypot(*seen.pose.velocity_mps), _HOVER_MPS, "m/s")
-    return None if words is None else f"{words}, hover first"
+    return None if words is None else f"{words}, hover"

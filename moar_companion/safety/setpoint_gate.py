@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..text_format import distance, exceeds
 from ..types import Vector
 
 Occupancy = npt.NDArray[np.bool_]
@@ -60,7 +61,7 @@ def refusal(
     if abs(position_m[1]) > plane_tolerance_m and not any(
         distance_m(position_m, leg) <= corridor_width_m for leg in ways_back_m
     ):
-        return f"setpoint {abs(position_m[1]):.1f} m from the plane"
+        return f"setpoint {distance(abs(position_m[1]))} m from the plane"
     low = min_altitude_m is not None and position_m[2] < min_altitude_m - _TOLERANCE_M
     moves = any(velocity_mps)
     free = cell is not None and not low and (not occupied[cell] or widened_m <= room_m[cell] < 0.0)
@@ -101,16 +102,16 @@ def motion_refusal(
     # A setpoint may begin to move over while it still brakes on its path.
     most_mps = greatest_mps + least_mps
     if speed_mps > most_mps + _TOLERANCE_MPS:
-        return f"setpoint at {speed_mps:.1f} m/s > {most_mps:g}"
+        return exceeds("setpoint at", speed_mps, most_mps, "m/s")
     if before is None:
         return None
     moved_m = math.dist(before[0], after[0])
     if moved_m > (most_mps + _TOLERANCE_MPS) * elapsed_s + _TOLERANCE_M:
-        return f"setpoint jumps by {moved_m:.2f} m"
+        return f"setpoint jumps by {distance(moved_m)} m"
     changed_mps = math.dist(before[1], after[1])
     small_mps = max(least_mps, _SMALL_CORNER * greatest_mps)
     if changed_mps > _HARDER * acceleration_mps2 * elapsed_s + small_mps + _TOLERANCE_MPS:
-        return f"setpoint speed jump {changed_mps:.1f} m/s"
+        return f"setpoint speed jump {distance(changed_mps)} m/s"
     return None
 
 

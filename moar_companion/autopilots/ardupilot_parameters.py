@@ -1,4 +1,4 @@
-"""ArduCopter's parameters that decide its reaction to failures.
+"""Rules by which `check` judges ArduCopter's parameters: those of its reaction to failures.
 
 Sources: ArduCopter 4.6, "Failsafes" and the parameters' descriptions; its reaction to a companion
 failure, as measured.
@@ -6,14 +6,13 @@ failure, as measured.
 
 from __future__ import annotations
 
-from ..types import AutopilotKind
-from .findings import Level
-from .rules import (
+from .parameter_rules import (
     CLIMBING,
     FALLING,
     UNTIL_IT_FALLS,
     Case,
     Judge,
+    Level,
     Rule,
     Verdict,
     bits,
@@ -68,7 +67,7 @@ def _where_it_happens(judge: Judge, stage: str) -> Judge:
 RULES = (
     Rule(
         parameter="GUID_TIMEOUT",
-        judge=time_on_last_setpoint(AutopilotKind.ARDUPILOT),
+        judge=time_on_last_setpoint,
         meaning="how long ArduPilot flies on along the last setpoint of a failed companion",
         remedy="set 0.5",
         unknown=Level.NO_GO,
@@ -235,7 +234,9 @@ RULES = (
         scale=0.01,
         unknown=Level.NOTE,
     ),
-    *follows_setpoints(),
+    *follows_setpoints(
+        "ArduPilot", (("WPNAV_ACCEL", "level"), ("WPNAV_ACCEL_Z", "up and down")), 0.01
+    ),
     *(
         Rule(
             parameter=name,

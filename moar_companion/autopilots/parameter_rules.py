@@ -1,4 +1,4 @@
-"""Judgement of the autopilot's parameters: a value in, a finding out.
+"""Rules by which `check` judges parameters: a value in, a level and a text out. Pure.
 
 The tables are `px4_parameters` and `ardupilot_parameters`. Only reported values are judged: a
 parameter that was not reported is unknown, and never taken for its default.
@@ -6,15 +6,13 @@ parameter that was not reported is unknown, and never taken for its default.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
+import enum
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
-from ..safety.offboard_loss import OffboardLoss
-from ..types import AutopilotKind
-from ..vehicle import Vehicle
-from .findings import Finding, Level
+from .offboard_loss import OffboardLoss, follows
 
 CLIMBS = "which climbs first, perhaps through conductors"
 CLIMBING = f"return, {CLIMBS}"
@@ -22,18 +20,55 @@ FALLING = "motors off: it falls"
 UNTIL_IT_FALLS = "the companion leads out before; without one it flies on until it falls"
 _SHORT_S = 0.5
 """As the manual requires."""
-_NOT_TOLD = "check again over a better link, or look it up in the ground station"
+
+
+class Level(enum.IntEnum):
+    """Severity of a finding, the least first."""
+
+    OK = 0
+    NOTE = 1
+    """Good to know."""
+    WARNING = 2
+    """The flight is possible for an operator who understands the finding."""
+    NO_GO = 3
+    """Must be fixed before the flight."""
+
+    def __str__(self) -> str:
+        return self.name.lower().replace("_", "-")
+
+    @classmethod
+    def of_risk(cls, risk: float) -> Level:
+        """Level of a risk in [0, 1], as the risk indices have them."""
+        if risk <= 0.0:
+            return cls.OK
+        if risk >= 1.0:
+            return cls.NO_GO
+        return cls.NOTE if risk < _WORRYING_RISK else cls.WARNING
+
+
+_WORRYING_RISK = 0.5
+"""Middle between the value at which an input begins to count and its worst value."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Case:
-    """Context of a judgement."""
+    """Context of a judgement: the autopilot's parameters, the vehicle file, what is received."""
 
-    vehicle: Vehicle
     parameters: Mapping[str, float | None]
-    ground_station_heard: bool
-    objection: Level = Level.NO_GO
+    loss: OffboardLoss
+    """Offboard loss by these parameters, with defaults for those that were not reported."""
+    objection: Level
     """Level of an objection to an offboard loss in flight, as configured."""
+    ground_station_heard: bool
+    speeds_mps: tuple[float, float, float]
+    """Greatest speeds of the vehicle level, upwards and downwards."""
+    max_speed_mps: float
+    acceleration_mps2: float
+    """Acceleration of the setpoints."""
+    cells: int | None
+    """Cells of the pack in series; None if the vehicle file does not tell."""
+    battery_full: float
+    """Charge at which the companion's battery risk is full."""
 
     def has_bit(self, name: str, bit: int) -> bool:
         """True if a parameter is known to have a bit set."""
@@ -53,33 +88,10 @@ class Rule:
     parameter: str
     judge: Judge
     meaning: str
-    remedy: str = ""
+    remedy: str | Callable[[Case], str] = ""
     """Shown from a warning on."""
     unknown: Level = Level.WARNING
     """Level of a parameter that was not reported: a no-go if its value may be one."""
-
-
-def parameter_findings(rules: Iterable[Rule], case: Case) -> list[Finding]:
-    """Returns one finding for each rule."""
-    return [_finding(rule, case) for rule in rules]
-
-
-def _finding(rule: Rule, case: Case) -> Finding:
-    value = case.parameters.get(rule.parameter)
-    if value is None:
-        return Finding(
-            level=rule.unknown,
-            subject=rule.parameter,
-            text=f"unknown, there is no such parameter or no answer: {rule.meaning}",
-            remedy="" if rule.unknown is Level.NOTE else _NOT_TOLD,
-        )
-    level, words = rule.judge(value, case)
-    return Finding(
-        level=level,
-        subject=rule.parameter,
-        text=f"{words}: {rule.meaning}",
-        remedy=rule.remedy if level >= Level.WARNING else "",
-    )
 
 
 def choice(verdicts: Mapping[int, Verdict]) -> Judge:
@@ -150,20 +162,17 @@ def speed_limits(
     unknown: Level = Level.WARNING,
 ) -> tuple[Rule, ...]:
     """Rules of the parameters that limit the speed level, upwards and downwards; scale: to m/s."""
-    asked: tuple[tuple[str, Callable[[Vehicle], float]], ...] = (
-        ("level", lambda vehicle: vehicle.speed.horizontal_mps),
-        ("upwards", lambda vehicle: vehicle.speed.up_mps),
-        ("downwards", lambda vehicle: vehicle.speed.down_mps),
-    )
     return tuple(
         Rule(
             parameter=name,
-            judge=_covers(wanted, scale),
+            judge=_covers(axis, scale),
             meaning=f"the fastest that {autopilot} flies {direction}",
             remedy="set it higher, or the speed of the vehicle file lower",
             unknown=unknown,
         )
-        for name, (direction, wanted) in zip(names, asked, strict=True)
+        for axis, (name, direction) in enumerate(
+            zip(names, ("level", "upwards", "downwards"), strict=True)
+        )
     )
 
 
@@ -172,45 +181,50 @@ def told(unit: str, scale: float = 1.0) -> Judge:
     return lambda value, _: (Level.NOTE, f"{value * scale:g} {unit}")
 
 
-def time_on_last_setpoint(kind: AutopilotKind) -> Judge:
+def time_on_last_setpoint(value: float, case: Case) -> Verdict:
     """Judges the seconds without new setpoints, with the stopping distance."""
+    speed_mps, loss = case.max_speed_mps, case.loss
+    way_m = float(loss.way_m(np.array(speed_mps)))
+    words = f"{value:g} s, and up to {way_m:.1f} m at {speed_mps:g} m/s until it rests"
+    if loss.objection_anywhere is not None and loss.timeout_s is not None:
+        return case.objection, words
+    return (Level.OK if value <= _SHORT_S else Level.WARNING), words
+
+
+def follows_setpoints(
+    autopilot: str, names: tuple[tuple[str, str], ...], unit_mps2: float
+) -> tuple[Rule, ...]:
+    """Rules of parameters that limit the acceleration, by name and direction.
+
+    Below that of our setpoints the service objects as to an offboard loss.
+    """
 
     def judge(value: float, case: Case) -> Verdict:
-        speed_mps, loss = case.vehicle.speed.max_mps, OffboardLoss.of(kind, case.parameters)
-        assert loss is not None
-        way_m = float(loss.way_m(np.array(speed_mps)))
-        words = f"{value:g} s, and up to {way_m:.1f} m at {speed_mps:g} m/s until it rests"
-        if loss.objection_anywhere is not None and loss.timeout_s is not None:
-            return case.objection, words
-        return (Level.OK if value <= _SHORT_S else Level.WARNING), words
-
-    return judge
-
-
-def follows_setpoints() -> tuple[Rule, ...]:
-    """Rules of ArduPilot's acceleration: below that of our setpoints no inspection begins."""
-
-    def judge(value: float, case: Case) -> Verdict:
-        limit_mps2, asked_mps2 = 0.01 * value, case.vehicle.guidance.acceleration_mps2
+        limit_mps2, asked_mps2 = unit_mps2 * value, case.acceleration_mps2
         words = f"{limit_mps2:g} m/s2, the vehicle file asks for {asked_mps2:g}"
-        return (Level.OK if limit_mps2 >= asked_mps2 - 1e-3 else Level.WARNING), words
+        return (Level.OK if follows(limit_mps2, asked_mps2) else case.objection), words
+
+    def remedy(case: Case) -> str:
+        settings = case.loss.follows_remedy(case.acceleration_mps2)
+        return f"{settings}, or guidance.acceleration_mps2 of the vehicle file lower"
 
     return tuple(
         Rule(
             parameter=name,
             judge=judge,
-            meaning=f"how hard ArduPilot follows our setpoints {direction}",
-            remedy="set it higher, or guidance.acceleration_mps2 of the vehicle file lower",
+            meaning=f"how hard {autopilot} follows our setpoints {direction}",
+            remedy=remedy,
+            unknown=Level.NO_GO,
         )
-        for name, direction in (("WPNAV_ACCEL", "level"), ("WPNAV_ACCEL_Z", "up and down"))
+        for name, direction in names
     )
 
 
-def _covers(asked: Callable[[Vehicle], float], scale: float) -> Judge:
+def _covers(axis: int, scale: float) -> Judge:
     """Judges a speed limit, which must not be below that of the vehicle file; scale: to m/s."""
 
     def judge(value: float, case: Case) -> Verdict:
-        limit_mps, asked_mps = value * scale, asked(case.vehicle)
+        limit_mps, asked_mps = value * scale, case.speeds_mps[axis]
         words = f"{limit_mps:g} m/s, the vehicle file asks for {asked_mps:g}"
         return (Level.OK if limit_mps >= asked_mps - 1e-3 else Level.WARNING), words
 
@@ -221,11 +235,11 @@ def cell_voltage(least_v: float) -> Judge:
     """Judges a threshold of the whole pack, which must not be below `least_v` for one cell."""
 
     def judge(value: float, case: Case) -> Verdict:
-        cells = case.vehicle.risk.cells
+        cells = case.cells
         if value <= 0.0:
             return Level.NOTE, f"{value:g} (none)"
         if cells is None:
-            return Level.NOTE, f"{value:g} V, of how many cells the vehicle file does not say"
+            return Level.NOTE, f"{value:g} V, the number of cells is not in the vehicle file"
         words = f"{value:g} V, {value / cells:.2f} V a cell"
         return (Level.OK if value / cells >= least_v else Level.WARNING), words
 

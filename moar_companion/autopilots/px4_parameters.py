@@ -1,4 +1,4 @@
-"""PX4's parameters that decide its reaction to failures.
+"""Rules by which `check` judges PX4's parameters: those that decide its reaction to failures.
 
 Sources: PX4 v1.17, "Safety configuration (failsafes)" and the parameters' descriptions; its
 reaction to a companion failure, as measured.
@@ -6,16 +6,14 @@ reaction to a companion failure, as measured.
 
 from __future__ import annotations
 
-from ..autopilots.failsafe_actions import Action
-from ..autopilots.px4 import DEFAULTS, offboard_loss
-from ..types import AutopilotKind
-from .findings import Level
-from .rules import (
+from .failsafe_actions import Action
+from .parameter_rules import (
     CLIMBING,
     CLIMBS,
     FALLING,
     UNTIL_IT_FALLS,
     Case,
+    Level,
     Rule,
     Verdict,
     bits,
@@ -36,7 +34,7 @@ def _forwarding(value: float, case: Case) -> Verdict:
 
 
 def _critical_battery(value: float, case: Case) -> Verdict:
-    full = case.vehicle.risk.battery_remaining.high
+    full = case.battery_full
     words = f"{value:.0%}, where the companion's battery risk is full at {full:.0%}"
     return (Level.OK if value < full else Level.WARNING), words
 
@@ -45,12 +43,25 @@ _THEREFORE = {Action.RETURN: f", {CLIMBS}", Action.FALL: ": it falls"}
 
 
 def _dead_companion(value: float, case: Case) -> Verdict:
-    known = {name: told for name, told in case.parameters.items() if told is not None}
-    action, word = offboard_loss({**DEFAULTS, **known, "COM_OBL_RC_ACT": value})
-    level = {Action.RETURN: Level.WARNING, Action.FALL: case.objection}
-    return level.get(action, Level.OK), f"{value:g} ({word}{_THEREFORE.get(action, '')})"
+    action = case.loss.action
+    word = _OFFBOARD_LOSS.get(int(value), "not known here, taken for a return")
+    level = Level.WARNING if action is Action.RETURN else Level.OK
+    if case.loss.objection_anywhere is not None:
+        level = case.objection
+    return level, f"{value:g} ({word}{_THEREFORE.get(action, '')})"
 
 
+_OFFBOARD_LOSS = {
+    0: "position mode; without sticks by NAV_RCL_ACT",
+    1: "altitude mode; without sticks by NAV_RCL_ACT",
+    2: "stabilized mode; without sticks by NAV_RCL_ACT",
+    3: "return",
+    4: "land",
+    5: "hold",
+    6: "terminate",
+    7: "disarm",
+}
+"""COM_OBL_RC_ACT, by PX4's names."""
 _LINK_LOSS = {
     1: (Level.OK, "hold"),
     2: (Level.WARNING, CLIMBING),
@@ -62,15 +73,15 @@ _LINK_LOSS = {
 RULES = (
     Rule(
         parameter="COM_OF_LOSS_T",
-        judge=time_on_last_setpoint(AutopilotKind.PX4),
+        judge=time_on_last_setpoint,
         meaning="how long PX4 stays with the last setpoint of a failed companion",
         remedy="set 0.5",
     ),
     Rule(
         parameter="COM_OBL_RC_ACT",
         judge=_dead_companion,
-        meaning="what PX4 does when the companion is dead",
-        remedy="set 5 (hold) or 4 (land)",
+        meaning="what PX4 does after a companion failure",
+        remedy="set 5 (hold)",
         unknown=Level.NO_GO,
     ),
     Rule(

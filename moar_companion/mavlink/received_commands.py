@@ -1,7 +1,7 @@
-"""Commands received: executed once each, although packets come late or repeated. No I/O.
+"""Commands received: from their arrival to their final COMMAND_ACK, executed once each. No I/O.
 
-Inputs: packets with commands and cancels, and the service's decisions; output: events for the
-service and answers for the senders.
+Inputs: packets with commands and cancels, late or repeated, and the service's decisions; outputs:
+commands to execute, and answers for their senders.
 """
 
 from __future__ import annotations
@@ -11,11 +11,13 @@ from itertools import takewhile
 
 from ..config import Commands
 from .commands import (
-    Answer,
     Command,
+    CommandAnswer,
     CommandCancelled,
     CommandResult,
     DeniedCommand,
+    MissionCommand,
+    PauseContinue,
     Sender,
     UnsupportedCommand,
     holds,
@@ -23,8 +25,8 @@ from .commands import (
     stops,
 )
 from .dialect import Message
-from .limits import SenderLimit
 from .permissions import Permissions
+from .rate_limits import SenderLimit
 
 _REPEATS_S = 30.0
 """Time in which a confirmation above 0 marks a repeat: QGroundControl takes 9 s."""
@@ -41,7 +43,12 @@ _DECISION_TIMEOUT_S = 10.0
 """Time without an answer after which a command may be given anew."""
 _MAX_REMEMBERED = 64
 _PROGRESS_UNKNOWN = 255
+_IN_PROGRESS_AFTER_S = 0.2
+"""Time of execution without an answer after which it is answered IN_PROGRESS (contract)."""
 _COMMAND_CANCEL = 80
+
+Accepted = MissionCommand | PauseContinue
+"""Commands that the service executes and answers."""
 
 _Key = tuple[int, int, int, tuple[float | None, ...]]
 """Sender's ids, the command's number and its parameters."""
@@ -52,16 +59,27 @@ def _key(command: Command) -> _Key:
     return sender.system_id, sender.component_id, command.command, command.parameters
 
 
-class _Remembered:
-    """Command from one sender, its packet's sequence number, and its last answer."""
+class _Received:
+    """An accepted command: its sender and link, its packet's sequence number, its last answer."""
 
-    __slots__ = ("answer", "answered_s", "command", "given_s", "sequence")
+    __slots__ = (
+        "answer",
+        "answered_s",
+        "command",
+        "executed_s",
+        "progress_sent",
+        "received_s",
+        "sequence",
+    )
 
-    def __init__(self, command: Command, sequence: int, now_s: float) -> None:
+    def __init__(self, command: Accepted, sequence: int, now_s: float) -> None:
         self.command = command
         self.sequence = sequence
         self.answer = _answer(command, CommandResult.IN_PROGRESS, progress=_PROGRESS_UNKNOWN)
-        self.given_s = self.answered_s = now_s
+        self.received_s = self.answered_s = now_s
+        self.executed_s: float | None = None
+        """Time when its execution began; None while it waits."""
+        self.progress_sent = False
 
     @property
     def open(self) -> bool:
@@ -75,15 +93,16 @@ class _Remembered:
     def is_repeat(self, sender: Sender, now_s: float, *, says_so: bool) -> bool:
         """Returns True if the same command received now is a repeat; says_so: confirmation > 0."""
         soon_s = _SOON_S if sender == self.command.sender else _DETOUR_S
-        return now_s - self.given_s <= (_REPEATS_S if says_so else soon_s)
+        return now_s - self.received_s <= (_REPEATS_S if says_so else soon_s)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reception:
-    """Result of a received command: an event for the service, an answer for its sender."""
+    """Result of a packet: an accepted command or an event for the service, an answer to send."""
 
-    event: Command | CommandCancelled | None = None
-    answer: Answer | None = None
+    accepted: Accepted | None = None
+    event: UnsupportedCommand | DeniedCommand | CommandCancelled | None = None
+    answer: CommandAnswer | None = None
 
 
 _NOTHING = Reception()
@@ -108,8 +127,11 @@ def _move_limit() -> SenderLimit:
     return SenderLimit(burst=30, rate_hz=5.0, link_burst=60, link_rate_hz=20.0)
 
 
-class CommandDedup:
-    """Makes repeated commands idempotent, answers commands that need no decision, handles cancels.
+class ReceivedCommands:
+    """Owns each accepted command until its final answer, and recognises its repeats after that.
+
+    Commands that need no decision are answered at once, and a cancel ends a command without a
+    final answer. The service holds a command's value or its number alone.
 
     commands: rules for permitted senders. Hold and pause are accepted from any sender; any other
     command of a sender without permission is DENIED. Every sender has a limit, beyond which it gets
@@ -130,8 +152,11 @@ class CommandDedup:
 
     def __init__(self, commands: Commands | None = None) -> None:
         self.permissions = Permissions(commands or Commands())
-        self._remembered: dict[_Key, _Remembered] = {}
-        """Remembered commands in the order in which they were given."""
+        self._last_number = 0
+        self._open: dict[int, _Received] = {}
+        """Commands without a final answer by number, in the order of arrival."""
+        self._remembered: dict[_Key, _Received] = {}
+        """The latest of each kind, for repeats, in the order of arrival."""
         self._packets: dict[tuple[str, bytes], float] = {}
         """Time of the first reception of a packet by link; the oldest first."""
         self._answers = _answer_limit()
@@ -171,7 +196,11 @@ class CommandDedup:
         return reception
 
     def _reception(
-        self, command: Command, message: Message, objection: str | None, now_s: float
+        self,
+        command: Accepted | UnsupportedCommand | DeniedCommand,
+        message: Message,
+        objection: str | None,
+        now_s: float,
     ) -> Reception:
         """Result of a command before the limit on answers. objection: reason against its sender."""
         if isinstance(command, UnsupportedCommand):
@@ -185,19 +214,43 @@ class CommandDedup:
             )
         if isinstance(command, DeniedCommand):
             return Reception(event=command, answer=_answer(command, CommandResult.DENIED))
-        command = replace(command, permitted=objection is None)
+        command = replace(command, permitted=objection is None, number=self._last_number + 1)
         answer = self._answer_to_old(command, message, now_s)
         if answer is not None:
             return Reception(answer=answer)
         if not self._limit_of(command).allows(command.sender, now_s):
             return Reception(answer=_answer(command, CommandResult.TEMPORARILY_REJECTED))
         self._remember(command, message.get_seq(), now_s)
-        return Reception(event=command)
+        return Reception(accepted=command)
 
     def _limit_of(self, command: Command) -> SenderLimit:
         if not command.permitted:
             return self._strangers_holds
         return self._stops if stops(command) else self._moves
+
+    @property
+    def waiting(self) -> list[Accepted]:
+        """Commands that are neither executed nor answered, in the order of arrival."""
+        return [received.command for received in self._open.values() if received.executed_s is None]
+
+    def note_executed(self, command: Command, now_s: float) -> None:
+        """Notes that the execution of a waiting command begins."""
+        self._open[command.number].executed_s = now_s
+
+    def open(self, number: int) -> Command | None:
+        """Command of this number; None after its final answer."""
+        received = self._open.get(number)
+        return None if received is None else received.command
+
+    def without_answer(self, now_s: float) -> list[Command]:
+        """Commands to be answered IN_PROGRESS now, once each."""
+        return [
+            received.command
+            for received in self._open.values()
+            if not received.progress_sent
+            and received.executed_s is not None
+            and now_s - received.executed_s > _IN_PROGRESS_AFTER_S
+        ]
 
     def answer(
         self,
@@ -207,18 +260,22 @@ class CommandDedup:
         progress: int = 0,
         result_param2: int = 0,
         now_s: float,
-    ) -> Answer | None:
+    ) -> CommandAnswer | None:
         """Returns the answer to a received command; None if no answer is due.
 
         None is due after the final answer, a cancel, or another command of that number from the
         same sender, since an acknowledgement carries only the number.
         """
-        remembered = self._latest(_key(command)[:3])
-        if remembered is None or remembered.command != command or not remembered.open:
+        received = self._open.get(command.number)
+        if received is None:
             return None
-        remembered.answer = _answer(command, result, progress=progress, result_param2=result_param2)
-        remembered.answered_s = now_s
-        return remembered.answer
+        received.answer = _answer(command, result, progress=progress, result_param2=result_param2)
+        received.answered_s = now_s
+        if received.open:
+            received.progress_sent = True
+        else:
+            del self._open[command.number]
+        return received.answer if received is self._latest(_key(command)[:3]) else None
 
     def _is_doubled(self, link: str, packet: bytes, now_s: float) -> bool:
         """Returns True if this link just received the same packet, sequence number included."""
@@ -231,7 +288,9 @@ class CommandDedup:
         self._packets[link, packet] = now_s
         return False
 
-    def _answer_to_old(self, command: Command, message: Message, now_s: float) -> Answer | None:
+    def _answer_to_old(
+        self, command: Command, message: Message, now_s: float
+    ) -> CommandAnswer | None:
         """Returns the answer to a repeated or late command; None if the command is executed."""
         sender, known = command.sender, self._remembered.get(_key(command))
         if known and known.is_awaited(now_s) and known is self._latest(_key(command)[:3]):
@@ -246,7 +305,7 @@ class CommandDedup:
             return None
         return _answer(command, CommandResult.CANCELLED)
 
-    def _is_superseded(self, known: _Remembered) -> bool:
+    def _is_superseded(self, known: _Received) -> bool:
         """Returns True if its sender has given another command since, or any sender a stop."""
         later = takewhile(lambda other: other is not known, reversed(self._remembered.values()))
         ids = _key(known.command)[:2]
@@ -255,7 +314,7 @@ class CommandDedup:
     def _is_late(self, sender: Sender, sequence: int, now_s: float, *, says_so: bool) -> bool:
         """Returns True if a command received after a stop was given before it."""
         for stop in filter(lambda given: stops(given.command), self._remembered.values()):
-            after_s = now_s - stop.given_s
+            after_s = now_s - stop.received_s
             if says_so and after_s <= _REPEATS_S:
                 return True
             overtaken = (stop.sequence - sequence) % 256 < 128
@@ -263,19 +322,21 @@ class CommandDedup:
                 return True
         return False
 
-    def _latest(self, kind: tuple[int, ...]) -> _Remembered | None:
+    def _latest(self, kind: tuple[int, ...]) -> _Received | None:
         """Latest command of one kind: system id, component id, command number."""
         given = reversed(self._remembered.items())
         return next((remembered for key, remembered in given if key[:3] == kind), None)
 
-    def _remember(self, command: Command, sequence: int, now_s: float) -> None:
+    def _remember(self, command: Accepted, sequence: int, now_s: float) -> None:
         key = _key(command)
         self._remembered.pop(key, None)
         if len(self._remembered) >= _MAX_REMEMBERED:
             known = self._remembered.items()
             strangers = (key for key, given in known if not given.command.permitted)
             del self._remembered[next(strangers, next(iter(self._remembered)))]
-        self._remembered[key] = _Remembered(command, sequence, now_s)
+        received = _Received(command, sequence, now_s)
+        self._last_number = command.number
+        self._open[command.number] = self._remembered[key] = received
 
     def _cancel(self, message: Message, *, system_id: int, component_id: int) -> Reception:
         """Handles COMMAND_CANCEL by the command's own sender; no effect if none is in progress."""
@@ -284,18 +345,19 @@ class CommandDedup:
         if message.target_component not in {0, component_id}:
             return _NOTHING
         kind = (message.get_srcSystem(), message.get_srcComponent(), message.command)
-        remembered = self._latest(kind)
-        if remembered is None or not remembered.open:
+        received = self._latest(kind)
+        if received is None or not received.open:
             return _NOTHING
-        command = remembered.command
-        remembered.answer = _answer(command, CommandResult.CANCELLED)
-        return Reception(event=CommandCancelled(command=command), answer=remembered.answer)
+        command = received.command
+        received.answer = _answer(command, CommandResult.CANCELLED)
+        del self._open[command.number]
+        return Reception(event=CommandCancelled(command=command), answer=received.answer)
 
 
 def _answer(
     command: Command, result: CommandResult, *, progress: int = 0, result_param2: int = 0
-) -> Answer:
-    return Answer(
+) -> CommandAnswer:
+    return CommandAnswer(
         receiver=command.sender,
         command=command.command,
         result=result,

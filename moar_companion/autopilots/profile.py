@@ -1,0 +1,221 @@
+"""Profile of an autopilot: all that differs between kinds of autopilots, as one immutable value.
+
+One file for each autopilot fills it, and `unknown` for those that have none. Pure.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Mapping
+from dataclasses import dataclass
+
+from ..telemetry import Failsafe, FenceItem
+from ..types import AutopilotKind, GeodeticPoint, Vector
+from .failsafe_actions import FailsafeAction, Failsafes
+from .fence import Area, Fence, areas_of
+from .offboard_loss import OffboardLoss
+from .parameter_rules import Rule
+
+Values = Mapping[str, float]
+"""Values of parameters by name."""
+Parameters = Mapping[str, float | None]
+"""Parameters by name; None: never reported; absent: still awaited."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FailsafeText:
+    """Texts with which the autopilot reports that a failsafe begins and ends."""
+
+    failsafe: Failsafe
+    begins: re.Pattern[str]
+    """Matched at the text's start."""
+    ends: str | None = None
+    lasts_s: float
+    """Duration after the last sign: a link may lose the text of its end."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Profile:
+    """Values and functions of one kind of autopilot. Each row says what depends on it."""
+
+    # Identity
+
+    kind: AutopilotKind
+    """Name in vehicle files, snapshots and recordings."""
+    name: str
+    """Name for people."""
+    mav_autopilot: int | None
+    """MAV_AUTOPILOT of its heartbeat."""
+    measured_releases: tuple[tuple[int, int], ...]
+    """Major and minor versions whose behaviour this program was measured against."""
+    oldest_release: tuple[int, int]
+    """Releases before it have other failsafes and other parameters for them."""
+
+    # Modes, by HEARTBEAT.custom_mode
+
+    mode_name: Callable[[int], str | None]
+    """Name as its ground stations show it; None: unknown."""
+    mode_enums: Mapping[int, str]
+    """By MAV_TYPE, MAVLink's enum of the modes of vehicles that `mode_name` does not number."""
+    is_own_mode: Callable[[int], bool]
+    """True in the mode in which it follows the companion's setpoints."""
+    own_mode: str
+    """Name of that mode."""
+    own_mode_numbers: tuple[int, int] | None
+    """Parameters 2 and 3 of MAV_CMD_DO_SET_MODE for it; None: it is never requested."""
+    land_mode: str
+    """Name of the mode that lands here."""
+    land_mode_numbers: tuple[int, int] | None
+    armed_in_mode_request: bool
+    """True if it takes base_mode of a mode request as it is, the armed bit included."""
+    homeward_modes: frozenset[str]
+    """Modes in which it returns, lands, or stops by itself: only the pilot may end them."""
+    follow_up_modes: Mapping[str, str]
+    """Modes that another one ends in by itself, by name of the earlier one."""
+
+    # Messages
+
+    streams_by_itself: bool
+    """True if it sends most messages unrequested."""
+    rates_hz: Mapping[str, float]
+    """Wanted rates by message name, beside and before those of all autopilots (`message_rates`)."""
+    integers_bytewise: bool
+    """True if PARAM_VALUE carries the bytes of an integer parameter, not its number."""
+    rssi_max: int
+    """RSSI of full signal in RC_CHANNELS."""
+    channels_without_receiver: bool
+    """True if it sends RC_CHANNELS without any receiver of a remote control."""
+    summary_is_battery_0: bool
+    """True if SYS_STATUS describes battery 0; False: it may describe any, as the emptiest."""
+    better_gnss_taken: bool
+    """True if it always navigates by the better one of two receivers."""
+    gnss_switch: str | None
+    """Parameter by which it takes the better receiver."""
+    gnss_switch_better: frozenset[float]
+    """The values of `gnss_switch` with which it does."""
+    gnss_primary: str | None
+    """Parameter that is 1 if the second receiver is used first."""
+    motor_range: tuple[str, str] | None
+    """Parameters of the least and greatest output of the motors, in us."""
+    unused_pulse_us: float
+    """Pulse of an output without a function, and of all while disarmed; beside 0."""
+
+    # Failsafes that are reported
+
+    failsafe_flies: bool
+    """True if it reports a failsafe only while that flies the aircraft, not in a pilot's mode."""
+    failsafe_texts: tuple[FailsafeText, ...]
+    innovation_limit: float
+    """Innovation from which the estimator's failsafe may be active while its flags are good."""
+
+    # Flight
+
+    to_local_ned: Callable[[GeodeticPoint, GeodeticPoint], Vector]
+    """Position of a geodetic point in its local NED frame about an origin, by its projection."""
+    projection_known: bool
+    """True if positions by `to_local_ned` agree with its global ones."""
+    home_by_projection: bool
+    """True if home's local position follows from the geodetic one and the origin at all times."""
+    position_error_m: float
+    """Greatest error of its position, measured with a common GNSS receiver and a barometer."""
+    tracking_error_m: float
+    """Distance from its setpoint that 95 % of every measured flight kept to."""
+    stray_s2: float
+    """Distance from the setpoint in metres for each m/s^2 of the setpoint (`vehicle.Guidance`)."""
+    landing_mps: float
+    """Speed of its landing."""
+    landed_hover_s: float
+    """Hover time with the energy of the motors on the ground until they stop."""
+    tilt_limits: tuple[tuple[str, float], ...]
+    """Parameters that limit the lean in position control, with their units in degrees; the first
+    that is above 0 counts."""
+    hover_thrust: str | None
+    """Parameter of the hover thrust, as a fraction of the greatest thrust."""
+
+    # Meaning of its parameters
+
+    loss_defaults: Values
+    """Parameters that decide the flight after an offboard loss, and their defaults."""
+    read_loss: Callable[[Values, tuple[str, ...]], OffboardLoss] | None
+    """Offboard loss by the values of all of `loss_defaults`, and the names never reported."""
+    failsafe_defaults: Values
+    """Parameters that decide its failsafe actions, and their defaults."""
+    read_failsafes: Callable[[Values], Iterable[FailsafeAction]] | None
+    """Failsafe actions in its own mode by the values of all of `failsafe_defaults`."""
+    fence_parameters: tuple[str, ...]
+    read_fence: Callable[[Values, tuple[Area, ...], tuple[str, ...], bool], Fence] | None
+    """Fence by the values of all of `fence_parameters` (0 for those never reported), the uploaded
+    areas, the names never reported, and whether SYS_STATUS reports a fence."""
+    rules: tuple[Rule, ...]
+    """Rules by which `check` judges its parameters, in the order of the report."""
+
+    @property
+    def loss_parameters(self) -> tuple[str, ...]:
+        """Parameters that must be known before the companion takes control."""
+        return tuple(self.loss_defaults)
+
+    @property
+    def failsafe_parameters(self) -> tuple[str, ...]:
+        """Parameters that decide its failsafe actions."""
+        return tuple(self.failsafe_defaults)
+
+    @property
+    def holding_parameters(self) -> tuple[str, ...]:
+        """Parameters of its lean limit and hover thrust."""
+        names = (*(name for name, _ in self.tilt_limits), self.hover_thrust)
+        return tuple(name for name in names if name is not None)
+
+    @property
+    def gnss_parameters(self) -> tuple[str, ...]:
+        """Parameters that select one of two receivers for navigation."""
+        return tuple(name for name in (self.gnss_switch, self.gnss_primary) if name is not None)
+
+    def with_silence(self, parameters: Parameters) -> Parameters:
+        """Parameters in which all of this profile that are still awaited were never reported."""
+        names = (*self.loss_defaults, *self.failsafe_defaults, *self.fence_parameters)
+        return {**dict.fromkeys(names), **parameters}
+
+    def offboard_loss(self, parameters: Parameters) -> OffboardLoss | None:
+        """Flight after an offboard loss; None while a parameter is awaited, or if unknown.
+
+        A parameter that was never reported has the autopilot's default, and is in `unreported`.
+        """
+        told = _values(self.loss_defaults, parameters)
+        return None if told is None or self.read_loss is None else self.read_loss(*told)
+
+    def failsafes(self, parameters: Parameters) -> Failsafes | None:
+        """Failsafe actions; None while a parameter is awaited, or if unknown.
+
+        A parameter that was never reported has the autopilot's default, and is in `unreported`.
+        """
+        told = _values(self.failsafe_defaults, parameters)
+        if told is None or self.read_failsafes is None:
+            return None
+        values, unreported = told
+        return Failsafes(actions=tuple(self.read_failsafes(values)), unreported=unreported)
+
+    def fence(
+        self, parameters: Parameters, items: Iterable[FenceItem], *, enabled: bool = False
+    ) -> Fence | None:
+        """Fence; None while a parameter is awaited, or if unknown.
+
+        enabled: True if SYS_STATUS reports a fence. The limit of a parameter that was never
+        reported is unknown: it is in `unreported`, unless it is that of the action.
+        """
+        names = self.fence_parameters
+        if self.read_fence is None or any(name not in parameters for name in names):
+            return None
+        silent = tuple(name for name in names if parameters[name] is None)
+        unreported = tuple(name for name in silent if not name.endswith("_ACTION"))
+        values = {name: parameters[name] or 0.0 for name in names}
+        return self.read_fence(values, areas_of(items), unreported, enabled)
+
+
+def _values(
+    defaults: Values, parameters: Parameters
+) -> tuple[dict[str, float], tuple[str, ...]] | None:
+    """Values with the defaults for those never reported, and their names; None: some awaited."""
+    if not defaults.keys() <= parameters.keys():
+        return None
+    told = {name: value for name in defaults if (value := parameters[name]) is not None}
+    return {**defaults, **told}, tuple(name for name in defaults if name not in told)

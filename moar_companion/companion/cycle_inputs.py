@@ -1,0 +1,220 @@
+"""Inputs of a cycle's decisions: for contingency planning, the supervisor and the mission machine.
+
+Reads telemetry, pose, route, risks and the mission status; changes none of them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from ..config import Supervision
+from ..contingency.contingency_planner import ContingencyInputs
+from ..estimation.pose_tracker import PoseTracker, SiteMaps
+from ..mavlink.session import Session
+from ..mission import state_machine
+from ..mission.values import MissionStatus, Situation
+from ..mission_states import IN_CONTROL, STREAMING, MissionState
+from ..power.cells import misread
+from ..safety.check_inputs import CheckInputs, EscapeRoute, Host
+from ..safety.condition_types import Causes
+from ..safety.position_checks import widening_m
+from ..safety.supervisor import Ruling
+from ..site import Margin
+from ..telemetry import LandedState
+from ..types import Mission
+from ..vehicle import Vehicle
+from .mode_requester import ModeRequester
+from .risk_monitor import RiskMonitor
+from .route_manager import RouteManager
+
+ON_THE_WAY = (MissionState.FLYING, MissionState.LANDING_LEG)
+
+
+class CycleInputs:
+    """Reads the inputs. site_maps: None without a site."""
+
+    def __init__(
+        self,
+        vehicle: Vehicle,
+        limits: Supervision,
+        margin: Margin,
+        site_maps: SiteMaps | None,
+        *,
+        session: Session,
+        pose_tracker: PoseTracker,
+        routes: RouteManager,
+        risk_monitor: RiskMonitor,
+        mode_requester: ModeRequester,
+    ) -> None:
+        self._vehicle = vehicle
+        self._limits = limits
+        self._margin = margin
+        self._site_maps = site_maps
+        self._session = session
+        self._pose_tracker = pose_tracker
+        self._routes = routes
+        self._risk_monitor = risk_monitor
+        self._mode_requester = mode_requester
+
+    @property
+    def mode_ours(self) -> bool:
+        """True while the autopilot is in the mode in which it follows our setpoints."""
+        autopilot = self._session.telemetry.autopilot
+        return autopilot is not None and autopilot.ours
+
+    def tracking_error_m(self, status: MissionStatus) -> float | None:
+        """Distance from our setpoint to the aircraft; infinite where its pose is unknown.
+
+        None while the companion is not in control.
+        """
+        flight, pose = self._routes.flight, self._pose_tracker.pose
+        if flight is None or status.state not in IN_CONTROL:
+            return None
+        return math.inf if pose is None else flight.error_m(pose)
+
+    def exposure_limit_s(self, status: MissionStatus) -> float:
+        """Maximum stay where a failsafe without a forecast would hit an obstacle, dwell added."""
+        return self._limits.exposure_limit_s + self._dwell_s(status)
+
+    def scene(self, status: MissionStatus, pace: float) -> ContingencyInputs | None:
+        """Inputs of contingency planning; None where no plan is possible.
+
+        pace: fraction of the planned speed that is flown.
+        """
+        pose, volume = self._pose_tracker.pose, self._routes.volume
+        risk = self._risk_monitor.risk
+        landed = self._session.telemetry.landed
+        if pose is None or volume is None:
+            return None
+        if landed is not None and landed.state is not LandedState.IN_AIR:
+            return None  # the aircraft takes off or lands
+        plane, spread = self._pose_tracker.plane, risk.wind.spread
+        beside = abs(pose.position_m[1]) > self._limits.plane_tolerance_m
+        if beside and status.state not in STREAMING:
+            return None  # the pilot or autopilot flies it elsewhere
+        return ContingencyInputs(
+            pose=pose,
+            status=status,
+            flight=self._routes.flight,
+            volume=volume,
+            risk=risk.indices,
+            widening_m=self._routes.inflation.lasting_m,
+            fence=self._routes.fence,
+            failsafes=self._routes.watch.failsafes,
+            pace=pace,
+            meter=risk.meter,
+            wind_mps=None
+            if plane is None or spread is None
+            else plane.velocity_from_ned((*spread.mean_ne_mps, 0.0)),
+            model=risk.wind.learning.used(self._vehicle.risk),
+        )
+
+    def situation(self, status: MissionStatus, ruling: Ruling, now_s: float) -> Situation:
+        """Inputs of the mission machine."""
+        autopilot, guidance = self._session.telemetry.autopilot, self._vehicle.guidance
+        flight, pose = self._routes.flight, self._pose_tracker.pose
+        error_m = math.inf if flight is None or pose is None else flight.error_m(pose)
+        return Situation(
+            ruling=ruling,
+            mode_ours=self.mode_ours,
+            mode_heard_s=-math.inf if autopilot is None else autopilot.received_s,
+            on_leg=flight is not None and flight.on_leg,
+            arrived=self._routes.arrived(pose, now_s),
+            dwell_s=self._dwell_s(status),
+            astray=flight is not None and error_m > guidance.tracking_hold_m,
+        )
+
+    def check_inputs(
+        self, status: MissionStatus, host: Host, faults: Causes, now_s: float
+    ) -> CheckInputs:
+        """Inputs of the supervisor's checks. faults: causes that no measurement shows."""
+        flight, pose, site_maps = self._routes.flight, self._pose_tracker.pose, self._site_maps
+        telemetry, risk = self._session.telemetry, self._risk_monitor.risk
+        ways = self._risk_monitor.contingencies
+        escape_route = None if ways is None else ways.escape_route(risk.meter)
+        room_m = None
+        if site_maps is not None and pose is not None:
+            room_m = site_maps.room_m(pose, self._vehicle.radius_m)
+        agreement, jumped_m = self._pose_tracker.agreement, self._pose_tracker.jumped_m(now_s)
+        # The cycle in which the mode is given counts as in control.
+        begins = state_machine.engages(status, now_s, mode_ours=self.mode_ours)
+        return CheckInputs(
+            telemetry=telemetry,
+            risk=risk,
+            conflict=self._session.conflict,
+            expected=self._vehicle.autopilot,
+            pose=pose,
+            position_moved_s=self._pose_tracker.position_moved_s,
+            position_late_s=self._pose_tracker.position_late_s,
+            jumped_m=jumped_m,
+            jump_margin_m=self._jump_margin_m(room_m, jumped_m),
+            origin_moved_m=agreement.origin_moved_m,
+            origin_margin_m=self._jump_margin_m(room_m, agreement.origin_moved_m),
+            global_off_m=agreement.global_off_m,
+            home_off_m=agreement.home_off_m,
+            room_m=room_m,
+            widening_m=widening_m(risk, self._margin),
+            in_control=begins or status.state in IN_CONTROL,
+            escaping=escapes(status),
+            landing=self._mode_requester.is_landing(telemetry.autopilot, now_s),
+            azimuth_rad=None
+            if site_maps is None
+            else math.radians(site_maps.site.frame.azimuth_deg),
+            misread=misread(telemetry, self._vehicle.risk.cells),
+            error_m=flight.error_m(pose) if flight is not None and pose is not None else None,
+            drifted_m=flight.drifted_m(pose) if flight is not None and pose is not None else None,
+            saturated=self._risk_monitor.saturated,
+            held_wind_mps=self._risk_monitor.held_wind_mps,
+            stands=flight is not None and flight.stands and status.state in ON_THE_WAY,
+            strays=flight.strays(pose) if flight is not None and pose is not None else None,
+            plan_awaited_s=self._routes.awaited_for_s(now_s),
+            fence_silent=self._session.requests.fence_silent,
+            escape_route=escape_route,
+            exposure=self._exposure(status, escape_route, now_s),
+            host=host,
+            faults=replace(
+                faults,
+                offboard_loss_unknown=self._routes.not_ready_reason,
+                autopilot_fence=self._routes.fence_objection(pose),
+                offboard_loss_collision=self._routes.objection,
+                no_clearance=faults.no_clearance or self._routes.inflation.no_room,
+            ),
+        )
+
+    def _dwell_s(self, status: MissionStatus) -> float:
+        """Time to stay at the present target."""
+        task = status.task
+        return (
+            0.0 if self._site_maps is None or task is None else self._site_maps.dwell_s(task.stops)
+        )
+
+    def _exposure(
+        self, status: MissionStatus, escape_route: EscapeRoute | None, now_s: float
+    ) -> str | None:
+        """Reason to leave before an autopilot failsafe acts; None if there is none."""
+        return self._routes.watch.reason(
+            self._session.telemetry,
+            self._risk_monitor.risk.meter,
+            leaving_s=None if escape_route is None else escape_route.exposed_s,
+            limit_s=self.exposure_limit_s(status),
+            from_s=status.since_s,
+            now_s=now_s,
+        )
+
+    def _jump_margin_m(self, room_m: float | None, jumped_m: float) -> float:
+        """Permitted position error, here and before a jump of `jumped_m`.
+
+        room_m: from the aircraft's hull to the nearest keep-out.
+        """
+        if room_m is None:
+            return math.inf
+        spare_m = room_m - self._margin.tracking_m - jumped_m
+        return max(0.0, self._margin.position_m + min(0.0, room_m) + max(0.0, spare_m))
+
+
+def escapes(status: MissionStatus) -> bool:
+    """True while an exit or evacuation is flown."""
+    task = status.task
+    in_control = status.state in IN_CONTROL
+    return in_control and task is not None and task.mission is not Mission.INSPECTION

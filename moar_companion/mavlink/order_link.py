@@ -1,0 +1,102 @@
+"""The link on which orders come that are no MAVLink packets: packets are made of them. No I/O.
+
+Such an order is judged, recorded and answered as one of a ground station. Its answer is a
+COMMAND_ACK, and a STATUSTEXT that tells the reason.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+from ..types import Mission
+from .codec import Codec
+from .commands import CommandResult
+from .dialect import create, mavlink
+
+_SYSTEM, _COMPONENT = 255, int(mavlink.MAV_COMP_ID_UDP_BRIDGE)
+"""A ground station, but another than any with a display of its own."""
+_MISSION, _PAUSE = int(mavlink.MAV_CMD_USER_1), int(mavlink.MAV_CMD_DO_PAUSE_CONTINUE)
+_COMMANDS: dict[str, tuple[int, float]] = {
+    "hold": (_MISSION, 0.0),
+    Mission.INSPECTION.value: (_MISSION, 1.0),
+    Mission.EXIT.value: (_MISSION, 2.0),
+    Mission.EVACUATION.value: (_MISSION, 3.0),
+    "release": (_MISSION, 4.0),
+    "pause": (_PAUSE, 0.0),
+    "continue": (_PAUSE, 1.0),
+}
+"""Command and its param1, by the order's word."""
+_ANY = -1.0
+_WANTED = frozenset(
+    {int(mavlink.MAVLINK_MSG_ID_COMMAND_ACK), int(mavlink.MAVLINK_MSG_ID_STATUSTEXT)}
+)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class OrderAnswer:
+    """Answer to an order. order_id: as given to `packet`. reason: empty where none is told."""
+
+    order_id: str
+    result: CommandResult
+    reason: str = ""
+
+
+class OrderLink:
+    """Orders to packets, and the companion's packets to answers.
+
+    An acknowledgement carries the number of the command alone: it is for the last order of that
+    number. The one before is then without an answer, and CANCELLED.
+    """
+
+    def __init__(self, component_id: int) -> None:
+        self._target = component_id
+        self._codec = Codec(system_id=_SYSTEM, component_id=_COMPONENT, wanted=_WANTED)
+        self._open: dict[int, str] = {}
+        """Last order by the number of its command."""
+        self._superseded: list[OrderAnswer] = []
+
+    def packet(self, order_id: str, word: str, index: int | None) -> bytes:
+        """Packet of an order. word: a mission, hold, release, pause or continue."""
+        command, param1 = _COMMANDS[word]
+        before = self._open.get(command)
+        if before is not None:
+            cancelled = CommandResult.CANCELLED
+            reason = "another order came before its answer"
+            self._superseded.append(OrderAnswer(order_id=before, result=cancelled, reason=reason))
+        self._open[command] = order_id
+        message = create(
+            "COMMAND_LONG",
+            target_system=0,
+            target_component=self._target,
+            command=command,
+            confirmation=0,
+            param1=param1,
+            param2=_ANY if index is None else float(index),
+            **{f"param{number}": 0.0 for number in range(3, 8)},
+        )
+        return self._codec.encode(message)
+
+    def answers(self, packets: Iterable[bytes]) -> list[OrderAnswer]:
+        """Answers in the packets of a cycle; a reason comes in the same cycle."""
+        answers, self._superseded = self._superseded, []
+        results: list[tuple[int, CommandResult]] = []
+        texts: list[str] = []
+        for message in self._codec.receive(b"".join(packets)):
+            if message.get_msgId() == mavlink.MAVLINK_MSG_ID_STATUSTEXT:
+                texts.append(message.text.rstrip("\0"))
+            elif (message.target_system, message.target_component) == (_SYSTEM, _COMPONENT):
+                results.append((message.command, CommandResult(message.result)))
+        for command, result in results:
+            progress = result is CommandResult.IN_PROGRESS
+            order_id = self._open.get(command) if progress else self._open.pop(command, None)
+            if order_id is not None:
+                reason = _reason(texts, result)
+                answers.append(OrderAnswer(order_id=order_id, result=result, reason=reason))
+        return answers
+
+
+def _reason(texts: list[str], result: CommandResult) -> str:
+    """The text that ends in the result's word, as `OperatorCommands.tell_why` writes it."""
+    word = result.name.rpartition("_")[2].lower()
+    return next((text for text in reversed(texts) if text.endswith(f", {word}")), "")

@@ -1,0 +1,177 @@
+"""The section `mqtt` of the configuration: the broker, and this vehicle's name there.
+
+Secrets are in files, which `service/mqtt_settings` reads.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import AfterValidator, Field
+
+from .yaml_file import HEXADECIMAL_KEY, FileFinding, shown
+from .yaml_schema import FileModel, FilePath, Name
+
+_PORTS = {"mqtt": 1883, "mqtts": 8883}
+_URL = re.compile(r"(mqtts?)://(\[[0-9A-Fa-f:.]+\]|[A-Za-z0-9._-]+)(?::([0-9]{1,5}))?/?")
+URL_FORMS = "mqtt://HOST[:PORT], or mqtts://HOST[:PORT] with TLS"
+ORDER_LINK = "mqtt"
+"""Name of the companion's link on which orders over MQTT come; no URL has this form."""
+VEHICLE_NAME = r"^[A-Za-z0-9][A-Za-z0-9_-]{0,63}$"
+"""One level of a topic: `/`, `+`, `#` and `$` have a meaning there."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MqttCommands:
+    """Orders over MQTT; the key is in a file or a credential, never here."""
+
+    accept: bool = False
+    """True: signed orders are taken. Not by default: a broker is reached from far."""
+    key_file: Path | None = None
+    credential: str | None = None
+    window_s: float = 10.0
+    """Greatest difference between an order's time and this computer's clock."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Mqtt:
+    """Broker to which the companion publishes; url None: none."""
+
+    url: str | None = None
+    vehicle: str | None = None
+    """Name in the topics: `moar/<vehicle>/…`; each vehicle of a broker has its own."""
+    ca_file: Path | None = None
+    """Certificates that the broker's must lead to; None: those of the system."""
+    certificate_file: Path | None = None
+    key_file: Path | None = None
+    username: str | None = None
+    password_file: Path | None = None
+    password_credential: str | None = None
+    commands: MqttCommands = field(default_factory=MqttCommands)
+
+    @property
+    def takes_orders(self) -> bool:
+        """True if orders come over MQTT."""
+        return self.url is not None and self.commands.accept
+
+
+@dataclass(frozen=True, slots=True)
+class BrokerAddress:
+    """Host and port of a broker."""
+
+    host: str
+    port: int
+    tls: bool
+
+    def __str__(self) -> str:
+        host = f"[{self.host}]" if ":" in self.host else self.host
+        return f"mqtt{'s' if self.tls else ''}://{host}:{self.port}"
+
+
+def broker_address(url: str) -> BrokerAddress | None:
+    """The address in a URL; None if the URL has another form."""
+    match = _URL.fullmatch(url)
+    if match is None:
+        return None
+    scheme, host, port = match.groups()
+    number = _PORTS[scheme] if port is None else int(port)
+    if not 1 <= number <= 65_535:
+        return None
+    return BrokerAddress(host=host.strip("[]"), port=number, tls=scheme == "mqtts")
+
+
+def _level(text: str) -> str:
+    if not re.match(VEHICLE_NAME, text):
+        raise ValueError("must be letters, digits, _ and -, 64 at most")
+    return text
+
+
+class _CommandsFile(FileModel):
+    accept: bool = False
+    key_file: FilePath | None = None
+    credential: Name | None = None
+    window_s: Annotated[float, Field(ge=1.0, le=300.0)] = 10.0
+
+
+class MqttFile(FileModel):
+    """The section in the file."""
+
+    url: Name | None = None
+    vehicle: Annotated[Name, AfterValidator(_level)] | None = None
+    ca_file: FilePath | None = None
+    certificate_file: FilePath | None = None
+    key_file: FilePath | None = None
+    username: Name | None = None
+    password_file: FilePath | None = None
+    password_credential: Name | None = None
+    commands: _CommandsFile = Field(default_factory=_CommandsFile)
+
+    def settings(self, folder: Path) -> Mqtt:
+        """The settings; relative paths are relative to the folder of the file."""
+
+        def resolved(path: str | None) -> Path | None:
+            return None if path is None else folder / path
+
+        return Mqtt(
+            url=self.url,
+            vehicle=self.vehicle,
+            ca_file=resolved(self.ca_file),
+            certificate_file=resolved(self.certificate_file),
+            key_file=resolved(self.key_file),
+            username=self.username,
+            password_file=resolved(self.password_file),
+            password_credential=self.password_credential,
+            commands=MqttCommands(
+                accept=self.commands.accept,
+                key_file=resolved(self.commands.key_file),
+                credential=self.commands.credential,
+                window_s=self.commands.window_s,
+            ),
+        )
+
+
+def mqtt_findings(section: MqttFile) -> Iterator[FileFinding]:
+    """Errors across the keys of the section."""
+    for keys, problem in _problems(section):
+        yield FileFinding(("mqtt", *keys), problem)
+
+
+def _problems(section: MqttFile) -> Iterator[tuple[tuple[str, ...], str]]:
+    commands = section.commands
+    if section.url is not None:
+        address = broker_address(section.url)
+        if address is None:
+            # A password in the URL must not reach a log.
+            what = "has another form" if "@" in section.url else f"is {section.url!r}"
+            yield ("url",), f"{what}, must be {URL_FORMS}"
+            return
+        if section.vehicle is None:
+            yield ("vehicle",), "is missing"
+        for name in ("ca_file", "certificate_file", "key_file"):
+            if getattr(section, name) is not None and not address.tls:
+                yield (name,), f"is of TLS, which {section.url!r} is without: must be mqtts://"
+    if (section.certificate_file is None) != (section.key_file is None):
+        missing = "key_file" if section.key_file is None else "certificate_file"
+        yield (missing,), "is missing"
+    has_password = section.password_file is not None or section.password_credential is not None
+    if has_password and section.username is None:
+        yield ("username",), "is missing"
+    if commands.accept and commands.key_file is None and commands.credential is None:
+        must = "must have a key: mqtt.commands.key_file or .credential"
+        yield ("commands", "accept"), f"is true, {must}"
+    for keys, value in (
+        (("password_credential",), section.password_credential),
+        (("commands", "credential"), commands.credential),
+        (("commands", "key_file"), commands.key_file),
+    ):
+        if value is None:
+            continue
+        if HEXADECIMAL_KEY.fullmatch(Path(value).name):
+            yield keys, f"is {shown(value)}, must be the name of what has the key"
+        elif keys[-1].endswith("credential") and Path(value).name != value:
+            problem = f"is {value!r}, must be the name of a credential, without a folder"
+            yield keys, problem

@@ -1,0 +1,535 @@
+"""Texts for pilots that belong to no condition: the third table of configs/README.md.
+
+Each text is a value that is called with what varies in it and returns the reason; the sender adds
+the action. Texts of conditions: `safety/condition_texts`.
+"""
+
+from __future__ import annotations
+
+import string
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+from .text_format import pilot_text, reason_chars, short_name
+
+NAMES = frozenset({"target", "obstacle", "host"})
+"""Fields that are cut to the room that is left."""
+FIELDS: Mapping[str, tuple[str, str]] = {
+    "mission": ("inspection", "evacuation"),
+    "target": ("splice-1", "M" * 100),
+    "obstacle": ("tower", "M" * 100),
+    "host": ("192.168.1.20", "255.255.255.255"),
+    "fence": ("FENCE_RADIUS 50 m", "GF_MAX_HOR_DIST 10000 m"),
+    "mode": ("POSCTL", "LOITER_ALT_QLAND"),
+    "own_mode": ("OFFBOARD", "OFFBOARD"),
+    "state": ("holding", "planning"),
+    "before": ("flying inspection", "landing leg of the evacuation"),
+    "order": ("hold", "release"),
+    "risk": ("wind", "communication"),
+    "path": ("path 1.4 m outward", "path 9999 m outward"),
+    "trigger": ("RC loss", "companion loss"),
+    "link": ("RC loss", "GCS loss"),
+    "reaction": ("return", "motor stop"),
+    "way": ("fly SE", "descend"),
+    "fault": ("disk full", "error 9999"),
+    "refusal": ("unsigned", "wrong signature"),
+    "time": ("26 d", "99999 d"),
+    "fraction": ("0.92", "1.00"),
+    "value": ("7", "-3.4e+38"),
+    "index": ("7", "65535"),
+    "number": ("2", "65535"),
+    "id": ("42", "255"),
+    "other_id": ("7", "255"),
+    "parts": ("12", "9999"),
+    "total": ("64", "9999"),
+    "count": ("9", "99"),
+    "large_count": ("812", "999999999"),
+    "s": ("12", "9999"),
+    "m": ("3.4", "99999"),
+    "far_m": ("3.4", "9999"),
+    "outside_m": ("71", "99999"),
+    "low_m": ("1.2", "99999"),
+    "least_m": ("2", "99999"),
+    "limit": ("60", "99999"),
+    "plural": ("s", "s"),
+}
+"""What varies in the texts: an example and the longest value of each field."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PilotText:
+    """A text. pattern: the reason, with FIELDS in braces. actions: that are sent with it.
+
+    meaning, remedy: for the table; remedy: what the pilot or operator can do.
+    """
+
+    pattern: str
+    actions: tuple[str, ...] = ("",)
+    meaning: str
+    remedy: str = "-"
+
+    def __call__(self, *, detail: str = "", **values: object) -> str:
+        """The reason. A name is cut so that every action fits. detail: for the record only."""
+        shown = {field: str(value) for field, value in values.items()}
+        room = min(map(reason_chars, self.actions))
+        for field in NAMES & shown.keys():
+            rest = self.pattern.format(**(shown | {field: ""}))
+            shown[field] = short_name(shown[field], room - len(rest))
+        reason = self.pattern.format(**shown)
+        return f"{reason} ({detail})" if detail else reason
+
+    @property
+    def fields(self) -> list[str]:
+        """Names of what varies."""
+        return [field for _, field, _, _ in string.Formatter().parse(self.pattern) if field]
+
+    @property
+    def example(self) -> str:
+        """The text as it is sent, with example values and the first of its actions."""
+        return pilot_text(
+            self(**{field: FIELDS[field][0] for field in self.fields}), self.actions[0]
+        )
+
+    @property
+    def longest(self) -> str:
+        """The reason with the longest values."""
+        return self(**{field: FIELDS[field][1] for field in self.fields})
+
+
+_DENIED, _REJECTED = ("denied",), ("rejected",)
+_STAYS = ("denied", "holding", "path kept")
+_NO_ESCAPE = ("denied", "holding", "path kept", "no exit", "no evacuation")
+
+# The mission
+
+STATE = PilotText(
+    pattern="{state}",
+    meaning="the mission's state",
+)
+STATE_OF_MISSION = PilotText(
+    pattern="{state} {mission}",
+    meaning="the mission's state, and the mission",
+)
+READY = PilotText(
+    pattern="ready for {mission}",
+    meaning="the plan is found and setpoints are sent",
+    remedy="select OFFBOARD or GUIDED, unless the companion does (`engage`)",
+)
+FLYING_TO_TARGET = PilotText(
+    pattern="flying {mission} to {target}",
+    meaning="the path to this target is flown",
+)
+AT_TARGET = PilotText(
+    pattern="at target {target}",
+    meaning="the aircraft is at this target, for its dwell time",
+)
+LANDING_LEG = PilotText(
+    pattern="landing leg of the {mission}",
+    meaning="the last, straight leg to the landing point is flown",
+)
+PLANNING = PilotText(
+    pattern="planning {mission}",
+    meaning="an order was received, its plan is sought",
+)
+READY_TO_HOLD = PilotText(
+    pattern="ready to hold",
+    meaning="a hold was ordered while ready: given the mode, the aircraft holds",
+    remedy="order a mission, or `continue`",
+)
+RESUMING = PilotText(
+    pattern="resuming {mission}",
+    meaning="the condition that held the flight is over",
+)
+EVERY_TARGET_DONE = PilotText(
+    pattern="every target is done",
+    actions=("holding",),
+    meaning="the inspection has ended",
+    remedy="order the exit, or take over",
+)
+ABOVE_LANDING_POINT = PilotText(
+    pattern="above the landing point",
+    actions=("holding",),
+    meaning="the exit or evacuation has ended",
+    remedy="land; under `engage` the companion requests LAND",
+)
+ON_COMMAND = PilotText(
+    pattern="{order} on command",
+    actions=("released", "idle"),
+    meaning="an order has ended the setpoint stream",
+)
+MODE_NOT_GIVEN = PilotText(
+    pattern="the mode was not given",
+    actions=("idle",),
+    meaning="nobody selected OFFBOARD or GUIDED within `ready_timeout_s`",
+    remedy="order `continue`, then select the mode",
+)
+PLACE_LEFT = PilotText(
+    pattern="the aircraft has left its place",
+    actions=("rejected", "idle"),
+    meaning="the aircraft is no longer where its plan begins",
+    remedy="hover, and order again",
+)
+
+# Answers to orders
+
+OVERTAKEN = PilotText(
+    pattern="overtaken by a newer order",
+    actions=("cancelled",),
+    meaning="an order came before this one's plan was found",
+)
+NOTHING_HELD = PilotText(
+    pattern="nothing is held",
+    actions=_REJECTED,
+    meaning="`continue` without an interrupted mission",
+    remedy="order a mission",
+)
+NOTHING_LEFT = PilotText(
+    pattern="nothing is left to fly",
+    actions=_REJECTED,
+    meaning="`continue` after a mission's end",
+    remedy="order a mission",
+)
+NOTHING_FLOWN = PilotText(
+    pattern="nothing is flown",
+    actions=_REJECTED,
+    meaning="a hold while nothing is planned or flown",
+)
+JUST_RELEASED = PilotText(
+    pattern="released just now",
+    actions=_REJECTED,
+    meaning="the order was sent before its operator could know that control had ended",
+    remedy="order again",
+)
+NO_SITE = PilotText(
+    pattern="no site is loaded",
+    actions=_DENIED,
+    meaning="the service runs without a site file: no path is planned",
+    remedy="give it a site file",
+)
+OBSERVE = PilotText(
+    pattern="the authority is observe",
+    actions=_DENIED,
+    meaning="the configuration allows no flight",
+    remedy="set `authority`",
+)
+NO_TARGET = PilotText(
+    pattern="no target {index} of {number}",
+    actions=_DENIED,
+    meaning="the order's param2 names no target of the site; they count from 0",
+    remedy="order another",
+)
+NO_LANDING_POINT = PilotText(
+    pattern="no landing point {index} of {number}",
+    actions=_DENIED,
+    meaning="the order's param2 names no landing point of the mission; they count from 0",
+    remedy="order another",
+)
+NO_MISSION = PilotText(
+    pattern="param1 {value} is not a mission",
+    actions=_DENIED,
+    meaning="the command's param1 is not 0 to 4",
+    remedy="send a number of the contract",
+)
+NO_INDEX = PilotText(
+    pattern="param2 {value} is not an index",
+    actions=_DENIED,
+    meaning="the command's param2 is neither -1 (any) nor a whole number from 0 on",
+    remedy="send a number of the contract",
+)
+NO_PAUSE = PilotText(
+    pattern="param1 {value} is neither 0 nor 1",
+    actions=_DENIED,
+    meaning="of DO_PAUSE_CONTINUE: 0 pauses, 1 continues",
+    remedy="send a number of the contract",
+)
+LINK_MAY_NOT = PilotText(
+    pattern="this link may not command",
+    actions=_DENIED,
+    meaning="the command's link is not in `commands.links`",
+    remedy="command over another link",
+)
+SYSTEM_MAY_NOT = PilotText(
+    pattern="system {id} may not command",
+    actions=("denied", "not served"),
+    meaning="the sender's system id is not in `commands.systems`",
+    remedy="set the id in the ground station, or allow it",
+)
+COMPONENT_MAY_NOT = PilotText(
+    pattern="component {id} may not command",
+    actions=_DENIED,
+    meaning="the sender's component id is not in `commands.components`",
+    remedy="command from another component, or allow it",
+)
+UNSIGNED = PilotText(
+    pattern="commands must be signed",
+    actions=_DENIED,
+    meaning="`commands.signed_only` is set",
+    remedy="sign with the vehicle's key",
+)
+
+# No path
+
+NO_PATH_TO_TARGET = PilotText(
+    pattern="no free path to {target}",
+    actions=_STAYS,
+    meaning="obstacles or the minimum altitude cut the target off",
+    remedy="order another target; see the site file",
+)
+NO_PATH = PilotText(
+    pattern="no free path",
+    actions=_NO_ESCAPE,
+    meaning="obstacles cut all landing points off from here",
+    remedy="take over, and fly it out",
+)
+TARGET_OUTSIDE = PilotText(
+    pattern="{target} outside the workspace",
+    actions=_STAYS,
+    meaning="the target is not in the site's workspace",
+    remedy="correct the site file",
+)
+TARGET_CLOSE = PilotText(
+    pattern="{target} too near obstacles",
+    actions=_STAYS,
+    meaning="at the target the keep-out of an obstacle, with the margin, is entered",
+    remedy="correct the site file; a smaller `guidance.tracking_margin_m`",
+)
+NO_LANDING_IN_SIGHT = PilotText(
+    pattern="no landing point in sight",
+    actions=_NO_ESCAPE,
+    meaning="no landing point is reached by a straight free leg",
+    remedy="take over, and land; correct the site file",
+)
+MARGIN_BLOCKS = PilotText(
+    pattern="no path with margin {m} m",
+    actions=_STAYS,
+    meaning="there is a path without the margin, or without a part of it; the record names it",
+    remedy="see the margin in configs/README.md",
+)
+UNCERTAINTY_BLOCKS = PilotText(
+    pattern="no path, uncertainty {m} m",
+    actions=_NO_ESCAPE,
+    meaning="obstacles that are inflated by the position's uncertainty block every path",
+    remedy="wait for a better position, or take over",
+)
+TRACKING_BLOCKS = PilotText(
+    pattern="no path with tracking error",
+    actions=_NO_ESCAPE,
+    meaning="obstacles that are inflated by the present tracking error block every path",
+    remedy="wait for less wind, or take over",
+)
+TARGET_FENCED = PilotText(
+    pattern="{target} past {fence}",
+    actions=_STAYS,
+    meaning="only this limit of the autopilot's fence, with `fence_margin_m`, blocks the path",
+    remedy="order another target, or change the fence",
+)
+FENCED = PilotText(
+    pattern="fence {fence}",
+    actions=_NO_ESCAPE,
+    meaning="the same, of a target with a long name, an exit or an evacuation",
+    remedy="take over, or change the fence",
+)
+FAR_OUTSIDE = PilotText(
+    pattern="{outside_m} m off workspace > {limit}",
+    actions=_NO_ESCAPE,
+    meaning="the aircraft is farther outside than `guidance.recovery_m`",
+    remedy="fly it back to the workspace, and order again",
+)
+OUTSIDE = PilotText(
+    pattern="{far_m} m off workspace: {way}",
+    actions=_NO_ESCAPE,
+    meaning="no recovery leg leads from the aircraft to the workspace",
+    remedy="take over, and fly that way",
+)
+LOW = PilotText(
+    pattern="height {low_m} m < {least_m}: climb",
+    actions=_NO_ESCAPE,
+    meaning="the aircraft is below `workspace.min_altitude_m`, and no leg leads up",
+    remedy="take over, and climb",
+)
+CLOSE = PilotText(
+    pattern="too near {obstacle}: {way}",
+    actions=_NO_ESCAPE,
+    meaning="the aircraft is inside this obstacle's keep-out, and no leg leads out",
+    remedy="take over, and fly that way",
+)
+PLANNER_SILENT = PilotText(
+    pattern="the planner does not answer",
+    actions=_NO_ESCAPE,
+    meaning="no plan came in time",
+    remedy="order again; else see the log",
+)
+PLANNER_FAILED = PilotText(
+    pattern="the planner failed",
+    actions=_NO_ESCAPE,
+    meaning="a fault of the planner, which the log has",
+    remedy="order again; else take over",
+)
+FAILSAFE_HITS = PilotText(
+    pattern="{link}: {reaction} hits {obstacle}",
+    actions=("", "denied", "holding"),
+    meaning="on this path the autopilot's action after a link loss would hit this obstacle",
+    remedy="set the failsafe parameters (`check` names them)",
+)
+
+# In flight
+
+PATH_MOVED = PilotText(
+    pattern="{risk} risk {fraction}, {path}",
+    meaning="a new plan, which this risk has moved most",
+)
+NARROW = PilotText(
+    pattern="{low_m} m to {obstacle} < {least_m}",
+    actions=("exiting", "evacuating"),
+    meaning="the only escape route keeps less than the margin from this obstacle",
+    remedy="watch, or take over",
+)
+BLOWN_OFF = PilotText(
+    pattern="wind too strong, drifting {outside_m} m",
+    meaning="the drift has doubled since it was last reported",
+    remedy="take over, if it comes near an obstacle",
+)
+RETURNING = PilotText(
+    pattern="{m} m outside, wind is less",
+    actions=("returning",),
+    meaning="the aircraft, blown off, flies back to its path",
+)
+NO_WAY_BACK = PilotText(
+    pattern="{m} m outside, no path back: fly it back",
+    meaning="the aircraft was blown off, and no free leg leads back",
+    remedy="take over, and fly it back",
+)
+EXPOSED = PilotText(
+    pattern="{trigger} hits {obstacle}, exit in {s} s",
+    meaning="from here this failsafe's action would hit this obstacle; the exit follows then",
+    remedy="order the exit earlier, or set the failsafe parameters",
+)
+MODE_KEPT = PilotText(
+    pattern="{mode} kept",
+    actions=("waiting for OFFBOARD", "waiting for GUIDED"),
+    meaning="the companion does not request its mode: the pilot or the autopilot flies",
+    remedy="select OFFBOARD or GUIDED",
+)
+MODE_REFUSED = PilotText(
+    pattern="the autopilot refused the mode",
+    meaning="the autopilot did not accept the requested mode",
+    remedy="see the autopilot's own text",
+)
+NO_LANDING = PilotText(
+    pattern="the landing has not begun, choose LAND",
+    meaning="three LAND requests had no effect",
+    remedy="select LAND",
+)
+
+# The autopilot's parameters
+
+LOSS_UNREPORTED = PilotText(
+    pattern="{count} parameter{plural} unread, taken as default",
+    meaning="the autopilot never reported parameters of the offboard loss; the log names them",
+    remedy="see `check`",
+)
+FENCE_UNREPORTED = PilotText(
+    pattern="{count} fence parameter{plural} unread, taken as none",
+    meaning="the autopilot never reported these limits of its fence; the log names them",
+    remedy="see `check`",
+)
+
+# Start and files
+
+RESTARTED = PilotText(
+    pattern="restarted, was {before}",
+    meaning="the service was restarted during a mission, or in flight",
+    remedy="the pilot flies on; see the next two",
+)
+CONTINUE_POSSIBLE = PilotText(
+    pattern="order continue to fly the rest",
+    meaning="the interrupted mission is kept",
+    remedy="order `continue`",
+)
+MODE_STILL_ON = PilotText(
+    pattern="{mode} is on, waiting for an order",
+    meaning="after a restart in flight the autopilot still is in our mode",
+    remedy="order a mission, or take over",
+)
+COMPILING = PilotText(
+    pattern="compiling planner: {parts} of {total}",
+    actions=("", "rejected"),
+    meaning="the planner is compiled for this computer, once",
+    remedy="wait; until then only a hold or a release is executed",
+)
+PLANNER_READY = PilotText(
+    pattern="the planner is ready",
+    meaning="the compilation has ended",
+)
+NO_STATE_FILE = PilotText(
+    pattern="no state file: {fault}",
+    actions=("restart goes idle", "over"),
+    meaning="the mission's state cannot be written",
+    remedy="free or mount the disk; after a restart order anew",
+)
+STATE_UNREADABLE = PilotText(
+    pattern="state file unreadable",
+    actions=("starting idle", "over"),
+    meaning="the state of the process before cannot be read",
+    remedy="order anew",
+)
+STATE_UNUSABLE = PilotText(
+    pattern="state file unusable",
+    actions=("starting idle", "over"),
+    meaning="the state file is damaged, or of another version",
+    remedy="order anew",
+)
+RECORDING_ENDED = PilotText(
+    pattern="recording ended: {fault}",
+    actions=("flying on", "over"),
+    meaning="the flight is no longer recorded",
+    remedy="free or mount the disk",
+)
+
+# Links
+
+TWO_AUTOPILOTS = PilotText(
+    pattern="two autopilots, ids {id} and {other_id}",
+    actions=("no control",),
+    meaning="two autopilots are received",
+    remedy="separate the links, or switch one off",
+)
+TWO_CLOCKS = PilotText(
+    pattern="two clocks, autopilot id {id}",
+    actions=("no control",),
+    meaning="two autopilots with the same id are received",
+    remedy="separate the links, or switch one off",
+)
+AUTOPILOT_ELSEWHERE = PilotText(
+    pattern="autopilot also at {host}",
+    actions=("ignored",),
+    meaning="packets with the autopilot's id come from another address, too",
+    remedy="see that only one sender is on the link",
+)
+DATAGRAMS_DROPPED = PilotText(
+    pattern="{large_count} datagram{plural} too many",
+    actions=("dropped",),
+    meaning="a sender floods a link; the autopilot's packets are all read",
+    remedy="find the sender; the log has the link",
+)
+PACKETS_REFUSED = PilotText(
+    pattern="{large_count} packet{plural} refused: {refusal}",
+    meaning="packets on a signed link without the key, with a wrong one, or too old",
+    remedy="sign with the vehicle's key; set the sender's clock",
+)
+SIGNER_BEHIND = PilotText(
+    pattern="system {id} signs {s} s behind",
+    meaning="the clock of that sender is behind: its packets are refused",
+    remedy="set its clock",
+)
+SIGNING_AHEAD = PilotText(
+    pattern="signing.json {time} ahead of the clock",
+    meaning="the kept time stamps are ahead of this computer's clock: new senders are refused",
+    remedy="set this computer's clock; where it is right, stop the service and delete the file",
+)
+
+
+TEXTS: Mapping[str, PilotText] = {
+    name: text for name, text in globals().items() if isinstance(text, PilotText)
+}
+"""All of them by name, in this order."""
