@@ -10,11 +10,13 @@ import argparse
 import json
 import math
 import re
+import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Any
 
+from ..adaptation import Adaptation, AdaptationKind
 from ..errors import InputError
 from ..types import Mission, RiskIndices, Weights
 from .options import add_file, file_name, numbers, refused, require, risk_indices
@@ -83,6 +85,13 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "which adjust the weights",
     )
     parser.add_argument(
+        "--adaptation",
+        metavar="|".join(kind.value for kind in AdaptationKind),
+        type=_adaptation,
+        help="how risks adjust the weights: as Eq. 9, or calibrated along the exact front from the "
+        "start (default: the vehicle's)",
+    )
+    parser.add_argument(
         "--weights",
         metavar="S,T,E",
         type=_weights,
@@ -130,7 +139,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(arguments: argparse.Namespace) -> int:
     """Plans, writes the outputs, prints the summary."""
     from ..config import Supervision, default_vehicle  # noqa: PLC0415
-    from ..margin import flown_site  # noqa: PLC0415
+    from ..error_margin import flown_site  # noqa: PLC0415
     from ..planner.analysis.alternatives import alternatives  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
@@ -151,7 +160,7 @@ def run(arguments: argparse.Namespace) -> int:
             require(option, "matplotlib", "plots")
     risk = RiskIndices(**arguments.risk)
     weights: Weights = arguments.weights or vehicle.weights[mission]
-    planner = Planner(site, vehicle)
+    planner = Planner(site, vehicle, clock=time.perf_counter)
     plan = planner.plan(
         mission=mission,
         target=target,
@@ -159,11 +168,14 @@ def run(arguments: argparse.Namespace) -> int:
         velocity=arguments.velocity,
         weights=weights,
         risk=risk,
+        adaptation=arguments.adaptation,
     )
 
-    explanation = _explained(planner, plan, weights) if arguments.explain else {}
+    rule = plan.request.adaptation
+    assert rule is not None  # the plan was asked with risks
+    explanation = _explained(planner, plan, rule) if arguments.explain else {}
 
-    others = alternatives(planner, plan.request, weights) if arguments.alternatives else ()
+    others = alternatives(planner, plan.request, rule) if arguments.alternatives else ()
     refined = planner.refine(plan) if arguments.refine and not plan.reason else None
     document = _document(plan, explanation, others)
     if arguments.refine:
@@ -191,7 +203,7 @@ def run(arguments: argparse.Namespace) -> int:
     front: list[Supported] = []
     trade_off: dict[str, Any] = {}
     if arguments.pareto or arguments.pareto_plot:
-        front, trade_off = _trade_off(planner, plan, weights)
+        front, trade_off = _trade_off(planner, plan, rule)
     failures = [
         write_output("--json", arguments.json, lambda stream: _write(document, stream)),
         write_output("--maps", arguments.maps, lambda stream: write_maps(planner.maps, stream)),
@@ -213,7 +225,7 @@ def run(arguments: argparse.Namespace) -> int:
 
 def _whole_reason(planner: Planner, plan: Plan) -> str:
     """Reason why there is no plan, with the part of the margin that blocks the path, if any."""
-    from ..planner.crowding import part_in_the_way  # noqa: PLC0415
+    from ..planner.blocking_margin import blocking_part  # noqa: PLC0415
 
     def finds(freer: Planner) -> bool:
         try:
@@ -221,7 +233,7 @@ def _whole_reason(planner: Planner, plan: Plan) -> str:
         except InputError:
             return False
 
-    part = part_in_the_way(planner, finds)
+    part = blocking_part(planner, finds)
     return plan.reason if part is None else f"{plan.reason}: {part}"
 
 
@@ -238,6 +250,13 @@ def _mission(text: str) -> Mission:
     if text not in known:
         raise refused("--mission", text, f"must be one of {', '.join(known)}")
     return Mission(text)
+
+
+def _adaptation(text: str) -> AdaptationKind:
+    known = [kind.value for kind in AdaptationKind]
+    if text not in known:
+        raise refused("--adaptation", text, f"must be one of {', '.join(known)}")
+    return AdaptationKind(text)
 
 
 def _velocity(text: str) -> tuple[float, ...]:
@@ -303,7 +322,7 @@ def _check_outputs(arguments: argparse.Namespace, vehicle_file: str) -> None:
 
 
 def _trade_off(
-    planner: Planner, plan: Plan, weights: Weights
+    planner: Planner, plan: Plan, rule: Adaptation
 ) -> tuple[list[Supported], dict[str, Any]]:
     """The front of a plan's problem, and its document with the plan's sensitivity."""
     from ..planner.analysis.pareto import front_document, pareto_front, sensitivity  # noqa: PLC0415
@@ -312,7 +331,7 @@ def _trade_off(
         return [], front_document(plan, [], {})
     planner.prepare(mission=plan.mission, target=plan.request.target)
     front = pareto_front(planner, plan.request)
-    return front, front_document(plan, front, sensitivity(planner, plan, weights))
+    return front, front_document(plan, front, sensitivity(planner, plan, rule))
 
 
 def _text(document: dict[str, Any]) -> str:
@@ -323,15 +342,15 @@ def _write(document: dict[str, Any], stream: IO[bytes]) -> None:
     stream.write(_text(document).encode())
 
 
-def _explained(planner: Planner, plan: Plan, base: Weights) -> dict[str, Any]:
+def _explained(planner: Planner, plan: Plan, rule: Adaptation) -> dict[str, Any]:
     """Effect of the risks on weights and path: against the plan of the problem without them."""
     from ..planner.comparison import path_difference  # noqa: PLC0415
     from ..risk.explain import WeightsReason  # noqa: PLC0415
 
-    request = replace(plan.request, weights=base, risk=RiskIndices())
+    request = replace(plan.request, risk=RiskIndices()).adapted(rule)
     difference = path_difference(planner.solve(request), plan)
     return {
-        "weights": WeightsReason.of(base, plan.request.risk).to_dict(),
+        "weights": WeightsReason.of(rule, plan.request.risk).to_dict(),
         "path": None if difference is None else difference.to_dict(),
     }
 

@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from ..text_format import distance
 from .graph import Graph
 from .grid import STOP, FloatArray, IntArray
 from .maps import Maps
@@ -22,6 +23,8 @@ _SAME_CLEARANCE_M = 0.005
 """A difference that a text with two digits does not show."""
 _SAME_PATH_M = 0.05
 """The same for one digit."""
+_MOST_SHOWN_M = 9_999.0
+"""Greatest distance in a text."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,14 +43,14 @@ class PathDifference:
     duration_s: tuple[float, float]
 
     def gist(self) -> str:
-        """Short text: `path 1.4 m outwards`, by the mean clearance."""
+        """Short text: `path 1.4 m outward`, by the mean clearance."""
         before_m, after_m = self.mean_clearance_m
         if self.greatest_m < _SAME_PATH_M:
             return "path stays"
         way = ""
         if abs(after_m - before_m) >= _SAME_CLEARANCE_M:
-            way = " outwards" if after_m > before_m else " inwards"
-        return f"path {self.greatest_m:.1f} m{way or ' moved'}"
+            way = " outward" if after_m > before_m else " inward"
+        return f"path {distance(min(self.greatest_m, _MOST_SHOWN_M))} m{way or ' moved'}"
 
     def words(self) -> str:
         """Text: the gist, the mean distance, and the clearances before and after."""

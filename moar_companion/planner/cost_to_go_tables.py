@@ -1,9 +1,9 @@
 """Builds tables: a goal's exact costs to go over all weights, coarse at first, then refined.
 
-Inputs: a graph, a goal, the weights that the mission starts from. Output: a `Table`, whole at any
-time. Refined first is the triangle of weights in which the two bounds are farthest apart, on
-average over a sample of states; gaps that Eq. 9 can lead into from the mission's weights count
-more.
+Inputs: a graph, a goal, the weights that the mission starts from. Output: a `CostToGoTable`,
+whole at any time. Refined first is the triangle of weights in which the two bounds are farthest
+apart, on average over a sample of states; gaps that risks can lead into from the mission's weights
+count more.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ import math
 
 import numpy as np
 
+from ..adaptation import Adaptation
 from ..types import RiskIndices, Weights
 from .graph import Graph
 from .grid import FloatArray, IntArray
 from .path_cost_kernels import policy_sums
-from .solver import Goal, Solver
-from .table import Table
+from .solver import CostToGoTable, Goal, Solver
 
 _SAMPLES = 256
 """States whose bounds are compared."""
 _LIKELY = 2.0
-"""Factor of a gap that Eq. 9 may lead into."""
+"""Factor of a gap that risks may lead into."""
 _ALIKE = 0.05
 """A weight of energy that is small: tables made with it leave the fewest states to search."""
 _MOST_CORNERS = 64
@@ -35,16 +35,16 @@ _THINNEST = 1e-3
 """Least height of an initial triangle."""
 _ON_THE_EDGE = 1e-9
 _LEVELS = (0.0, 0.5, 1.0)
-"""Levels of each risk index, for the weights that Eq. 9 can reach."""
+"""Levels of each risk index, for the weights that they can reach."""
 
 
 class TableBuilder:
     """Builds the table of a goal. Not safe for use by two threads at once."""
 
     def __init__(
-        self, graph: Graph, goal: Goal, weights: Weights, most: int = _MOST_CORNERS
+        self, graph: Graph, goal: Goal, rule: Adaptation, most: int = _MOST_CORNERS
     ) -> None:
-        """Begins with the extremes and `weights`, the mission's own; ends with `most` corners."""
+        """Begins with the extremes and the base weights of `rule`; ends with `most` corners."""
         self._solver = Solver(graph)
         self._goal = goal
         cells, moves = len(graph.allowed), len(graph.offset) - 1
@@ -53,12 +53,12 @@ class TableBuilder:
         self._weights: list[FloatArray] = []
         self._sums: list[FloatArray] = []
         self._samples: IntArray = np.empty(0, dtype=np.int64)
-        self._likely = _reachable(weights)
+        self._likely = _reachable(rule)
         self._triangles: list[list[int]] = []
         self._middles: dict[tuple[int, int], int] = {}
         self._worst: list[tuple[float, int]] = []
         extremes = [self._corner(corner) for corner in np.eye(3)]
-        centre = np.array((weights.safety, weights.time, weights.energy))
+        centre = np.array((rule.base.safety, rule.base.time, rule.base.energy))
         # No thin triangles: their shares would be inexact.
         centre[centre < _THINNEST] = 0.0
         centre /= centre.sum()
@@ -98,10 +98,10 @@ class TableBuilder:
         self._add([second, middle, apex])
         return True
 
-    def table(self) -> Table:
+    def table(self) -> CostToGoTable:
         """The table as it is now; refining it further does not change it."""
         count = len(self._weights)
-        return Table(
+        return CostToGoTable(
             roots=self._roots,
             triangles=np.array(self._triangles, dtype=np.int64),
             weights=np.array(self._weights),
@@ -147,7 +147,7 @@ class TableBuilder:
         """Gap of the bounds at the centre, times the triangle's size.
 
         Size is that of an edge: a larger triangle is likelier to hold the weights, and the gap of a
-        small one is soon closed. A gap counts more where Eq. 9 may lead, and the less the energy of
+        small one is soon closed. A gap counts more where risks may lead, and the less the energy of
         turns weighs: that energy alone separates similar paths; without it a gap holds more states.
         """
         weights = np.array([self._weights[at] for at in corners])
@@ -173,11 +173,11 @@ def shares(graph: Graph, goals: int, most_bytes: int) -> tuple[int, int]:
     return room // corners, corners
 
 
-def _reachable(weights: Weights) -> FloatArray:
-    """Weights (n, 3) that Eq. 9 leads to, over all its range."""
+def _reachable(rule: Adaptation) -> FloatArray:
+    """Weights (n, 3) that risks lead to, over all their range."""
     risks = itertools.product(_LEVELS, repeat=4)
     reached = (
-        weights.adjusted(
+        rule.weights(
             RiskIndices(wind=wind, communication=radio, localization=place, battery=battery)
         )
         for wind, radio, place, battery in risks

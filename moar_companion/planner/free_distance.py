@@ -82,12 +82,13 @@ class FreeDistance:
 
     def leads_inwards(self, places_m: FloatArray, directions: FloatArray) -> BoolArray:
         """Mask (n,) of places (n, 2) in a keep-out whose direction (n, 2) leads no farther out."""
-        rooms_m = []
-        for ahead in (0.0, self.grid.resolution_m):
-            cells = self._cells(places_m + ahead * directions)
-            rooms_m.append(self.clearances.room_m[cells])
-        inside: BoolArray = self.blocked[self._cells(places_m)].view(np.bool_)
-        return inside & (rooms_m[1] <= rooms_m[0])
+        here = self._cells(places_m)
+        inside: BoolArray = self.blocked[here].view(np.bool_)
+        if not inside.any():
+            return inside
+        room_m = self.clearances.room_m
+        ahead = self._cells(places_m + self.grid.resolution_m * directions)
+        return inside & (room_m[ahead] <= room_m[here])
 
     def _cells(self, places_m: FloatArray) -> tuple[IntArray, IntArray]:
         """The indices of the cells that places (n, 2) are in; those outside, of the nearest."""

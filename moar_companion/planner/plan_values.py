@@ -6,12 +6,14 @@ import enum
 import json
 import math
 from collections.abc import Callable
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
+from ..adaptation import Adaptation
+from ..errors import InputError
 from ..types import Mission, RiskIndices, Weights
 from .graph import Graph
 from .grid import STOP, FloatArray, IntArray
@@ -65,12 +67,28 @@ class Metrics:
 class Compute:
     """Effort of the plan; the maps are built once per site.
 
-    expanded: cells, each with all its headings, where there was no table; with one, states.
+    map_ms, search_ms: None where the planner has no clock. expanded: cells, each with all its
+    headings, where there was no table; with one, states.
     """
 
-    map_ms: float
-    search_ms: float
+    map_ms: float | None
+    search_ms: float | None
     expanded: int
+
+    @property
+    def map_words(self) -> str:
+        """Text of `map_ms`."""
+        return milliseconds(self.map_ms)
+
+    @property
+    def search_words(self) -> str:
+        """Text of `search_ms`."""
+        return milliseconds(self.search_ms)
+
+
+def milliseconds(duration_ms: float | None) -> str:
+    """Text of a time: `0.3 ms`, or `unknown`."""
+    return "unknown" if duration_ms is None else f"{duration_ms:.1f} ms"
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -98,8 +116,8 @@ class Waypoints:
 class PlanRequest:
     """One planning problem; the planner answers it with a `Plan` that carries it.
 
-    Raises ValueError for a start or velocity of another dimension, and for a velocity that is not
-    finite or too great: its square must be a number.
+    Raises InputError for a start or velocity that is not finite, and for a velocity that is too
+    great: its square must be a number. Raises ValueError where the two differ in dimension.
     """
 
     mission: Mission
@@ -108,15 +126,26 @@ class PlanRequest:
     start_m: tuple[float, ...]
     velocity_mps: tuple[float, ...]
     weights: Weights
-    """Final, after Eq. 9."""
+    """Final, after the adaptation to risks."""
     risk: RiskIndices
     """The indices behind the weights, for the record."""
+    adaptation: Adaptation | None = None
+    """The rule behind the weights, for the record; None where they were given as final."""
 
     def __post_init__(self) -> None:
         if len(self.start_m) != len(self.velocity_mps):
             raise ValueError(f"start {self.start_m} and velocity {self.velocity_mps} do not agree")
-        if not math.hypot(*self.velocity_mps) <= _GREATEST_MPS:
-            raise ValueError(f"velocity {self.velocity_mps} is not within {_GREATEST_MPS:g} m/s")
+        for key, values in (("start", self.start_m), ("velocity", self.velocity_mps)):
+            if not all(map(math.isfinite, values)):
+                raise InputError("plan", key, f"is {values}, must be finite")
+        if math.hypot(*self.velocity_mps) > _GREATEST_MPS:
+            raise InputError(
+                "plan", "velocity", f"is {self.velocity_mps}, must be within {_GREATEST_MPS:g} m/s"
+            )
+
+    def adapted(self, rule: Adaptation) -> PlanRequest:
+        """The request with the weights that a rule makes of its risks."""
+        return replace(self, adaptation=rule, weights=rule.weights(self.risk))
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -188,6 +217,9 @@ class Plan:
             "headings": self.graph.moves.steps.tolist(),
             "risk": self.request.risk.as_dict(),
             "weights": asdict(self.weights),
+            "adaptation": None
+            if self.request.adaptation is None
+            else self.request.adaptation.to_dict(),
             "cost": None if self.cost is None else asdict(self.cost),
             "start_velocity_mps": list(self.request.velocity_mps),
             "states": self.states.tolist(),

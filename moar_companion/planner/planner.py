@@ -6,7 +6,6 @@ final weights. Output: a `Plan`, which is the optimum of J on the paper's graph 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
@@ -14,25 +13,28 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from ..adaptation import Adaptation, AdaptationKind, Calibration
 from ..errors import InputError
 from ..site import Obstacle, PlanePoint, Site, Target
 from ..types import Mission, RiskIndices, Weights
 from ..vehicle import Vehicle
+from .calibration import calibrated
 from .cost_to_go_tables import TableBuilder, shares
 from .graph import build_graph
 from .grid import STOP, BoolArray, IntArray
 from .maps import Maps, build_maps, with_exposed
-from .plan_values import Compute, Plan, PlanRequest, PlanStatus
+from .plan_values import Compute, Cost, Plan, PlanRequest, PlanStatus
 from .plane_fence import PlaneFence
 from .regions import Cell, GoalRegion, goal_region, landing_leg
-from .solver import Goal, Solver, walked
-from .table import Table
+from .solver import CostToGoTable, Goal, Solver, walked
 
 if TYPE_CHECKING:
     from .refinement import Refinement, Refiner
 
 _TABLES_BYTES = 128 * 2**20
 """Memory of all tables together, also while one is being built."""
+_MOST_CALIBRATIONS = 64
+"""Calibrations kept; the oldest is dropped."""
 _NO_RISK = RiskIndices()
 
 Clock = Callable[[], float]
@@ -52,7 +54,7 @@ class _Goal:
 class _Prepared:
     """The present table of a goal. ready: it is complete."""
 
-    table: Table
+    table: CostToGoTable
     ready: bool
 
 
@@ -64,7 +66,7 @@ class Planner:
     of the site share their memory; where it is too small for all tables, the goal prepared the
     longest ago loses its table.
 
-    A plan's J is the optimum to 1e-11 for each second (and each EC) of the optimal path. Of paths
+    A plan's J is the optimum to 1e-10 for each second (and each EC) of the optimal path. Of paths
     of equal J a plan is the one of the least sum of TC and EC; then of the fewest actions, the
     shortest landing leg and the least sum of SC. These are the same with and without a table, to
     rounding. Where several paths have all of them in common, which one is flown is not determined:
@@ -78,12 +80,13 @@ class Planner:
         *,
         position_uncertainty_m: float = 0.0,
         fence: PlaneFence | None = None,
-        clock: Clock = time.perf_counter,
+        clock: Clock | None = None,
     ) -> None:
         """Builds the maps; `position_uncertainty_m` widens what counts as occupied.
 
         fence: of the autopilot, as far as it cuts the site: nothing leads outside.
-        clock: seconds for a plan's `compute`; no plan depends on it.
+        clock: seconds, for the times in a plan's `compute`; None: they are unknown. No plan
+        depends on it.
         """
         self.site = site
         self.vehicle = vehicle
@@ -112,7 +115,7 @@ class Planner:
             return
         while len(tables) >= count:
             del tables[next(iter(tables))]
-        builder = TableBuilder(self.graph, goal.goal, self.vehicle.weights[mission], corners)
+        builder = TableBuilder(self.graph, goal.goal, self.vehicle.rule(mission), corners)
         tables[key] = _Prepared(table=builder.table(), ready=False)
         while builder.refine():
             if builder.corners & (builder.corners - 1) == 0:
@@ -144,26 +147,34 @@ class Planner:
 
         Drops goals, tables and a table in preparation. Other obstacles remove the exposed cells.
         """
-        began = self.clock()
-        self._take(with_exposed(self._unexposed, exposed, self.vehicle.safety), began)
+        began_s = self._clock_s()
+        self._take(with_exposed(self._unexposed, exposed, self.vehicle.safety), began_s)
         self._solver.graph = self.graph
 
     def _build(
         self, position_uncertainty_m: float, fence: PlaneFence | None, *, before: Maps | None
     ) -> None:
-        began = self.clock()
+        began_s = self._clock_s()
         maps = build_maps(
             self.site, self.vehicle, position_uncertainty_m, fence=fence, before=before
         )
         self._unexposed = maps
-        self._take(maps, began)
+        self._take(maps, began_s)
 
-    def _take(self, maps: Maps, began: float) -> None:
+    def _clock_s(self) -> float | None:
+        return None if self.clock is None else self.clock()
+
+    def _passed_ms(self, began_s: float | None) -> float | None:
+        """Time since then; None without a clock."""
+        return None if self.clock is None or began_s is None else 1e3 * (self.clock() - began_s)
+
+    def _take(self, maps: Maps, began_s: float | None) -> None:
         self.maps = maps
         self.graph = build_graph(maps, self.vehicle)
-        self._map_ms = 1e3 * (self.clock() - began)
+        self._map_ms = self._passed_ms(began_s)
         self._goals: dict[_Key, _Goal] = {}
         self._tables: dict[_Key, _Prepared] = {}
+        self._calibrations: dict[tuple[_Key, Weights, int], Calibration | None] = {}
         self._refiner: Refiner | None = None
 
     def plan(
@@ -175,6 +186,7 @@ class Planner:
         velocity: PlanePoint = (0.0, 0.0),
         weights: Weights | None = None,
         risk: RiskIndices | None = None,
+        adaptation: AdaptationKind | str | None = None,
     ) -> Plan:
         """The optimal plan of a mission.
 
@@ -182,23 +194,65 @@ class Planner:
         and evacuation the index of a landing point (any by default).
         start, velocity: of the vehicle in the plane, m and m/s; the site's start, at rest.
         weights: before the risks; the vehicle's for this mission by default.
-        risk: indices by which Eq. 9 shifts the weights; none by default.
+        risk: indices that shift the weights; none by default.
+        adaptation: by which rule, calibrated from the start; the vehicle's by default.
 
         Without a plan the status is the reason. Raises InputError for a target or landing point
-        that the site does not have, or for landing points of which none is visible.
+        that the site does not have, for landing points of which none is visible, and for a start or
+        velocity that is not finite.
         """
         mission = Mission(mission)
         weights = self.vehicle.weights[mission] if weights is None else weights
-        return self.solve(
-            PlanRequest(
-                mission=mission,
-                target=target if target is None or isinstance(target, str) else int(target),
-                start_m=self.site.start_m if start is None else _point(start),
-                velocity_mps=_point(velocity),
-                weights=weights if risk is None else weights.adjusted(risk),
-                risk=_NO_RISK if risk is None else risk,
-            )
+        request = PlanRequest(
+            mission=mission,
+            target=target if target is None or isinstance(target, str) else int(target),
+            start_m=self.site.start_m if start is None else _point(start),
+            velocity_mps=_point(velocity),
+            weights=weights,
+            risk=_NO_RISK if risk is None else risk,
         )
+        if risk is not None:
+            kind = self.vehicle.adaptation if adaptation is None else AdaptationKind(adaptation)
+            request = request.adapted(Adaptation(base=weights, kind=kind))
+            request = self.calibrated(request, request.start_m)
+        return self.solve(request)
+
+    def calibrated(self, request: PlanRequest, origin_m: tuple[float, ...]) -> PlanRequest:
+        """The request with its weights calibrated on the front from an origin, at rest there.
+
+        As it is, where its rule is not calibrated or no path leads from there. Takes the time of up
+        to `calibration.MOST_PLANS` plans, once for each origin. Raises InputError as `plan`.
+        """
+        rule, cell = request.adaptation, self.maps.grid.cell_of(origin_m)
+        if rule is None or rule.kind is not AdaptationKind.CALIBRATED or cell is None:
+            return request
+        target = request.target
+        if request.mission is Mission.INSPECTION:
+            target = self._target(target).name
+        key = ((request.mission, target), rule.base, self.graph.grid.flat(cell))
+        if key not in self._calibrations:
+            while len(self._calibrations) >= _MOST_CALIBRATIONS:
+                del self._calibrations[next(iter(self._calibrations))]
+            at_rest = (0.0,) * len(origin_m)
+            first = replace(request, target=target, start_m=origin_m, velocity_mps=at_rest)
+            self._calibrations[key] = self._calibration(first, rule.base)
+        return request.adapted(replace(rule, calibration=self._calibrations[key]))
+
+    def _calibration(self, request: PlanRequest, base: Weights) -> Calibration | None:
+        if self.solve(request).cost is None:
+            return None
+
+        def cost(weights: Weights) -> Cost:
+            found = self.solve(replace(request, weights=weights)).cost
+            assert found is not None  # no weights make a way free or bar one
+            return found
+
+        return calibrated(base, cost)
+
+    def is_prepared(self, *, mission: Mission, target: str | int | None) -> bool:
+        """True once the table of a goal is complete."""
+        prepared = self._tables.get((mission, target))
+        return prepared is not None and prepared.ready
 
     def solve(self, request: PlanRequest) -> Plan:
         """The answer to a request; errors as of `plan`."""
@@ -232,9 +286,9 @@ class Planner:
         if self._refiner is None:
             self._refiner = Refiner(self.site, self.vehicle, self.maps)
         region = self._goal((plan.mission, plan.request.target)).region
-        began = self.clock()
+        began_s = self._clock_s()
         points_m, cost, plan_cost = self._refiner.refine(plan, region)
-        compute_ms = 1e3 * (self.clock() - began)
+        compute_ms = self._passed_ms(began_s)
         land = None
         if region is not None:
             x, z = points_m[-1].tolist()
@@ -253,7 +307,7 @@ class Planner:
         )
 
     def _search(self, request: PlanRequest, start_cell: tuple[int, ...]) -> Plan:
-        began = self.clock()
+        began_s = self._clock_s()
         key = (request.mission, request.target)
         goal = self._goal(key)
         start = self.graph.grid.flat(start_cell)
@@ -276,11 +330,16 @@ class Planner:
         if headings is None:
             return self._none(request, PlanStatus.UNREACHABLE, "the goal", None)
         states, cost = walked(self.graph, start, velocity, headings, request.weights)
-        search_ms = 1e3 * (self.clock() - began)
-        land = None
-        if goal.region is not None:
+        search_ms = self._passed_ms(began_s)
+        compute = Compute(map_ms=self._map_ms, search_ms=search_ms, expanded=expanded)
+        return self.found(request, states, cost, compute)
+
+    def found(self, request: PlanRequest, states: IntArray, cost: Cost, compute: Compute) -> Plan:
+        """The plan of a path that was found on these maps. states: (n, 3), read-only."""
+        region, land = self._goal((request.mission, request.target)).region, None
+        if region is not None:
             end: Cell = (int(states[-1, 0]), int(states[-1, 1]))
-            land = partial(landing_leg, self.site, self.vehicle, goal.region, end)
+            land = partial(landing_leg, self.site, self.vehicle, region, end)
         return Plan(
             request=request,
             site=self.site.name,
@@ -288,7 +347,7 @@ class Planner:
             maps=self.maps,
             status=PlanStatus.FOUND,
             reason="",
-            compute=Compute(map_ms=self._map_ms, search_ms=search_ms, expanded=expanded),
+            compute=compute,
             states=states,
             cost=cost,
             land=land,
@@ -306,10 +365,12 @@ class Planner:
             PlanStatus.OUT_OF_BOUNDS: "is outside the workspace",
             PlanStatus.START_OCCUPIED: "is too close to an obstacle or too low",
             PlanStatus.TARGET_OCCUPIED: "is too close to an obstacle or too low",
-            PlanStatus.UNREACHABLE: "cannot be reached: no free way leads there",
+            PlanStatus.UNREACHABLE: "cannot be reached: no free path leads there",
         }
         place = "" if point_m is None else f" at ({point_m[0]:g}, {point_m[1]:g})"
         fence, why = self.maps.fence, words[status]
+        if status is PlanStatus.OUT_OF_BOUNDS and point_m is not None:
+            why = self._uncovered(point_m) or why
         crossed = None
         if fence is not None and point_m is not None:
             crossed = fence.crossed(np.array([point_m[:2]]))
@@ -324,6 +385,20 @@ class Planner:
             reason=f"{what}{place} {why}",
             compute=Compute(map_ms=self._map_ms, search_ms=0.0, expanded=0),
             states=np.empty((0, len(self.graph.grid.shape) + 1), dtype=np.int64),
+        )
+
+    def _uncovered(self, point_m: tuple[float, ...]) -> str | None:
+        """Reason of a point within the workspace that no cell holds; None for one outside."""
+        space, grid = self.site.workspace, self.maps.grid
+        ends = list(zip("xz", point_m, grid.upper_m, space.upper_m, strict=True))
+        if space.outside_m((point_m[0], point_m[1])):
+            return None
+        strips = [
+            f"{axis} {covered:g} to {upper:g}" for axis, at, covered, upper in ends if at > covered
+        ]
+        return (
+            f"is in the strip of the workspace that no whole cell of {grid.resolution_m:g} m "
+            f"covers ({', '.join(strips)})"
         )
 
     def _target(self, name: str | int | None) -> Target:

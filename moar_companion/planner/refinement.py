@@ -27,7 +27,7 @@ from .continuous import CLEAR, ContinuousCost
 from .geometry import rings
 from .grid import STOP, TOLERANCE, FloatArray
 from .maps import Maps
-from .plan_values import Cost, Metrics, Plan, Waypoints, flight
+from .plan_values import Cost, Metrics, Plan, Waypoints, flight, milliseconds
 from .polyline import leg_sums, outline_distances, refined
 from .regions import GoalRegion, LandingLeg, obstacle_clearance_m
 
@@ -50,10 +50,17 @@ class Refinement:
     points_m: FloatArray
     cost: Cost
     plan_cost: Cost
-    compute_ms: float
+    compute_ms: float | None
+    """None where the planner has no clock."""
     continuous: ContinuousCost
     site: Site
     land: Callable[[], LandingLeg] | None = None
+
+    @property
+    def compute_words(self) -> str:
+        """Text of `compute_ms`."""
+        return milliseconds(self.compute_ms)
+
     """Makes the landing leg of a path that has one."""
 
     @cached_property

@@ -330,7 +330,7 @@ def forward(
 ) -> tuple[IntArray, float, int]:
     """The best path between bounds: its headings, the lower bound of J, states expanded.
 
-    roots, triangles, costs_to_go, policies: those of a `table.Table`. In their shares of the
+    roots, triangles, costs_to_go, policies: of a `solver.CostToGoTable`. In their shares of the
     weights, its corners' exact costs to go are a lower bound for each state; it is consistent, as
     each is and a step's cost is linear in the weights. Each corner's policy is a path, its cost
     here an upper bound. Where the two meet at the start (to `slack`, relative), that path is the

@@ -19,21 +19,21 @@ from .grid import FloatArray, IntArray
 from .jit import direct
 from .path_cost_kernels import walk
 from .plan_values import Cost
-from .table import Table
 
-TIE_TIME_ENERGY = 1e-11
+TIE_TIME_ENERGY = 1e-10
 """Added to k_T and k_E: of paths with equal J, the one with the least sum of TC and EC.
-J is off its optimum by at most this times that sum of the optimal path: 1e-9 at 100 s."""
+J is off its optimum by at most this times that sum of the optimal path: 1e-9 at 10 s."""
 
-TIE_ACTION = 1e-14
-"""Added per action: of those, the one with the fewest actions."""
+TIE_ACTION = 1e-17
+"""Added per action: of those, the one with the fewest actions, each as much as 0.1 us of TC."""
 
 TIE_LEG = 1e-15
 """Added per metre of the leg behind the goal's cell: of those, the one with the shortest."""
 
 TIE_SAFETY = 1e-14
 """Added to k_S: where safety has no weight, of those the one with the least sum of SC d.
-These three are as small as rounding permits: they order equal costs, not similar ones."""
+These two are as small as rounding permits, 10 and 100 us of TC: they order equal costs, not similar
+ones. Fewer actions at equal J, TC and EC are so rare that rounding may decide where J is large."""
 
 _SLACK = 1e-14
 """Relative difference of bounds that is due to rounding."""
@@ -42,6 +42,29 @@ _NOWHERE = -1
 
 _backward, _follow, _forward = map(direct, (search.backward, search.follow, search.forward))
 _walk = direct(walk)
+
+
+@dataclass(frozen=True, kw_only=True, eq=False)
+class CostToGoTable:
+    """Exact costs to go at the corners of triangles that cover all weights.
+
+    For one goal and graph the cost to go of a state is a minimum over paths of functions that are
+    linear in the weights, hence concave in them. Interpolated within a triangle, its corners'
+    values are therefore a lower bound, and each corner's path costs no less: an upper one. Both
+    hold for any triangle that holds the weights, so neighbours need not share their corners.
+
+    roots:     (r, 3, 3)   times weights: their shares of a root triangle's corners
+    triangles: (n, 4)      corners, and the first of the two triangles that it is cut into in the
+                           middle of its first edge, that of the first corner; -1 if it is whole
+    weights:   (c, 3)      of the corners
+    costs_to_go, policies: (c, cells, M), of each corner; infinite and 0 where there is no path
+    """
+
+    roots: FloatArray
+    triangles: IntArray
+    weights: FloatArray
+    costs_to_go: FloatArray
+    policies: npt.NDArray[np.uint8]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -109,7 +132,7 @@ class Solver:
         self._backward(goal, _NOWHERE, np.zeros(3), weights, label, policy)
 
     def between(
-        self, goal: Goal, table: Table, start: int, velocity: FloatArray, weights: Weights
+        self, goal: Goal, table: CostToGoTable, start: int, velocity: FloatArray, weights: Weights
     ) -> tuple[IntArray | None, int]:
         """As `cold`, between the bounds of a table of this goal; states expanded."""
         self._version += 1

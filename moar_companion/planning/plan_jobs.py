@@ -14,18 +14,18 @@ from functools import partial
 
 import numpy as np
 
+from .. import pilot_texts
 from ..autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
 from ..errors import InputError
-from ..mavlink.statustext import short_name
-from ..planner.crowding import part_in_the_way
+from ..planner.blocking_margin import blocking_part
 from ..planner.escape import pocket, way_in
 from ..planner.free_distance import FreeDistance
 from ..planner.plan_values import Plan, PlanRequest, PlanStatus
 from ..planner.plane_fence import PlaneFence
 from ..planner.planner import Planner
 from ..planner.regions import obstacle_room_m
-from ..safety.reason_text import compass
 from ..site import PlanePoint
+from ..text_format import compass, distance, limit_text
 from ..types import Mission
 from ..vehicle import Vehicle
 from .planner_set import PlannerSet
@@ -36,16 +36,17 @@ error is visible in flight, and the setpoint waits for the aircraft. A position 
 in flight: its margin is kept."""
 _AWAY_M = 0.5
 """Distance of the sample points that show the direction away from an obstacle."""
+_FAR_M = 9_999.0
+"""Greatest distance in a text."""
 _MOST_POCKETS = 8
 """Maximum number of tried pockets: free cells from which the goal cannot be reached."""
-_REASON_LENGTH = 36
-"""Length of a text's 50 characters that is left between "MOAR: " and ", denied"."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlanJob:
     """A request with the number that its answer carries.
 
+    origin_m: from where the weights are calibrated; None for the request's own start.
     widening_m: obstacle inflation beyond keep-outs. fence: of the autopilot, as far as it cuts the
     site. failsafes: of the autopilot; places from where one would hit an obstacle cost more.
     narrowed_m: part of the margin that an active escape route omits.
@@ -53,6 +54,7 @@ class PlanJob:
 
     job_id: int
     request: PlanRequest
+    origin_m: PlanePoint | None = None
     widening_m: float = 0.0
     fence: PlaneFence | None = None
     failsafes: Failsafes = NO_FAILSAFES
@@ -90,6 +92,7 @@ def answer_job(planners: PlannerSet, job: PlanJob) -> PlanAnswer:
     An escape route that the margin blocks is planned with less of it; the position error is kept.
     """
     planners.expose(job.failsafes)
+    job = _calibrated(planners.exact, job)
     cell = planners.exact.maps.grid.cell_of(job.request.start_m)
     if job.narrowed_m and cell is not None and planners.exact.maps.occupied[cell]:
         # Inside the margin the flight goes on, and does not turn to leave the margin.
@@ -116,6 +119,20 @@ def answer_job(planners: PlannerSet, job: PlanJob) -> PlanAnswer:
     return crowded or answer
 
 
+def _calibrated(exact: Planner, job: PlanJob) -> PlanJob:
+    """The job with calibrated weights, where its rule wants them and the goal's table is complete.
+
+    Without the table the first plan would be late; a later plan of the flight is calibrated.
+    """
+    request = job.request
+    if not exact.is_prepared(mission=request.mission, target=request.target):
+        return job
+    origin_m = request.start_m if job.origin_m is None else job.origin_m
+    with contextlib.suppress(InputError):  # the plan itself reports it
+        request = exact.calibrated(request, origin_m)
+    return replace(job, request=request)
+
+
 def _narrowed(planners: PlannerSet, job: PlanJob, narrowed_m: float) -> PlanAnswer | None:
     """The answer with the margin reduced by `narrowed_m`; None where that finds no plan either."""
     answer = _answer(planners.widened_by(job.widening_m - narrowed_m, job.fence), job)
@@ -124,12 +141,12 @@ def _narrowed(planners: PlannerSet, job: PlanJob, narrowed_m: float) -> PlanAnsw
 
 def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer | None:
     """The answer that the margin, or a part of it, blocks a target; None if it does not."""
-    part = part_in_the_way(exact, lambda freer: _answer(freer, job).plan is not None, job.fence)
+    part = blocking_part(exact, lambda freer: _answer(freer, job).plan is not None, job.fence)
     if part is None:
         return None
     return replace(
         answer,
-        reason=f"no way with margin {exact.site.margin.total_m:.2f} m",
+        reason=pilot_texts.MARGIN_BLOCKS(m=limit_text(exact.site.margin.total_m)),
         detail=f"{answer.reason}: {part}",
     )
 
@@ -137,14 +154,16 @@ def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer | N
 def _fenced_off(answer: PlanAnswer, plan: Plan, fence: PlaneFence) -> PlanAnswer:
     """The answer that only the fence blocks a plan."""
     goal_m = plan.waypoints.position_m[-1:]
-    all_limits = ", ".join(bound.name for bound in fence.bounds)
-    crossed = fence.crossed(goal_m) or fence.crossed(plan.waypoints.position_m) or all_limits
+    crossed = fence.crossed(goal_m) or fence.crossed(plan.waypoints.position_m)
+    crossed = crossed or fence.bounds[0].name
     request = plan.request
     goal = request.target if isinstance(request.target, str) else request.mission.value
-    short = f"{goal} outside {crossed}"
+    reason = pilot_texts.TARGET_FENCED(target=goal, fence=crossed)
+    if request.mission is not Mission.INSPECTION or goal not in reason:
+        reason = pilot_texts.FENCED(fence=crossed)
     return replace(
         answer,
-        reason=short if len(short) <= _REASON_LENGTH else f"outside {crossed}",
+        reason=reason,
         detail=f"no way to {goal} inside the autopilot's fence, {crossed}, "
         f"less {fence.margin_m:g} m ({answer.reason})",
     )
@@ -161,7 +180,7 @@ def _answer(planner: Planner, job: PlanJob) -> PlanAnswer:
     except InputError as error:
         reason = f"{error.problem} ({error})"
         if request.mission is not Mission.INSPECTION:
-            reason = f"no landing point in sight ({error})"
+            reason = pilot_texts.NO_LANDING_IN_SIGHT(detail=str(error))
         return PlanAnswer(job_id=job.job_id, plan=None, reason=reason)
     if plan.status is not PlanStatus.FOUND:
         words = _words(planner, request, plan.status, begins=not escape_m)
@@ -202,7 +221,8 @@ def _led_in(
 
 def too_far(outside_m: float, vehicle: Vehicle) -> str:
     """Reason why no flight begins so far outside the workspace."""
-    return f"{outside_m:.0f} m outside > {vehicle.guidance.recovery_m:g}, fly it back"
+    limit = limit_text(vehicle.guidance.recovery_m)
+    return pilot_texts.FAR_OUTSIDE(outside_m=f"{outside_m:.0f}", limit=limit)
 
 
 def _words(planner: Planner, request: PlanRequest, status: PlanStatus, *, begins: bool) -> str:
@@ -215,12 +235,14 @@ def _words(planner: Planner, request: PlanRequest, status: PlanStatus, *, begins
         if place is not None:
             return place
     inspects = request.mission is Mission.INSPECTION
-    goal = short_name(str(request.target)) if inspects else request.mission.value
+    if not inspects:
+        unreachable = status is PlanStatus.UNREACHABLE
+        return pilot_texts.NO_PATH() if unreachable else pilot_texts.NO_LANDING_IN_SIGHT()
     if status is PlanStatus.UNREACHABLE:
-        return f"no free way to {goal}" if inspects else "no free way"
+        return pilot_texts.NO_PATH_TO_TARGET(target=request.target)
     if status is PlanStatus.OUT_OF_BOUNDS:
-        return f"{goal} outside the workspace"
-    return f"{goal} too near obstacles" if inspects else "no landing point is in sight"
+        return pilot_texts.TARGET_OUTSIDE(target=request.target)
+    return pilot_texts.TARGET_CLOSE(target=request.target)
 
 
 def _words_of_start(planner: Planner, start_m: PlanePoint) -> str | None:
@@ -233,23 +255,22 @@ def _words_of_start(planner: Planner, start_m: PlanePoint) -> str | None:
     low_m, azimuth_rad = site.workspace.min_altitude_m, math.radians(site.frame.azimuth_deg)
     ahead, behind = compass(azimuth_rad), compass(azimuth_rad + math.pi)
     if low_m is not None and z_m < low_m:
-        return f"aircraft at {max(z_m, 0.1):.1f} m < {low_m:g}: climb"
+        return pilot_texts.LOW(low_m=distance(z_m), least_m=limit_text(low_m))
     cell = maps.grid.cell_of(start_m)
     if cell is None:
         (left_m, bottom_m), (right_m, top_m) = maps.grid.lower_m, maps.grid.upper_m
-        off_m, side, way = max(
-            (left_m - x_m, behind, f"fly {ahead}"),
-            (x_m - right_m, ahead, f"fly {behind}"),
-            (z_m - top_m, "above", "descend"),
-            (bottom_m - z_m, "below", "climb"),
+        off_m, way = max(
+            (left_m - x_m, f"fly {ahead}"),
+            (x_m - right_m, f"fly {behind}"),
+            (z_m - top_m, "descend"),
+            (bottom_m - z_m, "climb"),
         )
-        of = "" if side in {"above", "below"} else " of"
-        return f"{max(off_m, 0.1):.1f} m {side}{of} workspace: {way}"
+        return pilot_texts.OUTSIDE(far_m=distance(min(off_m, _FAR_M)), way=way)
     if not maps.occupied[cell]:
         return None
     around_m = np.array(start_m) + _AWAY_M * np.array([(0, 1), (1, 0), (-1, 0), (0, -1)])
     away = ("up", ahead, behind, "down")[int(obstacle_room_m(site, around_m).argmax())]
-    return f"too near {short_name(maps.reach.nearest(start_m))}: fly {away}"
+    return pilot_texts.CLOSE(obstacle=maps.reach.nearest(start_m), way=f"fly {away}")
 
 
 def preparations(planner: Planner) -> list[Callable[[], None]]:

@@ -14,6 +14,7 @@ from ..planner.grid import BoolArray
 from ..planner.maps import Maps
 from ..planner.plane_fence import PlaneFence
 from ..planner.planner import Planner
+from ..safety.failsafe_paths import exposed_places
 
 _MOST = 4
 """Changed planners kept: enough for the position's uncertainties within a flight."""
@@ -72,5 +73,5 @@ def exposed_cells(maps: Maps, failsafes: Failsafes) -> BoolArray:
     exposed = np.zeros(maps.grid.shape, dtype=np.bool_)
     free = np.argwhere(~maps.occupied)
     centres_m = np.array(maps.grid.lower_m) + maps.grid.resolution_m * (free + 0.5)
-    exposed[tuple(free.T)] = failsafes.exposed(maps.reach, centres_m)
+    exposed[tuple(free.T)] = exposed_places(failsafes, maps.reach, centres_m)
     return exposed

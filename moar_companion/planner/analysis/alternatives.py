@@ -1,6 +1,6 @@
 """A problem under other levels of risk (paper, Fig. 1b and 8): the change of its path.
 
-Inputs: a planner, a request, the weights before Eq. 9. Outputs: its plans under `RISK_LEVELS`.
+Inputs: a planner, a request, the rule of adaptation. Outputs: its plans under `RISK_LEVELS`.
 """
 
 from __future__ import annotations
@@ -9,7 +9,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from ...types import RiskIndices, Weights
+from ...adaptation import Adaptation
+from ...types import RiskIndices
 from ..plan_values import Plan, PlanRequest
 from ..planner import Planner
 
@@ -26,15 +27,12 @@ RISK_LEVELS = (
 of communication and localization do the same, and less than that of the wind."""
 
 
-def alternatives(planner: Planner, request: PlanRequest, base: Weights) -> tuple[Plan, ...]:
-    """The plans of a problem under each of `RISK_LEVELS`; `base` are its weights without risk.
+def alternatives(planner: Planner, request: PlanRequest, rule: Adaptation) -> tuple[Plan, ...]:
+    """The plans of a problem under each of `RISK_LEVELS`, their weights by `rule`.
 
     Raises InputError as `Planner.plan`.
     """
-    return tuple(
-        planner.solve(replace(request, weights=base.adjusted(risk), risk=risk))
-        for risk in RISK_LEVELS
-    )
+    return tuple(planner.solve(replace(request, risk=risk).adapted(rule)) for risk in RISK_LEVELS)
 
 
 def same_path(plan: Plan, other: Plan) -> bool:

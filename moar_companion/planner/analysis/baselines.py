@@ -26,6 +26,9 @@ from ..regions import LandingLeg, goal_region, landing_leg
 
 _TIE = 1e-6
 """Cost per metre of roadmap, to choose among connectors of equal length."""
+_CLEARANCE_TIE = 1e-7
+"""Relative change of a length, to choose among the shortest paths: less than by which lengths of a
+few hundred moves differ."""
 _PAD = np.zeros(1, dtype=np.int64)
 """The first cell of the padding, which no step of the grid leads to or from."""
 
@@ -54,8 +57,13 @@ class Baseline:
     landing_leg: LandingLeg | None = None
 
 
-def baseline(planner: Planner, kind: BaselineKind, request: PlanRequest) -> Baseline:
+def baseline(
+    planner: Planner, kind: BaselineKind, request: PlanRequest, *, clearest: bool = True
+) -> Baseline:
     """The answer of one of the paper's baselines to a planning problem.
+
+    clearest: of the shortest paths, the one with the greatest clearance along its length; False:
+    with the least.
 
     Raises InputError as `Planner.plan` does.
     """
@@ -73,7 +81,7 @@ def baseline(planner: Planner, kind: BaselineKind, request: PlanRequest) -> Base
     start = graph.grid.flat(tuple(plan.states[0, :-1]))
     goal = np.array([graph.grid.flat(cell) for cell in goals])
     if kind is BaselineKind.SHORTEST:
-        path = _shortest(_steps(graph, ~maps.occupied), start, goal)
+        path = _shortest(_steps(graph, ~maps.occupied, _longer(maps, clearest)), start, goal)
     else:
         roadmap = (
             voronoi_cells(planner.site, maps)
@@ -135,8 +143,23 @@ def envelope_cells(site: Site, maps: Maps, d_max_m: float) -> BoolArray:
     return within & ~surrounded & ~maps.occupied
 
 
-def _steps(graph: Graph, usable: BoolArray) -> csr_array[np.float64]:
-    """The lengths of all legal moves between usable cells, over padded flat indices."""
+def _longer(maps: Maps, clearest: bool) -> FloatArray:
+    """Relative additions to the lengths of moves by their arrival cell, (nx, nz)."""
+    clearance = maps.obstacle_distance_m
+    greatest = clearance.max()
+    # Without obstacles every clearance is infinite.
+    share = clearance / greatest if 0.0 < greatest < np.inf else np.zeros_like(clearance)
+    return _CLEARANCE_TIE * (1.0 - share if clearest else share)
+
+
+def _steps(
+    graph: Graph, usable: BoolArray, longer: FloatArray | None = None
+) -> csr_array[np.float64]:
+    """The lengths of all legal moves between usable cells, over padded flat indices.
+
+    longer: relative additions by arrival cell, (nx, nz).
+    """
+    factor = None if longer is None else 1.0 + np.asarray(graph.grid.padded(longer, 0.0))
     inside = np.asarray(graph.grid.padded(usable, 0), dtype=bool)
     rows, columns, lengths = [], [], []
     for heading in range(1, len(graph.offset)):
@@ -145,7 +168,8 @@ def _steps(graph: Graph, usable: BoolArray) -> csr_array[np.float64]:
         cells = cells[inside[cells + graph.offset[heading]]]
         rows.append(cells)
         columns.append(cells + graph.offset[heading])
-        lengths.append(np.full(len(cells), graph.length_m[heading]))
+        length = np.full(len(cells), graph.length_m[heading])
+        lengths.append(length if factor is None else length * factor[columns[-1]])
     entries = (np.concatenate(lengths), (np.concatenate(rows), np.concatenate(columns)))
     return coo_array(entries, shape=(len(inside), len(inside))).tocsr()
 

@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from ...adaptation import Adaptation
 from ...types import RiskIndices, Weights
 from ..grid import FloatArray
 from ..plan_values import Plan, PlanRequest
@@ -39,7 +40,7 @@ class Supported:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Range:
+class StableRange:
     """A value, the slope of J with it, and the values between which the path stays the best."""
 
     value: float
@@ -83,7 +84,7 @@ def pareto_front(planner: Planner, request: PlanRequest) -> list[Supported]:
 
 
 def front_document(
-    plan: Plan, front: list[Supported], ranges: dict[str, dict[str, Range]]
+    plan: Plan, front: list[Supported], ranges: dict[str, dict[str, StableRange]]
 ) -> dict[str, Any]:
     """The front and the sensitivity of a plan as a JSON document; infinite clearances are null."""
     whole = plan.to_dict()
@@ -109,12 +110,14 @@ def front_document(
     }
 
 
-def sensitivity(planner: Planner, plan: Plan, base: Weights) -> dict[str, dict[str, Range]]:
+def sensitivity(
+    planner: Planner, plan: Plan, rule: Adaptation
+) -> dict[str, dict[str, StableRange]]:
     """Ranges of the weights and of the risk indices, by name, about a plan that was found.
 
-    base: k_{S,0}, k_{T,0}, k_{E,0}, which the plan's risk adjusted to its weights (Eq. 9). A weight
-    moves while the others keep their ratio, a risk index while the others stay. Either way the
-    weights move along a line: a path that is best at two places is best between them.
+    rule: by which the plan's risk made its weights. A weight moves while the others keep their
+    ratio, a risk index while the others stay. Either way the weights move along a line: a path that
+    is best at two places is best between them.
     """
     own = np.array([getattr(plan.weights, name) for name in _NAMES])
     risk = plan.request.risk
@@ -126,7 +129,7 @@ def sensitivity(planner: Planner, plan: Plan, base: Weights) -> dict[str, dict[s
     return {
         "weights": weights,
         "risk": {
-            name: _range(planner, plan, value, partial(_adjusted, base, risk, name))
+            name: _range(planner, plan, value, partial(_adjusted, rule, risk, name))
             for name, value in risk.as_dict().items()
         },
     }
@@ -136,13 +139,13 @@ def _mixed(extreme: FloatArray, others: FloatArray, value: float) -> Weights:
     return Weights.normalised(*(value * extreme + (1.0 - value) * others).tolist())
 
 
-def _adjusted(base: Weights, risk: RiskIndices, name: str, value: float) -> Weights:
-    return base.adjusted(RiskIndices(**(risk.as_dict() | {name: value})))
+def _adjusted(rule: Adaptation, risk: RiskIndices, name: str, value: float) -> Weights:
+    return rule.weights(RiskIndices(**(risk.as_dict() | {name: value})))
 
 
 def _range(
     planner: Planner, plan: Plan, value: float, weights_at: Callable[[float], Weights]
-) -> Range:
+) -> StableRange:
     """The range of a value in [0, 1] that leads to weights."""
 
     def cost(at: float) -> float:
@@ -165,7 +168,7 @@ def _range(
 
     below, above = max(value - _STEP, 0.0), min(value + _STEP, 1.0)
     slope = (cost(above) - cost(below)) / (above - below)
-    return Range(value=value, slope=slope, lower=end(0.0), upper=end(1.0))
+    return StableRange(value=value, slope=slope, lower=end(0.0), upper=end(1.0))
 
 
 def _total(plan: Plan, weights: Weights) -> float:

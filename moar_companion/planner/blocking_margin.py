@@ -8,7 +8,7 @@ from .plane_fence import PlaneFence
 from .planner import Planner
 
 
-def part_in_the_way(
+def blocking_part(
     planner: Planner, finds: Callable[[Planner], bool], fence: PlaneFence | None = None
 ) -> str | None:
     """The least part of the site's margin without which there is a plan; None if there is none.

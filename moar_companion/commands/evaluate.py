@@ -1,0 +1,194 @@
+"""`moar-companion evaluate`: the paper's experiments, rerun.
+
+The sweeps are tasks of processes on this computer, or of a Dask cluster; their results are put
+together in the order of the scenes, so that files do not depend on who computed what. Times of
+plans, which differ each time, are in a file of their own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import time
+from collections.abc import Sequence
+from concurrent.futures import Executor
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from ..errors import InputError
+from .options import file_name, refused, require
+from .outputs import replacing, say
+from .task_pool import run_tasks, task_pool
+
+if TYPE_CHECKING:
+    from ..evaluation.experiments import Results
+    from ..evaluation.figures.drawing import Picture
+
+_EXPERIMENTS = ("maps", "sensitivity", "adaptability", "tests", "flight")
+_ALL = "all"
+_OUT = "evaluation"
+_MODULES = ("matplotlib", "pyarrow")
+_MOST_WORKERS = 1024
+_FLIGHT = "tests.flights.paper_flight"
+"""The program of the checkout that flies: the companion does not know its simulator."""
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the experiment, the outputs and where it is computed."""
+    parser.add_argument(
+        "experiment",
+        metavar="|".join((*_EXPERIMENTS, _ALL)),
+        type=_experiment,
+        help="maps (the paper's Fig. 2-5), sensitivity (6, 7), adaptability (8), the 36 tests, "
+        "flight (9; needs a checkout), or all",
+    )
+    parser.add_argument(
+        "--out",
+        metavar="DIR",
+        type=file_name("--out"),
+        default=_OUT,
+        help=f"folder for report.html, figures and Parquet files (default: {_OUT})",
+    )
+    parser.add_argument(
+        "--workers",
+        metavar="N",
+        type=_workers,
+        help="number of processes (default: one for each core)",
+    )
+    parser.add_argument(
+        "--scheduler",
+        metavar="ADDRESS",
+        type=file_name("--scheduler"),
+        help="address of a Dask scheduler, whose workers compute instead",
+    )
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Runs the experiments, writes all files, prints the overview."""
+    for module in (*_MODULES, *(("distributed",) if arguments.scheduler else ())):
+        require("evaluate", module, "evaluation")
+    if arguments.scheduler and arguments.workers:
+        raise refused("--workers", str(arguments.workers), "must not be given with --scheduler")
+    chosen = _EXPERIMENTS if arguments.experiment == _ALL else (arguments.experiment,)
+    checkout = _checkout() if "flight" in chosen else None
+    folder = _folder(arguments.out)
+    workers = arguments.workers or len(os.sched_getaffinity(0))
+    with task_pool(workers, arguments.scheduler) as pool:
+        results, pictures = _evaluated(chosen, checkout, pool)
+    _write(results, pictures, folder)
+    return 0
+
+
+def _evaluated(
+    chosen: Sequence[str], checkout: Path | None, pool: Executor
+) -> tuple[Results, dict[str, list[Picture]]]:
+    """Computes, flies and draws the chosen experiments."""
+    from ..evaluation import experiments, flight  # noqa: PLC0415
+
+    calls = {name: experiments.sweeps(name, time.thread_time) for name in chosen}
+    flights = None if checkout is None else _start_flights(checkout)
+    try:
+        found = run_tasks("computing", [call for part in calls.values() for call in part], pool)
+        flown = None if flights is None else flight.of_flights(_flown(flights))
+    finally:
+        if flights is not None:
+            flights.kill()
+            flights.wait()
+    parts = _divided(found, {name: len(part) for name, part in calls.items()})
+    computed = {name: part for name, part in parts.items() if part}
+    results = experiments.Results(**computed, flight=flown)
+    calls = {name: experiments.drawings(name, results) for name in chosen}
+    drawn = run_tasks("drawing", [call for part in calls.values() for call in part], pool)
+    return results, _divided(drawn, {name: len(part) for name, part in calls.items()})
+
+
+def _divided(items: Sequence[Any], counts: dict[str, int]) -> dict[str, list[Any]]:
+    """Items in parts of these lengths, by name."""
+    parts, begin = {}, 0
+    for name, count in counts.items():
+        parts[name] = list(items[begin : begin + count])
+        begin += count
+    return parts
+
+
+def _write(results: Results, pictures: dict[str, list[Picture]], folder: Path) -> None:
+    from ..evaluation import experiments  # noqa: PLC0415
+
+    files = {"report.html": experiments.report(results, pictures).encode()}
+    for each in (picture for part in pictures.values() for picture in part):
+        files |= {f"{each.name}.png": each.png, f"{each.name}.svg": each.svg}
+    for name, content in files.items():
+        with replacing(str(folder / name)) as stream:
+            stream.write(content)
+    for name, columns in experiments.columns(results).items():
+        with replacing(str(folder / f"{name}.parquet")) as stream:
+            _write_parquet(columns, stream)
+    say(f"{experiments.summary(results)}report: {folder / 'report.html'}\n")
+
+
+def _write_parquet(columns: dict[str, Any], stream: IO[bytes]) -> None:
+    import pyarrow as pa  # noqa: PLC0415
+    from pyarrow import parquet  # noqa: PLC0415
+
+    parquet.write_table(pa.table(columns), stream, compression="zstd")
+
+
+def _checkout() -> Path:
+    """The root of the checkout that this program runs from; InputError without one."""
+    root = Path(__file__).resolve().parents[2]
+    if not root.joinpath(*_FLIGHT.split(".")).with_suffix(".py").exists():
+        raise InputError(
+            "evaluate",
+            "",
+            "flight and all need a checkout, whose simulator flies the paper's flight",
+        )
+    return root
+
+
+def _start_flights(checkout: Path) -> subprocess.Popen[bytes]:
+    from ..evaluation.scenes import FLIGHT_SITE, FLIGHT_VEHICLE  # noqa: PLC0415
+
+    return subprocess.Popen(  # noqa: S603 - ourselves
+        [sys.executable, "-m", _FLIGHT, str(FLIGHT_SITE), str(FLIGHT_VEHICLE)],
+        cwd=checkout,
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+    )
+
+
+def _flown(flights: subprocess.Popen[bytes]) -> dict[str, Any]:
+    """The flights' document; OSError with the last line of what they said if they failed."""
+    content, errors = flights.communicate()
+    if flights.returncode != 0:
+        last = errors.decode(errors="replace").strip().splitlines()[-1:]
+        raise OSError(f"the flight failed: {''.join(last)}")
+    document: dict[str, Any] = json.loads(content)
+    return document
+
+
+def _folder(name: str) -> Path:
+    folder = Path(name)
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise refused("--out", name, f"but the folder cannot be made: {error.strerror}") from None
+    if not os.access(folder, os.W_OK | os.X_OK):
+        raise refused("--out", name, "but nothing may be written there")
+    return folder
+
+
+def _experiment(text: str) -> str:
+    known = (*_EXPERIMENTS, _ALL)
+    if text not in known:
+        raise refused("experiment", text, f"must be one of {', '.join(known)}")
+    return text
+
+
+def _workers(text: str) -> int:
+    if not (text.isascii() and text.isdigit() and 1 <= int(text) <= _MOST_WORKERS):
+        raise refused("--workers", text, f"must be a whole number from 1 to {_MOST_WORKERS}")
+    return int(text)

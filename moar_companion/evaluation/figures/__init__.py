@@ -1,0 +1,1 @@
+"""The figures of the evaluation, after those of the paper."""
