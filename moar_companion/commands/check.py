@@ -20,7 +20,9 @@ from typing import TYPE_CHECKING, TypeVar
 
 from ..config import Authority, CompanionConfig, KeySource
 from ..errors import InputError, LinkError
+from ..mqtt_config import Mqtt, broker_address
 from ..service.directories import Directory, recorder_folder, state_folder, view_socket
+from ..service.mqtt_settings import SettingNames, read_broker, read_order_key
 from ..service.signing_clock import load_signing
 from .options import add_file
 from .outputs import say
@@ -47,6 +49,7 @@ _LINK_REMEDIES = {
     errno.EBUSY: _STOP_THE_SERVICE,
 }
 """Remedies by the errno of opening a link."""
+_OWN_HOSTS = {"127.0.0.1", "::1", "localhost"}
 _LEVEL_WIDTH = 7
 _LONGEST_SOCKET_PATH = 107
 """Longest path in Linux's sun_path, in bytes."""
@@ -126,6 +129,9 @@ def _read(
     if config is not None:
         errors += link_problems(config, arguments)
         signing = _tried(partial(load_signing, config, time.time()), errors)
+        names = SettingNames(source=str(config.file), section="mqtt.")
+        _tried(partial(read_broker, config.mqtt, names), errors)
+        _tried(partial(read_order_key, config.mqtt, str(config.file)), errors)
         vehicle_file, site_file = config.vehicle, config.site
     vehicle = None if vehicle_file is None else _tried(partial(Vehicle.load, vehicle_file), errors)
     site = None if site_file is None else _tried(partial(Site.load, site_file), errors)
@@ -188,9 +194,10 @@ def _files(config: CompanionConfig, vehicle: Vehicle, site: Site | None) -> list
         _folder(
             "state",
             state_folder(config),
-            "none: after a crash nothing is remembered (state.directory, or systemd's)",
+            "none: no state is kept after a crash (state.directory, or systemd's)",
         ),
         _view(view_socket(config)),
+        _mqtt(config.mqtt),
     ]
     if config.signing != KeySource() and not any(link.signed for link in config.links):
         found.append(
@@ -205,6 +212,26 @@ def _files(config: CompanionConfig, vehicle: Vehicle, site: Site | None) -> list
         text = "none: telemetry and risk only, no mission is flown"
         found.append(Finding(level=Level.NOTE, subject="site", text=text))
     return found
+
+
+def _mqtt(settings: Mqtt) -> Finding:
+    """Finding on the broker that the service publishes to; the broker itself is not asked."""
+    from ..preflight.findings import Finding, Level  # noqa: PLC0415
+
+    address = None if settings.url is None else broker_address(settings.url)
+    if address is None:
+        text = "none: nothing is published (mqtt.url)"
+        return Finding(level=Level.NOTE, subject="mqtt", text=text)
+    orders = ", takes signed orders" if settings.takes_orders else ""
+    if settings.username is not None and not address.tls and address.host not in _OWN_HOSTS:
+        return Finding(
+            level=Level.WARNING,
+            subject="mqtt",
+            text=f"{address} has no TLS: the network can read the password",
+            remedy="use mqtts://, or a broker on this computer that is bridged with TLS",
+        )
+    text = f"{address} as {settings.vehicle}{orders}"
+    return Finding(level=Level.OK, subject="mqtt", text=text)
 
 
 def _folder(subject: str, folder: Directory | None, without: str) -> Finding:
@@ -231,7 +258,7 @@ def _folder_problem(path: Path) -> str | None:
             return f"{there} is not a directory"
     except OSError as error:
         return error.strerror or str(error)
-    return None if os.access(there, os.W_OK | os.X_OK) else f"{there} belongs to somebody else"
+    return None if os.access(there, os.W_OK | os.X_OK) else f"{there} belongs to another user"
 
 
 def _view(place: Directory | None) -> Finding:
@@ -239,7 +266,7 @@ def _view(place: Directory | None) -> Finding:
     from ..preflight.findings import Finding, Level  # noqa: PLC0415
 
     if place is None:
-        text = "none: nobody can look on (view.socket, or systemd's)"
+        text = "none: no live view (view.socket, or systemd's)"
         return Finding(level=Level.NOTE, subject="view", text=text)
     problem = _socket_problem(place.path)
     if problem is None:
@@ -267,7 +294,7 @@ def _socket_problem(path: Path) -> str | None:
 
 def _planner(site: Site, vehicle: Vehicle, config: CompanionConfig) -> Planner:
     """Planner for the site as the service flies it."""
-    from ..margin import flown_site  # noqa: PLC0415
+    from ..error_margin import flown_site  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
 
     return Planner(flown_site(site, vehicle, config.supervision), vehicle)

@@ -82,7 +82,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--connect",
         metavar="URL",
         required=True,
-        help="a link on which the companion is heard, through the autopilot or its own: "
+        help="a link on which the companion is received, through the autopilot or its own: "
         "udp:HOST:PORT, udpout:HOST:PORT, tcp:HOST:PORT, serial:DEVICE:BAUD",
     )
     add_file(parser, "--site", "the companion's site, which knows the targets' names")
@@ -164,7 +164,7 @@ def _give(operator: GroundStation, order: str, index: int, timeout_s: float) -> 
             if said.text.endswith(verdict):
                 break
     else:
-        _say("(no reason was heard)")
+        _say("(no reason was received)")
     return 1
 
 
@@ -213,7 +213,7 @@ def _status(operator: GroundStation) -> str:
     known = f"system {operator.system_id}, component {COMPANION}"
     lines = (
         ("companion", known if companion is None else f"{known}: {_companion(companion)}"),
-        ("autopilot", "not heard" if autopilot is None else _autopilot(autopilot)),
+        ("autopilot", "not received" if autopilot is None else _autopilot(autopilot)),
         ("risks", _values(_RISKS, values)),
         ("weights", _values(_WEIGHTS, values)),
         *(("said", text) for text in texts or ["nothing while this listened"]),
@@ -234,12 +234,12 @@ def _autopilot(heartbeat: Mapping[str, Any]) -> str:
     if kind is None:
         return "no aircraft"
     armed = "armed" if heartbeat["base_mode"] & _ARMED else "disarmed"
-    return f"{kind.value}, {armed}, {mode_name(kind, heartbeat['custom_mode'], heartbeat['type'])}"
+    return f"{kind}, {armed}, {mode_name(kind, heartbeat['custom_mode'], heartbeat['type'])}"
 
 
 def _values(names: Mapping[str, str], values: Mapping[str, float | None]) -> str:
     return ", ".join(
-        f"{word} {_value(values[name]) if name in values else 'not heard'}"
+        f"{word} {_value(values[name]) if name in values else 'not received'}"
         for word, name in names.items()
     )
 

@@ -97,8 +97,9 @@ class GroundStation:
             for system, components in heard.items()
         )
         return (
-            f"no companion (component {COMPANION}) heard on {self._address} for {timeout_s:g} s: "
-            f"{others or self._complaint or 'nothing is heard'}"
+            f"no companion (component {COMPANION}) received on {self._address} "
+            f"for {timeout_s:g} s: "
+            f"{others or self._complaint or 'nothing is received'}"
         )
 
     def send_command(self, command: int, *parameters: float, confirmation: int) -> None:

@@ -55,7 +55,7 @@ def _plan_lines(plan: Plan) -> str:
         f"energy {weights.energy:.3f}"
     )
     lines.append(
-        f"  computed   maps {compute.map_ms:.1f} ms, search {compute.search_ms:.1f} ms, "
+        f"  computed   maps {compute.map_words}, search {compute.search_words}, "
         f"{compute.expanded} expanded"
     )
     return "\n".join(lines) + "\n"
@@ -69,7 +69,7 @@ def _refined_lines(refined: Refinement | None) -> str:
     return (
         f"  refined    {metrics.length_m:.1f} m in {metrics.duration_s:.1f} s, "
         f"{len(refined.points_m)} points; as continuous paths J = {refined.cost.total:.3f}, "
-        f"{refined.plan_cost.total:.3f} unrefined; {refined.compute_ms:.1f} ms\n"
+        f"{refined.plan_cost.total:.3f} unrefined; {refined.compute_words}\n"
     )
 
 

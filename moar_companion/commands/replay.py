@@ -13,6 +13,7 @@ import gzip
 import io
 import math
 import os
+import tempfile
 import zlib
 from pathlib import Path
 from typing import IO, TYPE_CHECKING
@@ -22,10 +23,11 @@ from .options import add_file, file_name, refused, require
 from .outputs import STDOUT, check_outputs, say, write_output
 
 if TYPE_CHECKING:
+    from ..mavlink.dataflash import Row
     from ..outlets.replay_report import Replay
     from ..replay.player import Player
     from ..replay.site_position import SitePosition
-    from ..replay.ulog_topics import Sample
+    from ..replay.ulog_topics import UlogSample
     from ..risk.drag_fit import DragFlight
     from ..vehicle import Vehicle
 
@@ -47,12 +49,20 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "recording",
         metavar="RECORDING",
         type=file_name("RECORDING"),
-        help="the recording (.tlog, .tlog.gz; .ulg of PX4, with the extra ulog)",
+        help="the recording (.tlog, .tlog.gz, .mcap; .bin of ArduPilot; .ulg of PX4, with the "
+        "extra ulog)",
     )
     add_file(parser, "--vehicle", "the vehicle file (default: the LineDrone as simulated)")
-    add_file(parser, "--site", "the site file: where on it the aircraft was, and its way out")
+    add_file(parser, "--site", "the site file: where on it the aircraft was, and its escape route")
     add_file(parser, "--json", "write everything as JSON; - is stdout")
     add_file(parser, "--plot", "draw a picture (.png); needs the extra plots")
+    parser.add_argument(
+        "--exact",
+        action="store_true",
+        help="feed an .mcap to the companion again, and compare each decision and each byte that "
+        "it sent; status 1 where they part",
+    )
+    add_file(parser, "--signing-key", "of --exact: the key of the recording's signed links")
     parser.add_argument(
         "--fit-drag",
         action="store_true",
@@ -63,6 +73,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(arguments: argparse.Namespace) -> int:
     """Replays, writes the outputs, prints the summary, the JSON or the drag."""
+    if arguments.exact:
+        return _run_exactly(arguments)
+    if arguments.signing_key is not None:
+        raise refused("--signing-key", arguments.signing_key, "must come with --exact")
     from ..config import shipped_configs  # noqa: PLC0415
     from ..vehicle import Vehicle  # noqa: PLC0415
 
@@ -92,6 +106,22 @@ def run(arguments: argparse.Namespace) -> int:
     if problems:
         raise OSError("; ".join(problems))
     return 0
+
+
+def _run_exactly(arguments: argparse.Namespace) -> int:
+    from ..service.signing_key import signing_key_in  # noqa: PLC0415
+    from .replay_mcap import MAGIC, replay_exactly  # noqa: PLC0415
+
+    for name in ("vehicle", "site", "json", "plot"):
+        given = getattr(arguments, name)
+        if given is not None:
+            raise refused(f"--{name}", given, "must be left out with --exact")
+    if arguments.fit_drag:
+        raise refused("--fit-drag", "", "must be left out with --exact")
+    if not _begins_with(arguments.recording, MAGIC):
+        raise InputError(arguments.recording, "", "is no .mcap, as --exact needs")
+    key = None if arguments.signing_key is None else signing_key_in(Path(arguments.signing_key))
+    return replay_exactly(arguments.recording, key)
 
 
 def summary(replay: Replay) -> str:
@@ -135,7 +165,7 @@ def _place_lines(replay: Replay) -> list[str]:
 
 def _site_position(site_file: str, vehicle: Vehicle) -> SitePosition:
     from ..config import Supervision  # noqa: PLC0415
-    from ..margin import flown_site  # noqa: PLC0415
+    from ..error_margin import flown_site  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
     from ..replay.site_position import SitePosition  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
@@ -169,17 +199,25 @@ def played(
     drag: DragFlight | None = None,
 ) -> Replay:
     """A recording, replayed; raises InputError for a file that is none."""
+    from ..mavlink.dataflash import MAGIC as DATAFLASH  # noqa: PLC0415
     from ..mavlink.passive_listener import PassiveListener  # noqa: PLC0415
     from ..mavlink.tlog import Tlog  # noqa: PLC0415
     from ..replay.player import Player  # noqa: PLC0415
+    from .replay_mcap import MAGIC  # noqa: PLC0415
 
-    data, whole = _content(path)
     name = os.fsencode(Path(path).name).decode(errors="replace")
+    if _begins_with(path, MAGIC):
+        return _mcap_played(path, vehicle, site_position, drag).finish(name)
+    data, whole = _content(path)
     if data.startswith(_ULOG):
         return _ulog_played(path, data, vehicle, site_position, drag).finish(name)
+    if data.startswith(DATAFLASH):
+        return _dataflash_played(path, data, vehicle, site_position, drag).finish(name)
     tlog = Tlog(data)
     if not tlog.recognised:
-        raise InputError(path, "", "is no recording, must be a .tlog, .tlog.gz or .ulg")
+        raise InputError(
+            path, "", "is no recording, must be a .tlog, .tlog.gz, .mcap, .bin or .ulg"
+        )
     playback = Player(vehicle, PassiveListener(), site_position, drag=drag)
     for record in tlog:
         playback.feed(record.time_s, record.packet)
@@ -194,16 +232,59 @@ def played(
     return playback.finish(name)
 
 
+def _mcap_played(
+    path: str,
+    vehicle: Vehicle,
+    site_position: SitePosition | None,
+    drag: DragFlight | None,
+) -> Player[bytes]:
+    from ..mavlink.passive_listener import PassiveListener  # noqa: PLC0415
+    from ..replay.player import Player  # noqa: PLC0415
+    from .replay_mcap import McapRecording, packets  # noqa: PLC0415
+
+    recording = McapRecording(path)
+    playback = Player(vehicle, PassiveListener(), site_position, drag=drag)
+    for time_s, packet in packets(recording):
+        playback.feed(time_s, packet)
+    if recording.cut_short:
+        playback.note("was not closed")
+    return playback
+
+
+def _dataflash_played(
+    path: str,
+    data: bytes,
+    vehicle: Vehicle,
+    site_position: SitePosition | None,
+    drag: DragFlight | None,
+) -> Player[Row]:
+    from ..mavlink.dataflash import rows  # noqa: PLC0415
+    from ..replay.dataflash_listener import MESSAGES, DataflashListener  # noqa: PLC0415
+    from ..replay.player import Player  # noqa: PLC0415
+
+    playback = Player(vehicle, DataflashListener(), site_position, drag=drag)
+    # pymavlink reads files alone; what is given may be packed.
+    with tempfile.NamedTemporaryFile(suffix=".bin") as file:
+        file.write(data)
+        file.flush()
+        try:
+            for time_s, row in rows(file.name, MESSAGES):
+                playback.feed(time_s, row)
+        except Exception as error:  # whatever pymavlink makes of a broken file
+            raise InputError(path, "", f"is no sound .bin: {error}") from error
+    return playback
+
+
 def _ulog_played(
     path: str,
     data: bytes,
     vehicle: Vehicle,
     site_position: SitePosition | None,
     drag: DragFlight | None,
-) -> Player[Sample]:
+) -> Player[UlogSample]:
     from ..replay.player import Player  # noqa: PLC0415
     from ..replay.ulog import UlogListener, samples  # noqa: PLC0415
-    from ..replay.ulog_topics import TOPICS, Topic  # noqa: PLC0415
+    from ..replay.ulog_topics import TOPICS, UlogTopic  # noqa: PLC0415
 
     require(path, "pyulog", "ulog")
     from pyulog import ULog  # noqa: PLC0415
@@ -222,7 +303,7 @@ def _ulog_played(
         if "timestamp" in item.data and item.data["timestamp"].dtype.kind == "u"
     ]
     topics = [
-        Topic(
+        UlogTopic(
             name=item.name,
             instance=item.multi_id,
             columns={field: column.tolist() for field, column in item.data.items()},
@@ -250,6 +331,13 @@ def _defines_its_topics(data: bytes) -> bool:
         if kind not in _ULOG_DEFINITIONS or not size:
             return False
         position += 3 + size
+    return False
+
+
+def _begins_with(path: str, magic: bytes) -> bool:
+    """True if a file that can be read begins with these bytes; what is wrong is told later."""
+    with contextlib.suppress(OSError, ValueError), Path(path).open("rb") as file:
+        return file.read(len(magic)) == magic
     return False
 
 

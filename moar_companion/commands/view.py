@@ -33,7 +33,7 @@ _LINE_PERIOD_S = 1.0
 """Period of lines of plain text."""
 _REASONS = {
     errno.ENOENT: "no such socket: is the service running, and has it a view.socket?",
-    errno.ECONNREFUSED: "nobody serves it: is the service running?",
+    errno.ECONNREFUSED: "no service answers: is it running?",
     errno.EACCES: "may not be read by this user: members of the service's group may",
 }
 _SECTIONS = ("mission", "aircraft", "risk", "weights", "age_s")
@@ -114,7 +114,7 @@ class Statuses:
             if self.waiting(left_s):
                 for status in self.read():
                     return status
-        raise LinkError(f"{self._path}: the service says nothing")
+        raise LinkError(f"{self._path}: the service sends nothing")
 
     def read(self) -> list[Status]:
         """Statuses received since, oldest first; waits for data, perhaps part of a status."""
@@ -167,7 +167,7 @@ def _say(line: str) -> None:
 def _watch(statuses: Statuses, console: Console) -> None:
     """Shows the page until q is typed."""
     status, heard_s = statuses.first(), time.monotonic()
-    with _keys() as keys, Live(console=console, screen=True, auto_refresh=False) as live:
+    with keyboard() as keys, Live(console=console, screen=True, auto_refresh=False) as live:
         while True:
             silent_s = time.monotonic() - heard_s
             live.update(LiveView(status, notes=["q: end"], silent_s=silent_s), refresh=True)
@@ -183,7 +183,7 @@ def _watch(statuses: Statuses, console: Console) -> None:
 
 
 @contextlib.contextmanager
-def _keys() -> Iterator[set[int]]:
+def keyboard() -> Iterator[set[int]]:
     """The keyboard, if there is one, as a descriptor that delivers each key at once, no echo."""
     if not sys.stdin or not sys.stdin.isatty():
         yield set()

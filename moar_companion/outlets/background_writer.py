@@ -7,12 +7,12 @@ import math
 import threading
 from collections.abc import Callable, Iterator
 from queue import Empty, SimpleQueue
-from typing import TypeAlias
+from typing import Any, TypeAlias
 
 _LAST_WRITE_S = 2.0
 """Longest wait at the end of the program for unwritten data."""
 
-Batches: TypeAlias = Iterator[list[tuple[bytes, ...]]]
+Batches: TypeAlias = Iterator[list[tuple[Any, ...]]]
 """Data handed over since the last batch, in order; never empty. They end with `close`."""
 
 
@@ -32,7 +32,7 @@ class BackgroundWriter:
     ) -> None:
         self._period_s = period_s
         self._most_bytes = most_bytes
-        self._waiting: SimpleQueue[tuple[bytes, ...] | None] = SimpleQueue()
+        self._waiting: SimpleQueue[tuple[int, tuple[Any, ...]] | None] = SimpleQueue()
         # Each is counted by one thread alone, so that neither waits for the other.
         self._taken_bytes = self._written_bytes = 0
         self._closing = threading.Event()
@@ -41,16 +41,19 @@ class BackgroundWriter:
         )
         self._thread.start()
 
-    def put(self, *data: bytes) -> bool:
+    def put(self, *data: Any, size_bytes: int | None = None) -> bool:
         """Queues data to be written soon; False for data refused because too much waits.
 
-        Returns at once. To be called by one thread at a time.
+        size_bytes: of the data together; None: they are bytes. Returns at once. To be called by one
+        thread at a time.
         """
-        taken_bytes = self._taken_bytes + sum(map(len, data))
+        if size_bytes is None:
+            size_bytes = sum(map(len, data))
+        taken_bytes = self._taken_bytes + size_bytes
         if taken_bytes - self._written_bytes > self._most_bytes:
             return False
         self._taken_bytes = taken_bytes
-        self._waiting.put(data)
+        self._waiting.put((size_bytes, data))
         return True
 
     def close(self) -> bool:
@@ -71,5 +74,5 @@ class BackgroundWriter:
             batch = [data for data in waiting if data is not None]
             ending = len(batch) < len(waiting)
             if batch:
-                yield batch
-            self._written_bytes += sum(len(part) for data in batch for part in data)
+                yield [data for _, data in batch]
+            self._written_bytes += sum(size_bytes for size_bytes, _ in batch)

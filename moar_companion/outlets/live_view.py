@@ -86,7 +86,7 @@ class LiveView:
 
 def silence_of(silent_s: float) -> str | None:
     """Text for a service that is silent; None while it sends."""
-    return f"no word from the service for {silent_s:.0f} s" if silent_s >= _SILENT_S else None
+    return f"no data from the service for {silent_s:.0f} s" if silent_s >= _SILENT_S else None
 
 
 def line_of(status: Status) -> str:
@@ -116,7 +116,7 @@ def _head(status: Status, silence: str | None) -> Table:
     if silence is not None:
         words.append(f"   {silence}", style="bold red")
     elif autopilot is None:
-        words.append("   no autopilot is heard", style="bold red")
+        words.append("   no autopilot is received", style="bold red")
     else:
         words.append(f"   {_clean(autopilot['kind'])}, system {autopilot['system_id']}   ", "dim")
         words.append(_clean(autopilot["mode"]), "bold green" if autopilot["ours"] else "bold")
@@ -142,7 +142,7 @@ def _mission(status: Status) -> Iterator[Row]:
     if mission["text"] is not None:
         said = Text(_clean(mission["text"]))
         said.append(f"   {_duration(mission['text_age_s'])} ago", "dim")
-        yield "said last", said
+        yield "last text", said
 
 
 def _aircraft(status: Status) -> Iterator[Row]:
@@ -251,7 +251,7 @@ def _work(status: Status, *, full: bool) -> Iterator[Row]:
     yield "radio", Text(_radio(status["radio"]))
     shown = ages if full else {name: ages[name] for name in _VITAL}
     heard_ago = [_age(name, age_s) for name, age_s in shown.items()]
-    yield "heard, s ago", Columns(heard_ago) if full else Text("  ").join(heard_ago)
+    yield "received, s ago", Columns(heard_ago) if full else Text("  ").join(heard_ago)
     if status["recorder"] is not None:
         yield "record", Text(_clean(status["recorder"]))
 
@@ -277,8 +277,8 @@ def _link(link: Status | None, ground_station_age_s: float | None) -> Text:
         return Text(_UNKNOWN, style="magenta")
     words = Text(f"{_number(link['rate_hz'], 0, ' packets/s')}, {link['packets_lost']} lost")
     if ground_station_age_s is None:
-        return words.append("; no ground station is heard")
-    return words.append(f"; ground station heard {_duration(ground_station_age_s)} ago")
+        return words.append("; no ground station is received")
+    return words.append(f"; ground station received {_duration(ground_station_age_s)} ago")
 
 
 def _signed(refused: Mapping[str, Mapping[str, int]]) -> Text:

@@ -201,8 +201,8 @@ def _summary_columns(plan: Plan) -> list[tuple[str, float, _Rows]]:
         ("status", plan.status.value),
         ("J", "none" if cost is None else f"{cost.total:.3f}"),
         ("states", f"{len(plan.states)}"),
-        ("maps", f"{compute.map_ms:.1f} ms"),
-        ("search", f"{compute.search_ms:.1f} ms"),
+        ("maps", compute.map_words),
+        ("search", compute.search_words),
     ]
     weighed: _Rows = [
         ("safety $k_S$", f"{weights.safety:.3f}"),

@@ -1,56 +1,114 @@
-"""The recorder: packets received and sent, and decisions, in files kept after the flight.
+"""The recorder: what a flight was, in files that are kept after it.
 
     FOLDER/flight_20261121T114500Z/flight.tlog      packets of both directions, for ground stations
     FOLDER/flight_20261121T114500Z/decisions.jsonl  one JSON object a line: time_s, kind, data
+    FOLDER/flight_20261121T114500Z/flight.mcap      all of it, for Foxglove and for exact replay
 
 A .tlog is a sequence of 8 bytes big-endian microseconds since 1970 and one raw packet. The
-machine's times are turned into wall-clock times by the offset at the start, so that both files
-agree even when the host's clock is set in flight. A thread writes, so that a slow disk delays
-nothing else. A disk that is full, or too slow for long, ends the recording and not the flight: the
-recording has no gaps.
+machine's times are turned into wall-clock times by the offset at the start, so that all files
+agree even when the host's clock is set in flight. A long recording goes on in a next part, in
+`flight-2.tlog` and so on; the oldest recordings make room (`recorded_files`).
+
+A thread encodes and writes, so that a slow disk delays nothing else. A disk that is full, or too
+slow for long, ends the recording and not the flight: the recording has no gaps.
 """
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import json
 import logging
 import os
 import stat
 import struct
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
 from datetime import datetime, timezone
-from functools import partial
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import Any, BinaryIO, Generic, Protocol, TypeVar
 
 from .background_writer import BackgroundWriter, Batches
+from .mcap_file import McapFile, TimedMessage
+from .recorded_files import make_room, part_name
 
-_PERIOD_S = 1.0
-"""Longest part of a flight that a killed process loses."""
+_PERIOD_S = 0.4
+"""A killed process loses two of these at most: data of a stream may wait for its next portion."""
 _MOST_BYTES = 8 * 1024 * 1024
 """Limit of the data that waits for the disk: more than a minute of a link at 921600 baud."""
+_CYCLE_BYTES = 1024
+"""Waiting data of a cycle beyond its packets and decisions; roughly."""
 _TOO_SLOW = "the disk is too slow"
 
 _logger = logging.getLogger(__name__)
+Item = TypeVar("Item")
 
 
-class Recorder:
-    """Two files and the thread that writes them. clock_offset_s: wall clock minus machine's."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RecordingLimits:
+    """Limits of the recordings in a directory, in bytes and seconds.
 
-    def __init__(self, directory: Path, clock_offset_s: float, now_s: float) -> None:
+    part: of one part's .mcap. keep: of all recordings. floor: of the disk's free space.
+    """
+
+    part_bytes: float
+    part_s: float
+    keep_bytes: float
+    floor_bytes: float
+
+
+NO_LIMITS = RecordingLimits(
+    part_bytes=float("inf"), part_s=float("inf"), keep_bytes=float("inf"), floor_bytes=0.0
+)
+
+
+class McapSource(Protocol[Item]):
+    """Makes the messages of an .mcap, in the recorder's thread."""
+
+    @property
+    def channels(self) -> Mapping[str, tuple[str, bytes]]:
+        """By topic the name of its schema and the JSON schema."""
+
+    @property
+    def library(self) -> str:
+        """The writer's name and versions, for the file's header."""
+
+    def latched(self) -> Iterable[TimedMessage]:
+        """Messages that each part begins with."""
+
+    def messages(self, items: list[Item], *, last: bool) -> Iterable[TimedMessage]:
+        """Messages of what was handed over. last: nothing follows."""
+
+
+class Recorder(Generic[Item]):
+    """A flight's files and the thread that writes them. clock_offset_s: wall clock minus machine's.
+
+    source: of the .mcap; None: there is none.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        clock_offset_s: float,
+        now_s: float,
+        *,
+        source: McapSource[Item] | None = None,
+        limits: RecordingLimits = NO_LIMITS,
+    ) -> None:
         """Opens a new folder in `directory`; raises OSError when that cannot be done."""
         self._offset_s = clock_offset_s
         started = datetime.fromtimestamp(now_s + clock_offset_s, tz=timezone.utc)
         self.folder = directory / f"flight_{started:%Y%m%dT%H%M%S.%fZ}"
         self.folder.mkdir(parents=True)
-        packets = (self.folder / "flight.tlog").open("wb")
-        decisions = (self.folder / "decisions.jsonl").open("wb")
+        self._source = source
+        self._limits = limits
+        first = _Part(self.folder, 1, source)
         self.ended: OSError | None = None
         """Reason why the recording has ended; None while the flight is recorded."""
+        self._began_s = now_s
         self._writer = BackgroundWriter(
             "recorder",
-            partial(self._write_loop, packets, decisions),
+            lambda batches: self._write_loop(first, batches),
             period_s=_PERIOD_S,
             most_bytes=_MOST_BYTES,
         )
@@ -59,8 +117,13 @@ class Recorder:
         self,
         packets: Iterable[tuple[float, bytes]],
         decisions: Iterable[tuple[float, str, dict[str, Any]]],
+        item: Item | None = None,
+        now_s: float = 0.0,
     ) -> None:
-        """Appends packets and decisions, each with the machine's time; waits for nothing."""
+        """Appends packets and decisions, each with the machine's time; waits for nothing.
+
+        item: for the source of the .mcap. now_s: the machine's time.
+        """
         if self.ended is not None:
             return
         stamped = b"".join(
@@ -68,7 +131,10 @@ class Recorder:
             for time_s, packet in packets
         )
         lines = "".join(self._line(*decision) for decision in decisions).encode()
-        if (stamped or lines) and not self._writer.put(stamped, lines):
+        size_bytes = len(stamped) + len(lines)
+        if item is not None:
+            size_bytes = 3 * size_bytes + _CYCLE_BYTES
+        if size_bytes and not self._writer.put(stamped, lines, item, now_s, size_bytes=size_bytes):
             self._end(OSError(errno.ETIMEDOUT, _TOO_SLOW))
 
     def close(self) -> None:
@@ -80,22 +146,93 @@ class Recorder:
         line = {"time_s": round(time_s + self._offset_s, 6), "kind": kind, "data": data}
         return json.dumps(line, allow_nan=False) + "\n"
 
-    def _write_loop(self, packets: BinaryIO, decisions: BinaryIO, batches: Batches) -> None:
+    def _write_loop(self, part: _Part[Item], batches: Batches) -> None:
         try:
-            with packets, decisions:
-                for batch in batches:
-                    packets.writelines(stamped for stamped, _ in batch)
-                    decisions.writelines(lines for _, lines in batch)
-                    packets.flush()
-                    decisions.flush()
-                    _check_kept(packets)
+            self._keep_room(part)
+            for batch in batches:
+                part.write(batch)
+                now_s = batch[-1][3]
+                if part.size_bytes >= self._limits.part_bytes or (
+                    now_s - self._began_s >= self._limits.part_s
+                ):
+                    part = part.next()
+                    self._began_s = now_s
+                    self._keep_room(part)
+                elif _free_bytes(self.folder) < self._limits.floor_bytes:
+                    self._keep_room(part)
+            part.write([], last=True)
         except OSError as error:
             self._end(error)
+        except Exception as error:  # noqa: BLE001 - the flight goes on without a recording
+            self._end(OSError(0, f"{type(error).__name__}: {error}"))
+        finally:
+            with contextlib.suppress(OSError):
+                part.close()
+
+    def _keep_room(self, part: _Part[Item]) -> None:
+        """Removes the oldest recordings; raises OSError if that leaves too little room."""
+        floor_bytes = self._limits.floor_bytes
+        short_bytes = floor_bytes - _free_bytes(self.folder)
+        make_room(self.folder.parent, part.paths, self._limits.keep_bytes, short_bytes)
+        if _free_bytes(self.folder) < floor_bytes:
+            raise OSError(errno.ENOSPC, f"less than {floor_bytes / 1e6:.0f} MB free")
 
     def _end(self, why: OSError) -> None:
         if self.ended is None:
             self.ended = why
             _logger.warning("recording ended: %s: %s", self.folder, why.strerror or why)
+
+
+class _Part(Generic[Item]):
+    """The files of one part of a recording; raises OSError if they cannot be opened."""
+
+    def __init__(self, folder: Path, number: int, source: McapSource[Item] | None) -> None:
+        self._folder, self._number, self._source = folder, number, source
+        names = ["flight.tlog", "decisions.jsonl", *(["flight.mcap"] if source else [])]
+        self.paths = [folder / part_name(name, number) for name in names]
+        self._packets, self._decisions, *others = (path.open("wb") for path in self.paths)
+        self._packets_bytes = 0
+        self._file: BinaryIO | None = others[0] if others else None
+        self._mcap: McapFile | None = None
+        if source is not None and self._file is not None:
+            self._mcap = McapFile(self._file, source.channels, source.library)
+            self._mcap.write(source.latched())
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of its greatest file."""
+        return max(self._packets_bytes, 0 if self._file is None else self._file.tell())
+
+    def write(self, batch: list[tuple[Any, ...]], *, last: bool = False) -> None:
+        """Writes a batch to all files. last: nothing follows."""
+        self._packets.writelines(stamped for stamped, *_ in batch)
+        self._packets_bytes += sum(len(stamped) for stamped, *_ in batch)
+        self._decisions.writelines(lines for _, lines, *_ in batch)
+        self._packets.flush()
+        self._decisions.flush()
+        if self._mcap is not None and self._source is not None:
+            items = [item for _, _, item, _ in batch if item is not None]
+            self._mcap.write(self._source.messages(items, last=last))
+        _check_kept(self._packets)
+
+    def next(self) -> _Part[Item]:
+        """Closes, and returns the next part."""
+        self.close()
+        return _Part(self._folder, self._number + 1, self._source)
+
+    def close(self) -> None:
+        """Closes the files, once; the .mcap gets its index."""
+        if self._packets.closed:
+            return
+        with self._packets, self._decisions:
+            if self._mcap is not None:
+                self._mcap.close()
+
+
+def _free_bytes(folder: Path) -> float:
+    """Free space for programs without root's rights."""
+    disk = os.statvfs(folder)
+    return float(disk.f_bavail * disk.f_frsize)
 
 
 def _check_kept(file: BinaryIO) -> None:

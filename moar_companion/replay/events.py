@@ -61,9 +61,9 @@ class EventLog:
             return
         silent = self.now_s - telemetry.link.received_s > SILENCE_S
         if silent and not self.silent:
-            self.tell("link", "the autopilot is not heard")
+            self.tell("link", "the autopilot is not received")
         elif self.silent and not silent:
-            self.tell("link", "the autopilot is heard again")
+            self.tell("link", "the autopilot is received again")
         self.silent = silent
 
     def watch_risk(self, name: str, value: float, report: IndexReport) -> None:
@@ -79,12 +79,12 @@ class EventLog:
         """Adds an event for a message that the listener received."""
         if isinstance(said, AutopilotFound):
             found = said.autopilot
-            self.tell("autopilot", f"{found.kind.value}, system {found.system_id}")
+            self.tell("autopilot", f"{found.kind}, system {found.system_id}")
         elif isinstance(said, AutopilotRestarted):
             self.tell("autopilot", "restarted")
         elif isinstance(said, AutopilotConflict):
             other = said.other
-            self.tell("autopilot", f"a second one: {other.kind.value}, system {other.system_id}")
+            self.tell("autopilot", f"a second one: {other.kind}, system {other.system_id}")
         elif isinstance(said, TextSaid):
             self._take_text(said)
         elif isinstance(said, AnswerSaid):

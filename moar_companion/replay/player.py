@@ -49,8 +49,8 @@ _ROUNDING = 1e-3
 Packet_contra = TypeVar("Packet_contra", contravariant=True)
 
 
-class Hears(Protocol[Packet_contra]):
-    """Reader of a recording, with the state received so far; a `Witness` is one."""
+class RecordingReader(Protocol[Packet_contra]):
+    """Reader of a recording, with the state received so far; a `PassiveListener` is one."""
 
     inputs: dict[str, Input]
     vehicle_type: str | None
@@ -81,7 +81,7 @@ class Player(Generic[Packet_contra]):
     def __init__(
         self,
         vehicle: Vehicle,
-        listener: Hears[Packet_contra],
+        listener: RecordingReader[Packet_contra],
         site_position: SitePosition | None = None,
         *,
         drag: DragFlight | None = None,
@@ -91,7 +91,7 @@ class Player(Generic[Packet_contra]):
         self._site_position = site_position
         self._drag = drag
         self._power = PowerModel.of(vehicle)
-        self._weights = vehicle.weights[Mission.INSPECTION]
+        self._rule = vehicle.rule(Mission.INSPECTION)
         self._clock = _Clock()
         self._chronicle = EventLog(battery_low=vehicle.risk.battery_remaining.high)
         self._ticks = 0
@@ -134,7 +134,7 @@ class Player(Generic[Packet_contra]):
         return Replay(
             recording=recording,
             vehicle=self._vehicle.name,
-            autopilot="unknown" if listener.autopilot is None else listener.autopilot.value,
+            autopilot="unknown" if listener.autopilot is None else listener.autopilot,
             vehicle_type=listener.vehicle_type,
             duration_s=self._packet_s,
             samples=tuple(self._samples),
@@ -228,7 +228,7 @@ class Player(Generic[Packet_contra]):
                     name: index_words(name, values[name], report)
                     for name, report in reports.items()
                 },
-                weights=WeightsReason.of(self._weights, self._risk.indices).to_dict(),
+                weights=WeightsReason.of(self._rule, self._risk.indices).to_dict(),
                 armed=None if autopilot is None else autopilot.armed,
                 mode=None if autopilot is None else autopilot.mode,
                 mission_state=self._chronicle.mission_state,

@@ -7,7 +7,7 @@ import math
 
 from ..config import Supervision
 from ..estimation.pose import Pose
-from ..estimation.pose_tracker import Ground, PoseTracker
+from ..estimation.pose_tracker import PoseTracker, SiteMaps
 from ..frames import PlaneToLocal
 from ..outlets.replay_report import ReplayPlace
 from ..planner.plan_values import PlanRequest
@@ -34,7 +34,7 @@ class SitePosition:
     def __init__(self, planner: Planner) -> None:
         self._planner = planner
         self._planners = PlannerSet(planner)
-        self._ground = Ground(site=planner.site, maps=planner.maps)
+        self._site_maps = SiteMaps(site=planner.site, maps=planner.maps)
         self._limits = Supervision()
         self._pose_tracker = PoseTracker(planner.site, planner.vehicle.autopilot)
         self._planned_s = -math.inf
@@ -57,7 +57,7 @@ class SitePosition:
             armed = telemetry.autopilot is not None and telemetry.autopilot.armed
             due = in_plane and armed and self._has_way_out
             self._evacuation_s = self._evacuation(pose, risk) if due else None
-        clearance_m = self._ground.clearance_m(pose, self._planner.vehicle.radius_m)
+        clearance_m = self._site_maps.clearance_m(pose, self._planner.vehicle.radius_m)
         return ReplayPlace(
             position_m=pose.position_m,
             clearance_m=clearance_m if in_plane else None,
@@ -91,13 +91,15 @@ class SitePosition:
         Includes the leg to the point where a plan may begin.
         """
         start_m = (pose.position_m[0], pose.position_m[2])
+        rule = self._planner.vehicle.rule(Mission.EVACUATION)
         request = PlanRequest(
             mission=Mission.EVACUATION,
             target=None,
             start_m=start_m,
             velocity_mps=(pose.velocity_mps[0], pose.velocity_mps[2]),
-            weights=self._planner.vehicle.weights[Mission.EVACUATION].adjusted(risk),
+            weights=rule.weights(risk),
             risk=risk,
+            adaptation=rule,
         )
         answer = answer_job(self._planners, PlanJob(job_id=0, request=request))
         if answer.plan is None or answer.plan.metrics is None:

@@ -16,7 +16,7 @@ from ..mavlink.passive_listener import Input, Said, TextSaid, type_in_words
 from ..mavlink.statustext import HeardText
 from ..telemetry import Telemetry
 from ..types import AutopilotKind
-from .ulog_topics import ESTIMATOR, ESTIMATOR_SELECTOR, INPUT_OF, TOPICS, Sample, Topic
+from .ulog_topics import ESTIMATOR, ESTIMATOR_SELECTOR, INPUT_OF, TOPICS, UlogSample, UlogTopic
 
 _NO_ESTIMATOR = 255
 """primary_instance before one is selected."""
@@ -24,22 +24,22 @@ _SEVERITIES = ("emergency", "alert", "critical", "error", "warning", "notice", "
 
 
 def samples(
-    topics: Sequence[Topic], texts: Sequence[tuple[int, int, str]], begin_us: int
-) -> Iterator[tuple[float, Sample]]:
+    topics: Sequence[UlogTopic], texts: Sequence[tuple[int, int, str]], begin_us: int
+) -> Iterator[tuple[float, UlogSample]]:
     """Yields all samples in order, with times in seconds since boot. texts: time (us), level, text.
 
     Data published before the log began is present from its beginning. Topics without use for
     a companion are left out.
     """
 
-    def rows(topic: Topic) -> Iterator[tuple[int, int, Sample]]:
+    def rows(topic: UlogTopic) -> Iterator[tuple[int, int, UlogSample]]:
         for row, stamp_us in enumerate(topic.columns["timestamp"]):
-            yield int(stamp_us), row, Sample(topic, row)
+            yield int(stamp_us), row, UlogSample(topic, row)
 
-    def said() -> Iterator[tuple[int, int, Sample]]:
+    def said() -> Iterator[tuple[int, int, UlogSample]]:
         for number, (stamp_us, level, text) in enumerate(sorted(texts)):
             severity = _SEVERITIES[min(max(level, 0), len(_SEVERITIES) - 1)]
-            yield stamp_us, number, Sample(None, 0, HeardText(severity=severity, text=text))
+            yield stamp_us, number, UlogSample(None, 0, HeardText(severity=severity, text=text))
 
     sources = [rows(topic) for topic in topics if topic.name in TOPICS]
     for stamp_us, _, sample in heapq.merge(*sources, said(), key=lambda item: item[:2]):
@@ -47,7 +47,7 @@ def samples(
 
 
 class UlogListener:
-    """Reads a log's samples as the companion reads its autopilot; a `Witness` of another format."""
+    """Reads a log's samples as the companion reads its autopilot, like `PassiveListener`."""
 
     def __init__(self) -> None:
         self.telemetry = Telemetry()
@@ -61,7 +61,7 @@ class UlogListener:
     def tick(self, now_s: float) -> None:
         """Does nothing: a log has no packets to count."""
 
-    def hear(self, sample: Sample, now_s: float) -> list[Said]:
+    def hear(self, sample: UlogSample, now_s: float) -> list[Said]:
         """Takes a sample; returns the events in it."""
         if sample.heard is not None:
             return [TextSaid(ours=False, heard=sample.heard)]

@@ -11,12 +11,13 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from ..autopilots import PX4
 from ..mavlink.modes import is_homeward, is_multirotor, is_ours, mode_name, motor_count
 from ..mavlink.statustext import HeardText
 from ..mavlink.translate_motion import wind_told
 from ..mavlink.translate_motors import motor_outputs
 from ..mavlink.translate_status import (
-    PX4_GPS_GLITCH,
+    ESTIMATOR_GPS_GLITCH,
     horizontal_position_ok,
     innovation,
     radio_told,
@@ -38,7 +39,7 @@ from ..telemetry import (
     RemoteControl,
     Telemetry,
 )
-from ..types import AutopilotKind, GeodeticPoint
+from ..types import GeodeticPoint
 
 ESTIMATOR, ESTIMATOR_SELECTOR = "estimator_status", "estimator_selector_status"
 """Each estimator is an instance of the first topic; the second names the one in use."""
@@ -73,7 +74,7 @@ _CHARGE_STATES = {0: 1, 1: 2, 2: 3, 3: 4, 4: 5, 6: 6, 7: 7}
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Topic:
+class UlogTopic:
     """One instance of a logged topic: columns of equal length, of which one is `timestamp` (us)."""
 
     name: str
@@ -82,10 +83,10 @@ class Topic:
 
 
 @dataclass(frozen=True, slots=True)
-class Sample:
+class UlogSample:
     """Entry of one instant: a row of a topic, or a text with its level."""
 
-    topic: Topic | None
+    topic: UlogTopic | None
     row: int
     heard: HeardText | None = None
 
@@ -109,10 +110,10 @@ class Sample:
         return int(self.value(name) or 0)
 
 
-def _status(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _status(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     main, sub = _MODES.get(sample.whole("nav_state"), (0, 0))
     custom_mode, vehicle_type = main << 16 | sub << 24, sample.whole("system_type")
-    kind = AutopilotKind.PX4
+    kind = PX4
     status = AutopilotStatus(
         received_s=now_s,
         system_id=sample.whole("system_id"),
@@ -130,7 +131,7 @@ def _status(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
     return replace(telemetry, autopilot=status)
 
 
-def _attitude(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _attitude(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     quaternion = sample.values("q[0]", "q[1]", "q[2]", "q[3]")
     if quaternion is None:
         return telemetry
@@ -144,7 +145,7 @@ def _attitude(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
     return replace(telemetry, attitude=attitude)
 
 
-def _local_position(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _local_position(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     if not all(map(sample.whole, ("xy_valid", "z_valid", "v_xy_valid", "v_z_valid"))):
         return telemetry
     position, velocity = sample.values("x", "y", "z"), sample.values("vx", "vy", "vz")
@@ -164,14 +165,14 @@ def _local_position(telemetry: Telemetry, sample: Sample, now_s: float) -> Telem
     return replace(telemetry, local_origin=LocalOrigin(received_s=now_s, point=point))
 
 
-def _global_position(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _global_position(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     point = _point(sample, "lat", "lon", "alt")
     if point is None:
         return telemetry
     return replace(telemetry, global_position=GlobalPosition(received_s=now_s, point=point))
 
 
-def _home(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _home(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     point, position = _point(sample, "lat", "lon", "alt"), sample.values("x", "y", "z")
     if point is None or position is None:
         return telemetry
@@ -180,19 +181,21 @@ def _home(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
     return replace(telemetry, home=home)
 
 
-def _point(sample: Sample, latitude: str, longitude: str, altitude: str) -> GeodeticPoint | None:
+def _point(
+    sample: UlogSample, latitude: str, longitude: str, altitude: str
+) -> GeodeticPoint | None:
     place = sample.values(latitude, longitude, altitude)
     if place is None or place[:2] == (0.0, 0.0):
         return None
     return GeodeticPoint(latitude_deg=place[0], longitude_deg=place[1], altitude_amsl_m=place[2])
 
 
-def _landed(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _landed(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     state = LandedState.ON_GROUND if sample.whole("landed") else LandedState.IN_AIR
     return replace(telemetry, landed=Landed(received_s=now_s, state=state))
 
 
-def _battery(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _battery(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     assert sample.topic is not None
     if not sample.whole("connected"):
         return telemetry
@@ -208,7 +211,7 @@ def _battery(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
     return replace(telemetry, batteries={**telemetry.batteries, sample.topic.instance: battery})
 
 
-def _gnss(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _gnss(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     assert sample.topic is not None
     gnss = Gnss(
         received_s=now_s,
@@ -226,12 +229,12 @@ def _gnss(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
     return replace(telemetry, second_gnss=gnss, better_gnss_taken=True)
 
 
-def _estimator(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _estimator(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     flags = sample.whole("solution_status_flags")
     estimator = Estimator(
         received_s=now_s,
         flags=flags,
-        horizontal_position_ok=horizontal_position_ok(flags, PX4_GPS_GLITCH),
+        horizontal_position_ok=horizontal_position_ok(flags, ESTIMATOR_GPS_GLITCH),
         horizontal_accuracy_m=sample.value("pos_horiz_accuracy") or None,
         vertical_accuracy_m=sample.value("pos_vert_accuracy") or None,
         velocity_innovation=innovation(sample.value("vel_test_ratio") or 0.0),
@@ -242,7 +245,7 @@ def _estimator(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
     return replace(telemetry, estimator=estimator)
 
 
-def _magnetic_field(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _magnetic_field(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     field = sample.values("magnetometer_ga[0]", "magnetometer_ga[1]", "magnetometer_ga[2]")
     strength = 0.0 if field is None else math.hypot(*field)
     if not strength:
@@ -252,7 +255,7 @@ def _magnetic_field(telemetry: Telemetry, sample: Sample, now_s: float) -> Telem
     )
 
 
-def _wind(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _wind(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     wind = sample.values("windspeed_north", "windspeed_east")
     north = sample.value("variance_north", "covariance_north")
     east = sample.value("variance_east", "covariance_east")
@@ -262,7 +265,7 @@ def _wind(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
     return wind_told(telemetry, now_s, (wind[0], wind[1], 0.0), variance_m2ps2)
 
 
-def _remote_control(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _remote_control(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     remote, rssi = telemetry.remote_control, sample.value("rssi")
     known = remote is not None and remote.rssi is not None
     if rssi is not None and not (0.0 <= rssi <= _MAX_RSSI and (rssi or known)):
@@ -271,7 +274,7 @@ def _remote_control(telemetry: Telemetry, sample: Sample, now_s: float) -> Telem
     return replace(telemetry, remote_control=RemoteControl(received_s=now_s, rssi=fraction))
 
 
-def _radio(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _radio(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     return radio_told(
         telemetry,
         now_s,
@@ -282,7 +285,7 @@ def _radio(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
     )
 
 
-def _ground_station(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _ground_station(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     """Reads a flag, and before v1.12 the last heartbeats with their times."""
     stamp_us = sample.whole("timestamp")
     ages_s = [
@@ -300,7 +303,7 @@ def _ground_station(telemetry: Telemetry, sample: Sample, now_s: float) -> Telem
     return replace(telemetry, ground_station=Heard(received_s=heard_s, system_id=255))
 
 
-def _motors(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
+def _motors(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     assert sample.topic is not None
     if sample.topic.instance != 0:
         return telemetry
@@ -308,7 +311,7 @@ def _motors(telemetry: Telemetry, sample: Sample, now_s: float) -> Telemetry:
     return motor_outputs(telemetry, outputs, now_s)
 
 
-_Translator = Callable[[Telemetry, Sample, float], Telemetry]
+_Translator = Callable[[Telemetry, UlogSample, float], Telemetry]
 _TRANSLATORS: dict[str, tuple[str, _Translator]] = {
     "vehicle_status": ("autopilot", _status),
     "vehicle_attitude": ("attitude", _attitude),

@@ -19,21 +19,27 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import partial
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from .. import pilot_texts
 from ..companion.companion import Companion
 from ..companion.intake import Arrival
+from ..companion.reports import Decision
 from ..companion.status import LatestDecisions
 from ..config import CompanionConfig, LinkRole
-from ..estimation.pose_tracker import Ground
-from ..margin import flown_site
+from ..error_margin import flown_site
+from ..estimation.pose_tracker import SiteMaps
 from ..mavlink.link import Link, open_link
 from ..mavlink.link_basics import clock_s
 from ..mavlink.peers import Address
 from ..mavlink.urls import parse_url
+from ..mqtt_config import ORDER_LINK
 from ..outlets.log import log_to_stderr
-from ..outlets.recorder import Recorder
+from ..outlets.recorder import Recorder, RecordingLimits
 from ..planner.planner import Planner
+from ..recording.calls import RecordedCompanion
+from ..recording.channels import Cycle, CycleSampler
+from ..recording.flight_log import FlightLog
 from ..safety.check_inputs import Host
 from ..safety.file_faults import FileFault, words
 from ..site import Site
@@ -50,6 +56,10 @@ from .snapshot_file import SnapshotFile
 from .status_socket import open_view_socket
 from .systemd import Watchdog, notify
 
+if TYPE_CHECKING:
+    from .mqtt_orders import MqttOrders
+    from .mqtt_publisher import MqttPublisher
+
 _SWITCH_INTERVAL_S = 0.0005
 """The planner thread gives the interpreter back to the streaming loop at least this often."""
 _MAX_CYCLE_S = 0.1
@@ -63,6 +73,8 @@ _LONGEST_CATCHING_UP_S = 0.1
 more bytes arrive. 4 MB of queued datagrams are read in 30 ms."""
 _LOOK_PERIOD_S = 1.0
 """Period of the checks of the autopilot's status and the computer's free resources."""
+_CLOCK_SET_S = 0.5
+"""A greater step of the wall clock was set by somebody: a clock that is adjusted drifts less."""
 _SILENCE_S = 5.0
 """An autopilot's heartbeat comes each second: after this time without one a warning is logged."""
 
@@ -87,8 +99,11 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
         before = None if memory is None else memory.load(time.time() - _clock_s(speed))
         signing = load_signing(config, time.time())
         clock = None if signing is None else _open_signing_clock(config, stack)
-        companion = Companion(config, vehicle, None, before=before, signing=signing)
-        make_planner = None if site is None else partial(Planner, site, vehicle)
+        kind = Companion if recorder_folder(config) is None else RecordedCompanion
+        companion = kind(config, vehicle, None, before=before, signing=signing)
+        make_planner = None
+        if site is not None:
+            make_planner = partial(Planner, site, vehicle, clock=time.perf_counter)
         service = Service(config, companion, make_planner, memory, clock, speed=speed)
         asyncio.run(service.run())
     return 0
@@ -147,12 +162,14 @@ class Service:
         self._watchdog = Watchdog()
         self._latest = LatestDecisions()
         self._clock_offset_s = time.time() - self._now_s()
-        self._links: Mapping[str, Link] = {}
+        self._mqtt: MqttPublisher | None = None
+        self._links: Mapping[str, Link | MqttOrders] = {}
         self._arrived: list[Arrival] = []
         self._host = Host()
         self._read_late_s = 0.0
         """Maximum delay between arrival and reading of bytes since the last check."""
-        self._recorder: Recorder | None = None
+        self._recorder: Recorder[Cycle] | None = None
+        self._sampler = CycleSampler()
         self._heard: AutopilotStatus | None = None
 
     async def run(self) -> None:
@@ -171,13 +188,16 @@ class Service:
             host = HostMonitor(None if self._recorder is None else self._recorder.folder)
             stack.callback(host.close)
             await self._open_view(stack)
-            links = {}
+            self._mqtt = self._open_mqtt(stack)
+            links: dict[str, Link | MqttOrders] = {}
             for link in self._config.links:
                 address = parse_url(link.url)
                 receive = partial(self._receive, link.url)
                 links[link.url] = await stack.enter_async_context(open_link(address, receive))
                 signed = "signed " if link.signed else ""
                 _logger.info("%s%s link on %s", signed, link.role.value, address)
+            if self._mqtt is not None and self._mqtt.orders is not None:
+                links[ORDER_LINK] = self._mqtt.orders
             self._links = links
             # Imported objects stay until the process ends: the collector can skip them.
             gc.freeze()
@@ -210,11 +230,11 @@ class Service:
         if planner is not None:
             # So do the compiler's objects: a collection over them stops all threads for 0.2 s.
             gc.freeze()
-            self._companion.take_ground(Ground(site=planner.site, maps=planner.maps))
+            self._companion.take_ground(SiteMaps(site=planner.site, maps=planner.maps))
             _logger.info("planner ready")
             notify("STATUS=planner ready")
         elif progress is not None:
-            words = "compiling planner: {} of {}".format(*progress)
+            words = pilot_texts.COMPILING(parts=progress[0], total=progress[1])
             self._companion.await_planner(words)
             _logger.info("%s", words)
             notify(f"STATUS={words}")
@@ -239,6 +259,8 @@ class Service:
             if self._send(now_s):
                 self._watchdog.feed(now_s / self._speed)
             self._remember(now_s)
+            if self._mqtt is not None:
+                self._mqtt.look(now_s, self._status_now)
             if now_s >= look_s:
                 look_s = now_s + _LOOK_PERIOD_S
                 self._report_autopilot()
@@ -248,6 +270,7 @@ class Service:
                 self._companion.note_host(self._host)
                 self._read_late_s = 0.0
                 self._companion.note_wall_clock(time.time())
+                self._follow_wall_clock(now_s)
                 if self._signing_clock is not None:
                     self._signing_clock.keep(
                         self._companion.signing_timestamps, self._companion.signing_references
@@ -259,6 +282,12 @@ class Service:
             await asyncio.sleep((due_s - self._now_s()) / self._speed)
             if self._is_late(due_s):
                 await self._catch_up()
+
+    def _follow_wall_clock(self, now_s: float) -> None:
+        """Takes the wall clock for the status when it was set: at the start it may be years off."""
+        offset_s = time.time() - now_s
+        if self._speed == 1.0 and abs(offset_s - self._clock_offset_s) > _CLOCK_SET_S:
+            self._clock_offset_s = offset_s
 
     def _is_late(self, due_s: float) -> bool:
         """True if more than the maximum cycle age has passed since `due_s`, in real time."""
@@ -283,6 +312,9 @@ class Service:
 
     def _take_in(self, now_s: float) -> None:
         """Passes received bytes to the companion; here, so that an error also ends the loop."""
+        if self._mqtt is not None and self._mqtt.orders is not None:
+            for packet in self._mqtt.orders.take():
+                self._receive(ORDER_LINK, packet, clock_s(), None)
         arrived, self._arrived = self._arrived, []
         self._companion.take_in(arrived, now_s)
         for contingency, answer in self._worker.answers():
@@ -306,13 +338,27 @@ class Service:
         for item in decisions:
             if item.kind == "text":
                 _logger.info("%s", item.data["text"])
-        heard = self._companion.packets_heard()
-        if self._recorder is not None:
-            self._recorder.write(
-                [*heard, *((now_s, data) for _, data in outgoing)],
-                ((item.time_s, item.kind, item.data) for item in decisions),
-            )
+        self._record(now_s, outgoing, decisions)
         return not late
+
+    def _record(
+        self, now_s: float, sent: list[tuple[str, bytes]], decisions: list[Decision]
+    ) -> None:
+        """Hands the cycle at `now_s` to the recorder."""
+        companion, recorder, cycle = self._companion, self._recorder, None
+        heard = companion.packets_heard()
+        calls = companion.calls() if isinstance(companion, RecordedCompanion) else []
+        if recorder is None or recorder.ended is not None:
+            return
+        if calls:
+            status = self._status_now() if self._sampler.status_is_due(now_s) else None
+            cycle = self._sampler.cycle(companion, calls, status, now_s)
+        recorder.write(
+            [*heard, *((now_s, data) for _, data in sent)],
+            ((item.time_s, item.kind, item.data) for item in decisions),
+            cycle,
+            now_s,
+        )
 
     def _send_in_time(self, now_s: float, url: str, data: bytes) -> bool:
         """Sends a packet of the cycle at `now_s`, but not after a stall; True if it was sent."""
@@ -334,7 +380,7 @@ class Service:
         ended = None if self._recorder is None else self._recorder.ended
         if ended is None:
             return faults
-        reason = f"recording ended: {words(ended)}"
+        reason = pilot_texts.RECORDING_ENDED(fault=words(ended))
         return (*faults, FileFault(reason=reason, action="flying on"))
 
     def _status_now(self) -> dict[str, Any]:
@@ -355,12 +401,34 @@ class Service:
         except OSError as error:
             raise place.not_free(error) from error
 
-    def _open_recorder(self, stack: contextlib.AsyncExitStack) -> Recorder | None:
-        folder = recorder_folder(self._config)
+    def _open_mqtt(self, stack: contextlib.AsyncExitStack) -> MqttPublisher | None:
+        if self._config.mqtt.url is None:
+            return None
+        # Its library is read by those who use it.
+        from .mqtt_publisher import open_publisher  # noqa: PLC0415
+
+        publisher = open_publisher(self._config)
+        if publisher is not None:
+            stack.callback(publisher.close)
+        return publisher
+
+    def _open_recorder(self, stack: contextlib.AsyncExitStack) -> Recorder[Cycle] | None:
+        folder, keys = recorder_folder(self._config), self._config.recorder
         if folder is None:
             return None
         try:
-            recorder = Recorder(folder.path, self._clock_offset_s, self._now_s())
+            recorder = Recorder(
+                folder.path,
+                self._clock_offset_s,
+                self._now_s(),
+                source=FlightLog(self._clock_offset_s),
+                limits=RecordingLimits(
+                    part_bytes=1e6 * keys.part_mb,
+                    part_s=60.0 * keys.part_min,
+                    keep_bytes=1e9 * keys.keep_gb,
+                    floor_bytes=1e6 * keys.floor_mb,
+                ),
+            )
         except OSError as error:
             raise folder.unwritable(error) from error
         stack.callback(recorder.close)
@@ -372,7 +440,7 @@ class Service:
         if self._companion.telemetry.autopilot is None:
             links = [link.url for link in self._config.links if link.role is LinkRole.AUTOPILOT]
             _logger.warning(
-                "no autopilot heard on %s for %g s; is it on, and does it send there?",
+                "no autopilot received on %s for %g s; is it on, and does it send there?",
                 ", ".join(links),
                 _SILENCE_S,
             )
@@ -386,7 +454,7 @@ class Service:
         ):
             _logger.info(
                 "autopilot %s, system %d: %s, %s",
-                heard.kind.value,
+                heard.kind,
                 heard.system_id,
                 heard.mode,
                 "armed" if heard.armed else "disarmed",

@@ -39,7 +39,11 @@ class Directory:
 
 def recorder_folder(config: CompanionConfig) -> Directory | None:
     """Folder of the flight records; None if flights are not recorded."""
-    return _of_file(config, "recorder.directory", config.recorder.directory)
+    if not config.recorder.enabled:
+        return None
+    if config.recorder.directory is not None:
+        return _of_file(config, "recorder.directory", config.recorder.directory)
+    return _of_systemd("STATE_DIRECTORY", "flights")
 
 
 def state_folder(config: CompanionConfig) -> Directory | None:

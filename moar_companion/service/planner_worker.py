@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator
 from concurrent.futures import Future
 from functools import partial
 
+from .. import pilot_texts
 from ..autopilots.failsafe_actions import Failsafes
 from ..planner.planner import Planner
 from ..planning.plan_jobs import PlanAnswer, PlanJob, answer_job, preparations, prepare_for
@@ -139,7 +140,7 @@ class PlannerWorker:
             answer = answer_job(planners, job)
         except Exception as error:  # noqa: BLE001 - the flight goes on without this plan
             _logger.error("the planner failed: %s: %s", type(error).__name__, error)  # noqa: TRY400
-            reason = "the planner failed"
+            reason = pilot_texts.PLANNER_FAILED()
             answer = PlanAnswer(job_id=job.job_id, plan=None, reason=reason, failed=True)
         self._answers.put((contingency, answer))
         if job.failsafes != self._failsafes and (self._failsafes is not None or not contingency):

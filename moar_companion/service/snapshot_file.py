@@ -14,6 +14,7 @@ import logging
 import os
 from pathlib import Path
 
+from .. import pilot_texts
 from ..companion.mission_snapshot import MissionSnapshot, decoded, encoded
 from ..outlets.background_writer import BackgroundWriter, Batches
 from ..safety.file_faults import FileFault, words
@@ -58,13 +59,17 @@ class SnapshotFile:
             return None
         except OSError as error:
             _logger.warning("%s: not read: %s", self._path, error.strerror)
-            self._load_fault = FileFault(reason="state file unreadable", action="starting idle")
+            self._load_fault = FileFault(
+                reason=pilot_texts.STATE_UNREADABLE(), action="starting idle"
+            )
         except ValueError:
             aside = self._path.with_suffix(".broken")
             _logger.warning("%s: no memory of this version, put aside as %s", self._path, aside)
             with contextlib.suppress(OSError):
                 self._path.replace(aside)
-            self._load_fault = FileFault(reason="state file unusable", action="starting idle")
+            self._load_fault = FileFault(
+                reason=pilot_texts.STATE_UNUSABLE(), action="starting idle"
+            )
         return None
 
     def save(self, memory: MissionSnapshot, clock_offset_s: float) -> None:
@@ -84,7 +89,7 @@ class SnapshotFile:
             write_whole(self._path, data)
         except OSError as error:
             level = logging.WARNING if self._write_fault is None else logging.DEBUG
-            reason = f"no state file: {words(error)}"
+            reason = pilot_texts.NO_STATE_FILE(fault=words(error))
             self._write_fault = FileFault(reason=reason, action="restart goes idle")
             _logger.log(level, "%s: not written: %s", self._path, error.strerror)
             for path in (self._beside, self._path):

@@ -1,0 +1,134 @@
+"""The .mcap of a flight in `moar-companion replay`: its packets, and the exact replay of its calls.
+
+A recording goes on in `flight-2.mcap` and so on beside the file that is named. A part that was not
+closed, as that of a killed process, is read as far as its last whole chunk.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from mcap.records import Channel, Header, Message
+from mcap.stream_reader import StreamReader
+
+from ..errors import InputError
+from ..mavlink.codec import Codec
+from ..outlets.recorded_files import part_name
+from ..recording.calls import arguments_decoded
+from ..recording.flight_log import made_with
+from ..recording.schemas import CALLS
+from .outputs import say
+
+if TYPE_CHECKING:
+    from ..mavlink.signing import SigningKey
+
+MAGIC = b"\x89MCAP0\r\n"
+_NUMBER = re.compile(r" \d+\b|(?<=\[)\d+")
+"""Numbers of jobs and places in lists, which are counted together."""
+_MOST_SHOWN = 10
+"""Most differences that are printed; the counts tell of all."""
+
+
+class McapRecording:
+    """A recording in one .mcap or several parts. path: the first of them."""
+
+    def __init__(self, path: str) -> None:
+        self.path = path
+        self.made_with = ""
+        self.cut_short = False
+        """True if a part was not closed; known after its calls were read."""
+
+    def cycles(self) -> Iterator[tuple[float, list[list[Any]]]]:
+        """Yields wall clock and calls of each cycle; raises InputError for an unsound file."""
+        found = False
+        for path in self._parts():
+            try:
+                with path.open("rb") as file:
+                    for cycle in self._cycles_of(StreamReader(file)):
+                        found = True
+                        yield cycle
+            except OSError as error:
+                raise InputError(str(path), "", f"cannot be read: {error.strerror}") from error
+        if not found:
+            raise InputError(self.path, "", f"has no {CALLS}, must be this program's recording")
+
+    def _parts(self) -> Iterator[Path]:
+        first, number = Path(self.path), 2
+        yield first
+        while (following := first.with_name(part_name(first.name, number))).exists():
+            yield following
+            number += 1
+
+    def _cycles_of(self, reader: StreamReader) -> Iterator[tuple[float, list[list[Any]]]]:
+        channels: set[int] = set()
+        try:
+            for record in reader.records:
+                match record:
+                    case Header(library=library):
+                        self.made_with = self.made_with or library
+                    case Channel(id=channel, topic=topic) if topic == CALLS:
+                        channels.add(channel)
+                    case Message(channel_id=channel) if channel in channels:
+                        yield record.log_time * 1e-9, json.loads(record.data)["calls"]
+        except Exception as error:  # whatever mcap makes of a record that is cut
+            self.cut_short = True
+            if not channels:
+                raise InputError(self.path, "", f"is no sound .mcap: {error}") from error
+
+
+def packets(recording: McapRecording) -> Iterator[tuple[float, bytes]]:
+    """Yields time and packet of both directions, as a .tlog of the flight has them."""
+    codecs: dict[Any, Codec] = {}
+    for wall_s, calls in recording.cycles():
+        for method, data, _, result in calls:
+            if method == "take_in":
+                arrived, now_s = arguments_decoded(method, data)
+                for time_s, link, received, address in arrived:
+                    codec = codecs.setdefault(
+                        (link, address), Codec(system_id=1, component_id=1, wanted=())
+                    )
+                    codec.receive(received)
+                    for packet in codec.packets:
+                        yield wall_s + time_s - now_s, packet
+            elif method in {"control_to_send", "data_to_send"}:
+                for _, packet in result:
+                    yield wall_s, bytes.fromhex(packet)
+
+
+def replay_exactly(path: str, key: SigningKey | None) -> int:
+    """Feeds a recording to a new machine and prints where it parts; 1 if it does, else 0."""
+    from ..replay.exact import Difference, ExactReplay  # noqa: PLC0415
+
+    recording, replay = McapRecording(path), ExactReplay(key)
+    differences: list[Difference] = []
+    counts: Counter[str] = Counter()
+    cycles = 0
+    began_s: float | None = None
+    for _, calls in recording.cycles():
+        cycles += 1
+        for call in calls:
+            for difference in replay.feed(call):
+                counts[_NUMBER.sub("", difference.what)] += 1
+                if len(differences) < _MOST_SHOWN:
+                    differences.append(difference)
+        began_s = replay.time_s if began_s is None else began_s
+    compared = ", ".join(f"{number} {kind}s" for kind, number in replay.compared.items())
+    cut = "; not closed, replayed to its last whole second" if recording.cut_short else ""
+    say(f"{path}: {cycles} cycles, {replay.time_s - (began_s or 0.0):.1f} s{cut}\n")
+    say(f"  compared: {compared}\n")
+    for item in differences:
+        say(
+            f"  {item.time_s - (began_s or 0.0):10.2f} s  {item.what}\n"
+            f"      recorded    {item.recorded}\n"
+            f"      recomputed  {item.recomputed}\n"
+        )
+    if counts and recording.made_with != made_with():
+        say(f"  recorded by {recording.made_with}, recomputed by {made_with()}\n")
+    told = "; ".join(f"{what}: {number}" for what, number in counts.most_common())
+    say(f"  {counts.total()} differences: {told}\n" if counts else "  no difference\n")
+    return int(bool(counts))

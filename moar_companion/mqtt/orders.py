@@ -1,0 +1,113 @@
+"""Signed orders: made by an operator's program, checked by the companion. Pure.
+
+    topic    moar/VEHICLE/order
+    payload  {"order": TEXT, "signature": HEX}
+
+TEXT is the JSON of a `payloads.Order`. HEX is the HMAC-SHA256, with the configured key, of three
+lines with line feeds between them: `moar-order-1`, the vehicle's name, and TEXT. The name binds an
+order to one vehicle, also where a fleet has one key.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+import json
+from dataclasses import dataclass
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from .payloads import Order, error_words
+
+_PURPOSE = "moar-order-1"
+_LONGEST_BYTES = 2048
+_MOST_NONCES = 10_000
+"""Orders remembered; beyond them new ones are refused rather than old ones forgotten."""
+
+
+class _Envelope(BaseModel):
+    model_config = ConfigDict(strict=True, extra="forbid")
+
+    order: str
+    signature: str
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RefusedOrder:
+    """Reason why an order is not taken. nonce: None unless it is signed."""
+
+    reason: str
+    nonce: str | None = None
+
+
+def signed_order(order: Order, vehicle: str, key: bytes) -> bytes:
+    """Payload of an order for a vehicle."""
+    text = order.model_dump_json()
+    return json.dumps({"order": text, "signature": _signature(text, vehicle, key)}).encode()
+
+
+def _signature(text: str, vehicle: str, key: bytes) -> str:
+    signed = f"{_PURPOSE}\n{vehicle}\n{text}".encode(errors="surrogatepass")
+    return hmac.new(key, signed, hashlib.sha256).hexdigest()
+
+
+class OrderChecks:
+    """Takes an order when it is signed, fresh, and given once.
+
+    Fresh: its time differs from this computer's clock by the window at most, and it was given after
+    the start, since orders of before are not remembered. A clock that is set back makes no old
+    order fresh.
+    """
+
+    def __init__(self, vehicle: str, key: bytes, window_s: float, wall_s: float) -> None:
+        self._vehicle = vehicle
+        self._key = key
+        self._window_s = window_s
+        self._started_s = self._latest_s = wall_s
+        self._taken: dict[str, float] = {}
+        """Time of each order by its nonce, the oldest arrival first."""
+
+    def check(
+        self, payload: bytes, wall_s: float, *, retained: bool = False
+    ) -> Order | RefusedOrder:
+        """Returns the order, or why it is refused; never raises."""
+        text = self._signed_text(payload)
+        if text is None:
+            return RefusedOrder(reason="wrong signature")
+        try:
+            order = Order.model_validate_json(text)
+        except ValidationError as error:
+            return RefusedOrder(reason=error_words(error))
+        reason = "is retained by the broker" if retained else self._objection(order, wall_s)
+        if reason is not None:
+            return RefusedOrder(reason=reason, nonce=order.nonce)
+        self._taken[order.nonce] = order.time_s
+        return order
+
+    def _signed_text(self, payload: bytes) -> str | None:
+        if len(payload) > _LONGEST_BYTES:
+            return None
+        try:
+            envelope = _Envelope.model_validate_json(payload)
+        except ValidationError:
+            return None
+        expected = _signature(envelope.order, self._vehicle, self._key)
+        right = hmac.compare_digest(
+            expected.encode(), envelope.signature.lower().encode(errors="replace")
+        )
+        return envelope.order if right else None
+
+    def _objection(self, order: Order, wall_s: float) -> str | None:
+        self._latest_s = max(self._latest_s, wall_s)
+        oldest_s = self._latest_s - self._window_s
+        if order.time_s > wall_s + self._window_s:
+            return f"given {order.time_s - wall_s:.0f} s ahead of this clock"
+        if order.time_s < oldest_s:
+            return f"given {self._latest_s - order.time_s:.0f} s ago (limit {self._window_s:g} s)"
+        if order.time_s < self._started_s:
+            return "given before the companion's start"
+        if order.nonce in self._taken:
+            return "given before"
+        for nonce in [nonce for nonce, time_s in self._taken.items() if time_s < oldest_s]:
+            del self._taken[nonce]
+        return "too many orders" if len(self._taken) >= _MOST_NONCES else None

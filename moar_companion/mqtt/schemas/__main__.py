@@ -1,0 +1,8 @@
+"""Writes the schemas anew."""
+
+from __future__ import annotations
+
+from . import FOLDER, schemas
+
+for name, text in schemas().items():
+    (FOLDER / name).write_text(text, encoding="utf-8")

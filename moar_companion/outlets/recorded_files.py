@@ -1,0 +1,52 @@
+"""Recordings in a directory: their names, and which of them make room for new ones.
+
+Only files that the recorder has named are removed, the oldest first: those of earlier flights, then
+earlier parts of this one. The order is that of the names, for a host's clock may be wrong.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import re
+from collections.abc import Collection
+from pathlib import Path
+
+_FLIGHT = re.compile(r"flight_\d{8}T\d{6}\.\d{6}Z")
+_FILE = re.compile(r"(?:flight|decisions)(?:-(\d+))?\.(?:tlog|jsonl|mcap)")
+
+_logger = logging.getLogger(__name__)
+
+
+def part_name(name: str, number: int) -> str:
+    """The name of a file in a part: `flight.mcap`, `flight-2.mcap`."""
+    path = Path(name)
+    return name if number == 1 else f"{path.stem}-{number}{path.suffix}"
+
+
+def make_room(
+    directory: Path, kept: Collection[Path], most_bytes: float, short_bytes: float
+) -> None:
+    """Removes the oldest recordings until all have at most `most_bytes`.
+
+    kept: files that stay. short_bytes: to be removed at least, if there is as much. Raises OSError
+    if the directory cannot be read.
+    """
+    files = [
+        (folder.name, int(name[1] or 1), path, path.stat().st_size)
+        for folder in directory.iterdir()
+        if _FLIGHT.fullmatch(folder.name) and folder.is_dir() and not folder.is_symlink()
+        for path in folder.iterdir()
+        if (name := _FILE.fullmatch(path.name)) and path.is_file()
+    ]
+    over_bytes = max(sum(size for *_, size in files) - most_bytes, short_bytes)
+    for _, _, path, size in sorted(files):
+        if over_bytes <= 0.0:
+            return
+        if path in kept:
+            continue
+        with contextlib.suppress(OSError):
+            path.unlink()
+            over_bytes -= size
+            _logger.info("removed %s to make room", path)
+            path.parent.rmdir()

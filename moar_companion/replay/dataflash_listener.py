@@ -1,0 +1,342 @@
+"""ArduPilot's onboard log as a recording: messages to telemetry, as the companion has it. Pure.
+
+Names and fields are those of ArduPilot 4 (libraries/AP_Logger/LogStructure.h and its parts). Of
+several estimators the log names the one in use. What a log lacks stays unknown: the companion's
+link is not in it, and the log of a default ArduPilot begins when it is armed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any
+
+from ..autopilots import ARDUPILOT, profile
+from ..mavlink.codec import SourceStatistics
+from ..mavlink.dataflash import Row
+from ..mavlink.identity import Autopilot, AutopilotFound
+from ..mavlink.modes import is_homeward, is_multirotor, is_ours, mode_name, motor_count
+from ..mavlink.passive_listener import Input, Said, TextSaid, type_in_words
+from ..mavlink.statustext import HeardText
+from ..mavlink.translate_motion import wind_told
+from ..mavlink.translate_motors import motor_outputs
+from ..mavlink.translate_status import horizontal_position_ok, innovation, radio_told
+from ..telemetry import (
+    Attitude,
+    AutopilotStatus,
+    Battery,
+    Estimator,
+    GlobalPosition,
+    Gnss,
+    Home,
+    Landed,
+    LandedState,
+    LocalOrigin,
+    LocalPosition,
+    MagneticField,
+    RemoteControl,
+    Telemetry,
+)
+from ..types import AutopilotKind, GeodeticPoint
+
+_ALIVE_S = 0.5
+"""Age from which the mode is taken as told again: the log has its changes, and the autopilot lives
+while it logs."""
+_GLITCH = 1 << 14
+"""nav_filter_status: GPS glitching (AP_NavEKF/AP_Nav_Common.h); the first ten bits are those of
+EKF_STATUS_REPORT."""
+_WEEK_S = 604_800.0
+_FIRMWARES = {"ArduPlane": 1, "Rover": 10, "ArduSub": 12}
+"""MAV_TYPE by the name of the firmware; a copter's is by its frame."""
+_FRAMES = {1: 2, 2: 13, 3: 14, 4: 14, 5: 13, 6: 4, 7: 15, 12: 29}
+"""FRAME_CLASS (AP_Motors_Class.h) to MAV_TYPE."""
+_QUADROTOR = 2
+_FAILSAFES = {5, 6, 8, 17}
+"""Subsystems of ERR (LogErrorSubsystem): failsafe of radio, battery, ground station, estimator."""
+_EVENTS_ARMED = {10: True, 15: True, 11: False}
+_EVENTS_LANDED = {18: LandedState.ON_GROUND, 28: LandedState.IN_AIR}
+"""LogEvent: armed, auto-armed, disarmed; landed, not landed."""
+
+
+class DataflashListener:
+    """Reads a log as the companion reads its autopilot; a `Witness` of another format."""
+
+    def __init__(self) -> None:
+        self.telemetry = Telemetry()
+        self.autopilot: AutopilotKind | None = None
+        self.vehicle_type: str | None = None
+        self.leans = True
+        self.inputs = {name: Input() for name in dict.fromkeys(INPUT_OF.values()) if name}
+        self.sources: dict[tuple[int, int], SourceStatistics] = {}
+        self._type = _QUADROTOR
+        self._mode = 0
+        self._armed = False
+        self._failing: set[int] = set()
+        self._core = 0
+        self._accuracies: dict[int, dict[str, Any]] = {}
+
+    def tick(self, now_s: float) -> None:
+        """Does nothing: a log has no packets to count."""
+
+    def hear(self, row: Row, now_s: float) -> list[Said]:
+        """Takes a message; returns the events in it."""
+        name, fields = row
+        before = self.telemetry
+        try:
+            said = _READERS[name](self, fields, now_s) or []
+        except (KeyError, TypeError):  # fields of another version
+            return []
+        status = self.telemetry.autopilot
+        if status is not None and now_s - status.received_s > _ALIVE_S:
+            self._note_status(now_s)
+        source = INPUT_OF[name]
+        if source and self.telemetry is not before:
+            self.inputs[source] = Input(messages=self.inputs[source].messages + 1, last_s=now_s)
+        return said
+
+    # Status
+
+    def _note_status(self, now_s: float) -> list[Said]:
+        """Tells mode and armed state, as a heartbeat would."""
+        mode, kind = self._mode, self._type
+        status = AutopilotStatus(
+            received_s=now_s,
+            system_id=1,
+            component_id=1,
+            kind=ARDUPILOT,
+            armed=self._armed,
+            custom_mode=mode,
+            mode=mode_name(ARDUPILOT, mode, kind),
+            ours=is_ours(ARDUPILOT, mode, kind),
+            homeward=is_homeward(ARDUPILOT, mode, kind),
+            multirotor=is_multirotor(kind),
+            failsafe=bool(self._failing),
+            vehicle_type=kind,
+            motors=motor_count(kind),
+        )
+        self.telemetry = replace(self.telemetry, autopilot=status)
+        self.vehicle_type, self.leans = type_in_words(kind), is_multirotor(kind)
+        if self.autopilot is not None:
+            return []
+        self.autopilot = ARDUPILOT
+        found = Autopilot(system_id=1, component_id=1, kind=ARDUPILOT, link="log")
+        return [AutopilotFound(autopilot=found)]
+
+    def read_mode(self, fields: dict[str, Any], now_s: float) -> list[Said]:
+        """Takes MODE."""
+        self._mode = int(fields["ModeNum"])
+        return self._note_status(now_s)
+
+    def read_armed(self, fields: dict[str, Any], now_s: float) -> list[Said]:
+        """Takes ARM."""
+        self._armed = bool(fields["ArmState"])
+        return self._note_status(now_s)
+
+    def read_event(self, fields: dict[str, Any], now_s: float) -> list[Said]:
+        """Takes EV."""
+        event = int(fields["Id"])
+        landed = _EVENTS_LANDED.get(event)
+        if landed is not None:
+            told = Landed(received_s=now_s, state=landed)
+            self.telemetry = replace(self.telemetry, landed=told)
+        if event not in _EVENTS_ARMED:
+            return []
+        self._armed = _EVENTS_ARMED[event]
+        return self._note_status(now_s)
+
+    def read_error(self, fields: dict[str, Any], now_s: float) -> list[Said]:
+        """Takes ERR."""
+        subsystem, code = int(fields["Subsys"]), int(fields["ECode"])
+        if subsystem in _FAILSAFES:
+            (self._failing.add if code else self._failing.discard)(subsystem)
+        text = HeardText(severity="error", text=f"ERR subsystem {subsystem}, code {code}")
+        return [*self._note_status(now_s), TextSaid(ours=False, heard=text)]
+
+    def read_text(self, fields: dict[str, Any], _now_s: float) -> list[Said]:
+        """Takes MSG."""
+        text = str(fields["Message"])
+        for firmware, vehicle_type in _FIRMWARES.items():
+            if text.startswith(firmware):
+                self._type = vehicle_type
+        return [TextSaid(ours=False, heard=HeardText(severity="info", text=text))]
+
+    def read_parameter(self, fields: dict[str, Any], _now_s: float) -> None:
+        """Takes PARM."""
+        name, value = fields["Name"], float(fields["Value"])
+        if name == "FRAME_CLASS" and self._type == _QUADROTOR:
+            self._type = _FRAMES.get(int(value), _QUADROTOR)
+        elif name == "MOT_PWM_MIN" and value > 0.0:
+            self.telemetry = replace(self.telemetry, motor_min_us=value)
+        elif name == "MOT_PWM_MAX" and value > 0.0:
+            self.telemetry = replace(self.telemetry, motor_max_us=value)
+
+    # Position
+
+    def read_attitude(self, fields: dict[str, Any], now_s: float) -> None:
+        """Takes ATT, degrees."""
+        attitude = Attitude(
+            received_s=now_s,
+            roll_rad=math.radians(fields["Roll"]),
+            pitch_rad=math.radians(fields["Pitch"]),
+            yaw_rad=math.radians(math.remainder(fields["Yaw"], 360.0)),
+        )
+        self.telemetry = replace(self.telemetry, attitude=attitude)
+
+    def read_estimate(self, fields: dict[str, Any], now_s: float) -> None:
+        """Takes XKF1: position and velocity about the origin."""
+        if fields.get("C", 0) != self._core:
+            return
+        local = LocalPosition(
+            received_s=now_s,
+            boot_s=fields["TimeUS"] * 1e-6,
+            position_ned_m=(fields["PN"], fields["PE"], fields["PD"]),
+            velocity_ned_mps=(fields["VN"], fields["VE"], fields["VD"]),
+        )
+        self.telemetry = replace(self.telemetry, local_position=local)
+
+    def read_position(self, fields: dict[str, Any], now_s: float) -> None:
+        """Takes POS."""
+        position = GlobalPosition(received_s=now_s, point=_point(fields))
+        self.telemetry = replace(self.telemetry, global_position=position)
+
+    def read_origin(self, fields: dict[str, Any], now_s: float) -> None:
+        """Takes ORGN: the estimator's origin, or home."""
+        point = _point(fields)
+        if fields["Type"] == 0:
+            origin = LocalOrigin(received_s=now_s, point=point)
+            self.telemetry = replace(self.telemetry, local_origin=origin)
+        elif self.telemetry.local_origin is not None:
+            origin_point = self.telemetry.local_origin.point
+            place = profile(ARDUPILOT).to_local_ned(point, origin_point)
+            home = Home(received_s=now_s, point=point, position_ned_m=place)
+            self.telemetry = replace(self.telemetry, home=home)
+
+    def read_wind(self, fields: dict[str, Any], now_s: float) -> None:
+        """Takes XKF2: the estimated wind; zero is no estimate."""
+        if fields.get("C", 0) == self._core:
+            wind = (fields["VWN"], fields["VWE"], 0.0)
+            self.telemetry = wind_told(self.telemetry, now_s, wind, 0.0)
+
+    # Health
+
+    def read_health(self, fields: dict[str, Any], now_s: float) -> None:
+        """Takes XKF4: innovations as fractions of the accepted ones, and status."""
+        self._core = max(0, int(fields.get("PI", 0)))
+        if fields.get("C", 0) != self._core:
+            return
+        flags = int(fields["SS"])
+        estimator = Estimator(
+            received_s=now_s,
+            flags=flags,
+            horizontal_position_ok=horizontal_position_ok(flags, _GLITCH),
+            horizontal_accuracy_m=None,
+            velocity_innovation=innovation(fields["SV"]),
+            position_innovation=innovation(fields["SP"]),
+            height_innovation=innovation(fields["SH"]),
+            compass_innovation=innovation(fields["SM"]),
+        )
+        self.telemetry = replace(self.telemetry, estimator=estimator)
+
+    def read_accuracy(self, fields: dict[str, Any], _now_s: float) -> None:
+        """Takes GPA, which comes before its GPS."""
+        self._accuracies[fields.get("I", 0)] = fields
+
+    def read_gnss(self, fields: dict[str, Any], now_s: float) -> None:
+        """Takes GPS."""
+        instance = fields.get("I", 0)
+        accuracy = self._accuracies.get(instance, {})
+        gnss = Gnss(
+            received_s=now_s,
+            receiver_s=_WEEK_S * fields["GWk"] + fields["GMS"] * 1e-3,
+            fix_type=int(fields["Status"]),
+            satellites=int(fields["NSats"]),
+            hdop=fields["HDop"] or None,
+            vdop=accuracy.get("VDop") or None,
+            horizontal_accuracy_m=accuracy.get("HAcc") or None,
+            vertical_accuracy_m=accuracy.get("VAcc") or None,
+        )
+        if instance == 0:
+            self.telemetry = replace(self.telemetry, gnss=gnss)
+        elif instance == 1:
+            self.telemetry = replace(self.telemetry, second_gnss=gnss)
+
+    def read_battery(self, fields: dict[str, Any], now_s: float) -> None:
+        """Takes BAT."""
+        percent, current_a = fields.get("RemPct"), fields["Curr"]
+        battery = Battery(
+            received_s=now_s,
+            remaining=None if percent is None or not 0 <= percent <= 100 else percent / 100.0,
+            voltage_v=fields["Volt"] or None,
+            current_a=current_a if current_a >= 0.0 else None,
+            charge_state=None,
+        )
+        number = int(fields.get("Inst", fields.get("Instance", 0)))
+        batteries = {**self.telemetry.batteries, number: battery}
+        self.telemetry = replace(self.telemetry, batteries=batteries)
+
+    def read_magnetometer(self, fields: dict[str, Any], now_s: float) -> None:
+        """Takes MAG, milligauss."""
+        gauss = 1e-3 * math.hypot(fields["MagX"], fields["MagY"], fields["MagZ"])
+        if fields.get("I", 0) == 0 and gauss:
+            field = MagneticField(received_s=now_s, strength_gauss=gauss)
+            self.telemetry = replace(self.telemetry, magnetic_field=field)
+
+    def read_motors(self, fields: dict[str, Any], now_s: float) -> None:
+        """Takes RCOU."""
+        pulses = (fields[f"C{number}"] for number in range(1, 15))
+        self.telemetry = motor_outputs(self.telemetry, pulses, now_s)
+
+    def read_remote_control(self, fields: dict[str, Any], now_s: float) -> None:
+        """Takes RSSI."""
+        remote = RemoteControl(received_s=now_s, rssi=fields["RXRSSI"])
+        self.telemetry = replace(self.telemetry, remote_control=remote)
+
+    def read_radio(self, fields: dict[str, Any], now_s: float) -> None:
+        """Takes RAD."""
+        self.telemetry = radio_told(
+            self.telemetry,
+            now_s,
+            here=(fields["RSSI"], fields["Noise"]),
+            there=(fields["RemRSSI"], fields["RemNoise"]),
+            receive_errors=fields["RxErrors"],
+            free_percent=fields["TxBuf"],
+        )
+
+
+def _point(fields: dict[str, Any]) -> GeodeticPoint:
+    return GeodeticPoint(
+        latitude_deg=fields["Lat"], longitude_deg=fields["Lng"], altitude_amsl_m=fields["Alt"]
+    )
+
+
+_Reader = Callable[[DataflashListener, dict[str, Any], float], list[Said] | None]
+_TABLE: dict[str, tuple[str, _Reader]] = {
+    "MODE": ("autopilot", DataflashListener.read_mode),
+    "ARM": ("autopilot", DataflashListener.read_armed),
+    "EV": ("landed", DataflashListener.read_event),
+    "ERR": ("autopilot", DataflashListener.read_error),
+    "MSG": ("", DataflashListener.read_text),
+    "PARM": ("", DataflashListener.read_parameter),
+    "ATT": ("attitude", DataflashListener.read_attitude),
+    "XKF1": ("local_position", DataflashListener.read_estimate),
+    "NKF1": ("local_position", DataflashListener.read_estimate),
+    "POS": ("global_position", DataflashListener.read_position),
+    "ORGN": ("home", DataflashListener.read_origin),
+    "XKF2": ("wind", DataflashListener.read_wind),
+    "NKF2": ("wind", DataflashListener.read_wind),
+    "XKF4": ("estimator", DataflashListener.read_health),
+    "NKF4": ("estimator", DataflashListener.read_health),
+    "GPA": ("gps", DataflashListener.read_accuracy),
+    "GPS": ("gps", DataflashListener.read_gnss),
+    "BAT": ("battery", DataflashListener.read_battery),
+    "MAG": ("magnetometer", DataflashListener.read_magnetometer),
+    "RCOU": ("motors", DataflashListener.read_motors),
+    "RSSI": ("remote_control", DataflashListener.read_remote_control),
+    "RAD": ("radio", DataflashListener.read_radio),
+}
+_READERS = {name: entry[1] for name, entry in _TABLE.items()}
+MESSAGES = frozenset(_TABLE)
+"""Messages that are read."""
+INPUT_OF = {name: entry[0] for name, entry in _TABLE.items()}
+"""Input of each message; empty for those of none."""

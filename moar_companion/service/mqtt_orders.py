@@ -1,0 +1,106 @@
+"""Orders over MQTT, between the client's thread, which checks them, and the control loop.
+
+To the loop they are packets of a link, judged as those of a ground station; answers are published.
+Both directions are bounded: a flood of orders is refused in the thread.
+"""
+
+from __future__ import annotations
+
+import logging
+import time
+from collections import deque
+from collections.abc import Sequence
+
+from ..mavlink.commands import CommandResult
+from ..mavlink.link_basics import clock_s
+from ..mavlink.order_link import OrderLink
+from ..mavlink.peers import Address
+from ..mavlink.rate_limits import RateLimit
+from ..mqtt.orders import OrderChecks
+from ..mqtt.payloads import Order, Reply
+from ..mqtt.topics import ORDER, REPLY, Message, topic_name
+
+_MOST_WAITING = 8
+"""Orders for the next cycle: more than an operator gives in 20 ms."""
+_MOST_REPLIES = 64
+
+_logger = logging.getLogger(__name__)
+
+
+class MqttOrders:
+    """The orders of one vehicle, and the link on which its control loop has them."""
+
+    def __init__(self, vehicle: str, checks: OrderChecks, component_id: int) -> None:
+        self.topic = topic_name(vehicle, ORDER)
+        self._reply_topic = topic_name(vehicle, REPLY)
+        self._checks = checks
+        self._link = OrderLink(component_id)
+        self._waiting: deque[Order] = deque()
+        self._replies: deque[Reply] = deque(maxlen=_MOST_REPLIES)
+        self._packets: list[bytes] = []
+        self._refusals = RateLimit(burst=10, rate_hz=1.0)
+        self._told: set[str] = set()
+
+    # The client's thread
+
+    def receive(self, payload: bytes, *, retained: bool) -> None:
+        """Takes a message of the order topic."""
+        found = self._checks.check(payload, time.time(), retained=retained)
+        if not isinstance(found, Order):
+            self._refuse(found.nonce, found.reason)
+        elif len(self._waiting) >= _MOST_WAITING:
+            reason = "too many orders at once"
+            self._reply(found.nonce, CommandResult.TEMPORARILY_REJECTED, reason)
+        else:
+            self._waiting.append(found)
+
+    def replies(self) -> list[Message]:
+        """Replies to be published."""
+        replies = []
+        while self._replies:
+            payload = self._replies.popleft().model_dump_json().encode()
+            replies.append(Message(topic=self._reply_topic, payload=payload, qos=1, retain=False))
+        return replies
+
+    def _refuse(self, nonce: str | None, reason: str) -> None:
+        """Replies to a refused order, but not to a flood of them."""
+        if not self._refusals.allows(None, clock_s()):
+            return
+        self._reply(nonce, CommandResult.DENIED, reason)
+        level = logging.DEBUG if reason in self._told or len(self._told) > 10 else logging.WARNING
+        self._told.add(reason)
+        _logger.log(level, "MQTT: an order was refused: %s", reason)
+
+    # The control loop
+
+    def take(self) -> list[bytes]:
+        """Packets of the orders since the last call."""
+        packets = []
+        while self._waiting:
+            order = self._waiting.popleft()
+            packets.append(self._link.packet(order.nonce, order.mission, order.target))
+        return packets
+
+    def send(self, data: bytes, _longest_wait_s: float, _peers: Sequence[Address]) -> None:
+        """Takes a packet of the companion, as a link does."""
+        self._packets.append(data)
+
+    def answer(self) -> None:
+        """Replies to what the packets of this cycle answer."""
+        packets, self._packets = self._packets, []
+        for answer in self._link.answers(packets):
+            self._reply(answer.order_id, answer.result, answer.reason)
+
+    def _reply(self, nonce: str | None, result: CommandResult, reason: str) -> None:
+        final = result is not CommandResult.IN_PROGRESS
+        self._replies.append(
+            Reply.model_validate(
+                {
+                    "time_s": time.time(),
+                    "nonce": nonce,
+                    "result": result.name,
+                    "final": final,
+                    "reason": reason,
+                }
+            )
+        )
