@@ -63,7 +63,7 @@ def real_time(test):
 
 
 def inconclusive(item):
-    """Why a failure is no verdict; None where it is one, or where there is another try."""
+    """Reason why a failure is no verdict; None where it is one, or where there is another try."""
     if item.get_closest_marker("real_time") is None or item.execution_count <= _RERUNS:
         return None
     stood_still = _machine_stood_still()

@@ -16,7 +16,7 @@ class Stopped:
     def __init__(self, reading, writing):
         self.writing = writing
         self.data = bytearray()
-        """What was written after it was full, as far as it has been read."""
+        """Bytes that were written after it was full, as far as they have been read."""
         self._reading = reading
         os.set_blocking(writing, False)
         self._filled = 0
@@ -37,7 +37,7 @@ class Stopped:
             self._thread.start()
 
     def rest(self):
-        """What was written, once it is let go on and nobody has it open any more.
+        """Bytes that were written, once it is resumed and nobody has it open any more.
 
         Fails when somebody stood still with it until the test went on without him.
         """

@@ -10,6 +10,7 @@ import pytest
 from moar_companion import cli
 from moar_companion.config import CompanionConfig, LinkConfig, shipped_configs
 from moar_companion.errors import InputError, LinkError
+from tests.one_line import one_line
 
 SITE = str(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 PLAN = ["plan", SITE, "--mission", "inspection"]
@@ -99,12 +100,8 @@ def test_help_names_every_command_and_shows_examples(capsys):
     ],
 )
 def test_wrong_usage_is_one_line_and_status_2(argv, words, capsys, configs):
-    assert cli.main(argv) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("moar-companion: ")
-    assert err.count("\n") == 1
-    assert [word for word in words if word not in err] == []
+    line = one_line(argv, 2, capsys)
+    assert [word for word in words if word not in line] == []
     assert configs == []
 
 

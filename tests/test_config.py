@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+import yaml
 from pydantic import BaseModel
 
 from moar_companion.config import (
@@ -20,7 +21,7 @@ from moar_companion.config import (
     KeySource,
     LinkConfig,
     LinkRole,
-    Recorder,
+    RecorderSettings,
     Replanning,
     State,
     Supervision,
@@ -94,7 +95,7 @@ signing: {key_file: signing.key, credential: mavlink}
         supervision=Supervision(
             position_timeout_s=1.0, heartbeat_timeout_s=5.0, plane_tolerance_m=1.5
         ),
-        recorder=Recorder(directory=tmp_path / "flights"),
+        recorder=RecorderSettings(directory=tmp_path / "flights"),
         state=State(directory=tmp_path / "state"),
     )
 
@@ -173,7 +174,8 @@ def test_the_vehicle_of_the_command_line_replaces_that_of_the_file(tmp_path: Pat
         ("commands: {systems: []}", "commands.systems: has a length of 0, must be at least 1"),
         ("commands: {signed_only: 1}", "commands.signed_only: is 1, must be true or false"),
         ("commands: {system: 1}", "commands.system: is not a known key, did you mean systems?"),
-        ("recorder: {folder: a}", "recorder.folder: is not a known key, must be one of directory"),
+        ("recorder: {folder: a}", "recorder.folder: is not a known key, must be one of enabled, "),
+        ("recorder: {part_mb: 0}", "recorder.part_mb: is 0, must be at least 1"),
         ("supervison: {}", "supervison: is not a known key, did you mean supervision?"),
         ("vehicle: other.yaml", "vehicle: is given twice (lines 1 and 2), must be once"),
     ],
@@ -198,6 +200,7 @@ def test_the_package_carries_the_configurations_of_the_checkout() -> None:
     checkout = Path(__file__).resolve().parent.parent / "configs"
     assert shipped_configs().resolve() == checkout
     assert sorted(path.name for path in checkout.iterdir()) == [
+        "MQTT.md",
         "README.md",
         "SECURITY.md",
         "companion.yaml",
@@ -213,6 +216,34 @@ def documented_keys(schema: type[BaseModel]) -> Iterator[str]:
             inner = part.schema if isinstance(part, Section) else _model_in(part)
             if inner:
                 yield from documented_keys(inner)
+
+
+def missing_keys(schema: type[BaseModel], written: object, where: str = "") -> Iterator[str]:
+    """Keys of the schema that a file does not have; of a list, every item needs all keys."""
+    if isinstance(written, list):
+        for item in written:
+            yield from missing_keys(schema, item, where)
+        return
+    assert isinstance(written, dict)
+    for name, field in schema.model_fields.items():
+        if name not in written:
+            yield f"{where}{name}"
+            continue
+        for part in (field.annotation, *field.metadata):
+            inner = part.schema if isinstance(part, Section) else _model_in(part)
+            if inner:
+                yield from missing_keys(inner, written[name], f"{where}{name}.")
+
+
+def test_the_shipped_configuration_has_every_key() -> None:
+    written = yaml.safe_load((shipped_configs() / "companion.yaml").read_text())
+    assert list(missing_keys(_CompanionFile, written)) == []
+    del written["supervision"]["wind_limit_mps"], written["links"][0]["signed"], written["view"]
+    assert set(missing_keys(_CompanionFile, written)) == {
+        "supervision.wind_limit_mps",
+        "links.signed",
+        "view",
+    }
 
 
 @pytest.mark.parametrize("schema", [_CompanionFile, _SiteFile, _VehicleFile])

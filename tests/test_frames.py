@@ -8,15 +8,15 @@ import random
 import numpy as np
 import pytest
 
+from moar_companion import autopilots
 from moar_companion.frames import (
     PlaneToLocal,
     SiteFrame,
-    geodetic_to_local_ned,
     radii_of_curvature_m,
 )
-from moar_companion.types import AutopilotKind, GeodeticPoint
+from moar_companion.types import GeodeticPoint
 
-PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
+PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 ORIGIN = GeodeticPoint(latitude_deg=45.3781, longitude_deg=-71.9295, altitude_amsl_m=210.0)
 
 
@@ -108,7 +108,7 @@ def test_px4s_frame_is_its_own_formula_beyond_the_reach_of_the_arccosines_roundi
             130.0,
         )
         expected = px4_projection(point, origin)
-        north, east, down = geodetic_to_local_ned(point, origin, PX4)
+        north, east, down = autopilots.profile(PX4).to_local_ned(point, origin)
         # The arccosine near 1 has a relative error of eps / c^2: 1e-6 at 100 m.
         assert (north, east) == pytest.approx(expected, rel=5e-6, abs=1e-3)
         assert down == -30.0
@@ -117,14 +117,14 @@ def test_px4s_frame_is_its_own_formula_beyond_the_reach_of_the_arccosines_roundi
 def test_px4s_frame_keeps_its_precision_over_centimetres():
     step_deg = math.degrees(0.01 / 6_371_000.0)
     point = geodetic(ORIGIN.latitude_deg + step_deg, ORIGIN.longitude_deg)
-    assert geodetic_to_local_ned(point, ORIGIN, PX4)[0] == pytest.approx(0.01, abs=1e-8)
-    assert geodetic_to_local_ned(ORIGIN, ORIGIN, PX4) == (0.0, 0.0, 0.0)
+    assert autopilots.profile(PX4).to_local_ned(point, ORIGIN)[0] == pytest.approx(0.01, abs=1e-8)
+    assert autopilots.profile(PX4).to_local_ned(ORIGIN, ORIGIN) == (0.0, 0.0, 0.0)
 
 
 def test_ardupilots_frame_scales_degrees_by_its_own_constant():
     # LOCATION_SCALING_FACTOR: 0.011131884502145034 m for 1e-7 degrees.
     point = geodetic(ORIGIN.latitude_deg + 1e-3, ORIGIN.longitude_deg + 1e-3, 200.0)
-    north, east, down = geodetic_to_local_ned(point, ORIGIN, ARDUPILOT)
+    north, east, down = autopilots.profile(ARDUPILOT).to_local_ned(point, ORIGIN)
     metres = 1e4 * 0.011131884502145034
     assert north == pytest.approx(metres, abs=1e-6)
     middle = math.radians(ORIGIN.latitude_deg + 0.5e-3)
@@ -135,7 +135,7 @@ def test_ardupilots_frame_scales_degrees_by_its_own_constant():
 # The two composed -------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", list(AutopilotKind))
+@pytest.mark.parametrize("kind", [*autopilots.PROFILES, autopilots.UNKNOWN])
 def test_local_ned_and_the_plane_are_inverse(kind):
     rng = random.Random("inverse")
     for _ in range(100):
@@ -160,7 +160,7 @@ def test_the_affine_map_is_the_projection_of_the_geodetic_point(kind):
         home = frame.to_geodetic((rng.uniform(-200, 200), rng.uniform(-200, 200), -1.0))
         both = PlaneToLocal.between(frame, home, kind)
         position = (rng.uniform(-60, 60), rng.uniform(-60, 60), rng.uniform(0, 40))
-        expected = geodetic_to_local_ned(frame.to_geodetic(position), home, kind)
+        expected = autopilots.profile(kind).to_local_ned(frame.to_geodetic(position), home)
         assert both.position_to_ned(position) == pytest.approx(expected, abs=5e-3)
 
 

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from moar_companion.config import shipped_configs
 from moar_companion.errors import InputError
 from moar_companion.frames import SiteFrame
-from moar_companion.outline import outline_problem
+from moar_companion.polygon_outline import outline_problem
 from moar_companion.site import MAX_VERTICES, Conductor, Polygon, Site, Target, Workspace
 from moar_companion.types import GeodeticPoint, Mission
 

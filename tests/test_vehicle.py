@@ -7,9 +7,11 @@ from pathlib import Path
 
 import pytest
 
+from moar_companion import autopilots
+from moar_companion.adaptation import AdaptationKind
 from moar_companion.config import shipped_configs
 from moar_companion.errors import InputError
-from moar_companion.types import AutopilotKind, Mission, Weights
+from moar_companion.types import Mission, Weights
 from moar_companion.vehicle import (
     Guidance,
     Range,
@@ -61,7 +63,7 @@ def test_the_example_of_the_contract(tmp_path: Path) -> None:
     assert (weights.safety, weights.time, weights.energy) == pytest.approx((third, third, third))
     assert vehicle == Vehicle(
         name="LineDrone",
-        autopilot=AutopilotKind.PX4,
+        autopilot=autopilots.PX4,
         radius_m=0.6,
         safety=SafetyShape(d_min_m=1.2, d_max_m=3.0, collision=0.3, insertion=0.2, damage=0.5),
         speed=SpeedLimits(
@@ -97,6 +99,13 @@ def test_weights_are_normalised(tmp_path: Path) -> None:
     safety = vehicle.safety
     assert (safety.collision, safety.insertion, safety.damage) == (0.25, 0.0, 0.75)
     assert vehicle.weights[Mission.EVACUATION] == Weights(0.8, 0.2, 0.0)
+
+
+def test_the_adaptation_is_that_of_the_paper_unless_configured(tmp_path: Path) -> None:
+    assert load(EXAMPLE, tmp_path).adaptation is AdaptationKind.PAPER
+    vehicle = load(EXAMPLE + "adaptation: calibrated\n", tmp_path)
+    rule = vehicle.rule(Mission.EXIT)
+    assert (rule.kind, rule.base) == (AdaptationKind.CALIBRATED, vehicle.weights[Mission.EXIT])
 
 
 def test_v_max_may_be_configured(tmp_path: Path) -> None:
@@ -203,6 +212,7 @@ def test_optional_sections_in_the_units_of_the_file(tmp_path: Path) -> None:
             "risk.tilt_deg: has a length of 3, must be at most 2",
         ),
         ("geometry:", "risk: {cells: 4.0}\ngeometry:", "risk.cells: is 4.0, must be a whole"),
+        ("geometry:", "adaptation: none\ngeometry:", "adaptation: is 'none', must be"),
     ],
 )
 def test_what_the_vehicle_may_not_hold(old: str, new: str, problem: str, tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""What no file may do, whichever kind it is: the loaders raise InputError, one line, or succeed."""
+"""Rules for every file: the loaders raise InputError, one line, or succeed."""
 
 from __future__ import annotations
 

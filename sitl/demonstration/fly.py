@@ -13,6 +13,7 @@ import shutil
 import sys
 import tempfile
 import webbrowser
+from collections.abc import Iterator
 from dataclasses import dataclass
 from datetime import datetime, timezone
 from pathlib import Path
@@ -29,8 +30,10 @@ from moar_companion.vehicle import Vehicle
 from sitl.geodesy import Geodetic
 from sitl.scenario import Scenario, ScenarioError
 
+from .broker import BrokerError, broker_name, free_tcp_port, running_broker
 from .judge import judge, read_truth
 from .manners import MANNERS
+from .mqtt_reader import MqttReader
 from .operator import EVACUATION, EXIT, Operator, OperatorError
 from .options import parser
 from .processes import Process, free_ports, running
@@ -52,6 +55,7 @@ _TOUR = "tour.yaml"
 _ABOVE_M = 0.5
 """Least distance of the take-off's end above the least height."""
 _LATEST = "latest"
+_MQTT_VEHICLE = "demonstration"
 _LEAST_FREE_MB = 50.0
 """Ten times the size of a flight's files."""
 
@@ -70,6 +74,7 @@ class Settings:
     """True for a flight in `flights/`."""
     landing: str | None
     """`exit`, `evacuation:1` (a mission, and the index of its landing point), or `all`."""
+    mqtt: bool
     real: Path | None
     """PX4's build folder or ArduCopter's program; None: the fake."""
 
@@ -84,7 +89,9 @@ def main(arguments: list[str] | None = None) -> int:
         _ways_out(site, settings.landing)
         _make_folder(settings.out)
         vehicle = _vehicle(settings)
-    except (InputError, ScenarioError, RealError) as error:
+        if settings.mqtt:
+            broker_name()
+    except (InputError, ScenarioError, RealError, BrokerError) as error:
         return _failed(str(error), 2)
     except OSError as error:
         return _failed(f"{settings.out}: {error.strerror}", 2)
@@ -96,6 +103,8 @@ def main(arguments: list[str] | None = None) -> int:
         except KeyboardInterrupt:
             problem = "stopped by the user"
         return _report(settings, site, vehicle, problem)
+    except BrokerError as error:
+        return _failed(str(error), 1)
     except OSError as error:
         return _failed(f"{error.filename or settings.out}: {error.strerror}", 1)
     except KeyboardInterrupt:
@@ -189,6 +198,7 @@ def _settings(arguments: list[str] | None) -> Settings:
     return Settings(
         headless=read.headless,
         autopilot=autopilot,
+        mqtt=read.mqtt,
         real=real,
         speed=read.speed,
         site=(read.site or shipped_configs() / "sites" / _SITE).resolve(),
@@ -214,8 +224,12 @@ def _fly(settings: Settings, site: Site) -> str | None:
             "recorder": {"directory": str(settings.out)},
             "view": {"socket": str(view)},
         }
-        config.write_text(yaml.safe_dump(values, sort_keys=False), encoding="utf-8")
         screen = stack.enter_context(open_screen(view, live=not settings.headless))
+        if settings.mqtt:
+            port = free_tcp_port()
+            values["mqtt"] = {"url": f"mqtt://127.0.0.1:{port}", "vehicle": _MQTT_VEHICLE}
+            stack.enter_context(_mqtt(settings, port, screen))
+        config.write_text(yaml.safe_dump(values, sort_keys=False), encoding="utf-8")
         weather = _weather(settings, screen)
 
         def meanwhile() -> None:
@@ -223,6 +237,7 @@ def _fly(settings: Settings, site: Site) -> str | None:
             if weather is not None:
                 weather.play(operator)
 
+        screen.say(f"recording to {settings.out}")
         operator = Operator(operator_port, manner, speed=settings.speed, meanwhile=meanwhile)
         stack.callback(operator.close)
         speed = str(settings.speed)
@@ -252,6 +267,18 @@ def _fly(settings: Settings, site: Site) -> str | None:
             hint = f"; is --speed {settings.speed:g} too much for this machine?" if fast else ""
             return f"{error}{hint}"
     return None
+
+
+@contextlib.contextmanager
+def _mqtt(settings: Settings, port: int, screen: Screen) -> Iterator[None]:
+    """A broker and a reader of all that is published to it, for the whole flight."""
+    reader = MqttReader(settings.out / "mqtt.jsonl")
+    with contextlib.closing(reader), running_broker(settings.out, port):
+        reader.start(port)
+        watch = f"moar-companion watch --mqtt mqtt://127.0.0.1:{port}"
+        screen.say(f"{broker_name()} on port {port}: {watch}")
+        yield
+    screen.say(reader.summary())
 
 
 def _landings(site: Site, wanted: str | None, vehicle: Vehicle) -> tuple[LandingPoint, ...]:
@@ -360,7 +387,7 @@ def _report(settings: Settings, site: Site, vehicle: Vehicle, problem: str | Non
     faults = [*([problem] if problem else []), *verdict.faults]
     say(f"least clearance {verdict.least_clearance_m:.2f} m, {len(story.plans)} paths planned")
     say(f"picture {picture}")
-    say(f"recording {settings.out / 'flight.tlog'}")
+    say(f"recording {settings.out / 'flight.tlog'}, {settings.out / 'flight.mcap'}")
     for fault in faults:
         say(f"FAULT: {fault}")
     if not settings.headless and not faults:

@@ -82,7 +82,7 @@ def judge(
 ) -> Verdict:
     """Returns the objections about targets, landings, obstacles and the workspace.
 
-    landing_legs_m: the planned ways out of the workspace, from their last cells to above their
+    landing_legs_m: the planned legs out of the workspace, from their last cells to above their
     landing points; the way down from there belongs to each, as the climb from the ground into a
     workspace that begins above it does to the take-off. landings_m: where each flight was to land,
     at any of some points. From a landing point the way back is straight.

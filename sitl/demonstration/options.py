@@ -45,6 +45,11 @@ def parser() -> argparse.ArgumentParser:
         metavar="MISSION[:N]|all",
         help="where it ends; all: a flight to each landing point; default: exit, with --site all",
     )
+    made.add_argument(
+        "--mqtt",
+        action="store_true",
+        help="publish to an MQTT broker, which is started too, and read it with paho",
+    )
     made.add_argument("--out", type=Path, metavar="DIR", help="default: flights/ and the time")
     return made
 

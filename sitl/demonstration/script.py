@@ -123,7 +123,7 @@ class Script:
             self._wait_until(self._battery_is_low, _LONGEST_HOLD_S)
 
     def _land(self, landing: LandingPoint) -> None:
-        """From a way out that is flown to the ground."""
+        """From an escape route that is flown to the ground."""
         operator = self.operator
         self._wait_for(
             f"the end of the {landing.name}",

@@ -1,4 +1,4 @@
-"""What PX4 and ArduPilot do by themselves: by their parameters, and where that would hit."""
+"""Failsafe actions of PX4 and ArduPilot: by their parameters, and where they would hit."""
 
 from __future__ import annotations
 
@@ -7,22 +7,23 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion.autopilots import failsafe_parameters, failsafes_of
+from moar_companion import autopilots
+from moar_companion.autopilots import profile
 from moar_companion.autopilots.ardupilot import Return
 from moar_companion.autopilots.failsafe_actions import Action, Trigger
 from moar_companion.planner.free_distance import FreeDistance
-from moar_companion.types import AutopilotKind
+from moar_companion.safety.failsafe_paths import exposed_places, failsafe_hit
 
 from ..planner.problems import conductor, make_site
 
-PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
-UNTOLD = {kind: dict.fromkeys(failsafe_parameters(kind)) for kind in (PX4, ARDUPILOT)}
+PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
+UNTOLD = {kind: dict.fromkeys(profile(kind).failsafe_parameters) for kind in (PX4, ARDUPILOT)}
 REACH = FreeDistance.over(make_site(conductor(5.5, 4.5, name="wire")), 0.5)
 ABOVE, BELOW, BESIDE = (5.5, 7.5), (5.5, 1.5), (9.5, 7.5)
 
 
 def failsafes(kind, **parameters):
-    found = failsafes_of(kind, {**UNTOLD[kind], **parameters})
+    found = profile(kind).failsafes({**UNTOLD[kind], **parameters})
     assert found is not None
     return found
 
@@ -99,9 +100,9 @@ def test_dead_reckoning_acts_where_drag_tells_the_wind():
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
 def test_nothing_is_known_before_all_is_asked_and_what_is_never_told_is_named(kind):
     for name in UNTOLD[kind]:
-        assert failsafes_of(kind, {n: 1.0 for n in UNTOLD[kind] if n != name}) is None
-    assert failsafes(kind).untold == failsafe_parameters(kind)
-    assert failsafes_of(AutopilotKind.UNKNOWN, {}) is None
+        assert profile(kind).failsafes({n: 1.0 for n in UNTOLD[kind] if n != name}) is None
+    assert failsafes(kind).unreported == profile(kind).failsafe_parameters
+    assert profile(autopilots.UNKNOWN).failsafes({}) is None
 
 
 def test_a_threshold_in_mah_is_a_charge():
@@ -133,8 +134,8 @@ def test_ardupilot_returns_at_its_altitude_below_a_cone():
 def test_a_place_is_exposed_where_the_way_of_an_action_leads_into_a_wire(parameters, expected):
     found = failsafes(PX4, **parameters).of([Trigger.RC_LOSS])
     places = np.array([ABOVE, BELOW, BESIDE])
-    assert found.exposed(REACH, places).tolist() == expected
-    hit = found.hit(REACH, places)
+    assert exposed_places(found, REACH, places).tolist() == expected
+    hit = failsafe_hit(found, REACH, places)
     if any(expected):
         assert hit is not None
         assert (hit[1].obstacle, hit[1].index) == ("wire", expected.index(True))
@@ -146,8 +147,8 @@ def test_a_return_is_looked_at_to_its_home():
     found = failsafes(PX4, NAV_RCL_ACT=2.0, RTL_RETURN_ALT=4.5, RTL_CONE_ANG=0.0)
     beside = np.array([(1.5, 2.5)])
     rc = found.of([Trigger.RC_LOSS])
-    assert not rc.exposed(REACH, beside).any()
-    assert replace(rc, home_m=(9.5, 0.0, 0.0)).exposed(REACH, beside).all()
+    assert not exposed_places(rc, REACH, beside).any()
+    assert exposed_places(replace(rc, home_m=(9.5, 0.0, 0.0)), REACH, beside).all()
 
 
 def test_a_landing_from_within_a_keep_out_hits_what_it_is_above():
@@ -156,5 +157,5 @@ def test_a_landing_from_within_a_keep_out_hits_what_it_is_above():
     reach = FreeDistance.over(make_site(conductor(5.5, 4.5, keep_out=0.9), resolution=0.1), 0.5)
     above_m = np.array([(5.5, 4.6 + 0.1 * n) for n in range(20)])
     beside_m = np.array([(5.5 + side_m, 4.2) for side_m in (-0.8, 0.8)])
-    assert landing.exposed(reach, above_m).all()
-    assert not landing.exposed(reach, beside_m).any()
+    assert exposed_places(landing, reach, above_m).all()
+    assert not exposed_places(landing, reach, beside_m).any()

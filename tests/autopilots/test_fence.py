@@ -6,14 +6,15 @@ import math
 
 import pytest
 
-from moar_companion.autopilots.fence import Limit, areas_of, fence_of, fence_parameters
+from moar_companion import autopilots
+from moar_companion.autopilots import profile
+from moar_companion.autopilots.fence import Limit, areas_of
 from moar_companion.telemetry import FenceItem
-from moar_companion.types import AutopilotKind
 
-PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
+PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 OFF = {
-    PX4: dict.fromkeys(fence_parameters(PX4), 0.0),
-    ARDUPILOT: dict.fromkeys(fence_parameters(ARDUPILOT), 0.0),
+    PX4: dict.fromkeys(profile(PX4).fence_parameters, 0.0),
+    ARDUPILOT: dict.fromkeys(profile(ARDUPILOT).fence_parameters, 0.0),
 }
 ON = {
     "FENCE_ENABLE": 1.0,
@@ -27,13 +28,13 @@ ON = {
 
 
 def fence(kind, items=(), **values):
-    return fence_of(kind, {**OFF[kind], **values}, items)
+    return profile(kind).fence({**OFF[kind], **values}, items)
 
 
 def test_ardupilots_fence_counts_when_its_status_tells_it_though_no_parameter_does():
     told = {**OFF[ARDUPILOT], "FENCE_TYPE": 2.0, "FENCE_RADIUS": 60.0}
-    assert fence_of(ARDUPILOT, told, ()).names == ()
-    assert fence_of(ARDUPILOT, told, (), enabled=True).names == ("FENCE_RADIUS 60 m",)
+    assert profile(ARDUPILOT).fence(told, ()).names == ()
+    assert profile(ARDUPILOT).fence(told, (), enabled=True).names == ("FENCE_RADIUS 60 m",)
 
 
 def polygon(command, *places):
@@ -90,12 +91,12 @@ def test_the_bits_of_fence_type_choose(bit, names):
 
 
 def test_a_parameter_that_is_still_asked_for_leaves_all_unknown():
-    assert fence_of(PX4, {"GF_ACTION": 2.0}, ()) is None
+    assert profile(PX4).fence({"GF_ACTION": 2.0}, ()) is None
 
 
 def test_a_parameter_that_was_never_told_is_named():
     found = fence(PX4, GF_MAX_VER_DIST=None, GF_MAX_HOR_DIST=10.0)
-    assert found.untold == ("GF_MAX_VER_DIST",)
+    assert found.unreported == ("GF_MAX_VER_DIST",)
     assert found.circle is not None
 
 
@@ -127,4 +128,4 @@ def test_an_incomplete_polygon_and_a_radius_that_is_no_number_do_no_harm():
 
 
 def test_an_autopilot_of_an_unknown_kind_has_no_fence_that_we_know():
-    assert fence_of(AutopilotKind.UNKNOWN, {}, (), enabled=True) is None
+    assert profile(autopilots.UNKNOWN).fence({}, (), enabled=True) is None

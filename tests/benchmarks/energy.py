@@ -51,7 +51,7 @@ class Case:
 
 @dataclass(frozen=True, kw_only=True)
 class Result:
-    """What was said after a minute, what the vehicle file alone would have said, and what was."""
+    """Forecast after a minute, forecast of the vehicle file alone, and the true values."""
 
     case: Case
     source: str

@@ -1,4 +1,4 @@
-"""What the machine without I/O costs: `.venv/bin/python -m tests.benchmarks.machine`.
+"""Cost of the machine without I/O: `.venv/bin/python -m tests.benchmarks.machine`.
 
 Updates of the risk indices without and with their explanation, telemetry through `Session.receive`
 and through the whole companion, which thinks 50 times a second of its time: all by the processor's
@@ -19,7 +19,7 @@ from dataclasses import replace
 
 from moar_companion.companion.companion import Companion
 from moar_companion.config import CompanionConfig, LinkRole, shipped_configs
-from moar_companion.estimation.pose_tracker import Ground
+from moar_companion.estimation.pose_tracker import SiteMaps
 from moar_companion.mavlink.session import Session
 from moar_companion.planner.planner import Planner
 from moar_companion.power import PowerModel
@@ -49,7 +49,7 @@ def fly() -> tuple[float, Stream]:
     flight.begin(INSPECTION)
     flight.run_until_state("holding", 300.0)
     speed = flight.now_s / (time.perf_counter() - began)
-    return speed, [(time_s, data) for kind, time_s, data in flight.inputs if kind == "bytes"]
+    return speed, flight.heard
 
 
 def risk_update_us(*, explained: bool) -> Callable[[], float]:
@@ -85,7 +85,7 @@ def risk_update_us(*, explained: bool) -> Callable[[], float]:
 
 
 def messages_in(stream: Stream) -> int:
-    """How many messages a session finds in it."""
+    """Number of messages that a session finds in it."""
     count = 0
     session = Session(links={"serial": LinkRole.AUTOPILOT})
     for time_s, data in stream:
@@ -95,7 +95,7 @@ def messages_in(stream: Stream) -> int:
 
 
 def messages_per_second(stream: Stream, count: int) -> Callable[[], float]:
-    """How many messages a session takes in a second, each as it came."""
+    """Messages that a session takes in a second, each as it came."""
 
     def measure() -> float:
         session = Session(links={"serial": LinkRole.AUTOPILOT})
@@ -108,12 +108,12 @@ def messages_per_second(stream: Stream, count: int) -> Callable[[], float]:
 
 
 def messages_through_the_companion(stream: Stream, count: int) -> Callable[[], float]:
-    """How many messages the whole companion takes in a second, thinking as often as in flight."""
+    """Messages that the whole companion takes in a second, with as many cycles as in flight."""
     site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
-    ground = Ground(site=site, maps=Planner(site, VEHICLE).maps)
+    site_maps = SiteMaps(site=site, maps=Planner(site, VEHICLE).maps)
 
     def measure() -> float:
-        companion = Companion(CompanionConfig(vehicle=shipped_configs()), VEHICLE, ground)
+        companion = Companion(CompanionConfig(vehicle=shipped_configs()), VEHICLE, site_maps)
         thought_s = -math.inf
         began = time.process_time()
         for time_s, data in stream:

@@ -43,7 +43,7 @@ OMPL_EVERY = 6
 """OMPL is given every sixth problem and the extremes: it takes a thousand times as long."""
 REPEATS = 3
 NETWORKX_PROBLEMS = 2
-"""Of each mission: building its graph takes seconds."""
+"""Number of problems of each mission: building its graph takes seconds."""
 TIMES = (10, 100, 1000)
 LONGEST_S = 1.0
 """A run of OMPL that has not asked for as many costs as ours by then is cut short."""
@@ -88,7 +88,7 @@ _Answer = TypeVar("_Answer")
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Result:
-    """What one method made of one problem, and the least times of its calls.
+    """Result of one method on one problem, and the least times of its calls.
 
     building_ms: what was made for the problem before; what serves all problems of a site is not.
     graph_cost, path_cost: J on the graph, and of the continuous path; None where a method has no
@@ -106,7 +106,7 @@ class Result:
 
 
 def measure(site: Site, vehicle: Vehicle, count: int) -> Iterator[dict[str, Result]]:
-    """What all methods make of each problem on one site, by method."""
+    """Results of all methods on each problem of one site, by method."""
     planner = Planner(site, vehicle)
     states = StateGraph(planner.graph)
     cost = ContinuousCost.on(planner.maps, vehicle.speed)
@@ -229,7 +229,7 @@ def _in_the_plane(
 def _timed(
     method: str, work: Callable[[], _Answer], repeats: int = REPEATS
 ) -> tuple[_Answer, Result]:
-    """What a call answers, and the least times of its repeats."""
+    """Answer of a call, and the least times of its repeats."""
     processor_ms, wall_ms = [], []
     for _ in range(repeats):
         began, began_wall = time.thread_time(), time.perf_counter()
@@ -240,7 +240,7 @@ def _timed(
 
 
 def worse_ways(cases: list[dict[str, Result]]) -> list[str]:
-    """Of each of OMPL's planners, the way of asking it that serves it less."""
+    """The less favourable way of calling each of OMPL's planners."""
     return [
         max(
             (f"{kind} {dimensions}-D" for dimensions in peers_ompl.DIMENSIONS),

@@ -36,7 +36,7 @@ class GraphProblem:
 
     @classmethod
     def of(cls, planner: Planner, plan: Plan) -> GraphProblem:
-        """What a plan is the answer to."""
+        """Request that a plan answers."""
         request = plan.request
         velocity = np.zeros(3)
         velocity[: len(request.velocity_mps)] = request.velocity_mps
@@ -243,7 +243,7 @@ def networkx_a_star(graph: nx.DiGraph, problem: GraphProblem, origin: int) -> fl
 
 
 def image_costs(planner: Planner, weights: Weights) -> FloatArray:
-    """What of J has no direction, per metre in each cell: k_S SC + k_T / v_sat; occupied: inf."""
+    """Part of J without direction, per metre in each cell: k_S SC + k_T / v_sat; occupied: inf."""
     maps = planner.maps
     costs = weights.safety * maps.safety_cost + weights.time / maps.speed_limit_mps
     return np.where(maps.occupied, np.inf, costs)

@@ -65,7 +65,7 @@ class Milestone:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reached:
-    """What a run had found by a milestone.
+    """Result of a run at a milestone.
 
     cost: J of its path, infinite without any. cut: its time was over before its evaluations were.
     """

@@ -32,7 +32,7 @@ SIZES_M = {"13.5 x 15 m": (8.25, 2.5, 21.75, 17.5), "30 x 20 m": (0.0, 0.0, 30.0
 SCALES_M = (0.98, 0.51, 0.3, 0.146, 0.073)
 """Cell sizes of 30 x 20 m with about 5k, 20k, 60k, 250k and a million states."""
 SCALE_CALLS = 100
-"""Of each mission and size."""
+"""Number of calls of each mission and size."""
 SWEEP = 21
 """Levels of each weight in the sweep of the paper (Section V-A)."""
 EXTREMES = [Weights(*corner) for corner in np.eye(3).tolist()]

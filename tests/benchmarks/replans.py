@@ -1,4 +1,4 @@
-"""How often noise on the risks changes the path: `.venv/bin/python -m tests.benchmarks.replans`.
+"""Rate of path changes by noise on the risks: `.venv/bin/python -m tests.benchmarks.replans`.
 
 Flights in lockstep over the shipped sites, in calm air, an inspection of all targets and then an
 exit. Each risk index is replaced by noise of its own about a mean: a first-order process, slow

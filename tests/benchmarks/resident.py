@@ -4,7 +4,9 @@ For each checkout a service with recording, state and view, and a fake PX4, all 
 time; 10 messages a second of other systems on the service's link. Inspections are ordered every 2
 minutes. Every 30 s resident and anonymous memory, address space and the recorded files (MB); in the
 end the slope of resident memory after the first 3 minutes, and the intervals of setpoints by the
-kernel's times. --busy: so many busy processes beside, at the services' priority.
+kernel's times. --busy: so many busy processes beside, at the services' priority. --unrecorded: the
+last checkout once more without a recording. --mqtt: of each checkout a second flight,
+which publishes to a broker on this machine.
 """
 
 from __future__ import annotations
@@ -23,6 +25,7 @@ import numpy as np
 
 from moar_companion.config import shipped_configs
 from moar_companion.site import Site
+from sitl.demonstration.broker import broker_name, free_tcp_port, running_broker
 from sitl.demonstration.manners import MANNERS
 from sitl.demonstration.operator import INSPECTION, Operator, OperatorError
 
@@ -51,9 +54,21 @@ def memory_mb(process_id: int) -> tuple[float, float, float]:
 class Flight:
     """The service of a checkout, and what it flies."""
 
-    def __init__(self, code: Path, stack: contextlib.ExitStack) -> None:
+    def __init__(
+        self,
+        code: Path,
+        stack: contextlib.ExitStack,
+        *,
+        recorded: bool = True,
+        broker_port: int | None = None,
+    ) -> None:
         home = (site := Site.load(SITE)).frame.to_geodetic((site.start_m[0], 0.0, 0.0))
-        self.code, self.port, operator_port = code, free_port(), free_port()
+        self.port, operator_port = free_port(), free_port()
+        self.name = code.name
+        if not recorded:
+            self.name += ", unrecorded"
+        if broker_port is not None:
+            self.name += " with MQTT"
         self.rows: list[tuple[float, float]] = []
         self.operator = Operator(operator_port, MANNERS["px4"], speed=1.0, meanwhile=lambda: None)
         stack.callback(self.operator.close)
@@ -61,8 +76,15 @@ class Flight:
         self.relay.start()
         self.folder = folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
         config = _configuration(folder, SITE, self.port)
+        if not recorded:
+            config.write_text(
+                config.read_text().replace("{directory:", "{enabled: false, directory:")
+            )
         with config.open("a") as file:
             file.write(f"state: {{directory: {folder}}}\nview: {{socket: {folder}/view.sock}}\n")
+            if broker_port is not None:
+                url = f"mqtt://127.0.0.1:{broker_port}"
+                file.write(f"mqtt: {{url: '{url}', vehicle: resident}}\n")
         stack.enter_context(
             process(
                 "sitl",
@@ -102,7 +124,7 @@ class Flight:
         memory = memory_mb(self.service.pid)
         files = sum(file.stat().st_size for file in self.folder.rglob("*") if file.is_file()) / 1e6
         figures = " | ".join(f"{value:.1f}" for value in (*memory, files))
-        sys.stdout.write(f"| {self.code.name} | {what} | {figures} |\n")
+        sys.stdout.write(f"| {self.name} | {what} | {figures} |\n")
         sys.stdout.flush()
         return memory[0]
 
@@ -112,9 +134,18 @@ def main() -> None:
     parser.add_argument("code", type=Path, nargs="*", default=[ROOT])
     parser.add_argument("--minutes", type=float, default=10.0, help="more than 4")
     parser.add_argument("--busy", type=int, default=0)
+    parser.add_argument("--unrecorded", action="store_true")
+    parser.add_argument("--mqtt", action="store_true")
     given = parser.parse_args()
     with contextlib.ExitStack() as stack, socket.socket(type=socket.SOCK_DGRAM) as other:
         flights = [Flight(code, stack) for code in given.code]
+        if given.unrecorded:
+            flights.append(Flight(given.code[-1], stack, recorded=False))
+        if given.mqtt:
+            folder = Path(stack.enter_context(tempfile.TemporaryDirectory()))
+            stack.enter_context(running_broker(folder, port := free_tcp_port()))
+            sys.stdout.write(f"broker: {broker_name()}\n")
+            flights += [Flight(code, stack, broker_port=port) for code in given.code]
         for flight in flights:
             flight.begin()
         stack.enter_context(busy(given.busy, os.sched_getaffinity(0)))
@@ -138,7 +169,7 @@ def main() -> None:
             median, p99, most = np.percentile(gaps_ms, [50, 99, 100])
             spread = f"median {median:.1f} ms, p99 {p99:.1f}, greatest {most:.1f}"
             sys.stdout.write(
-                f"{flight.code.name}: {slope:+.1f} MB/h, {len(gaps_ms)} intervals: {spread}\n"
+                f"{flight.name}: {slope:+.1f} MB/h, {len(gaps_ms)} intervals: {spread}\n"
             )
 
 

@@ -75,7 +75,7 @@ class Relay(threading.Thread):
 
 
 def bare_timer(seconds: float, queue: multiprocessing.Queue[list[float]]) -> None:
-    """What asyncio's clock alone does on this machine, at the same rate."""
+    """Lateness of asyncio's clock alone on this machine, at the same rate."""
 
     async def tick() -> list[float]:
         loop = asyncio.get_running_loop()
@@ -128,6 +128,17 @@ def free_port() -> int:
         return int(item.getsockname()[1])
 
 
+def take_off(operator: Operator) -> None:
+    """Boot, take off and give the mode for an inspection."""
+    operator.wait_for("ready", lambda: operator.ready_to_arm and operator.companion_heard, 40)
+    operator.take_off(height_m=3.0)
+    operator.wait_for("take-off", lambda: operator.altitude_m > 2.3, 30)
+    operator.wait_until(lambda: False, 3)
+    operator.order("inspection", INSPECTION)
+    operator.wait_until(lambda: False, 1.5)
+    operator.give_mode()
+
+
 def intervals(name: str, times_s: list[float]) -> str:
     gaps = 1e3 * np.diff(times_s)
     low, median, high = np.percentile(gaps, [1, 50, 99])
@@ -157,13 +168,7 @@ def fly(seconds: float) -> list[str]:
             *("--config", str(_configuration(Path(folder), site_file, service_port))),
         ) as service,
     ):
-        operator.wait_for("ready", lambda: operator.ready_to_arm and operator.companion_heard, 30)
-        operator.take_off(height_m=3.0)
-        operator.wait_for("take-off", lambda: operator.altitude_m > 2.3, 30)
-        operator.wait_until(lambda: False, 3)
-        operator.order("inspection", INSPECTION)
-        operator.wait_until(lambda: False, 1.5)
-        operator.give_mode()
+        take_off(operator)
         operator.wait_for("flying", lambda: operator.said("MOAR: flying"), 5)
         queue: multiprocessing.Queue[list[float]] = multiprocessing.Queue()
         timer = multiprocessing.Process(target=bare_timer, args=(seconds, queue))

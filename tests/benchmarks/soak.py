@@ -53,12 +53,12 @@ class Chatter:
 
 
 def forget(flight: Lockstep) -> None:
-    """What the rig keeps for tests, which is no part of the companion."""
+    """Memory that the rig keeps for tests, which is no part of the companion."""
     for past in (
         flight.decisions,
         flight.truths,
         flight.to_autopilot,
-        flight.inputs,
+        flight.calls,
         flight.states,
         flight.operator.heard,
     ):

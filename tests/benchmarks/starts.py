@@ -1,4 +1,4 @@
-"""How long the service takes to start: `.venv/bin/python -m tests.benchmarks.starts DIR ...`.
+"""Start time of the service: `.venv/bin/python -m tests.benchmarks.starts DIR ...`.
 
 For each checkout, `--repeats` times: with an empty cache of kernels until the planner is
 ready; with a warm one until the first datagram, and until the autopilot is known (its heartbeats

@@ -26,15 +26,15 @@ import numpy as np
 from moar_companion.config import shipped_configs
 from moar_companion.site import Site
 from sitl.demonstration.manners import MANNERS
-from sitl.demonstration.operator import INSPECTION, Operator, OperatorError
+from sitl.demonstration.operator import Operator, OperatorError
 
-from .service import ROOT, Relay, _configuration, free_port, process
+from .service import ROOT, Relay, _configuration, free_port, process, take_off
 
 BUSY = "while True: pass"
 SERVED = Path(__file__).with_name("served.py")
 POSITION = 32
 LET_GO = ("released", "overridden", "let go", "you have control")
-"""Of the texts of any checkout's service, the words that say so."""
+"""Words of the texts of any checkout's service that report it."""
 
 
 class TimedRelay(Relay):
@@ -120,7 +120,8 @@ def fly(given: argparse.Namespace) -> list[str]:
             confine(os.getpid(), elsewhere)
             confine(autopilot.pid, elsewhere)
             try:
-                _take_off(operator)
+                take_off(operator)
+                operator.wait_for("flying", lambda: said(operator, ["flying"]), 5)
                 confine(companion.pid, here)
                 for count in given.busy:
                     with busy(count, here):
@@ -145,17 +146,6 @@ def fly(given: argparse.Namespace) -> list[str]:
         ending = ended[0] if ended and count == marks[-1][0] else ""
         rows.append(f"| {cores} | {count} | {_spread(gaps_ms)} | {_spread(ages_ms)} | {ending} |")
     return rows
-
-
-def _take_off(operator: Operator) -> None:
-    operator.wait_for("ready", lambda: operator.ready_to_arm and operator.companion_heard, 40)
-    operator.take_off(height_m=3.0)
-    operator.wait_for("take-off", lambda: operator.altitude_m > 2.3, 30)
-    operator.wait_until(lambda: False, 3)
-    operator.order("inspection", INSPECTION)
-    operator.wait_until(lambda: False, 1.5)
-    operator.give_mode()
-    operator.wait_for("flying", lambda: said(operator, ["flying"]), 5)
 
 
 def let_go(operator: Operator) -> list[str]:

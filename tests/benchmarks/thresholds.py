@@ -1,4 +1,4 @@
-"""What recorded flights say of the thresholds: `.venv/bin/python -m tests.benchmarks.thresholds`.
+"""Thresholds against recorded flights: `.venv/bin/python -m tests.benchmarks.thresholds`.
 
 Broken packets by the radio's margin; what healthy estimators and magnetometers say in flight; how
 soon trouble that real autopilots had shows in its index. From the recordings beside the checkout.

@@ -29,7 +29,7 @@ WINDS_MPS = (4.0, 8.0, 12.0)
 SETTLING_S = 3.0
 PERIOD_S = 0.1
 CLOSE = 0.15
-"""Of the true wind: within it the wind counts as followed."""
+"""Fraction of the true wind: within it the wind counts as followed."""
 NEAR_MPS = 1.0
 
 
@@ -184,7 +184,7 @@ def calm() -> list[str]:
 
 
 def spread_of_drags() -> list[str]:
-    """What the default tells of aircraft whose drag is known."""
+    """Wind by the default drag, of aircraft whose drag is known."""
     known = {
         "recorded quadrotor of 2015 (dronekit_flight_replay)": RiskModel(
             drag_per_s=0.227, drag_per_m=0.0

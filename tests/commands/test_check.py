@@ -88,7 +88,7 @@ def test_a_configuration_whose_links_nobody_speaks_on_is_no_go(
     config.write_text(f"vehicle: {X500}\nlinks: [{{url: 'udp:127.0.0.1:{unused_udp_port}'}}]\n")
     assert cli.main(["check", "--config", str(config)]) == 1
     out = capsys.readouterr().out
-    assert "  no-go    autopilot: none heard on " in out
+    assert "  no-go    autopilot: none received on " in out
     assert out.endswith("\nNO-GO: 1 finding, 0 warnings, no aircraft was looked at\n")
 
 
@@ -240,7 +240,7 @@ def test_a_folder_of_somebody_else_is_a_no_go(capsys, tmp_path, monkeypatch):
     config.write_text(f"vehicle: {X500}\nrecorder: {{directory: flights}}\n")
     monkeypatch.setattr("os.access", lambda *_: False)
     assert check("--config", config) == 1
-    assert f"{tmp_path} belongs to somebody else" in capsys.readouterr().out
+    assert f"{tmp_path} belongs to another user" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(

@@ -172,7 +172,7 @@ def test_a_refusal_without_a_reason_says_so_though_nobody_knows_its_number(resul
     with Aircraft(always(acknowledgement(result))) as aircraft:
         done = ordered("hold", "--connect", aircraft.url)
     assert (done.status, done.err) == (1, "")
-    assert done.out == f"hold: {told}\n(no reason was heard)\n"
+    assert done.out == f"hold: {told}\n(no reason was received)\n"
 
 
 def test_while_it_is_planned_progress_is_told_once_and_renews_the_patience():
@@ -232,7 +232,7 @@ def test_without_a_companion_it_says_who_is_heard():
         done = ordered("hold", "--connect", aircraft.url, "--timeout", "2")
     assert (done.status, done.out, aircraft.commands) == (1, "", [])
     assert done.err == (
-        f"moar-companion: no companion (component 195) heard on {aircraft.url} for 2 s: "
+        f"moar-companion: no companion (component 195) received on {aircraft.url} for 2 s: "
         "system 1 with components 1\n"
     )
 
@@ -241,7 +241,7 @@ def test_where_nothing_is_heard_it_says_so():
     with Aircraft(components=()) as aircraft:
         done = ordered("status", "--connect", aircraft.url, "--timeout", "0.5")
     assert (done.status, done.out) == (1, "")
-    assert done.err.endswith("for 0.5 s: nothing is heard\n")
+    assert done.err.endswith("for 0.5 s: nothing is received\n")
 
 
 def test_status_shows_what_the_companion_says_of_itself():
@@ -256,17 +256,17 @@ def test_status_shows_what_the_companion_says_of_itself():
             ("K_ENERGY", 0.375),
         ]
     ]
-    said = [text("MOAR note: battery 0 is silent"), text("MOAR hold: the receiver has no 3D fix")]
+    said = [text("MOAR note: battery 0 is silent"), text("MOAR hold: GNSS receiver has no 3D fix")]
     with Aircraft(components=(AUTOPILOT, COMPANION), says=[*says, *said]) as aircraft:
         done = ordered("status", "--connect", aircraft.url)
     assert (done.status, done.err, aircraft.commands) == (0, "", [])
     assert done.out.splitlines() == [
         "companion  system 1, component 195: flying, streams setpoints",
         "autopilot  px4, armed, OFFBOARD",
-        "risks      wind 0.25, communication 0.00, localization unknown, battery not heard",
+        "risks      wind 0.25, communication 0.00, localization unknown, battery not received",
         "weights    safety 0.50, time 0.12, energy 0.38",
         "said       MOAR note: battery 0 is silent",
-        "said       MOAR hold: the receiver has no 3D fix",
+        "said       MOAR hold: GNSS receiver has no 3D fix",
     ]
 
 

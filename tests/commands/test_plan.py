@@ -14,6 +14,8 @@ from matplotlib.image import imread
 
 from moar_companion import cli
 from moar_companion.config import shipped_configs
+from tests.one_line import one_line
+from tests.vehicles import vehicle_file
 
 SHIPPED = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
 SITES = sorted((shipped_configs() / "sites").glob("*.yaml"))
@@ -78,6 +80,7 @@ def test_the_json_is_the_contract(plan):
     assert len(answer["waypoints"]) == len(answer["states"])
     assert set(answer["cost"]) == {"total", "safety", "time", "energy"}
     assert set(answer["compute"]) == {"map_ms", "search_ms", "expanded"}
+    assert all(value > 0.0 for value in answer["compute"].values())
 
 
 @pytest.mark.parametrize("joined", [True, False])
@@ -191,8 +194,15 @@ def test_no_plan_has_no_alternatives_either(site, tmp_path, capsys):
 
 
 def test_the_explanation_is_what_the_risks_did_to_weights_and_path(plan):
-    options = ("--target", "splice-inner", "--risk", "wind=1,communication=1,localization=1")
-    calm, risky = plan(*options[:2]), plan(*options, "--explain")
+    vehicle = ("--vehicle", str(vehicle_file("linedrone_uniform")))
+    options = (
+        "--target",
+        "splice-inner",
+        *vehicle,
+        "--risk",
+        "wind=1,communication=1,localization=1",
+    )
+    calm, risky = plan(*options[:4]), plan(*options, "--explain")
     assert "explanation" not in calm
     explanation = risky.pop("explanation")
     assert set(risky) == set(calm)
@@ -204,7 +214,17 @@ def test_the_explanation_is_what_the_risks_did_to_weights_and_path(plan):
     assert path["mean_clearance_m"] == pytest.approx(
         [calm["metrics"]["mean_clearance_m"], risky["metrics"]["mean_clearance_m"]]
     )
-    assert path["words"].startswith(f"path {path['greatest_m']:.1f} m inwards")
+    assert path["words"].startswith(f"path {path['greatest_m']:.1f} m inward")
+
+
+def test_calibrated_adaptation_ends_with_the_safest_path(plan):
+    options = ("--target", "splice-inner", "--risk", "wind=1,communication=1,localization=1")
+    printed, calibrated = plan(*options), plan(*options, "--adaptation", "calibrated")
+    safest = plan(*options[:2], "--weights", "1,0,0")
+    assert printed["adaptation"] == {"kind": "paper", "calibrated": False}
+    assert calibrated["adaptation"] == {"kind": "calibrated", "calibrated": True}
+    assert calibrated["states"] == safest["states"]
+    assert calibrated["cost"]["safety"] < printed["cost"]["safety"]
 
 
 def test_the_explanation_is_told_in_the_summary(site, capsys):
@@ -306,6 +326,7 @@ REFUSED = [
     ("start empty", ["--start="], ["--start", "''"]),
     ("velocity infinite", ["--velocity=inf,0"], ["--velocity", "'inf,0'", "m/s"]),
     ("velocity absurd", ["--velocity", "-1e9,0"], ["--velocity", "'-1e9,0'", "at most 1000"]),
+    ("adaptation unknown", ["--adaptation", "none"], ["--adaptation", "'none'", "calibrated"]),
     ("weights negative", ["--weights", "-1,1,1"], ["--weights", "'-1,1,1'", "negative"]),
     ("weights all zero", ["--weights", "0,0,0"], ["--weights", "'0,0,0'", "positive sum"]),
     ("weights two", ["--weights", "1,1"], ["--weights", "'1,1'", "S,T,E"]),
@@ -344,12 +365,8 @@ def test_bad_input_is_one_line_status_2_and_nothing_written(
     before = Path(site).read_bytes()
     plot = [] if "--plot" in options else ["--plot", "p.png"]
     argv = ["plan", site, "--mission", "inspection", *plot, *options]
-    assert cli.main(argv) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("moar-companion: ")
-    assert err.count("\n") == 1
-    assert [word for word in words if word not in err] == []
+    line = one_line(argv, 2, capsys)
+    assert [word for word in words if word not in line] == []
     assert [file.name for file in tmp_path.iterdir()] == ["site.yaml"]
     assert Path(site).read_bytes() == before
 

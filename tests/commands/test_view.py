@@ -92,7 +92,7 @@ def test_once_prints_one_page_of_plain_text(served):
     status, page, errors = view(served, "--once")
     assert (status, errors) == (0, "")
     assert "\x1b" not in page
-    assert page.startswith("moar-companion   no autopilot is heard")
+    assert page.startswith("moar-companion   no autopilot is received")
     assert "idle" in page
 
 
@@ -128,8 +128,8 @@ def test_into_a_pipe_a_service_that_hangs_is_told_from_one_that_flies(folder):
         assert "idle" in viewing.stdout.readline()
         serving.send_signal(signal.SIGSTOP)
         told = next(line for line in viewing.stdout if "idle" not in line)
-        assert told.startswith("no word from the service for ")
-        assert "no word from the service" in viewing.stdout.readline()
+        assert told.startswith("no data from the service for ")
+        assert "no data from the service" in viewing.stdout.readline()
         serving.send_signal(signal.SIGCONT)
         assert "idle" in next(line for line in viewing.stdout if "no word" not in line)
 
@@ -144,7 +144,7 @@ def test_on_a_terminal_it_draws_pages_until_q_is_typed_and_gives_the_terminal_ba
         while b"q: end" not in shown and time.monotonic() < deadline_s:
             if select.select([ours], [], [], 0.1)[0]:
                 shown += os.read(ours, 65_536)
-        assert b"no autopilot is heard" in shown
+        assert b"no autopilot is received" in shown
         os.write(ours, b"q")
         viewing.wait(PATIENCE_S)
         assert viewing.returncode == 0
@@ -196,7 +196,7 @@ def test_a_second_service_leaves_the_view_to_the_first(served, folder):
     ("path", "reason"),
     [
         ("missing.sock", "no such socket: is the service running, and has it a view.socket?"),
-        (".", "nobody serves it: is the service running?"),
+        (".", "no service answers: is it running?"),
         ("x" * 200, "AF_UNIX path too long"),
     ],
 )

@@ -1,4 +1,4 @@
-"""What the companion may send, reckoned anew from what it has heard.
+"""Permitted packets of the companion, computed anew from its received packets.
 
 Asked are the packets on its links, the planner's answers and the site and vehicle files; nothing of
 the companion's own. Distances are Shapely's, the map between the frames is the simulator's.
@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import all as mavlink
 from shapely.geometry import LineString, Point
 
 from moar_companion.config import Authority, Supervision
-from moar_companion.margin import margin_of
+from moar_companion.error_margin import margin_of
 
 from ..flights.judging import cells_within, clearances_m, is_free, local_place
 from ..flights.operator import Manner
@@ -40,7 +40,7 @@ _SECOND_S = 1.0
 """A second autopilot is remembered at least for so long."""
 _CLOCK_BACK_MS = 2000
 _FORGIVEN_M = 2e-3
-"""Of the way to and fro between the frames."""
+"""Rounding of the way to and fro between the frames."""
 _ROUNDING_MPS = 0.06
 _HARDER = 4.0
 """A setpoint that moves changes its speed no harder than this times the planned acceleration."""
@@ -218,7 +218,7 @@ class Judge:
 
     @property
     def streaming(self):
-        """Whether the last thought sent a setpoint."""
+        """True if the last cycle sent a setpoint."""
         return self.last is not None
 
     def _note_legs(self, job, answer):
@@ -238,14 +238,14 @@ class Judge:
         return None if self.heartbeat is None else self.heartbeat.custom_mode
 
     def _failsafe(self):
-        """Whether a failsafe has taken the mode: ArduPilot also tells of one that has not."""
+        """True if a failsafe has taken the mode: ArduPilot also reports one that has not."""
         if self.heartbeat is None or self.heartbeat.system_status < CRITICAL:
             return False
         px4 = self.manner is Manner.PX4
         return self._mode() != self.our_mode and (px4 or self._mode() in _FAILSAFE_MODES)
 
     def _ended(self, now_s):
-        """Why nothing may be streamed now; None when it may, if an operator has ordered it."""
+        """Reason why nothing may be streamed now; None when an ordered stream may be."""
         if self.heartbeat is None or self.position is None:
             return "an autopilot that is not known"
         reasons = {
@@ -314,7 +314,7 @@ class Judge:
         self.last = (now_s, place, velocity)
 
     def _objection(self, place, velocity):
-        """Why it must not be there; None when it may."""
+        """Reason why it must not be there; None when it may."""
         x_m, y_m, z_m = place
         space = self.desk.site.workspace
         if abs(y_m) > LIMITS.plane_tolerance_m + _FORGIVEN_M:
@@ -343,7 +343,7 @@ class Judge:
         return self.free[key]
 
     def _widened_m(self):
-        """What is known of the position beyond what the keep-outs allow for."""
+        """Known uncertainty of the position beyond the keep-outs' allowance."""
         known = {
             source: accuracy_m
             for source, accuracy_m in self.accuracy_m.items()

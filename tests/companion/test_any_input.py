@@ -192,7 +192,7 @@ class AnyInput(RuleBasedStateMachine):
 
     @happens()
     def all_is_well_again_and_what_is_flown_goes_on(self):
-        """What stands, and neither holds nor says why, would stand until the battery is empty."""
+        """A flight that stands for no told reason would stand until the battery is empty."""
         self._see_that_it_flies()
         where = ("position_ned_m", "estimate_off_ned_m")
         self.desk.set(**{name: self.well[name] for name in self.well if name not in where})

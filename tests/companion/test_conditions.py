@@ -26,7 +26,7 @@ from .desk import (
 
 
 def resting(desk, since_s):
-    """Whether the setpoint has come to rest and stays."""
+    """True if the setpoint has come to rest and stays."""
     return all((m.vx, m.vy, m.vz) == (0.0, 0.0, 0.0) for m in desk.setpoints(since_s))
 
 
@@ -36,11 +36,11 @@ def flown(desk):
 
 HOLDS = {
     "wind": ({"wind_mps": 21.4}, {"wind_mps": 4.0}, "wind reported 21.4 m/s > 15"),
-    "no fix": ({"fix_type": 1}, {"fix_type": 3}, "the receiver has no 3D fix"),
+    "no fix": ({"fix_type": 1}, {"fix_type": 3}, "GNSS receiver has no 3D fix"),
     "uncertainty": (
         {"accuracy_m": 2.4},
         {"accuracy_m": 0.3},
-        "position uncertainty 2.4 m > 2",
+        "uncertainty 2.4 m > 2",
     ),
 }
 
@@ -102,19 +102,19 @@ def test_what_is_not_flown_yet_is_not_offered_any_more(state):
         desk.order(INSPECTION).run_until("planning")
     desk.set(fix_type=0).run(2.0)
     assert desk.state == "idle"
-    assert desk.said("MOAR: the receiver has no 3D fix")
+    assert desk.said("MOAR: GNSS receiver has no 3D fix")
 
 
 def test_the_battery_at_its_reserve_leads_it_out_by_itself():
     desk = Desk().come_to("flying").run(4.0)
     desk.set(battery_percent=20).run(4.5)
     assert (desk.state, flown(desk)) == ("flying", "exit")
-    assert desk.said("MOAR: battery 0 at 20%, reserve 20%")
+    assert desk.said("MOAR: battery 0 at 20% <= 20%")
     desk.set(charge_state=3).run(2.5)
     assert flown(desk) == "evacuation"
     assert desk.said("MOAR: battery 0 is critical")
     desk.set(battery_percent=60, charge_state=1).run_until("landing_leg", 120.0)
-    assert flown(desk) == "evacuation"  # a way out that was begun is flown
+    assert flown(desk) == "evacuation"  # an escape route that was begun is flown
 
 
 def test_a_way_out_that_the_operator_prefers_is_flown():
@@ -134,20 +134,20 @@ def test_ways_out_without_a_plan_end_in_a_hold_until_there_is_one_and_are_told_n
     desk.plan_delay_s = None
     desk.set(battery_percent=15)
     for mission in ("exit", "evacuation"):
-        desk.run_until_sought(mission).answer_plan(plan=None, reason="no free way leads there")
+        desk.run_until_sought(mission).answer_plan(plan=None, reason="no free path leads there")
     desk.run(1.0)
     assert desk.state == "holding"
-    assert desk.said("no free way leads there, no exit")
-    assert desk.said("no free way leads there, no evacuation")
+    assert desk.said("no free path leads there, no exit")
+    assert desk.said("no free path leads there, no evacuation")
     began, count = desk.now_s, 0
     while desk.now_s < began + 20.0:
         desk.step()
         if desk.companion.status.sought is not None:
-            desk.answer_plan(plan=None, reason="no free way leads there")
+            desk.answer_plan(plan=None, reason="no free path leads there")
             count += 1
     assert desk.state == "holding"
     assert count == pytest.approx(20, abs=2)
-    assert desk.texts().count("MOAR: no free way leads there, no exit") <= 3
+    assert desk.texts().count("MOAR: no free path leads there, no exit") <= 3
     desk.set(plan_delay_s=0.04).run(2.5)
     assert flown(desk) == "exit"
 
@@ -164,9 +164,10 @@ def test_a_planner_that_is_silent_for_once_is_asked_for_the_way_out_again():
 def test_an_order_that_is_denied_leaves_the_evacuation_on():
     desk = Desk().come_to("flying").run(4.0)
     desk.set(charge_state=3, plan_delay_s=None).run_until_sought("evacuation").run(0.6)
-    desk.order(EXIT).run(0.5).answer_plan(plan=None, reason="no free way leads there").step()
-    assert not desk.companion.status.sought
-    desk.set(plan_delay_s=0.04).run(0.5)
+    desk.order(EXIT).run(0.5).set(plan_delay_s=0.04)
+    desk.answer_plan(plan=None, reason="no free path leads there").step()
+    assert desk.companion.status.sought.mission.value == "evacuation"
+    desk.run(0.5)
     assert desk.answers()[-1] == DENIED
     assert flown(desk) == "evacuation"
 
@@ -234,7 +235,7 @@ def test_a_position_that_is_known_worse_keeps_what_moves_away_from_obstacles():
     desk = Desk().come_to("flying").run(4.0)
     desk.set(accuracy_m=1.9)
     desk.run_until("holding", 120.0)
-    assert desk.said("MOAR: no way with uncertainty 1.9 m, holding")
+    assert desk.said("MOAR: no path, uncertainty 1.9 m, holding")
     desk.run(2.0)
     assert resting(desk, desk.now_s - 0.5)
     x_m, _, z_m = desk.companion.pose.position_m

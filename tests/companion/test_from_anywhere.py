@@ -15,22 +15,23 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from moar_companion import autopilots
 from moar_companion.config import Supervision, shipped_configs
-from moar_companion.margin import flown_site
-from moar_companion.mavlink.statustext import pilot_text
+from moar_companion.error_margin import flown_site
 from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Site
-from moar_companion.types import AutopilotKind, Mission, RiskIndices
-from moar_companion.vehicle import Vehicle
+from moar_companion.text_format import pilot_text
+from moar_companion.types import Mission, RiskIndices
+from tests.vehicles import named_vehicle
 
 from ..flights.judging import clearances_m
 
 SITES = ("120kv_single_circuit", "315kv_double_circuit", "horizontal_three_conductors")
-KINDS = (AutopilotKind.PX4, AutopilotKind.ARDUPILOT)
+KINDS = (autopilots.PX4, autopilots.ARDUPILOT)
 FENCE = PlaneFence(
     bounds=(Bound(name="GF_MAX_HOR_DIST 30 m", x_m=((-1.0, 36.0),), z_m=(-5.0, 18.0)),),
     margin_m=1.5,
@@ -42,7 +43,7 @@ _NEAR_M = 1e-3
 @functools.cache
 def planners(name, kind):
     site = Site.load(shipped_configs() / "sites" / f"{name}.yaml")
-    vehicle = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
+    vehicle = named_vehicle("linedrone_uniform")
     vehicle = replace(vehicle, autopilot=kind)
     return PlannerSet(Planner(flown_site(site, vehicle, Supervision()), vehicle))
 
@@ -133,7 +134,7 @@ def test_an_order_is_flown_on_legs_that_are_free_or_refused_with_a_reason(
 
 def refused(start_m, mission=Mission.EXIT, **changes):
     """The reason why nothing is flown from a place."""
-    known = planners("315kv_double_circuit", AutopilotKind.PX4)
+    known = planners("315kv_double_circuit", autopilots.PX4)
     site = replace(known.exact.site, **changes)
     planner = Planner(site, known.exact.vehicle)
     request = PlanRequest(
@@ -151,7 +152,7 @@ def refused(start_m, mission=Mission.EXIT, **changes):
 
 def test_where_no_leg_leads_on_the_pilot_is_told_where_to_fly():
     """In a cage 2 m wide, which no hull and margin leave, outside on either side, and inside."""
-    known = planners("315kv_double_circuit", AutopilotKind.PX4)
+    known = planners("315kv_double_circuit", autopilots.PX4)
     conductor = known.exact.site.obstacles[0]
 
     def cage(x_m, z_m):
@@ -161,17 +162,17 @@ def test_where_no_leg_leads_on_the_pilot_is_told_where_to_fly():
             for n, (dx, dz) in enumerate(around)
         )
 
-    assert refused((101.0, 5.0)) == "MOAR: 71 m outside > 60, fly it back, denied"
+    assert refused((101.0, 5.0)) == "MOAR: 71 m off workspace > 60, denied"
     assert refused((40.0, 6.0), obstacles=cage(40.0, 6.0)) == (
-        "MOAR: 10.0 m east of workspace: fly west, denied"
+        "MOAR: 10.0 m off workspace: fly W, denied"
     )
     assert refused((-9.0, 6.0), obstacles=cage(-9.0, 6.0)) == (
-        "MOAR: 9.0 m west of workspace: fly east, denied"
+        "MOAR: 9.0 m off workspace: fly E, denied"
     )
     assert refused((15.0, 24.0), obstacles=cage(15.0, 24.0)) == (
-        "MOAR: 4.2 m above workspace: descend, denied"
+        "MOAR: 4.2 m off workspace: descend, denied"
     )
     assert refused((15.0, 1.2), obstacles=cage(15.0, 1.2)) == (
-        "MOAR: aircraft at 1.2 m < 2: climb, denied"
+        "MOAR: height 1.2 m < 2: climb, denied"
     )
     assert refused((15.0, 10.0), obstacles=cage(15.0, 10.0)).startswith("MOAR: too near bar ")

@@ -1,4 +1,4 @@
-"""What a cycle reads when more arrives than it has time for."""
+"""Data that a cycle reads when more arrives than it has time for."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from moar_companion.companion.intake import (
 )
 from moar_companion.mavlink import codec as codec_module
 from moar_companion.mavlink.peers import Precedence
-from moar_companion.mavlink.statustext import pilot_text
+from moar_companion.text_format import pilot_text
 
 from ..mavlink.peer import Peer
 from .commands import OPERATOR_LINK, hovering
@@ -89,7 +89,7 @@ def test_what_is_dropped_is_told_at_once_and_then_every_half_minute():
 
 @pytest.fixture
 def steps(monkeypatch):
-    """How often the parser has looked for a packet."""
+    """Number of times that the parser has looked for a packet."""
     looks, size = [], codec_module.frame_size
 
     def counted(*arguments):

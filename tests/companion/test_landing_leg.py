@@ -45,7 +45,7 @@ def planner():
 
 
 def moving(desk, seconds):
-    """How often of its setpoints it moves meanwhile."""
+    """Fraction of its setpoints that move meanwhile."""
     began = desk.now_s
     desk.run(seconds)
     setpoints = desk.setpoints(began)
@@ -53,7 +53,7 @@ def moving(desk, seconds):
 
 
 def along_m(desk):
-    """How far from the start in the plane, which runs east, the aircraft is."""
+    """Distance of the aircraft from the start in the plane, which runs east."""
     return desk.position_ned_m[1]
 
 
@@ -64,14 +64,14 @@ def desk():
 
 
 def room_m(desk):
-    """Of the landing leg that is flown."""
+    """Room of the landing leg that is flown."""
     (*_, answer) = (answer for _, answer in desk.answered if answer.plan is not None)
     return answer.plan.landing_leg.room_m
 
 
 @pytest.mark.parametrize("battery_percent", [90, 15])
 def test_too_narrow_for_a_moment_it_goes_on_along_the_leg(desk, battery_percent):
-    """Also where a way out goes before the hold: an empty battery must not wait for ever."""
+    """Also where an escape route goes before the hold: an empty battery must not wait for ever."""
     assert WELL_M < room_m(desk) + 0.9 < TOO_NARROW_M
     desk.set(battery_percent=battery_percent, plan_delay_s=None).run(4.5)
     place_m = along_m(desk)
@@ -205,7 +205,7 @@ def test_what_a_pilot_has_interrupted_on_the_leg_is_gone_on_with_from_near_it(
 def test_a_leg_that_was_taken_up_is_gone_on_with_by_an_aircraft_that_is_held_beside_its_setpoint(
     desk, behind_m, battery_percent
 ):
-    """Also by the way out of a critical battery, which no operator orders."""
+    """Also by the escape route of a critical battery, which no operator orders."""
     taken_over(desk, 0.0, 0.0, -0.9)
     desk.order(EXIT).run_until("ready", 2.0).run(1.1).say_heartbeat(OFFBOARD).run(0.5)
     desk.pause().run(1.0).fall_behind(behind_m, 0.0, 0.0).run(1.0)
@@ -230,7 +230,7 @@ def test_an_order_that_is_denied_meanwhile_does_not_lose_the_leg(desk):
     asked = taken_over(desk, 0.0, 0.0, 0.0)
     desk.plan_delay_s = None
     desk.order(INSPECTION).run(0.1)
-    desk.answer_plan(plan=None, reason="no free way").run(1.0)
+    desk.answer_plan(plan=None, reason="no free path").run(1.0)
     assert desk.answers()[-1] == DENIED
     desk.order(EXIT).run_until("ready", 2.0)
     assert len(desk.jobs) == asked + 1
@@ -240,7 +240,7 @@ def test_a_continue_that_is_denied_can_be_given_again_from_nearer_the_leg(desk):
     asked = taken_over(desk, 0.0, 0.0, -3.0)
     desk.plan_delay_s = None
     desk.go_on().run(0.1)
-    desk.answer_plan(plan=None, reason="no free way").run(1.0)
+    desk.answer_plan(plan=None, reason="no free path").run(1.0)
     assert desk.answers(PAUSE_CONTINUE) == [DENIED]
     assert desk.state == "idle"
     desk.drift(0.0, 0.0, 3.0).run(1.0).go_on()
@@ -256,5 +256,5 @@ def test_under_engage_a_pilot_who_orders_the_rest_of_the_leg_is_told_to_give_the
     assert desk.state == "overridden"
     desk.order(EXIT).run(1.0)
     assert desk.answers()[-1] == ACCEPTED
-    assert desk.said("HOLD is kept, waiting for OFFBOARD")
+    assert desk.said("HOLD kept, waiting for OFFBOARD")
     assert desk.state == "ready"

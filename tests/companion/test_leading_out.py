@@ -62,7 +62,7 @@ def flown(desk):
 
 
 def moving(desk, seconds):
-    """Whether any of its setpoints moves meanwhile."""
+    """True if any of its setpoints moves meanwhile."""
     began = desk.now_s
     desk.run(seconds)
     return any(any((m.vx, m.vy, m.vz)) for m in desk.setpoints(began))
@@ -78,6 +78,13 @@ def test_an_inspection_without_an_evacuation_leaves_by_the_exit(planner):
     assert desk.companion.status.task.flown
 
 
+def test_the_next_escape_route_is_sought_in_the_cycle_that_takes_a_failed_search():
+    desk = Desk(wind_mps=2.0).set(accuracy_m=0.3).come_to("flying", INSPECTION).run(3.0)
+    desk.set(**CRITICAL, plan_delay_s=None).run_until_sought("evacuation")
+    desk.answer_plan(plan=None, reason="no free way leads there").step()
+    assert desk.jobs[-1].request.mission is Mission.EXIT
+
+
 @pytest.mark.parametrize("held", ["by wind", "by an operator"])
 def test_an_exit_that_is_held_goes_on_without_an_evacuation(held):
     desk = desk_on_site(cut_off(), east_m=-9.0).come_to("flying", EXIT).run(2.0)
@@ -90,7 +97,7 @@ def test_an_exit_that_is_held_goes_on_without_an_evacuation(held):
 
 @pytest.mark.parametrize("plan_delay_s", [0.04, None])
 def test_an_exit_that_is_held_on_its_landing_leg_goes_on_along_it(plan_delay_s):
-    """Out there no evacuation is planned, and the leg needs no planner, were it dead, too."""
+    """Out there no evacuation is planned, and the leg needs no planner, even after its failure."""
     desk = Desk(height_m=5.0, east_m=2.0, wind_mps=2.0).set(accuracy_m=0.3)
     desk.come_to("landing_leg", EXIT).run(2.0).set(plan_delay_s=plan_delay_s)
     desk.set(wind_mps=18.0).run_until("holding").run(1.0)

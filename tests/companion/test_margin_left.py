@@ -1,4 +1,4 @@
-"""What a margin that closes a way out leaves of it, and what becomes of orders within the margin.
+"""Escape routes that the margin blocks, and orders within the margin.
 
 A wall stands between the aircraft and the exit, with a window in it: 0.35 m of an X500 and PX4's
 margin, 1.4 m for the position and 1.15 m for tracking, need 5.8 m and the rounding to cells.
@@ -12,15 +12,16 @@ from dataclasses import replace
 import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
+from moar_companion import autopilots
 from moar_companion.config import Supervision, shipped_configs
-from moar_companion.margin import flown_site
+from moar_companion.error_margin import flown_site
 from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Polygon, Site, Target
-from moar_companion.types import AutopilotKind, Mission, RiskIndices
+from moar_companion.types import Mission, RiskIndices
 from moar_companion.vehicle import Vehicle
 
 from .desk import DENIED, EXIT, TEMPORARILY_REJECTED, Desk, usual_planner
@@ -86,7 +87,7 @@ def test_a_way_out_that_the_margin_closes_is_planned_with_the_most_of_it_that_le
 def test_the_position_error_is_kept_at_least():
     refused = answer(3.0, Mission.EXIT)
     assert refused.plan is None
-    assert refused.reason.startswith("no free way")
+    assert refused.reason.startswith("no free path")
 
 
 def test_less_known_of_the_position_counts_in_full():
@@ -99,7 +100,7 @@ def test_less_known_of_the_position_counts_in_full():
 def test_an_inspection_is_flown_with_all_of_the_margin_or_not():
     refused = answer(5.6, Mission.INSPECTION)
     assert refused.plan is None
-    assert refused.reason == "no way with margin 2.55 m"
+    assert refused.reason == "no path with margin 2.55 m"
 
 
 CEILING = PlaneFence(bounds=(Bound(name="GF_MAX_VER_DIST 13 m", z_m=(-5.0, 13.0)),), margin_m=1.5)
@@ -109,9 +110,9 @@ CEILING = PlaneFence(bounds=(Bound(name="GF_MAX_VER_DIST 13 m", z_m=(-5.0, 13.0)
 @pytest.mark.parametrize(
     ("gap_m", "widening_m", "reason", "too_wide"),
     [
-        (6.6, 0.6, "no free way to beyond", True),
-        (5.6, 0.0, "no way with margin 2.55 m", False),
-        (0.5, 0.0, "beyond outside GF_MAX_VER_DIST 13 m", False),
+        (6.6, 0.6, "no free path to beyond", True),
+        (5.6, 0.0, "no path with margin 2.55 m", False),
+        (0.5, 0.0, "beyond past GF_MAX_VER_DIST 13 m", False),
     ],
 )
 def test_a_fence_is_named_only_where_no_width_takes_the_room(gap_m, widening_m, reason, too_wide):
@@ -138,7 +139,7 @@ def at_the_window(gap_m, **options):
 def test_the_clearance_that_is_left_is_told_and_the_gate_lets_it_pass():
     desk = at_the_window(4.2).come_to("landing_leg", EXIT)
     assert any(text.startswith("MOAR: 1.7 m to ") for text in desk.texts()), desk.texts()
-    assert desk.said(" wall < 2.5, exiting")
+    assert desk.said(" wall < 2.55, exiting")
     assert not desk.said("no room here")
     assert not desk.said("too near")
 
@@ -158,15 +159,15 @@ def test_a_setpoint_that_a_small_jump_puts_into_the_margin_waits_and_goes_on_by_
     desk.jump(0.0, -0.7, 0.0)  # towards the wall
     desk.run_until("holding", 2.0)
     desk.run(0.1)
-    assert desk.said("MOAR: no room here, margin 2.55 m, holding"), desk.texts()
+    assert desk.said("MOAR: no room here, margin 2.5 m, holding"), desk.texts()
     desk.run_until("at_target", 30.0)
 
 
 @pytest.mark.parametrize(
     ("file", "heard", "words"),
     [
-        (AutopilotKind.PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "px4, heard ardupilot"),
-        (AutopilotKind.ARDUPILOT, mavlink.MAV_AUTOPILOT_PX4, "ardupilot, heard px4"),
+        (autopilots.PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "autopilot ardupilot, file px4"),
+        (autopilots.ARDUPILOT, mavlink.MAV_AUTOPILOT_PX4, "autopilot px4, file ardupilot"),
     ],
 )
 def test_another_autopilot_than_the_vehicle_files_is_told_and_nothing_is_flown(file, heard, words):
@@ -175,7 +176,7 @@ def test_another_autopilot_than_the_vehicle_files_is_told_and_nothing_is_flown(f
     other = Planner(usual.site, replace(usual.vehicle, autopilot=file))
     desk = Desk(planner=other, autopilot=heard).run(1.2).order(EXIT).run(1.0)
     assert desk.answers()[-1] in {TEMPORARILY_REJECTED, DENIED}
-    assert desk.said(f"MOAR: vehicle file {words}, rejected"), desk.texts()
+    assert desk.said(f"MOAR: {words}, rejected"), desk.texts()
     assert not desk.setpoints()
 
 

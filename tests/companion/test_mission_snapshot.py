@@ -1,4 +1,4 @@
-"""What outlives the process: its file's bytes, what of it can still be flown, its words."""
+"""The mission snapshot: its file's bytes, the part that can still be flown, its text."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def test_what_is_not_whole_or_not_ours_is_no_memory(data):
         ("in flight", memory(), INSPECTION),
         ("held by an operator", memory(MissionState.HOLDING), INSPECTION),
         ("ready, the mode not yet given", memory(MissionState.READY), INSPECTION),
-        ("on the way out", memory(task=EXIT), EXIT),
+        ("on the escape route", memory(task=EXIT), EXIT),
         ("every target done", memory(MissionState.HOLDING, Task(mission=Mission.INSPECTION)), None),
         ("the pilot had taken over", memory(MissionState.OVERRIDDEN), None),
         ("let go before", memory(MissionState.RELEASED), None),

@@ -37,7 +37,7 @@ def test_nothing_is_begun_before_the_parameters_are_told_or_given_up_on():
     assert desk.said("parameters not read yet")
     desk.run(14.0).order(INSPECTION, 0.0).run(0.5)
     assert desk.answers() == [TEMPORARILY_REJECTED, ACCEPTED]
-    assert desk.said(" parameters not told, taken as default")
+    assert desk.said(" parameters unread, taken as default")
 
 
 def test_an_order_at_the_start_waits_for_the_autopilot_and_its_parameters():
@@ -225,7 +225,7 @@ def test_one_that_refuses_an_inspection_that_nobody_ordered_holds_it_until_it_is
     assert watched(desk, 2).state == "holding"
     desk.set_parameters(COM_OBL_RC_ACT=5.0)
     watched(desk, 10)
-    refusals = [text for text in desk.texts() if "GCS loss: land hits" in text]
+    refusals = [text for text in desk.texts() if "GCS loss: landing hits" in text]
     assert (desk.state, len(refusals)) == ("holding", 1)
     desk.set_parameters(NAV_DLL_ACT=0.0)
     assert watched(desk, 4).state == "flying"

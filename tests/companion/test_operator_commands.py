@@ -1,4 +1,4 @@
-"""What operators are answered, and when."""
+"""Answers to operators, and their times."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_mission_is_temporarily_rejected_unless_in_the_air(case, armed, landed
 def test_an_index_out_of_range_is_denied_with_the_number_there_are(mission):
     desk = Desk().run(1.2).order(mission, 7.0).run(0.2)
     assert (desk.state, desk.answers()) == ("idle", [DENIED])
-    assert desk.said("7: the site has")
+    assert desk.said(" 7 of ")
 
 
 @pytest.mark.parametrize("index", [-1.0, math.nan])
@@ -96,11 +96,11 @@ def test_while_planning_takes_long_the_order_is_in_progress_and_then_accepted():
 
 def test_a_mission_that_cannot_be_planned_is_denied_with_the_reason_in_words():
     desk = Desk(plan_delay_s=None).run(1.2).order(INSPECTION).step()
-    desk.answer_plan(plan=None, reason="no free way leads there")
+    desk.answer_plan(plan=None, reason="no free path leads there")
     desk.run(0.1)
     assert (desk.state, desk.answers()) == ("idle", [DENIED])
-    told = [text for text in desk.texts() if "no free way" in text]
-    assert told == ["MOAR: no free way leads there, denied"]
+    told = [text for text in desk.texts() if "no free path" in text]
+    assert told == ["MOAR: no free path leads there, denied"]
     assert not desk.setpoints()
 
 
@@ -173,6 +173,16 @@ def test_continue_without_anything_held_is_rejected():
     desk = Desk().come_to("flying").order(1.0, command=PAUSE_CONTINUE).run(0.1)
     assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]
     assert desk.state == "flying"
+
+
+def test_an_order_in_the_cycle_in_which_the_mode_is_given_is_judged_as_in_control():
+    desk = Desk().come_to("ready").run(1.1)
+    desk.velocity_ned_mps = (0.0, 1.2, 0.0)
+    desk.run(0.1).run_to_position().say_heartbeat(OFFBOARD).order(EXIT).step()
+    assert desk.state == "flying"
+    desk.run(0.2)
+    assert desk.answers() == [ACCEPTED, ACCEPTED]
+    assert desk.companion.status.task.mission.value == "exit"
 
 
 @pytest.mark.parametrize("state", ["ready", "flying", "at_target"])

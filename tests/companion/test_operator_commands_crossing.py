@@ -84,7 +84,7 @@ def test_an_order_that_crosses_with_a_failsafe_is_not_one_that_knew_of_it(failsa
         desk.order(EXIT).say_heartbeat(AUTO_HOLD, CRITICAL)
     desk.run(2.0)
     assert (desk.state, desk.answers()[-1]) == ("released", TEMPORARILY_REJECTED)
-    assert desk.said("just let go")
+    assert desk.said("released just now")
     assert not desk.setpoints(began)
     desk.order(EXIT).run(0.5)  # now the operator knows
     assert (desk.state, desk.answers()[-1]) == ("ready", ACCEPTED)
@@ -128,7 +128,7 @@ def test_a_mission_ordered_while_ready_interrupts_no_stream():
 def test_a_mission_that_cannot_be_planned_leaves_ready_as_it_was():
     desk = Desk().come_to("ready")
     desk.plan_delay_s = None
-    desk.order(EXIT).step().answer_plan(plan=None, reason="no way out").run(0.5)
+    desk.order(EXIT).step().answer_plan(plan=None, reason="no escape route").run(0.5)
     assert (desk.state, desk.answers()[-1]) == ("ready", DENIED)
     desk.plan_delay_s = 0.04
     desk.run(1.0).say_heartbeat(OFFBOARD).run_until("flying", 0.1)

@@ -188,7 +188,7 @@ def test_a_jump_out_of_the_plane_ends_the_stream_where_the_aircraft_is():
     desk.jump(5.0, 0.0, 0.0).run(1.0)
     assert desk.state == "released"
     assert desk.said("from the plane")
-    # A farewell in the frame of before would draw the aircraft five metres away.
+    # A last setpoint in the earlier frame would draw the aircraft five metres away.
     assert math.dist(desk.position_ned_m, place) < 0.1
     assert len(desk.setpoints(began)) <= 1
 

@@ -99,7 +99,7 @@ def test_the_status_tells_why_the_path_is_where_it_is(desk, risks):
 
 @pytest.fixture
 def flown():
-    flown = Flown("linedrone_flight")
+    flown = Flown("linedrone_uniform")
     flown.order(Mission.INSPECTION)
     for _ in range(150):
         flown.advanced(flown.flight)
@@ -187,7 +187,7 @@ def test_a_planner_that_was_built_anew_for_the_same_width_lets_the_path_stay(flo
 
 @pytest.mark.parametrize("narrowed_m", [0.0, 0.9])
 def test_a_plan_that_needs_more_of_the_margin_is_flown_though_its_path_is_flown_already(narrowed_m):
-    """What the position is known worse by, and what the plan does without, may be the same."""
+    """Uncertainty of the position, and the part of the margin that the plan omits, may be equal."""
     desk = Desk().come_to("flying", EXIT).set(plan_delay_s=None)
     desk.jobs.clear()
     while not desk.jobs:
@@ -197,3 +197,17 @@ def test_a_plan_that_needs_more_of_the_margin_is_flown_though_its_path_is_flown_
     desk.step()
     assert desk.companion._executor.routes.flight.narrowed_m == narrowed_m
     assert len(plans(desk.run(0.1))) == (2 if narrowed_m else 1)
+
+
+def test_a_plan_that_comes_in_the_cycle_in_which_its_wait_is_over_is_flown():
+    late, steps = Desk().come_to("flying").set(plan_delay_s=None), 0
+    while late.state == "flying":
+        late.step()
+        steps += 1
+    assert late.said("no new plan for over 12 s, holding")
+    desk = Desk().come_to("flying").set(plan_delay_s=None)
+    for _ in range(steps - 1):
+        desk.step()
+    desk.answer_plan().run(1.0)
+    assert desk.state == "flying"
+    assert not desk.said("no new plan for over 12 s")

@@ -1,4 +1,4 @@
-"""What people are told of the mission: its state in every heartbeat, its changes in words."""
+"""Reports of the mission: its state in every heartbeat, its changes as texts."""
 
 from __future__ import annotations
 

@@ -6,7 +6,7 @@ import pytest
 
 from moar_companion.companion.mission_snapshot import MissionSnapshot
 from moar_companion.config import Authority, shipped_configs
-from moar_companion.estimation.pose_tracker import Ground
+from moar_companion.estimation.pose_tracker import SiteMaps
 from moar_companion.mission.state_machine import MissionState, Task
 from moar_companion.site import Site
 from moar_companion.types import Mission
@@ -90,7 +90,7 @@ def test_a_release_before_the_planner_is_ready_forgets_the_rest(compiling):
     desk.run(1.2).order(RELEASE).run(0.6)
     assert desk.answers() == [ACCEPTED]
     assert desk.companion.memory.task is None  # nor is it continued after another crash
-    desk.companion.take_ground(Ground(site=desk.site, maps=desk.planner.maps))
+    desk.companion.take_ground(SiteMaps(site=desk.site, maps=desk.planner.maps))
     desk.run(1.2).go_on().run(0.2)
     assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]
     assert desk.said("MOAR: restarted, was flying")
@@ -101,7 +101,7 @@ def test_a_pause_before_the_planner_is_ready_leaves_the_rest():
     desk = desk_after(mode=AUTO_HOLD, with_site=False)
     desk.companion.await_planner()
     desk.run(1.2).pause().run(0.6)
-    desk.companion.take_ground(Ground(site=desk.site, maps=desk.planner.maps))
+    desk.companion.take_ground(SiteMaps(site=desk.site, maps=desk.planner.maps))
     desk.run(1.2).go_on().run_until("ready")
     assert desk.companion.status.task == REST
 

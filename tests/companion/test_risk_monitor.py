@@ -1,17 +1,16 @@
-"""Whether lean or motors are at their limits, from what is told and what is told no more."""
+"""Saturation: lean or motors at their limits, with and without reports."""
 
 from __future__ import annotations
 
 from dataclasses import replace
 
 from moar_companion.companion.risk_monitor import RiskMonitor
-from moar_companion.config import shipped_configs
 from moar_companion.telemetry import MotorOutputs, Telemetry
-from moar_companion.vehicle import Vehicle
+from tests.vehicles import named_vehicle
 
 from ..risk.conftest import HEALTHY
 
-VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
+VEHICLE = named_vehicle("linedrone_uniform")
 
 
 class Aircraft:

@@ -8,6 +8,7 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion import autopilots
 from moar_companion.companion.mission_executor import MissionExecutor
 from moar_companion.companion.setpoint_streamer import SetpointStreamer
 from moar_companion.config import Supervision
@@ -15,7 +16,7 @@ from moar_companion.estimation.pose import Jump, Setpoint
 from moar_companion.frames import PlaneToLocal
 from moar_companion.guidance.path_follower import PathFollower
 from moar_companion.site import Margin
-from moar_companion.types import AutopilotKind, Mission
+from moar_companion.types import Mission
 
 from .desk import INSPECTION, Desk, usual_planner
 
@@ -38,7 +39,7 @@ def hurried(setpoint):
 @pytest.mark.parametrize(
     ("wrong", "reason"),
     [
-        (jumped, "setpoint jumps by 0.30 m"),
+        (jumped, "setpoint jumps by 0.3 m"),
         (turned_back, "setpoint speed jump 1.4 m/s"),
         (hurried, "setpoint at 1.4 m/s > 1.1"),
     ],
@@ -71,7 +72,7 @@ def test_a_map_that_moves_without_a_jump_moves_no_setpoint_in_the_autopilots_fra
     desk.origin = (latitude, longitude + 0.4 / 78_000.0, altitude)
     desk.run(1.5)
     assert desk.state == "holding"
-    assert desk.said("local setpoint jumps by 0.4")
+    assert desk.said("NED setpoint jumps by 0.4")
     places = [(m.x, m.y, m.z) for m in desk.setpoints(began)]
     assert max(math.dist(*pair) for pair in itertools.pairwise(places)) < 0.05
 
@@ -114,7 +115,7 @@ def test_what_a_jump_allows_a_setpoint_at_rest_ends_with_the_stream(ends, sent):
     """A place outside what may be flown, to which no jump has taken this flight."""
     planner, session, flight = usual_planner(), Sent(), Anywhere()
     frame = planner.site.frame
-    plane = PlaneToLocal.between(frame, frame.to_geodetic((0.0, 0.0, 0.0)), AutopilotKind.PX4)
+    plane = PlaneToLocal.between(frame, frame.to_geodetic((0.0, 0.0, 0.0)), autopilots.PX4)
     stream = SetpointStreamer(
         session, planner.vehicle, Supervision(), Margin(position_m=0.9, tracking_m=0.0)
     )

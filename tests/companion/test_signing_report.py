@@ -7,8 +7,8 @@ import pytest
 from moar_companion.companion.companion import Companion
 from moar_companion.companion.signing_report import SigningReport
 from moar_companion.config import CompanionConfig, LinkConfig, shipped_configs
-from moar_companion.mavlink.signing import Refusal, Signing, SigningKey, timestamp_at
-from moar_companion.mavlink.statustext import pilot_text
+from moar_companion.mavlink.signing import Signing, SigningKey, SigningRefusal, timestamp_at
+from moar_companion.text_format import pilot_text
 from moar_companion.vehicle import Vehicle
 
 from ..mavlink.signed import SECRET, SignedPeer
@@ -18,7 +18,7 @@ NOBODY = {"a": {}}
 
 
 def refused(**counts):
-    return {reason: counts.get(reason.name.lower(), 0) for reason in Refusal}
+    return {reason: counts.get(reason.name.lower(), 0) for reason in SigningRefusal}
 
 
 def test_the_first_is_told_at_once_and_the_next_after_half_a_minute():

@@ -1,4 +1,4 @@
-"""What the status says of a companion on the desk."""
+"""Status of a companion on the desk."""
 
 import json
 import math

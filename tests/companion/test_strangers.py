@@ -71,7 +71,7 @@ def test_an_order_that_the_site_denies_is_told_on_its_senders_link_alone():
 
 
 def bytes_per_second(words=None, seconds=3.0):
-    """What is sent on each link while an operator's link has 200 commands a second."""
+    """Sent packets on each link while an operator's link has 200 commands a second."""
     desk, number = Desk(links=LINKS).run(3.0), 0
     counted = {LINK: 0, OPERATOR_LINK: 0}
     send = desk.companion.data_to_send
@@ -118,7 +118,7 @@ def test_five_thousand_denials_in_a_cycle_are_answered_sixty_times_at_most(sende
     desk.step()
     assert len(results(desk)) == (20 if senders == 1 else 60)
     assert len(desk.decisions) < 100
-    ledger, texts = desk.companion._session._commands, desk.companion._session._texts
+    ledger, texts = desk.companion._session.commands, desk.companion._session._texts
     assert len(ledger._packets) <= 64
     assert len(ledger._answers._senders._left) <= 64
     assert len(texts._sent_s) <= 256

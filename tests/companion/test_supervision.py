@@ -1,4 +1,4 @@
-"""What ends the stream, and that nothing but a new command begins it again."""
+"""Ends of the stream; nothing but a new command begins it again."""
 
 from __future__ import annotations
 
@@ -65,7 +65,7 @@ def test_its_heartbeat_says_active_while_it_streams_and_standby_otherwise():
     ("case", "mute", "limit_s", "words"),
     [
         ("no position", {"LOCAL_POSITION_NED"}, 0.5, "position age 0.5"),
-        ("no mode", {"HEARTBEAT"}, 3.0, "mode not told for 3."),
+        ("no mode", {"HEARTBEAT"}, 3.0, "mode unknown for 3."),
         (
             "nothing at all",
             {"HEARTBEAT", "LOCAL_POSITION_NED", "ATTITUDE"},
@@ -149,7 +149,7 @@ def test_an_autopilot_failsafe_is_obeyed_and_its_end_brings_nothing_back(state):
     began = desk.now_s
     desk.run(5.0)
     assert desk.state == "released"
-    assert desk.said("autopilot failsafe chose HOLD")
+    assert desk.said("failsafe chose HOLD")
     assert not desk.setpoints(began)
     desk.say_heartbeat(OFFBOARD).run(30.0)  # PX4 resumes OFFBOARD by itself
     assert desk.state == "released"
@@ -183,9 +183,9 @@ def test_two_autopilots_refuse_control_and_are_both_named():
     desk.hear(other.heartbeat()).step()
     desk.order(INSPECTION).run(0.2)
     assert desk.answers() == [TEMPORARILY_REJECTED]
-    assert desk.said("two autopilots are heard")
+    assert desk.said("two autopilots are received")
     named = next(text for text in desk.texts() if text.startswith("MOAR: two autopilots"))
-    assert "systems 1 and 2" in named
+    assert "ids 1 and 2" in named
     assert not desk.setpoints()
 
 
@@ -252,7 +252,7 @@ def test_too_far_from_the_plane_nothing_is_begun():
     desk.position_ned_m = (3.0, 0.0, -3.0)  # the plane runs east
     desk.run(1.2).order(INSPECTION).run(0.5)
     assert desk.answers() == [TEMPORARILY_REJECTED]
-    assert desk.said("3.0 m north of plane > 2, rejected")
+    assert desk.said("3.0 m N of plane > 2, rejected")
 
 
 def test_a_little_beside_the_plane_is_flown_from_there_into_it():
@@ -316,7 +316,7 @@ def test_a_mode_that_is_left_and_given_back_between_two_thoughts_ends_our_contro
     left = desk.now_s
     desk.say_heartbeat(POSCTL).say_heartbeat(OFFBOARD).run(2.0)
     assert desk.state == "overridden"
-    assert desk.said("MOAR: the autopilot was in POSCTL")
+    assert desk.said("MOAR: autopilot was in POSCTL")
     assert not desk.setpoints(left)
 
 

@@ -1,4 +1,4 @@
-"""What an operator is told, and what his order overrides: what he could know of, and no more."""
+"""Missing measurements as told to an operator; an order overrides only what its operator knew."""
 
 from __future__ import annotations
 
@@ -76,7 +76,7 @@ def test_the_way_out_that_the_supervisor_has_just_begun_may_be_ordered_as_well(d
 
 TROUBLE = {
     "a jump": ({}, "MOAR: the position jumped 4.5 m > 0.9, holding"),
-    "no fix": ({"fix_type": 0}, "MOAR: the receiver has no 3D fix, holding"),
+    "no fix": ({"fix_type": 0}, "MOAR: GNSS receiver has no 3D fix, holding"),
     "wind": ({"wind_mps": 21.4}, "MOAR: wind reported 21.4 m/s > 15, holding"),
 }
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from moar_companion import autopilots
 from moar_companion.companion.wind_recovery import WindRecovery
 from moar_companion.estimation.pose import Pose
 from moar_companion.guidance.flight_volume import FlightVolume
@@ -16,14 +17,13 @@ from moar_companion.mission_states import MissionState
 from moar_companion.planner.plane_fence import Bound, PlaneFence
 from moar_companion.planner.planner import Planner
 from moar_companion.safety.conditions import CONDITIONS
-from moar_companion.safety.offboard_loss import OffboardLoss, loss_parameters
 from moar_companion.safety.supervisor import Acting, Ruling
-from moar_companion.types import AutopilotKind
 
+from ..losses import loss_of
 from ..planner.problems import conductor
 from .desk import STEP_S, usual_planner
 
-PX4 = OffboardLoss.told(AutopilotKind.PX4, dict.fromkeys(loss_parameters(AutopilotKind.PX4)))
+PX4 = loss_of(autopilots.PX4)
 RIGHT_M = usual_planner().site.workspace.upper_m[0]
 FENCE = PlaneFence(
     bounds=(Bound(name="GF_MAX_HOR_DIST 14 m", x_m=((-1e3, RIGHT_M - 3.0),)),), margin_m=1.5

@@ -1,4 +1,4 @@
-"""Ways: what they take, and which of two ways out is the better one."""
+"""Ways: what they take, and which of two escape routes is the better one."""
 
 from __future__ import annotations
 

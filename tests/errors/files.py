@@ -8,7 +8,7 @@ import math
 from collections.abc import Iterator
 from typing import Any
 
-from moar_companion.config import CompanionConfig, Replanning, Supervision
+from moar_companion.config import CompanionConfig, RecorderSettings, Replanning, Supervision
 from moar_companion.site import Site
 from moar_companion.vehicle import Guidance, Power, Range, RiskModel, Vehicle
 from moar_companion.yaml_schema import file_key
@@ -69,6 +69,7 @@ SITE: dict[str, Any] = {
 VEHICLE: dict[str, Any] = {
     "name": "LineDrone",
     "autopilot": "px4",
+    "adaptation": "paper",
     "geometry": {"radius_m": 0.6},
     "safety": {
         "d_min_m": 1.2,
@@ -111,10 +112,26 @@ COMPANION: dict[str, Any] = {
     },
     "replanning": section(Replanning()),
     "supervision": section(Supervision(position_uncertainty_m=1.4)),
-    "recorder": {"directory": "flights"},
+    "recorder": {**section(RecorderSettings()), "directory": "flights"},
     "state": {"directory": "state"},
     "view": {"socket": "view.sock"},
     "signing": {"key_file": "signing.key", "credential": "mavlink-signing-key"},
+    "mqtt": {
+        "url": "mqtts://broker.example:8883",
+        "vehicle": "a1",
+        "ca_file": "ca.pem",
+        "certificate_file": "a1.pem",
+        "key_file": "a1.key",
+        "username": "a1",
+        "password_file": "password",
+        "password_credential": "mqtt-password",
+        "commands": {
+            "accept": True,
+            "key_file": "orders.key",
+            "credential": "mqtt-orders-key",
+            "window_s": 10.0,
+        },
+    },
 }
 FILES: dict[str, tuple[Any, dict[str, Any]]] = {
     "site.yaml": (Site.load, SITE),
@@ -146,7 +163,10 @@ REQUIRED = {
             for name in WEIGHTS
         ),
     },
-    "companion.yaml": {"vehicle", "links[0].url"},
+    "companion.yaml": {
+        "vehicle", "links[0].url", "mqtt.vehicle", "mqtt.certificate_file", "mqtt.key_file",
+        "mqtt.username",
+    },
 }  # fmt: skip
 EMPTY_IS_NONE = {
     "site.yaml": {"workspace.min_altitude_m", "targets.splice-1.yaw_deg"},
@@ -157,7 +177,10 @@ EMPTY_IS_NONE = {
     "companion.yaml": {
         "site", "recorder.directory", "state.directory", "view.socket",
         "supervision.position_uncertainty_m", "signing.key_file", "signing.credential",
-        "commands.systems", "commands.components", "commands.links",
+        "commands.systems", "commands.components", "commands.links", "mqtt.url", "mqtt.vehicle",
+        "mqtt.ca_file", "mqtt.certificate_file", "mqtt.key_file", "mqtt.username",
+        "mqtt.password_file", "mqtt.password_credential", "mqtt.commands.key_file",
+        "mqtt.commands.credential",
     },
 }  # fmt: skip
 """Keys whose default is nothing; `key:` without a value says the same."""

@@ -11,6 +11,7 @@ import yaml
 
 from moar_companion import cli
 from moar_companion.config import shipped_configs
+from tests.one_line import one_line
 
 from .files import FILES
 
@@ -72,17 +73,6 @@ FORMS = {
 }
 
 
-def refused(argv, capsys):
-    """The one line with which a command ends, status 2 and nothing on stdout."""
-    assert cli.main([str(word) for word in argv]) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("moar-companion: ")
-    assert err.endswith("\n")
-    assert err[:-1].isprintable()
-    return err[:-1].removeprefix("moar-companion: ")
-
-
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
 def test_a_site_as_other_editors_write_it_is_read(change, tmp_path, capsys):
     path = tmp_path / "site.yaml"
@@ -95,7 +85,9 @@ def test_a_site_as_other_editors_write_it_is_read(change, tmp_path, capsys):
 def test_a_file_that_is_no_site_is_refused_and_nothing_written(content, problem, tmp_path, capsys):
     path = tmp_path / "site.yaml"
     path.write_bytes(content)
-    line = refused(["plan", path, "--mission", "exit", "--json", tmp_path / "plan.json"], capsys)
+    line = one_line(
+        ["plan", path, "--mission", "exit", "--json", tmp_path / "plan.json"], 2, capsys
+    )
     assert line.startswith(f"{path}: ")
     assert problem in line
     assert list(tmp_path.iterdir()) == [path]
@@ -105,7 +97,7 @@ def test_a_file_larger_than_any_site_is_refused_unread(tmp_path, capsys):
     path = tmp_path / "site.yaml"
     path.touch()
     os.truncate(path, 100_000_000_000)
-    assert refused(["plan", path, "--mission", "exit"], capsys) == (
+    assert one_line(["plan", path, "--mission", "exit"], 2, capsys) == (
         f"{path}: is larger than 1000000 bytes"
     )
 
@@ -147,7 +139,7 @@ def test_every_command_that_reads_a_file_names_it_and_its_key(
         path.mkdir()
     if file == "companion.yaml" and problem.startswith("name:"):
         problem = "name: is not a known key"
-    line = refused([str(word).format(path) for word in command], capsys)
+    line = one_line([str(word).format(path) for word in command], 2, capsys)
     assert line.startswith(f"{path}: {problem}")
 
 
@@ -157,7 +149,7 @@ def test_a_file_that_may_not_be_read(file, command, tmp_path, capsys):
     path = tmp_path / file
     path.write_text("name: a")
     path.chmod(0)
-    line = refused([str(word).format(path) for word in command], capsys)
+    line = one_line([str(word).format(path) for word in command], 2, capsys)
     assert line == f"{path}: cannot be read: Permission denied"
 
 
@@ -169,7 +161,7 @@ NO_PLAN = {
     "the start too low": ([], (5, 1), (20, 15), "start_occupied", "too low"),
     "the target in an obstacle": ([ROCK], (20, 15), (5, 5), "target_occupied", "splice"),
     "the target outside": ([], (20, 15), (5, 500), "out_of_bounds", "splice"),
-    "a wall between": ([WALL], (2, 15), (20, 15), "unreachable", "no free way"),
+    "a wall between": ([WALL], (2, 15), (20, 15), "unreachable", "no free path"),
     "start and target outside": ([], (-5, 5), (50, 5), "out_of_bounds", "the start at (-5, 5)"),
 }
 

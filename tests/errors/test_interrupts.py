@@ -149,7 +149,7 @@ def begun(module, arguments, folder):
 
 
 def whole(path):
-    """Whether an output is complete."""
+    """True if an output is complete."""
     match path.suffix:
         case ".json":
             return bool(json.loads(path.read_text()))

@@ -67,7 +67,7 @@ STRUCTURES = {
     dict: [("3", "3"), ("yes", "true"), ("a", "'a'"), ("[1, 2]", "a list"), ("", "empty")],
     list: [("3", "3"), ("yes", "true"), ("a", "'a'"), ("{a: 1}", "a mapping"), ("", "empty")],
 }
-"""What is written in place of a mapping or a list, and how it is told."""
+"""Values written in place of a mapping or a list, and their texts."""
 
 FAR = 1e6 + 1.0
 """A thousand kilometres is too far, and too much of anything."""
@@ -184,9 +184,14 @@ OUTSIDE = {
         "exposure_reserve_s": (-0.1, 3600.1),
         "jump_limit_m": (0.0, 1000.1),
         **dict.fromkeys(("disk_free_mb", "memory_free_mb"), (-0.1, FAR)),
+        "part_mb": (0.9, 1e6 + 1.0),
+        "part_min": (0.9, 1e4 + 1.0),
+        "keep_gb": (0.09, 1e6 + 1.0),
+        "floor_mb": (-0.1, 1e6 + 1.0),
         "risk_change": (0.0, 1.1),
         "improvement": (-0.1, 1.1),
         "plane_tolerance_m": (0.0, 1000.1),
+        "window_s": (0.9, 300.1),
     },
 }
 """The greatest number too small and the least too great, by the last name of a key."""

@@ -16,6 +16,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion import cli
 from moar_companion.config import shipped_configs
+from tests.one_line import one_line
 from tests.processes import companion
 
 _PATIENCE_S = 60.0
@@ -47,17 +48,6 @@ def configured(folder, **keys):
     path = folder / "companion.yaml"
     path.write_text(json.dumps({"vehicle": str(VEHICLE), **keys}))
     return "--config", path
-
-
-def one_line(argv, status, capsys):
-    """The one line with which a command ends."""
-    assert cli.main([str(word) for word in argv]) == status
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert err.startswith("moar-companion: ")
-    assert err.endswith("\n")
-    assert err[:-1].isprintable()
-    return err[:-1].removeprefix("moar-companion: ")
 
 
 UNHAD = {
@@ -182,7 +172,7 @@ def test_without_an_autopilot_the_service_says_so_once_and_waits():
     with service("--connect", url) as running:
         assert running.stderr.readline().startswith("INFO autopilot link on ")
         assert running.stderr.readline() == (
-            f"WARNING no autopilot heard on {url} for 5 s; is it on, and does it send there?\n"
+            f"WARNING no autopilot received on {url} for 5 s; is it on, and does it send there?\n"
         )
         assert running.poll() is None
         running.terminate()
@@ -206,7 +196,7 @@ def test_two_autopilots_are_both_named_in_the_log():
         for codec in itertools.islice(systems, 4):
             aircraft.sendto(beat.pack(codec), ("127.0.0.1", port))
         told = next((line for line in running.stderr if "two autopilots" in line), "")
-    assert told == "INFO MOAR: two autopilots, systems 1 and 2, no control\n"
+    assert told == "INFO MOAR: two autopilots, ids 1 and 2, no control\n"
 
 
 @pytest.mark.parametrize("key", ["recorder", "state"])

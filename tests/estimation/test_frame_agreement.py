@@ -1,4 +1,4 @@
-"""Whether the autopilot tells one place by its several messages."""
+"""Agreement of the autopilot's messages on one place."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion import autopilots
 from moar_companion.estimation.frame_agreement import FrameAgreement
 from moar_companion.frames import SiteFrame
 from moar_companion.mavlink.codec import Codec
@@ -14,12 +15,12 @@ from moar_companion.mavlink.dialect import create
 from moar_companion.mavlink.telemetry_receiver import MESSAGE_IDS
 from moar_companion.mavlink.translate import update
 from moar_companion.telemetry import GlobalPosition, Home, LocalOrigin, LocalPosition, Telemetry
-from moar_companion.types import AutopilotKind, GeodeticPoint
+from moar_companion.types import GeodeticPoint
 from tests.mavlink.conftest import SHARED, packets
 
 from ..companion.desk import ACCEPTED, EXIT, STEP_S, Desk
 
-PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
+PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 SITE = SiteFrame(
     origin=GeodeticPoint(latitude_deg=45.4, longitude_deg=-71.9, altitude_amsl_m=210.0),
     azimuth_deg=90.0,
@@ -136,7 +137,7 @@ def test_a_hold_for_a_disagreement_is_not_ended_by_silence(end):
 
 def test_what_is_not_known_is_not_compared():
     assert looked(Telemetry()).global_off_m is None
-    assert looked(told(place=(50.0, 0.0, 0.0)), kind=AutopilotKind.UNKNOWN).global_off_m is None
+    assert looked(told(place=(50.0, 0.0, 0.0)), kind=autopilots.UNKNOWN).global_off_m is None
 
 
 def test_a_home_that_is_not_where_the_origin_says_is_seen_on_ardupilot():

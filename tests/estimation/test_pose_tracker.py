@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from moar_companion.estimation.pose import Pose
-from moar_companion.estimation.pose_tracker import Ground, PoseTracker
+from moar_companion.estimation.pose_tracker import PoseTracker, SiteMaps
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.translate import update
@@ -20,7 +20,7 @@ ATTITUDE = int(mavlink.MAVLINK_MSG_ID_ATTITUDE)
 def room_m(x_m, z_m):
     planner = usual_planner()
     pose = Pose(position_m=(x_m, 0.0, z_m), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
-    return Ground(site=planner.site, maps=planner.maps).room_m(pose, planner.vehicle.radius_m)
+    return SiteMaps(site=planner.site, maps=planner.maps).room_m(pose, planner.vehicle.radius_m)
 
 
 def test_the_room_at_the_middle_of_a_cell_is_the_maps():
@@ -38,7 +38,7 @@ def test_the_room_does_not_step_where_two_cells_meet():
 
 
 def recorded_resets_rad(path):
-    """Of the heading, in an autopilot's recording."""
+    """Jumps of the heading, in an autopilot's recording."""
     codec = Codec(system_id=9, component_id=9, wanted={ATTITUDE})
     pose_tracker, telemetry, resets_rad = PoseTracker(None, None), Telemetry(), []
     for now_s, packet in packets(path):

@@ -12,6 +12,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely.geometry import Polygon
 
+from moar_companion import autopilots
 from moar_companion.autopilots.fence import Area, Fence, Limit
 from moar_companion.config import shipped_configs
 from moar_companion.estimation import site_fence
@@ -22,13 +23,13 @@ from moar_companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Site
 from moar_companion.telemetry import FenceItem
-from moar_companion.types import AutopilotKind, Mission
-from moar_companion.vehicle import Vehicle
+from moar_companion.types import Mission
+from tests.vehicles import named_vehicle
 
 from ..companion.desk import INSPECTION, STEP_S, TEMPORARILY_REJECTED, Desk
 
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
-VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
+VEHICLE = named_vehicle("linedrone_uniform")
 FRAME = SITE.frame
 ALONG_M = np.linspace(-60.0, 60.0, 1201)
 LINE_M = np.stack([ALONG_M, np.zeros_like(ALONG_M)], axis=1)
@@ -148,38 +149,38 @@ PARAMETERS = {"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 10.0, "GF_MAX_VER_DIST": 0.0,
 def test_until_it_is_told_why_nothing_is_begun():
     watch = SiteFence(SITE, 1.5)
     assert "not read yet" in watch.not_ready_reason
-    watch.learn(AutopilotKind.PX4, PARAMETERS, None, HOME_M)
+    watch.learn(autopilots.PX4, PARAMETERS, None, HOME_M)
     assert "not read yet" in watch.not_ready_reason
-    watch.learn(AutopilotKind.PX4, PARAMETERS, (), None)
+    watch.learn(autopilots.PX4, PARAMETERS, (), None)
     assert "home" in watch.not_ready_reason
-    watch.learn(AutopilotKind.PX4, PARAMETERS, (), HOME_M)
+    watch.learn(autopilots.PX4, PARAMETERS, (), HOME_M)
     assert watch.not_ready_reason is None
     assert watch.plane is not None
 
 
 def test_a_fence_about_an_unknown_home_keeps_from_planning_though_another_was_known():
     watch = SiteFence(SITE, 1.5)
-    watch.learn(AutopilotKind.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), None)
+    watch.learn(autopilots.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), None)
     assert (watch.not_ready_reason, watch.plane) == (None, None)
-    watch.learn(AutopilotKind.PX4, PARAMETERS, (), None)
+    watch.learn(autopilots.PX4, PARAMETERS, (), None)
     assert "home" in watch.not_ready_reason
-    watch.learn(AutopilotKind.PX4, PARAMETERS, (), HOME_M)
+    watch.learn(autopilots.PX4, PARAMETERS, (), HOME_M)
     assert watch.not_ready_reason is None
     known = watch.plane
-    watch.learn(AutopilotKind.PX4, {}, (), None)
-    watch.learn(AutopilotKind.PX4, PARAMETERS, (), None)  # the same, asked for again
+    watch.learn(autopilots.PX4, {}, (), None)
+    watch.learn(autopilots.PX4, PARAMETERS, (), None)  # the same, asked for again
     assert watch.not_ready_reason is None
     assert watch.plane is known
 
 
 def test_what_is_asked_for_again_stays_what_it_was():
     watch = SiteFence(SITE, 1.5)
-    watch.learn(AutopilotKind.PX4, PARAMETERS, (), HOME_M)
+    watch.learn(autopilots.PX4, PARAMETERS, (), HOME_M)
     known = watch.plane
-    watch.learn(AutopilotKind.PX4, {}, (), HOME_M)
+    watch.learn(autopilots.PX4, {}, (), HOME_M)
     assert watch.plane is known
     assert watch.not_ready_reason is None
-    watch.learn(AutopilotKind.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), HOME_M)
+    watch.learn(autopilots.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), HOME_M)
     assert watch.plane is None
 
 
@@ -191,7 +192,7 @@ def test_a_fence_whose_parameters_were_never_told_is_taken_as_none_and_told_once
     assert desk.answers() == [TEMPORARILY_REJECTED]
     assert not desk.said("fence parameters")
     desk.run(10.0)
-    assert desk.texts().count("MOAR: 2 fence parameters not told, taken as none") == 1
+    assert desk.texts().count("MOAR: 2 fence parameters unread, taken as none") == 1
 
 
 def test_a_fence_with_items_that_cannot_be_read_is_not_taken_as_none():
@@ -204,14 +205,14 @@ def test_a_fence_with_items_that_cannot_be_read_is_not_taken_as_none():
 def test_the_fence_is_made_anew_only_when_something_has_changed():
     """It is looked at with every thought, fifty times a second."""
     watch, items = SiteFence(SITE, 1.5), corners(3)
-    with mock.patch.object(site_fence, "fence_of", wraps=site_fence.fence_of) as made:
+    with mock.patch.object(site_fence, "plane_fence", wraps=site_fence.plane_fence) as made:
         for _ in range(3):
-            watch.learn(AutopilotKind.PX4, PARAMETERS, items, HOME_M)
+            watch.learn(autopilots.PX4, PARAMETERS, items, HOME_M)
         assert made.call_count == 1
-        watch.learn(AutopilotKind.PX4, PARAMETERS, corners(3), HOME_M)  # the same, read again
+        watch.learn(autopilots.PX4, PARAMETERS, corners(3), HOME_M)  # the same, read again
         assert made.call_count == 1
-        watch.learn(AutopilotKind.PX4, PARAMETERS, corners(4), HOME_M)
-        watch.learn(AutopilotKind.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 9.0}, corners(4), HOME_M)
+        watch.learn(autopilots.PX4, PARAMETERS, corners(4), HOME_M)
+        watch.learn(autopilots.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 9.0}, corners(4), HOME_M)
         assert made.call_count == 3
 
 
@@ -224,10 +225,10 @@ def corners(number):
 
 def test_a_home_that_moves_by_less_than_it_is_known_makes_no_new_fence():
     watch = SiteFence(SITE, 1.5)
-    watch.learn(AutopilotKind.PX4, PARAMETERS, (), HOME_M)
+    watch.learn(autopilots.PX4, PARAMETERS, (), HOME_M)
     known = watch.plane
     for x_m, same in ((27.001, True), (27.05, True), (27.5, False)):
-        watch.learn(AutopilotKind.PX4, PARAMETERS, (), (x_m, 0.0, 0.0))
+        watch.learn(autopilots.PX4, PARAMETERS, (), (x_m, 0.0, 0.0))
         assert (watch.plane is known) is same
 
 
@@ -245,7 +246,7 @@ def test_a_fence_that_is_tightened_behind_the_aircraft_holds_it_until_it_is_wide
     began_s = desk.now_s
     desk.run(3.0)
     assert desk.state == "holding"
-    assert desk.said("fence GF_MAX_VER_DIST 5 m, holding")
+    assert desk.said("outside GF_MAX_VER_DIST 5 m, holding")
     assert not desk.said("setpoint")
     speeds = [np.hypot(m.vx, np.hypot(m.vy, m.vz)) for m in desk.setpoints(began_s)]
     assert speeds[-1] == 0.0

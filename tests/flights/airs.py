@@ -15,7 +15,7 @@ from .lockstep import STEP_S, Lockstep
 from .operator import Manner
 
 SAMPLE_STEPS = 5
-"""Of `STEP_S`: as often as risk is judged."""
+"""Number of `STEP_S`: as often as risk is judged."""
 SETPOINT_STEPS = 3
 HEIGHT_M = 10.0
 POSITION_VELOCITY_YAW = 0x9C0
@@ -25,7 +25,7 @@ Point = tuple[float, float]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Told:
-    """What was told, and what was true, at one instant. told_mps, tilt_mps: None where unknown."""
+    """Reported and true wind at one instant. told_mps, tilt_mps: None where unknown."""
 
     time_s: float
     risk: float

@@ -1,4 +1,4 @@
-"""What really happened in a lockstep flight, and what was sent: by geometry of its own.
+"""True course of a lockstep flight, and the sent setpoints: by geometry of its own.
 
 Independent of the companion on purpose: distances are Shapely's, the map between the world and an
 autopilot's local frame is the simulator's.
@@ -22,13 +22,13 @@ from sitl.geodesy import FlatProjection, Geodetic, SphereProjection, TrueFrame
 from .operator import Manner
 
 PROJECTIONS = {Manner.PX4: SphereProjection, Manner.ARDUPILOT: FlatProjection}
-"""Of each autopilot's local frame."""
+"""Projection of each autopilot's local frame."""
 OUTWARD_STATES = {"landing_leg"}
 """In these the setpoint may be outside the workspace."""
 _SECOND_S = 1.0
 """A setpoint that is taken along is as far away as the aircraft flies in this."""
 _FORGIVEN_M = 2e-3
-"""Of the way to and fro between the frames."""
+"""Rounding of the way to and fro between the frames."""
 
 
 def in_plane(site, latitude_deg, longitude_deg, altitude_amsl_m):
@@ -220,7 +220,7 @@ def cells_within(place, space, tolerance_m):
 
 
 def is_free(site, centre, radius_m, widened_m=0.0):
-    """Whether the cell at a centre may be entered; widened_m: what every keep-out grows by."""
+    """True if the cell at a centre may be entered; widened_m: what every keep-out grows by."""
     space = site.workspace
     low = space.min_altitude_m
     if low is not None and centre[1] < low - 1e-6:
@@ -235,7 +235,7 @@ def is_free(site, centre, radius_m, widened_m=0.0):
 
 
 class Blown(enum.Enum):
-    """What the wind has to do with a setpoint."""
+    """Effect of the wind on a setpoint."""
 
     TAKEN = "taken along by the aircraft"
     STANDS = "at rest where the aircraft has left it"
@@ -243,7 +243,7 @@ class Blown(enum.Enum):
 
 
 class Leash:
-    """What a wind may do to the setpoints of a stream, as `configs/README.md` promises ("Wind").
+    """Permitted effects of a wind on a stream's setpoints, by `configs/README.md` ("Wind").
 
     By places in the site's frame. Those that it may, and no others, may be off the plane or outside
     the workspace.
@@ -258,12 +258,12 @@ class Leash:
         self._at_m = None
         """Where the last setpoint was, since one was taken along."""
         self._least_m = None
-        """How far beside the plane and outside the workspace it has come, on its way back."""
+        """Least distance beside the plane and outside the workspace so far, on its way back."""
         self._jumped_m = 0.0
-        """How far from its way back a jump has put it, to which it moves over."""
+        """Distance from its way back at which a jump has put it, to which it moves over."""
 
     def look(self, before_m, after_m, aircraft_m, *, moves, jumped_m=0.0):
-        """Whether and how a setpoint is where only a wind may have it; None where it has not.
+        """Reason why a setpoint is where only a wind may have it; None where it is not.
 
         before_m: of the one before; None where the stream has just begun. aircraft_m: as the
         autopilot told it last. moves: whether the setpoint has a velocity. jumped_m: how far the
@@ -324,7 +324,7 @@ class Leash:
         return all(now <= least + forgiven_m for now, least in zip(away_m, least_m, strict=True))
 
     def _away_m(self, place_m):
-        """How far it is beside the plane, and outside the workspace."""
+        """Distance beside the plane, and outside the workspace."""
         x_m, y_m, z_m = place_m
         space = self._site.workspace
         limits = zip((x_m, z_m), space.lower_m, space.upper_m, strict=True)

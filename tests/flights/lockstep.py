@@ -13,7 +13,6 @@ from typing import Any
 
 from pymavlink.dialects.v20 import all as mavlink
 
-from moar_companion.companion.companion import Companion
 from moar_companion.companion.mission_snapshot import MissionSnapshot
 from moar_companion.companion.reports import Decision
 from moar_companion.config import (
@@ -23,12 +22,13 @@ from moar_companion.config import (
     Supervision,
     shipped_configs,
 )
-from moar_companion.estimation.pose_tracker import Ground
-from moar_companion.margin import flown_site
+from moar_companion.error_margin import flown_site
+from moar_companion.estimation.pose_tracker import SiteMaps
 from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.planner.planner import Planner
 from moar_companion.planning.plan_jobs import PlanAnswer, answer_job
 from moar_companion.planning.planner_set import PlannerSet
+from moar_companion.recording.calls import Call, RecordedCompanion
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind
 from moar_companion.vehicle import Vehicle
@@ -36,6 +36,7 @@ from sitl.autopilot import DEFAULT_LINKS, FakeAutopilot, Options, Truth
 from sitl.manners import KINDS
 from sitl.signing import SignOptions
 from sitl.wire import packet_header, packets
+from tests.vehicles import named_vehicle
 
 from ..copies import flown_once
 from .operator import Manner, Operator
@@ -45,7 +46,7 @@ PARAMETERS = {
     Manner.PX4: {"COM_OBL_RC_ACT": 5, "COM_OF_LOSS_T": 0.5},
     Manner.ARDUPILOT: {"GUID_TIMEOUT": 0.5},
 }
-"""What the manual asks for, as far as it matters to a flight without a pilot."""
+"""Parameters that the manual asks for, as far as they matter to a flight without a pilot."""
 STEP_S = 0.02
 PLAN_DELAY_S = 0.04
 
@@ -86,7 +87,7 @@ class Lockstep:
         self,
         *,
         site: str | Site = "315kv_double_circuit",
-        vehicle: str | Vehicle = "linedrone_flight",
+        vehicle: str | Vehicle = "linedrone_uniform",
         manner: Manner = Manner.PX4,
         authority: Authority = Authority.STREAM,
         options: dict | None = None,
@@ -102,7 +103,7 @@ class Lockstep:
             site = Site.load(shipped_configs() / "sites" / f"{site}.yaml")
         self.site = site
         if isinstance(vehicle, str):
-            vehicle = Vehicle.load(shipped_configs() / "vehicles" / f"{vehicle}.yaml")
+            vehicle = named_vehicle(vehicle)
         self.vehicle = as_simulated(vehicle, manner)
         limits = config.get("supervision", Supervision())
         self.flown_site = flown_site(site, self.vehicle, limits)
@@ -141,8 +142,8 @@ class Lockstep:
         self.decisions: list[Decision] = []
         self.truths: list[Truth] = []
         self.to_autopilot: list[tuple[float, bytes]] = []
-        self.inputs: list[tuple[str, float, Any]] = []
-        """Everything that entered the companion: (what it was, time, what was in it)."""
+        self.calls: list[Call] = []
+        """Everything that entered the companion and its answers, in order."""
         self.setpoints: list[Setpoint] = []
         self.states: list[tuple[float, str]] = []
         """The companion's state after each step."""
@@ -159,7 +160,7 @@ class Lockstep:
 
     def __deepcopy__(self, memo):
         """To be moved on by itself; what never changes, and what is past, is the same."""
-        ground = (
+        site_maps = (
             self.site,
             self.flown_site,
             self.vehicle,
@@ -167,18 +168,26 @@ class Lockstep:
             self.planner,
             self.planners,
         )
-        memo |= {id(item): item for item in (self.config, *ground, *self.operator.heard)}
+        memo |= {id(item): item for item in (self.config, *site_maps, *self.operator.heard)}
         twin = memo[id(self)] = copy.copy(self)
         for name, value in vars(self).items():
             past = isinstance(value, list)
             setattr(twin, name, list(value) if past else copy.deepcopy(value, memo))
         return twin
 
-    def new_companion(self, before: MissionSnapshot | None = None) -> Companion:
+    def new_companion(self, before: MissionSnapshot | None = None) -> RecordedCompanion:
         """A companion that knows nothing yet but what the one before it remembered."""
-        ground = Ground(site=self.flown_site, maps=self.planner.maps)
+        site_maps = SiteMaps(site=self.flown_site, maps=self.planner.maps)
         signing = self._secret and Signing(key=SigningKey(self._secret), wall_s=0.0)
-        return Companion(self.config, self.vehicle, ground, before=before, signing=signing or None)
+        return RecordedCompanion(
+            self.config, self.vehicle, site_maps, before=before, signing=signing or None
+        )
+
+    @property
+    def heard(self) -> list[tuple[float, bytes]]:
+        """The bytes that the companion has received, with their times."""
+        heard = [call.arguments for call in self.calls if call.method == "receive"]
+        return [(time_s, data) for _, data, time_s, *_ in heard]
 
     @property
     def state(self) -> str:
@@ -205,9 +214,7 @@ class Lockstep:
                 self.hear(data)
         while self._answers and self._answers[0][0] <= now_s:
             answer = self._answers.pop(0)[1]
-            self.inputs.append(("answer", now_s, answer))
             self.companion.plan_answered(answer)
-        self.inputs.append(("tick", now_s, None))
         self.companion.tick(now_s)
         for job in self.companion.plan_jobs():
             if self.planning:
@@ -216,7 +223,6 @@ class Lockstep:
         for job in self.companion.contingency_jobs():
             if self.planning:
                 answer = answer_job(self.planners, job)
-                self.inputs.append(("contingency", now_s, answer))
                 self.companion.contingency_answered(answer)
         for _, data in self.companion.data_to_send():
             self.to_autopilot.append((now_s, data))
@@ -224,12 +230,12 @@ class Lockstep:
             if not self.cut:
                 self.tell(data)
         self.decisions += self.companion.decisions()
+        self.calls += self.companion.calls()
         self.truths.append(self.autopilot.truth)
         self.states.append((now_s, self.state))
 
     def hear(self, data: bytes) -> None:
         """Bytes for the companion, from whomever."""
-        self.inputs.append(("bytes", self.now_s, data))
         for packet in packets(data):
             if packet_header(packet)[0] == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED:
                 (self._position,) = self._position_codec.parse_buffer(packet)

@@ -133,7 +133,7 @@ class Operator:
         self.command(176, 1, *self.manner.modes[word][0])
 
     def in_mode(self, word: str) -> bool:
-        """Whether the autopilot really is in a mode."""
+        """True if the autopilot really is in a mode."""
         return self.autopilot.truth.mode == self.manner.modes[word][1]
 
     def mission(self, mission: int, index: float = -1) -> None:

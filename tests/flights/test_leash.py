@@ -1,4 +1,4 @@
-"""What the judge of flights lets a wind do to a setpoint, and what it does not."""
+"""Effects of a wind on a setpoint that the judge of flights permits, and others."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ import pytest
 
 from moar_companion.config import shipped_configs
 from moar_companion.site import Site
-from moar_companion.vehicle import Vehicle
+from tests.vehicles import named_vehicle
 
 from .judging import Blown, Leash
 
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
-VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
+VEHICLE = named_vehicle("linedrone_uniform")
 """Flies 0.7 m/s, has a leash of 3 m; x and z end at 30 and 20 m, z begins at 2 m."""
 HERE = (28.0, 0.0, 9.0)
 OFF = (31.5, 0.0, 9.0)
-"""Of the setpoint, and of an aircraft that is 3.5 m off; between them is room."""
+"""Places of the setpoint, and of an aircraft that is 3.5 m off; between them is room."""
 UNDER_A_CONDUCTOR = (22.68, 0.0, 9.0), (22.68, 0.0, 11.5)
 LOW = (28.0, 0.0, 2.5), (31.5, 0.0, 1.0)
 

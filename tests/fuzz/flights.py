@@ -27,9 +27,10 @@ import numpy as np
 from moar_companion.companion.companion import Companion
 from moar_companion.companion.intake import BUDGET_BYTES, LEAST_BYTES
 from moar_companion.config import LinkConfig, LinkRole
-from moar_companion.estimation.pose_tracker import Ground
+from moar_companion.estimation.pose_tracker import SiteMaps
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.signing import Signing, SigningKey, timestamp_at
+from moar_companion.recording.calls import RecordedCompanion
 from sitl.wire import packet_header, packets
 
 from ..benchmarks.soak import anonymous_mb, forget
@@ -58,7 +59,7 @@ Place = tuple[str, tuple[str, int] | None]
 """A link, and on those that listen an address."""
 Hostile = tuple[Place, bytes]
 Source = Callable[[], Iterator[Hostile]]
-"""What arrives in a cycle."""
+"""Bytes that arrive in a cycle."""
 
 HOME: Place = (COMPANION_LINK, AUTOPILOT)
 STATION: Place = (STATIONS, ("10.0.0.3", 14550))
@@ -112,16 +113,16 @@ class FuzzedFlight(Lockstep):
         self._order_s = 0.0
         super().__init__(**options)
 
-    def new_companion(self, before=None) -> Companion:
+    def new_companion(self, before=None) -> RecordedCompanion:
         others = (
             LinkConfig(url=STATIONS, role=LinkRole.OPERATOR),
             LinkConfig(url=STREAM, role=LinkRole.OPERATOR),
             LinkConfig(url=SIGNED, role=LinkRole.OPERATOR, signed=True),
         )
         config = replace(self.config, links=(*self.config.links, *others))
-        ground = Ground(site=self.flown_site, maps=self.planner.maps)
+        site_maps = SiteMaps(site=self.flown_site, maps=self.planner.maps)
         signing = Signing(key=SigningKey(SECRET), wall_s=WALL_S)
-        return Companion(config, self.vehicle, ground, before=before, signing=signing)
+        return RecordedCompanion(config, self.vehicle, site_maps, before=before, signing=signing)
 
     def hear(self, data: bytes) -> None:
         for packet in packets(data):
@@ -133,7 +134,7 @@ class FuzzedFlight(Lockstep):
         self.companion.receive(COMPANION_LINK, data, self.now_s, AUTOPILOT)
 
     def fly_on(self, pick: Random) -> None:
-        """What the operator does once a second to have it fly."""
+        """The operator's orders, once a second, to have it fly."""
         if self.now_s < self._order_s:
             return
         self._order_s = self.now_s + 1.0
@@ -151,7 +152,7 @@ def hovering(manner: Manner) -> FuzzedFlight:
 
 
 class Report:
-    """What was heard and found in a process."""
+    """Received inputs and findings of a process."""
 
     def __init__(self) -> None:
         self.given = 0
@@ -270,7 +271,7 @@ class Life:
                 break
 
     def _messages(self) -> Source:
-        """Of this burst: who speaks, and of what."""
+        """Senders and messages of this burst."""
         pick = self.pick
         groups: list[list[tuple[Place, tuple[int, int]]]] = [
             [(place, ids) for place in (HOME, STATION, (STREAM, None)) for ids in OPERATORS],
@@ -305,7 +306,7 @@ class Life:
         return frame(shape.message_class, payload, ids, seq, signed)
 
     def _noise(self) -> Source:
-        """Of this burst: where bytes come from, and how many pieces at once."""
+        """Origins of this burst's bytes, and number of pieces at once."""
         pick, flight = self.pick, self.flight
         everywhere = [HOME, *ELSEWHERE]
         places = pick.choice([[HOME], [(STREAM, None)], ELSEWHERE, everywhere])

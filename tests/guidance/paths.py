@@ -72,7 +72,7 @@ def distance_to_polyline_m(point, polyline):
 
 
 def curvatures_per_m(points):
-    """Of the circle through each three points in a row (Menger)."""
+    """Curvature of the circle through each three points in a row (Menger)."""
     first, second, third = points[:-2], points[1:-1], points[2:]
     a = np.linalg.norm(second - first, axis=1)
     b = np.linalg.norm(third - second, axis=1)

@@ -10,14 +10,14 @@ import math
 
 import pytest
 
+from moar_companion import autopilots
 from moar_companion.estimation.pose import Setpoint
 from moar_companion.guidance.flight_volume import FlightVolume
 from moar_companion.guidance.plan_path import CheckedLeg
 from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.planning.planner_set import PlannerSet
-from moar_companion.safety.offboard_loss import OffboardLoss
-from moar_companion.types import AutopilotKind, Mission, RiskIndices, Weights
+from moar_companion.types import Mission, RiskIndices, Weights
 
 from ..companion.desk import (
     ACCEPTED,
@@ -29,6 +29,7 @@ from ..companion.desk import (
     Desk,
     usual_planner,
 )
+from ..losses import loss_of
 
 INNER = 1
 """The second target, which is sought first where only it is ordered."""
@@ -58,7 +59,7 @@ def rooms_m(desk, since_s):
 
 
 def widenings(desk):
-    """How wide the jobs took obstacles, one after another."""
+    """Obstacle inflations of the jobs, one after another."""
     widths = [round(job.widening_m, 6) for job in desk.jobs]
     return [width for n, width in enumerate(widths) if n == 0 or width != widths[n - 1]]
 
@@ -71,7 +72,7 @@ def test_a_target_that_is_too_near_is_denied_with_the_number_until_the_position_
 ):
     desk.set(accuracy_m=1.6).run(1.2).order(INSPECTION, INNER).run(0.5)
     assert (desk.state, desk.answers()) == ("idle", [DENIED])
-    assert desk.said("MOAR: no way with uncertainty 1.6 m")
+    assert desk.said("MOAR: no path, uncertainty 1.6 m")
     desk.set(accuracy_m=1.2).run(4.5).order(INSPECTION, INNER).run_until("ready", 1.0)
     assert desk.answers()[-1] == ACCEPTED
 
@@ -79,7 +80,7 @@ def test_a_target_that_is_too_near_is_denied_with_the_number_until_the_position_
 def test_above_the_limit_nothing_is_planned_at_all(desk):
     desk.set(accuracy_m=2.4).run(3.0).order(INSPECTION).run(0.5)
     assert (desk.state, desk.answers(), desk.jobs) == ("idle", [TEMPORARILY_REJECTED], [])
-    assert desk.said("position uncertainty 2.4 m > 2")
+    assert desk.said("uncertainty 2.4 m > 2")
 
 
 def test_what_no_uncertainty_is_to_blame_for_is_told_without_one(desk):
@@ -113,9 +114,9 @@ def test_a_height_that_is_known_worse_is_kept_away_from_until_it_is_known_again(
     desk.set(height_accuracy_m=1.35).run(2.0)
     assert widenings(desk) == [0.0, 0.5]
     desk.set(height_accuracy_m=1.6).run_until("holding", 20.0)
-    assert desk.said("no way with uncertainty 1.6 m")
+    assert desk.said("no path, uncertainty 1.6 m")
     desk.set(height_accuracy_m=2.4).run(3.0).order(EXIT).run(0.5)
-    assert desk.said("position uncertainty 2.4 m > 2, rejected")
+    assert desk.said("uncertainty 2.4 m > 2, rejected")
     # A height that is told no more is no better known.
     desk.set(height_accuracy_m=math.nan).run(8.0)
     assert desk.state == "holding"
@@ -134,7 +135,7 @@ def test_it_holds_when_the_target_is_too_near_now_and_goes_on_when_the_position_
 ):
     desk.come_to("flying", INSPECTION).run_until("at_target", 60.0).run_until("flying", 10.0)
     desk.run(4.0).set(accuracy_m=1.6).run_until("holding", 2.0)
-    assert desk.said("MOAR: no way with uncertainty 1.6 m")
+    assert desk.said("MOAR: no path, uncertainty 1.6 m")
     asked = len(desk.jobs)
     desk.run(30.0)
     assert (desk.state, len(desk.jobs)) == ("holding", asked)  # no planning in vain
@@ -156,7 +157,7 @@ def test_a_continue_that_is_still_too_near_is_denied_with_the_number(desk):
     desk.come_to("flying").run(4.0).set(accuracy_m=1.6).run_until("holding", 2.0)
     desk.run(3.0).go_on().run(1.0)
     assert desk.state == "holding"
-    assert desk.said("MOAR: no way with uncertainty 1.6 m, denied")
+    assert desk.said("MOAR: no path, uncertainty 1.6 m, denied")
 
 
 def test_above_the_limit_ways_out_are_measured_as_at_the_limit(desk):
@@ -170,7 +171,7 @@ def test_above_the_limit_ways_out_are_measured_as_at_the_limit(desk):
 
 def test_a_limit_that_is_passed_is_told_as_such(desk):
     desk.come_to("flying").run(4.0).set(accuracy_m=2.4).run_until("holding", 2.0)
-    assert desk.said("MOAR: position uncertainty 2.4 m > 2")
+    assert desk.said("MOAR: uncertainty 2.4 m > 2")
     desk.set(accuracy_m=0.5).run_until("flying", 8.0)
     desk.run_until("at_target", 60.0)
 
@@ -230,7 +231,7 @@ def test_a_way_out_that_was_sought_in_vain_is_sought_again_when_there_is_more_ro
         desk.run_until_sought(mission, 8.0)
         desk.answer_plan(plan=None, reason="no free border cell", too_wide=True)
     desk.run_until("holding", 1.0)
-    assert desk.said("no way with uncertainty 1.5 m, no evacuation")
+    assert desk.said("no path, uncertainty 1.5 m, no evacuation")
     asked = len(desk.jobs)
     desk.run(8.0)
     assert len(desk.jobs) - asked <= 4  # every two seconds
@@ -260,7 +261,7 @@ def test_a_checked_leg_is_open_as_far_as_it_has_room(planner, room_m, widened_m,
         site=planner.site,
         vehicle=planner.vehicle,
         maps=planner.maps,
-        loss=OffboardLoss.of(AutopilotKind.ARDUPILOT, {"GUID_TIMEOUT": 0.5}),
+        loss=loss_of(autopilots.ARDUPILOT, GUID_TIMEOUT=0.5),
     )
     leg = CheckedLeg(points_m=((30.0, 0.0, 3.0), (45.0, 0.0, 3.0)), room_m=room_m)
     refused = volume.refusal(

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from moar_companion import autopilots
 from moar_companion.config import shipped_configs
 from moar_companion.estimation.pose import Jump, Pose
 from moar_companion.frames import PlaneToLocal
@@ -22,20 +23,18 @@ from moar_companion.planner.planner import Planner
 from moar_companion.planner.regions import obstacle_clearance_m
 from moar_companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.planning.planner_set import PlannerSet
-from moar_companion.safety.offboard_loss import OffboardLoss, loss_parameters
-from moar_companion.types import AutopilotKind, Mission, RiskIndices, Weights
+from moar_companion.types import Mission, RiskIndices, Weights
 from moar_companion.vehicle import Vehicle
+from tests.vehicles import named_vehicle
 
 from ..companion.desk import usual_planner
+from ..losses import loss_of
 from ..planner.problems import conductor, make_site
 
 STEP_S = 0.02
 WEIGHTS = Weights(safety=0.4, time=0.4, energy=0.2)
-SHORT, LONG = (
-    OffboardLoss.of(AutopilotKind.ARDUPILOT, {"GUID_TIMEOUT": timeout_s})
-    for timeout_s in (0.5, 3.0)
-)
-PX4 = OffboardLoss.told(AutopilotKind.PX4, dict.fromkeys(loss_parameters(AutopilotKind.PX4)))
+SHORT, LONG = (loss_of(autopilots.ARDUPILOT, GUID_TIMEOUT=timeout_s) for timeout_s in (0.5, 3.0))
+PX4 = loss_of(autopilots.PX4)
 
 
 class Flown:
@@ -43,14 +42,14 @@ class Flown:
 
     def __init__(self, vehicle, loss=SHORT):
         self.site = usual_planner().site
-        self.vehicle = Vehicle.load(shipped_configs() / "vehicles" / f"{vehicle}.yaml")
+        self.vehicle = named_vehicle(vehicle)
         self.planner = Planner(self.site, self.vehicle)
         x_m, z_m = self.site.start_m
         self.pose = Pose(
             position_m=(x_m, 0.0, max(2.6, z_m)), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0
         )
         origin = self.site.frame.to_geodetic((x_m, 0.0, 0.0))
-        self.plane = PlaneToLocal.between(self.site.frame, origin, AutopilotKind.PX4)
+        self.plane = PlaneToLocal.between(self.site.frame, origin, autopilots.PX4)
         volume = FlightVolume(
             site=self.site, vehicle=self.vehicle, maps=self.planner.maps, loss=loss
         )
@@ -81,7 +80,7 @@ class Flown:
         return Pose(position_m=place, velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
 
 
-@pytest.mark.parametrize("vehicle", ["linedrone_flight", "linedrone"])
+@pytest.mark.parametrize("vehicle", ["linedrone_uniform", "linedrone"])
 @pytest.mark.parametrize(
     "missions",
     [
@@ -119,7 +118,7 @@ def test_at_every_tick_of_a_flight_that_turns_back_it_can_be_braked(vehicle, mis
 
 
 @pytest.mark.parametrize("loss", [SHORT, LONG, PX4], ids=["short", "long", "PX4"])
-@pytest.mark.parametrize("vehicle", ["linedrone_flight", "x500"])
+@pytest.mark.parametrize("vehicle", ["linedrone_uniform", "x500"])
 def test_at_every_tick_the_way_on_without_us_is_free(vehicle, loss):
     flown = Flown(vehicle, loss)
     maps = flown.planner.maps
@@ -145,7 +144,7 @@ def test_when_the_way_without_us_grows_in_flight_it_slows_down(learns):
     flown.order(Mission.INSPECTION)
     for _ in range(100):
         flown.advanced(flown.flight)
-    loss = OffboardLoss.of(AutopilotKind.ARDUPILOT, {"GUID_TIMEOUT": 5.0})
+    loss = loss_of(autopilots.ARDUPILOT, GUID_TIMEOUT=5.0)
     volume = FlightVolume(
         site=flown.site, vehicle=flown.vehicle, maps=flown.planner.maps, loss=loss
     )
@@ -218,7 +217,7 @@ def test_whatever_stands_on_a_site_the_way_on_from_its_paths_is_free(wires, star
 
 
 def test_a_jump_is_taken_along_and_faded_back_to_the_path():
-    flown = Flown("linedrone_flight")
+    flown = Flown("linedrone_uniform")
     flown.order(Mission.INSPECTION)
     for _ in range(200):
         flown.advanced(flown.flight)

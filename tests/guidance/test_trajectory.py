@@ -416,7 +416,7 @@ def test_the_time_that_is_left_is_finite_and_no_less_than_at_the_greatest_speed(
 
 
 def _turns_back(old, at_m):
-    """Whether the path turns sharply within a sample of a distance along it."""
+    """True if the path turns sharply within a sample of a distance along it."""
     near = np.abs(old.distance_m - at_m) < 0.11
     directions = old.direction[near]
     return bool((directions @ directions.T < 0.0).any())

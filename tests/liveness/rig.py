@@ -92,7 +92,8 @@ class Rig:
 
     def __init__(self, folder, stack):
         service_port, operator_port = free_ports(2)
-        self.service = Service(folder, service_port)
+        self.recordings = folder / "flights"
+        self.service = Service(folder, service_port, recorder={"directory": str(self.recordings)})
         self.tap = Tap(service_port)
         stack.callback(self.tap.close)
         stack.callback(self._end_service)

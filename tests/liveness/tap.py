@@ -1,4 +1,4 @@
-"""What the service sends to the autopilot, on the wire between them, with the kernel's times."""
+"""Packets of the service to the autopilot, on the wire between them, with the kernel's times."""
 
 from __future__ import annotations
 

@@ -7,7 +7,9 @@ import json
 import math
 import random
 import signal
+import time
 
+from moar_companion.commands.replay_mcap import McapRecording, replay_exactly
 from tests.real_time import real_time
 
 from .rig import COMPANION, HOLD, PAUSE_CONTINUE
@@ -30,6 +32,22 @@ def test_killed_in_flight_it_waits_for_an_order_when_it_is_started_again(rig):
     rig.engage()
     rig.watch(1.0)
     assert len(rig.tap.since(killed_s)) > 40
+
+
+@real_time
+def test_killed_in_flight_its_recording_is_whole_up_to_the_last_second_and_replays_exactly(
+    rig, capsys
+):
+    rig.fly()
+    rig.watch(2.0)
+    killed_s = time.time()
+    rig.service.end(signal.SIGKILL)
+    newest = str(max(rig.recordings.iterdir()) / "flight.mcap")
+    last_s = max(wall_s for wall_s, _ in McapRecording(newest).cycles())
+    assert killed_s - 1.0 < last_s
+    assert replay_exactly(newest, None) == 0
+    assert "no difference" in capsys.readouterr().out
+    rig.start()
 
 
 @real_time

@@ -20,7 +20,7 @@ TIMEOUT_S = 0.8
 
 @contextlib.contextmanager
 def manager(folder):
-    """What the service manager hears."""
+    """Messages to the service manager."""
     address = str(folder / "notify")
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as item:
         item.bind(address)

@@ -11,12 +11,13 @@ from moar_companion.telemetry import Failsafe, Telemetry
 GOOD, CONST_POSITION = 0x33F, 0x0A7
 
 
-def told(*texts, telemetry=None):
-    telemetry = telemetry or Telemetry()
+def told(*texts, autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA):
+    heartbeat = mavlink.MAVLink_heartbeat_message(2, autopilot, 217, 4, 5, 3)
+    telemetry = translate.update(Telemetry(), heartbeat, 0.5)
     for text in texts:
         message = mavlink.MAVLink_statustext_message(4, text.encode())
         telemetry = translate.update(telemetry, message, 1.0)
-    return set(telemetry.failsafes_told)
+    return set(telemetry.failsafes_reported)
 
 
 @pytest.mark.parametrize(
@@ -45,6 +46,14 @@ def test_others_name_none(text):
     assert told(text) == frozenset()
 
 
+@pytest.mark.parametrize(
+    "autopilot", [mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_GENERIC], ids=["PX4", "unknown"]
+)
+def test_the_same_text_of_another_autopilot_names_none(autopilot):
+    """Its failsafe then has an unknown cause, which holds the flight as well."""
+    assert told("GCS Failsafe", autopilot=autopilot) == frozenset()
+
+
 def test_what_is_cleared_is_told_no_more():
     assert told("Radio Failsafe", "GCS Failsafe", "Radio Failsafe Cleared") == {
         Failsafe.GROUND_STATION
@@ -55,13 +64,13 @@ def test_what_is_cleared_is_told_no_more():
 
 def test_a_status_that_is_no_failsafe_again_ends_them_all():
     telemetry = Telemetry()
-    for status in (5, 4):
-        for message in (
-            mavlink.MAVLink_statustext_message(4, b"Battery Failsafe"),
-            mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, status, 3),
-        ):
-            telemetry = translate.update(telemetry, message, 1.0)
-        assert bool(telemetry.failsafes_told) is (status == 5)
+    for status in (5, 5, 4):
+        heartbeat = mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, status, 3)
+        telemetry = translate.update(telemetry, heartbeat, 1.0)
+        assert telemetry.failsafes_reported == {} or status == 5
+        text = mavlink.MAVLink_statustext_message(4, b"Battery Failsafe")
+        telemetry = translate.update(telemetry, text, 1.0)
+        assert set(telemetry.failsafes_reported) == {Failsafe.BATTERY}
 
 
 def after(text, seconds, *, flags=GOOD, compass=0.1, fix_type=3, heartbeats_s=1.0, reports=True):
@@ -78,7 +87,7 @@ def after(text, seconds, *, flags=GOOD, compass=0.1, fix_type=3, heartbeats_s=1.
         gnss = mavlink.MAVLink_gps_raw_int_message(0, fix_type, 0, 0, 0, 90, 90, 0, 0, 12)
         for heard in (gnss, message):
             telemetry = translate.update(telemetry, heard, now_s)
-    return set(telemetry.failsafes_told)
+    return set(telemetry.failsafes_reported)
 
 
 def test_one_of_the_estimator_ends_by_a_position_that_is_sure_for_some_seconds():

@@ -2,6 +2,7 @@ from __future__ import annotations
 
 import pytest
 
+from moar_companion import autopilots
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.identity import (
@@ -10,7 +11,6 @@ from moar_companion.mavlink.identity import (
     AutopilotRestarted,
     Identity,
 )
-from moar_companion.types import AutopilotKind
 
 
 def hear(identity, data, *, link="serial", now_s=0.0):
@@ -22,7 +22,7 @@ def test_the_first_autopilot_heard_is_ours(peer):
     identity = Identity()
     event = hear(identity, peer(7, 1).heartbeat())
     assert isinstance(event, AutopilotFound)
-    assert (event.autopilot.system_id, event.autopilot.kind) == (7, AutopilotKind.PX4)
+    assert (event.autopilot.system_id, event.autopilot.kind) == (7, autopilots.PX4)
     assert hear(identity, peer(7, 1).heartbeat()) is None
 
 
@@ -50,8 +50,8 @@ def test_a_second_autopilot_is_a_conflict_until_it_falls_silent(peer):
     assert isinstance(event, AutopilotConflict)
     assert str(event.autopilot) == "px4 with system id 1 on serial"
     assert str(event.other) == "ardupilot with system id 2 on udp"
-    assert event.reason == "two autopilots, systems 1 and 2"
-    assert identity.conflict == "two autopilots are heard"
+    assert event.reason == "two autopilots, ids 1 and 2"
+    assert identity.conflict == "two autopilots are received"
     assert hear(identity, peer(2, 1).heartbeat(autopilot=3), link="udp", now_s=2.0) is None
     identity.forget_silent(11.9)
     assert identity.conflict
@@ -108,7 +108,7 @@ def test_of_many_others_the_one_that_is_still_heard_is_kept(peer):
         hear(identity, peer(2 + step % 70, 1).heartbeat(), now_s=0.1 * step)
         if step % 5 == 0:
             hear(identity, other.heartbeat(), now_s=0.1 * step)
-        assert step == 0 or (77, AutopilotKind.PX4) in identity._others
+        assert step == 0 or (77, autopilots.PX4) in identity._others
 
 
 def test_a_conflict_that_was_not_due_is_reported_when_it_is(peer):
@@ -116,7 +116,7 @@ def test_a_conflict_that_was_not_due_is_reported_when_it_is(peer):
     hear(identity, peer(1, 1).heartbeat(), now_s=0.0)
     assert hear(identity, peer(2, 1).heartbeat(), now_s=1.0) is not None
     assert identity.note_other_clock(2.0) is None
-    assert identity.note_other_clock(11.0).reason == "two clocks under autopilot id 1"
+    assert identity.note_other_clock(11.0).reason == "two clocks, autopilot id 1"
     assert identity.note_other_clock(21.0) is None
 
 
@@ -131,7 +131,7 @@ def test_another_clock_under_the_same_ids_is_a_conflict_until_it_falls_silent(pe
     assert identity.note_other_clock(0.0) is None
     hear(identity, peer(1, 1).heartbeat(), now_s=0.0)
     event = identity.note_other_clock(1.0)
-    assert event.reason == identity.conflict == "two clocks under autopilot id 1"
+    assert event.reason == identity.conflict == "two clocks, autopilot id 1"
     assert identity.note_other_clock(2.0) is None
     identity.forget_silent(11.9)
     assert identity.conflict

@@ -27,16 +27,16 @@ from moar_companion.service.pools import started_pool
 pytestmark = pytest.mark.asyncio
 
 SIOCOUTQNSD = 0x894B
-"""How many bytes of a TCP connection have not been sent yet (tcp(7))."""
+"""Request for the number of unsent bytes of a TCP connection (tcp(7))."""
 
 
 class Received:
-    """What a link has delivered; can be waited for."""
+    """Delivered data of a link; can be waited for."""
 
     def __init__(self):
         self.data = b""
         self.addresses = []
-        """Of datagrams to a listening link."""
+        """Sender addresses of datagrams to a listening link."""
         self._arrived = asyncio.Event()
 
     def __call__(self, data, arrived_s=None, address=None):
@@ -106,7 +106,7 @@ async def test_a_listener_sends_to_the_peers_that_it_is_given_and_to_nobody_else
 
 
 class Arrivals:
-    """What arrived when."""
+    """Arrived data, with the times."""
 
     def __init__(self):
         self.items = []

@@ -4,9 +4,9 @@ import itertools
 
 import pytest
 
+from moar_companion import autopilots
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.mavlink.message_rates import DEFAULT_RATES_HZ, MessageRates, on_network
-from moar_companion.types import AutopilotKind
+from moar_companion.mavlink.message_rates import MessageRates, on_network, wanted_rates_hz
 
 ATTITUDE = 30
 POSITION = 32
@@ -181,20 +181,20 @@ def test_an_answer_that_nobody_waits_for_is_ignored():
     assert requests.next_request(0.1) is not None
 
 
-@pytest.mark.parametrize("kind", list(AutopilotKind))
+@pytest.mark.parametrize("kind", [*autopilots.PROFILES, autopilots.UNKNOWN])
 def test_what_telemetry_needs_is_wanted_of_every_autopilot(kind):
-    assert {1, 24, 30, 32, 147, 242, 245} <= set(DEFAULT_RATES_HZ[kind])
+    assert {1, 24, 30, 32, 147, 242, 245} <= set(wanted_rates_hz(kind))
 
 
 def test_what_an_autopilot_denies_is_not_wanted():
-    assert not {231, 230, 109, 111, 331, 253} & set(DEFAULT_RATES_HZ[AutopilotKind.ARDUPILOT])
+    assert not {231, 230, 109, 111, 331, 253} & set(wanted_rates_hz(autopilots.ARDUPILOT))
 
 
-@pytest.mark.parametrize("kind", list(AutopilotKind))
+@pytest.mark.parametrize("kind", [*autopilots.PROFILES, autopilots.UNKNOWN])
 def test_all_that_is_wanted_fits_a_serial_link_of_57600_baud(kind):
     bytes_per_s = sum(
         rate_hz * (mavlink.mavlink_map[message_id].unpacker.size + 12)
-        for message_id, rate_hz in DEFAULT_RATES_HZ[kind].items()
+        for message_id, rate_hz in wanted_rates_hz(kind).items()
     )
     assert bytes_per_s < 5760
 
@@ -305,9 +305,7 @@ def test_the_late_answer_to_the_asking_down_does_not_settle_the_giving_back():
     assert len(machine.run(10.0, answer=None)) == 3
 
 
-@pytest.mark.parametrize(
-    ("kind", "message_id"), [(AutopilotKind.PX4, 436), (AutopilotKind.ARDUPILOT, 0)]
-)
+@pytest.mark.parametrize(("kind", "message_id"), [(autopilots.PX4, 436), (autopilots.ARDUPILOT, 0)])
 def test_the_mode_is_wanted_at_fifty_hertz_on_a_network_and_nothing_else_changes(kind, message_id):
-    wanted_hz = DEFAULT_RATES_HZ[kind]
+    wanted_hz = wanted_rates_hz(kind)
     assert on_network(wanted_hz) == {**wanted_hz, message_id: 50.0}

@@ -2,12 +2,12 @@ from __future__ import annotations
 
 import pytest
 
+from moar_companion import autopilots
 from moar_companion.mavlink import modes
 from moar_companion.mavlink.dialect import mavlink
-from moar_companion.types import AutopilotKind
 
-PX4 = AutopilotKind.PX4
-ARDUPILOT = AutopilotKind.ARDUPILOT
+PX4 = autopilots.PX4
+ARDUPILOT = autopilots.ARDUPILOT
 
 
 @pytest.mark.parametrize(
@@ -30,7 +30,7 @@ ARDUPILOT = AutopilotKind.ARDUPILOT
         (ARDUPILOT, 5, "LOITER", False),
         (ARDUPILOT, 20, "GUIDED_NOGPS", False),
         (ARDUPILOT, 99, "MODE 0x00000063", False),
-        (AutopilotKind.UNKNOWN, 4, "MODE 0x00000004", False),
+        (autopilots.UNKNOWN, 4, "MODE 0x00000004", False),
     ],
 )
 def test_a_mode_has_its_name_and_only_offboard_and_guided_are_ours(kind, custom_mode, name, ours):
@@ -82,5 +82,5 @@ def test_the_parameters_that_request_a_mode_are_those_measured():
     assert modes.land_parameters(PX4, armed=True) == (129, 4, 6)
     assert modes.own_mode_parameters(ARDUPILOT, armed=True) == (1, 4, 0)
     assert modes.land_parameters(ARDUPILOT, armed=True) == (1, 9, 0)
-    assert modes.own_mode_parameters(AutopilotKind.UNKNOWN, armed=True) is None
-    assert modes.land_parameters(AutopilotKind.UNKNOWN, armed=True) is None
+    assert modes.own_mode_parameters(autopilots.UNKNOWN, armed=True) is None
+    assert modes.land_parameters(autopilots.UNKNOWN, armed=True) is None

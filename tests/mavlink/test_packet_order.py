@@ -104,7 +104,7 @@ def test_a_restarted_autopilot_is_heard_from_when_its_clock_has_run_on():
 
 
 def positions_told(listener, *arrivals):
-    """Of (time, time since boot) of positions: those that are taken."""
+    """Accepted ones of positions, given as (time, time since boot)."""
     told = []
     for number, (now_s, boot_s) in enumerate(arrivals, start=1):
         heard(listener, position(boot_s, north_m=boot_s), number, now_s)
@@ -152,7 +152,7 @@ def test_a_system_time_far_ahead_is_another_autopilots_and_hides_nothing():
     heard(listener, attitude(50.0), 1, 0.1)
     event = heard(listener, mavlink.MAVLink_system_time_message(0, 4_000_000), 2, 0.2)
     assert isinstance(event, AutopilotConflict)
-    assert listener.identity.conflict == "two clocks under autopilot id 1"
+    assert listener.identity.conflict == "two clocks, autopilot id 1"
     assert heard(listener, attitude(50.2, roll=0.3), 3, 0.3) is None
     assert listener.telemetry.attitude.roll_rad == pytest.approx(0.3)
     listener.identity.forget_silent(10.3)
@@ -249,7 +249,7 @@ def test_events_and_states_of_other_instances_are_never_late():
         heard(listener, message, sequence, 0.1)
     telemetry = listener.telemetry
     assert (telemetry.motor_min_us, telemetry.motor_max_us) == (1000.0, 2000.0)
-    assert Failsafe.GROUND_STATION in telemetry.failsafes_told
+    assert Failsafe.GROUND_STATION in telemetry.failsafes_reported
     assert {number: item.remaining for number, item in telemetry.batteries.items()} == {
         0: pytest.approx(0.2),
         1: pytest.approx(0.8),

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from moar_companion import autopilots
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.parameters import ParameterRequests
-from moar_companion.types import AutopilotKind
 
 from .peer import Peer
 from .story import of_type
 
-PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
+PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 UINT8, INT8, INT16, INT32, REAL32 = 1, 2, 4, 6, 9
 
 

@@ -1,15 +1,15 @@
-"""What a witness makes of everybody's packets."""
+"""Telemetry of a passive listener, from the packets of all senders."""
 
 from __future__ import annotations
 
 import pytest
 
+from moar_companion import autopilots
 from moar_companion.mavlink.commands import CommandResult, MissionCommand, PauseContinue
 from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
 from moar_companion.mavlink.passive_listener import AnswerSaid, PassiveListener, TextSaid
 from moar_companion.mavlink.statustext import HeardText
-from moar_companion.types import AutopilotKind
 
 from .messages import message_of
 from .peer import Peer
@@ -41,7 +41,7 @@ def test_the_first_autopilot_is_latched_whatever_its_number():
     scene = Scene(system_id=42)
     (found,) = scene.found
     assert isinstance(found, AutopilotFound)
-    assert (found.autopilot.system_id, found.autopilot.kind) == (42, AutopilotKind.PX4)
+    assert (found.autopilot.system_id, found.autopilot.kind) == (42, autopilots.PX4)
     assert scene.witness.vehicle_type == "quadrotor"
     (other,) = scene.hear(Peer(7, 1).heartbeat())
     assert isinstance(other, AutopilotConflict)

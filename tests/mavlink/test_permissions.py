@@ -6,9 +6,9 @@ import pytest
 
 from moar_companion.config import Commands
 from moar_companion.mavlink.codec import Codec
-from moar_companion.mavlink.command_dedup import CommandDedup
 from moar_companion.mavlink.commands import CommandResult, DeniedCommand, MissionCommand, Sender
 from moar_companion.mavlink.permissions import Permissions
+from moar_companion.mavlink.received_commands import ReceivedCommands
 
 from .peer import Peer
 
@@ -64,7 +64,7 @@ def received(ledger, packet, *, link="radio", now_s=0.0, **options):
     "words", [(USER_1, 1), (USER_1, 2), (USER_1, 3), (USER_1, RELEASE), (PAUSE_CONTINUE, 1)]
 )
 def test_a_stranger_is_denied_what_moves_the_aircraft_and_what_ends_the_stream(words):
-    reception = received(CommandDedup(), Peer(42, 1).command(*words))
+    reception = received(ReceivedCommands(), Peer(42, 1).command(*words))
     assert isinstance(reception.event, DeniedCommand)
     assert reception.event.reason == "system 42 may not command (commands.systems)"
     assert reception.answer.result is CommandResult.DENIED
@@ -74,40 +74,40 @@ def test_a_stranger_is_denied_what_moves_the_aircraft_and_what_ends_the_stream(w
 @pytest.mark.parametrize("words", [(USER_1, HOLD), (PAUSE_CONTINUE, 0)])
 def test_a_hold_is_taken_from_anybody(words):
     commands = Commands(systems=(255,), components=(190,), links=("cable",), signed_only=True)
-    reception = received(CommandDedup(commands), Peer(42, 1).command(*words))
-    assert not reception.event.permitted
+    reception = received(ReceivedCommands(commands), Peer(42, 1).command(*words))
+    assert not reception.accepted.permitted
     assert reception.answer is None
 
 
 def test_the_signature_is_asked_for_unsigned_by_default():
-    ledger, station = CommandDedup(Commands(signed_only=True)), Peer(255, 190)
+    ledger, station = ReceivedCommands(Commands(signed_only=True)), Peer(255, 190)
     refused = received(ledger, station.command(USER_1, INSPECTION))
     assert refused.event.reason == "commands must be signed (commands.signed_only)"
     taken = received(ledger, station.command(USER_1, INSPECTION), signed=True)
-    assert isinstance(taken.event, MissionCommand)
-    assert taken.event.permitted
+    assert isinstance(taken.accepted, MissionCommand)
+    assert taken.accepted.permitted
 
 
 def test_a_stranger_takes_nothing_back():
-    ledger = CommandDedup(Commands(links=("radio",)))
+    ledger = ReceivedCommands(Commands(links=("radio",)))
     station = Peer(255, 190)
-    assert received(ledger, station.command(USER_1, INSPECTION)).event
+    assert received(ledger, station.command(USER_1, INSPECTION)).accepted
     elsewhere = received(ledger, station.cancel(USER_1), link="network")
     assert (elsewhere.event, elsewhere.answer) == (None, None)
     assert received(ledger, station.cancel(USER_1)).event
 
 
 def test_the_holds_of_strangers_push_no_operators_command_out_of_memory():
-    ledger, station = CommandDedup(), Peer(255, 190)
-    command = received(ledger, station.command(USER_1, INSPECTION)).event
+    ledger, station = ReceivedCommands(), Peer(255, 190)
+    command = received(ledger, station.command(USER_1, INSPECTION)).accepted
     for number in range(90):
-        assert received(ledger, Peer(1 + number, 1).command(USER_1, HOLD)).event
+        assert received(ledger, Peer(1 + number, 1).command(USER_1, HOLD)).accepted
     answer = ledger.answer(command, CommandResult.ACCEPTED, now_s=0.0)
     assert answer.receiver == command.sender
 
 
 def test_the_holds_of_strangers_use_up_no_operators_holds():
-    ledger = CommandDedup()
+    ledger = ReceivedCommands()
     for number in range(1000):
         received(ledger, Peer(1 + number % 239, 1 + number // 239).command(USER_1, HOLD))
-    assert received(ledger, Peer(255, 190).command(USER_1, HOLD)).event
+    assert received(ledger, Peer(255, 190).command(USER_1, HOLD)).accepted

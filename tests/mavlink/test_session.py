@@ -1,4 +1,4 @@
-"""What a session makes of what it hears: autopilot, telemetry, restarts, nonsense."""
+"""Received packets of a session: autopilot, telemetry, restarts, nonsense."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from moar_companion import autopilots
 from moar_companion.config import LinkRole
 from moar_companion.mavlink.codec import checksum
 from moar_companion.mavlink.commands import MissionCommand
@@ -13,7 +14,6 @@ from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
 from moar_companion.mavlink.session import CommandAnswered, Session, SystemStatus
 from moar_companion.mavlink.telemetry_receiver import ModeLeft
-from moar_companion.types import AutopilotKind
 
 from .messages import message_of
 from .story import Story, commands, of_type, types
@@ -40,7 +40,7 @@ def test_our_system_id_is_the_configured_one_until_an_autopilot_is_heard(peer):
     assert {m.get_srcSystem() for _, m in sent} == {7}
     (event,) = story.events()
     assert isinstance(event, AutopilotFound)
-    assert event.autopilot.kind is AutopilotKind.PX4
+    assert event.autopilot.kind is autopilots.PX4
 
 
 def test_an_autopilot_on_an_operators_link_is_not_ours(story, autopilot):
@@ -280,10 +280,10 @@ def replayed(packets, *, component_id=195):
 @pytest.mark.parametrize(
     ("name", "kind", "restarts"),
     [
-        ("px4/a1_boot_offboard_takeoff.companion.tlog", AutopilotKind.PX4, 0),
-        ("px4/k1_nogcs_autopilot_restart.companion.tlog", AutopilotKind.PX4, 1),
-        ("ardupilot/a2_square.companion.tlog", AutopilotKind.ARDUPILOT, 0),
-        ("ardupilot/h2_signing.companion.tlog", AutopilotKind.ARDUPILOT, 1),
+        ("px4/a1_boot_offboard_takeoff.companion.tlog", autopilots.PX4, 0),
+        ("px4/k1_nogcs_autopilot_restart.companion.tlog", autopilots.PX4, 1),
+        ("ardupilot/a2_square.companion.tlog", autopilots.ARDUPILOT, 0),
+        ("ardupilot/h2_signing.companion.tlog", autopilots.ARDUPILOT, 1),
     ],
 )
 def test_a_real_autopilot_is_found_followed_and_seen_to_restart(recording, name, kind, restarts):
@@ -304,7 +304,7 @@ def test_px4s_answers_to_a_mode_that_others_asked_for_are_not_ours(recording):
 
 @pytest.mark.recordings
 def test_commands_routed_by_ardupilot_are_understood(recording):
-    _, events = replayed(recording("ardupilot/g1_routing.companion.tlog"))
-    missions = [event for event in events if isinstance(event, MissionCommand)]
+    session, _ = replayed(recording("ardupilot/g1_routing.companion.tlog"))
+    missions = [item for item in session.commands.waiting if isinstance(item, MissionCommand)]
     assert missions
     assert missions[0].command == USER_1

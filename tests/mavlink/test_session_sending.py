@@ -1,4 +1,4 @@
-"""What a session says: heartbeats, requests, answers, modes, setpoints, values, texts, time."""
+"""Sent packets of a session: heartbeats, requests, answers, modes, setpoints, texts, time."""
 
 from __future__ import annotations
 
@@ -12,7 +12,6 @@ from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.commands import CommandCancelled, CommandResult, MissionCommand
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.session import CommandAnswered, Session, Severity, SystemStatus
-from moar_companion.types import AutopilotKind
 
 from .peer import Peer
 from .story import Story, commands, of_type, types
@@ -104,7 +103,7 @@ def test_px4_is_asked_only_for_what_it_does_not_send(story, autopilot):
 
 
 def test_the_rates_can_be_given(autopilot):
-    story = Story(message_rates_hz={AutopilotKind.ARDUPILOT: {74: 4.0}})
+    story = Story(message_rates_hz={74: 4.0})
     story.meet(autopilot, autopilot=ARDUPILOT)
     (request,) = commands(story.run(0.5), SET_MESSAGE_INTERVAL)
     assert (request.param1, request.param2) == (74, 250000)
@@ -118,7 +117,7 @@ def test_an_autopilot_that_is_heard_on_another_link_is_asked_for_the_rates_of_th
     reader = Codec(system_id=9, component_id=9)
     session = Session(
         links=dict.fromkeys((UDP, SERIAL), LinkRole.AUTOPILOT),
-        message_rates_hz={AutopilotKind.ARDUPILOT: {mavlink.MAVLINK_MSG_ID_HEARTBEAT: 20.0}},
+        message_rates_hz={mavlink.MAVLINK_MSG_ID_HEARTBEAT: 20.0},
     )
     now_s, asked = 100.0, {}
     for cycle in range(600):
@@ -182,7 +181,7 @@ def test_a_mission_command_reaches_the_service_and_its_answer_the_sender(
 ):
     story.meet(autopilot)
     story.hear(ground_station.command(USER_1, 3, math.nan), link="network")
-    (command,) = story.events()
+    (command,) = story.session.commands.waiting
     assert isinstance(command, MissionCommand)
     assert command.sender.link == "network"
     assert story.session.answer(command, CommandResult.IN_PROGRESS, progress=50)
@@ -212,7 +211,7 @@ def test_a_repeat_is_answered_where_it_came_from(story, autopilot, ground_statio
     story.meet(autopilot)
     story.hear(ground_station.command(USER_1, 1))
     story.hear(ground_station.command(USER_1, 1), link="network")
-    assert len(story.events()) == 1
+    assert len(story.session.commands.waiting) == 1
     ((link, message),) = story.sent()
     assert (link, message.result) == ("network", 5)
 
@@ -220,9 +219,10 @@ def test_a_repeat_is_answered_where_it_came_from(story, autopilot, ground_statio
 def test_a_cancel_tells_the_service_and_the_sender(story, autopilot, ground_station):
     story.meet(autopilot)
     story.hear(ground_station.command(USER_1, 1))
-    (command,) = story.events()
+    (command,) = story.session.commands.waiting
     story.hear(ground_station.cancel(USER_1))
     assert story.events() == [CommandCancelled(command=command)]
+    assert story.session.commands.waiting == []
     ((_, message),) = story.sent()
     assert message.result == CommandResult.CANCELLED
 

@@ -15,9 +15,9 @@ from moar_companion.mavlink.dialect import create
 from moar_companion.mavlink.session import Session, SystemStatus
 from moar_companion.mavlink.signing import (
     LATEST_TIMESTAMP,
-    Refusal,
     Signing,
     SigningKey,
+    SigningRefusal,
     link_signings,
     timestamp_at,
 )
@@ -92,7 +92,7 @@ def test_a_message_that_the_dialect_lacks_is_checked_by_its_signature():
     assert codec.unknown_messages == 1
     codec.receive(packet)
     assert codec.packets == []
-    assert codec.refused[Refusal.OLD] == 1
+    assert codec.refused[SigningRefusal.OLD] == 1
     assert types(codec.receive(peer.heartbeat())) == ["HEARTBEAT"]
 
 
@@ -121,16 +121,16 @@ def refused(codec, data, reason, count=1):
 @pytest.mark.parametrize("mavlink1", [False, True])
 def test_what_is_unsigned_is_refused(autopilot, mavlink1):
     data = autopilot.pack(CLOCK, mavlink1=mavlink1)
-    refused(signed_codec(), data, Refusal.UNSIGNED)
+    refused(signed_codec(), data, SigningRefusal.UNSIGNED)
 
 
 def test_unsigned_telemetry_is_refused(autopilot):
     data = autopilot.heartbeat() + autopilot.attitude(1.0)
-    refused(signed_codec(), data, Refusal.UNSIGNED, count=2)
+    refused(signed_codec(), data, SigningRefusal.UNSIGNED, count=2)
 
 
 def test_a_signature_of_another_key_is_refused():
-    refused(signed_codec(), SignedPeer(secret=OTHER_SECRET).heartbeat(), Refusal.WRONG)
+    refused(signed_codec(), SignedPeer(secret=OTHER_SECRET).heartbeat(), SigningRefusal.WRONG)
 
 
 def test_a_wrongly_signed_packet_moves_no_time_stamp():
@@ -140,7 +140,7 @@ def test_a_wrongly_signed_packet_moves_no_time_stamp():
     refused(
         codec,
         SignedPeer(secret=OTHER_SECRET, timestamp=LATEST_TIMESTAMP - 9).heartbeat(),
-        Refusal.WRONG,
+        SigningRefusal.WRONG,
     )
     assert link.timestamp == before.timestamp
     assert types(codec.receive(SignedPeer().heartbeat())) == ["HEARTBEAT"]
@@ -149,14 +149,14 @@ def test_a_wrongly_signed_packet_moves_no_time_stamp():
 def test_the_same_packet_a_second_time_is_refused():
     codec, packet = signed_codec(), SignedPeer().heartbeat()
     assert types(codec.receive(packet)) == ["HEARTBEAT"]
-    refused(codec, packet, Refusal.OLD)
+    refused(codec, packet, SigningRefusal.OLD)
 
 
 def test_a_packet_older_than_the_last_of_its_stream_is_refused():
     codec, peer = signed_codec(), SignedPeer()
     first, second = peer.heartbeat(), peer.heartbeat()
     assert types(codec.receive(second)) == ["HEARTBEAT"]
-    refused(codec, first, Refusal.OLD)
+    refused(codec, first, SigningRefusal.OLD)
 
 
 @pytest.mark.parametrize(
@@ -168,7 +168,7 @@ def test_the_first_packet_of_a_stream_may_be_a_minute_behind(behind, accepted):
     if accepted:
         assert types(codec.receive(packet)) == ["HEARTBEAT"]
     else:
-        refused(codec, packet, Refusal.OLD)
+        refused(codec, packet, SigningRefusal.OLD)
 
 
 def test_a_stream_that_is_known_may_fall_behind_the_clock():
@@ -203,19 +203,19 @@ def test_a_computer_whose_clock_is_not_set_judges_by_what_it_has_heard():
         codec = signed_codec(link)
         assert types(codec.receive(SignedPeer(255, 190).heartbeat())) == ["HEARTBEAT"]
         recorded = SignedPeer(1, 1, timestamp=98 * MINUTE)
-        refused(codec, recorded.heartbeat(), Refusal.OLD)
+        refused(codec, recorded.heartbeat(), SigningRefusal.OLD)
         assert link.behind_s == {1: pytest.approx(120.0, abs=0.1)}
 
 
 def test_a_sender_that_is_behind_is_named_until_its_clock_is_right():
     link = two_links()["serial"]
     codec, behind = signed_codec(link), SignedPeer(1, 1, timestamp=98 * MINUTE)
-    refused(codec, behind.heartbeat(), Refusal.OLD)
+    refused(codec, behind.heartbeat(), SigningRefusal.OLD)
     assert link.behind_s == {1: pytest.approx(120.0, abs=0.1)}
     behind.signing.timestamp = 100 * MINUTE
     packet = behind.heartbeat()
     assert types(codec.receive(packet)) == ["HEARTBEAT"]
-    refused(codec, packet, Refusal.OLD)
+    refused(codec, packet, SigningRefusal.OLD)
     assert link.behind_s == {}
 
 
@@ -260,7 +260,7 @@ def test_no_noise_hides_or_replaces_what_is_signed(before, between):
 def test_a_radio_that_cannot_sign_is_refused_without_being_counted():
     codec, radio = signed_codec(), Peer(51, 68)
     status = {"rssi": 1, "remrssi": 1, "txbuf": 1, "noise": 1, "remnoise": 1, "rxerrors": 0}
-    refused(codec, radio.send("RADIO_STATUS", **status, fixed=0), Refusal.UNSIGNED, count=0)
+    refused(codec, radio.send("RADIO_STATUS", **status, fixed=0), SigningRefusal.UNSIGNED, count=0)
 
 
 @pytest.mark.parametrize("signed", [False, True])
@@ -327,7 +327,7 @@ def test_a_copy_over_another_link_is_accepted_and_an_old_one_is_refused():
     assert types(serial.receive(recorded)) == ["HEARTBEAT"]
     peer.signing.timestamp += 6 * SECOND
     assert types(serial.receive(peer.heartbeat())) == ["HEARTBEAT"]
-    refused(network, recorded, Refusal.OLD)
+    refused(network, recorded, SigningRefusal.OLD)
 
 
 def test_links_without_a_key_are_an_error_and_never_unsigned():

@@ -15,7 +15,7 @@ ROUND_S = 2**32 * 1e-3
 
 
 def readings(clock, *arrivals):
-    """What (time of arrival, stamp) tell."""
+    """Results of (time of arrival, stamp)."""
     return [clock.read(stamp_s, now_s) for now_s, stamp_s in arrivals]
 
 

@@ -1,4 +1,4 @@
-"""How late the autopilot's words are, by its answers to TIMESYNC."""
+"""Delay of the autopilot's packets, by its answers to TIMESYNC."""
 
 from __future__ import annotations
 

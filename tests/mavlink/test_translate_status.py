@@ -227,13 +227,13 @@ def test_px4_navigates_by_the_better_receiver_and_ardupilot_as_its_parameter_say
     ],
 )
 def test_ardupilots_choice_of_receivers(value, better):
-    told = updated("PARAM_VALUE", param_id=b"GPS_AUTO_SWITCH", param_value=value)
+    told = updated("PARAM_VALUE", heard(ARDUPILOT), param_id=b"GPS_AUTO_SWITCH", param_value=value)
     assert told.better_gnss_taken is better
     assert updated("GPS2_RAW", told, **GNSS).better_gnss_taken is better
 
 
 def test_ardupilots_primary_receiver():
-    second = updated("PARAM_VALUE", param_id=b"GPS_PRIMARY", param_value=1.0)
+    second = updated("PARAM_VALUE", heard(ARDUPILOT), param_id=b"GPS_PRIMARY", param_value=1.0)
     assert second.second_gnss_first
     again = updated("PARAM_VALUE", second, param_id=b"GPS_PRIMARY", param_value=0.0)
     assert not again.second_gnss_first

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from moar_companion.mavlink.statustext import pilot_text
 from moar_companion.mission import state_machine
 from moar_companion.mission.values import (
     Answer,
@@ -20,6 +19,7 @@ from moar_companion.mission.values import (
 from moar_companion.mission_states import IN_CONTROL, STREAMING, MissionState
 from moar_companion.safety import supervisor
 from moar_companion.safety.condition_types import Causes
+from moar_companion.text_format import pilot_text
 from moar_companion.types import Mission
 
 WELL = Situation(mode_ours=False, mode_heard_s=0.0)
@@ -30,7 +30,7 @@ LAST = Task(mission=Mission.INSPECTION, stops=("second",))
 EXIT = Task(mission=Mission.EXIT)
 EVACUATION = Task(mission=Mission.EVACUATION, landing=1)
 
-FAILSAFE = {"failsafe_took_mode": "the autopilot is in failsafe"}
+FAILSAFE = {"failsafe_took_mode": "autopilot in failsafe"}
 NO_FAILSAFE = {"failsafe_took_mode": None}
 ON_THE_GROUND = {"ground": "on the ground", "not_flying": "not in the air"}
 IN_THE_AIR = {"ground": None, "not_flying": None}
@@ -112,11 +112,11 @@ class Story:
     def plan_found(self):
         return self._took(state_machine.planned(self.status, self.world, self.now_s))
 
-    def plan_failed(self, reason="no free way leads there", **why):
+    def plan_failed(self, reason="no free path leads there", **why):
         return self._took(state_machine.unplanned(self.status, reason, self.now_s, **why))
 
     def strand(self):
-        """What is flown stands, and no plan leads on."""
+        """Notes that the flown task has no path on."""
         return self._took((self.status.without(self.status.task, now_s=self.now_s), ()))
 
     def take_back(self, order_id=None):

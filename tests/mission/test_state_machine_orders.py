@@ -31,7 +31,7 @@ ORDERS = {
     "continue": Order.CONTINUE,
     "release": Order.RELEASE,
 }
-# state: (state after, answer at once; "" where the plan is awaited, farewell) of each order.
+# state: (state after, answer at once; "" where the plan is awaited, last setpoint) of each order.
 NO = "temporarily rejected"
 OK = "accepted"
 ANSWERS = {
@@ -113,7 +113,7 @@ def test_every_order_has_its_answer_in_every_state(state, word):
     [
         (ON_THE_GROUND, "not in the air"),
         (NOBODY_KNOWS, "not in the air"),
-        ({"position": "no local position is heard"}, "no local position is heard"),
+        ({"position": "no local position is received"}, "no local position is received"),
         ({"off_plane": "3.0 m from the plane > 2"}, "3.0 m from the plane"),
     ],
 )
@@ -127,7 +127,7 @@ def test_a_mission_is_not_begun_when_something_stands_against_it(change, reason)
 
 @pytest.mark.parametrize(
     "change",
-    [{"astray": True}, {"not_hovering": "moving at 3.0 m/s > 1, hover first"}, NOBODY_KNOWS],
+    [{"astray": True}, {"not_hovering": "moving at 3.0 m/s > 1, hover"}, NOBODY_KNOWS],
 )
 def test_a_plan_is_not_begun_from_where_the_aircraft_is_no_more(change):
     flight = story(S.PLANNING).see(**change)
@@ -262,7 +262,7 @@ def moved_away(flight):
 
 
 def position_uncertain(flight):
-    flight.see(uncertainty="position uncertainty 3.0 m > 2").tick(10.0)
+    flight.see(uncertainty="uncertainty 3.0 m > 2").tick(10.0)
     flight.see(uncertainty=None).tick(60.0)
 
 

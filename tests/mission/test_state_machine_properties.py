@@ -123,7 +123,7 @@ class Events(RuleBasedStateMachine):
         if self._commanded():
             assert before.task is not None
             assert not before.task.done
-            assert before.held or before.state not in STREAMING - {MissionState.HOLDING}
+            assert before.hold_ordered or before.state not in STREAMING - {MissionState.HOLDING}
             assert order is Order.CONTINUE
         self._after()
 
@@ -158,7 +158,7 @@ class Events(RuleBasedStateMachine):
             assert status.sought is not None
         if status.state in STREAMING:
             assert status.task is not None
-        if status.held:
+        if status.hold_ordered:
             assert status.state is MissionState.READY
 
 

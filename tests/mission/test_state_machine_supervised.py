@@ -33,7 +33,7 @@ def test_an_order_that_crosses_the_letting_go_is_rejected_and_the_next_one_is_no
     flight = story(S.FLYING).see(**change).see(position=None)
     flight.order(EXIT)
     assert flight.answers == [(2, "temporarily rejected")]
-    assert flight.reasons == ["just let go"]
+    assert flight.reasons == ["released just now"]
     assert flight.state == state
     flight.tick(0.5)
     assert flight.order(EXIT).state == "planning"
@@ -123,10 +123,10 @@ def test_the_landing_that_we_asked_for_is_no_pilots():
 # Supervised -------------------------------------------------------------------------------------
 
 WIND = {"wind": "wind 13.2 m/s > 12"}
-RESERVE = {"battery_reserve": "battery 0 at 19%, reserve 20%"}
+RESERVE = {"battery_reserve": "battery 0 at 19% <= 20%"}
 CRITICAL = {"battery_critical": "battery 0 is critical"}
 KNOWN_S = 0.6
-"""What has acted for so long is known to whoever orders."""
+"""A time after which the operator knows a condition that acts."""
 
 
 @pytest.mark.parametrize("state", [S.FLYING, S.AT_TARGET, S.LANDING_LEG])
@@ -155,7 +155,7 @@ def test_a_hold_of_the_supervisor_that_cannot_go_on_waits_for_an_operator():
     flight = story(S.FLYING).see(**WIND).tick(3.1).see(wind=None).tick(5.1)
     assert flight.sought == [INSPECTION]
     flight.plan_failed()
-    assert flight.said[-1] == "MOAR: no free way leads there, holding"
+    assert flight.said[-1] == "MOAR: no free path leads there, holding"
     for _ in range(20):
         flight.tick(1.0)
         assert (flight.state, flight.sought) == ("holding", [])
@@ -169,7 +169,7 @@ def test_a_way_out_that_cannot_go_on_is_sought_again():
         assert flight.plan_failed(failed=True).tick(1.0).sought == []
         flight.tick(1.1)
     assert flight.plan_found().state == "flying"
-    assert not flight.status.goes_on
+    assert not flight.status.resumes
 
 
 def test_wind_that_comes_back_while_it_would_go_on_holds_again_and_then_goes_on():

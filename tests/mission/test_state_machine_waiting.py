@@ -11,7 +11,7 @@ from moar_companion.mission_states import MissionState
 from .stories import EVACUATION, EXIT, INSPECTION, story
 
 S = MissionState
-NARROW = {"no_clearance": "the target is too close, position uncertainty 1.6 m"}
+NARROW = {"no_clearance": "the target is too close, uncertainty 1.6 m"}
 
 
 def no_room(flight):

@@ -1,4 +1,4 @@
-"""What the live view shows of a status, and that it fits."""
+"""The live view of a status: its content, and that it fits."""
 
 import copy
 import io
@@ -75,7 +75,7 @@ FLYING = {
         "search_ms": 0.34,
         "age_s": 1.4,
         "reason": "wind risk 0.47 -> 0.58",
-        "change": "path 1.4 m outwards, 0.6 m on average",
+        "change": "path 1.4 m outward, 0.6 m on average",
         "paths": 5,
         "replans": 16,
     },
@@ -153,7 +153,7 @@ def test_what_matters_is_on_the_smallest_page():
         "0.00   cell 3.99 V",
         "safety 0.40→0.57  time 0.50→0.29  energy 0.10→0.14",
         "cost 4.31, 0.3 ms, 1.4 s ago; reason: wind risk 0.47 -> 0.58",
-        "212 packets/s, 3 lost; ground station heard 0.6 s ago",
+        "212 packets/s, 3 lost; ground station received 0.6 s ago",
         "radio         unheard",
         "local position 0.0  attitude 0.0  gnss 0.2  battery 1.2",
         "flight_20261121T151539Z",
@@ -163,7 +163,7 @@ def test_what_matters_is_on_the_smallest_page():
 
 def test_what_is_unknown_is_called_so_and_never_a_number():
     text = page(UNKNOWN, 140, 40)
-    assert "no autopilot is heard" in text
+    assert "no autopilot is received" in text
     assert "clearance unknown" in text
     assert text.count("0.50   unknown") == 4
     assert "none yet" in text
@@ -208,13 +208,13 @@ def test_a_service_that_says_nothing_is_not_mistaken_for_one_that_flies(status):
     """Its mode is long past; the first line is seen in a terminal of any height."""
     assert "no word from the service" not in page(status, silent_s=1.0)
     head, *_ = page(status, silent_s=3.4).splitlines()
-    assert head.split("   ")[:2] == ["moar-companion", "no word from the service for 3 s"]
+    assert head.split("   ")[:2] == ["moar-companion", "no data from the service for 3 s"]
     assert "OFFBOARD" not in head
 
 
 def test_a_silence_is_told_in_the_same_words_without_a_page():
     assert silence_of(1.9) is None
-    assert silence_of(3.4) == "no word from the service for 3 s"
+    assert silence_of(3.4) == "no data from the service for 3 s"
 
 
 @pytest.mark.parametrize(("width", "height"), [(120, 24), (120, 40), (140, 24), (140, 40)])

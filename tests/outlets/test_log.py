@@ -41,7 +41,7 @@ def threads():
 
 
 def all_of(pipe):
-    """What was said, in lines, once there is nobody left who says more."""
+    """Logged lines, after every writer has ended."""
     pipe.go_on()
     for thread in threads():
         thread.join(20)
@@ -129,7 +129,7 @@ def test_what_is_logged_afterwards_is_as_it_was_before(pipe):
 
 
 def test_without_a_stderr_nothing_is_written_anywhere(tmp_path):
-    """What is opened next has its number, 2: a link, a recording."""
+    """The next opened file has its number, 2: a link, a recording."""
     path, saved = tmp_path / "next", os.dup(2)
     with path.open("wb") as opened:
         os.dup2(opened.fileno(), 2)

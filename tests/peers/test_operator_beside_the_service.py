@@ -17,7 +17,7 @@ from .processes import SITE, companion_beside_autopilot, ordered, truth_of
 
 
 def said(done):
-    """What a command printed, of which stderr must be empty."""
+    """Output of a command, of which stderr must be empty."""
     assert done.stderr == ""
     return done.stdout.splitlines()
 
@@ -32,12 +32,12 @@ def test_on_the_ground_it_is_heard_and_orders_are_refused_with_the_reason(tmp_pa
     lines = said(status)
     assert lines[0] == "companion  system 1, component 195: idle, streams nothing"
     assert lines[1] == "autopilot  px4, disarmed, HOLD"
-    assert "not heard" not in "".join(lines)
+    assert "not received" not in "".join(lines)
     assert refused.returncode == 1
     assert said(refused)[0] == "inspection: TEMPORARILY_REJECTED"
     assert said(refused)[1].endswith(", rejected")
     assert unknown.returncode == 1
-    assert said(unknown) == ["inspection: DENIED", "MOAR: no target 9: the site has 2, denied"]
+    assert said(unknown) == ["inspection: DENIED", "MOAR: no target 9 of 2, denied"]
     assert nothing_held.returncode == 1
     assert said(nothing_held)[-1] == "MOAR: nothing is held, rejected"
 

@@ -191,7 +191,7 @@ def leg_of(start, end):
 
 
 def leg_clears(site, required_m, start, end):
-    """Whether a straight leg keeps that far, and their keep-out more, from all obstacles."""
+    """True if a straight leg keeps that far, and their keep-out more, from all obstacles."""
     return all(
         clearance(obstacle, leg_of(start, end)) >= required_m + obstacle.keep_out_m - NEAR
         for obstacle in site.obstacles

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion import Planner, RiskIndices, Site, Vehicle
+from moar_companion import Planner, RiskIndices, Site
+from moar_companion.adaptation import Adaptation
 from moar_companion.config import shipped_configs
 from moar_companion.planner.analysis.alternatives import (
     RISK_LEVELS,
@@ -13,9 +14,10 @@ from moar_companion.planner.analysis.alternatives import (
     same_path,
 )
 from moar_companion.types import Mission, Weights
+from tests.vehicles import named_vehicle
 
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
-FLOWN = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
+FLOWN = named_vehicle("linedrone_uniform")
 
 
 @pytest.fixture(scope="module")
@@ -27,7 +29,7 @@ def planner():
 def test_each_level_of_risk_has_the_plan_of_its_weights(planner, mission):
     base = Weights.normalised(2.0, 1.0, 1.0)
     request = planner.plan(mission=mission, start=(14.0, 12.0), velocity=(0.3, 0.0)).request
-    plans = alternatives(planner, request, base)
+    plans = alternatives(planner, request, Adaptation(base=base))
     assert [plan.request.risk for plan in plans] == list(RISK_LEVELS)
     for plan in plans:
         assert plan.weights == base.adjusted(plan.request.risk)
@@ -44,7 +46,7 @@ def test_each_level_of_risk_has_the_plan_of_its_weights(planner, mission):
 
 def test_risk_moves_the_path(planner):
     request = planner.plan(mission="inspection", target="splice-inner").request
-    plans = alternatives(planner, request, FLOWN.weights[Mission.INSPECTION])
+    plans = alternatives(planner, request, FLOWN.rule(Mission.INSPECTION))
     assert not all(same_path(plans[0], plan) for plan in plans)
     by_risk = {plan.request.risk: plan for plan in plans}
     safe = by_risk[RiskIndices(wind=0.5)]
@@ -54,7 +56,7 @@ def test_risk_moves_the_path(planner):
 
 def test_where_there_is_no_plan_there_is_none_under_any_risk(planner):
     request = planner.plan(mission="exit", start=(-5.0, 2.0)).request
-    plans = alternatives(planner, request, FLOWN.weights[Mission.EXIT])
+    plans = alternatives(planner, request, FLOWN.rule(Mission.EXIT))
     assert {plan.status.value for plan in plans} == {"out_of_bounds"}
 
 

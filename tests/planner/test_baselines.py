@@ -99,7 +99,7 @@ def test_the_shortest_path_is_as_long_as_that_of_a_plain_dijkstra():
 
 
 def equidistant(problem, cell):
-    """Whether the two nearest of obstacles and border are equally far, but for a cell's size."""
+    """True if the two nearest of obstacles and border are equally far, but for a cell's size."""
     space = problem.site.workspace
     x, z = oracle.centre_of(space, cell)
     columns, rows = oracle.shape_of(space)
@@ -117,7 +117,7 @@ def equidistant(problem, cell):
 
 
 def on_envelope(problem, maps, cell):
-    """Whether a cell is within the grown hull, and one of its neighbours is not, or not flown."""
+    """True if a cell is within the grown hull, and one of its neighbours is not, or not flown."""
     limit = problem.vehicle.safety.d_max_m + 1e-9
     low = problem.site.workspace.min_altitude_m
 
@@ -272,3 +272,17 @@ def test_the_metrics_of_a_baseline_are_those_of_a_plan_with_its_path():
     assert answer.states.tolist() == plan.states.tolist()
     assert answer.metrics == plan.metrics
     assert answer.landing_leg.length_m == plan.landing_leg.length_m
+
+
+def test_of_equally_short_paths_the_one_with_the_most_clearance_or_the_least_is_found():
+    site = make_site(
+        conductor(10.2, 8.2), size=(20.0, 20.0), resolution=0.5,
+        start=(15.2, 2.2), targets={"t": (5.2, 17.2)},
+    )  # fmt: skip
+    planner = Planner(site, make_vehicle())
+    clear, near = (
+        baseline(planner, BaselineKind.SHORTEST, request(planner), clearest=clearest).metrics
+        for clearest in (True, False)
+    )
+    assert clear.length_m == pytest.approx(near.length_m, abs=1e-9)
+    assert clear.mean_clearance_m > near.mean_clearance_m + 0.5

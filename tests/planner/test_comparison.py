@@ -57,8 +57,8 @@ def test_a_safer_path_is_told_to_have_moved_outwards(planner):
     safe = planner.plan(mission="inspection", weights=SAFE)
     away, back = path_difference(fast, safe), path_difference(safe, fast)
     assert away.mean_clearance_m == (fast.metrics.mean_clearance_m, safe.metrics.mean_clearance_m)
-    assert away.gist() == f"path {away.greatest_m:.1f} m outwards"
-    assert back.gist() == f"path {back.greatest_m:.1f} m inwards"
+    assert away.gist() == f"path {away.greatest_m:.1f} m outward"
+    assert back.gist() == f"path {back.greatest_m:.1f} m inward"
     assert away.words().startswith(f"{away.gist()}, {away.mean_m:.1f} m on average; clearance ")
 
 

@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from moar_companion.adaptation import Adaptation
 from moar_companion.errors import InputError
 from moar_companion.planner import planner as planner_module
 from moar_companion.planner.cost_to_go_tables import TableBuilder
@@ -93,7 +94,8 @@ def test_interpolated_fields_bound_the_field_of_any_weights_from_below(seed):
     if found is None:
         return
     graph, goal = found
-    table = refined(TableBuilder(graph, goal, random_weights(rng)), rng.randrange(20))
+    rule = Adaptation(base=random_weights(rng))
+    table = refined(TableBuilder(graph, goal, rule), rng.randrange(20))
     for _ in range(5):
         weights = random_weights(rng)
         corners, shares = locate(
@@ -116,7 +118,8 @@ def test_any_weights_are_the_shares_of_the_corners_around_them(safety, time, ene
     weights = Weights.normalised(safety, time, energy)
     planner = Planner(SITE, make_vehicle())
     goal = planner._goal((Mission.INSPECTION, "target")).goal
-    builder = TableBuilder(planner.graph, goal, random_weights(random.Random(seed)))
+    rule = Adaptation(base=random_weights(random.Random(seed)))
+    builder = TableBuilder(planner.graph, goal, rule)
     table = refined(builder, cuts)
     corners, shares = locate(
         table.roots, table.triangles, weights.safety, weights.time, weights.energy
@@ -139,7 +142,7 @@ def test_at_a_corner_of_its_table_a_plan_needs_no_search():
 def test_refining_closes_the_gap_and_leaves_earlier_tables_as_they_were():
     planner = Planner(SITE, make_vehicle())
     goal = planner._goal((Mission.INSPECTION, "target")).goal
-    builder = TableBuilder(planner.graph, goal, Weights(0.5, 0.3, 0.2))
+    builder = TableBuilder(planner.graph, goal, Adaptation(base=Weights(0.5, 0.3, 0.2)))
     coarse = builder.table()
     kept = coarse.costs_to_go.copy(), coarse.triangles.copy()
     fine = refined(builder, 100)
@@ -163,7 +166,7 @@ def test_refining_closes_the_gap_and_leaves_earlier_tables_as_they_were():
 def test_a_table_ends_where_more_weights_would_help_little():
     planner = Planner(SITE, make_vehicle())
     goal = planner._goal((Mission.INSPECTION, "target")).goal
-    builder = TableBuilder(planner.graph, goal, Weights(0.5, 0.3, 0.2))
+    builder = TableBuilder(planner.graph, goal, Adaptation(base=Weights(0.5, 0.3, 0.2)))
     while builder.refine():
         pass
     assert builder.corners == len(builder.table().weights) == 64
@@ -244,7 +247,7 @@ def test_a_million_states_have_a_table():
 def test_a_goal_that_nothing_leads_to_is_unreachable_with_a_table_too():
     graph_goal = Goal(cells=np.array([0]), leg_m=np.zeros(1), ends_at_rest=True)
     planner = Planner(SITE, make_vehicle())
-    builder = TableBuilder(planner.graph, graph_goal, Weights(0.5, 0.3, 0.2))
+    builder = TableBuilder(planner.graph, graph_goal, Adaptation(base=Weights(0.5, 0.3, 0.2)))
     start = planner.graph.grid.flat((4, 4))
     headings, _ = Solver(planner.graph).between(
         graph_goal, builder.table(), start, np.zeros(3), Weights(0.2, 0.2, 0.6)

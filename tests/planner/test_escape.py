@@ -23,7 +23,7 @@ def clearance(site, point):
 
 
 def falls(site, start, end, samples, by):
-    """Whether clearance falls by more than that on the way, from its greatest value so far."""
+    """True if clearance falls by more than that on the way, from its greatest value so far."""
     greatest = -math.inf
     for t in np.linspace(0.0, 1.0, samples):
         here = clearance(site, np.add(start, t * np.subtract(end, start)))
@@ -34,7 +34,7 @@ def falls(site, start, end, samples, by):
 
 
 def enters_keep_out(site, vehicle, start, end, by):
-    """Whether the leg comes too near an obstacle: nearer than its keep-out, or than the start."""
+    """True if the leg comes nearer to an obstacle than its keep-out, or than the start."""
     leg, here = shapely.LineString([start, end]), Point(start)
     return any(
         oracle.clearance(item, leg)
@@ -79,7 +79,7 @@ def test_inside_an_obstacle_there_is_no_way_out(start):
 
 
 def test_where_every_way_leads_closer_to_an_obstacle_there_is_none():
-    # In the middle of a gap between two walls, clearance falls on every way out but the gap's own,
+    # In the middle of a gap between two walls, clearance falls on all routes but the gap's own,
     # along which it stays; and there nothing is free.
     walls = [
         polygon((x, -9.0), (x + 1.0, -9.0), (x + 1.0, 19.0), (x, 19.0), name=f"wall {x}")

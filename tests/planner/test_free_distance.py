@@ -1,4 +1,4 @@
-"""How far straight flights are free: by hand, and against small steps along the ray."""
+"""Free length of straight flights: by hand, and against small steps along the ray."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def test_as_by_small_steps(blocked, x, z, angle_rad, farthest_m):
 
 
 def _grazes(cells, x, z, direction, at_m):
-    """Whether a blocked cell is within a hair of a place on a ray."""
+    """True if a blocked cell is within a hair of a place on a ray."""
     for dx in (-1e-6, 1e-6):
         for dz in (-1e-6, 1e-6):
             ix = math.floor(x + at_m * direction[0] + dx)

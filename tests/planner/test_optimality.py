@@ -19,8 +19,8 @@ from .problems import Problem, random_problem, random_velocity, random_weights
 
 SITES = Path(__file__).parents[2] / "configs" / "sites"
 EQUAL = 1e-13
-"""Costs closer than this are equal but for rounding: the planner's second criterion counts 1e-11,
-its third 1e-14."""
+"""Costs closer than this are equal but for rounding: the planner's second criterion counts 1e-10,
+its third 1e-17."""
 
 
 def expected_status(problem, maps):

@@ -10,6 +10,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from moar_companion.adaptation import Adaptation
 from moar_companion.errors import InputError
 from moar_companion.planner.analysis.pareto import front_document, pareto_front, sensitivity
 from moar_companion.planner.plan_values import PlanStatus
@@ -104,7 +105,7 @@ def test_within_a_range_the_path_is_best_and_beyond_it_another():
     planner = Planner(SITE, make_vehicle())
     base, risk = Weights(0.3, 0.4, 0.3), RiskIndices(wind=0.3, battery=0.1)
     plan = planner.plan(mission="inspection", weights=base, risk=risk)
-    ranges = sensitivity(planner, plan, base)
+    ranges = sensitivity(planner, plan, Adaptation(base=base))
     own = plan.cost
     ends = 0
     for name, item in ranges["risk"].items():
@@ -129,7 +130,7 @@ def test_the_slope_along_a_weight_is_how_j_changes_there():
     planner = Planner(SITE, make_vehicle())
     weights = Weights(0.3, 0.4, 0.3)
     plan = planner.plan(mission="inspection", weights=weights)
-    time = sensitivity(planner, plan, weights)["weights"]["time"]
+    time = sensitivity(planner, plan, Adaptation(base=weights))["weights"]["time"]
     more = Weights(0.5 * (1.0 - 0.401), 0.401, 0.5 * (1.0 - 0.401))
     assert time.lower <= 0.401 <= time.upper
     change = (j_of(planner, plan.request, more) - plan.cost.total) / 0.001
@@ -140,7 +141,7 @@ def test_the_document_is_json_and_has_every_path():
     planner = Planner(SITE, make_vehicle())
     plan = planner.plan(mission="inspection")
     front = pareto_front(planner, plan.request)
-    ranges = sensitivity(planner, plan, plan.weights)
+    ranges = sensitivity(planner, plan, Adaptation(base=plan.weights))
     document = json.loads(json.dumps(front_document(plan, front, ranges), allow_nan=False))
     assert len(document["points"]) == len(front)
     for point in document["points"]:

@@ -1,4 +1,4 @@
-"""What must hold for every problem, whatever its numbers (hypothesis)."""
+"""Properties of every problem, whatever its numbers (hypothesis)."""
 
 from __future__ import annotations
 

@@ -1,11 +1,13 @@
-"""What is made ready for plans, and in what order."""
+"""Precomputation for plans, and its order."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from unittest import mock
 
 import pytest
 
+from moar_companion.adaptation import Adaptation, AdaptationKind
 from moar_companion.autopilots.failsafe_actions import (
     NO_FAILSAFES,
     Action,
@@ -17,7 +19,7 @@ from moar_companion.config import shipped_configs
 from moar_companion.planner import planner as planner_module
 from moar_companion.planner.plan_values import PlanRequest
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.plan_jobs import PlanJob, preparations, prepare_for
+from moar_companion.planning.plan_jobs import PlanJob, answer_job, preparations, prepare_for
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.service import planner_worker
 from moar_companion.service.planner_worker import PlannerWorker
@@ -67,6 +69,23 @@ def test_the_first_target_and_the_ways_out_are_ready_though_not_all_can_be(plann
         prepare_for(planners, job(target))
         assert goals(planner)[-1] == ("inspection", target)
     assert len(planner._tables) == 3
+
+
+def test_weights_are_calibrated_from_the_start_of_the_task_once_the_table_is_complete(planner):
+    planners, name = PlannerSet(planner), planner.site.targets[-1].name
+    rule = Adaptation(base=Weights(0.2, 0.6, 0.2), kind=AdaptationKind.CALIBRATED)
+    first = job(name, origin_m=(27.0, 2.6))
+    risky = replace(first.request, risk=RiskIndices(wind=0.6, localization=0.4)).adapted(rule)
+    first = replace(first, request=risky)
+    assert answer_job(planners, first).plan.request.adaptation.calibration is None
+    prepare_for(planners, first)
+    whole = answer_job(planners, first).plan
+    assert whole.request.adaptation.calibration is not None
+    # From halfway, where the front is another one, the same risks give the same weights.
+    half = replace(risky, start_m=tuple(whole.waypoints.position_m[len(whole.states) // 2]))
+    rest = answer_job(planners, replace(first, request=half)).plan
+    assert rest.weights == whole.weights != risky.weights
+    assert rest.cost.total < whole.cost.total
 
 
 def test_nothing_is_made_ready_for_wider_obstacles_or_an_unknown_target(planner):

@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.config import Supervision, shipped_configs
+from moar_companion import autopilots
+from moar_companion.config import Supervision
 from moar_companion.mavlink.identity import Autopilot
 from moar_companion.preflight.aircraft import Arrivals, Sight, aircraft_findings
 from moar_companion.preflight.findings import Level
@@ -18,24 +19,23 @@ from moar_companion.telemetry import (
     RemoteControl,
     Telemetry,
 )
-from moar_companion.types import AutopilotKind
-from moar_companion.vehicle import Vehicle
+from tests.vehicles import named_vehicle
 
-LINEDRONE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
+LINEDRONE = named_vehicle("linedrone_uniform")
 OK, NOTE, WARNING, NO_GO = Level
 STEADY = Arrivals(count=151, first_s=0.0, last_s=5.0, longest_gap_s=0.04)
 
 
 def findings(
     *,
-    kind=AutopilotKind.PX4,
+    kind=autopilots.PX4,
     vehicle=LINEDRONE,
     armed=False,
     failsafe=False,
     positions=STEADY,
     **telemetry,
 ):
-    """What is found of an aircraft of which this was heard, by subject."""
+    """Findings on an aircraft from which this was received, by subject."""
     status = AutopilotStatus(
         received_s=5.0,
         system_id=1,
@@ -85,7 +85,7 @@ def test_an_aircraft_of_which_nothing_is_heard_but_a_heartbeat_is_never_well():
 
 
 def test_an_autopilot_that_is_not_known_here():
-    assert findings(kind=AutopilotKind.UNKNOWN)["autopilot"].level is NO_GO
+    assert findings(kind=autopilots.UNKNOWN)["autopilot"].level is NO_GO
 
 
 def test_a_failsafe_is_a_no_go():
@@ -97,13 +97,13 @@ def test_a_failsafe_is_a_no_go():
 @pytest.mark.parametrize(
     ("kind", "version", "release", "level"),
     [
-        (AutopilotKind.PX4, (1, 17, 0), "", OK),
-        (AutopilotKind.PX4, (1, 18, 0), "beta", OK),
-        (AutopilotKind.PX4, (1, 15, 4), "", NOTE),
-        (AutopilotKind.PX4, (1, 13, 3), "", WARNING),
-        (AutopilotKind.ARDUPILOT, (4, 6, 3), "", OK),
-        (AutopilotKind.ARDUPILOT, (4, 7, 0), "dev", NOTE),
-        (AutopilotKind.ARDUPILOT, (4, 2, 3), "", WARNING),
+        (autopilots.PX4, (1, 17, 0), "", OK),
+        (autopilots.PX4, (1, 18, 0), "beta", OK),
+        (autopilots.PX4, (1, 15, 4), "", NOTE),
+        (autopilots.PX4, (1, 13, 3), "", WARNING),
+        (autopilots.ARDUPILOT, (4, 6, 3), "", OK),
+        (autopilots.ARDUPILOT, (4, 7, 0), "dev", NOTE),
+        (autopilots.ARDUPILOT, (4, 2, 3), "", WARNING),
     ],
 )
 def test_firmware_is_compared_with_what_was_measured(kind, version, release, level):
@@ -157,7 +157,7 @@ def test_arrivals_are_counted():
 
 def test_a_remote_control_whose_signal_is_unknown_is_there():
     remote = RemoteControl(received_s=5.0, rssi=None)
-    assert findings(remote_control=remote)["remote control"].text == "heard, unknown signal"
+    assert findings(remote_control=remote)["remote control"].text == "received, unknown signal"
 
 
 GROUND = Heard(received_s=5.0, system_id=255)
@@ -171,9 +171,9 @@ def readiness(remote_control_ok):
 @pytest.mark.parametrize(
     ("telemetry", "words"),
     [
-        ({"remote_control": REMOTE, "readiness": readiness(True)}, "heard, signal 90%"),
-        ({"remote_control": REMOTE}, "heard, signal 90%"),
-        ({"ground_station": GROUND}, "not heard"),
+        ({"remote_control": REMOTE, "readiness": readiness(True)}, "received, signal 90%"),
+        ({"remote_control": REMOTE}, "received, signal 90%"),
+        ({"ground_station": GROUND}, "not received"),
     ],
     ids=["remote control", "no word of the autopilot on it", "ground station"],
 )
@@ -193,7 +193,11 @@ def test_one_who_can_take_over_is_enough(telemetry, words):
             "remote control",
             "remote control lost: yes",
         ),
-        ({"remote_control": REMOTE, "readiness": readiness(None)}, "remote control", "not heard"),
+        (
+            {"remote_control": REMOTE, "readiness": readiness(None)},
+            "remote control",
+            "not received",
+        ),
         (
             {"ground_station": replace(GROUND, received_s=-4.0)},
             "ground station",

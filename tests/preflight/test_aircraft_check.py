@@ -4,6 +4,7 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion import autopilots
 from moar_companion.config import (
     CompanionConfig,
     LinkConfig,
@@ -11,14 +12,14 @@ from moar_companion.config import (
     Supervision,
     shipped_configs,
 )
-from moar_companion.margin import flown_site
+from moar_companion.error_margin import flown_site
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.planner.planner import Planner
 from moar_companion.preflight.aircraft_check import WAIT_S, Preflight
 from moar_companion.preflight.findings import Level
 from moar_companion.site import Site
-from moar_companion.types import AutopilotKind, Mission
+from moar_companion.types import Mission
 from moar_companion.vehicle import Vehicle
 from sitl.autopilot import DEFAULT_LINKS, FakeAutopilot, Options
 from sitl.fence_areas import Item
@@ -78,7 +79,7 @@ class Look:
         self.lost = set()
         """Names of parameters whose values never arrive."""
         self.deaf_to_fences = False
-        """Whether what is asked of the uploaded fence never arrives."""
+        """True if requests for the uploaded fence never arrive."""
         self._ground = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
         self._ground_station = ground_station
         self.autopilot.step(age_s)
@@ -170,7 +171,7 @@ def test_ardupilot_before_its_gps_has_no_position():
     found = look.findings()
     assert found["LOCAL_POSITION_NED"].level is NO_GO
     assert found["LOCAL_POSITION_NED"].text == "does not come"
-    assert found["position"].text == "no local position is heard"
+    assert found["position"].text == "no local position is received"
 
 
 def test_it_sends_heartbeats_and_questions_and_nothing_that_moves_the_aircraft():
@@ -200,7 +201,7 @@ def test_nobody_there():
     (finding,) = look.findings().values()
     assert look.now_s == pytest.approx(WAIT_S, abs=0.1)
     assert finding.level is NO_GO
-    assert f"none heard on {LINK} for 10 s" in finding.text
+    assert f"none received on {LINK} for 10 s" in finding.text
     assert "TX and RX crossed" in finding.remedy
 
 
@@ -228,7 +229,7 @@ def test_two_autopilots_are_both_named():
 
 
 def test_another_autopilot_than_the_vehicle_file_says():
-    vehicle = replace(VEHICLE, autopilot=AutopilotKind.ARDUPILOT)
+    vehicle = replace(VEHICLE, autopilot=autopilots.ARDUPILOT)
     finding = Look(vehicle=vehicle).findings()["autopilot"]
     assert (finding.level, "the vehicle file says ardupilot" in finding.text) == (NO_GO, True)
 
@@ -313,7 +314,7 @@ def test_a_site_in_another_country():
 def test_a_stand_beside_the_plane(beside_m):
     finding = Look(at_m=(27.0, beside_m, 0.0)).findings()["position"]
     assert finding.level is WARNING
-    assert "m north of plane > 2" in finding.text
+    assert "m N of plane > 2" in finding.text
 
 
 def test_a_stand_kilometres_from_the_plane_is_another_site():
@@ -394,7 +395,7 @@ def test_what_the_service_refuses_an_inspection_for_is_a_no_go_whatever_the_risk
     found = look.findings()
     assert found["battery risk"].level is WARNING
     assert found["battery reserve"].level is NO_GO
-    assert "%, reserve 20%: no inspection is flown so" in found["battery reserve"].text
+    assert "<= 20%: no inspection is flown so" in found["battery reserve"].text
 
 
 @pytest.mark.parametrize("cells", [3, 6])
@@ -422,7 +423,7 @@ def test_a_link_that_loses_packets():
     assert "% of packets" in found["communication risk"].text
     # Each is asked for again until it is told.
     assert "unknown" not in found["COM_OBL_RC_ACT"].text
-    assert "not told" not in found["companion failure"].text
+    assert "unread" not in found["companion failure"].text
 
 
 @pytest.mark.parametrize(

@@ -11,7 +11,7 @@ OK, NOTE, WARNING, NO_GO = Level
 
 
 def found(*, cells=4, told_cells=None, **figures):
-    """What is found of one battery. cells: the vehicle file's."""
+    """Finding on one battery. cells: the vehicle file's."""
     battery = Battery(
         received_s=5.0, current_a=None, charge_state=None, cells=told_cells, **figures
     )
@@ -48,7 +48,7 @@ def test_a_battery_that_tells_nothing_is_no_go_and_beside_one_that_tells_a_warni
     nothing = found(remaining=None, voltage_v=None)
     assert (nothing.level, nothing.text) == (
         NO_GO,
-        "charge and voltage unknown: nobody knows when it is empty",
+        "charge and voltage unknown: an empty one would not be seen",
     )
     batteries = {
         number: Battery(

@@ -1,4 +1,4 @@
-"""What the autopilot would hit by itself: the check names trigger, place, obstacle and remedy."""
+"""Collisions of the autopilot's failsafes: the check names trigger, place, obstacle and remedy."""
 
 from __future__ import annotations
 
@@ -7,24 +7,24 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from moar_companion.autopilots import failsafe_parameters, failsafes_of
+from moar_companion import autopilots
+from moar_companion.autopilots import profile
 from moar_companion.autopilots.failsafe_actions import Trigger
 from moar_companion.config import LossCheck, Supervision, shipped_configs
-from moar_companion.margin import flown_site
+from moar_companion.error_margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.power import PowerModel
-from moar_companion.preflight import ardupilot_parameters, px4_parameters
+from moar_companion.preflight.aircraft_check import parameter_findings
 from moar_companion.preflight.failsafes import SUBJECT, failsafe_findings
 from moar_companion.preflight.findings import Level
-from moar_companion.preflight.rules import Case, parameter_findings
+from moar_companion.safety.failsafe_paths import exposed_places
 from moar_companion.site import Site
-from moar_companion.types import AutopilotKind
-from moar_companion.vehicle import Vehicle
+from tests.vehicles import named_vehicle
 
 OK, NOTE, WARNING, NO_GO = Level
-PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
+PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
-VEHICLE = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
+VEHICLE = named_vehicle("linedrone_uniform")
 PLANNER = Planner(flown_site(SITE, VEHICLE, Supervision()), VEHICLE)
 SAFE = {
     PX4: {"NAV_RCL_ACT": 1.0},
@@ -44,8 +44,8 @@ def of_gps(kind, **parameters):
 
 
 def all_found(kind, policy=LossCheck.WARN, **parameters):
-    told = dict.fromkeys(failsafe_parameters(kind), 0.0)
-    failsafes = failsafes_of(kind, {**told, **SAFE[kind], **parameters})
+    told = dict.fromkeys(profile(kind).failsafe_parameters, 0.0)
+    failsafes = profile(kind).failsafes({**told, **SAFE[kind], **parameters})
     findings = failsafe_findings(
         PLANNER, failsafes, Supervision(failsafe_action=policy), PowerModel.of(VEHICLE)
     )
@@ -64,15 +64,15 @@ def test_what_a_landing_at_a_critical_battery_would_hit_is_named_with_what_mends
 
 
 @pytest.mark.parametrize(
-    ("kind", "rules", "action", "threshold"),
+    ("kind", "action", "threshold"),
     [
-        (ARDUPILOT, ardupilot_parameters.RULES, "BATT_FS_LOW_ACT", {"BATT_LOW_VOLT": 14.0}),
-        (ARDUPILOT, ardupilot_parameters.RULES, "BATT_FS_CRT_ACT", {"BATT_CRT_VOLT": 14.0}),
-        (PX4, px4_parameters.RULES, "COM_LOW_BAT_ACT", {}),
+        (ARDUPILOT, "BATT_FS_LOW_ACT", {"BATT_LOW_VOLT": 14.0}),
+        (ARDUPILOT, "BATT_FS_CRT_ACT", {"BATT_CRT_VOLT": 14.0}),
+        (PX4, "COM_LOW_BAT_ACT", {}),
     ],
 )
 def test_what_mends_a_batterys_action_on_the_ways_is_not_objected_to_by_the_rules(
-    kind, rules, action, threshold
+    kind, action, threshold
 ):
     def of_battery(value):
         findings = found(kind, **{action: value, **threshold})
@@ -80,11 +80,9 @@ def test_what_mends_a_batterys_action_on_the_ways_is_not_objected_to_by_the_rule
 
     assert {item.remedy.partition(" (")[0] for item in of_battery(2.0)} == {f"set {action} 0"}
     assert of_battery(0.0) == []
-    rule = [item for item in rules if item.parameter == action]
-    (objection,) = parameter_findings(rule, case(**{action: 99.0, **threshold}))
+    objection = by_rule(kind, action, {action: 99.0, **threshold})
     assert " 0 (" in objection.remedy
-    (by_rule,) = parameter_findings(rule, case(**{action: 0.0, **threshold}))
-    assert by_rule.level is NOTE
+    assert by_rule(kind, action, {action: 0.0, **threshold}).level is NOTE
 
 
 @pytest.mark.parametrize("value", [3.0, 4.0])
@@ -104,14 +102,17 @@ def test_an_altitude_hold_without_a_position_drifts_into_what_is_beside():
     )
 
 
-def case(**parameters):
-    return Case(vehicle=VEHICLE, parameters=parameters, ground_station_heard=False)
+def by_rule(kind, name, parameters):
+    findings = parameter_findings(
+        profile(kind), parameters, VEHICLE, LossCheck.WARN, ground_station_heard=False
+    )
+    return next(item for item in findings if item.subject == name)
 
 
 def test_a_voltage_that_nobody_can_forecast_is_said():
     (finding,) = found(ARDUPILOT, BATT_FS_CRT_ACT=1.0, BATT_CRT_VOLT=10.2)
     assert finding.level is WARNING
-    assert "when, nobody can forecast without risk.cells" in finding.text
+    assert "its time cannot be forecast without risk.cells" in finding.text
 
 
 @pytest.mark.parametrize(
@@ -142,7 +143,9 @@ def test_what_no_parameter_mends_is_a_note():
 def test_an_autopilot_that_stays_hits_nothing():
     assert found(ARDUPILOT) == []
     open_site = replace(SITE, obstacles=())
-    failsafes = failsafes_of(ARDUPILOT, {**dict.fromkeys(failsafe_parameters(ARDUPILOT), 0.0)})
+    failsafes = profile(ARDUPILOT).failsafes(
+        {**dict.fromkeys(profile(ARDUPILOT).failsafe_parameters, 0.0)}
+    )
     (finding,) = failsafe_findings(
         Planner(open_site, VEHICLE), failsafes, Supervision(), PowerModel.of(VEHICLE)
     )
@@ -151,7 +154,9 @@ def test_an_autopilot_that_stays_hits_nothing():
 
 def test_a_drift_is_looked_at_on_all_its_way():
     """Beside a pole that is thinner than the drift, too."""
-    failsafes = failsafes_of(PX4, {**dict.fromkeys(failsafe_parameters(PX4), 0.0), **SAFE[PX4]})
+    failsafes = profile(PX4).failsafes(
+        {**dict.fromkeys(profile(PX4).failsafe_parameters, 0.0), **SAFE[PX4]}
+    )
     reach = PLANNER.maps.reach
     (of_gps,) = failsafes.of([Trigger.GPS_LOSS]).actions
     conductor = next(item for item in SITE.obstacles if item.name == "left-lower")
@@ -159,7 +164,7 @@ def test_a_drift_is_looked_at_on_all_its_way():
     only = replace(failsafes, actions=(of_gps,))
     for aside_m in np.arange(0.0, of_gps.drift_m - 0.5, 0.5):
         place_m = np.array([(x_m + aside_m, z_m + 6.0)])
-        assert only.exposed(reach, place_m, drifting=True)[0], aside_m
+        assert exposed_places(only, reach, place_m, drifting=True)[0], aside_m
 
 
 def test_without_a_home_a_return_is_not_taken_for_harmless():
@@ -170,4 +175,4 @@ def test_without_a_home_a_return_is_not_taken_for_harmless():
 
 def test_what_was_not_told_is_said():
     *_, finding = found(ARDUPILOT, RTL_ALT=None)
-    assert (finding.level, finding.text) == (WARNING, "not told, taken as by default: RTL_ALT")
+    assert (finding.level, finding.text) == (WARNING, "not reported, taken as default: RTL_ALT")

@@ -1,4 +1,4 @@
-"""What would keep the service from an inspection: risks by their last words, and the limits."""
+"""Reasons of the service against an inspection: risks by their last values, and the limits."""
 
 from dataclasses import replace
 
@@ -32,7 +32,7 @@ LOW = Finding(level=WARNING, subject="battery 1", text="", remedy=CHARGE)
 
 
 def found(*looks, causes=None, batteries=()):
-    """What is found after looks at telemetry, each with its time, by subject."""
+    """Findings after telemetry at some times, by subject."""
     model = RiskModel(unknown=0.5)
     risk = RiskEstimate.unknown(model)
     for now_s, telemetry in looks:
@@ -55,7 +55,7 @@ def test_a_bad_word_counts_until_the_next_one_as_it_does_for_the_service():
     lost = Telemetry(gnss=NO_FIX, estimator=WELL)
     silent = replace(lost, estimator=replace(WELL, received_s=10.0))
     finding = found((0.0, lost), (10.0, silent))["localization risk"]
-    assert (finding.level, finding.text.startswith("1.00 (held at the last word: fix type 0")) == (
+    assert (finding.level, finding.text.startswith("1.00 (held at the last value: fix type 0")) == (
         NO_GO,
         True,
     )
@@ -69,8 +69,8 @@ def test_what_was_told_and_is_told_no_more_is_a_no_go():
     later = found((0.0, told), (60.0, told))
     for name in ("battery risk", "localization risk"):
         assert later[name].level is NO_GO
-        assert later[name].text.startswith("nothing that tells of it is heard any more, ")
-        assert later[name].remedy.startswith("the autopilot has to tell it")
+        assert later[name].text.startswith("no input of it is received any more, ")
+        assert later[name].remedy.startswith("the autopilot has to report it")
 
 
 @pytest.mark.parametrize(
@@ -95,5 +95,5 @@ def test_what_misreads_a_battery_is_mended_before_any_is_charged():
     told = Telemetry(batteries={0: EMPTY})
     assert found((0.0, told), batteries=batteries)["battery risk"].remedy == MISREAD.remedy
     assert found((0.0, told), batteries=(LOW,))["battery risk"].remedy == CHARGE
-    untold = found((0.0, Telemetry()), batteries=batteries)
-    assert untold["battery risk"].remedy == MISREAD.remedy
+    unreported = found((0.0, Telemetry()), batteries=batteries)
+    assert unreported["battery risk"].remedy == MISREAD.remedy

@@ -2,11 +2,12 @@
 
 import pytest
 
-from moar_companion.config import shipped_configs
-from moar_companion.preflight import ardupilot_parameters, px4_parameters
+from moar_companion.autopilots import ARDUPILOT, PX4, profile
+from moar_companion.config import LossCheck, shipped_configs
+from moar_companion.preflight.aircraft_check import parameter_findings
 from moar_companion.preflight.findings import Finding, Level, worst
-from moar_companion.preflight.rules import Case, parameter_findings
 from moar_companion.vehicle import Vehicle
+from tests.vehicles import named_vehicle
 
 VEHICLES = shipped_configs() / "vehicles"
 X500 = Vehicle.load(VEHICLES / "x500.yaml")
@@ -65,49 +66,53 @@ ARDUPILOT_AS_ASKED = {
 }
 
 
-def findings(rules, parameters, *, ground_station_heard=False, vehicle=X500):
-    case = Case(vehicle=vehicle, parameters=parameters, ground_station_heard=ground_station_heard)
-    return {item.subject: item for item in parameter_findings(rules, case)}
+def findings(
+    kind, parameters, *, ground_station_heard=False, vehicle=X500, policy=LossCheck.REFUSE
+):
+    found = parameter_findings(
+        profile(kind), parameters, vehicle, policy, ground_station_heard=ground_station_heard
+    )
+    return {item.subject: item for item in found}
 
 
 def of_px4(name, value, **more):
-    return findings(px4_parameters.RULES, {**PX4_AS_ASKED, name: value, **more})[name]
+    return findings(PX4, {**PX4_AS_ASKED, name: value, **more})[name]
 
 
 def of_ardupilot(name, value, **more):
-    return findings(ardupilot_parameters.RULES, {**ARDUPILOT_AS_ASKED, name: value, **more})[name]
+    return findings(ARDUPILOT, {**ARDUPILOT_AS_ASKED, name: value, **more})[name]
 
 
 @pytest.mark.parametrize(
-    ("rules", "parameters"),
-    [(px4_parameters.RULES, PX4_AS_ASKED), (ardupilot_parameters.RULES, ARDUPILOT_AS_ASKED)],
+    ("kind", "parameters"),
+    [(PX4, PX4_AS_ASKED), (ARDUPILOT, ARDUPILOT_AS_ASKED)],
     ids=["PX4", "ArduPilot"],
 )
-def test_set_as_asked_nothing_is_worse_than_a_note_and_nothing_has_a_remedy(rules, parameters):
-    found = findings(rules, parameters)
+def test_set_as_asked_nothing_is_worse_than_a_note_and_nothing_has_a_remedy(kind, parameters):
+    found = findings(kind, parameters)
     assert list(found) == list(parameters)
     assert worst(found.values()) is NOTE
     assert {item.remedy for item in found.values()} == {""}
 
 
-@pytest.mark.parametrize("rules", [px4_parameters.RULES, ardupilot_parameters.RULES])
-def test_a_parameter_that_was_not_told_is_unknown_and_never_well(rules):
-    missing = findings(rules, dict.fromkeys(PX4_AS_ASKED | ARDUPILOT_AS_ASKED))
-    assert missing == findings(rules, {})
+@pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
+def test_a_parameter_that_was_not_told_is_unknown_and_never_well(kind):
+    missing = findings(kind, dict.fromkeys(PX4_AS_ASKED | ARDUPILOT_AS_ASKED))
+    assert missing == findings(kind, {})
     assert min(item.level for item in missing.values()) is NOTE
     assert max(item.level for item in missing.values()) is NO_GO
     assert all("unknown" in item.text for item in missing.values())
 
 
 @pytest.mark.parametrize(
-    ("rules", "asked"),
-    [(px4_parameters.RULES, PX4_AS_ASKED), (ardupilot_parameters.RULES, ARDUPILOT_AS_ASKED)],
+    ("kind", "asked"),
+    [(PX4, PX4_AS_ASKED), (ARDUPILOT, ARDUPILOT_AS_ASKED)],
 )
-def test_what_may_be_a_no_go_is_one_while_it_was_not_told(rules, asked):
-    unknown = findings(rules, {})
+def test_what_may_be_a_no_go_is_one_while_it_was_not_told(kind, asked):
+    unknown = findings(kind, {})
     values = [*map(float, range(-1, 65)), 0.25, 0.8, 1e4]
     for name in asked:
-        may_be = {findings(rules, {**asked, name: value})[name].level for value in values}
+        may_be = {findings(kind, {**asked, name: value})[name].level for value in values}
         assert (unknown[name].level is NO_GO) is (NO_GO in may_be), name
 
 
@@ -172,22 +177,38 @@ def test_what_px4_does_on_a_lost_transmitter_is_no_matter_where_it_does_not_coun
     assert of_px4("NAV_RCL_ACT", 2.0, COM_RCL_EXCEPT=None).level is WARNING
 
 
+@pytest.mark.parametrize("value", [0.0, 50.0, 79.8, 80.0, 250.0])
+@pytest.mark.parametrize("name", ["WPNAV_ACCEL", "WPNAV_ACCEL_Z"])
+def test_a_soft_ardupilot_is_judged_and_mended_as_the_service_does(name, value):
+    asked = {**ARDUPILOT_AS_ASKED, name: value}
+    ardupilot, acceleration_mps2 = profile(ARDUPILOT), X500.guidance.acceleration_mps2
+    lag = ardupilot.offboard_loss(ardupilot.with_silence(asked)).lag(acceleration_mps2)
+    finding = of_ardupilot(name, value)
+    assert (finding.level is NO_GO) is (lag is not None)
+    assert finding.remedy.partition(", or")[0] in (lag or "")
+
+
+def test_a_return_by_an_unknown_way_is_refused_by_the_check_as_by_the_service():
+    finding = of_px4("COM_OBL_RC_ACT", 3.0, RTL_TYPE=1.0)
+    assert (finding.level, finding.remedy) == (NO_GO, "set 5 (hold)")
+    assert of_px4("COM_OBL_RC_ACT", 5.0, RTL_TYPE=1.0).level is OK
+
+
 def test_where_an_objection_is_but_a_warning_it_is_one_here():
-    for rules, asked, name, value in (
-        (px4_parameters.RULES, PX4_AS_ASKED, "COM_OBL_RC_ACT", 7.0),
-        (ardupilot_parameters.RULES, ARDUPILOT_AS_ASKED, "GUID_TIMEOUT", 60.0),
+    for kind, asked, name, value in (
+        (PX4, PX4_AS_ASKED, "COM_OBL_RC_ACT", 7.0),
+        (PX4, {**PX4_AS_ASKED, "RTL_TYPE": 1.0}, "COM_OBL_RC_ACT", 3.0),
+        (ARDUPILOT, ARDUPILOT_AS_ASKED, "GUID_TIMEOUT", 60.0),
+        (ARDUPILOT, ARDUPILOT_AS_ASKED, "WPNAV_ACCEL_Z", 50.0),
     ):
         parameters = {**asked, name: value}
-        case = Case(
-            vehicle=X500, parameters=parameters, ground_station_heard=False, objection=WARNING
-        )
-        found = {item.subject: item for item in parameter_findings(rules, case)}
+        found = findings(kind, parameters, policy=LossCheck.WARN)
         assert found[name].level is WARNING
 
 
 def test_a_mute_telem2_is_no_matter_where_a_ground_station_is_heard():
     parameters = {**PX4_AS_ASKED, "MAV_1_FORWARD": 0.0}
-    found = findings(px4_parameters.RULES, parameters, ground_station_heard=True)
+    found = findings(PX4, parameters, ground_station_heard=True)
     assert found["MAV_1_FORWARD"].level is OK
 
 
@@ -197,8 +218,8 @@ def test_a_mute_telem2_is_no_matter_where_a_ground_station_is_heard():
         ("ArduPilot's default of 3 s", "GUID_TIMEOUT", 3.0, WARNING, "29.5 m at 5 m/s"),
         ("a minute", "GUID_TIMEOUT", 60.0, NO_GO, "set 0.5"),
         ("half a second", "GUID_TIMEOUT", 0.5, OK, "17.0 m"),
-        ("brakes too softly", "WPNAV_ACCEL", 50.0, WARNING, "0.5 m/s2, the vehicle file asks for"),
-        ("climbs too softly", "WPNAV_ACCEL_Z", 50.0, WARNING, "guidance.acceleration_mps2"),
+        ("brakes too softly", "WPNAV_ACCEL", 50.0, NO_GO, "0.5 m/s2, the vehicle file asks for"),
+        ("climbs too softly", "WPNAV_ACCEL_Z", 50.0, NO_GO, "guidance.acceleration_mps2"),
         ("position is not held", "GUID_OPTIONS", 16.0, NO_GO, "clear bits 4 and 5"),
         ("velocity is not held", "GUID_OPTIONS", 32.0, NO_GO, "clear bits 4 and 5"),
         ("the pilot's yaw ignored", "GUID_OPTIONS", 4.0, OK, "both are held"),
@@ -269,8 +290,8 @@ def test_what_ardupilot_does_at_a_fence_that_is_off_is_good_to_know():
 
 
 def test_a_threshold_of_the_whole_pack_says_little_without_the_number_of_cells():
-    linedrone = Vehicle.load(VEHICLES / "linedrone_flight.yaml")
-    found = findings(ardupilot_parameters.RULES, ARDUPILOT_AS_ASKED, vehicle=linedrone)
+    linedrone = named_vehicle("linedrone_uniform")
+    found = findings(ARDUPILOT, ARDUPILOT_AS_ASKED, vehicle=linedrone)
     assert found["BATT_LOW_VOLT"].level is NOTE
 
 

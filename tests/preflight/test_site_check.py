@@ -5,20 +5,22 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion import autopilots
 from moar_companion.config import Supervision, shipped_configs
-from moar_companion.margin import flown_site
+from moar_companion.error_margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.preflight.findings import Level, worst
 from moar_companion.preflight.site_check import site_findings
 from moar_companion.site import Conductor, Polygon, Site, Target
-from moar_companion.types import AutopilotKind, Mission
+from moar_companion.types import Mission
 from moar_companion.vehicle import Vehicle
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import EXIT, INSPECTION
+from tests.vehicles import named_vehicle
 
 CONFIGS = shipped_configs()
 SITE = Site.load(CONFIGS / "sites" / "315kv_double_circuit.yaml")
-VEHICLE = Vehicle.load(CONFIGS / "vehicles" / "linedrone_flight.yaml")
+VEHICLE = named_vehicle("linedrone_uniform")
 LIMITS = Supervision()
 OK, NOTE, WARNING, NO_GO = Level
 
@@ -59,7 +61,7 @@ def test_the_site_of_the_shipped_configuration_has_nothing_to_mend():
 
 def test_a_target_says_how_long_its_ways_take_and_how_near_they_come():
     assert found()["target splice-inner"].text == (
-        "exit 52 s, evacuation 43 s, from splice-outer 39 s, 3.5 m from obstacles at least"
+        "exit 56 s, evacuation 46 s, from splice-outer 41 s, 3.5 m from obstacles at least"
     )
 
 
@@ -138,7 +140,7 @@ def test_a_wall_before_a_target():
     site = replace(SITE, obstacles=(wall("wall", 14.0),), targets=(target(5.0, 10.0),))
     finding = found(site)["target it"]
     assert finding.level is NO_GO
-    assert finding.text == "no free way: exit, from the start"
+    assert finding.text == "no free path: exit, from the start"
 
 
 def test_a_wall_between_two_targets():
@@ -202,11 +204,13 @@ def test_the_margin_is_told_and_warned_about_where_it_is_less_than_was_seen():
     finding = found()["margin"]
     told = "2.55 m beyond every keep_out_m: position error 1.4 m, tracking error 1.15 m"
     assert (finding.level, finding.text) == (OK, told)
-    ardupilot = replace(VEHICLE, autopilot=AutopilotKind.ARDUPILOT)
+    ardupilot = replace(VEHICLE, autopilot=autopilots.ARDUPILOT)
     assert found(vehicle=ardupilot)["margin"].text.startswith("1.40 m beyond")
     finding = found(limits=Supervision(position_uncertainty_m=0.2))["margin"]
     assert finding.level is WARNING
-    assert finding.text.endswith(f"; PX4 was seen with {told.partition(': ')[2]}")
+    assert finding.text.endswith(
+        f"; to be expected of an unknown autopilot: {told.partition(': ')[2]}"
+    )
     finding = found(vehicle=ardupilot, limits=Supervision(position_uncertainty_m=0.4))["margin"]
     assert finding.level is WARNING
 

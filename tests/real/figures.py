@@ -1,4 +1,4 @@
-"""What came of a flight: clearance by truth, tracking, takeover, how it ended; as a table."""
+"""Figures of a flight: clearance by truth, tracking, takeover, its end; as a table."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class Row:
     scenario: str
     speed: float
     problem: str | None
-    """What ended the scenario early."""
+    """Event that ended the scenario early."""
     unable: str | None = None
     clearance_m: float | None = None
     """Hull to obstacle, least, by truth, from take-off to landing, or to a LAND of the operator's
@@ -69,7 +69,7 @@ class Row:
 
     @property
     def faults(self):
-        """What is to be said against this flight."""
+        """Objections against this flight."""
         faults = [self.problem] if self.problem else []
         if self.keep_out_margin_m is not None and self.keep_out_margin_m < 0.0:
             faults.append(
@@ -168,7 +168,7 @@ def _p95(values):
 
 
 def _landed(rig):
-    """Whether it stands disarmed on the ground."""
+    """True if it stands disarmed on the ground."""
     places = rig.truth.places
     return bool(places) and not places[-1].armed and places[-1].position_m[2] < _TOUCHED_DOWN_M
 
@@ -251,7 +251,7 @@ def _speed_max_mps(places, speed):
 
 
 def _let_go(rig, companion):
-    """How it let go by itself, before a pilot took over or gave LAND; None where it did not."""
+    """Release by the companion before a pilot took over or gave LAND; None without one."""
     for _, state in rig.decisions.states[: rig.states_in_charge]:
         if state in LET_GO:
             said = [text.text for text in companion if text.text.endswith(f", {state}")]

@@ -33,7 +33,7 @@ class Text:
 
 @dataclass(frozen=True)
 class Mode:
-    """What a heartbeat of the autopilot said when it said something new."""
+    """Content of a heartbeat of the autopilot that differs from the one before."""
 
     time_s: float
     custom_mode: int

@@ -20,7 +20,7 @@ BASE = {
     },
     "ardupilot": {"GUID_TIMEOUT": 0.5, "FS_THR_ENABLE": 7},
 }
-"""What the README asks for before a flight."""
+"""Parameters that the README asks for before a flight."""
 LOW_PERCENT, CRITICAL_PERCENT = 13.0, 6.0
 """PX4 calls 15 % low and 7 % critical; ArduPilot by `battery_thresholds`."""
 CROSSING_PERCENT = 0.5
@@ -47,7 +47,7 @@ class Kind:
 
     @property
     def missing(self):
-        """Why it cannot be flown here; None when it can."""
+        """Reason why it cannot be flown here; None when it can."""
         if self.real and self.path is None:
             return f"{VARIABLES[self.autopilot]} is not set"
         return None

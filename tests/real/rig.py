@@ -114,7 +114,7 @@ class Truth:
 
 
 class Decisions:
-    """What the service records, read while it is written: a second late."""
+    """The service's recording, read while it is written: a second late."""
 
     def __init__(self, folder):
         self._folder = folder
@@ -180,9 +180,9 @@ class Rig:
         stack.callback(self._end_autopilot)
         self.expects_release = False
         self.judged = None
-        """How many places are judged: all, or those before a LAND of the operator's."""
+        """Number of judged places: all, or those before a LAND of the operator's."""
         self.states_in_charge = None
-        """How many there were when the pilot took over, or LAND was given."""
+        """Number of states when the pilot took over, or LAND was given."""
         self.takeover_s = None
         self.notes = []
 
@@ -286,7 +286,7 @@ class Rig:
 
     @property
     def count(self):
-        """How many states there have been."""
+        """Number of states so far."""
         return len(self.decisions.states)
 
     def _look(self):

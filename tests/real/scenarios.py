@@ -1,4 +1,4 @@
-"""What is flown on every kind of aircraft. A scenario flies a rig, and says nothing.
+"""Scenarios that are flown on every kind of aircraft. A scenario flies a rig, and prints nothing.
 
 Its figures are taken afterwards (`figures.py`); OperatorError ends it where something did not
 happen.
@@ -123,7 +123,7 @@ def wind_and_calm(rig):
 
 
 def kill_minus_nine(rig):
-    """The service dies in mid-flight, is started again, and continues."""
+    """The service is killed in flight, is started again, and continues."""
     rig.up_and_flying(INNER)
     rig.watch(5.0)
     rig.kill_service()

@@ -1,4 +1,4 @@
-"""What the figures of a flight say against it, and how they stand in the table."""
+"""Objections of a flight's figures, and their rows in the table."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ def test_what_went_wrong_is_told(values, fault):
 def test_a_takeover_is_to_be_noticed_and_is_nothing_against_the_companion():
     assert (
         changed(
-            let_go="MOAR: the autopilot is in HOLD, overridden",
+            let_go="MOAR: autopilot in HOLD, overridden",
             expected_let_go=True,
             takeover_s=0.1,
         ).faults

@@ -1,6 +1,6 @@
 """A real ArduPilot is given a key, and flies with the service on signed links alone.
 
-PX4 v1.17 has no signatures; the fake autopilots fly on signed links in tests/flights.
+PX4 v1.17 has no signatures; the fake autopilots fly on signed links in tests/scenarios.
 """
 
 from __future__ import annotations

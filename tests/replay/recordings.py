@@ -1,4 +1,4 @@
-"""What is in each recording beside the checkout, as its file of events and pymavlink tell it.
+"""Content of each recording beside the checkout, by its file of events and pymavlink.
 
 Keyed by folder and file; times in seconds since the first packet.
 """

@@ -184,7 +184,7 @@ def test_the_missions_state_is_what_the_companion_said():
     tape.run(1)
     tape.say(b"MOAR: planning inspection")
     tape.run(2)
-    tape.say(b"MOAR: the autopilot is in failsafe, released", 4)
+    tape.say(b"MOAR: autopilot in failsafe, released", 4)
     tape.say(b"MOAR is no state")
     tape.say(b":")
     replay = tape.end()
@@ -193,7 +193,7 @@ def test_the_missions_state_is_what_the_companion_said():
     assert replay.samples[-1].mission_state == "released"
     assert events(replay, "mission", "text") == [
         ("mission", "planning inspection"),
-        ("mission", "the autopilot is in failsafe, released"),
+        ("mission", "autopilot in failsafe, released"),
         ("text", "companion info: MOAR is no state"),
         ("text", "companion info: :"),
     ]
@@ -234,8 +234,8 @@ def test_while_the_autopilot_is_silent_its_mode_is_unknown():
     tape.run(3)
     replay = tape.end()
     assert events(replay, "link", "recording") == [
-        ("link", "the autopilot is not heard"),
-        ("link", "the autopilot is heard again"),
+        ("link", "the autopilot is not received"),
+        ("link", "the autopilot is received again"),
     ]
     assert (at(replay, 8.0).mode, at(replay, 8.0).armed) == (None, None)
     assert replay.samples[-1].mode == "HOLD"

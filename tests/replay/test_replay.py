@@ -2,25 +2,24 @@
 
 from __future__ import annotations
 
-from tests.flights.lockstep import COMPANION_LINK, Lockstep
+from moar_companion.recording.calls import START
+from tests.flights.lockstep import Lockstep
 from tests.flights.operator import EVACUATION, INSPECTION
 
 
 def replayed(flight, companion, *, pieces=None):
-    """What a fresh companion sends when it is fed a recorded flight's inputs."""
+    """Sent packets of a fresh companion that is fed a recorded flight's inputs."""
     sent = []
-    for kind, time_s, what in flight.inputs:
-        if kind == "bytes":
-            size = pieces or len(what)
-            for begin in range(0, len(what), size):
-                companion.receive(COMPANION_LINK, what[begin : begin + size], time_s)
-        elif kind == "contingency":
-            companion.contingency_answered(what)
-        elif kind == "answer":
-            companion.plan_answered(what)
-        else:
-            companion.tick(time_s)
-            sent += [(time_s, data) for _, data in companion.data_to_send()]
+    for call in flight.calls:
+        if call.method == "receive":
+            link, data, time_s = call.arguments
+            size = pieces or len(data)
+            for begin in range(0, len(data), size):
+                companion.receive(link, data[begin : begin + size], time_s)
+        elif call.method == "data_to_send":
+            sent += [data for _, data in companion.data_to_send()]
+        elif call.method != START:
+            getattr(companion, call.method)(*call.arguments)
     return sent
 
 
@@ -34,8 +33,9 @@ def test_a_recorded_flight_is_sent_again_byte_for_byte_however_its_bytes_are_spl
     flight.operator.pause()
     flight.run(2.0)
     assert len(flight.setpoints) > 500
-    assert replayed(flight, flight.new_companion()) == flight.to_autopilot
-    assert replayed(flight, flight.new_companion(), pieces=7) == flight.to_autopilot
+    sent = [data for _, data in flight.to_autopilot]
+    assert replayed(flight, flight.new_companion()) == sent
+    assert replayed(flight, flight.new_companion(), pieces=7) == sent
 
 
 def test_the_same_flight_twice_is_the_same_flight():

@@ -6,7 +6,7 @@ import pytest
 
 from moar_companion.commands import replay
 from moar_companion.config import Supervision, shipped_configs
-from moar_companion.margin import flown_site
+from moar_companion.error_margin import flown_site
 from moar_companion.planner.planner import Planner
 from moar_companion.replay.site_position import SitePosition
 from moar_companion.site import Site

@@ -9,7 +9,7 @@ import pytest
 from moar_companion.commands.replay import played
 from moar_companion.config import shipped_configs
 from moar_companion.replay.ulog import UlogListener, samples
-from moar_companion.replay.ulog_topics import Topic
+from moar_companion.replay.ulog_topics import UlogTopic
 from moar_companion.telemetry import LandedState, Telemetry
 from moar_companion.vehicle import Vehicle
 from tests.mavlink.conftest import SHARED
@@ -25,7 +25,7 @@ def heard(*rows):
     for number, (name, fields) in enumerate(rows, start=1):
         topic, _, instance = name.partition(":")
         columns = {key: [value] for key, value in ({"timestamp": number * 10**6} | fields).items()}
-        one = Topic(name=topic, instance=int(instance or 0), columns=columns)
+        one = UlogTopic(name=topic, instance=int(instance or 0), columns=columns)
         for time_s, sample in samples([one], [], 0):
             listener.hear(sample, time_s)
     return listener
@@ -239,9 +239,9 @@ def test_standing_and_flying_are_told():
 
 def test_samples_come_in_order_and_none_before_the_log_begins():
     topics = [
-        Topic(name="vehicle_land_detected", instance=0, columns={"timestamp": [5, 30]}),
-        Topic(name="vehicle_attitude", instance=0, columns={"timestamp": [10, 20, 40]}),
-        Topic(name="cpuload", instance=0, columns={"timestamp": [15]}),
+        UlogTopic(name="vehicle_land_detected", instance=0, columns={"timestamp": [5, 30]}),
+        UlogTopic(name="vehicle_attitude", instance=0, columns={"timestamp": [10, 20, 40]}),
+        UlogTopic(name="cpuload", instance=0, columns={"timestamp": [15]}),
     ]
     told = list(samples(topics, [(25, 4, "a warning"), (7, 99, "nonsense")], 12))
     assert [round(time_s * 1e6) for time_s, _ in told] == [12, 12, 12, 20, 25, 30, 40]

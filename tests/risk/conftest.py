@@ -8,6 +8,7 @@ from typing import Any
 
 import pytest
 
+from moar_companion import autopilots
 from moar_companion.power import Demands, PowerModel
 from moar_companion.risk import IndexReport, InputReport, RiskEstimate, update
 from moar_companion.telemetry import (
@@ -28,7 +29,7 @@ from moar_companion.telemetry import (
     Telemetry,
     Wind,
 )
-from moar_companion.types import AutopilotKind, GeodeticPoint
+from moar_companion.types import GeodeticPoint
 from moar_companion.vehicle import RiskModel
 
 Source = Callable[[float], Any]
@@ -38,7 +39,7 @@ HEALTHY: dict[str, Source] = {
         received_s=t,
         system_id=1,
         component_id=1,
-        kind=AutopilotKind.PX4,
+        kind=autopilots.PX4,
         armed=True,
         custom_mode=0,
         mode="OFFBOARD",

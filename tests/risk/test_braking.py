@@ -17,29 +17,16 @@ from moar_companion.risk.braking import (
 )
 from moar_companion.telemetry import (
     Attitude,
-    AutopilotStatus,
     Estimator,
     Landed,
     LandedState,
     LocalPosition,
     Telemetry,
 )
-from moar_companion.types import AutopilotKind
+
+from .conftest import HEALTHY
 
 headings = st.floats(-math.pi, math.pi)
-ARMED = AutopilotStatus(
-    received_s=0.0,
-    system_id=1,
-    component_id=1,
-    kind=AutopilotKind.PX4,
-    armed=True,
-    custom_mode=0,
-    mode="OFFBOARD",
-    ours=True,
-    homeward=False,
-    multirotor=True,
-    failsafe=False,
-)
 
 
 def telemetry(time_s, lean=(0.0, 0.0), velocity=(0.0, 0.0, 0.0), *, landed=LandedState.IN_AIR):
@@ -47,7 +34,7 @@ def telemetry(time_s, lean=(0.0, 0.0), velocity=(0.0, 0.0, 0.0), *, landed=Lande
     north, east = (part / GRAVITY_MPS2 for part in lean)
     roll = math.asin(east / math.sqrt(1.0 + north * north + east * east))
     return Telemetry(
-        autopilot=ARMED,
+        autopilot=HEALTHY["autopilot"](0.0),
         landed=Landed(received_s=time_s, state=landed),
         attitude=Attitude(
             received_s=time_s, roll_rad=roll, pitch_rad=math.atan(-north), yaw_rad=0.0

@@ -1,4 +1,4 @@
-"""Why the indices have their values, in words and for JSON."""
+"""Reasons of the indices' values, as text and as JSON."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from moar_companion.adaptation import Adaptation, AdaptationKind, Calibration
 from moar_companion.risk import IndexReport, InputReport
 from moar_companion.risk.explain import (
     WeightsReason,
@@ -17,7 +18,7 @@ from moar_companion.risk.explain import (
     rise_words,
     risk_dict,
 )
-from moar_companion.risk.inputs import YES_OR_NO
+from moar_companion.risk.input_reports import YES_OR_NO
 from moar_companion.types import RiskIndices, Weights
 from moar_companion.vehicle import RiskModel
 
@@ -62,7 +63,7 @@ def test_the_last_word_of_a_silent_source_is_held(flight):
         True,
     )
     assert words(flight, "wind") == (
-        "wind 0.67, held at the last word: wind reported 9.0 m/s, 12.0 s old"
+        "wind 0.67, held at the last value: wind reported 9.0 m/s, 12.0 s old"
     )
 
 
@@ -75,7 +76,7 @@ def test_the_last_word_of_a_source_that_says_unknown_is_held_with_its_own_age(fl
     report = flight.estimate.report.battery
     assert (report.cause, report.held) == ("battery 0 remaining", True)
     assert words(flight, "battery") == (
-        "battery 1.00, held at the last word: battery 0 remaining 4% of its charge, 600.0 s old"
+        "battery 1.00, held at the last value: battery 0 remaining 4% of its charge, 600.0 s old"
     )
     assert rise_words("battery", report) == "battery to 1.00: battery 0 remaining 4% of its charge"
 
@@ -162,7 +163,7 @@ def test_motors_alone_do_not_tell_of_calm_and_say_so(flight):
     flight.silence("wind", "attitude")
     flight.fly(10.0)
     motors = flight.input("wind", "motor output")
-    assert motors.phrase == "motor output 51% of its range (alone it tells of no calm)"
+    assert motors.phrase == "motor output 51% of its range (alone it proves no calm)"
     assert motors.risk == RiskModel().unknown
 
 
@@ -172,7 +173,7 @@ def test_of_a_silence_the_age_is_the_value():
 
 
 def test_weights_are_told_before_and_after_with_what_did_it():
-    reason = WeightsReason.of(EQUAL, RiskIndices(wind=0.8))
+    reason = WeightsReason.of(Adaptation(base=EQUAL), RiskIndices(wind=0.8))
     # Eq. 9 by hand: 1.4, 0.6, 1.4 of 3.4.
     assert reason.words() == (
         "k_S 0.33 -> 0.41 (wind +0.08), k_T 0.33 -> 0.18 (wind -0.16), "
@@ -180,8 +181,21 @@ def test_weights_are_told_before_and_after_with_what_did_it():
     )
 
 
+def test_a_calibrated_rule_is_named_and_whether_its_front_is_known():
+    rule = Adaptation(base=Weights(0.2, 0.6, 0.2), kind=AdaptationKind.CALIBRATED)
+    risk = RiskIndices(wind=1.0)
+    # Halfway to safety alone; the others keep their ratio.
+    told = "k_S 0.20 -> 0.60 (wind +0.40), k_T 0.60 -> 0.30 (wind -0.30), k_E 0.20 -> 0.10"
+    words = WeightsReason.of(rule, risk).words()
+    assert words.startswith(f"calibrated, front not known yet: {told}")
+    known = replace(rule, calibration=Calibration.linear(rule.base))
+    document = WeightsReason.of(known, risk).to_dict()
+    assert document["words"].startswith(f"calibrated: {told}")
+    assert document["adaptation"] == {"kind": "calibrated", "calibrated": True}
+
+
 def test_without_any_risk_nothing_has_changed():
-    assert WeightsReason.of(EQUAL, RiskIndices()).words() == (
+    assert WeightsReason.of(Adaptation(base=EQUAL), RiskIndices()).words() == (
         "k_S 0.33 -> 0.33, k_T 0.33 -> 0.33, k_E 0.33 -> 0.33"
     )
 
@@ -196,7 +210,7 @@ def test_what_a_risk_did_is_what_the_weights_would_lose_without_it(
     risk = RiskIndices(
         wind=wind, communication=communication, localization=localization, battery=battery
     )
-    reason = WeightsReason.of(EQUAL, risk)
+    reason = WeightsReason.of(Adaptation(base=EQUAL), risk)
     assert reason.adjusted == EQUAL.adjusted(risk)
     for changes in reason.by_risk.values():
         assert sum(changes.values()) == pytest.approx(0.0, abs=1e-9)

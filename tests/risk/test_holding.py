@@ -6,12 +6,13 @@ import math
 
 import pytest
 
-from moar_companion.config import Supervision, shipped_configs
+from moar_companion import autopilots
+from moar_companion.config import Supervision
 from moar_companion.preflight.findings import Level
-from moar_companion.preflight.held_wind import held_wind_finding
-from moar_companion.risk.holding import held_wind_mps, holding_parameters, tilt_limit
-from moar_companion.types import AutopilotKind
-from moar_companion.vehicle import RiskModel, Vehicle
+from moar_companion.preflight.risks import held_wind_finding
+from moar_companion.risk.holding import held_wind_mps, tilt_limit
+from moar_companion.vehicle import RiskModel
+from tests.vehicles import named_vehicle
 
 MODEL = RiskModel()
 
@@ -19,18 +20,18 @@ MODEL = RiskModel()
 @pytest.mark.parametrize(
     ("kind", "parameters", "degrees", "source"),
     [
-        (AutopilotKind.PX4, {"MPC_TILTMAX_AIR": 45.0}, 45.0, "MPC_TILTMAX_AIR"),
-        (AutopilotKind.ARDUPILOT, {"ANGLE_MAX": 3000.0}, 30.0, "ANGLE_MAX"),
+        (autopilots.PX4, {"MPC_TILTMAX_AIR": 45.0}, 45.0, "MPC_TILTMAX_AIR"),
+        (autopilots.ARDUPILOT, {"ANGLE_MAX": 3000.0}, 30.0, "ANGLE_MAX"),
         (
-            AutopilotKind.ARDUPILOT,
+            autopilots.ARDUPILOT,
             {"ANGLE_MAX": 3000.0, "PSC_ANGLE_MAX": 20.0},
             20.0,
             "PSC_ANGLE_MAX",
         ),
-        (AutopilotKind.ARDUPILOT, {"ANGLE_MAX": 3000.0, "PSC_ANGLE_MAX": 0.0}, 30.0, "ANGLE_MAX"),
-        (AutopilotKind.PX4, {"MPC_TILTMAX_AIR": None}, math.degrees(0.52), "risk.tilt_deg"),
+        (autopilots.ARDUPILOT, {"ANGLE_MAX": 3000.0, "PSC_ANGLE_MAX": 0.0}, 30.0, "ANGLE_MAX"),
+        (autopilots.PX4, {"MPC_TILTMAX_AIR": None}, math.degrees(0.52), "risk.tilt_deg"),
         (
-            AutopilotKind.PX4,
+            autopilots.PX4,
             {"MPC_TILTMAX_AIR": 45.0, "MPC_THR_HOVER": 0.8},
             math.degrees(math.acos(0.8 / 0.9)),
             "MPC_THR_HOVER",
@@ -42,7 +43,7 @@ def test_the_lean_is_limited_by_a_parameter_the_motors_or_the_vehicle_file(
 ):
     limit_rad, told = tilt_limit(kind, parameters, MODEL)
     assert (math.degrees(limit_rad), told) == (pytest.approx(degrees), source)
-    assert set(parameters) <= set(holding_parameters(kind))
+    assert set(parameters) <= set(autopilots.profile(kind).holding_parameters)
 
 
 def test_the_wind_that_is_held_leans_the_aircraft_to_its_limit():
@@ -52,8 +53,8 @@ def test_the_wind_that_is_held_leans_the_aircraft_to_its_limit():
 
 def test_check_names_the_wind_the_key_and_the_parameter():
     parameters = {"ANGLE_MAX": 2000.0}
-    vehicle = Vehicle.load(shipped_configs() / "vehicles" / "linedrone_flight.yaml")
-    finding = held_wind_finding(AutopilotKind.ARDUPILOT, parameters, vehicle, Supervision())
+    vehicle = named_vehicle("linedrone_uniform")
+    finding = held_wind_finding(autopilots.ARDUPILOT, parameters, vehicle, Supervision())
     assert finding.level is Level.NOTE
     for word in ("ANGLE_MAX", "risk.drag_per_s", "supervision.wind_limit_mps"):
         assert word in finding.text

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from moar_companion import autopilots
 from moar_companion.power import Demands
 from moar_companion.risk import RiskEstimate, update
 from moar_companion.telemetry import (
@@ -31,7 +32,7 @@ from moar_companion.telemetry import (
     Telemetry,
     Wind,
 )
-from moar_companion.types import AutopilotKind, GeodeticPoint
+from moar_companion.types import GeodeticPoint
 from moar_companion.vehicle import RiskModel
 
 INDICES = ("wind", "communication", "localization", "battery")
@@ -62,7 +63,7 @@ wild_telemetry = st.builds(
         received_s=received,
         system_id=st.just(1),
         component_id=st.just(1),
-        kind=st.sampled_from(AutopilotKind),
+        kind=st.sampled_from([*autopilots.PROFILES, autopilots.UNKNOWN]),
         armed=st.booleans(),
         custom_mode=st.just(0),
         mode=st.just(""),

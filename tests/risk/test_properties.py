@@ -1,4 +1,4 @@
-"""What holds for all four indices together, whatever is measured."""
+"""Properties of all four indices together, for any measurement."""
 
 from __future__ import annotations
 

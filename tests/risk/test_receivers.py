@@ -75,19 +75,19 @@ def test_where_the_autopilot_does_not_switch_its_first_choice_counts() -> None:
     assert worst(two(gnss(), POOR, better=False, second_gnss_first=True)) == pytest.approx(0.6)
     telemetry = two(NO_FIX, gnss(), better=False)
     assert worst(telemetry) == 1.0
-    assert trouble(telemetry, NEITHER, NOW_S) == "the receiver has no 3D fix"
+    assert trouble(telemetry, NEITHER, NOW_S) == "GNSS receiver has no 3D fix"
 
 
 def test_both_are_lost() -> None:
     telemetry = two(SILENT, NO_FIX)
     assert worst(telemetry) == 1.0
     assert judged(telemetry)["receivers lost"].value == 2
-    assert trouble(telemetry, NEITHER, NOW_S) == "the receiver is silent for 5.0 s"
+    assert trouble(telemetry, NEITHER, NOW_S) == "GNSS receiver silent for 5.0 s"
 
 
 def test_one_receiver_has_no_other_to_lose() -> None:
     assert judged(two(NO_FIX, None))["receivers lost"].risk is None
-    assert trouble(two(NO_FIX, None), NEITHER, NOW_S) == "the receiver has no 3D fix"
+    assert trouble(two(NO_FIX, None), NEITHER, NOW_S) == "GNSS receiver has no 3D fix"
     assert trouble(Telemetry(), NEITHER, NOW_S) is None
 
 
@@ -98,7 +98,7 @@ def test_a_second_receiver_that_repeats_itself_is_dead() -> None:
     assert judged(frozen, before)["receivers lost"].value == 1
     memory = ReceiverMemory().read(began).read(gnss(receiver_s=7.0))
     words = trouble(two(gnss(receiver_s=7.0), None), (memory, NEITHER[1]), NOW_S)
-    assert words == "the receiver stopped 2.0 s ago"
+    assert words == "GNSS receiver stopped 2.0 s ago"
 
 
 def test_what_a_receiver_no_longer_tells_does_not_make_it_the_better_one() -> None:

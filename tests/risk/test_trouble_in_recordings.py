@@ -42,7 +42,7 @@ def margin(radio: Any) -> int:
 
 
 def repeated() -> Callable[[Any], bool]:
-    """Whether a receiver's clock reads as in the message before."""
+    """True if a receiver's clock reads as in the message before."""
     heard: list[int] = []
 
     def shows(message: Any) -> bool:

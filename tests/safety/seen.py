@@ -1,4 +1,4 @@
-"""What the causes are looked for in: a healthy flight, and what is changed of it."""
+"""Inputs of the checks: a healthy flight, and changes of it."""
 
 from __future__ import annotations
 
@@ -140,14 +140,14 @@ HOVERING = replace(
 
 
 def told(seen=IN_FLIGHT, **changes):
-    """What is seen when the autopilot tells something else."""
+    """Inputs with another report of the autopilot."""
     return replace(seen, telemetry=replace(seen.telemetry, **changes))
 
 
 def flies(seen=IN_FLIGHT, failsafes=(), **changes):
-    """What is seen in another status; failsafes: what texts have told."""
+    """Inputs with another status; failsafes: reported by texts."""
     autopilot = replace(seen.telemetry.autopilot, **changes)
-    return told(seen, autopilot=autopilot, failsafes_told=dict.fromkeys(failsafes, 0.0))
+    return told(seen, autopilot=autopilot, failsafes_reported=dict.fromkeys(failsafes, 0.0))
 
 
 def drains(**changes):
@@ -183,6 +183,6 @@ def moves(seen=HOVERING, **changes):
 
 
 def found(seen):
-    """What stands against it, by cause."""
+    """Causes against it, by name."""
     told_causes = causes(seen, Supervision(), OFF_PATH_M, NOW_S)
     return {name: words for name, words in dataclasses.asdict(told_causes).items() if words}

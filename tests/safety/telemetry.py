@@ -1,9 +1,9 @@
-"""What an autopilot's heartbeat makes of the telemetry."""
+"""Telemetry by an autopilot's heartbeat."""
 
 from __future__ import annotations
 
+from moar_companion import autopilots
 from moar_companion.telemetry import AutopilotStatus
-from moar_companion.types import AutopilotKind
 
 OFFBOARD = 0x00060000
 
@@ -13,7 +13,7 @@ def px4_status(received_s, **changes):
     usual = {
         "system_id": 1,
         "component_id": 1,
-        "kind": AutopilotKind.PX4,
+        "kind": autopilots.PX4,
         "armed": True,
         "custom_mode": OFFBOARD,
         "mode": "OFFBOARD",

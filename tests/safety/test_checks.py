@@ -9,10 +9,10 @@ from dataclasses import replace
 
 import pytest
 
+from moar_companion import autopilots
 from moar_companion.safety.check_inputs import Host
 from moar_companion.safety.condition_types import Causes
 from moar_companion.telemetry import Failsafe, Landed, LandedState, LinkStatistics
-from moar_companion.types import AutopilotKind
 
 from .seen import (
     BATTERY,
@@ -32,7 +32,7 @@ from .test_checks_of_place import STORIES as OF_PLACE
 
 def lands_in_failsafe(**changes):
     """ArduPilot lands in a failsafe."""
-    landing = {"kind": AutopilotKind.ARDUPILOT, "mode": "LAND", "homeward": True}
+    landing = {"kind": autopilots.ARDUPILOT, "mode": "LAND", "homeward": True}
     return flies(HOVERING, failsafe=True, **landing, **changes)
 
 
@@ -44,14 +44,14 @@ STORIES = [
         "no autopilot",
         told(autopilot=None),
         {
-            "autopilot_identity": "no autopilot is heard",
-            "autopilot_link_lost": "no heartbeat is heard",
+            "autopilot_identity": "no autopilot is received",
+            "autopilot_link_lost": "no heartbeat is received",
         },
     ),
     (
         "two autopilots",
-        replace(IN_FLIGHT, conflict="two autopilots are heard"),
-        {"autopilot_identity": "two autopilots are heard"},
+        replace(IN_FLIGHT, conflict="two autopilots are received"),
+        {"autopilot_identity": "two autopilots are received"},
     ),
     ("a plane", flies(multirotor=False), {"autopilot_identity": "the vehicle is no multirotor"}),
     ("a heartbeat 3 s old", flies(received_s=97.0), {}),
@@ -60,7 +60,7 @@ STORIES = [
         flies(received_s=96.94),
         {
             "autopilot_link_lost": "autopilot silent for 3.1 s",
-            "mode_unconfirmed": "mode not told for 3.1 s",
+            "mode_unconfirmed": "mode unknown for 3.1 s",
         },
     ),
     (
@@ -72,15 +72,15 @@ STORIES = [
                 link=LinkStatistics(received_s=99.9, packets_received=9, packets_lost=0),
             ),
         ),
-        {"mode_unconfirmed": "mode not told for 3.1 s"},
+        {"mode_unconfirmed": "mode unknown for 3.1 s"},
     ),
     ("an armed state 15 s old", flies(armed_s=85.0), {}),
     (
         "an older one, though the mode is told",
         flies(armed_s=84.9),
-        {"mode_unconfirmed": "armed state not told for 15.1 s"},
+        {"mode_unconfirmed": "armed state unknown for 15.1 s"},
     ),
-    ("no position", told(local_position=None), {"position": "no local position is heard"}),
+    ("no position", told(local_position=None), {"position": "no local position is received"}),
     ("a position 0.5 s old", replace(IN_FLIGHT, position_moved_s=99.5), {}),
     (
         "an older one, though it was just received",
@@ -113,38 +113,38 @@ STORIES = [
         flies(failsafe=True),
         {"failsafe_reported": "autopilot failsafe, cause unknown"},
     ),
-    ("the same on the way out", replace(flies(failsafe=True), escaping=True), {}),
+    ("the same on the escape route", replace(flies(failsafe=True), escaping=True), {}),
     (
         "a failsafe by text",
         flies(failsafe=True, failsafes={Failsafe.GROUND_STATION, Failsafe.REMOTE_CONTROL}),
         {"failsafe_reported": "failsafe: GCS, RC"},
     ),
     (
-        "the same on the way out: it goes on",
+        "the same on the escape route: it goes on",
         replace(flies(failsafe=True, failsafes={Failsafe.GROUND_STATION}), escaping=True),
         {},
     ),
     (
-        "an estimator in doubt on the way out",
+        "an estimator in doubt on the escape route",
         replace(flies(failsafe=True, failsafes={Failsafe.ESTIMATOR}), escaping=True),
         {"failsafe_reported": "failsafe: EKF"},
     ),
     (
-        "a battery's failsafe on the way out",
+        "a battery's failsafe on the escape route",
         replace(flies(failsafe=True, failsafes={Failsafe.BATTERY}), escaping=True),
         {"battery_failsafe": "autopilot battery failsafe"},
     ),
     (
         "a failsafe before control, in a mode of its own",
         flies(HOVERING, failsafe=True),
-        {"failsafe_took_mode": "autopilot failsafe chose HOLD"},
+        {"failsafe_took_mode": "failsafe chose HOLD"},
     ),
     (
         "one that ArduPilot goes on to tell in the pilot's mode",
         flies(
             HOVERING,
             failsafe=True,
-            kind=AutopilotKind.ARDUPILOT,
+            kind=autopilots.ARDUPILOT,
             mode="LOITER",
             failsafes={Failsafe.BATTERY},
         ),
@@ -152,31 +152,31 @@ STORIES = [
     ),
     (
         "one that has taken ArduPilot's mode",
-        flies(HOVERING, failsafe=True, kind=AutopilotKind.ARDUPILOT, mode="LAND", homeward=True),
-        {"failsafe_took_mode": "autopilot failsafe chose LAND"},
+        flies(HOVERING, failsafe=True, kind=autopilots.ARDUPILOT, mode="LAND", homeward=True),
+        {"failsafe_took_mode": "failsafe chose LAND"},
     ),
     (
         "one that began with ArduPilot's mode",
         lands_in_failsafe(mode_since_s=90.0, failsafe_since_s=88.0),
-        {"failsafe_took_mode": "autopilot failsafe chose LAND"},
+        {"failsafe_took_mode": "failsafe chose LAND"},
     ),
     (
         "a landing ordered while one stands",
         lands_in_failsafe(mode_since_s=90.0, failsafe_since_s=80.0),
-        {"failsafe_took_mode": "the autopilot is in LAND"},
+        {"failsafe_took_mode": "autopilot in LAND"},
     ),
     (
         "a second failsafe with the landing",
         told(
             lands_in_failsafe(mode_since_s=90.0, failsafe_since_s=80.0),
-            failsafes_told={Failsafe.BATTERY: 90.1},
+            failsafes_reported={Failsafe.BATTERY: 90.1},
         ),
-        {"failsafe_took_mode": "autopilot failsafe chose LAND"},
+        {"failsafe_took_mode": "failsafe chose LAND"},
     ),
     (
         "PX4's hold and then its landing",
         flies(HOVERING, failsafe=True, mode="LAND", mode_since_s=90.0, failsafe_since_s=80.0),
-        {"failsafe_took_mode": "autopilot failsafe chose LAND"},
+        {"failsafe_took_mode": "failsafe chose LAND"},
     ),
     ("disarmed", flies(armed=False), {"ground": "on the ground"}),
     (
@@ -213,12 +213,12 @@ STORIES = [
     (
         "a mode of the pilot's",
         flies(mode="POSCTL", ours=False),
-        {"pilot": "the autopilot is in POSCTL"},
+        {"pilot": "autopilot in POSCTL"},
     ),
     (
         "the landing that was asked for",
         replace(flies(mode="LAND", ours=False), landing=True),
-        {"landing": "the autopilot is in LAND"},
+        {"landing": "autopilot in LAND"},
     ),
     ("a battery that is low", drains(charge_state=2), {}),
     (
@@ -241,7 +241,7 @@ STORIES = [
     (
         "a battery at its reserve",
         drains(remaining=0.2),
-        {"battery_reserve": "battery 0 at 20%, reserve 20%"},
+        {"battery_reserve": "battery 0 at 20% <= 20%"},
     ),
     (
         "an autopilot on USB power",
@@ -284,7 +284,7 @@ STORIES = [
         "a battery that tells its voltage where it told its charge",
         replace(drains(remaining=None), risk=risk(wind(4.0), charge=0.22)),
         {
-            "battery_silent": "battery 0 tells no charge (was 22%)",
+            "battery_silent": "battery 0 reports no charge (was 22%)",
             "unmonitored": "unknown: battery",
         },
     ),
@@ -295,8 +295,8 @@ STORIES = [
         ),
         {
             "battery_critical": "battery 0 is critical",
-            "battery_reserve": "battery 0 at 20%, reserve 20%",
-            "battery_silent": "battery 0 tells no charge (was 20%)",
+            "battery_reserve": "battery 0 at 20% <= 20%",
+            "battery_silent": "battery 0 reports no charge (was 20%)",
             "unmonitored": "unknown: battery",
         },
     ),
@@ -304,8 +304,8 @@ STORIES = [
         "one that was at its reserve, and seems to be on USB power",
         replace(drains(remaining=1.0, voltage_v=4.1), risk=risk(wind(4.0), charge=0.2)),
         {
-            "battery_reserve": "battery 0 at 20%, reserve 20%",
-            "battery_silent": "battery 0 tells no charge (was 20%)",
+            "battery_reserve": "battery 0 at 20% <= 20%",
+            "battery_silent": "battery 0 reports no charge (was 20%)",
             "unmonitored": "unknown: battery",
         },
     ),

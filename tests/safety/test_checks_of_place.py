@@ -63,7 +63,7 @@ STORIES = [
         "leaning at its limit, off its path",
         replace(IN_FLIGHT, saturated=True, error_m=1.6),
         {
-            "control_saturated": "wind too strong, 1.6 m off the path",
+            "control_saturated": "wind too strong, 1.6 m off path",
             "off_path": "off the path 1.6 m > 1.5",
         },
     ),
@@ -81,28 +81,28 @@ STORIES = [
     (
         "a greater one",
         uncertain(2.1, 0.3, 0.9),
-        {"uncertainty": "position uncertainty 2.1 m > 2"},
+        {"uncertainty": "uncertainty 2.1 m > 2"},
     ),
     (
         "one that only the odometry tells yet",
         uncertain(0.3, 2.1, 0.9),
-        {"uncertainty": "position uncertainty 2.1 m > 2"},
+        {"uncertainty": "uncertainty 2.1 m > 2"},
     ),
     ("a receiver that is worse than the estimator", uncertain(0.3, None, 5.0), {}),
     (
         "a receiver whose word is all there is",
         uncertain(None, None, 2.1),
-        {"uncertainty": "position uncertainty 2.1 m > 2"},
+        {"uncertainty": "uncertainty 2.1 m > 2"},
     ),
     (
         "a height that is known worse than the place",
         uncertain(0.3, 0.3, 0.9, heights_m=(2.1, 0.3, 0.3)),
-        {"uncertainty": "position uncertainty 2.1 m > 2"},
+        {"uncertainty": "uncertainty 2.1 m > 2"},
     ),
     (
         "one that only the odometry tells yet",
         uncertain(0.3, 0.3, 0.9, heights_m=(0.3, 2.1, 0.3)),
-        {"uncertainty": "position uncertainty 2.1 m > 2"},
+        {"uncertainty": "uncertainty 2.1 m > 2"},
     ),
     (
         "a height that the receiver knows badly, and a barometer keeps",
@@ -113,7 +113,7 @@ STORIES = [
         "an uncertainty that is told no more",
         uncertain(None, None, 0.0, last=[accuracy("receiver", 2.4)]),
         {
-            "uncertainty": "position uncertainty 2.4 m > 2",
+            "uncertainty": "uncertainty 2.4 m > 2",
             "unmonitored": "unknown: position accuracy",
         },
     ),
@@ -126,9 +126,9 @@ STORIES = [
     (
         "a receiver silent for longer",
         receives(received_s=96.9),
-        {"gnss": "the receiver is silent for 3.1 s"},
+        {"gnss": "GNSS receiver silent for 3.1 s"},
     ),
-    ("no 3D fix", receives(fix_type=2), {"gnss": "the receiver has no 3D fix"}),
+    ("no 3D fix", receives(fix_type=2), {"gnss": "GNSS receiver has no 3D fix"}),
     (
         "a receiver's clock that stands still for 1.5 s",
         replace(IN_FLIGHT, risk=risk(wind(4.0), since_s=98.5)),
@@ -137,7 +137,7 @@ STORIES = [
     (
         "for longer",
         replace(IN_FLIGHT, risk=risk(wind(4.0), since_s=98.4)),
-        {"gnss": "the receiver stopped 1.6 s ago"},
+        {"gnss": "GNSS receiver stopped 1.6 s ago"},
     ),
     (
         "a receiver without a clock",
@@ -209,12 +209,12 @@ STORIES = [
     ),
     (
         "a path that leaves the autopilot's fence",
-        replace(IN_FLIGHT, faults=Causes(autopilot_fence="path leaves FENCE_ALT_MAX 9 m")),
-        {"autopilot_fence": "path leaves FENCE_ALT_MAX 9 m"},
+        replace(IN_FLIGHT, faults=Causes(autopilot_fence="path past FENCE_ALT_MAX 9 m")),
+        {"autopilot_fence": "path past FENCE_ALT_MAX 9 m"},
     ),
     (
         "before control another one is planned",
-        replace(HOVERING, faults=Causes(autopilot_fence="path leaves FENCE_ALT_MAX 9 m")),
+        replace(HOVERING, faults=Causes(autopilot_fence="path past FENCE_ALT_MAX 9 m")),
         {},
     ),
     (
@@ -276,11 +276,11 @@ STORIES = [
         {"obstacle": "0.2 m too close to an obstacle (position uncertainty 1.4 m)"},
     ),
     ("no obstacle anywhere", replace(IN_FLIGHT, room_m=None), {}),
-    ("a way out with time to spare", leaves(Mission.EVACUATION, 90.1), {}),
+    ("an escape route with time to spare", leaves(Mission.EVACUATION, 90.1), {}),
     (
         "with little",
         leaves(Mission.EVACUATION, 90.0),
-        {"energy_low_soon": "evacuation leaves 90 s, at 30 s it begins"},
+        {"energy_low_soon": "evacuation leaves 90 s, due at 30"},
     ),
     (
         "with none",
@@ -303,20 +303,20 @@ STORIES = [
             "energy_evacuation": "exit leaves 29 s (the evacuation takes less)",
         },
     ),
-    ("a way out while nothing is known of the battery", leaves(Mission.EXIT, None), {}),
-    ("a way out planned 15 s ago", leaves(Mission.EXIT, 600.0, age_s=15.0), {}),
+    ("an escape route while nothing is known of the battery", leaves(Mission.EXIT, None), {}),
+    ("an escape route planned 15 s ago", leaves(Mission.EXIT, 600.0, age_s=15.0), {}),
     (
         "one planned earlier",
         leaves(Mission.EXIT, 10.0, age_s=15.1),
         {
             "energy_exit": "exit leaves 10 s <= 30",
-            "unmonitored": "unknown: way out",
+            "unmonitored": "unknown: escape route",
         },
     ),
     (
-        "no way out, and no word of the landed state",
+        "no escape route, and no word of the landed state",
         replace(told(landed=None), escape_route=None),
-        {"unmonitored": "unknown: way out"},
+        {"unmonitored": "unknown: escape route"},
     ),
     ("2 m from the plane", moves(position_m=(5.0, -2.0, 5.0)), {}),
     (
@@ -334,7 +334,7 @@ STORIES = [
     (
         "faster",
         moves(velocity_mps=(0.6, 0.9, 0.0)),
-        {"not_hovering": "moving at 1.1 m/s > 1, hover first"},
+        {"not_hovering": "moving at 1.1 m/s > 1, hover"},
     ),
     ("faster in flight", moves(IN_FLIGHT, velocity_mps=(5.0, 0.0, 0.0)), {}),
     (
@@ -342,7 +342,7 @@ STORIES = [
         replace(
             told(batteries={}, gnss=None, estimator=None, odometry=None), risk=risk(accuracies=())
         ),
-        {"unmonitored": "unknown: wind and 2 more (battery, position accuracy)"},
+        {"unmonitored": "unknown: wind, battery and 1 more (position accuracy)"},
     ),
     (
         "nothing of it on the ground",

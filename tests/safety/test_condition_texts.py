@@ -11,9 +11,10 @@ import pytest
 import moar_companion
 from moar_companion.config import Supervision
 from moar_companion.safety.checks import causes
-from moar_companion.safety.condition_texts import TEXTS, action_words, examples
+from moar_companion.safety.condition_texts import TEXTS, action_words, all_actions, examples, filled
 from moar_companion.safety.condition_types import Action, Override
 from moar_companion.safety.conditions import CONDITIONS
+from moar_companion.text_format import without_details
 
 from .seen import NOW_S
 from .test_checks import STORIES
@@ -38,7 +39,7 @@ def told(name):
     """Reasons of a condition in the stories of the checks, without details."""
     found = (causes(row[1], Supervision(), 1.5, NOW_S) for row in STORIES + OF_PLACE)
     reasons = {getattr(each, name) for each in found} - {None, PLACEHOLDER}
-    return {re.sub(r"\s*\([^()]*\)", "", reason) for reason in reasons}
+    return {without_details(reason) for reason in reasons}
 
 
 @pytest.fixture(scope="module")
@@ -66,9 +67,10 @@ def test_a_text_fits_into_one_chunk_whole_with_its_action(row):
     for text, sent in zip(TEXTS[row.name], examples(row), strict=True):
         assert len(sent) <= 50
         action = action_words(row, text)
-        whole = re.sub("[{}]", "", text) + (f", {action}" if action else "")
+        whole = filled(text) + (f", {action}" if action else "")
         assert sent == f"MOAR: {whole}"
         assert not re.search(r"(?<!\d)0\.0+(?!\d)", sent)
+        assert {action} - {""} <= all_actions(row)
 
 
 @ROWS

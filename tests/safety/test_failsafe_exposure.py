@@ -6,14 +6,14 @@ from dataclasses import replace
 
 import pytest
 
-from moar_companion.autopilots import failsafe_parameters
+from moar_companion import autopilots
+from moar_companion.autopilots import profile
 from moar_companion.autopilots.failsafe_actions import Trigger
 from moar_companion.config import Supervision
 from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.power import Meter, PowerModel
 from moar_companion.safety.failsafe_exposure import FailsafeExposure
 from moar_companion.telemetry import Heard, Telemetry
-from moar_companion.types import AutopilotKind
 
 from ..planner.problems import conductor, make_site, make_vehicle
 
@@ -24,9 +24,9 @@ STATION = Telemetry(ground_station=Heard(system_id=255, received_s=0.0))
 LANDS = {"COM_LOW_BAT_ACT": 2.0, "BAT_CRIT_THR": 0.3, "BAT_EMERGEN_THR": 0.1}
 
 
-def watching(telemetry=STATION, kind=AutopilotKind.PX4, **parameters):
+def watching(telemetry=STATION, kind=autopilots.PX4, **parameters):
     watch = FailsafeExposure(Supervision(), POWER)
-    told = {**dict.fromkeys(failsafe_parameters(kind)), **parameters}
+    told = {**dict.fromkeys(profile(kind).failsafe_parameters), **parameters}
     assert watch.learn(kind, told, None, telemetry)
     assert not watch.learn(kind, told, None, telemetry)
     return watch
@@ -48,10 +48,10 @@ def test_a_batterys_action_is_left_before_by_the_reserve_and_the_time_to_leave()
     flight_s = POWER.capacity_wh / POWER.hover_w * 3600.0
     at = 0.3 + 50.0 / flight_s
     assert reason(watch, ABOVE, at) is None
-    assert reason(watch, ABOVE, at, leaving_s=25.0) == "land in 50 s hits wire"
-    assert reason(watch, BESIDE, at, leaving_s=25.0) == "battery land in 50 s, need 25 s"
+    assert reason(watch, ABOVE, at, leaving_s=25.0) == "landing in 50 s hits wire"
+    assert reason(watch, BESIDE, at, leaving_s=25.0) == "battery landing 50 s < 55"
     assert reason(watch, BESIDE, at) is None
-    assert reason(watch, ABOVE, 0.2) == "land in 0 s hits wire"
+    assert reason(watch, ABOVE, 0.2) == "landing in 0 s hits wire"
 
 
 def test_where_no_escape_route_is_known_it_is_taken_for_long():
@@ -95,9 +95,9 @@ def test_a_ground_station_that_only_the_autopilot_may_hear_can_be_lost():
 @pytest.mark.parametrize("moved_m", [0.5, 2.0])
 def test_a_home_that_moves_is_learnt(moved_m):
     watch = watching(**LANDS)
-    told = {**dict.fromkeys(failsafe_parameters(AutopilotKind.PX4)), **LANDS}
-    assert watch.learn(AutopilotKind.PX4, told, (0.0, 0.0, 0.0), STATION)
-    moved = watch.learn(AutopilotKind.PX4, told, (moved_m, 0.0, 0.0), STATION)
+    told = {**dict.fromkeys(profile(autopilots.PX4).failsafe_parameters), **LANDS}
+    assert watch.learn(autopilots.PX4, told, (0.0, 0.0, 0.0), STATION)
+    moved = watch.learn(autopilots.PX4, told, (moved_m, 0.0, 0.0), STATION)
     assert moved is (moved_m > 1.0)
     assert replace(watch.failsafes).home_m == ((moved_m if moved else 0.0), 0.0, 0.0)
 
@@ -106,17 +106,17 @@ def test_a_threshold_that_can_be_forecast_counts_beside_one_that_cannot():
     """ArduPilot's charge and voltage: without a number of cells only the first has a time."""
     assert POWER.cells is None
     capacity = {"BATT_CAPACITY": 5000.0, "BATT_LOW_MAH": 1500.0, "BATT_LOW_VOLT": 19.8}
-    watch = watching(kind=AutopilotKind.ARDUPILOT, BATT_FS_LOW_ACT=1.0, **capacity)
+    watch = watching(kind=autopilots.ARDUPILOT, BATT_FS_LOW_ACT=1.0, **capacity)
     at = 0.3 + 20.0 / (POWER.capacity_wh / POWER.hover_w * 3600.0)
-    assert reason(watch, ABOVE, at) == "land in 20 s hits wire"
+    assert reason(watch, ABOVE, at) == "landing in 20 s hits wire"
     assert reason(watch, ABOVE, 1.0) is None
-    assert reason(watch, ABOVE, 1.0, now_s=121.0) == "low battery hits wire: 121 s (120)"
+    assert reason(watch, ABOVE, 1.0, now_s=121.0) == "battery hits wire: 121 s (120)"
 
 
 def test_an_earlier_hold_of_the_battery_ends_control_before_the_landing():
     """After BRAKE on a low battery the companion is silent, and the critical one lands there."""
     watch = watching(
-        kind=AutopilotKind.ARDUPILOT,
+        kind=autopilots.ARDUPILOT,
         BATT_CAPACITY=5000.0,
         BATT_LOW_MAH=3500.0,
         BATT_LOW_VOLT=0.0,
@@ -126,5 +126,5 @@ def test_an_earlier_hold_of_the_battery_ends_control_before_the_landing():
     )
     flight_s = POWER.capacity_wh / POWER.hover_w * 3600.0
     assert reason(watch, ABOVE, 0.7 + 40.0 / flight_s) is None
-    assert reason(watch, ABOVE, 0.7 + 20.0 / flight_s) == "land in 20 s hits wire"
+    assert reason(watch, ABOVE, 0.7 + 20.0 / flight_s) == "landing in 20 s hits wire"
     assert reason(watch, BESIDE, 0.7 + 20.0 / flight_s) is None

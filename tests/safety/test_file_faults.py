@@ -1,4 +1,4 @@
-"""What is wrong with the service's files is told to people, not to the log alone."""
+"""Faults of the service's files are reported to operators, not to the log alone."""
 
 from __future__ import annotations
 
@@ -67,7 +67,7 @@ def test_a_new_planner_does_not_forget_a_fault():
     desk = Desk().run(2.0)
     desk.companion.note_host(Host(file_faults=(FULL,)))
     desk.run(1.0)
-    desk.companion.take_ground(desk.companion._ground)
+    desk.companion.take_ground(desk.companion._site_maps)
     desk.run(1.0)
     assert not desk.said("over")
 
@@ -79,7 +79,7 @@ def test_a_new_planner_does_not_forget_a_fault():
         (errno.ENOENT, "folder gone"),
         (errno.EROFS, "read-only"),
         (errno.EACCES, "read-only"),
-        (errno.EIO, "Input/output error"),
+        (errno.EIO, "I/O error"),
     ],
 )
 def test_the_reason_is_short(number, short):

@@ -15,14 +15,14 @@ from moar_companion.planner.planner import Planner
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.safety.obstacle_inflation import STEP_M, ObstacleInflation
 from moar_companion.site import Site
-from moar_companion.vehicle import Vehicle
+from tests.vehicles import named_vehicle
 
 LOOK_S = 0.02
 SHRUNK_S = 3.1
 
 
 class Story:
-    """What is needed over time, and what plans are made with."""
+    """Required inflation over time, and the inflation of plans."""
 
     def __init__(self):
         self.widening, self.now_s = ObstacleInflation(), 0.0
@@ -106,7 +106,7 @@ def test_what_lasts_is_followed_within_two_steps(before_m, needed_m):
 def exact():
     configs = shipped_configs()
     site = Site.load(configs / "sites" / "315kv_double_circuit.yaml")
-    return Planner(site, Vehicle.load(configs / "vehicles" / "linedrone_flight.yaml"))
+    return Planner(site, named_vehicle("linedrone_uniform"))
 
 
 def test_the_planner_of_a_widening_is_built_once(exact):

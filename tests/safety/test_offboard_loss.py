@@ -11,22 +11,23 @@ from hypothesis import strategies as st
 from pymavlink.dialects.v20 import all as mavlink
 from shapely.geometry import LineString, Point
 
-from moar_companion.autopilots.failsafe_actions import Action, first_hit
+from moar_companion import autopilots
+from moar_companion.autopilots import profile
+from moar_companion.autopilots.failsafe_actions import Action
 from moar_companion.planner.free_distance import FreeDistance
-from moar_companion.safety.offboard_loss import OffboardLoss, loss_parameters
-from moar_companion.types import AutopilotKind
+from moar_companion.safety.failsafe_paths import first_hit, loss_objection
 from sitl.autopilot import FakeAutopilot, Options
 
 from ..copies import copy_of
 from ..flights.operator import Manner, Operator
 from ..planner.problems import conductor, make_site
 
-PX4, ARDUPILOT = AutopilotKind.PX4, AutopilotKind.ARDUPILOT
-UNTOLD = {kind: dict.fromkeys(loss_parameters(kind)) for kind in (PX4, ARDUPILOT)}
+PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
+UNTOLD = {kind: dict.fromkeys(profile(kind).loss_parameters) for kind in (PX4, ARDUPILOT)}
 
 
 def loss(kind, **parameters):
-    return OffboardLoss.told(kind, {**UNTOLD[kind], **parameters})
+    return profile(kind).offboard_loss({**UNTOLD[kind], **parameters})
 
 
 # What is told -----------------------------------------------------------------------------------
@@ -57,17 +58,18 @@ def test_ardupilot_holds_whatever_its_parameters():
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
 def test_before_all_is_asked_nothing_is_known(kind):
     for name in UNTOLD[kind]:
-        assert OffboardLoss.told(kind, {n: 1.0 for n in UNTOLD[kind] if n != name}) is None
-    assert OffboardLoss.told(AutopilotKind.UNKNOWN, {}) is None
+        assert profile(kind).offboard_loss({n: 1.0 for n in UNTOLD[kind] if n != name}) is None
+    assert profile(autopilots.UNKNOWN).offboard_loss({}) is None
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
 def test_what_is_never_told_is_taken_as_by_default_and_named(kind):
-    untold = loss(kind)
-    assert untold.untold == loss_parameters(kind)
-    assert untold.action is (Action.RETURN if kind is PX4 else Action.HOLD)
-    assert untold.timeout_s == (None if kind is PX4 else 3.0)
-    assert loss(kind, **{loss_parameters(kind)[0]: 1.0}).untold == loss_parameters(kind)[1:]
+    unreported = loss(kind)
+    assert unreported.unreported == profile(kind).loss_parameters
+    assert unreported.action is (Action.RETURN if kind is PX4 else Action.HOLD)
+    assert unreported.timeout_s == (None if kind is PX4 else 3.0)
+    first, *others = profile(kind).loss_parameters
+    assert loss(kind, **{first: 1.0}).unreported == tuple(others)
 
 
 # How far it comes -------------------------------------------------------------------------------
@@ -107,7 +109,7 @@ PARAMETERS = {
 
 
 class Alone:
-    """A fake autopilot that hovers high, and straight flights that end by the companion's death."""
+    """A fake autopilot that hovers high, and straight flights that end by a companion failure."""
 
     def __init__(self, manner, wind_mps):
         self.manner = manner
@@ -170,7 +172,7 @@ class Alone:
         return place
 
     def way_m(self, place, direction, timeout_s):
-        """How far it comes beyond its last setpoint, from how far it was off before."""
+        """Distance that it comes beyond its last setpoint, from its error before."""
         self.autopilot.set_parameter(TIMEOUT[self.manner], timeout_s)
         before = self._beyond_m(place, direction)
         farthest = -math.inf
@@ -206,7 +208,7 @@ def comes_no_farther(manner, wind_mps, flights, **parameters):
 
 
 NOISE_M = 0.1
-"""Of the receiver, while it stops."""
+"""Position error of the receiver, while it stops."""
 
 
 @pytest.mark.parametrize("manner", Manner)
@@ -270,7 +272,7 @@ REACH = FreeDistance.over(
 
 
 def objection(told, *places, home=(15.5, 0.0, 0.0)):
-    return told.objection(REACH, np.array(places), home)
+    return loss_objection(told, REACH, np.array(places), home)
 
 
 def test_holding_is_fine_anywhere():
@@ -388,7 +390,7 @@ def test_an_autopilot_that_accelerates_less_than_its_setpoints_cannot_follow(par
     assert (lag is not None) is lags
     if lag is not None:
         assert lag == (
-            "ArduPilot brakes at 0.99 < 1 m/s2 "
+            "ArduPilot brakes 0.99 < 1 m/s2 "
             "(guidance.acceleration_mps2; set WPNAV_ACCEL and WPNAV_ACCEL_Z 100)"
         )
 

@@ -11,7 +11,7 @@ from moar_companion.config import LinkLoss, Supervision, shipped_configs
 from moar_companion.mission_states import MissionState
 from moar_companion.safety.condition_types import Action, Causes, Override
 from moar_companion.safety.conditions import CONDITIONS, conditions
-from moar_companion.safety.conditions_doc import documentation, texts
+from moar_companion.safety.conditions_doc import documentation, other_texts, texts
 from moar_companion.safety.supervisor import HEALTHY, overridden, step
 from moar_companion.types import Mission
 
@@ -187,7 +187,7 @@ def test_of_equal_actions_the_first_of_the_table_speaks():
 def test_no_farewell_where_one_of_the_releases_forbids_it():
     watched = Watched().look(position="stale")
     assert watched.ruling.last_setpoint
-    watched.look(failsafe_took_mode="the autopilot is in failsafe")
+    watched.look(failsafe_took_mode="autopilot in failsafe")
     assert watched.ruling.reason == "stale"
     assert not watched.ruling.last_setpoint
 
@@ -205,7 +205,7 @@ def test_a_ground_station_that_is_lost_and_found():
 
 
 def test_a_battery_that_empties():
-    watched = Watched().look(battery_reserve="battery 0 at 20%, reserve 20%").wait(3.1)
+    watched = Watched().look(battery_reserve="battery 0 at 20% <= 20%").wait(3.1)
     assert watched.ruling.action is Action.EXIT
     watched.look(battery_critical="battery 0 is critical").wait(1.1)
     assert watched.ruling.action is Action.EVACUATION
@@ -226,8 +226,11 @@ def test_what_a_lost_ground_station_does_is_configured(action):
 # The page ---------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize(("mark", "table"), [("conditions", documentation), ("texts", texts)])
-def test_the_tables_of_the_page_are_made_from_the_conditions(mark, table):
+@pytest.mark.parametrize(
+    ("mark", "table"),
+    [("conditions", documentation), ("texts", texts), ("other texts", other_texts)],
+)
+def test_the_tables_of_the_page_are_made_from_the_code(mark, table):
     """If not: `python -m moar_companion.safety.conditions_doc`, between the two marks."""
     page = (shipped_configs() / "README.md").read_text()
     written = re.search(rf"<!-- {mark}:[^>]*-->\n(.*?)\n<!-- end of {mark} -->", page, re.DOTALL)

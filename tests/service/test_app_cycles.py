@@ -18,7 +18,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.companion.companion import Companion
-from moar_companion.config import CompanionConfig, LinkConfig, Recorder, shipped_configs
+from moar_companion.config import CompanionConfig, LinkConfig, RecorderSettings, shipped_configs
 from moar_companion.outlets import background_writer, recorder
 from moar_companion.safety.check_inputs import Host
 from moar_companion.service import app, host_monitor
@@ -62,6 +62,15 @@ def serve(heard, seconds, **config):
             return messages
 
 
+def test_the_status_tells_the_time_of_a_clock_that_is_set_later(monkeypatch):
+    config = CompanionConfig(vehicle=VEHICLE)
+    monkeypatch.setattr(time, "time", lambda: 1000.0)
+    service = Service(config, Companion(config, Vehicle.load(VEHICLE), None), None, None)
+    monkeypatch.setattr(time, "time", lambda: 1.8e9)
+    service._follow_wall_clock(service._now_s())
+    assert service._status_now()["time_s"] == pytest.approx(1.8e9, abs=5.0)
+
+
 def test_steps_of_the_wall_clock_disturb_neither_the_thinking_nor_the_record(
     heard, tmp_path, monkeypatch
 ):
@@ -74,7 +83,7 @@ def test_steps_of_the_wall_clock_disturb_neither_the_thinking_nor_the_record(
 
     clock_began_s = wall_s()
     monkeypatch.setattr(time, "time", stepped)
-    messages = serve(heard, 2.0, recorder=Recorder(directory=tmp_path))
+    messages = serve(heard, 2.0, recorder=RecorderSettings(directory=tmp_path))
     thought_ms = {m.time_boot_ms for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"}
     assert len(thought_ms) >= 4
     assert all(400 < later - earlier < 900 for earlier, later in pairwise(sorted(thought_ms)))
@@ -197,7 +206,7 @@ def test_the_companion_is_told_what_the_computer_has_left(heard, tmp_path, monke
     monkeypatch.setattr(host_monitor.shutil, "disk_usage", left)
     monkeypatch.setattr(host_monitor, "memory_available", lambda _: 2e8)
     monkeypatch.setattr(Companion, "note_host", lambda _, host: told.add(host))
-    serve(heard, 0.3, recorder=Recorder(directory=tmp_path))
+    serve(heard, 0.3, recorder=RecorderSettings(directory=tmp_path))
     assert asked == set(tmp_path.iterdir())
     assert told == {Host(disk_free=3e9, memory_available=2e8)}
 
@@ -218,7 +227,7 @@ def test_a_disk_that_stands_still_holds_up_neither_the_thinking_nor_the_end(
     monkeypatch.setattr(recorder, "_PERIOD_S", 0.1)
     monkeypatch.setattr(background_writer, "_LAST_WRITE_S", 0.1)
     disks = stop_recordings(monkeypatch)
-    messages = serve(heard, 2.0, recorder=Recorder(directory=tmp_path))
+    messages = serve(heard, 2.0, recorder=RecorderSettings(directory=tmp_path))
     thought_ms = {m.time_boot_ms for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"}
     assert len(thought_ms) >= 3
     assert len(looks) == 2

@@ -13,7 +13,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.companion.companion import Companion
 from moar_companion.config import CompanionConfig, shipped_configs
-from moar_companion.estimation.pose_tracker import Ground
+from moar_companion.estimation.pose_tracker import SiteMaps
 from moar_companion.planner.planner import Planner
 from moar_companion.service import compiling
 from moar_companion.site import Site
@@ -58,7 +58,7 @@ class Station:
 
 def ready():
     site = Site.load(SITE)
-    return Ground(site=site, maps=Planner(site, Vehicle.load(VEHICLE)).maps)
+    return SiteMaps(site=site, maps=Planner(site, Vehicle.load(VEHICLE)).maps)
 
 
 def test_an_order_is_put_off_while_the_planner_is_compiled():
@@ -82,7 +82,7 @@ def test_an_order_waits_for_a_planner_that_is_only_loaded():
     station.companion.take_ground(ready())
     answers, texts = station.run(1.0)
     assert answers == [TEMPORARILY_REJECTED]
-    assert "no autopilot is heard" in texts
+    assert "no autopilot is received" in texts
 
 
 def test_what_ends_motion_waits_for_nothing():

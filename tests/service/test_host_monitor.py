@@ -1,4 +1,4 @@
-"""What the computer has left."""
+"""Free resources of the computer."""
 
 from __future__ import annotations
 

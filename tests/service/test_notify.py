@@ -1,4 +1,4 @@
-"""What the service manager is told, and how often."""
+"""Notifications of the service manager, and their rate."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What glibc and LLVM keep without need is given back, and nothing else."""
+"""Memory that glibc and LLVM keep without need is given back, and nothing else."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_only_what_the_file_still_holds_is_given_back():
 
 
 def resident_mb(name):
-    """Of the mappings of a file in this process."""
+    """Resident size of a file's mappings in this process."""
     resident_kb, counted = 0, False
     for line in Path("/proc/self/smaps").read_text().splitlines():
         words = line.split()

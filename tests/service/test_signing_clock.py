@@ -13,7 +13,7 @@ from moar_companion.config import CompanionConfig, KeySource, LinkConfig, State
 from moar_companion.mavlink.signing import (
     LATEST_TIMESTAMP,
     UNITS_PER_S,
-    Refusal,
+    SigningRefusal,
     link_signings,
     timestamp_at,
 )
@@ -84,7 +84,7 @@ def test_a_wall_clock_that_was_far_in_the_future_once_is_not_believed_for_good(
     sender = SignedPeer(timestamp=timestamp_at(NOW_S - 30.0))
     assert link.refusal(sender.ground_heartbeat()) is None
     old = SignedPeer(system_id=2, timestamp=timestamp_at(NOW_S - 90.0))
-    assert link.refusal(old.ground_heartbeat()) is Refusal.OLD
+    assert link.refusal(old.ground_heartbeat()) is SigningRefusal.OLD
     assert "21900.0 days ahead of this computer's clock, not used" in caplog.text
 
 

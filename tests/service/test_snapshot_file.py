@@ -28,7 +28,7 @@ def file(tmp_path):
 
 
 def written(tmp_path):
-    """What the next process would find."""
+    """Memory that the next process would find."""
     next_one = SnapshotFile(tmp_path / "state")
     next_one.close()
     return next_one.load(0.0)

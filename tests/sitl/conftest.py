@@ -30,7 +30,7 @@ class Peer:
         self.raw_bytes = 0
 
     def __deepcopy__(self, memo):
-        """What was heard does not change any more, and is long."""
+        """A copy that shares the received packets: they are constant, and many."""
         twin = memo[id(self)] = copy.copy(self)
         twin.vehicle, twin.mav = copy.deepcopy((self.vehicle, self.mav), memo)
         twin.heard = list(self.heard)

@@ -102,14 +102,14 @@ class Situation:
 
 @dataclass(frozen=True, kw_only=True)
 class Comparison:
-    """What was recorded and what the fake sent, by link: (seconds, message, packet)."""
+    """Recorded and sent packets of the fake, by link: (seconds, message, packet)."""
 
     situation: Situation
     real: dict
     fake: dict
 
     def slack_s(self, course, usual_s):
-        """How far apart in time the two may be in a course."""
+        """Greatest time between the two in a course."""
         return self.situation.slack_s.get(course, usual_s)
 
 
@@ -263,7 +263,7 @@ def check_counts(both, link, *, but, rel, may_stop=frozenset()):
 
 
 def check_constants(both, link, *, but, of_another_model):
-    """What never changed in the recording has that one value."""
+    """Values that never changed in the recording, which the fake must have."""
     fake = fields(both.fake[link])
     for (kind, key), values in fields(both.real[link]).items():
         skipped = kind in but or key in of_another_model.get(kind, ())

@@ -46,7 +46,7 @@ def _command(number, *params):
 
 
 def _asked(**rates_hz):
-    """What the companion had asked for before the recording begins."""
+    """Requests of the companion before the recording begins."""
     return tuple(
         (5.0, _command(511, getattr(mavlink, f"MAVLINK_MSG_ID_{kind}"), 1e6 / hz))
         for kind, hz in {**RATES_HZ, **rates_hz}.items()
@@ -168,7 +168,7 @@ PACED_BY_EVENTS = {"STATUSTEXT", "COMMAND_ACK", "PARAM_VALUE"}
 NOT_SAID = ("SIM ", "SmartRTL ", "EKF3 IMU1 origin set")
 """By the simulator; by the recorder of the way back; 0.2 s after the other estimator's."""
 NOT_MADE = {"TERRAIN_REQUEST"}
-"""Of the terrain database, which the fake has not."""
+"""Messages of the terrain database, which the fake has not."""
 OTHER_MODEL = {
     "BATTERY_STATUS": {"voltages"},  # that simulator's voltage does not sag
     "GLOBAL_POSITION_INT": {"lat", "lon", "alt", "vx", "vy"},  # nor does its receiver err
@@ -202,7 +202,7 @@ COURSES = {
     "battery": ("BATTERY_STATUS", lambda m: m.charge_state, 0.45, 0.2),
     "target": ("POSITION_TARGET_LOCAL_NED", lambda m: m.type_mask, 0.25, 0.2),
 }
-"""What is followed through a recording.
+"""Courses that are compared through a recording.
 
 A message, its value, how long that has to last, and how far apart in time the two may be: a
 disarming shows in the next heartbeat, and the real estimator gives up a moment earlier. The
@@ -264,7 +264,7 @@ def test_the_sensors_bits_go_through_what_ardupilots_do(both, field):
 
 
 def _texts(rows):
-    """What was said and how gravely, without the simulator's words and the figures."""
+    """Texts with their severity, without the simulator's words and the figures."""
     return sorted(
         (m.severity, re.sub(r"[0-9.]+V used .*", "", m.text))
         for _, m, _ in rows

@@ -39,7 +39,7 @@ def fly(*arguments, timeout_s=300):
 
 
 def refused(capsys, *arguments):
-    """What is said of arguments with which nothing is flown."""
+    """Error line of arguments with which nothing is flown."""
     try:
         status = demonstration.main(["--headless", *arguments])
     except SystemExit as ended:  # argparse's
@@ -49,7 +49,7 @@ def refused(capsys, *arguments):
 
 
 def flown_well(folder, *arguments):
-    """What was decided on a flight without fault, on the simulator's clock, twice as fast."""
+    """Decisions on a flight without fault, on the simulator's clock, twice as fast."""
     flown = fly("--out", str(folder), "--speed", "2", *arguments)
     assert flown.returncode == 0, flown.stdout + flown.stderr
     assert flown.stdout.endswith("mission flown and landed\n")
@@ -325,6 +325,7 @@ def test_it_takes_its_processes_with_it_when_it_is_ended(tmp_path, number):
         stderr=subprocess.PIPE,
         text=True,
     ) as running:
+        assert running.stdout.readline().startswith("recording to ")
         assert running.stdout.readline().startswith("waiting")
         children = psutil.Process(running.pid).children(recursive=True)
         assert len(children) == 2

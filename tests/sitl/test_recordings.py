@@ -260,7 +260,7 @@ SITUATIONS = {
     ),
 }
 PASSED_ON = {"COMMAND_LONG", "DEBUG_FLOAT_ARRAY", "DEBUG_VECT", "NAMED_VALUE_FLOAT"}
-"""What the recorded autopilot said of its own in the shell, or passed on under its ids."""
+"""Packets of the recorded autopilot's own shell, or passed on under its ids."""
 OTHER_MODEL = {
     "POSITION_TARGET_GLOBAL_INT": {"lat_int", "lon_int", "alt"},
     "SCALED_PRESSURE": {"temperature"},
@@ -277,7 +277,7 @@ COURSES = {
     ),
     "battery": ("BATTERY_STATUS", lambda m: m.charge_state, 2.1),
 }
-"""What is followed: a message, its value, and how far apart in time the two may be.
+"""Compared courses: a message, its value, and how far apart in time the two may be.
 
 Heartbeats come once a second, BATTERY_STATUS every other.
 """

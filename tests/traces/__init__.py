@@ -1,6 +1,7 @@
 """Reference traces: what the companion sends and decides in many flights in lockstep.
 
     python -m tests.traces make|compare [--only PATTERN] [--workers N] [--renamed OLD=NEW,...]
+                                        [--exact]
 
 `make` flies all flights and stores a trace of each in tests/data/traces; `compare` flies them again
 and prints for each channel when a flight first differs from its trace, what was so then, and what
@@ -14,6 +15,8 @@ is so now. Exit status of `compare`: 1 when anything differs. Channels:
 A channel has a digest of everything in it, one of each second, and lines with rounded numbers: of
 the last setpoint of each second, of commands, decisions (but `status`) and texts. Packets are taken
 without sequence number, checksum and signature: one text more changes no setpoint.
+
+--exact: each flight is replayed exactly (`replay.exact`), too, and where it parts is told.
 
 --renamed: words of decisions and texts that have changed on purpose. Where NEW stands alone between
 other words it is taken for OLD.

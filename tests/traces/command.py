@@ -16,8 +16,11 @@ import llvmlite.binding
 import numba
 import numpy as np
 
+from moar_companion.recording.calls import call_encoded
+from moar_companion.replay.exact import ExactReplay
 from tests import traces
 
+from ..flights.lockstep import Lockstep
 from .flights import FLIGHTS
 from .trace import CHANNELS, Trace, difference, trace_of
 
@@ -34,8 +37,11 @@ def path(name: str) -> Path:
     return FOLDER / f"{name}.json.xz"
 
 
-def flown(name: str, renamed: dict[str, str]) -> tuple[str, Trace, str, float]:
-    """A flight's name, its trace, why it did not come to its end, and its processor time."""
+def flown(name: str, renamed: dict[str, str], exact: bool) -> tuple[str, Trace, str, float]:
+    """A flight's name, its trace, why it did not come to its end, and its processor time.
+
+    exact: it is replayed, too, and a difference is told like an end that it did not come to.
+    """
     began_s, failed = time.process_time(), ""
     ready, fly = FLIGHTS[name]
     flight = ready()
@@ -43,7 +49,19 @@ def flown(name: str, renamed: dict[str, str]) -> tuple[str, Trace, str, float]:
         fly(flight)
     except AssertionError as error:
         failed = f"not flown to its end: {error}"
+    if exact:
+        failed = "; ".join(filter(None, (failed, _parted(flight))))
     return name, trace_of(flight, renamed), failed, time.process_time() - began_s
+
+
+def _parted(flight: Lockstep) -> str:
+    """Where the flight's exact replay parts first; empty where it does not."""
+    replay = ExactReplay()
+    for call in flight.calls:
+        for item in replay.feed(json.loads(json.dumps(call_encoded(call), allow_nan=False))):
+            values = f"recorded {item.recorded}, recomputed {item.recomputed}"
+            return f"replay parts at {item.time_s:.2f} s: {item.what}: {values}"
+    return ""
 
 
 def make(name: str, trace: Trace, failed: str) -> list[str]:
@@ -56,7 +74,7 @@ def make(name: str, trace: Trace, failed: str) -> list[str]:
 
 
 def compare(name: str, trace: Trace, failed: str) -> list[str]:
-    """How a flight differs from its trace."""
+    """Differences of a flight from its trace."""
     if not path(name).exists():
         return ["has no trace"]
     then = json.loads(lzma.decompress(path(name).read_bytes()))
@@ -76,12 +94,13 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--only", default="*", metavar="PATTERN", help="of flights: 'exit*'")
     parser.add_argument("--workers", type=int, default=1, metavar="N")
     parser.add_argument("--renamed", default="", metavar="OLD=NEW,...")
+    parser.add_argument("--exact", action="store_true", help="replay each flight exactly, too")
     options = parser.parse_args(arguments)
     names = fnmatch.filter(FLIGHTS, options.only)
     if not names:
         parser.error(f"no flight is named {options.only!r}")
     pairs = [pair.split("=") for pair in options.renamed.split(",") if pair]
-    fly = partial(flown, renamed={new: old for old, new in pairs})
+    fly = partial(flown, renamed={new: old for old, new in pairs}, exact=options.exact)
     differing, spent_s = 0, 0.0
     with multiprocessing.get_context("spawn").Pool(options.workers) as pool:
         for name, trace, failed, took_s in pool.imap(fly, names):

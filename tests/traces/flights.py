@@ -12,8 +12,8 @@ from ..flights.campaign.drawing import draw
 from ..flights.campaign.flying import RandomFlight, Stopped
 from ..flights.lockstep import Lockstep
 from ..flights.operator import EVACUATION, EXIT, INSPECTION, RELEASE, Manner
-from ..flights.test_fence import CIRCLE, NAMES
-from ..flights.test_supervision import NO_FAILSAFE_OF_ITS_OWN
+from ..scenarios.test_fence import CIRCLE, NAMES
+from ..scenarios.test_supervision import NO_FAILSAFE_OF_ITS_OWN
 
 SEEDS = (
     8, 11, 15, 18, 29, 39, 48, 59, 60, 99, 230, 244, 276, 329, 439, 486, 578, 609, 1492, 1711, 2703,
@@ -23,7 +23,7 @@ SEEDS = (
 FLIGHTS: dict[str, tuple[Callable[[], Lockstep], Callable[[Any], object]]] = {
     f"seed-{seed}": (lambda seed=seed: RandomFlight(draw(seed)), RandomFlight.fly) for seed in SEEDS
 }
-"""What makes each ready, and what flies it."""
+"""Preparation and flight of each."""
 
 
 def flown_with(parameters=None, **options):
@@ -64,7 +64,7 @@ def exit_engaged(flight):
     flight.run(3.0)
 
 
-@flown_with(site="horizontal_three_conductors", vehicle="linedrone_flight")
+@flown_with(site="horizontal_three_conductors", vehicle="linedrone_uniform")
 def evacuation_planned_slowly(flight):
     flight.plan_delay_s = 1.5
     flight.begin(INSPECTION)

@@ -94,11 +94,11 @@ def _texts(flight) -> Iterator[tuple[float, str, str]]:
 
 
 _HAPPENED = dict(zip(CHANNELS, (_setpoints, _packets, _decisions, _texts), strict=True))
-"""Of each channel, in the order of time: when it was, all of it, and a line of it or nothing."""
+"""For each channel, in order of time: the time, the whole entry, and a line of it or nothing."""
 
 
 def _others(flight):
-    """What the companion has sent but setpoints: time, packet, message."""
+    """Sent packets other than setpoints: time, packet, message."""
     for time_s, data in flight.to_autopilot:
         for packet in cut(data):
             message = packets.decoded(packet)

@@ -56,7 +56,7 @@ def _timed(seed: int) -> tuple[int, dict, float]:
 
 
 def trace(seed: int, directory: Path) -> None:
-    """What was so at each step of one flight (.csv); its row and the texts to people (.txt)."""
+    """State at each step of one flight (.csv); its row and the texts to operators (.txt)."""
     record = fly(seed)
     sent = {round(item.time_s, 3): item for item in record.sent}
     with (directory / f"trace-{seed}.csv").open("w", newline="") as file:

@@ -1,4 +1,4 @@
-"""What a seed stands for: site, vehicle, autopilot, wind, orders and faults of one flight."""
+"""Flight of a seed: site, vehicle, autopilot, wind, orders and faults."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from ..operator import EVACUATION, EXIT, INSPECTION, Manner
 from .kinds import KINDS
 
 SHIPPED = ("315kv_double_circuit", "120kv_single_circuit", "horizontal_three_conductors")
-VEHICLES = ("x500", "x500", "linedrone_flight", "linedrone")
+VEHICLES = ("x500", "x500", "linedrone_uniform", "linedrone")
 LASTS_S = 55.0
-"""Of a flight, from its first order."""
+"""Duration of a flight, from its first order."""
 FAULTS_S = (2.0, 35.0)
 FREE_COLUMN_M = 5.0
 """Around the take-off."""
@@ -30,7 +30,7 @@ STANDOFF_M = (3.8, 5.0)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Order:
-    """What the operator does at a time after the first order: a mission, pause or go on."""
+    """Action of the operator at a time after the first order: a mission, pause or continue."""
 
     at_s: float
     word: str

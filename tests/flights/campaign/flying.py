@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from moar_companion.config import Authority
-from moar_companion.margin import seen_margin
+from moar_companion.error_margin import seen_margin
 from moar_companion.safety.setpoint_gate import distance_m
 from moar_companion.vehicle import Vehicle
 from sitl.geodesy import Geodetic, TrueFrame
@@ -132,7 +132,8 @@ class Stopped:
     def _nothing(self, *_):
         return ()
 
-    tick = contingency_answered = plan_jobs = contingency_jobs = decisions = data_to_send = _nothing
+    tick = contingency_answered = plan_jobs = contingency_jobs = decisions = _nothing
+    data_to_send = calls = _nothing
 
 
 class RandomFlight(Lockstep):
@@ -274,7 +275,6 @@ class RandomFlight(Lockstep):
         for sent_s, packet in items:
             self._look(sent_s, packet)
         data = b"".join(packet for _, packet in items)
-        self.inputs.append(("bytes", self.now_s, data))
         self.companion.receive(COMPANION_LINK, data, self.now_s)
 
     def tell(self, data: bytes) -> None:
@@ -308,7 +308,7 @@ class RandomFlight(Lockstep):
             self._accuracy_m = message.h_acc / 1e3 if told else self._accuracy_m
 
     def _watch(self, packet: bytes) -> None:
-        """What no companion may ask of an autopilot."""
+        """Requests that no companion may send to an autopilot."""
         if packets.number(packet) not in {75, 76}:
             return
         message = packets.decoded(packet)

@@ -33,13 +33,13 @@ STREAMING = {"ready", "flying", "at_target", "landing_leg", "holding"}
 STREAK_S = 0.05
 """A longer pause ends a stream of setpoints; the next one begins another."""
 BEGINS_WITHIN_M = 2.0
-"""Of the aircraft, a stream may begin: `off_path_m`."""
+"""Greatest distance of the aircraft from a stream that begins: `off_path_m`."""
 PLANE_M = 2.0
 TOLERANCE_M = 0.05
 """For the rounding of cells and frames."""
 JUMP_M = 0.2
 JUMP_WITHIN_S = 1.5
-"""Of the estimate: what is a jump, and until when a setpoint goes along with it."""
+"""Jumps of the estimate: least size, and time in which a setpoint may go along with one."""
 TAKEN_FROM_M = 1.8
 """Farther from its aircraft a setpoint may be taken along: `off_path_m` less the noise."""
 
@@ -58,14 +58,14 @@ class Violation:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judgement:
-    """What is said of a flight. Figures are None where nothing was judged."""
+    """Verdict on a flight. Figures are None where nothing was judged."""
 
     violations: tuple[Violation, ...]
     least_clearance_m: float | None
     least_keep_out_m: float | None
     greatest_step_mps: float | None
     greatest_error: float | None
-    """Of the estimate, over what is promised."""
+    """Greatest error of the estimate, over the promised one."""
     controlled_s: float
     within_s: float
 
@@ -140,7 +140,7 @@ def judge(record: Record) -> Judgement:
 
 
 def _first_of_each(violations: list[Violation]) -> tuple[Violation, ...]:
-    """Of each rule, and of what was not held then, the first one, counted."""
+    """First breach of each rule, by the parts of the promise that did not hold then; counted."""
     found: dict[tuple[str, tuple[str, ...]], list[Violation]] = {}
     for item in sorted(violations, key=lambda item: item.time_s):
         found.setdefault((item.rule, item.outside), []).append(item)
@@ -213,7 +213,7 @@ def _controlled(record: Record) -> np.ndarray:
 
 
 def _in_this_control(record: Record, sent_s: float, index: int) -> bool:
-    """Whether the last setpoint was sent so recently that what is flown follows from it."""
+    """True if the last setpoint was sent so recently that the flight follows from it."""
     return bool(record.time_s[index] - sent_s <= LET_GO_S)
 
 
@@ -258,7 +258,7 @@ class _Stream:
         self._silent_steps = np.concatenate([[0], np.cumsum(silent)])
 
     def _away_m(self, place_m) -> float:
-        """How far a place is outside the workspace, too low, or beside the plane."""
+        """Distance of a place outside the workspace, too low, or beside the plane."""
         x, y, z = place_m
         space = self._record.draw.site.workspace
         low = max(space.lower_m[1], -math.inf if (m := space.min_altitude_m) is None else m)
@@ -301,7 +301,7 @@ class _Stream:
         return bool(ended or item.time_s - before.time_s > STREAK_S)
 
     def _goes_on(self, index: int) -> bool:
-        """Whether a stream begins where the one before it may have come to since."""
+        """True if a stream begins where the one before it may have come to since."""
         if not index:
             return False
         before, item = self._sent[index - 1], self._sent[index]
@@ -309,7 +309,7 @@ class _Stream:
         return moved_m <= self._most_mps * (item.time_s - before.time_s)
 
     def speeds_mps(self) -> list[float]:
-        """Of every setpoint that neither a jump nor its aircraft has moved."""
+        """Speed of every setpoint that neither a jump nor its aircraft has moved."""
         return [
             speed
             for _, before, item, taken in self._pairs()

@@ -24,7 +24,7 @@ Undo = Callable[[], None]
 
 
 class Breaks(enum.Flag):
-    """What of the promise does not hold from its beginning on, beyond what can be measured."""
+    """Parts of the promise that do not hold from its beginning on, beyond what can be measured."""
 
     NOTHING = 0
     AIRCRAFT = enum.auto()
@@ -274,7 +274,7 @@ def battery_drains(flight, rng):
 
 
 @kind("nothing of the battery is told", lasts_s=(10.0, 40.0))
-def battery_untold(flight, rng):
+def battery_unreported(flight, rng):
     return flight.filter(packets.drop(packets.SYS_STATUS, packets.BATTERY_STATUS))
 
 
@@ -592,7 +592,7 @@ def position_frozen(flight, rng):
 
 
 @kind("the mode is not told", lasts_s=(0.5, 8.0))
-def mode_untold(flight, rng):
+def mode_unreported(flight, rng):
     return flight.filter(packets.drop(packets.HEARTBEAT, packets.CURRENT_MODE))
 
 

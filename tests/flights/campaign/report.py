@@ -11,7 +11,7 @@ FIGURES = (
     ("to keep-out, m", "least_keep_out_m", (50, 1)),
     ("step, m/s", "greatest_step_mps", (50, 99)),
 )
-"""Of what is better when greater, the 99th from above is told."""
+"""Percentile that is shown of figures that are better when greater: the 99th from above."""
 
 
 def summary(rows: list[dict], seconds: list[float]) -> str:

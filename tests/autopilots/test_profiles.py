@@ -1,0 +1,195 @@
+"""One profile holds all that differs: a third autopilot is one more, an unknown one the worst."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+from pymavlink.dialects.v20 import all as mavlink
+
+import moar_companion
+from moar_companion import autopilots
+from moar_companion.autopilots import PROFILES, kind_of, profile
+from moar_companion.autopilots.failsafe_actions import Action
+from moar_companion.autopilots.fence import Fence
+from moar_companion.autopilots.offboard_loss import OffboardLoss
+from moar_companion.autopilots.parameter_rules import Rule, switch
+from moar_companion.config import Authority, LossCheck, shipped_configs
+from moar_companion.errors import InputError
+from moar_companion.mavlink import modes, translate
+from moar_companion.mavlink.message_rates import wanted_rates_hz
+from moar_companion.preflight.aircraft_check import parameter_findings
+from moar_companion.preflight.findings import Level
+from moar_companion.telemetry import Telemetry
+from moar_companion.types import AutopilotKind
+from moar_companion.vehicle import Vehicle
+
+from ..companion.desk import INSPECTION, Desk
+
+MADE_UP, FOLLOW, WAIT, LAND = AutopilotKind("made_up"), 7, 8, 9
+NUMBER = int(mavlink.MAV_AUTOPILOT_REFLEX)
+X500 = shipped_configs() / "vehicles" / "x500.yaml"
+
+
+def read_loss(value, unreported):
+    return OffboardLoss(
+        kind=MADE_UP,
+        name="Made-up",
+        action=Action.HOLD if value["MU_STAYS"] else Action.FALL,
+        remedy="set MU_STAYS 1",
+        timeout_s=None,
+        way_s=0.5,
+        way_s2pm=0.2,
+        unreported=unreported,
+    )
+
+
+@pytest.fixture
+def made_up(monkeypatch):
+    """A third autopilot, entered into the one table."""
+    third = replace(
+        profile(autopilots.UNKNOWN),
+        kind=MADE_UP,
+        name="Made-up",
+        mav_autopilot=NUMBER,
+        mode_name={FOLLOW: "FOLLOW", WAIT: "WAIT", LAND: "DOWN"}.get,
+        is_own_mode=lambda custom_mode: custom_mode == FOLLOW,
+        own_mode="FOLLOW",
+        own_mode_numbers=(FOLLOW, 0),
+        land_mode="DOWN",
+        land_mode_numbers=(LAND, 0),
+        homeward_modes=frozenset({"DOWN"}),
+        rates_hz={"WIND_COV": 3.0},
+        projection_known=True,
+        loss_defaults={"MU_STAYS": 1.0},
+        read_loss=read_loss,
+        failsafe_defaults={"MU_FAILSAFE": 0.0},
+        read_failsafes=lambda _: (),
+        fence_parameters=("MU_FENCE",),
+        read_fence=lambda _values, areas, unreported, _enabled: Fence(
+            areas=areas, unreported=unreported
+        ),
+        rules=(
+            Rule(
+                parameter="MU_STAYS",
+                judge=switch(off=Level.NO_GO),
+                meaning="whether it stays",
+                unknown=Level.NO_GO,
+            ),
+        ),
+    )
+    monkeypatch.setitem(PROFILES, MADE_UP, third)
+    return third
+
+
+def desk_of(**parameters):
+    desk = Desk(autopilot=NUMBER, authority=Authority.ENGAGE)
+    desk.set(ours=FOLLOW, mode=WAIT)
+    desk.parameters.update(MU_STAYS=1.0, MU_FENCE=0.0, **parameters)
+    return desk
+
+
+def test_a_third_autopilot_is_flown_by_its_profile_alone(made_up):
+    desk = desk_of().run(1.2)
+    assert desk.companion.telemetry.autopilot.mode == "WAIT"
+    names = {message.param_id for message in desk.messages("PARAM_REQUEST_READ")}
+    assert names == {"MU_STAYS", "MU_FAILSAFE", "MU_FENCE"}
+    desk.order(INSPECTION).run_until("ready").run(2.0)
+    (asked,) = desk.mode_requests()
+    assert (asked.param1, asked.param2) == (1, FOLLOW)
+    desk.say_heartbeat(FOLLOW).run_until("flying", 0.1).run(2.0)
+    assert len(desk.setpoints()) > 50
+    desk.say_heartbeat(WAIT).run(0.1)
+    assert desk.state == "overridden"
+
+
+def test_where_it_would_fall_without_setpoints_it_is_not_flown(made_up):
+    desk = desk_of()
+    desk.parameters["MU_STAYS"] = 0.0
+    desk.run(1.2).order(INSPECTION).run(0.5)
+    assert desk.state == "idle"
+    assert desk.said("Made-up would stop its motors")
+    assert not desk.setpoints()
+
+
+def test_check_judges_it_by_its_rules_and_its_files_name_it(made_up, tmp_path):
+    file = tmp_path / "vehicle.yaml"
+    file.write_text(X500.read_text().replace("autopilot: px4", "autopilot: made_up"))
+    vehicle = Vehicle.load(file)
+    assert vehicle.autopilot == MADE_UP
+    (finding,) = parameter_findings(
+        made_up, {"MU_STAYS": 0.0}, vehicle, LossCheck.REFUSE, ground_station_heard=True
+    )
+    assert (finding.level, finding.text) == (Level.NO_GO, "0: whether it stays")
+    assert wanted_rates_hz(MADE_UP)[mavlink.MAVLINK_MSG_ID_WIND_COV] == 3.0
+
+
+def test_a_vehicle_file_names_a_known_autopilot_or_none(tmp_path):
+    file = tmp_path / "vehicle.yaml"
+    file.write_text(X500.read_text().replace("autopilot: px4", "autopilot: made_up"))
+    with pytest.raises(InputError, match="is 'made_up', must be 'px4' or 'ardupilot'"):
+        Vehicle.load(file)
+
+
+@pytest.mark.parametrize("kind", list(PROFILES))
+def test_every_row_has_a_number_of_its_own_and_modes_that_name_each_other(kind):
+    known = profile(kind)
+    assert kind_of(known.mav_autopilot) == known.kind == kind
+    numbers = modes.own_mode_parameters(kind, armed=True), modes.land_parameters(kind, armed=True)
+    assert None not in numbers
+    assert known.land_mode in known.homeward_modes
+    assert known.own_mode not in known.homeward_modes
+    read = (known.read_loss, known.read_failsafes, known.read_fence)
+    assert None not in read
+
+
+@pytest.mark.parametrize("kind", list(PROFILES))
+def test_nothing_that_is_assumed_of_an_unknown_autopilot_lowers_a_risk(kind):
+    unknown, known = profile(autopilots.UNKNOWN), profile(kind)
+    assert unknown.landing_mps <= known.landing_mps
+    assert unknown.landed_hover_s >= known.landed_hover_s
+    assert unknown.position_error_m >= known.position_error_m
+    assert unknown.tracking_error_m >= known.tracking_error_m
+    assert unknown.stray_s2 >= known.stray_s2
+    assert unknown.innovation_limit <= known.innovation_limit
+    assert not unknown.better_gnss_taken
+    assert not unknown.summary_is_battery_0
+    assert not unknown.channels_without_receiver
+    assert not unknown.projection_known
+    told = unknown.with_silence(known.with_silence({}))
+    assert unknown.offboard_loss(told) is None
+    assert unknown.failsafes(told) is None
+    assert unknown.fence(told, (), enabled=True) is None
+
+
+@pytest.mark.parametrize("kind", [None, AutopilotKind("made_up")])
+def test_whatever_has_no_row_is_unknown(kind):
+    assert profile(kind) is profile(autopilots.UNKNOWN)
+    assert kind_of(NUMBER) == autopilots.UNKNOWN
+
+
+@pytest.mark.parametrize("custom_mode", [4, 6 << 16])
+def test_an_unknown_autopilot_is_in_no_mode_of_ours_and_its_failsafe_is_its_own(custom_mode):
+    heartbeat = mavlink.MAVLink_heartbeat_message(2, NUMBER, 209, custom_mode, 5, 3)
+    status = translate.update(Telemetry(), heartbeat, 1.0).autopilot
+    assert not status.ours
+    assert not status.homeward
+    assert status.mode.startswith("MODE 0x")
+    assert modes.own_mode_parameters(status.kind, armed=True) is None
+    assert modes.land_parameters(status.kind, armed=True) is None
+
+
+def test_no_other_package_names_an_autopilot_but_the_readers_of_their_logs():
+    package = Path(moar_companion.__file__).parent
+    named = re.compile(
+        r"^from \.+autopilots(\.(px4|ardupilot)| import .*\b(px4|ardupilot)\b)",
+        re.MULTILINE | re.IGNORECASE,
+    )
+    naming = {
+        str(path.relative_to(package))
+        for path in package.rglob("*.py")
+        if path.parent.name != "autopilots" and named.search(path.read_text())
+    }
+    assert naming == {"replay/ulog_topics.py", "replay/dataflash_listener.py"}

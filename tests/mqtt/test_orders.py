@@ -1,0 +1,227 @@
+"""Signed orders: which are taken, and what becomes of them in the companion."""
+
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from moar_companion.config import Commands
+from moar_companion.mavlink.order_link import OrderLink
+from moar_companion.mqtt.orders import OrderChecks, RefusedOrder, signed_order
+from moar_companion.mqtt.payloads import Order
+from moar_companion.mqtt_config import ORDER_LINK, Mqtt, MqttCommands
+from moar_companion.service import mqtt_orders
+from moar_companion.service.mqtt_orders import MqttOrders
+
+from ..companion.desk import Desk
+
+KEY, OTHER_KEY = b"k" * 32, b"o" * 32
+START_S = 1.8e9
+WINDOW_S = 10.0
+
+
+def order(nonce="0123456789abcdef", *, mission="inspection", target=None, time_s=START_S + 5.0):
+    return Order(mission=mission, target=target, time_s=time_s, nonce=nonce)
+
+
+def checks(vehicle="a1"):
+    return OrderChecks(vehicle, KEY, WINDOW_S, START_S)
+
+
+def refused(checked):
+    assert isinstance(checked, RefusedOrder)
+    return checked.reason
+
+
+def test_an_order_that_is_signed_fresh_and_new_is_taken():
+    given = order(target=1)
+    assert checks().check(signed_order(given, "a1", KEY), START_S + 6.0) == given
+
+
+@pytest.mark.parametrize(
+    ("vehicle", "key"), [("a1", OTHER_KEY), ("a2", KEY)], ids=["another key", "another vehicle"]
+)
+def test_a_signature_of_another_key_or_for_another_vehicle_is_wrong(vehicle, key):
+    answer = checks().check(signed_order(order(), vehicle, key), START_S + 6.0)
+    assert answer == RefusedOrder(reason="wrong signature")
+
+
+def test_any_change_of_a_signed_order_makes_its_signature_wrong():
+    envelope = json.loads(signed_order(order(), "a1", KEY))
+    text = envelope["order"]
+    for place in range(len(text)):
+        changed = text[:place] + chr(ord(text[place]) ^ 1) + text[place + 1 :]
+        payload = json.dumps(envelope | {"order": changed}).encode()
+        assert refused(checks().check(payload, START_S + 6.0)) == "wrong signature"
+
+
+def test_an_order_is_taken_once():
+    taking, payload = checks(), signed_order(order(), "a1", KEY)
+    assert isinstance(taking.check(payload, START_S + 6.0), Order)
+    for later_s in (6.0, 8.0, 14.9):
+        assert refused(taking.check(payload, START_S + later_s)) == "given before"
+    assert "ago" in refused(taking.check(payload, START_S + 15.1))
+
+
+@pytest.mark.parametrize(
+    ("given_s", "now_s", "reason"),
+    [
+        (100.0, 110.5, "given 10 s ago (limit 10 s)"),
+        (100.0, 89.0, "given 11 s ahead of this clock"),
+        (-1.0, 2.0, "given before the companion's start"),
+    ],
+)
+def test_an_order_out_of_the_window_or_of_before_the_start_is_refused(given_s, now_s, reason):
+    payload = signed_order(order(time_s=START_S + given_s), "a1", KEY)
+    assert refused(checks().check(payload, START_S + now_s)) == reason
+
+
+def test_a_clock_that_is_set_back_makes_no_old_order_fresh():
+    taking, payload = checks(), signed_order(order(), "a1", KEY)
+    taking.check(payload, START_S + 6.0)
+    for number in range(3):
+        later = order(f"{number:016d}", time_s=START_S + 3600.0)
+        assert taking.check(signed_order(later, "a1", KEY), START_S + 3600.0) == later
+    assert "ago" in refused(taking.check(payload, START_S + 6.0))
+
+
+def test_an_order_that_the_broker_kept_is_refused():
+    answer = checks().check(signed_order(order(), "a1", KEY), START_S + 6.0, retained=True)
+    assert refused(answer) == "is retained by the broker"
+
+
+@pytest.mark.parametrize(
+    ("change", "told"),
+    [
+        ({"mission": "land"}, "mission: "),
+        ({"target": -1}, "target: "),
+        ({"target": 1.5}, "target: "),
+        ({"time_s": "now"}, "time_s: "),
+        ({"nonce": "short"}, "nonce: "),
+        ({"speed": 3}, "speed: "),
+    ],
+)
+def test_a_signed_order_that_is_none_is_refused_with_the_field(change, told):
+    content = json.loads(order().model_dump_json()) | change
+    assert refused(checks().check(signed_text(json.dumps(content)), START_S + 6.0)).startswith(told)
+
+
+def signed_text(text):
+    """A signed text, whatever it is."""
+
+    class Text:
+        def model_dump_json(self):
+            return text
+
+    return signed_order(Text(), "a1", KEY)
+
+
+@given(st.binary(max_size=300) | st.text(max_size=100).map(signed_text))
+def test_no_payload_raises(payload):
+    refused(checks().check(payload, START_S))
+
+
+def test_a_payload_with_half_a_character_does_not_raise():
+    payload = b'{"order": "\\ud800", "signature": "\\ud800"}'
+    assert refused(checks().check(payload, START_S)) == "wrong signature"
+
+
+# In the companion
+
+
+def taking_orders(**config):
+    settings = Mqtt(url="mqtt://a", vehicle="a1", commands=MqttCommands(accept=True))
+    return Desk(mqtt=settings, **config)
+
+
+def give(desk, link, nonce, word, index=None):
+    return desk.hear(link.packet(nonce, word, index), ORDER_LINK)
+
+
+def answers(desk, link):
+    """What is answered on the order's link since the last call, as (order, result, reason)."""
+    packets = [bytes(message.get_msgbuf()) for _, url, message in desk.sent if url == ORDER_LINK]
+    desk.sent.clear()
+    return [(item.order_id, item.result.name, item.reason) for item in link.answers(packets)]
+
+
+def test_an_order_flies_as_a_ground_stations_and_is_answered_with_its_words():
+    desk, link = taking_orders().run(2.0), OrderLink(195)
+    give(desk, link, "first", "inspection").run_until("ready")
+    assert answers(desk, link) == [("first", "ACCEPTED", "")]
+    desk.run(1.1).say_heartbeat(desk.ours).run_until("flying", 0.1)
+    give(desk, link, "second", "pause").run_until("holding", 1.0)
+    assert answers(desk, link) == [("second", "ACCEPTED", "")]
+    give(desk, link, "third", "continue").run_until("flying", 2.0)
+    assert answers(desk, link)[-1] == ("third", "ACCEPTED", "")
+
+
+def test_a_denied_order_is_told_why():
+    desk, link = taking_orders().run(2.0), OrderLink(195)
+    give(desk, link, "far", "inspection", 99).run(0.2)
+    ((nonce, result, reason),) = answers(desk, link)
+    assert (nonce, result) == ("far", "DENIED")
+    assert reason.startswith("MOAR: no target 99")
+
+
+def test_the_rules_for_mavlink_senders_do_not_bar_what_a_key_allows():
+    rules = Commands(systems=(42,), components=(7,), links=("udp:a",), signed_only=True)
+    desk, link = taking_orders(commands=rules).run(2.0), OrderLink(195)
+    give(desk, link, "signed", "inspection").run_until("ready")
+    assert answers(desk, link) == [("signed", "ACCEPTED", "")]
+
+
+def test_an_order_that_another_overtakes_is_cancelled():
+    desk, link = taking_orders(plan_delay_s=None).run(2.0), OrderLink(195)
+    give(desk, link, "first", "inspection").run(0.5)
+    assert answers(desk, link) == [("first", "IN_PROGRESS", "")]
+    give(desk, link, "second", "hold").run(0.5)
+    told = {nonce: result for nonce, result, _ in answers(desk, link)}
+    assert told == {"first": "CANCELLED", "second": "ACCEPTED"}
+
+
+def test_by_default_there_is_no_link_for_orders():
+    desk = Desk()
+    assert ORDER_LINK not in {link for _, link, _ in desk.run(2.0).sent}
+    assert not Mqtt(url="mqtt://a", vehicle="a1").takes_orders
+
+
+# Between the threads
+
+
+@pytest.fixture
+def waiting(monkeypatch):
+    now_s = START_S + 6.0
+    monkeypatch.setattr(mqtt_orders.time, "time", lambda: now_s)
+    monkeypatch.setattr(mqtt_orders, "clock_s", lambda: 0.0)
+    return MqttOrders("a1", checks(), 195)
+
+
+def replies(orders):
+    return [json.loads(message.payload) for message in orders.replies()]
+
+
+def test_more_orders_than_a_cycle_takes_are_rejected_for_now(waiting):
+    for number in range(20):
+        given = order(f"{number:016d}", mission="hold")
+        waiting.receive(signed_order(given, "a1", KEY), retained=False)
+    told = replies(waiting)
+    assert len(waiting.take()) == 8
+    assert [reply["nonce"] for reply in told] == [f"{number:016d}" for number in range(8, 20)]
+    assert {(reply["result"], reply["final"]) for reply in told} == {("TEMPORARILY_REJECTED", True)}
+
+
+def test_a_flood_of_wrong_orders_is_neither_answered_nor_logged_for_long(waiting, caplog):
+    wrong = signed_order(order(), "a1", OTHER_KEY)
+    for _ in range(1000):
+        waiting.receive(wrong, retained=False)
+    assert waiting.take() == []
+    assert len(replies(waiting)) == 10
+    assert caplog.messages == ["MQTT: an order was refused: wrong signature"]
+
+
+def test_no_payload_of_an_order_holds_a_number_that_is_not_finite():
+    with pytest.raises(ValueError, match="finite"):
+        order(time_s=math.nan)

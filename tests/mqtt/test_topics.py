@@ -1,0 +1,193 @@
+"""What is published: the table of topics, its payloads, and when each is due."""
+
+import copy
+import json
+import math
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from moar_companion.mqtt import payloads
+from moar_companion.mqtt.schemas import FOLDER, schemas
+from moar_companion.mqtt.topics import TOPICS, Publication
+
+from ..companion.desk import Desk
+from .statuses import flying, status_of
+
+EVENTS = {"mission", "conditions", "plan"}
+
+
+def strict(payload):
+    """JSON as its standard has it, without NaN and infinities."""
+
+    def refuse(word):
+        raise AssertionError(f"{word} in JSON")
+
+    return json.loads(payload, parse_constant=refuse)
+
+
+def published(status, publication=None, now_s=0.0):
+    messages = (publication or Publication("a1")).due(status, now_s)
+    return {message.topic.removeprefix("moar/a1/"): message for message in messages}
+
+
+def test_before_anything_is_heard_every_payload_but_the_plan_tells_what_is_unknown():
+    told = published(status_of(Desk()))
+    assert set(told) == {topic.name for topic in TOPICS} - {"plan"}
+    assert strict(told["battery"].payload)["remaining"] is None
+    assert strict(told["position"].payload)["latitude_deg"] is None
+    risks = strict(told["risk"].payload)["risk"]
+    assert [index["known"] for index in risks.values()] == [False] * 4
+
+
+def test_in_flight_the_payloads_say_what_the_status_says():
+    status = status_of(flying())
+    told = {name: strict(item.payload) for name, item in published(status).items()}
+    assert set(told) == {topic.name for topic in TOPICS}
+    assert told["mission"]["state"] == "flying"
+    assert told["mission"]["target"] == flying().site.targets[0].name
+    assert told["mission"]["since_s"] == pytest.approx(
+        status["time_s"] - status["mission"]["for_s"], abs=0.06
+    )
+    assert told["position"]["position_m"] == pytest.approx(
+        status["aircraft"]["position_m"], abs=1e-4
+    )
+    for name, index in told["risk"]["risk"].items():
+        assert index["value"] == pytest.approx(status["risk"][name]["value"], abs=1e-4)
+        assert index["words"] == status["risk"][name]["words"]
+    assert told["weights"]["adjusted"]["safety"] == pytest.approx(
+        status["weights"]["adjusted"]["safety"], abs=1e-4
+    )
+    assert told["plan"]["path"][0]["z_m"] == pytest.approx(
+        flying().decided("plan")[-1]["plan"]["waypoints"][0]["z_m"]
+    )
+
+
+def test_of_the_risks_inputs_those_are_told_that_were_ever_heard():
+    status = status_of(flying())
+    told = strict(published(status)["risk/inputs"].payload)["inputs"]
+    for name, index in status["risk"].items():
+        heard = [item["name"] for item in index["inputs"] if item["age_s"] is not None]
+        assert [item["name"] for item in told[name]] == heard
+
+
+@given(
+    st.lists(
+        st.tuples(st.integers(0, 10_000), st.sampled_from([math.nan, math.inf, -math.inf])),
+        max_size=20,
+    )
+)
+def test_a_number_that_is_not_finite_becomes_null_or_costs_its_topic_alone(places):
+    status = copy.deepcopy(status_of(flying()))
+    numbers = list(floats(status))
+    for place, value in places:
+        part, key = numbers[place % len(numbers)]
+        part[key] = value
+    publication = Publication("a1")
+    told = published(status, publication)
+    assert set(told) | set(publication.unfit) == {topic.name for topic in TOPICS}
+    for message in told.values():
+        strict(message.payload)
+
+
+def floats(value):
+    """Every place of a float in a status: its container and key."""
+    if isinstance(value, dict | list):
+        for key, item in value.items() if isinstance(value, dict) else enumerate(value):
+            if isinstance(item, float) and isinstance(value, dict):
+                yield value, key
+            else:
+                yield from floats(item)
+
+
+def test_each_topic_comes_as_often_as_the_table_says():
+    publication, status, counts = Publication("a1"), status_of(flying()), {}
+    for step in range(120):
+        for name in published(status, publication, 100.0 + 0.5 * step):
+            counts[name] = counts.get(name, 0) + 1
+    assert counts == {
+        topic.name: 1 if topic.period_s is None else 60.0 / topic.period_s for topic in TOPICS
+    }
+
+
+def test_events_are_told_at_once_and_only_when_their_content_changes():
+    publication, status = Publication("a1"), status_of(flying())
+    published(status, publication)
+    later = {**status, "time_s": status["time_s"] + 1.0}
+    later["mission"] = {**status["mission"], "for_s": status["mission"]["for_s"] + 1.0}
+    later["mission"]["text_age_s"] = status["mission"]["text_age_s"] + 1.0
+    later["plan"] = {**status["plan"], "age_s": status["plan"]["age_s"] + 1.0}
+    assert not EVENTS & set(published(later, publication, 0.1))
+    later["mission"] = {**later["mission"], "state": "holding"}
+    told = published(later, publication, 0.1)
+    assert set(told) == {"mission"}
+    assert (told["mission"].qos, told["mission"].retain) == (1, True)
+
+
+def test_after_a_new_connection_everything_is_told_anew():
+    publication, status = Publication("a1"), status_of(flying())
+    published(status, publication)
+    assert not published(status, publication)
+    publication.start_anew()
+    assert set(published(status, publication)) == {topic.name for topic in TOPICS}
+
+
+def test_statuses_that_come_late_are_not_made_up_for():
+    publication, status = Publication("a1"), status_of(flying())
+    published(status, publication, 0.0)
+    assert "position" in published(status, publication, 60.0)
+    assert "position" not in published(status, publication, 60.1)
+
+
+def test_no_topic_is_told_twice_and_every_row_of_the_table_has_its_schema():
+    names = [topic.name for topic in TOPICS]
+    assert len(set(names)) == len(names)
+    assert all(f"{name.replace('/', '_')}.json" in schemas() for name in names)
+
+
+def test_the_shipped_schemas_are_current():
+    shipped = {path.name: path.read_text() for path in FOLDER.glob("*.json")}
+    assert shipped == schemas(), "run python -m moar_companion.mqtt.schemas"
+
+
+@pytest.mark.parametrize("name", [topic.name for topic in TOPICS])
+def test_every_field_of_a_payload_is_in_its_schema_with_its_type(name):
+    schema = json.loads(schemas()[f"{name.replace('/', '_')}.json"])
+    content = strict(published(status_of(flying()))[name].payload)
+    fits(content, schema, schema.get("$defs", {}))
+
+
+def fits(value, schema, definitions):
+    """That a value fits a schema of those that pydantic writes for our models."""
+    if "$ref" in schema:
+        schema = definitions[schema["$ref"].rpartition("/")[2]]
+    if "anyOf" in schema:
+        for choice in schema["anyOf"]:
+            try:
+                fits(value, choice, definitions)
+            except AssertionError:
+                continue
+            return
+        raise AssertionError(f"{value!r} fits none of {schema['anyOf']}")
+    kinds = {
+        "object": dict, "array": list, "string": str, "number": int | float, "integer": int,
+        "boolean": bool, "null": type(None),
+    }  # fmt: skip
+    assert isinstance(value, kinds[schema["type"]]), (value, schema)
+    assert isinstance(value, bool) == (schema["type"] == "boolean")
+    if schema["type"] == "array":
+        for item in value:
+            fits(item, schema["items"], definitions)
+    elif schema["type"] == "object" and "properties" in schema:
+        assert set(schema["required"]) <= set(value) <= set(schema["properties"])
+        for key, item in value.items():
+            fits(item, schema["properties"][key], definitions)
+
+
+def test_a_will_knows_no_time():
+    assert strict(payloads.Online(online=False).model_dump_json()) == {
+        "online": False,
+        "since_s": None,
+        "version": None,
+    }

@@ -1,0 +1,52 @@
+"""Which recordings make room for new ones."""
+
+from moar_companion.outlets.recorded_files import make_room, part_name
+
+
+def recorded(directory, day, *names, size=100):
+    folder = directory / f"flight_202611{day:02}T101112.000000Z"
+    folder.mkdir(exist_ok=True)
+    for name in names:
+        (folder / name).write_bytes(bytes(size))
+    return folder
+
+
+def left(directory):
+    return sorted(str(path.relative_to(directory)) for path in directory.glob("*/*"))
+
+
+def test_parts_are_numbered_from_the_second_on():
+    assert part_name("flight.mcap", 1) == "flight.mcap"
+    assert part_name("decisions.jsonl", 12) == "decisions-12.jsonl"
+
+
+def test_the_oldest_flights_go_first_then_the_oldest_parts_of_this_one(tmp_path):
+    old = recorded(tmp_path, 1, "flight.tlog", "flight.mcap")
+    now = recorded(tmp_path, 2, "flight.mcap", "flight-2.mcap", "flight-10.mcap")
+    kept = [now / "flight-10.mcap"]
+    make_room(tmp_path, kept, 350.0, 0.0)
+    assert not old.exists()
+    assert len(left(tmp_path)) == 3
+    make_room(tmp_path, kept, 250.0, 0.0)
+    assert [path.name for path in sorted(now.iterdir())] == ["flight-10.mcap", "flight-2.mcap"]
+    make_room(tmp_path, kept, 0.0, 1e9)
+    assert [path.name for path in now.iterdir()] == ["flight-10.mcap"]
+
+
+def test_as_much_goes_as_the_disk_is_short_of(tmp_path):
+    recorded(tmp_path, 1, "flight.tlog", size=100)
+    recorded(tmp_path, 2, "flight.tlog", size=100)
+    recorded(tmp_path, 3, "flight.tlog", size=100)
+    make_room(tmp_path, [], float("inf"), 150.0)
+    assert [path.split("/")[0][:15] for path in left(tmp_path)] == ["flight_20261103"]
+
+
+def test_files_of_others_stay(tmp_path):
+    folder = recorded(tmp_path, 1, "flight.tlog", "notes.txt", "flight.png")
+    (tmp_path / "flight_plan").mkdir()
+    (tmp_path / "flight_plan" / "flight.tlog").write_bytes(bytes(100))
+    (tmp_path / "flight_20261101T101112.000000Z.mcap").write_bytes(bytes(100))
+    make_room(tmp_path, [], 0.0, 1e9)
+    assert sorted(path.name for path in folder.iterdir()) == ["flight.png", "notes.txt"]
+    assert (tmp_path / "flight_plan" / "flight.tlog").exists()
+    assert (tmp_path / "flight_20261101T101112.000000Z.mcap").exists()

@@ -1,0 +1,92 @@
+"""On offboard loss: the check says before the flight what the service says then."""
+
+from dataclasses import replace
+
+import pytest
+
+from moar_companion import autopilots
+from moar_companion.config import LossCheck, Supervision, shipped_configs
+from moar_companion.error_margin import flown_site
+from moar_companion.planner.planner import Planner
+from moar_companion.preflight.failsafes import LOSS_SUBJECT, loss_findings
+from moar_companion.preflight.findings import Level
+from moar_companion.site import Site
+from tests.vehicles import named_vehicle
+
+from ..companion.desk import ACCEPTED, DENIED, INSPECTION, PARAMETERS, Desk, mavlink
+from ..losses import loss_of
+
+OK, NOTE, WARNING, NO_GO = Level
+KINDS = {
+    autopilots.PX4: mavlink.MAV_AUTOPILOT_PX4,
+    autopilots.ARDUPILOT: mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA,
+}
+SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+VEHICLE = named_vehicle("linedrone_uniform")
+PLANNER = Planner(flown_site(SITE, VEHICLE, Supervision()), VEHICLE)
+
+
+def found(kind, policy=LossCheck.REFUSE, *, planner=PLANNER, **parameters):
+    """Findings on an autopilot with recommended parameters but for these."""
+    told = loss_of(kind, **{**PARAMETERS, **parameters})
+    findings = loss_findings(planner, told, None, policy)
+    assert {item.subject for item in findings} <= {LOSS_SUBJECT}
+    return findings
+
+
+@pytest.mark.parametrize("policy", LossCheck)
+@pytest.mark.parametrize(
+    ("kind", "name", "value"),
+    [
+        (autopilots.PX4, "COM_OBL_RC_ACT", 0.0),
+        (autopilots.PX4, "COM_OBL_RC_ACT", 4.0),
+        (autopilots.PX4, "COM_OBL_RC_ACT", 7.0),
+        (autopilots.ARDUPILOT, "GUID_TIMEOUT", 60.0),
+        (autopilots.ARDUPILOT, "WPNAV_ACCEL", 50.0),
+    ],
+)
+def test_the_check_says_before_what_the_service_says_then(policy, kind, name, value):
+    desk = Desk(autopilot=KINDS[kind], supervision=Supervision(loss_action=policy))
+    desk.parameters[name] = value
+    desk.run(1.2).order(INSPECTION, 1.0).run(0.5)
+    refused = policy is LossCheck.REFUSE
+    assert desk.answers() == [DENIED if refused else ACCEPTED]
+    (objection,) = {
+        item.text.partition(" (")[0]
+        for item in found(kind, policy, **{name: value})
+        if "to splice-inner" in item.text and item.level is (NO_GO if refused else WARNING)
+    }
+    assert objection.startswith(("PX4 would ", "it would ", "ArduPilot brakes 0.5 < "))
+    assert desk.said(objection)
+
+
+def test_a_way_out_is_warned_about_and_never_a_no_go():
+    findings = found(autopilots.PX4, COM_OBL_RC_ACT=7.0)
+    assert [(item.level, "exit from splice-outer" in item.text) for item in findings] == [
+        (WARNING, True),
+        (NO_GO, False),
+    ]
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_autopilot_that_holds_hits_nothing(kind):
+    (finding,) = found(kind)
+    assert finding.level is OK
+    assert finding.text == "the autopilot would hold, and hit nothing on any way of this site"
+
+
+def test_what_was_not_told_is_said_as_the_service_says_it():
+    desk = Desk()
+    del desk.parameters["RTL_MIN_DIST"]
+    desk.run(5.0)
+    *_, finding = found(autopilots.PX4, RTL_MIN_DIST=None)
+    assert (finding.level, finding.text) == (
+        WARNING,
+        "1 parameter unread, taken as default (RTL_MIN_DIST)",
+    )
+    assert desk.said("MOAR: 1 parameter unread, taken as default")
+    assert finding.text in {text["reason"] for text in desk.decided("text")}
+
+
+def test_a_site_without_targets_has_no_ways_to_speak_of():
+    assert found(autopilots.PX4, planner=Planner(replace(SITE, targets=()), VEHICLE)) == []

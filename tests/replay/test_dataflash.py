@@ -1,0 +1,188 @@
+"""ArduPilot's onboard logs, read as the companion hears its autopilot."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import struct
+
+import pytest
+
+from moar_companion.commands.replay import played
+from moar_companion.config import shipped_configs
+from moar_companion.errors import InputError
+from moar_companion.replay.dataflash_listener import DataflashListener
+from moar_companion.telemetry import LandedState
+from moar_companion.vehicle import Vehicle
+
+GUIDED = ("MODE", {"ModeNum": 4})
+HEALTH = {"C": 0, "PI": 0, "SS": 0x1F, "SV": 0.1, "SP": 0.2, "SH": 0.0, "SM": 0.3}
+ESTIMATE = {"PN": 1.0, "PE": 2.0, "PD": -3.0, "VN": 0.1, "VE": 0.2, "VD": 0.3}
+PLACE = {"Lat": 45.0, "Lng": -71.0, "Alt": 210.0}
+
+
+def heard(*rows):
+    """The listener after messages, a second apart, and what it said."""
+    listener, said = DataflashListener(), []
+    for second, (name, fields) in enumerate(rows, start=1):
+        said += listener.hear((name, {"TimeUS": second * 10**6} | fields), float(second))
+    return listener, said
+
+
+def telemetry(*rows):
+    return heard(*rows)[0].telemetry
+
+
+def test_the_mode_is_the_heartbeat_of_the_same_mode_and_finds_the_autopilot_once():
+    listener, said = heard(GUIDED, ("EV", {"Id": 10}), ("MODE", {"ModeNum": 9}))
+    status = listener.telemetry.autopilot
+    assert (status.mode, status.armed, status.ours, status.homeward) == ("LAND", True, False, True)
+    assert (listener.vehicle_type, listener.leans, status.motors) == ("quadrotor", True, 4)
+    assert [type(item).__name__ for item in said] == ["AutopilotFound"]
+
+
+def test_the_frame_decides_how_many_motors_there_are():
+    assert telemetry(("PARM", {"Name": "FRAME_CLASS", "Value": 2.0}), GUIDED).autopilot.motors == 6
+    plane, _ = heard(("MSG", {"Message": "ArduPlane V4.5.0"}), GUIDED)
+    assert not plane.leans
+
+
+def test_the_autopilot_lives_while_it_logs():
+    attitude = ("ATT", {"Roll": 0.0, "Pitch": 0.0, "Yaw": 0.0})
+    assert telemetry(GUIDED, attitude, attitude).autopilot.received_s == 3.0
+
+
+def test_errors_of_failsafes_are_a_failsafe_until_they_clear():
+    begun, cleared = {"Subsys": 6, "ECode": 1}, {"Subsys": 6, "ECode": 0}
+    assert telemetry(GUIDED, ("ERR", begun)).autopilot.failsafe
+    assert not telemetry(GUIDED, ("ERR", begun), ("ERR", cleared)).autopilot.failsafe
+    assert not telemetry(GUIDED, ("ERR", {"Subsys": 2, "ECode": 1})).autopilot.failsafe
+    _, said = heard(GUIDED, ("ERR", begun))
+    assert said[-1].heard.text == "ERR subsystem 6, code 1"
+
+
+def test_landing_and_taking_off_are_events():
+    assert telemetry(("EV", {"Id": 18})).landed.state is LandedState.ON_GROUND
+    assert telemetry(("EV", {"Id": 28})).landed.state is LandedState.IN_AIR
+
+
+def test_the_position_is_of_the_estimator_in_use():
+    second = {**HEALTH, "C": 0, "PI": 1}
+    rows = [("XKF1", {"C": core, **ESTIMATE, "PN": float(core)}) for core in (0, 1)]
+    assert telemetry(*rows).local_position.position_ned_m[0] == 0.0
+    assert telemetry(("XKF4", second), *rows).local_position.position_ned_m[0] == 1.0
+    assert telemetry(("NKF1", ESTIMATE)).local_position.velocity_ned_mps == (0.1, 0.2, 0.3)
+
+
+def test_attitude_is_in_radians_with_the_heading_from_north():
+    found = telemetry(("ATT", {"Roll": 90.0, "Pitch": -45.0, "Yaw": 350.0})).attitude
+    assert (found.roll_rad, found.pitch_rad) == pytest.approx((math.pi / 2, -math.pi / 4))
+    assert found.yaw_rad == pytest.approx(math.radians(-10.0))
+
+
+def test_home_is_about_the_estimators_origin():
+    home = telemetry(
+        ("ORGN", {"Type": 0, **PLACE}), ("ORGN", {"Type": 1, **PLACE, "Alt": 205.0})
+    ).home
+    assert home.position_ned_m == pytest.approx((0.0, 0.0, 5.0))
+
+
+def test_the_estimators_health_has_none_for_what_is_not_used():
+    found = telemetry(("XKF4", HEALTH)).estimator
+    assert found.horizontal_position_ok
+    assert (found.velocity_innovation, found.height_innovation) == (0.1, None)
+    glitching = telemetry(("XKF4", {**HEALTH, "SS": 0x1F | 1 << 14})).estimator
+    assert not glitching.horizontal_position_ok
+
+
+def test_a_receiver_has_the_accuracy_that_came_before_it():
+    fix = {"I": 0, "Status": 6, "GMS": 500, "GWk": 2, "NSats": 12, "HDop": 0.8}
+    found = telemetry(("GPA", {"I": 0, "VDop": 1.5, "HAcc": 0.3, "VAcc": 0.0}), ("GPS", fix)).gnss
+    assert (found.fix_type, found.satellites, found.hdop, found.vdop) == (6, 12, 0.8, 1.5)
+    assert (found.horizontal_accuracy_m, found.vertical_accuracy_m) == (0.3, None)
+    assert found.receiver_s == 2 * 604_800.5 - 0.5
+    assert telemetry(("GPS", {**fix, "I": 1})).second_gnss.satellites == 12
+
+
+def test_batteries_wind_field_motors_and_radios_are_as_their_messages():
+    found = telemetry(
+        GUIDED,
+        ("BAT", {"Inst": 1, "Volt": 12.0, "Curr": -1.0, "RemPct": 40}),
+        ("XKF2", {"VWN": 3.0, "VWE": -4.0}),
+        ("MAG", {"I": 0, "MagX": 300, "MagY": 0, "MagZ": 400}),
+        ("RCOU", {f"C{number}": 1500 if number < 6 else 0 for number in range(1, 15)}),
+        ("RSSI", {"RXRSSI": 0.7}),
+        ("PARM", {"Name": "MOT_PWM_MIN", "Value": 1000.0}),
+    )
+    battery = found.batteries[1]
+    assert (battery.remaining, battery.voltage_v, battery.current_a) == (0.4, 12.0, None)
+    assert found.wind.velocity_ned_mps == (3.0, -4.0, 0.0)
+    assert found.magnetic_field.strength_gauss == pytest.approx(0.5)
+    assert found.motors.pulse_us == (1500,) * 4
+    assert (found.remote_control.rssi, found.motor_min_us) == (0.7, 1000.0)
+    assert telemetry(("XKF2", {"VWN": 0.0, "VWE": 0.0})).wind is None
+
+
+def test_messages_of_other_versions_are_left_out():
+    assert telemetry(("BAT", {"Volts": 1}), ("GPS", {})) == DataflashListener().telemetry
+
+
+# The file
+
+
+def definition(number, name, layout, columns):
+    """FMT, the message that defines a message; itself it has 89 bytes."""
+    size = 89 if name == "FMT" else 3 + struct.calcsize("<" + layout.replace("Z", "64s"))
+    texts = struct.pack("4s16s64s", name.encode(), layout.encode(), columns.encode())
+    return struct.pack("<BBBBB", 0xA3, 0x95, 128, number, size) + texts
+
+
+def entry(number, layout, *values):
+    return struct.pack("<BBB" + layout.replace("Z", "64s"), 0xA3, 0x95, number, *values)
+
+
+def log():
+    attitudes = (40_000_000 + 100_000 * step for step in range(50))
+    return b"".join(
+        [
+            definition(128, "FMT", "BBnNZ", "Type,Length,Name,Format,Columns"),
+            definition(130, "MODE", "QBBB", "TimeUS,Mode,ModeNum,Rsn"),
+            definition(131, "MSG", "QZ", "TimeUS,Message"),
+            definition(132, "ATT", "Qfff", "TimeUS,Roll,Pitch,Yaw"),
+            entry(130, "QBBB", 40_000_000, 4, 4, 0),
+            entry(131, "QZ", 40_000_000, b"ArduCopter V4.6.3"),
+            *(entry(132, "Qfff", stamp_us, 1.0, 2.0, 3.0) for stamp_us in attitudes),
+            entry(130, "QBBB", 45_000_000, 9, 9, 0),
+        ]
+    )
+
+
+@pytest.fixture
+def vehicle():
+    return Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
+
+
+def test_a_log_is_replayed_like_any_recording(tmp_path, vehicle):
+    path = tmp_path / "00000001.BIN"
+    path.write_bytes(log())
+    replay = played(str(path), vehicle)
+    assert replay.autopilot == "ardupilot"
+    assert replay.duration_s == pytest.approx(5.0)
+    told = [(round(event.time_s, 1), event.kind, event.text) for event in replay.events]
+    assert (0.0, "mode", "GUIDED") in told
+    assert (5.0, "mode", "LAND") in told
+    assert (0.0, "text", "autopilot info: ArduCopter V4.6.3") in told
+
+
+def test_a_log_that_is_cut_short_is_replayed_to_its_end(tmp_path, vehicle):
+    path = tmp_path / "cut.bin"
+    path.write_bytes(log()[:-30])
+    assert played(str(path), vehicle).duration_s == pytest.approx(4.8)
+
+
+@pytest.mark.parametrize("garbage", [b"", bytes(200), bytes(range(256))])
+def test_of_a_log_of_garbage_nothing_is_known(tmp_path, vehicle, garbage):
+    path = tmp_path / "broken.bin"
+    path.write_bytes(log()[:89] + garbage)
+    with contextlib.suppress(InputError):
+        assert played(str(path), vehicle).autopilot == "unknown"

@@ -1,0 +1,92 @@
+"""Exact replay: a recorded flight flies again without a difference; a planted one is named."""
+
+import json
+
+import pytest
+
+from moar_companion.errors import InputError
+from moar_companion.mavlink.codec import checksum_of
+from moar_companion.mavlink.signing import SigningKey
+from moar_companion.recording.calls import call_encoded
+from moar_companion.replay.exact import ExactReplay
+from moar_companion.safety.check_inputs import Host
+
+from ..flights.lockstep import Lockstep
+from ..flights.operator import INSPECTION
+
+SETPOINT_ID = "540000"
+
+
+def recorded(flight):
+    return [json.loads(json.dumps(call_encoded(call), allow_nan=False)) for call in flight.calls]
+
+
+@pytest.fixture(scope="module")
+def calls():
+    flight = Lockstep(vehicle="x500")
+    flight.companion.note_host(Host(disk_free=1e9, memory_available=1e9))
+    flight.companion.note_wall_clock(1.7e9)
+    flight.begin(INSPECTION)
+    flight.autopilot.conditions.wind_mps = 6.0
+    flight.run(2.0)
+    return recorded(flight)
+
+
+def results(calls, method):
+    return [call[3] for call in calls if call[0] == method and call[3]]
+
+
+def differences(calls, key=None):
+    replay = ExactReplay(key)
+    return [difference for call in calls for difference in replay.feed(call)], replay
+
+
+def test_planted_differences_are_named_with_both_values_and_there_are_no_others(calls):
+    calls = json.loads(json.dumps(calls))
+    setpoints = [
+        sent for sent in results(calls, "data_to_send") if sent[0][1][14:20] == SETPOINT_ID
+    ]
+    packet = bytearray.fromhex(setpoints[20][0][1])
+    packet[14] ^= 1  # the last bit of x
+    packet[-2:] = checksum_of(packet, 0)
+    setpoints[20][0][1] = packet.hex()
+    sent = results(calls, "data_to_send")[5]
+    sent.append(sent[0])
+    decided = [item for items in results(calls, "decisions") for item in items]
+    plan = next(item["data"]["plan"] for item in decided if item["kind"] == "plan")
+    plan["cost"]["total"] *= 1.0 + 1e-15
+    job = results(calls, "contingency_jobs")[0][0]
+    job["widening_m"] += 0.5
+    found, replay = differences(calls)
+    assert replay.compared["packet"] > 500
+    one, two, three, four = sorted(found, key=lambda item: item.what)
+    assert (one.what, two.what) == (
+        "contingency job 1 widening_m",
+        "decision plan data.plan.cost.total",
+    )
+    assert (one.recorded, one.recomputed) == ("0.5", "0.0")
+    assert float(two.recorded) == pytest.approx(float(two.recomputed))
+    assert float(two.recorded) != float(two.recomputed)
+    assert three.recomputed == "nothing"
+    assert four.what == "packet SET_POSITION_TARGET_LOCAL_NED x"
+    assert 0.0 < abs(float(four.recorded) - float(four.recomputed)) < 1e-5
+
+
+def test_a_missing_input_parts_the_flights(calls):
+    heard = [index for index, call in enumerate(calls) if call[0] == "receive"]
+    fewer = [call for index, call in enumerate(calls) if index not in heard[10:40]]
+    assert differences(fewer[:2000])[0]
+
+
+SECRET = bytes(range(32))
+
+
+def test_signed_links_need_their_key_which_is_not_in_the_recording():
+    flight = Lockstep(secret=SECRET)
+    flight.run(2.0)
+    calls = recorded(flight)
+    assert SECRET.hex() not in json.dumps(calls)
+    with pytest.raises(InputError, match="signing-key"):
+        differences(calls)
+    assert differences(calls, SigningKey(SECRET))[0] == []
+    assert differences(calls, SigningKey(SECRET[::-1]))[0]

@@ -1,0 +1,185 @@
+"""Wind that no aircraft holds against, and the way back when it falls: true speeds and places."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from moar_companion.vehicle import RiskModel
+from sitl.conditions import Conditions
+
+from ..copies import flown_once
+from ..flights import lockstep
+from ..flights.judging import (
+    assert_nothing_was_touched,
+    assert_setpoints_keep_to_free_space,
+    assert_setpoints_never_jump,
+)
+from ..flights.lockstep import Lockstep, hovering
+from ..flights.operator import ACCEPTED, DENIED, EVACUATION, EXIT, INSPECTION, Manner
+from .marks import BOTH
+
+SIH_DRAG_PER_S = 1.0
+"""PX4's SIH (SIH_KDV over SIH_MASS); with it 13 m/s are too much for its 45 degrees, too."""
+SPEED_MPS = 0.7
+UNWINDING_MPS = 3.5
+"""Speed that the autopilot's velocity integral, full of the wind, adds while it unwinds."""
+UNWINDING_S = 10.0
+
+
+@flown_once
+def blown_off(manner: Manner, from_deg: float = 250.0) -> Lockstep:
+    """In an inspection for 8 s, then 13 m/s for 6 s; at its end, still in the wind."""
+    flight = hovering(manner=manner)
+    if manner is Manner.PX4:
+        flight.autopilot.conditions.drag_per_s = SIH_DRAG_PER_S
+    flight.begin(INSPECTION)
+    flight.run(8.0)
+    conditions: Conditions = flight.autopilot.conditions
+    conditions.wind_mps, conditions.wind_from_deg = 13.0, from_deg
+    flight.run(6.0)
+    return flight
+
+
+def judge(flight):
+    assert_nothing_was_touched(flight)
+    assert_setpoints_never_jump(flight)
+    assert_setpoints_keep_to_free_space(flight)
+
+
+def error_m(flight) -> float:
+    routes, pose = flight.companion._executor.routes, flight.companion.pose
+    return routes.flight.error_m(pose)
+
+
+def watched(flight, seconds, look):
+    """The values of a function ten times a second."""
+    values = []
+    for _ in range(round(seconds * 10.0)):
+        flight.run(0.1)
+        values.append(look())
+    return values
+
+
+def speed_mps(flight) -> float:
+    return math.hypot(*flight.truth.velocity_ned_mps)
+
+
+def outside_m(flight) -> float:
+    x_m, _, z_m = flight.companion.pose.position_m
+    return flight.site.workspace.outside_m((x_m, z_m))
+
+
+@BOTH
+def test_the_setpoint_goes_along_and_the_pilot_is_told(manner):
+    flight = blown_off(manner)
+    assert outside_m(flight) > 12.0
+    assert error_m(flight) <= 1.0
+    texts = flight.operator.texts()
+    told = [text for text in texts if text.startswith("MOAR: wind too strong, drifting ")]
+    assert sum(text.endswith(", holding") for text in told) == 1
+    assert all(len(text) <= 50 for text in texts if "drifting" in text)
+    assert flight.state == "holding"
+
+
+@BOTH
+def test_when_the_wind_falls_it_comes_back_at_its_own_speed_and_goes_on_once_it_is_back(manner):
+    flight = blown_off(manner)
+    flight.autopilot.conditions.wind_mps = 0.0
+    calmed_s = flight.now_s
+    back = watched(flight, UNWINDING_S, lambda: (speed_mps(flight), error_m(flight), flight.state))
+    assert max(speed for speed, _, _ in back) <= UNWINDING_MPS
+    assert {state for _, _, state in back} == {"holding"}
+    way = []
+    while flight.state == "holding":
+        way += watched(flight, 1.0, lambda: (speed_mps(flight), error_m(flight)))
+    assert len(way) > 50
+    assert max(speed for speed, _ in way[20:]) <= 1.5 * SPEED_MPS
+    assert max(error for _, error in way) <= 1.0
+    assert any(text.endswith(", returning") for text in flight.operator.texts())
+    assert flight.state == "flying"
+    assert outside_m(flight) == 0.0
+    assert flight.now_s - calmed_s < 60.0
+    flight.run_until_state("at_target", 120.0)
+    judge(flight)
+
+
+@pytest.mark.parametrize(
+    ("manner", "mission"), [(Manner.PX4, EXIT), (Manner.ARDUPILOT, EVACUATION)]
+)
+def test_a_way_out_is_flown_from_where_it_was_blown(manner, mission):
+    flight = blown_off(manner)
+    flight.autopilot.conditions.wind_mps = 0.0
+    flight.run(4.0)
+    assert outside_m(flight) > 10.0
+    flight.operator.mission(mission)
+    flight.run(1.0)
+    assert flight.operator.answers()[-1] == ACCEPTED
+    errors = []
+    while outside_m(flight) > 0.0:
+        errors += watched(flight, 1.0, lambda: error_m(flight))
+    assert max(errors) <= flight.vehicle.guidance.leash_m
+    assert flight.state in {"flying", "landing_leg"}
+    flight.run(5.0)
+    judge(flight)
+
+
+@BOTH
+def test_an_inspection_is_refused_by_the_wind_while_it_drifts(manner):
+    flight = blown_off(manner)
+    flight.operator.mission(INSPECTION)
+    flight.run(1.0)
+    assert flight.operator.answers()[-1] != ACCEPTED
+    assert any("wind too strong, drifting" in text for text in flight.operator.texts()[-2:])
+    assert error_m(flight) <= 1.0
+
+
+def test_too_far_out_an_order_is_refused_with_the_distance():
+    flight = blown_off(Manner.ARDUPILOT)
+    flight.run(20.0)
+    flight.autopilot.conditions.wind_mps = 0.0
+    flight.run(4.0)
+    assert outside_m(flight) > flight.vehicle.guidance.recovery_m
+    flight.operator.mission(EVACUATION)
+    flight.run(1.0)
+    assert flight.operator.answers()[-1] == DENIED
+    assert any(" m off workspace > 60" in text for text in flight.operator.texts()), (
+        flight.operator.texts()
+    )
+
+
+def test_across_the_plane_it_comes_straight_back_to_it():
+    """From the side: 13 m/s across."""
+    flight = blown_off(Manner.ARDUPILOT, 340.0)
+    assert abs(flight.companion.pose.position_m[1]) > 14.0
+    assert error_m(flight) <= 1.0
+    flight.autopilot.conditions.wind_mps = 0.0
+    flight.run_until_state("flying", 120.0)
+    assert abs(flight.companion.pose.position_m[1]) < flight.vehicle.guidance.leash_m
+    flight.run(10.0)
+    assert abs(flight.companion.pose.position_m[1]) < 1.0
+    judge(flight)
+
+
+@pytest.mark.parametrize("drag_per_s", [0.1, 1.0])
+def test_still_air_moves_no_path_whatever_the_drag(drag_per_s, monkeypatch):
+    """The vehicle file has the default drag; with 1.0 /s gusts of 3.9 m/s were told."""
+    monkeypatch.setattr(lockstep, "as_simulated", lambda vehicle, _: vehicle)
+    flight = Lockstep()
+    assert flight.vehicle.risk == RiskModel()
+    flight.autopilot.conditions.drag_per_s = drag_per_s
+    flight.take_off()
+    flight.run(15.0)  # until the risk is known
+    flight.begin(INSPECTION)
+
+    def told():
+        risk = flight.companion.risk
+        values = {item.name: item.value or 0.0 for item in risk.report.wind.inputs}
+        return values["wind from tilt"], values["gusts"], risk.indices.wind
+
+    seen = watched(flight, 25.0, told)
+    assert max(wind for wind, _, _ in seen) < 3.0
+    assert max(gusts for _, gusts, _ in seen) < 1.0
+    assert max(risk for _, _, risk in seen) < 0.15
+    assert not any("wind" in text for text in flight.operator.texts())

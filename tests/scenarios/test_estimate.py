@@ -1,0 +1,142 @@
+"""A position that is not what it was, and plans that do not come, beside both autopilots."""
+
+from __future__ import annotations
+
+import itertools
+import math
+
+import pytest
+
+from sitl.conditions import GPS_SILENT
+
+from ..copies import flown_once
+from ..flights.judging import assert_nothing_was_touched, assert_setpoints_keep_to_free_space
+from ..flights.lockstep import hovering
+from ..flights.operator import INSPECTION, Manner
+from .marks import BOTH, PX4_FIRST
+
+
+@flown_once
+def in_flight(manner=Manner.PX4, seconds=4.0, target=0):
+    flight = hovering(manner=manner)
+    flight.begin(INSPECTION, target)
+    flight.run(seconds)
+    assert flight.state == "flying"
+    return flight
+
+
+def jumps_m(flight):
+    """Jumps of the position as the companion has detected them, in metres."""
+    return [
+        math.hypot(*decision.data["jump_m"])
+        for decision in flight.decisions
+        if decision.kind == "jump"
+    ]
+
+
+def judge_what_was_flown(flight, began_s):
+    """After a jump the aircraft flies on, and comes back slowly: it does not chase its place."""
+    fastest_mps = max(
+        math.hypot(*truth.velocity_ned_mps)
+        for truth in flight.truths
+        if began_s <= truth.time_s <= began_s + 1.2
+    )
+    speed = flight.vehicle.speed
+    assert fastest_mps < speed.horizontal_mps + speed.min_mps + 0.6
+    assert_nothing_was_touched(flight)
+
+
+@PX4_FIRST
+@pytest.mark.parametrize("east_m", [0.8, 1.2])
+def test_a_jump_of_the_position_is_taken_along_and_the_inspection_goes_on(manner, east_m):
+    flight = in_flight(manner)
+    began_s = flight.now_s
+    flight.autopilot.jump(0.0, east_m)
+    flight.run(1.2)
+    assert jumps_m(flight) == [pytest.approx(east_m, abs=0.1)]
+    assert flight.state == "flying"
+    judge_what_was_flown(flight, began_s)
+    flight.run(6.0)
+    assert flight.state == "flying"
+    assert_setpoints_keep_to_free_space(flight)
+
+
+@BOTH
+def test_a_jump_beyond_the_limit_is_held_until_an_operator_has_looked(manner):
+    flight = in_flight(manner)
+    began_s = flight.now_s
+    flight.autopilot.jump(0.0, -3.4)
+    flight.run(1.2)
+    assert flight.state == "holding"
+    limit_m = {Manner.PX4: "1.4", Manner.ARDUPILOT: "0.5"}[manner]
+    assert flight.operator.said(f"MOAR: the position jumped 3.4 m > {limit_m}")
+    judge_what_was_flown(flight, began_s)
+    flight.run(11.0)
+    assert flight.state == "holding"
+    flight.operator.go_on()
+    flight.run_until_state("flying", 1.0)
+    flight.run(2.0)
+    assert flight.state == "flying"
+
+
+def test_a_small_reset_is_known_by_the_estimators_count_alone():
+    """PX4 counts it in ODOMETRY; of ArduPilot the same step is flown out."""
+    flight = in_flight()
+    flight.autopilot.jump(0.3, 0.0)
+    flight.run(1.0)
+    assert jumps_m(flight) == [pytest.approx(0.3, abs=0.1)]
+    other = in_flight(Manner.ARDUPILOT)
+    other.autopilot.jump(0.3, 0.0)
+    other.run(1.0)
+    assert jumps_m(other) == []
+    assert (flight.state, other.state) == ("flying", "flying")
+
+
+def test_a_reset_that_moves_nothing_is_no_jump():
+    flight = in_flight()
+    flight.autopilot.jump(0.0, 0.0)
+    flight.run(1.0)
+    assert jumps_m(flight) == []
+
+
+def test_a_receiver_that_repeats_its_last_words_is_a_hold_until_the_autopilot_decides():
+    """ArduPilot goes on telling a dead receiver's last good values for 4 s."""
+    flight = in_flight(Manner.ARDUPILOT)
+    flight.autopilot.conditions.gps_mode = GPS_SILENT
+    flight.run_until_state("holding", 4.0)
+    flight.run(0.2)
+    assert flight.operator.said("MOAR: GNSS receiver stopped")
+    flight.run_until_state("released", 20.0)
+    flight.run(0.2)
+    assert flight.operator.said("MOAR: failsafe chose LAND, released")
+    assert_nothing_was_touched(flight)
+
+
+@BOTH
+def test_a_planner_that_falls_silent_slows_the_flight_and_then_holds_it(manner):
+    flight = in_flight(manner, 1.0, target=1)
+    flight.planning = False
+    flight.run_until(lambda: flight.operator.said("MOAR: no new plan"), 15.0)
+    assert flight.state == "flying"
+    flight.run_until_state("holding", 10.0)
+    flight.run(5.0)
+    assert flight.state == "holding"
+    flight.planning = True
+    flight.run(5.0)
+    assert flight.state == "holding"
+    flight.operator.go_on()
+    flight.run_until_state("flying", 1.0)
+    flight.run(2.0)
+    assert flight.state == "flying"
+    assert_nothing_was_touched(flight)
+
+
+@BOTH
+def test_a_planner_that_is_late_leaves_no_gap_in_the_stream(manner):
+    flight = in_flight(manner, 1.0)
+    flight.plan_delay_s = 1.5
+    flight.run(10.0)
+    assert flight.state == "flying"
+    times = [item.time_s for item in flight.setpoints]
+    assert max(after - before for before, after in itertools.pairwise(times)) < 0.05
+    assert_nothing_was_touched(flight)

@@ -1,0 +1,104 @@
+"""Failsafe exposure: the companion leaves before the autopilot's action would hit a conductor."""
+
+from __future__ import annotations
+
+import pytest
+
+from moar_companion.config import Supervision
+from moar_companion.types import Mission
+
+from ..copies import flown_once
+from ..flights.judging import assert_nothing_was_touched, clearances_m, true_places
+from ..flights.lockstep import Lockstep
+from ..flights.operator import INSPECTION, Manner
+
+INNER = 1.0
+"""Index of the target that stands above the lowest conductor."""
+LANDS_AT_40 = {
+    Manner.ARDUPILOT: {
+        "BATT_CAPACITY": 3300,
+        "BATT_CRT_MAH": 1320,
+        "BATT_FS_CRT_ACT": 1,
+        "BATT_LOW_VOLT": 0.0,
+        "FS_OPTIONS": 20,
+    },
+    Manner.PX4: {
+        "BAT_LOW_THR": 0.45,
+        "BAT_CRIT_THR": 0.4,
+        "BAT_EMERGEN_THR": 0.35,
+        "COM_LOW_BAT_ACT": 2,
+    },
+}
+LANDING = {Manner.ARDUPILOT: "LAND", Manner.PX4: "AUTO.LAND"}
+
+
+def over_a_conductor(flight):
+    """True if straight down from here the aircraft would come within a conductor's keep-out."""
+    x_m, _, z_m = true_places(flight)[-1]
+    return any(
+        abs(item.position_m[0] - x_m) < flight.vehicle.radius_m + item.keep_out_m
+        and item.position_m[1] < z_m
+        for item in flight.site.obstacles
+    )
+
+
+@flown_once
+def at_the_inner_target(manner):
+    flight = Lockstep(manner=manner, options={"parameters": LANDS_AT_40[manner]})
+    flight.begin(INSPECTION, INNER)
+    flight.run_until_state("at_target", 90.0)
+    return flight
+
+
+@pytest.mark.parametrize(("drain_factor", "percent"), [(3.0, 60.0), (12.0, 90.0)])
+@pytest.mark.parametrize("manner", Manner)
+def test_the_exit_begins_early_enough_that_critical_never_comes_over_a_conductor(
+    manner, drain_factor, percent
+):
+    flight = at_the_inner_target(manner)
+    flight.autopilot.conditions.drain_factor = drain_factor
+    flight.autopilot.conditions.battery_percent = percent
+    flight.run_until(lambda: flight.companion.status.task.mission is Mission.EXIT, 120.0)
+    assert flight.operator.said("landing in ")
+    flight.run_until(lambda: LANDING[manner] in flight.truth.mode, 120.0)
+    assert not over_a_conductor(flight)
+    flight.run(20.0)
+    assert min(clearances_m(flight.site, true_places(flight), keep_out=True)) > 0.0
+
+
+@pytest.mark.slow
+def test_where_a_low_battery_only_brakes_the_exit_begins_before_that():
+    """BRAKE takes the mode: nobody would lead the aircraft away before the critical one lands."""
+    flight = Lockstep(
+        manner=Manner.ARDUPILOT,
+        options={
+            "parameters": {
+                **LANDS_AT_40[Manner.ARDUPILOT],
+                "BATT_FS_LOW_ACT": 7,
+                "BATT_LOW_MAH": 1980,
+            }
+        },
+    )
+    flight.begin(INSPECTION, INNER)
+    flight.run_until_state("at_target", 90.0)
+    flight.autopilot.conditions.drain_factor = 3.0
+    flight.autopilot.conditions.battery_percent = 75.0
+    flight.run_until(lambda: flight.truth.mode != "GUIDED", 240.0)
+    assert flight.operator.said("landing in ")
+    assert flight.operator.said("flying exit")
+    assert not over_a_conductor(flight)
+
+
+def test_where_lost_rc_would_land_on_a_conductor_people_are_told_and_it_leaves_in_time():
+    flight = Lockstep(
+        manner=Manner.ARDUPILOT,
+        options={"parameters": {"FS_THR_ENABLE": 3, "FS_EKF_ACTION": 2}},
+        supervision=Supervision(exposure_limit_s=15.0),
+    )
+    flight.begin(INSPECTION, INNER)
+    flight.run_until_state("at_target", 90.0)
+    assert flight.operator.said("MOAR: RC loss: landing hits ")
+    flight.run_until(lambda: flight.companion.status.task.mission is Mission.EXIT, 60.0)
+    assert flight.operator.said("RC loss hits left-lower")
+    flight.run_until_state("landing_leg", 90.0)
+    assert_nothing_was_touched(flight)

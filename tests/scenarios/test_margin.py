@@ -1,0 +1,117 @@
+"""The margin in flight: by truth nothing is touched, whatever wind and estimator make of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.config import shipped_configs
+from moar_companion.site import Polygon, Site, Target
+
+from ..flights.judging import (
+    assert_nothing_was_touched,
+    assert_setpoints_keep_to_free_space,
+    true_places,
+)
+from ..flights.lockstep import hovering
+from ..flights.operator import DENIED, EXIT, INSPECTION, Manner
+from .marks import BOTH
+
+BESIDE_M = 3.6
+"""From the target to the wall: the margin of PX4, an X500, and a cell."""
+
+
+def site_with_a_wall(beside_m=BESIDE_M):
+    """A target beside a wall without a keep-out of its own."""
+    site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+    wall = Polygon(name="wall", vertices_m=((10.0, 0.0), (16.0, 0.0), (16.0, 14.0), (10.0, 14.0)))
+    target = Target(name="crack", position_m=(16.0 + beside_m, 8.0), dwell_s=20.0)
+    return replace(site, obstacles=(wall,), targets=(target,))
+
+
+@pytest.mark.parametrize("wind_mps", [4.5, 6.3])
+@BOTH
+def test_beside_a_wall_without_a_keep_out_plain_wind_touches_nothing(manner, wind_mps):
+    flight = hovering(site=site_with_a_wall(), vehicle="x500", manner=manner)
+    flight.autopilot.conditions.wind_mps = wind_mps
+    flight.autopilot.conditions.wind_from_deg = 90.0  # towards the wall
+    flight.begin(INSPECTION, 0)
+    flight.run_until_state("at_target", 90.0)
+    flight.run(15.0)
+    assert_nothing_was_touched(flight)
+    assert_setpoints_keep_to_free_space(flight)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("manner", "factor", "error_m"), [(Manner.PX4, 3.0, 0.8), (Manner.ARDUPILOT, 4.0, 0.5)]
+)
+def test_beside_a_wall_an_estimate_that_errs_beyond_what_is_told_touches_nothing(
+    manner, factor, error_m
+):
+    """As far off as each was seen to be; no accuracy told shows it."""
+    flight = hovering(site=site_with_a_wall(), vehicle="x500", manner=manner)
+    flight.autopilot.conditions.gps_noise_factor = factor
+    flight.autopilot.conditions.wind_mps = 4.5
+    flight.autopilot.conditions.wind_from_deg = 90.0  # towards the wall
+    flight.begin(INSPECTION, 0)
+    errors_m, told_m = [], []
+    for _ in range(60):
+        flight.run(1.0)
+        errors_m.append(math.dist(flight.companion.pose.position_m, true_places(flight)[-1]))
+        told_m.append(flight.companion.risk.indices.localization)
+    assert flight.state in {"at_target", "holding"}
+    assert max(errors_m) > error_m, max(errors_m)
+    assert max(told_m) < 0.2
+    assert_nothing_was_touched(flight)
+
+
+@pytest.mark.parametrize(
+    ("manner", "beside_m", "margin"), [(Manner.PX4, 2.5, "2.55"), (Manner.ARDUPILOT, 1.2, "1.4")]
+)
+def test_a_target_nearer_to_the_wall_than_the_margin_is_denied(manner, beside_m, margin):
+    flight = hovering(site=site_with_a_wall(beside_m), vehicle="x500", manner=manner)
+    flight.operator.mission(INSPECTION, 0)
+    flight.run(2.0)
+    assert flight.operator.answers()[-1] == DENIED
+    assert flight.operator.said(f"MOAR: no path with margin {margin} m, denied")
+    assert not flight.setpoints
+
+
+@pytest.mark.parametrize("east_m", [2.5, -2.5])
+def test_an_estimator_jump_that_is_greater_than_the_margin_left_is_a_hold(east_m):
+    flight = hovering(site=site_with_a_wall(), vehicle="x500", manner=Manner.PX4)
+    flight.begin(INSPECTION, 0)
+    flight.run_until_state("at_target", 90.0)
+    flight.autopilot.jump(0.0, east_m)
+    flight.run(1.0)
+    assert flight.state == "holding"
+    assert flight.operator.said("MOAR: the position jumped 2.5 m > ")
+    flight.run(10.0)
+    assert_nothing_was_touched(flight)
+
+
+@BOTH
+@pytest.mark.slow
+def test_an_exit_that_the_margin_closes_is_flown_with_what_is_left_of_it(manner):
+    """Through a window in a tower, 4.2 m high (PX4) or 3.4 m (ArduPilot)."""
+    gap_m = 4.2 if manner is Manner.PX4 else 3.4
+    walls = tuple(
+        Polygon(name=name, vertices_m=((14.0, low), (15.0, low), (15.0, high), (14.0, high)))
+        for name, low, high in (
+            ("lower wall", -5.0, 10.05 - 0.5 * gap_m),
+            ("upper wall", 10.05 + 0.5 * gap_m, 30.0),
+        )
+    )
+    site = site_with_a_wall()
+    site = replace(site, obstacles=walls, targets=(), start_m=(4.0, 2.5))
+    flight = hovering(site=site, vehicle="x500", manner=manner)
+    flight.begin(EXIT)
+    flight.run_until_state("holding", 120.0)
+    flight.run(1.0)
+    assert flight.operator.said(" wall < ")
+    assert flight.operator.said("MOAR: above the landing point, holding")
+    assert not flight.operator.said("no room here")
+    assert_nothing_was_touched(flight)

@@ -1,0 +1,193 @@
+"""Outside the workspace: what an order finds there, by the aircraft that flies it.
+
+On the landing leg of the exit 1.5 m past the border a pilot takes the mode, or the process is
+started anew without what it knew; above the landing point an inspection begins. Below the least
+altitude, inside or outside, an order climbs first.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+
+import pytest
+
+from moar_companion.config import shipped_configs
+from moar_companion.site import Site
+
+from ..copies import flown_once
+from ..flights.judging import (
+    assert_nothing_was_touched,
+    assert_setpoints_never_jump,
+    setpoint_places,
+)
+from ..flights.lockstep import Lockstep, hovering
+from ..flights.operator import (
+    ACCEPTED,
+    EVACUATION,
+    EXIT,
+    INSPECTION,
+    MAV_CMD_DO_PAUSE_CONTINUE,
+    TEMPORARILY_REJECTED,
+    Manner,
+)
+from .marks import ARDUPILOT_FIRST, BOTH
+
+LOW = pytest.mark.parametrize("low", [False, pytest.param(True, marks=pytest.mark.slow)])
+RIGHT_M = 30.0
+"""Where the workspace ends."""
+
+
+def x_m(flight) -> float:
+    return flight.companion.pose.position_m[0]
+
+
+def z_m(flight) -> float:
+    return flight.companion.pose.position_m[2]
+
+
+def site_above(min_altitude_m: float) -> Site:
+    site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
+    return replace(site, workspace=replace(site.workspace, min_altitude_m=min_altitude_m))
+
+
+def low_site() -> Site:
+    """The landing points on the ground: their legs end below the least altitude of 2.5 m."""
+    site = site_above(2.5)
+    landing_m = {
+        mission: tuple((x, 0.0) for x, _ in points) for mission, points in site.landing_m.items()
+    }
+    return replace(site, landing_m=landing_m)
+
+
+@flown_once
+def on_the_leg(manner: Manner, low: bool = False) -> Lockstep:
+    """On the landing leg of the exit, 1.5 m past the border."""
+    flight = hovering(manner=manner, **({"site": low_site()} if low else {}))
+    flight.begin(EXIT)
+    flight.run_until(lambda: x_m(flight) > RIGHT_M + 1.5, 120.0)
+    assert flight.state == "landing_leg"
+    return flight
+
+
+def left(manner, how, *, low=False):
+    """The same, taken over by the pilot, or after a crash that has left no state file."""
+    flight = on_the_leg(manner, low)
+    if how == "crash":
+        flight.companion = flight.new_companion()
+    flight.operator.mode("hold")
+    flight.run(8.0 if how == "crash" else 3.0)
+    assert RIGHT_M + 1.0 < x_m(flight) < RIGHT_M + 4.0
+    assert flight.state == ("idle" if how == "crash" else "overridden")
+    return flight
+
+
+def flown(flight, order, until):
+    """The order is accepted and flown; the least x on the way."""
+    order()
+    flight.give_mode()
+    assert flight.operator.answers()[-1] == ACCEPTED
+    least_m = x_m(flight)
+    began_s = flight.now_s
+    while flight.state != until:
+        flight.step()
+        least_m = min(least_m, x_m(flight))
+        assert flight.now_s < began_s + 150.0, (flight.state, flight.operator.texts()[-5:])
+    flight.run(1.0)
+    assert_nothing_was_touched(flight)
+    assert_setpoints_never_jump(flight)
+    return least_m
+
+
+@BOTH
+@LOW
+@pytest.mark.parametrize("order", ["exit", "continue"])
+def test_after_a_takeover_on_the_landing_leg_the_rest_of_it_is_flown(manner, order, low):
+    flight = left(manner, "takeover", low=low)
+    operator = flight.operator
+    orders = {"exit": lambda: operator.mission(EXIT), "continue": operator.go_on}
+    least_m = flown(flight, orders[order], "holding")
+    assert least_m > RIGHT_M + 1.0
+    assert operator.said("MOAR: above the landing point, holding")
+
+
+@BOTH
+@pytest.mark.parametrize("past_m", [-0.6, 0.3])
+def test_an_exit_that_is_ordered_again_at_the_border_does_not_turn_back(manner, past_m):
+    flight = hovering(manner=manner)
+    flight.begin(EXIT)
+    flight.run_until(lambda: x_m(flight) > RIGHT_M + past_m, 120.0)
+    flight.operator.mission(EXIT)
+    flight.run(4.0)
+    assert flight.operator.answers()[-1] == ACCEPTED
+    ways_m = [x for x, _, _ in setpoint_places(flight)]
+    assert all(after >= before - 1e-6 for before, after in pairwise(ways_m[-250:]))
+    assert flight.state == "landing_leg"
+
+
+@pytest.mark.slow
+@BOTH
+@pytest.mark.parametrize("low", [False, True])
+@pytest.mark.parametrize("how", ["takeover", "crash"])
+def test_outside_on_the_landing_leg_an_inspection_leads_back_in(manner, how, low):
+    flight = left(manner, how, low=low)
+    flown(flight, lambda: flight.operator.mission(INSPECTION), "at_target")
+
+
+@pytest.mark.slow
+@BOTH
+@LOW
+@pytest.mark.parametrize(
+    ("how", "mission"), [("takeover", EVACUATION), ("crash", EVACUATION), ("crash", EXIT)]
+)
+def test_outside_on_the_landing_leg_another_way_out_is_flown(manner, how, mission, low):
+    flight = left(manner, how, low=low)
+    flown(flight, lambda: flight.operator.mission(mission), "holding")
+    assert flight.operator.said("MOAR: above the landing point, holding")
+
+
+@BOTH
+def test_after_a_crash_without_a_state_file_there_is_nothing_to_continue(manner):
+    flight = left(manner, "crash")
+    flight.operator.go_on()
+    flight.run(1.0)
+    assert flight.operator.answers(MAV_CMD_DO_PAUSE_CONTINUE)[-1] == TEMPORARILY_REJECTED
+    assert flight.operator.said("MOAR: nothing is held, rejected")
+
+
+@pytest.mark.slow
+@BOTH
+@LOW
+def test_above_the_landing_point_the_next_inspection_is_flown(manner, low):
+    flight = on_the_leg(manner, low)
+    flight.run_until_state("holding", 60.0)
+    flight.run(2.0)
+    flight.operator.mission(INSPECTION)
+    flight.run_until_state("at_target", 150.0)
+    assert_nothing_was_touched(flight)
+    assert_setpoints_never_jump(flight)
+
+
+@BOTH
+def test_above_the_landing_point_a_second_exit_stays_there(manner):
+    flight = on_the_leg(manner)
+    flight.run_until_state("holding", 60.0)
+    flight.run(2.0)
+    least_m = flown(flight, lambda: flight.operator.mission(EXIT), "holding")
+    assert least_m > RIGHT_M + 9.0
+
+
+@ARDUPILOT_FIRST
+@pytest.mark.parametrize("start_m", [(27.0, 0.0), (15.0, 0.0), (33.0, 0.0)])
+@pytest.mark.parametrize("mission", [INSPECTION, EXIT])
+def test_from_below_the_least_altitude_it_climbs_first(manner, start_m, mission):
+    flight = Lockstep(manner=manner, start_m=start_m, site=site_above(4.0))
+    flight.take_off(2.5)
+    assert z_m(flight) < 3.0
+    flight.operator.mission(mission)
+    flight.give_mode()
+    flight.run_until(lambda: z_m(flight) > 4.0, 20.0)
+    assert x_m(flight) == pytest.approx(start_m[0], abs=0.7)
+    flight.run_until_state({INSPECTION: "at_target", EXIT: "landing_leg"}[mission], 150.0)
+    assert_nothing_was_touched(flight)
+    assert_setpoints_never_jump(flight)

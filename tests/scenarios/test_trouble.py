@@ -1,0 +1,291 @@
+"""Trouble in flight: pilots, failsafes, links and gusts; what was let go stays let go."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+
+from sitl.conditions import GPS_NO_FIX
+
+from ..copies import copy_of, flown_once
+from ..flights.judging import (
+    assert_nothing_was_touched,
+    assert_setpoints_keep_to_free_space,
+    assert_setpoints_never_jump,
+    least_true_clearance_m,
+    true_places,
+)
+from ..flights.lockstep import Lockstep, hovering
+from ..flights.operator import (
+    ACCEPTED,
+    EVACUATION,
+    INSPECTION,
+    RELEASE,
+    TEMPORARILY_REJECTED,
+    Manner,
+)
+from .marks import ARDUPILOT_FIRST, BOTH, PX4_FIRST
+
+LANDS_WHEN_LOW = {
+    Manner.PX4: {},
+    Manner.ARDUPILOT: {"BATT_LOW_VOLT": 11.4, "BATT_FS_LOW_ACT": 1},
+}
+"""PX4's own answers to a low battery are on; ArduPilot's are set by its owner."""
+LOW_PERCENT = {Manner.PX4: 6.0, Manner.ARDUPILOT: 40.0}
+
+MODE_LAG_S = 0.2
+"""Modes are told twenty times a second by PX4, at once by ArduPilot."""
+
+
+@flown_once
+def in_flight(seconds=3.0, **options):
+    flight = hovering(vehicle="x500", **options)
+    flight.begin(INSPECTION)
+    flight.run(seconds)
+    assert flight.state == "flying"
+    return flight
+
+
+def silent_since(flight, began_s, lag_s=MODE_LAG_S):
+    return flight.last_setpoint_s <= began_s + lag_s
+
+
+@BOTH
+@pytest.mark.parametrize("mode", ["position", "hold"])
+def test_the_pilot_takes_over_and_keeps_the_aircraft_even_when_he_gives_our_mode_back(mode, manner):
+    flight = in_flight(manner=manner)
+    flight.autopilot.move_sticks()
+    flight.run(0.2)
+    took = flight.now_s
+    flight.operator.mode(mode)
+    flight.run(5.0)
+    assert flight.operator.in_mode(mode)
+    for _ in range(3):
+        flight.operator.mode("ours")
+        flight.run(3.0)
+        assert flight.state == "overridden"
+    # PX4 gives OFFBOARD to a stream only; ArduPilot holds in GUIDED.
+    assert flight.operator.in_mode(mode if manner is Manner.PX4 else "ours")
+    assert silent_since(flight, took)
+    flight.operator.mission(EVACUATION)
+    flight.give_mode()
+    flight.run_until_state("landing_leg", 60.0)
+    assert_nothing_was_touched(flight)
+    assert_setpoints_never_jump(flight)
+
+
+def test_the_sticks_take_over_where_the_autopilot_is_told_so():
+    flight = in_flight(options={"parameters": {"COM_RC_OVERRIDE": 3}})
+    flight.autopilot.move_sticks()
+    flight.run(1.0)
+    took = flight.now_s
+    flight.autopilot.move_sticks(roll=0.8)
+    flight.run(1.0)
+    flight.autopilot.move_sticks()
+    flight.run(5.0)
+    assert (flight.truth.mode, flight.state) == ("POSCTL", "overridden")
+    assert silent_since(flight, took, 1.2)
+
+
+@BOTH
+def test_released_by_the_operator_is_silent_for_good(manner):
+    flight = in_flight(manner=manner)
+    flight.operator.mission(RELEASE)
+    flight.run(0.2)
+    assert flight.state == "released"
+    last = flight.setpoints[-1].message
+    assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
+    released = flight.now_s
+    flight.run(20.0)
+    assert silent_since(flight, released, 0.0)
+    # PX4 leaves OFFBOARD without a stream; ArduPilot holds in GUIDED.
+    assert flight.operator.in_mode("ours") is (manner is Manner.ARDUPILOT)
+
+
+@BOTH
+def test_a_lost_position_is_released_and_its_return_brings_no_setpoint(manner):
+    flight = in_flight(manner=manner)
+    flight.autopilot.conditions.gps_mode = GPS_NO_FIX
+    flight.run_until_state("released", 20.0)
+    released = flight.now_s
+    flight.run(1.0)
+    flight.autopilot.conditions.gps_mode = 0
+    flight.run(30.0)
+    assert flight.state == "released"
+    assert silent_since(flight, released, 0.0)
+    assert not flight.operator.in_mode("ours")
+
+
+@ARDUPILOT_FIRST
+def test_a_critical_battery_is_the_autopilots_affair_and_a_new_order_the_operators(manner):
+    flight = in_flight(manner=manner, options={"parameters": LANDS_WHEN_LOW[manner]})
+    flight.autopilot.conditions.battery_percent = LOW_PERCENT[manner]
+    flight.run_until_state("released", 20.0)
+    released = flight.now_s
+    flight.run(4.0)
+    assert silent_since(flight, released, 0.0)
+    # He knows, stops the landing, and wants it out by the planned way all the same.
+    flight.operator.mode("hold")
+    flight.run_until(lambda: flight.truth.landed_state == 2, 5.0)
+    flight.run(2.0)
+    flight.operator.mission(EVACUATION)
+    flight.run_until_state("ready", 2.0)
+    assert flight.operator.answers()[-1] == ACCEPTED
+    flight.run(1.0)
+    assert flight.last_setpoint_s == pytest.approx(flight.now_s)
+
+
+@PX4_FIRST
+def test_a_critical_battery_is_not_taken_back_when_the_charge_recovers(manner):
+    flight = in_flight(manner=manner, options={"parameters": LANDS_WHEN_LOW[manner]})
+    flight.autopilot.conditions.battery_percent = LOW_PERCENT[manner]
+    flight.run_until_state("released", 20.0)
+    released = flight.now_s
+    flight.run(2.0)
+    flight.autopilot.conditions.battery_percent = 60.0
+    flight.run(30.0)
+    assert flight.state in {"released", "idle"}
+    assert silent_since(flight, released, 0.0)
+
+
+@PX4_FIRST
+def test_a_link_cut_both_ways_is_silence_that_lasts_when_it_is_back(manner):
+    flight = in_flight(manner=manner)
+    cut = flight.now_s
+    flight.cut = True
+    flight.run(5.0)
+    assert flight.state == "released"
+    assert silent_since(flight, cut, 0.6)
+    flight.cut = False
+    flight.run(30.0)
+    assert flight.state in {"released", "idle"}
+    assert silent_since(flight, cut, 0.6)
+    # PX4 leaves OFFBOARD without a stream; ArduPilot holds in GUIDED.
+    assert flight.operator.in_mode("ours") is (manner is Manner.ARDUPILOT)
+
+
+@BOTH
+def test_a_link_cut_towards_us_alone_ends_the_stream_that_still_gets_through(manner):
+    flight = in_flight(manner=manner)
+    cut = flight.now_s
+    flight.deaf = True
+    flight.run(5.0)
+    assert flight.state == "released"
+    assert silent_since(flight, cut, 0.6)
+    flight.deaf = False
+    flight.run(20.0)
+    assert silent_since(flight, cut, 0.6)
+
+
+@BOTH
+def test_an_autopilot_that_restarts_in_flight_is_let_go(manner):
+    flight = in_flight(manner=manner)
+    flight.autopilot.reboot()
+    rebooted = flight.now_s
+    flight.run(20.0)
+    assert flight.state in {"released", "idle"}
+    assert silent_since(flight, rebooted, 0.8)
+    flight.operator.mission(INSPECTION)
+    flight.run(1.0)
+    assert flight.operator.answers()[-1] == TEMPORARILY_REJECTED
+
+
+# Gusts ------------------------------------------------------------------------------------------
+
+
+@flown_once
+def under_way():
+    flight = hovering()
+    flight.begin(INSPECTION)
+    flight.run(12.0)
+    return flight
+
+
+@pytest.mark.parametrize(
+    ("site", "from_deg"),
+    [
+        pytest.param("315kv_double_circuit", 0.0, marks=pytest.mark.slow),  # across the plane
+        ("120kv_single_circuit", 0.0),
+        pytest.param("horizontal_three_conductors", 270.0, marks=pytest.mark.slow),
+    ],
+)
+def test_a_gust_makes_it_late_and_not_lost(site, from_deg):
+    calm = hovering(site=site)
+    calm.begin(INSPECTION, 0)
+    calm.run(8.0)
+    flight = copy_of(calm)
+    calm.run_until_state("at_target", 120.0)
+    flight.run_in_wind(12.0, from_deg, 8.0)
+    flight.run_until_state("at_target", 120.0)
+    assert calm.now_s < flight.now_s < calm.now_s + 20.0
+    assert_nothing_was_touched(flight)
+    assert_setpoints_never_jump(flight)
+    assert_setpoints_keep_to_free_space(flight)
+
+
+def test_a_gust_that_blows_it_out_of_the_plane_is_waited_for_in_the_plane():
+    flight = under_way()
+    flight.run_in_wind(16.0, 0.0, 8.0)
+    assert max(abs(y) for _, y, _ in true_places(flight)) > 2.0
+    flight.run_until_state("at_target", 60.0)
+    assert_nothing_was_touched(flight)
+    assert_setpoints_never_jump(flight)
+    assert_setpoints_keep_to_free_space(flight)
+
+
+def test_a_gust_into_a_keep_out_moves_no_setpoint_there():
+    flight = under_way()
+    flight.run_in_wind(16.0, 90.0, 8.0)  # from the outer side towards the conductors
+    assert [d for d in flight.decisions if "off the path" in d.data.get("reason", "")]
+    flight.run_until_state("at_target", 60.0)
+    assert_setpoints_never_jump(flight)
+    assert_setpoints_keep_to_free_space(flight)
+
+
+def test_blown_off_where_there_is_room_it_plans_again_from_where_it_is():
+    flight = under_way()
+    flight.run_in_wind(16.0, 270.0, 8.0)  # away from the conductors
+    assert [d for d in flight.decisions if "off the path" in d.data.get("reason", "")]
+    flight.run_until_state("at_target", 60.0)
+    assert_nothing_was_touched(flight)
+    assert_setpoints_never_jump(flight)
+    assert_setpoints_keep_to_free_space(flight)
+
+
+# Before the mode is given -----------------------------------------------------------------------
+
+
+def test_a_hold_that_the_pilot_flies_away_from_is_not_flown_back_to():
+    flight = hovering()
+    flight.operator.mission(INSPECTION)
+    flight.run_until_state("ready", 3.0)
+    flight.autopilot.move_sticks()
+    flight.operator.mode("position")
+    flight.run(1.5)
+    flight.autopilot.move_sticks(roll=0.5)
+    flight.run(4.0)
+    flight.autopilot.move_sticks()
+    flight.run(3.0)
+    place = flight.truth.position_ned_m
+    flight.operator.mode("ours")
+    flight.run(5.0)
+    assert flight.state == "idle"
+    assert math.dist(place, flight.truth.position_ned_m) < 1.0
+    assert least_true_clearance_m(flight) > 0.0
+
+
+def test_a_mission_ordered_on_the_ground_or_while_taking_off_is_for_later():
+    flight = Lockstep()
+    flight.run(8.0)
+    flight.operator.mission(INSPECTION)
+    flight.run(0.5)
+    assert flight.operator.answers() == [TEMPORARILY_REJECTED]
+    flight.operator.take_off(3.0)
+    flight.run(0.1)
+    flight.operator.arm()
+    flight.run(0.5)
+    flight.operator.mission(INSPECTION)
+    flight.run(0.5)
+    assert flight.operator.answers()[-1] == TEMPORARILY_REJECTED
+    assert not flight.setpoints

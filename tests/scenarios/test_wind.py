@@ -1,0 +1,63 @@
+"""Wind from tilt in lockstep: its own manoeuvres are not wind, and wind is followed."""
+
+from __future__ import annotations
+
+import pytest
+
+from ..flights.airs import in_the_air
+from .marks import ARDUPILOT_FIRST, BOTH
+
+
+def short_manoeuvre(flight):
+    flight.fly_to((15.0, 0.0), 5.0)
+    flight.fly_to((15.0, 8.0), 2.0)
+    flight.steer((0.0, 8.0))  # a jump of 15 m, flown as fast as the autopilot likes
+    flight.run(6.0)
+
+
+@ARDUPILOT_FIRST
+def test_in_calm_air_no_manoeuvre_is_wind(manner):
+    flight = in_the_air(manner)
+    flight.run(8.0)
+    rest = flight.told[-1].risk
+    flight.told.clear()
+    short_manoeuvre(flight)
+    assert max(told.tilt_mps for told in flight.told) < 1.2
+    assert max(told.risk for told in flight.told) < rest + 0.1
+
+
+@pytest.mark.slow
+@BOTH
+@pytest.mark.parametrize("drag", [0.7, 1.3])
+def test_in_calm_air_not_even_with_a_drag_that_is_30_percent_off(manner, drag):
+    flight = in_the_air(manner, drag=drag)
+    flight.run(15.0)
+    rest = flight.told[-1].risk
+    flight.told.clear()
+    flight.manoeuvre()
+    assert max(told.risk for told in flight.told) < rest + 0.1
+
+
+@BOTH
+def test_a_wind_that_rises_and_falls_is_followed_within_three_seconds(manner):
+    flight = in_the_air(manner)
+    for wind_mps in (8.0, 0.0):
+        flight.wind(wind_mps)
+        flight.run(3.0)
+        assert flight.told[-1].tilt_mps == pytest.approx(wind_mps, abs=1.0)
+        if wind_mps > 0.0:
+            assert flight.told[-1].risk > 0.9 * (8.0 - 3.0) / (12.0 - 3.0)
+
+
+@pytest.mark.slow
+@BOTH
+@pytest.mark.parametrize(("drag", "error"), [(0.7, 0.34), (1.0, 0.06), (1.3, 0.35)])
+def test_the_wind_told_is_as_wrong_as_the_drag(manner, drag, error):
+    flight = in_the_air(manner, drag=drag)
+    for wind_mps in (4.0, 8.0):
+        flight.wind(wind_mps)
+        flight.run(4.0)
+        flight.told.clear()
+        flight.fly_to((8.0 if wind_mps < 5.0 else 0.0, 0.0), 2.0)
+        told = [told.tilt_mps for told in flight.told]
+        assert sum(told) / len(told) == pytest.approx(wind_mps, rel=error)

@@ -1,0 +1,301 @@
+"""Publishing beside a real broker: one that works, is away, hangs, comes back, or is another's."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import logging
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import pytest
+
+from moar_companion.config import CompanionConfig, shipped_configs
+from moar_companion.mqtt import reconnecting
+from moar_companion.mqtt.orders import signed_order
+from moar_companion.mqtt.payloads import Order
+from moar_companion.mqtt.topics import TOPICS
+from moar_companion.mqtt_config import Mqtt
+from moar_companion.service import mqtt_client, mqtt_publisher
+from moar_companion.service.mqtt_publisher import open_publisher
+from sitl.demonstration.broker import Certificates, free_tcp_port, running_broker
+from tests.processes import companion
+
+from ..mqtt.brokers import CERTIFICATES, Reader, hanging, private, wait_until
+from ..mqtt.statuses import flying, status_of
+
+CONNACK = b"\x20\x02\x00\x00"
+
+
+@pytest.fixture(scope="module")
+def port(tmp_path_factory):
+    """A broker for all tests; each has vehicles and readers of its own."""
+    number = free_tcp_port()
+    with running_broker(tmp_path_factory.mktemp("broker"), number):
+        yield number
+
+
+@pytest.fixture(autouse=True)
+def _impatient(monkeypatch):
+    monkeypatch.setattr(reconnecting, "_FIRST_S", 0.1)
+    monkeypatch.setattr(reconnecting, "_LONGEST_S", 0.2)
+    monkeypatch.setattr(mqtt_client, "_TIMEOUT_S", 0.5)
+    monkeypatch.setattr(mqtt_client, "_LOOK_S", 0.01)
+
+
+@contextlib.contextmanager
+def publishing(url, folder, **settings):
+    config = CompanionConfig(vehicle=folder, mqtt=Mqtt(url=url, vehicle="a1", **settings))
+    with contextlib.closing(open_publisher(config)) as publisher:
+        yield Loop(publisher)
+
+
+class Loop:
+    """The control loop's side, by its own clock: half a second of it whenever it is asked to."""
+
+    def __init__(self, publisher):
+        self.client = publisher._client
+        self._publisher = publisher
+        self._now_s = 0.0
+        self.made = 0
+        self.longest_s = 0.0
+
+    def turn(self):
+        self._now_s += 0.5
+        began_s = time.monotonic()
+        self._publisher.look(self._now_s, self._status)
+        self.longest_s = max(self.longest_s, time.monotonic() - began_s)
+        return self.made
+
+    def _status(self):
+        self.made += 1
+        return {**status_of(flying()), "time_s": 1e9 + self.made}
+
+
+@pytest.fixture
+def reader(port):
+    with contextlib.closing(Reader(port)) as made:
+        yield made
+
+
+def test_another_programs_reader_gets_birth_every_topic_and_the_farewell(port, reader, tmp_path):
+    with publishing(f"mqtt://127.0.0.1:{port}", tmp_path) as loop:
+        wait_until(loop.turn)
+        wait_until(lambda: all(reader.of(topic.name) for topic in TOPICS))
+        told = {name.removeprefix("moar/a1/"): quality for name, _, quality, _ in reader.messages}
+        # amqtt delivers with the reader's quality of service, where that is the better one.
+        assert all(told[topic.name] >= topic.qos for topic in TOPICS)
+        assert set(told) == {topic.name for topic in TOPICS} | {"online"}
+        assert reader.of("online")[-1]["online"]
+        assert reader.of("mission")[-1]["state"] == "flying"
+    wait_until(lambda: not reader.of("online")[-1]["online"])
+    with contextlib.closing(Reader(port)) as late:
+        kept = {topic.name for topic in TOPICS if topic.retain} | {"online"}
+        wait_until(lambda: len(late.messages) >= len(kept))
+        assert {name.removeprefix("moar/a1/") for name, *_ in late.messages} == kept
+        assert all(retained for *_, retained in late.messages)
+
+
+def test_a_reader_that_reads_nothing_holds_up_nobody(port, reader, tmp_path, monkeypatch):
+    later_s = itertools.count(0.0, 10.0)
+    monkeypatch.setattr(mqtt_publisher, "clock_s", lambda: next(later_s))
+    with (
+        socket.create_connection(("127.0.0.1", port)) as slow,
+        publishing(f"mqtt://127.0.0.1:{port}", tmp_path) as loop,
+    ):
+        slow.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
+        slow.sendall(bytes.fromhex("100d 0004 4d515454 04 02 003c 0001 73"))
+        slow.sendall(bytes.fromhex("820b 0001 0006") + b"moar/#" + b"\x00")
+        wait_until(lambda: loop.client.connected)
+        before = len(reader.messages)
+        wait_until(lambda: loop.turn() and len(reader.messages) > before + 300)
+        assert loop.client.connected
+
+
+def test_nothing_waits_for_a_broker_that_is_away_and_one_line_tells_of_it(tmp_path, caplog):
+    with (
+        caplog.at_level(logging.INFO, logger="moar_companion"),
+        publishing(f"mqtt://127.0.0.1:{free_tcp_port()}", tmp_path) as loop,
+    ):
+        wait_until(lambda: caplog.messages)
+        time.sleep(0.5)
+        assert loop.turn() == 0
+        assert loop.longest_s < 0.1
+    assert len(caplog.messages) == 1
+    assert caplog.messages[0].endswith(": Connection refused; flying on, trying again")
+
+
+def test_of_a_broker_that_takes_nothing_the_newest_status_alone_is_kept(
+    tmp_path, caplog, monkeypatch
+):
+    monkeypatch.setattr(mqtt_client, "_TIMEOUT_S", 30.0)
+    with (
+        hanging(CONNACK) as (port, taken),
+        publishing(f"mqtt://127.0.0.1:{port}", tmp_path) as loop,
+    ):
+        # The birth message is never acknowledged: no status is even made.
+        wait_until(lambda: taken)
+        for _ in range(200):
+            loop.turn()
+        assert loop.made == 0
+        assert loop.longest_s < 0.1
+        began_s = time.monotonic()
+    assert time.monotonic() - began_s < 3.0, "the end waits for no broker"
+
+
+@pytest.mark.parametrize("greeting", [b"", CONNACK], ids=["at once", "after its greeting"])
+def test_a_broker_that_stops_answering_is_left_and_tried_again(tmp_path, caplog, greeting):
+    with (
+        caplog.at_level(logging.INFO, logger="moar_companion"),
+        hanging(greeting) as (port, taken),
+        publishing(f"mqtt://127.0.0.1:{port}", tmp_path),
+    ):
+        wait_until(lambda: len(taken) >= 2)
+        taken[0].settimeout(5.0)
+        while taken[0].recv(4096):
+            """It is closed, and not kept for each attempt."""
+    where = f"mqtt://127.0.0.1:{port}"
+    told = f"MQTT: no connection: {where}: Operation timed out; flying on, trying again"
+    assert caplog.messages == [told]
+
+
+@pytest.mark.slow
+def test_after_a_restart_of_the_broker_everything_is_told_anew(tmp_path, caplog):
+    port = free_tcp_port()
+    with (
+        caplog.at_level(logging.INFO, logger="moar_companion"),
+        publishing(f"mqtt://127.0.0.1:{port}", tmp_path) as loop,
+    ):
+        for number in (1, 2):
+            folder = tmp_path / str(number)
+            folder.mkdir()
+            with running_broker(folder, port), contextlib.closing(Reader(port)) as reader:
+                wait_until(lambda: loop.turn() and all(reader.of(item.name) for item in TOPICS))
+                assert reader.of("online")[-1]["online"]
+            wait_until(lambda: not loop.client.connected)
+    lines = [line.partition(": mqtt")[0].partition(" to mqtt")[0] for line in caplog.messages]
+    assert any("the broker ended the connection" in line for line in caplog.messages)
+    assert lines.count("MQTT: connected") == lines.count("MQTT: lost") == 2
+
+
+@pytest.fixture(scope="module")
+def tls_port(tmp_path_factory):
+    number = free_tcp_port()
+    files = {
+        "ca": CERTIFICATES / "authority.pem",
+        "certificate": CERTIFICATES / "broker.pem",
+        "key": CERTIFICATES / "broker.key",
+    }
+    folder = tmp_path_factory.mktemp("tls")
+    with running_broker(folder, number, certificates=Certificates(**files)):
+        yield number
+
+
+# paho closes no socket after a handshake that failed: it is closed when it is forgotten.
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("authority", "name", "told"),
+    [
+        ("authority", "vehicle", "MQTT: connected to"),
+        ("stranger", "vehicle", "certificate verify failed: "),
+        ("authority", "intruder", ""),
+    ],
+    ids=["right", "the broker's is of another authority", "ours is of another authority"],
+)
+def test_certificates_have_to_fit(tls_port, tmp_path, caplog, authority, name, told):
+    with (
+        caplog.at_level(logging.INFO, logger="moar_companion"),
+        publishing(
+            f"mqtts://127.0.0.1:{tls_port}",
+            tmp_path,
+            ca_file=CERTIFICATES / f"{authority}.pem",
+            certificate_file=CERTIFICATES / f"{name}.pem",
+            key_file=private(tmp_path, f"{name}.key"),
+        ) as loop,
+    ):
+        wait_until(lambda: caplog.messages)
+        assert told in caplog.messages[0]
+        if "connected" not in told:
+            time.sleep(0.5)
+            assert loop.turn() == 0
+            assert caplog.messages[0].startswith("MQTT: no connection: ")
+
+
+def configured(tmp_path, port):
+    path = tmp_path / "companion.yaml"
+    path.write_text(
+        f"vehicle: {shipped_configs() / 'vehicles' / 'x500.yaml'}\n"
+        "links: [{url: 'udpout:127.0.0.1:9', role: autopilot}]\n"
+        f"mqtt: {{url: 'mqtt://127.0.0.1:{port}', vehicle: a2}}\n"
+    )
+    return "--config", path
+
+
+def told_by(running, reader, vehicle):
+    """What a service has told of its mission; it has to run."""
+    assert running.poll() is None, running.stderr.read()
+    return reader.of("mission", vehicle)
+
+
+def test_the_service_publishes_and_when_it_is_killed_its_will_is_told(port, reader, tmp_path):
+    with companion(*configured(tmp_path, port)) as running:
+        wait_until(lambda: told_by(running, reader, "a2"))
+        assert reader.of("mission", "a2")[-1]["state"] == "idle"
+        assert reader.of("online", "a2")[-1]["online"]
+        running.kill()
+    wait_until(lambda: not reader.of("online", "a2")[-1]["online"])
+
+
+def test_a_broker_that_hangs_does_not_delay_the_end(tmp_path):
+    with hanging() as (port, taken), companion(*configured(tmp_path, port)) as running:
+        wait_until(lambda: taken)
+        began_s = time.monotonic()
+        running.send_signal(signal.SIGTERM)
+        _, errors = running.communicate(timeout=10)
+        assert running.returncode == 0
+        assert time.monotonic() - began_s < 6.0
+        assert "Traceback" not in errors
+
+
+def test_without_a_broker_its_library_is_not_read():
+    loaded = "import sys, moar_companion.service.app; print(*sys.modules)"
+    modules = subprocess.run(
+        [sys.executable, "-c", loaded], capture_output=True, text=True, check=True
+    ).stdout.split()
+    assert "moar_companion.service.app" in modules
+    assert not {"aiomqtt", "paho.mqtt.client"} & set(modules)
+
+
+def test_signed_orders_reach_the_machine_once_and_are_answered(port, tmp_path):
+    key = tmp_path / "orders.key"
+    key.write_bytes(b"k" * 32)
+    key.chmod(0o400)
+    path = tmp_path / "companion.yaml"
+    path.write_text(
+        f"vehicle: {shipped_configs() / 'vehicles' / 'x500.yaml'}\n"
+        "links: [{url: 'udpout:127.0.0.1:9', role: autopilot}]\n"
+        f"mqtt:\n  url: mqtt://127.0.0.1:{port}\n  vehicle: a3\n"
+        f"  commands: {{accept: true, key_file: {key}, window_s: 60}}\n"
+    )
+    with (
+        contextlib.closing(Reader(port, "moar/a3/#")) as reader,
+        companion("--config", path) as running,
+    ):
+        wait_until(lambda: told_by(running, reader, "a3"))
+        given = Order(mission="inspection", time_s=time.time(), nonce="n" * 16)
+        right, wrong = (signed_order(given, "a3", secret) for secret in (b"k" * 32, b"o" * 32))
+        for payload in (wrong, right, right):
+            reader.publish("moar/a3/order", payload)
+        wait_until(lambda: len(reader.of("reply", "a3")) >= 3)
+        told = {
+            (reply["nonce"], reply["result"], reply["reason"]) for reply in reader.of("reply", "a3")
+        }
+    assert told == {
+        (None, "DENIED", "wrong signature"),
+        ("n" * 16, "DENIED", "given before"),
+        ("n" * 16, "DENIED", "MOAR: no site is loaded, denied"),
+    }
