@@ -126,7 +126,7 @@ class ContingencyPlanner:
         self._vehicle = vehicle
         self._power = power
         self._outwards = [mission for mission in _WAYS_OUT if site.landing_m.get(mission)]
-        self._numbers = itertools.count(1)
+        self._next_job_id = 1
         self._jobs: list[PlanJob] = []
         self._asked: _Asked | None = None
         self._queue: list[_Question] = []
@@ -274,7 +274,7 @@ class ContingencyPlanner:
             (x_m, z_m), (vx_mps, vz_mps) = self._site.target(question.origin).position_m, (0.0, 0.0)
         rule = self._vehicle.rule(question.mission)
         job = PlanJob(
-            job_id=next(self._numbers),
+            job_id=self._next_job_id,
             request=PlanRequest(
                 mission=question.mission,
                 target=question.goal,
@@ -289,6 +289,7 @@ class ContingencyPlanner:
             failsafes=scene.failsafes,
         )
         self._asked = _Asked(question=question, job=job, start_m=(x_m, 0.0, z_m), asked_s=now_s)
+        self._next_job_id += 1
         self._jobs.append(job)
 
     def _measured(

@@ -309,7 +309,7 @@ def test_an_aircraft_by_real_sockets_with_what_to_mend_and_status_1(capsys, unus
     assert f"Aircraft on {link}\n" in out
     assert "  ok       firmware: 1.17.0\n" in out
     assert "  warning  COM_OBL_RC_ACT: 0 (position mode" in out
-    assert "set 5 (hold) or 4 (land)" in out
+    assert "set 5 (hold)" in out
     assert "PX4 would hit " in out
     assert "it would return on offboard loss" in " ".join(out.split())
     assert "\nNO-GO: " in out
