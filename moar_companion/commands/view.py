@@ -14,7 +14,7 @@ import sys
 import termios
 import time
 import tty
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import Any, NoReturn
 
 from rich.console import Console
@@ -174,12 +174,19 @@ def _watch(statuses: Statuses, console: Console) -> None:
             ready, _, _ = select.select([statuses.fileno(), *keys], [], [], _TICK_S)
             if statuses.fileno() in ready and (heard := statuses.read()):
                 status, heard_s = heard[-1], time.monotonic()
-            for key in keys & set(ready):
-                typed = os.read(key, 1024)
-                if b"q" in typed:
-                    return
-                if not typed:
-                    keys.remove(key)
+            if quit_typed(keys, ready):
+                return
+
+
+def quit_typed(keys: set[int], ready: Sequence[int]) -> bool:
+    """Returns True when q was typed at a ready key descriptor; takes one at its end out of keys."""
+    for key in keys & set(ready):
+        typed = os.read(key, 1024)
+        if b"q" in typed:
+            return True
+        if not typed:
+            keys.remove(key)
+    return False
 
 
 @contextlib.contextmanager

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import logging
-import os
 import select
 import signal
 import time
@@ -25,7 +24,7 @@ from ..service.mqtt_client import MqttClient
 from ..service.mqtt_settings import SettingNames, read_broker
 from .options import add_file
 from .outputs import say
-from .view import keyboard
+from .view import keyboard, quit_typed
 
 _DRAW_S = 0.5
 _LINES_S = 5.0
@@ -145,12 +144,8 @@ def _watch(client: MqttClient, traffic: _Traffic, console: Console) -> None:
         while True:
             live.update(_view(client, traffic, "   q: end"), refresh=True)
             ready, _, _ = select.select([*keys], [], [], _DRAW_S)
-            for key in keys & set(ready):
-                typed = os.read(key, 1024)
-                if b"q" in typed:
-                    return
-                if not typed:
-                    keys.remove(key)
+            if quit_typed(keys, ready):
+                return
 
 
 def _write_lines(client: MqttClient, traffic: _Traffic) -> None:

@@ -11,24 +11,15 @@ from rich.text import Text
 
 from ..mqtt.fleet import Row
 from ..mqtt.payloads import Battery, Conditions, Energy, Mission, Risk
+from .live_view import STATE_STYLES, risk_style
 
 _UNKNOWN = "?"
-_HIGH, _VERY_HIGH = 0.5, 0.8
-"""Risk indices from which a number is yellow, and red."""
 _LOW, _VERY_LOW = 0.4, 0.25
 """Fractions of the charge below which it is yellow, and red."""
 _SOON_S = 60.0
 """Flight time after the better escape route below which it is red."""
 _SILENT_S, _OLD_S = 5.0, 60.0
 """Ages from which a number is yellow, and red: the position comes twice a second."""
-_STATE_STYLES = {
-    "flying": "bold green",
-    "at_target": "bold green",
-    "landing_leg": "bold green",
-    "holding": "bold green",
-    "overridden": "bold yellow",
-    "released": "bold red",
-}
 _NAME_WIDTH, _MODE_WIDTH = 20, 10
 _OTHER_LINES = 5
 """Lines of a screen that are no rows."""
@@ -102,7 +93,7 @@ def _state(row: Row, mission: Mission | None) -> Cell:
         return f"offline{was}", "bold red"
     if mission is None:
         return _UNKNOWN, "magenta"
-    return _doing(mission), _STATE_STYLES.get(mission.state, "")
+    return _doing(mission), STATE_STYLES.get(mission.state, "")
 
 
 def _doing(mission: Mission) -> str:
@@ -126,8 +117,7 @@ def _index(risk: Risk | None, name: str) -> Cell:
     index = getattr(risk.risk, name)
     if not index.known:
         return f"{index.value:.2f}?", "magenta"
-    style = "red" if index.value >= _VERY_HIGH else "yellow" if index.value >= _HIGH else "green"
-    return f"{index.value:.2f}", style
+    return f"{index.value:.2f}", risk_style(index.value)
 
 
 def _charge(battery: Battery | None) -> Cell:

@@ -29,10 +29,10 @@ _LABEL_WIDTH = 14
 _BAR_WIDTH, _SHORT_BAR_WIDTH = 20, 12
 """The short bar: risks on half a page, each beside its deciding input."""
 _HIGH, _VERY_HIGH = 0.5, 0.8
-"""Risk indices from which a bar is yellow, and red."""
+"""Risk indices from which a bar or a number is yellow, and red."""
 _SILENT_S = 2.0
 """The service sends four statuses a second: after this it counts as silent."""
-_STATE_STYLES = {
+STATE_STYLES = {
     "flying": "bold green",
     "at_target": "bold green",
     "landing_leg": "bold green",
@@ -135,7 +135,7 @@ def _head(status: Status, silence: str | None) -> Table:
 
 def _mission(status: Status) -> Iterator[Row]:
     mission = status["mission"]
-    words = Text.assemble((_doing(mission), _STATE_STYLES.get(mission["state"], "bold")))
+    words = Text.assemble((_doing(mission), STATE_STYLES.get(mission["state"], "bold")))
     if mission["for_s"] is not None:
         words.append(f" for {_duration(mission['for_s'])}")
     yield "mission", words
@@ -213,9 +213,14 @@ def _inputs(index: Status) -> RenderableType:
     return table
 
 
+def risk_style(value: float) -> str:
+    """Colour of a known risk index."""
+    return "red" if value >= _VERY_HIGH else "yellow" if value >= _HIGH else "green"
+
+
 def _bar(index: Status, width: int, *, decided_by: bool) -> Text:
     value = index["value"]
-    style = "red" if value >= _VERY_HIGH else "yellow" if value >= _HIGH else "green"
+    style = risk_style(value)
     full = round(value * width)
     words = Text.assemble(
         ("█" * full, style if index["known"] else "magenta"),
