@@ -73,10 +73,14 @@ class Response:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Adaptability:
-    """The risk sweep of one scene. front: the paths of the exact front."""
+    """The risk sweep of one scene. front: the paths of the exact front.
+
+    corners: (3,) the paths for safety, time and energy alone, the ends of every adaptation.
+    """
 
     scene: Scene
     responses: dict[Way, Response]
+    corners: IntArray
     paths: Paths
     front: Paths
     baselines: Baselines
@@ -123,6 +127,7 @@ def sweep(scene: Scene, levels: int = LEVELS, fine_levels: int = FINE_LEVELS) ->
     return Adaptability(
         scene=scene,
         responses=responses,
+        corners=np.array([collector.solve(Weights(*alone)) for alone in np.eye(3).tolist()]),
         paths=collector.paths(),
         front=exact_front(posed),
         baselines=baselines(posed),
@@ -153,6 +158,7 @@ def summary(result: Adaptability, way: Way) -> dict[str, Any]:
         row[f"{label}: coverage"] = measures.coverage(values[response.path], *ends)
         row[f"{label}: over wind"] = measures.coverage(over_wind, *ends)
         row[f"{label}: together"] = measures.coverage(values[response.together_path], *ends)
+        row[f"{label}: corners"] = measures.coverage(values[result.corners], *ends)
         row[f"{label}: front"] = measures.coverage(result.front.metric(metric), *ends)
         row[f"{label}: nearer to Voronoi at"] = measures.first_nearer(
             response.fine, over_wind, *ends

@@ -255,8 +255,9 @@ def _metric_table(way: str, label: str, rows: Sequence[dict[str, Any]]) -> Table
     return scene_table(
         f"{way}: {label}",
         "Coverage of the interval between A* and Voronoi: over all combinations, over wind alone, "
-        "over wind, communication and localization together, and the most that any weights reach "
-        "(front). Steps, of wind alone, and the front's gap: of their range. A dash: not defined.",
+        "over wind, communication and localization together, by the paths for safety, time and "
+        "energy alone (corners), and the most that any weights reach (front). Steps, of wind "
+        "alone, and the front's gap: of their range. A dash: not defined.",
         [
             {"scene": row["scene"], "paths": row["paths"]}
             | {
