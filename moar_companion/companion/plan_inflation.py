@@ -32,7 +32,7 @@ class PlanInflation:
         self._widening = ObstacleInflation()
         self._lasting = ObstacleInflation()
         """The same without the tracking error, which a gust causes only for a time."""
-        self._in_vain: tuple[float, str] | None = None
+        self._not_found: tuple[float, str] | None = None
         """Obstacle inflation at which no path was found, and the reason."""
 
     @property
@@ -69,19 +69,19 @@ class PlanInflation:
 
         None, too, above the uncertainty limit: then the uncertainty is the reason.
         """
-        if self._in_vain is None or self._uncertainty_m is None:
+        if self._not_found is None or self._uncertainty_m is None:
             return None
-        width_m, reason = self._in_vain
+        width_m, reason = self._not_found
         over = self._widening.width_m < width_m or self._uncertainty_m > self._limit_m
         return None if over else reason
 
     def note_no_room(self, awaited: Awaited, reason: str) -> None:
         """Notes that no path was found with the present obstacle inflation."""
-        self._in_vain = (awaited.job.widening_m, reason)
+        self._not_found = (awaited.job.widening_m, reason)
 
     def forget_no_room(self) -> None:
         """Drops the search that found no path."""
-        self._in_vain = None
+        self._not_found = None
 
     def explained(self, answer: PlanAnswer) -> str:
         """Reason why there is no plan, with the uncertainty, or tracking, if that is the cause."""

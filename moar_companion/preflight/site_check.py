@@ -166,7 +166,7 @@ def _targets(planner: Planner) -> Iterator[Finding]:
             remedy="add targets: else no inspection can be ordered",
         )
     ways = ways_of(planner)
-    visits_s = way_out_s = 0.0
+    visits_s = escape_route_s = 0.0
     for target in site.targets:
         subject, point = f"target {target.name}", target.position_m
         problem = place_problem(planner, point)
@@ -183,12 +183,12 @@ def _targets(planner: Planner) -> Iterator[Finding]:
         visits_s += target.dwell_s + sum(
             time_s for way, time_s in times_s.items() if way.mission is Mission.INSPECTION
         )
-        way_out_s = max(
+        escape_route_s = max(
             (time_s for way, time_s in times_s.items() if way.mission is not Mission.INSPECTION),
             default=0.0,
         )
     if site.targets:
-        yield _endurance(visits_s + way_out_s, planner.vehicle)
+        yield _endurance(visits_s + escape_route_s, planner.vehicle)
 
 
 def _ways(subject: str, times_s: dict[SiteRoute, float]) -> Finding:

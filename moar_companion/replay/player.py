@@ -93,7 +93,7 @@ class Player(Generic[Packet_contra]):
         self._power = PowerModel.of(vehicle)
         self._rule = vehicle.rule(Mission.INSPECTION)
         self._clock = _Clock()
-        self._chronicle = EventLog(battery_low=vehicle.risk.battery_remaining.high)
+        self._events = EventLog(battery_low=vehicle.risk.battery_remaining.high)
         self._ticks = 0
         self._risk = RiskEstimate.unknown(vehicle.risk)
         self._packet_s = 0.0
@@ -104,33 +104,33 @@ class Player(Generic[Packet_contra]):
     def feed(self, recorded_s: float, packet: Packet_contra) -> None:
         """Takes the next packet and its time of recording; never raises, for any content."""
         now_s, step = self._clock.read(recorded_s)
-        self._think_until(math.ceil(now_s / RISK_PERIOD_S - _ROUNDING))
-        self._chronicle.now_s = now_s
+        self._assess_until(math.ceil(now_s / RISK_PERIOD_S - _ROUNDING))
+        self._events.now_s = now_s
         if step:
-            self._chronicle.tell("recording", step)
+            self._events.tell("recording", step)
         if now_s - self._packet_s > SILENCE_S:
-            self._chronicle.tell(
+            self._events.tell(
                 "recording", f"nothing was recorded for {_duration(now_s - self._packet_s)}"
             )
         self._packet_s = now_s
         before = self._listener.telemetry
         for said in self._listener.hear(packet, now_s):
-            self._chronicle.take(said)
+            self._events.take(said)
         after = self._listener.telemetry
         if after is not before:
-            self._chronicle.compare(before, after)
+            self._events.compare(before, after)
 
     def note(self, text: str) -> None:
         """Adds an event of the recording itself, after its last packet."""
-        self._think_to_the_end()
-        self._chronicle.tell("recording", text)
+        self._assess_to_the_end()
+        self._events.tell("recording", text)
 
     def finish(self, recording: str) -> Replay:
         """Returns the whole replay, after the last packet; `recording` is its name."""
-        self._think_to_the_end()
+        self._assess_to_the_end()
         listener = self._listener
         if listener.autopilot is None:
-            self._chronicle.tell("recording", "no autopilot's heartbeat: nothing is known")
+            self._events.tell("recording", "no autopilot's heartbeat: nothing is known")
         return Replay(
             recording=recording,
             vehicle=self._vehicle.name,
@@ -138,7 +138,7 @@ class Player(Generic[Packet_contra]):
             vehicle_type=listener.vehicle_type,
             duration_s=self._packet_s,
             samples=tuple(self._samples),
-            events=tuple(self._chronicle.events),
+            events=tuple(self._events.events),
             inputs={name: (item.messages, item.last_s) for name, item in listener.inputs.items()},
             measures={
                 index: {
@@ -158,25 +158,25 @@ class Player(Generic[Packet_contra]):
 
     # Time
 
-    def _think_to_the_end(self) -> None:
-        self._think_until(math.floor(self._packet_s / RISK_PERIOD_S + _ROUNDING) + 1)
-        self._chronicle.now_s = self._packet_s
+    def _assess_to_the_end(self) -> None:
+        self._assess_until(math.floor(self._packet_s / RISK_PERIOD_S + _ROUNDING) + 1)
+        self._events.now_s = self._packet_s
 
-    def _think_until(self, tick: int) -> None:
+    def _assess_until(self, tick: int) -> None:
         """Runs the cycles before this tick."""
         while self._ticks < tick:
-            self._chronicle.now_s = now_s = self._ticks * RISK_PERIOD_S
+            self._events.now_s = now_s = self._ticks * RISK_PERIOD_S
             settled = now_s - self._packet_s > _SETTLED_S and self._ticks % _SAMPLE_TICKS == 0
             # The last instant always has a cycle: the next packet is compared with it.
             ticks = max(1, min(_SAMPLE_TICKS, tick - 1 - self._ticks)) if settled else 1
-            self._think(now_s, ticks)
+            self._assess(now_s, ticks)
             self._ticks += ticks
 
-    def _think(self, now_s: float, ticks: int) -> None:
+    def _assess(self, now_s: float, ticks: int) -> None:
         """Runs a cycle that stands for `ticks` of them: the known data is the same in all."""
         self._listener.tick(now_s)
         telemetry = self._listener.telemetry
-        self._chronicle.watch_link(telemetry)
+        self._events.watch_link(telemetry)
         judged = telemetry
         if not self._listener.leans:
             # A plane banks, a rover tilts with the ground: wind does not cause their lean.
@@ -195,7 +195,7 @@ class Player(Generic[Packet_contra]):
         values = self._risk.indices.as_dict()
         for name, report in reports.items():
             self._measure(name, report, ticks)
-            self._chronicle.watch_risk(name, values[name], report)
+            self._events.watch_risk(name, values[name], report)
         if self._ticks % _SAMPLE_TICKS == 0:
             self._sample(telemetry, reports, now_s)
 
@@ -212,9 +212,9 @@ class Player(Generic[Packet_contra]):
 
     def _sample(self, telemetry: Telemetry, reports: dict[str, IndexReport], now_s: float) -> None:
         values = self._risk.indices.as_dict()
-        autopilot = None if self._chronicle.silent else telemetry.autopilot
+        autopilot = None if self._events.silent else telemetry.autopilot
         place = None
-        if self._site_position is not None and not self._chronicle.silent:
+        if self._site_position is not None and not self._events.silent:
             place = self._site_position.at(telemetry, self._risk.indices, now_s)
         self._samples.append(
             ReplaySample(
@@ -231,7 +231,7 @@ class Player(Generic[Packet_contra]):
                 weights=WeightsReason.of(self._rule, self._risk.indices).to_dict(),
                 armed=None if autopilot is None else autopilot.armed,
                 mode=None if autopilot is None else autopilot.mode,
-                mission_state=self._chronicle.mission_state,
+                mission_state=self._events.mission_state,
                 place=place,
             )
         )

@@ -39,8 +39,8 @@ class SitePosition:
         self._pose_tracker = PoseTracker(planner.site, planner.vehicle.autopilot)
         self._planned_s = -math.inf
         self._evacuation_s: float | None = None
-        self._has_way_out = bool(planner.site.landing_m.get(Mission.EVACUATION))
-        if self._has_way_out:
+        self._has_escape_route = bool(planner.site.landing_m.get(Mission.EVACUATION))
+        if self._has_escape_route:
             planner.prepare(mission=Mission.EVACUATION)
 
     def at(self, telemetry: Telemetry, risk: RiskIndices, now_s: float) -> ReplayPlace | None:
@@ -55,7 +55,7 @@ class SitePosition:
         if now_s - self._planned_s >= _EVACUATION_PERIOD_S:
             self._planned_s = now_s
             armed = telemetry.autopilot is not None and telemetry.autopilot.armed
-            due = in_plane and armed and self._has_way_out
+            due = in_plane and armed and self._has_escape_route
             self._evacuation_s = self._evacuation(pose, risk) if due else None
         clearance_m = self._site_maps.clearance_m(pose, self._planner.vehicle.radius_m)
         return ReplayPlace(

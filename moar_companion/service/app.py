@@ -209,16 +209,16 @@ class Service:
             if not stack.enter_context(in_real_time()):
                 _logger.info("the loop is not in real time: not permitted")
             loop.call_later(_SILENCE_S, self._report_silence)
-            thinking = asyncio.create_task(self._cycle_loop(host), name="think")
+            cycling = asyncio.create_task(self._cycle_loop(host), name="cycles")
             stopping = asyncio.create_task(stopped.wait(), name="wait for a signal")
-            await asyncio.wait({thinking, stopping}, return_when=asyncio.FIRST_COMPLETED)
+            await asyncio.wait({cycling, stopping}, return_when=asyncio.FIRST_COMPLETED)
             notify("STOPPING=1")
             stopping.cancel()
-            if thinking.done():
-                thinking.result()
-            thinking.cancel()
+            if cycling.done():
+                cycling.result()
+            cycling.cancel()
             with contextlib.suppress(asyncio.CancelledError):
-                await thinking
+                await cycling
             now_s = self._now_s()
             self._take_in(now_s)
             self._companion.shut_down(now_s)

@@ -1,7 +1,7 @@
 """Cost of the machine without I/O: `.venv/bin/python -m tests.benchmarks.machine`.
 
 Updates of the risk indices without and with their explanation, telemetry through `Session.receive`
-and through the whole companion, which thinks 50 times a second of its time: all by the processor's
+and through the whole companion, which cycles 50 times a second of its time: all by the processor's
 time. And a whole inspection in lockstep with the fake autopilot, whose share is in the figure. The
 telemetry is a recording of PX4 where there is one beside the checkout, and otherwise what the
 companion heard in that inspection.

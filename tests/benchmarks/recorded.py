@@ -10,15 +10,18 @@ from __future__ import annotations
 import sys
 import tempfile
 import time
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
 from mcap.reader import make_reader
 
 from moar_companion.companion.status import LatestDecisions
+from moar_companion.config import RecorderSettings
 from moar_companion.estimation.pose_tracker import SiteMaps
-from moar_companion.outlets.recorder import Recorder
+from moar_companion.outlets.recorder import NO_LIMITS, Recorder
 from moar_companion.recording.calls import Call
 from moar_companion.recording.channels import CycleSampler
 from moar_companion.recording.flight_log import FlightLog
@@ -38,7 +41,11 @@ class Recorded:
         self.flight = Lockstep(vehicle="x500")
         site_maps = SiteMaps(site=self.flight.flown_site, maps=self.flight.planner.maps)
         self.flight.calls.append(Call(method="take_ground", arguments=(site_maps,)))
-        self.recorder = Recorder(folder, OFFSET_S, 0.0, source=FlightLog(OFFSET_S))
+        shipped = RecorderSettings()
+        parts = replace(
+            NO_LIMITS, part_bytes=1e6 * shipped.part_mb, part_s=MINUTE_S * shipped.part_min
+        )
+        self.recorder = Recorder(folder, OFFSET_S, 0.0, source=FlightLog(OFFSET_S), limits=parts)
         self.sampler, self.latest = CycleSampler(), LatestDecisions()
         self.spent_s = 0.0
 
@@ -98,19 +105,32 @@ def main() -> None:
     thread_s = recorded.thread_s()
     recorded.recorder.close()
     seconds = flight.now_s
+    sizes: Counter[str] = Counter()
+    messages: Counter[tuple[str, str]] = Counter()
     for path in sorted(recorded.recorder.folder.iterdir()):
-        size = path.stat().st_size
-        sys.stdout.write(f"{path.name}: {size / 1e6:.1f} MB, {size / seconds / 1e3:.1f} kB/s\n")
+        name = path.name.split("-")[0].removesuffix(path.suffix) + path.suffix
+        sizes[name] += path.stat().st_size
+        if path.suffix == ".mcap":
+            messages += counted(path)
+    for name, size in sizes.items():
+        sys.stdout.write(f"{name}: {size / 1e6:.1f} MB, {size / seconds / 1e3:.1f} kB/s\n")
     share = f"thread {thread_s / seconds:.2%}, loop {recorded.spent_s / seconds:.2%}"
     sys.stdout.write(f"{seconds:.0f} s flown; {share} of one core; memory {grown_mb:+.2f} MB\n")
-    with (recorded.recorder.folder / "flight.mcap").open("rb") as file:
+    for (topic, schema), count in sorted(messages.items()):
+        sys.stdout.write(f"{topic}: {schema}, {count}\n")
+
+
+def counted(path: Path) -> Counter[tuple[str, str]]:
+    """Messages of a part by topic and schema."""
+    with path.open("rb") as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
     assert summary.statistics is not None
-    for channel, count in sorted(summary.statistics.channel_message_counts.items()):
-        item = summary.channels[channel]
-        sys.stdout.write(f"{item.topic}: {summary.schemas[item.schema_id].name}, {count}\n")
-    sys.stdout.write(f"{len(summary.chunk_indexes)} chunks\n")
+    counts: Counter[tuple[str, str]] = Counter()
+    for number, count in summary.statistics.channel_message_counts.items():
+        channel = summary.channels[number]
+        counts[channel.topic, summary.schemas[channel.schema_id].name] = count
+    return counts
 
 
 if __name__ == "__main__":

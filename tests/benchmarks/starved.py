@@ -2,8 +2,8 @@
 
 Flies an inspection with fake autopilot and service as processes, through the relay of `service`,
 and starts busy processes (nice 0) beside the service while it streams. Of the setpoints: their
-intervals by the kernel's times. Of each thought: how old the position is that it goes by, from the
-relay's time of that LOCAL_POSITION_NED to the thought's beginning, on one clock.
+intervals by the kernel's times. Of each cycle: how old the position is that it goes by, from the
+relay's time of that LOCAL_POSITION_NED to the cycle's beginning, on one clock.
 
 With one core, service and busy processes share it, and autopilot, relay and operator have the
 other; with two, all of them share both. `--code DIR` flies the service of another checkout.
@@ -134,13 +134,13 @@ def fly(given: argparse.Namespace) -> list[str]:
             finally:
                 operator.close()
                 os.sched_setaffinity(0, everywhere)
-        thoughts = [line.split() for line in ages.read_text().splitlines()]
+        cycles = [line.split() for line in ages.read_text().splitlines()]
     ended = let_go(operator)
     for count, first, last, begin_s, end_s in marks:
         gaps_ms = 1e3 * np.diff(relay.setpoints_s[first:last])
         ages_ms = [
             1e3 * (float(now_s) - relay.positions_s[int(boot_ms)])
-            for now_s, boot_ms in thoughts
+            for now_s, boot_ms in cycles
             if begin_s <= float(now_s) <= end_s and int(boot_ms) in relay.positions_s
         ]
         ending = ended[0] if ended and count == marks[-1][0] else ""

@@ -57,7 +57,7 @@ _COPTER_LAND = 9
 _FAILSAFE_MODES = {RTL, _COPTER_LAND, BRAKE}
 """ArduPilot's own."""
 
-_WITH_FAREWELL = {
+_WITH_LAST_SETPOINT = {
     "an old heartbeat",
     "an old position",
     "an old attitude",
@@ -119,7 +119,7 @@ class Judge:
             if kind == "COMMAND_ACK":
                 self._note_answer(message)
             elif kind == "SET_POSITION_TARGET_LOCAL_NED" and ended is not None:
-                self._judge_farewell(message, ended)
+                self._judge_last_setpoint(message, ended)
             elif kind == "SET_POSITION_TARGET_LOCAL_NED":
                 self._judge(message, time_s)
                 streamed = True
@@ -272,9 +272,9 @@ class Judge:
             assert self.mode_requests_left, "a mode that nobody has ordered"
             self.mode_requests_left -= 1
 
-    def _judge_farewell(self, message, ended):
+    def _judge_last_setpoint(self, message, ended):
         """One last setpoint where the one before was, at rest; none to whom it would harm."""
-        assert ended in _WITH_FAREWELL, ended
+        assert ended in _WITH_LAST_SETPOINT, ended
         assert self.last is not None, ended
         assert (message.vx, message.vy, message.vz) == (0.0, 0.0, 0.0), ended
         assert math.dist((message.x, message.y, message.z), self.last[1]) <= _FORGIVEN_M, ended

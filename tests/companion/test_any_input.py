@@ -208,7 +208,7 @@ class AnyInput(RuleBasedStateMachine):
         battery_percent=st.sampled_from([90, 15]),
         by=st.sampled_from(["an accuracy", "an order that is taken back"]),
     )
-    def it_is_stopped_on_its_way_out(self, battery_percent, by):
+    def it_is_stopped_on_its_escape_route(self, battery_percent, by):
         self._see_that_it_flies()
         self.desk.set(battery_percent=battery_percent)
         self._order(USER_1, EXIT)

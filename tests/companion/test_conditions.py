@@ -84,7 +84,7 @@ def test_an_inspection_is_not_begun_and_the_reason_has_the_number(case):
     assert desk.answers()[-1] == (ACCEPTED if possible else TEMPORARILY_REJECTED)
 
 
-def test_a_way_out_that_is_ordered_is_flown_through_the_wind():
+def test_an_escape_route_that_is_ordered_is_flown_through_the_wind():
     desk = Desk().come_to("flying").run(4.0)
     desk.set(wind_mps=21.0).run_until("holding", 5.0).run(0.6)
     desk.order(EVACUATION).run_until("flying", 1.0)
@@ -117,7 +117,7 @@ def test_the_battery_at_its_reserve_leads_it_out_by_itself():
     assert flown(desk) == "evacuation"  # an escape route that was begun is flown
 
 
-def test_a_way_out_that_the_operator_prefers_is_flown():
+def test_an_escape_route_that_the_operator_prefers_is_flown():
     desk = Desk().come_to("flying").run(4.0)
     desk.set(charge_state=3).run(3.0)
     assert flown(desk) == "evacuation"
@@ -129,7 +129,7 @@ def test_a_way_out_that_the_operator_prefers_is_flown():
     assert desk.answers()[-1] == TEMPORARILY_REJECTED
 
 
-def test_ways_out_without_a_plan_end_in_a_hold_until_there_is_one_and_are_told_now_and_then():
+def test_escape_routes_without_a_plan_end_in_a_hold_until_there_is_one_and_are_told_now_and_then():
     desk = Desk().come_to("flying").run(4.0)
     desk.plan_delay_s = None
     desk.set(battery_percent=15)
@@ -152,7 +152,7 @@ def test_ways_out_without_a_plan_end_in_a_hold_until_there_is_one_and_are_told_n
     assert flown(desk) == "exit"
 
 
-def test_a_planner_that_is_silent_for_once_is_asked_for_the_way_out_again():
+def test_a_planner_that_is_silent_for_once_is_asked_for_the_escape_route_again():
     desk = Desk().come_to("flying").run(4.0)
     desk.set(plan_delay_s=None, battery_percent=15).run_until_sought("exit").run(5.1)
     assert desk.state == "holding"

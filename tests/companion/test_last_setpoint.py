@@ -35,7 +35,7 @@ def released(desk):
 
 
 def shut_down(desk):
-    """Then nothing thinks any more."""
+    """Then no cycle follows."""
     desk.companion.shut_down(desk.now_s)
     desk.take_what_is_sent()
     desk.step = lambda *_: desk

@@ -1,4 +1,4 @@
-"""Thoughts that the shell comes too late with: what moves the aircraft is left out of them."""
+"""Cycles that the shell comes too late with: what moves the aircraft is left out of them."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from .desk import (
 
 
 def come_late(desk):
-    """From now on every thought takes too long."""
+    """From now on every cycle takes too long."""
     desk.companion.data_to_send = partial(desk.companion.data_to_send, control=False)
 
 
@@ -38,7 +38,7 @@ def test_no_setpoint_is_sent_but_people_are_answered():
     assert desk.said("MOAR: holding inspection")
 
 
-def test_one_late_thought_is_made_up_for_by_the_next():
+def test_one_late_cycle_is_made_up_for_by_the_next():
     desk = Desk().come_to("flying").run(1.0)
     sent = len(desk.setpoints())
     in_time = desk.companion.data_to_send
@@ -50,7 +50,7 @@ def test_one_late_thought_is_made_up_for_by_the_next():
     assert desk.state == "flying"
 
 
-def test_when_every_thought_is_late_control_is_let_go():
+def test_when_every_cycle_is_late_control_is_let_go():
     desk = Desk().come_to("flying").run(1.0)
     come_late(desk)
     desk.run_until("released", 1.0)
@@ -91,22 +91,22 @@ def test_a_landing_that_is_asked_for_too_late_is_asked_for_again_once():
 # The last word ----------------------------------------------------------------------------------
 
 
-def released_late(thoughts):
-    """A flight that is released, in the first of so many thoughts that come too late."""
+def released_late(cycles):
+    """A flight that is released, in the first of so many cycles that come too late."""
     desk = Desk().come_to("flying").run(4.0).run_to_position()
     before = desk.setpoints()[-1]
     assert any((before.vx, before.vy, before.vz))
     in_time = desk.companion.data_to_send
     come_late(desk)
-    desk.order(RELEASE).run(thoughts * STEP_S)
+    desk.order(RELEASE).run(cycles * STEP_S)
     desk.companion.data_to_send = in_time
     assert (desk.state, desk.setpoints()[-1]) == ("released", before)
     return desk
 
 
-@pytest.mark.parametrize("thoughts", [1, 5])
-def test_a_farewell_that_comes_too_late_is_said_by_the_next_thought(thoughts):
-    desk = released_late(thoughts)
+@pytest.mark.parametrize("cycles", [1, 5])
+def test_a_last_setpoint_that_comes_too_late_is_sent_by_the_next_cycle(cycles):
+    desk = released_late(cycles)
     count = len(desk.setpoints())
     *_, before, last = desk.run(1.0).setpoints()
     assert len(desk.setpoints()) == count + 1
@@ -114,12 +114,12 @@ def test_a_farewell_that_comes_too_late_is_said_by_the_next_thought(thoughts):
     assert math.dist((last.x, last.y, last.z), (before.x, before.y, before.z)) < 1e-6
 
 
-def test_a_farewell_that_was_made_up_for_is_no_part_of_what_is_streamed_next():
+def test_a_last_setpoint_that_came_later_is_no_part_of_what_is_streamed_next():
     desk = released_late(1).step()
     assert desk.companion._executor.setpoints._last is None
 
 
-def test_a_farewell_that_comes_in_time_is_said_once():
+def test_a_last_setpoint_in_time_is_sent_once():
     desk = Desk().come_to("flying").run(4.0)
     count = len(desk.setpoints())
     assert len(desk.order(RELEASE).run(1.0).setpoints()) == count + 1

@@ -75,7 +75,7 @@ def clearance_m(plan):
 
 
 @pytest.mark.parametrize(("gap_m", "narrowed_m"), [(6.6, 0.0), (5.6, 0.575), (4.2, 1.15)])
-def test_a_way_out_that_the_margin_closes_is_planned_with_the_most_of_it_that_leaves_one(
+def test_an_escape_route_that_the_margin_closes_is_planned_with_the_most_of_it_that_leaves_one(
     gap_m, narrowed_m
 ):
     found = answer(gap_m, Mission.EXIT)

@@ -96,7 +96,7 @@ def test_what_need_not_be_refused_is_warned_about_in_flight(mission, policy):
     assert desk.said("MOAR: PX4 would stop its motors")
 
 
-def test_a_way_out_is_never_refused_but_warned_about():
+def test_an_escape_route_is_never_refused_but_warned_about():
     desk = Desk()
     desk.parameters["COM_OBL_RC_ACT"] = 7.0
     desk.run(1.2).order(INSPECTION).run(0.5)

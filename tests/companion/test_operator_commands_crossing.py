@@ -66,7 +66,7 @@ def test_a_pause_cancels_the_order_whose_plan_is_awaited():
     assert desk.answers(PAUSE_CONTINUE) == [ACCEPTED]
 
 
-def test_a_failsafe_heard_with_a_release_gets_no_farewell():
+def test_a_failsafe_heard_with_a_release_gets_no_last_setpoint():
     desk = Desk().come_to("flying").run(3.0)
     began = desk.now_s
     desk.say_heartbeat(AUTO_HOLD, CRITICAL).order(RELEASE).run(1.0)
@@ -100,7 +100,7 @@ def test_with_a_plans_answer_too_an_order_comes_after_what_ends_control():
     assert not desk.setpoints(began)
 
 
-def test_with_a_plans_answer_too_a_failsafe_heard_with_a_release_gets_no_farewell():
+def test_with_a_plans_answer_too_a_failsafe_heard_with_a_release_gets_no_last_setpoint():
     desk = Desk().come_to("flying").run(3.0)
     desk.plan_delay_s = None
     desk.order(EXIT).step()
@@ -204,7 +204,7 @@ def test_a_plan_that_comes_too_late_to_be_joined_is_made_again_from_rest(delay_s
 
 
 @pytest.mark.parametrize("mission", [EXIT, EVACUATION])
-def test_a_way_out_that_brakes_for_a_slow_planner_has_not_come_to_its_end(mission):
+def test_an_escape_route_that_brakes_for_a_slow_planner_has_not_come_to_its_end(mission):
     desk = Desk(authority=Authority.ENGAGE).come_to("at_target").order(mission).run(4.0)
     assert desk.state == "flying"
     began = desk.now_s

@@ -124,7 +124,7 @@ def test_without_a_crash_nothing_is_told():
     assert Desk().run(5.0).texts() == []
 
 
-def test_a_landed_state_that_never_comes_is_waited_for_in_vain():
+def test_a_landed_state_that_never_comes_is_waited_for_without_result():
     desk = desk_after()
     desk.mute.add("EXTENDED_SYS_STATE")
     assert desk.run(2.5).texts() == []
@@ -159,7 +159,7 @@ def test_a_second_crash_before_any_order_remembers_the_first():
 
 
 @pytest.mark.parametrize("pause_s", [0.6, 3.0])
-def test_a_service_that_is_ended_after_a_pause_says_no_farewell(pause_s):
+def test_a_service_that_is_ended_after_a_pause_sends_no_last_setpoint(pause_s):
     desk = Desk().come_to("flying").run(1.0)
     sent = len(desk.setpoints())
     desk.now_s += pause_s

@@ -77,7 +77,7 @@ def test_a_map_that_moves_without_a_jump_moves_no_setpoint_in_the_autopilots_fra
     assert max(math.dist(*pair) for pair in itertools.pairwise(places)) < 0.05
 
 
-def test_a_flight_that_is_stopped_seeks_its_way_out_from_where_it_stands(monkeypatch):
+def test_a_flight_that_is_stopped_seeks_its_escape_route_from_where_it_stands(monkeypatch):
     desk = Desk().come_to("flying").run(3.0).set(plan_delay_s=None, battery_percent=15)
     desk.run_until_sought("exit")
     of_now = PathFollower.setpoint

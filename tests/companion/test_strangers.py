@@ -50,7 +50,7 @@ def test_anybody_can_stop_the_aircraft_in_flight_but_not_send_it_on(words):
 
 
 @pytest.mark.slow
-def test_a_strangers_hold_ends_no_way_out_of_the_supervisors():
+def test_a_strangers_hold_ends_no_escape_route_of_the_supervisors():
     desk, stranger = Desk().come_to("flying"), Peer(42, 1)
     desk.run(2.0).set(battery_percent=12).run_until_sought("exit")
     desk.run(2.0)

@@ -277,7 +277,7 @@ def test_on_the_ground_the_stream_ends():
 
 
 @pytest.mark.parametrize("case", ["unknown", "silent"])
-def test_while_the_landed_state_is_unknown_the_flight_goes_on_and_the_way_out_stays_open(case):
+def test_while_the_landed_state_is_unknown_the_flight_goes_on_and_the_escape_route_stays_open(case):
     desk = Desk().come_to("flying").run(2.0)
     if case == "unknown":
         desk.landed_state = 0
@@ -290,7 +290,7 @@ def test_while_the_landed_state_is_unknown_the_flight_goes_on_and_the_way_out_st
     assert desk.state == "flying"
 
 
-def test_blown_off_the_plane_the_way_out_stays_open():
+def test_blown_off_the_plane_the_escape_route_stays_open():
     desk = Desk().come_to("flying").run(2.0)
     desk.fall_behind(2.5, 0.0, 0.0)
     desk.order(EVACUATION).run(0.5)
@@ -311,7 +311,7 @@ def test_a_pilot_who_lands_and_takes_off_again_is_not_resumed():
 
 
 @pytest.mark.parametrize("mission", [INSPECTION, EVACUATION])
-def test_a_mode_that_is_left_and_given_back_between_two_thoughts_ends_our_control(mission):
+def test_a_mode_that_is_left_and_given_back_between_two_cycles_ends_our_control(mission):
     desk = Desk().come_to("flying", mission).run(4.0)
     left = desk.now_s
     desk.say_heartbeat(POSCTL).say_heartbeat(OFFBOARD).run(2.0)
@@ -399,7 +399,7 @@ def test_a_shorter_limit_is_kept_too():
     assert desk.state == "released"
 
 
-def test_shutting_down_says_farewell_at_rest():
+def test_shutting_down_sends_a_last_setpoint_at_rest():
     desk = Desk().come_to("flying").run(3.0)
     assert desk.setpoints()[-1].vz != 0.0 or desk.setpoints()[-1].vy != 0.0
     desk.companion.shut_down(desk.now_s)
@@ -424,7 +424,7 @@ def test_shutting_down_in_silence_sends_nothing():
         ("the pilot in the same breath", POSCTL, ACTIVE),
     ],
 )
-def test_shutting_down_says_no_farewell_when_the_autopilot_has_left(case, mode, status):
+def test_shutting_down_sends_no_last_setpoint_when_the_autopilot_has_left(case, mode, status):
     desk = Desk().come_to("flying").run(3.0)
     desk.plan_delay_s = None
     began = desk.now_s
@@ -434,7 +434,7 @@ def test_shutting_down_says_no_farewell_when_the_autopilot_has_left(case, mode, 
     assert not desk.setpoints(began), case
 
 
-def test_shutting_down_with_old_data_says_no_farewell():
+def test_shutting_down_with_old_data_sends_no_last_setpoint():
     desk = Desk().come_to("flying").run(3.0)
     began = desk.now_s
     desk.now_s += 60.0
@@ -443,7 +443,7 @@ def test_shutting_down_with_old_data_says_no_farewell():
     assert not desk.setpoints(began)
 
 
-def test_the_farewell_is_where_the_last_setpoint_was_wherever_the_aircraft_is():
+def test_the_last_setpoint_is_where_the_one_before_was_wherever_the_aircraft_is():
     desk = Desk().come_to("flying").run(3.0)
     desk.fall_behind(0.0, 0.4, 0.0)
     before = desk.setpoints()[-1]

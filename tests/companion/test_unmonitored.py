@@ -66,7 +66,7 @@ def test_a_flight_ordered_just_as_the_position_jumps_is_told_so_and_not_begun(de
     assert (desk.state, desk.answers(PAUSE_CONTINUE)[-1]) == ("flying", ACCEPTED)
 
 
-def test_the_way_out_that_the_supervisor_has_just_begun_may_be_ordered_as_well(desk):
+def test_the_escape_route_that_the_supervisor_has_just_begun_may_be_ordered_as_well(desk):
     act(desk.set(charge_state=3), "battery_critical").order(EVACUATION).run(0.5)
     assert (desk.answers()[-1], flown(desk)) == (ACCEPTED, Mission.EVACUATION)
 
@@ -104,7 +104,7 @@ def test_what_the_mission_does_about_it_tells_of_it(desk):
     ]
 
 
-def test_what_a_way_out_goes_before_is_told(desk):
+def test_what_an_escape_route_goes_before_is_told(desk):
     desk.set(battery_percent=15).run_until_sought("exit").run(1.0).set(wind_mps=21.4).run(5.0)
     assert (desk.state, flown(desk)) == ("landing_leg", Mission.EXIT)
     assert desk.said("MOAR: wind reported 21.4 m/s")

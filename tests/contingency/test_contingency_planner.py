@@ -31,7 +31,7 @@ def outlook(desk):
     return desk.companion.outlook
 
 
-def test_in_the_air_both_ways_out_are_ready_before_anything_is_ordered():
+def test_in_the_air_both_escape_routes_are_ready_before_anything_is_ordered():
     desk = desk_with_contingencies().run(2.0)
     ways, seen = outlook(desk), desk.companion
     assert (ways.finish, seen.plan_jobs(), desk.jobs) == (None, [], [])
@@ -95,7 +95,7 @@ def quick_planner():
     return Planner(usual.site, replace(usual.vehicle, speed=replace(speed, **quick)))
 
 
-def test_the_mission_with_its_way_out_becomes_shorter_as_it_is_flown():
+def test_the_mission_with_its_escape_route_becomes_shorter_as_it_is_flown():
     desk = desk_with_contingencies(planner=quick_planner()).come_to("flying").run(2.0)
     left = []
     while desk.state in {"flying", "at_target"}:
@@ -135,7 +135,7 @@ def test_the_battery_at_the_point_of_no_return_leads_it_out_by_itself():
     )  # an escape route that was begun is flown
 
 
-def test_past_it_no_inspection_is_begun_and_a_way_out_is():
+def test_past_it_no_inspection_is_begun_and_an_escape_route_is():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=6).run(6.0)
     desk.order(INSPECTION).run(0.5)
     assert desk.answers() == [TEMPORARILY_REJECTED]
@@ -165,7 +165,7 @@ def test_the_status_shows_what_is_left():
     assert set(status["energy"]["exit"]) == {"duration_s", "energy_wh", "left_s", "age_s"}
 
 
-def test_a_way_out_that_is_not_there_leaves_the_other():
+def test_an_escape_route_that_is_not_there_leaves_the_other():
     desk = desk_with_contingencies()
     answer = desk.companion.contingency_answered
 
@@ -250,7 +250,7 @@ def test_without_the_landed_state_the_point_of_no_return_leads_it_out():
     assert desk.companion.status.task.mission is Mission.EXIT
 
 
-def test_beside_the_plane_the_way_out_begins_with_the_way_back():
+def test_beside_the_plane_the_escape_route_begins_with_the_way_back():
     desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
     desk.set(battery_percent=25).run(10.0)
     before, way_s = desk.companion.risk.indices.battery, outlook(desk).exit.duration_s
@@ -261,7 +261,7 @@ def test_beside_the_plane_the_way_out_begins_with_the_way_back():
 
 
 @pytest.mark.parametrize("planner", ["has no way", "is silent"])
-def test_a_way_out_that_is_planned_no_more_counts_on(planner):
+def test_an_escape_route_that_is_planned_no_more_counts_on(planner):
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
     desk.come_to("flying").run(4.5)  # just after a round of questions, not just before one
     begins_m, way_s = desk.companion.pose.position_m, outlook(desk).exit.duration_s
@@ -295,7 +295,7 @@ def test_an_exit_that_takes_too_much_gives_way_to_an_evacuation():
     assert desk.companion.status.task.mission is Mission.EVACUATION
 
 
-def test_what_a_way_out_that_is_flown_takes_too_much_is_said():
+def test_what_an_escape_route_that_is_flown_takes_too_much_is_said():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=80)
     desk.come_to("flying").run(2.0)
     desk.order(EXIT).run_until("flying", 5.0).run(2.0)

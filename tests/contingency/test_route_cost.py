@@ -34,7 +34,7 @@ def ways(exit_wh, evacuation_wh, *, exit_age_s=0.0, evacuation_age_s=0.0):
         (None, None, Mission.EXIT, None),
     ],
 )
-def test_the_better_way_out_stays_unless_another_is_clearly_better(
+def test_the_better_escape_route_stays_unless_another_is_clearly_better(
     exit_wh, evacuation_wh, before, better
 ):
     assert better_of(ways(exit_wh, evacuation_wh), before) is better

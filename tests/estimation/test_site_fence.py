@@ -203,7 +203,7 @@ def test_a_fence_with_items_that_cannot_be_read_is_not_taken_as_none():
 
 
 def test_the_fence_is_made_anew_only_when_something_has_changed():
-    """It is looked at with every thought, fifty times a second."""
+    """It is looked at with every cycle, fifty times a second."""
     watch, items = SiteFence(SITE, 1.5), corners(3)
     with mock.patch.object(site_fence, "plane_fence", wraps=site_fence.plane_fence) as made:
         for _ in range(3):

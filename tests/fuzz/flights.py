@@ -4,7 +4,7 @@ A life is a companion that hears bursts of hostile input, each 2 s, and in betwe
 operator orders. In even lives PX4 flies, in odd ones ArduPilot. Of messages, in every second pair
 of lives none has the autopilot's ids from its own address. Judged are
 
-- every cycle (what arrived read, thought, and packed): no exception, and its processor time;
+- every cycle (what arrived decoded, cycled, and packed): no exception, and its processor time;
 - every setpoint: its form, and the obstacles on the site by the origin that was told;
 - where nobody speaks for the autopilot: setpoints never jump, and the aircraft touches nothing.
 """

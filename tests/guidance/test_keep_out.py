@@ -138,7 +138,7 @@ def test_it_holds_when_the_target_is_too_near_now_and_goes_on_when_the_position_
     assert desk.said("MOAR: no path, uncertainty 1.6 m")
     asked = len(desk.jobs)
     desk.run(30.0)
-    assert (desk.state, len(desk.jobs)) == ("holding", asked)  # no planning in vain
+    assert (desk.state, len(desk.jobs)) == ("holding", asked)  # no needless planning
     assert rooms_m(desk, desk.now_s - 20.0) == []
     desk.set(accuracy_m=0.5).run_until("flying", 6.0)
     assert desk.said("MOAR: resuming")
@@ -160,7 +160,7 @@ def test_a_continue_that_is_still_too_near_is_denied_with_the_number(desk):
     assert desk.said("MOAR: no path, uncertainty 1.6 m, denied")
 
 
-def test_above_the_limit_ways_out_are_measured_as_at_the_limit(desk):
+def test_above_the_limit_escape_routes_are_measured_as_at_the_limit(desk):
     """While it grows, each step of a great site's obstacles takes seconds to build."""
     desk.set(contingencies=True).come_to("flying").run(2.0)
     for accuracy_m in (1.5, 2.4, 3.9, 7.2):
@@ -211,7 +211,7 @@ def test_what_is_stopped_where_it_is_too_narrow_goes_on_by_an_escape_leg(desk):
     assert desk.companion.status.task.mission is Mission.EVACUATION
 
 
-def test_a_way_out_of_an_empty_battery_is_not_held_up_where_it_is_too_narrow(desk):
+def test_an_escape_route_of_an_empty_battery_is_not_held_up_where_it_is_too_narrow(desk):
     desk.come_to("at_target").set(battery_percent=19).run_until_sought("exit")
     desk.run(0.3).set(accuracy_m=1.8)
     stopped = desk.now_s
@@ -223,7 +223,7 @@ def test_a_way_out_of_an_empty_battery_is_not_held_up_where_it_is_too_narrow(des
     assert 0 < sum(still) < 100
 
 
-def test_a_way_out_that_was_sought_in_vain_is_sought_again_when_there_is_more_room(desk):
+def test_an_escape_route_that_was_not_found_is_sought_again_when_there_is_more_room(desk):
     desk.come_to("flying").run(4.0)
     desk.plan_delay_s = None
     desk.set(battery_percent=19, accuracy_m=1.5)

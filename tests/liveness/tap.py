@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import all as mavlink
 SO_TIMESTAMPNS = 35
 """Linux: the time at which a datagram arrived, which on loopback is the time it was sent."""
 OLDEST_S = 0.2
-"""No setpoint leaves later than this after its thought began."""
+"""No setpoint leaves later than this after its cycle began."""
 
 
 def clock_s():
@@ -26,16 +26,16 @@ def clock_s():
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setpoint:
-    """One that was sent. thought_s: when the service began to think of it."""
+    """One that was sent. cycle_s: when its cycle began."""
 
     sent_s: float
-    thought_s: float
+    cycle_s: float
     position_ned_m: tuple[float, float, float]
     velocity_ned_mps: tuple[float, float, float]
 
     @property
     def age_s(self):
-        return self.sent_s - self.thought_s
+        return self.sent_s - self.cycle_s
 
     @property
     def speed_mps(self):
@@ -98,7 +98,7 @@ class Tap:
                 self.setpoints.append(
                     Setpoint(
                         sent_s=sent_s,
-                        thought_s=message.time_boot_ms * 1e-3,
+                        cycle_s=message.time_boot_ms * 1e-3,
                         position_ned_m=(message.x, message.y, message.z),
                         velocity_ned_mps=(message.vx, message.vy, message.vz),
                     )

@@ -40,7 +40,7 @@ def test_after_a_pause_nothing_old_is_sent(rig, pause_s, goes_on):
     after = rig.tap.since(woken_s)
     stood_s = longest_pause_s(rig)
     assert not [item for item in rig.tap.since(stopped_s + 0.01) if item.sent_s < woken_s]
-    assert all(item.thought_s >= woken_s - 0.001 for item in after)
+    assert all(item.cycle_s >= woken_s - 0.001 for item in after)
     assert max(item.age_s for item in rig.tap.setpoints) < OLDEST_S
     if not goes_on:
         assert after == []
@@ -53,7 +53,7 @@ def test_after_a_pause_nothing_old_is_sent(rig, pause_s, goes_on):
 
 
 @real_time
-def test_paused_at_any_moment_of_a_thought_it_sends_nothing_old(rig):
+def test_paused_at_any_moment_of_a_cycle_it_sends_nothing_old(rig):
     rig.fly()
     moments = random.Random(3)
     for _ in range(20):

@@ -1,4 +1,4 @@
-"""The service manager's watchdog: fed by the thinking, and by nothing else."""
+"""The service manager's watchdog: fed by finished cycles, and by nothing else."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def fed_s(hears, count):
     return times_s
 
 
-def test_it_is_fed_twice_in_its_time_and_not_while_nothing_is_thought(tmp_path):
+def test_it_is_fed_twice_in_its_time_and_not_while_no_cycle_ends(tmp_path):
     with watched(tmp_path, WATCHDOG_USEC=f"{TIMEOUT_S * 1e6:.0f}") as (service, hears):
         times_s = fed_s(hears, 4)
         assert all(later - earlier < TIMEOUT_S for earlier, later in pairwise(times_s))

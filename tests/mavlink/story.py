@@ -32,7 +32,7 @@ class Story:
         ]
 
     def run(self, duration_s):
-        """Thinks at 50 Hz for a while; returns what is sent, with its time."""
+        """Cycles at 50 Hz for a while; returns what is sent, with its time."""
         sent = []
         for _ in range(round(duration_s * 50)):
             self.now_s += 0.02

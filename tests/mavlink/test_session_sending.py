@@ -55,7 +55,7 @@ def test_the_heartbeat_comes_once_a_second_on_each_link(story):
     assert times == pytest.approx([100.02 + index for index in range(10)], abs=0.021)
 
 
-def test_a_companion_that_did_not_think_for_a_while_does_not_catch_up(story):
+def test_a_companion_without_cycles_for_a_while_does_not_catch_up(story):
     story.run(1.0)
     story.now_s += 30.0
     assert len(of_type(story.run(0.5), "HEARTBEAT")) == 2

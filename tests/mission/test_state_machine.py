@@ -60,7 +60,7 @@ def test_an_inspection_of_two_targets_from_the_order_to_the_hold_at_its_end():
 
 
 @pytest.mark.parametrize("task", [EXIT, EVACUATION])
-def test_a_way_out_ends_above_its_landing_point_and_asks_for_the_landing(task):
+def test_an_escape_route_ends_above_its_landing_point_and_asks_for_the_landing(task):
     flight = story(S.FLYING, task)
     flight.see(on_leg=True)
     assert flight.state == "landing_leg"
@@ -73,7 +73,7 @@ def test_a_way_out_ends_above_its_landing_point_and_asks_for_the_landing(task):
     assert Do.LAND not in flight.effects
 
 
-def test_a_way_out_without_a_leg_of_any_length_arrives_too():
+def test_an_escape_route_without_a_leg_of_any_length_arrives_too():
     flight = story(S.FLYING, EXIT).see(arrived=True)
     assert flight.state == "holding"
     assert Do.LAND in flight.effects
@@ -124,7 +124,7 @@ def test_planning_for_ever_is_no_state_to_expire():
 
 
 @pytest.mark.parametrize("state", IN_FLIGHT)
-def test_the_pilot_takes_the_mode_silent_at_once_and_without_a_farewell(state):
+def test_the_pilot_takes_the_mode_silent_at_once_and_without_a_last_setpoint(state):
     flight = any_story(state).see(mode_ours=False)
     assert flight.state == "overridden"
     assert not flight.last_setpoint

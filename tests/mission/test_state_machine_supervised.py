@@ -161,7 +161,7 @@ def test_a_hold_of_the_supervisor_that_cannot_go_on_waits_for_an_operator():
         assert (flight.state, flight.sought) == ("holding", [])
 
 
-def test_a_way_out_that_cannot_go_on_is_sought_again():
+def test_an_escape_route_that_cannot_go_on_is_sought_again():
     task = Task(mission=Mission.EXIT)
     flight = any_story(S.FLYING, task).see(**WIND).tick(3.1).see(wind=None).tick(5.1)
     for _ in range(5):
@@ -242,7 +242,7 @@ def test_what_is_not_flown_yet_is_given_up_with_the_reason(state, cause):
 
 
 @pytest.mark.parametrize("state", [S.PLANNING, S.READY])
-def test_the_way_out_that_the_supervisor_wants_is_offered_on(state):
+def test_the_escape_route_that_the_supervisor_wants_is_offered_on(state):
     assert any_story(state, task=EXIT).see(**RESERVE).tick(3.1).status.state is state
 
 
@@ -260,7 +260,7 @@ def test_the_battery_leads_out_and_then_more_urgently(state):
     assert (flight.state, flight.status.task.mission) == ("flying", Mission.EVACUATION)
 
 
-def test_without_any_way_out_it_holds_and_asks_again_every_two_seconds():
+def test_without_any_escape_route_it_holds_and_asks_again_every_two_seconds():
     flight = story(S.FLYING).see(**RESERVE).tick(3.1)
     for _ in range(5):
         assert [task.mission for task in flight.sought] == [Mission.EXIT]
@@ -274,7 +274,7 @@ def test_without_any_way_out_it_holds_and_asks_again_every_two_seconds():
     assert flight.plan_found().state == "flying"
 
 
-def test_while_the_planner_fails_no_other_way_out_is_sought_but_the_same_one_later():
+def test_while_the_planner_fails_no_other_escape_route_is_sought_but_the_same_one_later():
     flight = story(S.FLYING).see(**RESERVE).tick(3.1)
     flight.plan_failed("the planner does not answer", failed=True)
     assert flight.said == ["MOAR: the planner does not answer, no exit"]
@@ -345,7 +345,7 @@ def test_a_landing_leg_that_is_flown_is_not_left_for_an_evacuation():
 
 
 @pytest.mark.parametrize("state", [S.FLYING, S.LANDING_LEG])
-def test_a_way_out_that_stands_gives_way_to_the_next_one(state):
+def test_an_escape_route_that_stands_gives_way_to_the_next_one(state):
     flight = any_story(state, EVACUATION).see(**CRITICAL).tick(1.1)
     assert flight.effects == []
     flight.strand()
@@ -361,14 +361,14 @@ def test_a_way_out_that_stands_gives_way_to_the_next_one(state):
     assert (flight.status.task.landing, flight.sought) == (None, [])
 
 
-def test_a_way_out_that_is_wanted_no_more_is_sought_no_more():
+def test_an_escape_route_that_is_wanted_no_more_is_sought_no_more():
     flight = story(S.FLYING).see(**RESERVE).tick(3.1).plan_failed().tick().plan_failed().tick()
     flight.see(battery_reserve=None).tick(10.0).tick(60.0)
     assert (flight.state, flight.sought) == ("holding", [])
 
 
 @pytest.mark.parametrize("order", [EXIT, Order.HOLD])
-def test_an_operator_who_knows_overrides_the_way_out(order):
+def test_an_operator_who_knows_overrides_the_escape_route(order):
     flight = story(S.FLYING).see(**CRITICAL).tick(1.1).plan_found().tick(KNOWN_S)
     flight.order(order)
     if order is EXIT:
@@ -390,7 +390,7 @@ def test_an_order_that_is_not_flown_overrides_nothing(end):
     assert [task.mission for task in flight.tick().sought] == [Mission.EVACUATION]
 
 
-def test_a_hold_that_crosses_the_way_out_does_not_override_it():
+def test_a_hold_that_crosses_the_escape_route_does_not_override_it():
     flight = story(S.FLYING).see(**CRITICAL).tick(1.1).plan_found().order(Order.HOLD)
     assert (flight.state, flight.answers) == ("holding", [(2, "accepted")])
     assert [task.mission for task in flight.tick().sought] == [Mission.EVACUATION]
@@ -416,7 +416,7 @@ def test_what_begins_while_an_order_is_planned_is_not_overridden_by_it():
     assert [task.mission for task in flight.sought] == [Mission.EVACUATION]
 
 
-def test_above_the_landing_point_there_is_no_way_out_to_seek():
+def test_above_the_landing_point_there_is_no_escape_route_to_seek():
     flight = story(S.LANDING_LEG, EXIT).see(arrived=True)
     flight.see(**CRITICAL).tick(2.0)
     assert (flight.state, flight.sought) == ("holding", [])

@@ -37,7 +37,7 @@ def test_the_next_target_waits_until_there_is_room():
 
 
 @pytest.mark.parametrize("way", [EXIT, EVACUATION])
-def test_a_way_out_that_was_held_waits_likewise(way):
+def test_an_escape_route_that_was_held_waits_likewise(way):
     flight = story(S.FLYING, way).see(**NARROW).see(no_clearance=None).tick(1.1)
     no_room(flight)
     assert flight.said_then[-1].endswith(", holding")

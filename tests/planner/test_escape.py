@@ -48,18 +48,18 @@ def escape(site, start, **vehicle):
     return escape_leg(site, vehicle, build_maps(site, vehicle), start)
 
 
-def test_next_to_a_conductor_the_way_out_is_away_from_it():
+def test_next_to_a_conductor_the_escape_route_is_away_from_it():
     site = make_site(conductor(5.5, 4.5, 0.1))
     assert escape(site, (6.0, 4.4), radius=1.2) == (6.5, 3.5)
     assert escape(site, (5.6, 4.1), radius=1.2) == (6.5, 3.5)
 
 
-def test_below_the_minimum_altitude_the_way_out_is_up():
+def test_below_the_minimum_altitude_the_escape_route_is_up():
     site = make_site(min_altitude=2.0)
     assert escape(site, (3.5, 0.2)) == (3.5, 2.5)
 
 
-def test_outside_the_workspace_the_way_out_is_the_nearest_free_cell():
+def test_outside_the_workspace_the_escape_route_is_the_nearest_free_cell():
     assert escape(make_site(), (-4.0, 2.5)) == (0.5, 2.5)
     assert escape(make_site(), (12.0, 9.0)) == (9.5, 7.5)
 
@@ -72,7 +72,7 @@ def test_a_conductor_in_between_is_flown_around_or_not_approached():
 
 
 @pytest.mark.parametrize("start", [(4.0, 4.0), (6.05, 4.5)])
-def test_inside_an_obstacle_there_is_no_way_out(start):
+def test_inside_an_obstacle_there_is_no_escape_route(start):
     square = polygon((3.0, 3.0), (5.0, 3.0), (5.0, 5.0), (3.0, 5.0))
     site = make_site(square, conductor(6.0, 4.5, 0.2))
     assert escape(site, start) is None

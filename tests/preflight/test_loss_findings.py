@@ -60,7 +60,7 @@ def test_the_check_says_before_what_the_service_says_then(policy, kind, name, va
     assert desk.said(objection)
 
 
-def test_a_way_out_is_warned_about_and_never_a_no_go():
+def test_an_escape_route_is_warned_about_and_never_a_no_go():
     findings = found(autopilots.PX4, COM_OBL_RC_ACT=7.0)
     assert [(item.level, "exit from splice-outer" in item.text) for item in findings] == [
         (WARNING, True),

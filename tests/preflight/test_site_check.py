@@ -104,7 +104,7 @@ def test_the_times_are_those_of_a_flight(site):
     ],
 )
 @pytest.mark.parametrize("key", ["risk.endurance_s", "power.capacity_wh and hover_w"])
-def test_the_way_out_and_the_dwell_and_the_reserve_are_part_of_the_flight(
+def test_the_escape_route_and_the_dwell_and_the_reserve_are_part_of_the_flight(
     endurance_s, reserve_s, level, key
 ):
     vehicle = Vehicle.load(CONFIGS / "vehicles" / "x500.yaml")

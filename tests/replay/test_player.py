@@ -364,7 +364,7 @@ def test_whatever_the_autopilot_says_the_json_is_finite():
     assert len(json.loads(text)["samples"]) == 60
 
 
-def test_with_a_site_the_samples_have_place_clearance_and_way_out():
+def test_with_a_site_the_samples_have_place_clearance_and_escape_route():
     site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
     planner = Planner(site, VEHICLE)
     tape = Tape(Player(VEHICLE, PassiveListener(), SitePosition(planner)))

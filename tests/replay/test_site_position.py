@@ -71,7 +71,7 @@ def test_without_a_position_there_is_no_place(place_at):
     assert place_at(Telemetry(autopilot=PX4), HEARD_S) is None
 
 
-def test_a_way_out_is_planned_with_the_margin_also_from_within_it():
+def test_an_escape_route_is_planned_with_the_margin_also_from_within_it():
     """1.5 m below a conductor: an X500's hull is nearer to it than PX4's margin allows."""
     file = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
     site_position = replay._site_position(str(file), VEHICLE)

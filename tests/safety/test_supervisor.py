@@ -184,7 +184,7 @@ def test_of_equal_actions_the_first_of_the_table_speaks():
     assert watched.ruling.reason == "late"
 
 
-def test_no_farewell_where_one_of_the_releases_forbids_it():
+def test_no_last_setpoint_where_one_of_the_releases_forbids_it():
     watched = Watched().look(position="stale")
     assert watched.ruling.last_setpoint
     watched.look(failsafe_took_mode="autopilot in failsafe")

@@ -154,7 +154,7 @@ def test_an_orderly_silence_leaves_the_aircraft_where_it_was():
 @pytest.mark.parametrize(
     ("timeout_s", "farthest"), [(0.5, 1.0), pytest.param(3.0, 3.0, marks=pytest.mark.slow)]
 )
-def test_a_companion_that_dies_is_flown_on_for_guid_timeout(timeout_s, farthest):
+def test_a_companion_that_fails_is_flown_on_for_guid_timeout(timeout_s, farthest):
     """GUID_TIMEOUT times the speed, and what it takes to stop."""
     flight = in_flight(1.5, options={"parameters": {"GUID_TIMEOUT": timeout_s}})
     message = flight.setpoints[-1].message

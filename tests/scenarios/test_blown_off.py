@@ -108,7 +108,7 @@ def test_when_the_wind_falls_it_comes_back_at_its_own_speed_and_goes_on_once_it_
 @pytest.mark.parametrize(
     ("manner", "mission"), [(Manner.PX4, EXIT), (Manner.ARDUPILOT, EVACUATION)]
 )
-def test_a_way_out_is_flown_from_where_it_was_blown(manner, mission):
+def test_an_escape_route_is_flown_from_where_it_was_blown(manner, mission):
     flight = blown_off(manner)
     flight.autopilot.conditions.wind_mps = 0.0
     flight.run(4.0)

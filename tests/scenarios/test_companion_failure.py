@@ -114,7 +114,7 @@ def _waits(truth):
     return truth.mode == "OFFBOARD"
 
 
-def deaths(name, *, every_s, site="315kv_double_circuit", wind_mps=0.0, **options):
+def failures(name, *, every_s, site="315kv_double_circuit", wind_mps=0.0, **options):
     manner, parameters = SETS[name]
     flight = hovering(site=site, manner=manner, options={"parameters": parameters}, **options)
     flight.autopilot.conditions.wind_mps = wind_mps
@@ -123,8 +123,8 @@ def deaths(name, *, every_s, site="315kv_double_circuit", wind_mps=0.0, **option
 
 
 @pytest.mark.parametrize("name", ["PX4 holds after 0.5 s", "ArduPilot holds after 3 s"])
-def test_wherever_it_dies_on_an_inspection_nothing_is_touched(name):
-    sweep = deaths(name, every_s=2.0, vehicle="x500")
+def test_wherever_it_fails_on_an_inspection_nothing_is_touched(name):
+    sweep = failures(name, every_s=2.0, vehicle="x500")
     assert sweep.fly(INSPECTION, 0)
     assert sweep.count > 5
 
@@ -146,7 +146,7 @@ FLOWN = [
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["PX4 brakes softly at once", "ArduPilot brakes softly"])
 def test_nor_where_the_autopilot_brakes_softly(name):
-    sweep = deaths(name, every_s=EVERY_S, vehicle="x500")
+    sweep = failures(name, every_s=EVERY_S, vehicle="x500")
     assert sweep.fly(INSPECTION, 0)
     assert sweep.fly(EXIT)
     assert sweep.count > 100
@@ -154,8 +154,8 @@ def test_nor_where_the_autopilot_brakes_softly(name):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "site", "wind_mps"), FLOWN)
-def test_wherever_it_dies_on_any_mission_that_is_accepted(name, site, wind_mps):
-    out = deaths(name, every_s=EVERY_S, site=site, vehicle="x500", wind_mps=wind_mps)
+def test_wherever_it_fails_on_any_mission_that_is_accepted(name, site, wind_mps):
+    out = failures(name, every_s=EVERY_S, site=site, vehicle="x500", wind_mps=wind_mps)
     out.fly(INSPECTION, 0)
     away = copy_of(out)
     out.fly(INSPECTION, 1)
@@ -170,20 +170,20 @@ def test_wherever_it_dies_on_any_mission_that_is_accepted(name, site, wind_mps):
 
 
 def test_a_return_that_would_climb_through_a_conductor_is_denied_with_the_remedy():
-    sweep = deaths("PX4 returns after 1 s", every_s=math.inf)
+    sweep = failures("PX4 returns after 1 s", every_s=math.inf)
     assert not sweep.fly(INSPECTION, 1)
     assert sweep.flight.operator.said("PX4 would hit left-upper")
     assert not sweep.flight.setpoints
 
 
 def test_a_landing_on_a_conductor_is_denied_with_the_remedy():
-    sweep = deaths("PX4 lands after 0.5 s", every_s=math.inf)
+    sweep = failures("PX4 lands after 0.5 s", every_s=math.inf)
     assert not sweep.fly(INSPECTION, 1)
     assert sweep.flight.operator.said("PX4 would hit right-lower")
 
 
 def test_an_autopilot_that_cannot_follow_is_not_led():
-    sweep = deaths("ArduPilot cannot follow", every_s=math.inf, vehicle="x500")
+    sweep = failures("ArduPilot cannot follow", every_s=math.inf, vehicle="x500")
     assert not sweep.fly(INSPECTION, 1)
     assert sweep.flight.operator.said("ArduPilot brakes ")
 
@@ -204,11 +204,11 @@ def released(flight):
     flight.operator.mission(RELEASE)
 
 
-def deafened(flight):
+def cut_off(flight):
     flight.deaf = True
 
 
-@pytest.mark.parametrize(("manner", "end"), [(Manner.PX4, released), (Manner.ARDUPILOT, deafened)])
+@pytest.mark.parametrize(("manner", "end"), [(Manner.PX4, released), (Manner.ARDUPILOT, cut_off)])
 def test_the_last_setpoint_of_an_orderly_silence_stands(manner, end):
     flight = hovering(manner=manner, vehicle="x500")
     flight.begin(INSPECTION)

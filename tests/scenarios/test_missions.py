@@ -113,7 +113,7 @@ QUICK = {
     ("site", "vehicle", "wind_mps", "mission", "manner"),
     [pytest.param(*case, marks=() if case in QUICK else pytest.mark.slow) for case in pairs()],
 )
-def test_both_splices_the_way_out_and_the_landing(site, vehicle, wind_mps, mission, manner):
+def test_both_splices_the_escape_route_and_the_landing(site, vehicle, wind_mps, mission, manner):
     flight = fly_all(site, vehicle, wind_mps, mission, manner=manner)
     inspected(flight)
     flight.land()

@@ -140,7 +140,7 @@ def test_outside_on_the_landing_leg_an_inspection_leads_back_in(manner, how, low
 @pytest.mark.parametrize(
     ("how", "mission"), [("takeover", EVACUATION), ("crash", EVACUATION), ("crash", EXIT)]
 )
-def test_outside_on_the_landing_leg_another_way_out_is_flown(manner, how, mission, low):
+def test_outside_on_the_landing_leg_another_escape_route_is_flown(manner, how, mission, low):
     flight = left(manner, how, low=low)
     flown(flight, lambda: flight.operator.mission(mission), "holding")
     assert flight.operator.said("MOAR: above the landing point, holding")

@@ -70,7 +70,7 @@ def test_a_battery_at_its_reserve_is_flown_out_and_above_the_landing_point(manne
 
 
 @BOTH
-def test_a_battery_that_becomes_critical_on_the_way_out_is_evacuated(manner):
+def test_a_battery_that_becomes_critical_on_the_escape_route_is_evacuated(manner):
     """ArduPilot calls it a failsafe even where it does nothing."""
     flight = in_flight(manner)
     if manner is Manner.ARDUPILOT:

@@ -54,7 +54,7 @@ def test_it_heartbeats_as_a_path_planner_and_ends_quietly_on_a_signal(number):
         assert "Traceback" not in errors
 
 
-def test_a_log_that_nobody_reads_holds_up_neither_the_thinking_nor_the_end():
+def test_a_log_that_nobody_reads_holds_up_neither_the_cycles_nor_the_end():
     log = stopped_pipe()
     with (
         listener() as (item, port),

@@ -1,4 +1,4 @@
-"""The loop that thinks and sends, in this process: its clocks, and thoughts that take too long."""
+"""The loop that cycles and sends, in this process: its clocks, and cycles that take too long."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def test_the_status_tells_the_time_of_a_clock_that_is_set_later(monkeypatch):
     assert service._status_now()["time_s"] == pytest.approx(1.8e9, abs=5.0)
 
 
-def test_steps_of_the_wall_clock_disturb_neither_the_thinking_nor_the_record(
+def test_steps_of_the_wall_clock_disturb_neither_the_cycles_nor_the_record(
     heard, tmp_path, monkeypatch
 ):
     wall_s, began_s = time.time, clock_s()
@@ -100,30 +100,30 @@ def stamps(data):
         data = data[8 + data[9] + 12 :]
 
 
-def test_of_what_was_thought_too_long_ago_no_control_is_sent(heard, monkeypatch):
-    thoughts, followed = [], set()
+def test_control_of_a_cycle_too_long_ago_is_not_sent(heard, monkeypatch):
+    cycles, followed = [], set()
     tick, ask = Companion.tick, Companion.control_to_send
 
     def slow_tick(self, now_s):
         tick(self, now_s)
-        thoughts.append(now_s)
-        if len(thoughts) in {10, 20}:
+        cycles.append(now_s)
+        if len(cycles) in {10, 20}:
             time.sleep(0.15)
 
     def noted(self):
-        followed.add(len(thoughts))
+        followed.add(len(cycles))
         return ask(self)
 
     monkeypatch.setattr(Companion, "tick", slow_tick)
     monkeypatch.setattr(Companion, "control_to_send", noted)
     messages = serve(heard, 1.5)
     assert not followed & {10, 20}
-    assert len(followed) > len(thoughts) / 2
+    assert len(followed) > len(cycles) / 2
     assert {"HEARTBEAT", "NAMED_VALUE_FLOAT"} <= {message.get_type() for message in messages}
 
 
 @pytest.mark.parametrize(("pause_s", "sent"), [(0.0, 2), (0.15, 0)])
-def test_control_that_is_paused_on_its_way_out_is_not_sent(pause_s, sent, heard, monkeypatch):
+def test_control_that_is_paused_on_its_escape_route_is_not_sent(pause_s, sent, heard, monkeypatch):
     marked = bytes(
         mavlink.MAVLink_heartbeat_message(18, 8, 0, 77, 3, 3).pack(mavlink.MAVLink(None))
     )
@@ -172,7 +172,7 @@ def test_after_a_stall_what_has_waited_is_heard_before_anything_is_sent(heard, m
 
 
 @pytest.mark.parametrize(("thought_s", "fed"), [(0.0, True), (0.15, False)])
-def test_the_watchdog_is_fed_by_thoughts_that_are_sent_in_time_alone(
+def test_the_watchdog_is_fed_by_cycles_that_are_sent_in_time_alone(
     thought_s, fed, heard, tmp_path, monkeypatch
 ):
     tick, address = Companion.tick, str(tmp_path / "notify")
@@ -211,7 +211,7 @@ def test_the_companion_is_told_what_the_computer_has_left(heard, tmp_path, monke
     assert told == {Host(disk_free=3e9, memory_available=2e8)}
 
 
-def test_a_disk_that_stands_still_holds_up_neither_the_thinking_nor_the_end(
+def test_a_disk_that_stands_still_holds_up_neither_the_cycles_nor_the_end(
     heard, tmp_path, monkeypatch, caplog
 ):
     answers, looks, usage = threading.Event(), [], shutil.disk_usage

@@ -81,7 +81,7 @@ def reader(port):
         yield made
 
 
-def test_another_programs_reader_gets_birth_every_topic_and_the_farewell(port, reader, tmp_path):
+def test_another_programs_reader_gets_birth_every_topic_and_the_end(port, reader, tmp_path):
     with publishing(f"mqtt://127.0.0.1:{port}", tmp_path) as loop:
         wait_until(loop.turn)
         wait_until(lambda: all(reader.of(topic.name) for topic in TOPICS))

@@ -168,7 +168,7 @@ def test_the_slowest_stream_that_holds_is_about_one_hertz(airborne):
     assert "AUTO.RTL" in seen
 
 
-def test_a_companion_that_dies_at_speed_flies_on_for_com_of_loss_t(airborne):
+def test_a_companion_that_fails_at_speed_flies_on_for_com_of_loss_t(airborne):
     start_s = airborne.now_s
     airborne.stream = lambda f: f.companion.setpoint(
         3.0 * (f.now_s - start_s), 0.0, -10.0, v=(3.0, 0.0, 0.0)
