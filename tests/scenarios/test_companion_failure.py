@@ -129,7 +129,7 @@ def test_wherever_it_fails_on_an_inspection_nothing_is_touched(name):
     assert sweep.count > 5
 
 
-EVERY_S = 0.1
+EVERY_S = 0.2
 FLOWN = [
     ("PX4 holds after 0.5 s", "315kv_double_circuit", 6.0),
     ("PX4 holds after 1 s", "120kv_single_circuit", 0.0),
@@ -149,7 +149,7 @@ def test_nor_where_the_autopilot_brakes_softly(name):
     sweep = failures(name, every_s=EVERY_S, vehicle="x500")
     assert sweep.fly(INSPECTION, 0)
     assert sweep.fly(EXIT)
-    assert sweep.count > 100
+    assert sweep.count > 50
 
 
 @pytest.mark.slow
