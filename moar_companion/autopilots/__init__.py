@@ -1,4 +1,4 @@
-"""What differs between autopilots: one file, and so one `Profile`, for each. Pure.
+"""Differences between autopilots: one file, and so one `Profile`, for each. Pure.
 
 A new autopilot is one more file like `px4`, and its row in `_ROWS`. Everything else asks `profile`.
 """

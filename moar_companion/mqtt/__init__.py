@@ -1,4 +1,4 @@
-"""What is published and commanded over MQTT: topics, payloads, orders, and the fleet of `watch`.
+"""Publications and orders over MQTT: topics, payloads, orders, and the fleet of `watch`.
 
 Pure. `service/mqtt_client` has the connection; `configs/MQTT.md` tells people about it.
 """

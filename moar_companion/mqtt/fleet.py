@@ -26,7 +26,7 @@ _NAME = re.compile(VEHICLE_NAME)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
-    """What is known of a vehicle.
+    """Last state of a vehicle.
 
     online: None until a birth or will is received. heard_s: receiver's clock at the last message
     that the broker had not retained; told_s: latest `time_s` of all. payloads: by topic.

@@ -1,1 +1,1 @@
-"""What a flight's .mcap has: the machine's calls, exact, and channels for people. No I/O."""
+"""Content of a flight's .mcap: the machine's calls, exact, and channels for people. No I/O."""

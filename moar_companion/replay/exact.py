@@ -172,7 +172,7 @@ def _packet(sent: list[str] | None) -> dict[str, Any] | None:
 
 
 def _first_difference(path: str, was: Any, now: Any) -> tuple[str, Any, Any]:
-    """Where two values differ first: the way there, and both values there."""
+    """First difference of two values: the path to it, and both values there."""
     if isinstance(was, dict) and isinstance(now, dict) and was.keys() == now.keys():
         for name in was:
             if was[name] != now[name]:

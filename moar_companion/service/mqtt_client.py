@@ -44,7 +44,7 @@ _quiet.setLevel(logging.CRITICAL)
 
 
 class Traffic(Protocol):
-    """What is sent and received; called in the client's thread, but for nothing else."""
+    """Messages sent and received; called in the client's thread, but for nothing else."""
 
     will: Message | None
     """Published by the broker when the connection is lost."""

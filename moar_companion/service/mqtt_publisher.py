@@ -1,4 +1,4 @@
-"""What the service publishes over MQTT, from the status of its last cycles.
+"""Publications of the service over MQTT, from the status of its last cycles.
 
 The control loop hands over a status and returns at once; the client's thread makes messages of the
 newest one when the broker takes them. Statuses in between are never sent.

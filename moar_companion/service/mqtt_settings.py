@@ -14,7 +14,7 @@ from .signing_key import read_key
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Broker:
-    """Where and as whom to connect. tls: None without TLS."""
+    """Address and identity of the connection. tls: None without TLS."""
 
     address: BrokerAddress
     tls: ssl.SSLContext | None = None
