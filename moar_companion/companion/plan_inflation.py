@@ -11,7 +11,7 @@ from ..config import Supervision
 from ..planning.plan_jobs import PlanAnswer
 from ..risk import RiskEstimate
 from ..safety.obstacle_inflation import ObstacleInflation
-from ..safety.position_checks import uncertainty_m, widening_m
+from ..safety.position_checks import widening_m
 from ..site import Margin
 from ..text_format import distance
 from ..types import Mission
@@ -56,7 +56,7 @@ class PlanInflation:
         Beyond `tracking_hold_m` the setpoint waits.
         """
         before, most_m = self._widening, self._vehicle.guidance.tracking_hold_m
-        self._uncertainty_m = uncertainty_m(risk)
+        self._uncertainty_m = risk.position_uncertainty_m
         self.needed_m = widening_m(risk, self._margin)
         strays_m = min(tracking_error_m or 0.0, most_m) - self._margin.tracking_m
         self._widening = before.followed(self.needed_m + max(0.0, strays_m), now_s)

@@ -43,7 +43,7 @@ class FlightLog:
 
 
 def made_with() -> str:
-    """Versions that a recomputed number depends on: `moar-companion 0.1.0, x86_64, Python 3.11, ...`."""
+    """Versions that a number depends on: `moar-companion 0.1.0, x86_64, Python 3.11, ...`."""
     python = ".".join(platform.python_version_tuple()[:2])
     packages = ", ".join(f"{name} {version(name)}" for name in ("numpy", "numba"))
     own = f"moar-companion {version('moar-companion')}"

@@ -12,6 +12,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from functools import cached_property
 from operator import attrgetter
 from typing import NamedTuple
 
@@ -22,7 +23,14 @@ from ..vehicle import Power, RiskModel
 from . import battery, communication, localization, wind
 from .communication import CommunicationMemory
 from .input_reports import InputReport
-from .localization import LocalizationMemory
+from .localization import (
+    ESTIMATOR_ACCURACY,
+    ESTIMATOR_HEIGHT_ACCURACY,
+    ODOMETRY_ACCURACY,
+    ODOMETRY_HEIGHT_ACCURACY,
+    LocalizationMemory,
+)
+from .receivers import RECEIVER_ACCURACY
 from .wind import WindMemory
 
 RISE_S = 0.5
@@ -33,6 +41,9 @@ FALL_S = 5.0
 that plans do not alternate with them."""
 
 _RISK_OF = attrgetter("risk")
+_ESTIMATOR = (ESTIMATOR_ACCURACY, ODOMETRY_ACCURACY)
+_LEVEL = (*_ESTIMATOR, RECEIVER_ACCURACY)
+"""Inputs of the localization risk that report a level accuracy."""
 
 
 class IndexReport(NamedTuple):
@@ -68,9 +79,12 @@ class RiskReport:
     battery: IndexReport = field(default_factory=IndexReport)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class RiskEstimate:
-    """Indices, their reports, and the memory for the next `update`."""
+    """Indices, their reports, and the memory for the next `update`.
+
+    Without slots: it is made ten times a second, and what follows from it is computed once.
+    """
 
     indices: RiskIndices
     report: RiskReport = field(default_factory=RiskReport)
@@ -82,6 +96,28 @@ class RiskEstimate:
     localization: LocalizationMemory = field(default_factory=LocalizationMemory)
     meter: Meter = field(default_factory=Meter)
     """Meter of the batteries."""
+
+    @cached_property
+    def position_uncertainty_m(self) -> float | None:
+        """Position uncertainty: the estimator's largest value (PX4), else the receiver's.
+
+        Each source's last value counts. While the estimator reports nothing, the receiver counts,
+        too. The plane is vertical: level and height accuracy count, and the worse applies to all
+        directions, across the plane, too. For height only the estimator counts (ArduPilot reports
+        none): height is barometric, which the receiver's v_acc does not describe.
+        """
+        told = self.last_known.get("localization", {})
+        level = _ESTIMATOR if self._known_now(_ESTIMATOR) else _LEVEL
+        sources = (*level, ESTIMATOR_HEIGHT_ACCURACY, ODOMETRY_HEIGHT_ACCURACY)
+        return max((told[name].value or 0.0 for name in sources if name in told), default=None)
+
+    @cached_property
+    def position_accuracy_known(self) -> bool:
+        """True if the estimator or a receiver reports its accuracy now."""
+        return self._known_now(_LEVEL)
+
+    def _known_now(self, names: tuple[str, ...]) -> bool:
+        return any(item.known and item.name in names for item in self.report.localization.inputs)
 
     @classmethod
     def unknown(cls, model: RiskModel) -> RiskEstimate:

@@ -92,7 +92,7 @@ def _unmonitored(seen: CheckInputs, now_s: float) -> str | None:
         for name, known in (
             ("wind", strongest(seen.risk.report.wind.inputs) is not None),
             ("battery", energy_checks.battery_monitored(seen, now_s)),
-            ("position accuracy", position_checks.accuracy_known(seen.risk)),
+            ("position accuracy", seen.risk.position_accuracy_known),
             ("uploaded fence", not seen.fence_silent),
             ("ground station", seen.telemetry.ground_station is not None),
             (

@@ -9,13 +9,6 @@ import math
 
 from ..config import Supervision
 from ..risk import RiskEstimate
-from ..risk.localization import (
-    ESTIMATOR_ACCURACY,
-    ESTIMATOR_HEIGHT_ACCURACY,
-    ODOMETRY_ACCURACY,
-    ODOMETRY_HEIGHT_ACCURACY,
-)
-from ..risk.receivers import RECEIVER_ACCURACY
 from ..site import Margin
 from ..telemetry import Telemetry
 from ..text_format import compass, digits_above, distance, exceeds, limit_text
@@ -33,8 +26,6 @@ _OFF_M = 0.5
 """In recordings of flights the local position, by its origin, is near the global one: within 0.11 m
 (PX4) or 0.03 m (ArduPilot), height included. After receiver recovery PX4 reported
 0.73 m for 0.24 s, and once 56 m for one message."""
-_ESTIMATOR = (ESTIMATOR_ACCURACY, ODOMETRY_ACCURACY)
-_HEIGHT = (ESTIMATOR_HEIGHT_ACCURACY, ODOMETRY_HEIGHT_ACCURACY)
 
 
 def position(seen: CheckInputs, limits: Supervision, now_s: float) -> str | None:
@@ -77,36 +68,12 @@ def position_disagreement(seen: CheckInputs) -> str | None:
 def uncertainty(seen: CheckInputs, limits: Supervision) -> str | None:
     """Text for a position that is too uncertain."""
     limit_m = limits.position_uncertainty_limit_m
-    return exceeds("uncertainty", uncertainty_m(seen.risk), limit_m, "m")
-
-
-def uncertainty_m(risk: RiskEstimate) -> float | None:
-    """Position uncertainty: the estimator's largest value (PX4), else the receiver's, in metres.
-
-    Each source's last value counts. While the estimator reports nothing, the receiver counts, too.
-    The plane is vertical: level and height accuracy count, and the worse applies to all directions,
-    across the plane, too. For height only the estimator counts (ArduPilot reports none): height is
-    barometric, which the receiver's v_acc does not describe.
-    """
-    told = risk.last_known.get("localization", {})
-    estimator_tells = _known_now(risk, _ESTIMATOR)
-    level = _ESTIMATOR if estimator_tells else (*_ESTIMATOR, RECEIVER_ACCURACY)
-    sources = (*level, *_HEIGHT)
-    return max((told[name].value or 0.0 for name in sources if name in told), default=None)
+    return exceeds("uncertainty", seen.risk.position_uncertainty_m, limit_m, "m")
 
 
 def widening_m(risk: RiskEstimate, margin: Margin) -> float:
     """Obstacle inflation: position uncertainty above the margin's position error, in metres."""
-    return max(0.0, (uncertainty_m(risk) or 0.0) - margin.position_m)
-
-
-def accuracy_known(risk: RiskEstimate) -> bool:
-    """True if the estimator or a receiver reports its accuracy now."""
-    return _known_now(risk, (*_ESTIMATOR, RECEIVER_ACCURACY))
-
-
-def _known_now(risk: RiskEstimate, names: tuple[str, ...]) -> bool:
-    return any(report.known and report.name in names for report in risk.report.localization.inputs)
+    return max(0.0, (risk.position_uncertainty_m or 0.0) - margin.position_m)
 
 
 def off_path(seen: CheckInputs, limit_m: float) -> str | None:
@@ -128,7 +95,7 @@ def obstacle(seen: CheckInputs) -> str | None:
     if seen.room_m is None or seen.room_m >= least_m:
         return None
     words = f"{distance(least_m - seen.room_m)} m too close to an obstacle"
-    known_m = uncertainty_m(seen.risk)
+    known_m = seen.risk.position_uncertainty_m
     return f"{words} (position uncertainty {known_m:.1f} m)" if known_m and least_m else words
 
 

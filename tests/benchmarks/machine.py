@@ -78,7 +78,7 @@ def risk_update_us(*, explained: bool) -> Callable[[], float]:
             )
             if explained:
                 risk_dict(judged)
-                WeightsReason.of(VEHICLE.weights[Mission.INSPECTION], judged.indices).to_dict()
+                WeightsReason.of(VEHICLE.rule(Mission.INSPECTION), judged.indices).to_dict()
         return 1e6 * (time.process_time() - began) / UPDATES
 
     return measure

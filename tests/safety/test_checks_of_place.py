@@ -9,7 +9,7 @@ from dataclasses import replace
 import pytest
 
 from moar_companion.safety.condition_types import Causes
-from moar_companion.safety.position_checks import uncertainty_m, widening_m
+from moar_companion.safety.position_checks import widening_m
 from moar_companion.site import Margin
 from moar_companion.telemetry import Heard, Landed, LandedState
 from moar_companion.types import Mission
@@ -377,7 +377,7 @@ def test_this_and_nothing_else_stands_against_a_flight(case, seen, expected):
 )
 def test_obstacles_grow_by_what_the_keep_outs_do_not_allow_for(known, uncertainty, widening):
     estimate = uncertain(*known).risk
-    assert uncertainty_m(estimate) == uncertainty
+    assert estimate.position_uncertainty_m == uncertainty
     assert widening_m(estimate, Margin(position_m=0.9, tracking_m=1.0)) == pytest.approx(widening)
 
 
@@ -394,7 +394,7 @@ def test_obstacles_grow_by_what_the_keep_outs_do_not_allow_for(known, uncertaint
 )
 def test_what_a_source_told_counts_until_it_tells_something_else(before, now, uncertainty):
     last = [accuracy(source, value_m) for source, value_m in before.items()]
-    assert uncertainty_m(uncertain(*now, last=last).risk) == uncertainty
+    assert uncertain(*now, last=last).risk.position_uncertainty_m == uncertainty
 
 
 @pytest.mark.parametrize(
@@ -409,4 +409,4 @@ def test_what_a_source_told_counts_until_it_tells_something_else(before, now, un
     ],
 )
 def test_of_place_and_height_the_worse_counts(known, heights, uncertainty):
-    assert uncertainty_m(uncertain(*known, heights_m=heights).risk) == uncertainty
+    assert uncertain(*known, heights_m=heights).risk.position_uncertainty_m == uncertainty

@@ -1,4 +1,4 @@
-"""Parts that all figures share: pages, the plane of a scene as in the paper's Fig. 6, coloured paths."""
+"""Parts of all figures: pages, the plane of a scene as in the paper's Fig. 6, coloured paths."""
 
 from __future__ import annotations
 
