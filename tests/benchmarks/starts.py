@@ -27,8 +27,8 @@ from moar_companion.site import Site
 from sitl.demonstration.manners import MANNERS
 from sitl.demonstration.operator import Operator, OperatorError
 
-from .service import ROOT, _configuration, free_port, process
-from .starved import _take_off, said
+from .service import ROOT, _configuration, free_port, process, take_off
+from .starved import said
 
 SITE = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
 SYSTEM, COMPANION, PAUSE_CONTINUE = 7, 195, 193
@@ -120,7 +120,7 @@ def continue_s(code: Path, repeats: int) -> list[float]:
         ):
             try:
                 with service(code, folder, "--config", str(config)):
-                    _take_off(operator)
+                    take_off(operator)
                     operator.wait_until(lambda: False, 2.0)
                 for _ in range(repeats):
                     began_s = time.monotonic()
