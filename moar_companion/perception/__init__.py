@@ -1,0 +1,1 @@
+"""Points of a lidar to conductors, towers, vegetation and ground; without I/O."""
