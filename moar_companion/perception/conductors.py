@@ -45,9 +45,12 @@ class DetectorSettings:
     """Around the curve: bundles of two to four have 0.2 to 0.35 m."""
     gap_m: float = 15.0
     """A conductor goes on after a gap without points of at most this length."""
+    sparse_gap_m: float = 60.0
+    """The same for a wire that hangs along one that was found: it is known to go on."""
     least_points: int = 10
     least_length_m: float = 10.0
-    max_sigma_m: float = 0.25
+    max_sigma_m: float = 0.35
+    """Of points from their wire; of a bundle whose wires cannot be told apart, its radius."""
     hypotheses: int = 96
 
 
@@ -205,7 +208,7 @@ class _Search:
         done_m = 0.0
         for _ in range(60):
             reach_m = max(self._settings.gap_m, min(0.3 * curve.length_m, 40.0))
-            inliers = self._inliers(curve, reach_m)
+            inliers = self._inliers(curve, reach_m, self._settings.gap_m)
             if len(inliers) < 4:
                 return None
             curve = fit(self._points_m[inliers], curve.direction)
@@ -214,15 +217,15 @@ class _Search:
             done_m = curve.length_m
         return curve
 
-    def _inliers(self, curve: Catenary, reach_m: float) -> IntArray:
-        """Free points on the curve, up to `reach_m` beyond its ends, without what lies after a gap."""
+    def _inliers(self, curve: Catenary, reach_m: float, gap_m: float) -> IntArray:
+        """Free points on the curve, up to `reach_m` beyond its ends, up to the first gap."""
         on = self._on(curve, self._settings.bundle_radius_m, reach_m)
         on = on[self._free[on]]
         along = curve.coordinates(self._points_m[on])[:, 0]
         order = np.argsort(along)
         on, along = on[order], along[order]
         middle = float(np.mean(curve.extent_m))
-        gaps = np.flatnonzero(np.diff(along) > self._settings.gap_m)
+        gaps = np.flatnonzero(np.diff(along) > gap_m)
         below = gaps[along[gaps] < middle]
         above = gaps[along[gaps] >= middle]
         first = below[-1] + 1 if len(below) else 0
@@ -261,7 +264,8 @@ class _Search:
         for curve in sorted(curves, key=lambda curve: -curve.length_m):
             for candidate in self._shifted(curve):
                 grown = fit(self._points_m[candidate], curve.direction)
-                on = self._inliers(grown, self._settings.gap_m)
+                gap_m = self._settings.sparse_gap_m
+                on = self._inliers(grown, gap_m, gap_m)
                 if len(on) < self._settings.least_points:
                     continue
                 grown = fit(self._points_m[on], curve.direction)

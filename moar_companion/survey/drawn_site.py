@@ -1,0 +1,312 @@
+"""A site from features on a map, and the features and waypoints of a site.
+
+A conductor is given by points along it. The plane stands across the conductors at the first
+target; where a conductor has no point in the plane, its height there is that of the straight line
+between its two neighbouring points, and its keep-out grows by the sag that may hang below that.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..errors import InputError
+from ..frames import SiteFrame
+from ..planner.plan_values import Plan
+from ..site import Conductor, Site
+from ..types import AutopilotKind, GeodeticPoint, Mission
+from .cross_section import MIN_ALTITUDE_M, SiteOptions
+from .map_features import MapFeature
+
+FloatArray = npt.NDArray[np.float64]
+
+_LEAST_CONSTANT_M = 500.0
+"""Catenary constant of the slackest line (315 kV of Hydro-Québec: 699)."""
+_LONGEST_M = 60.0
+"""Of a conductor between its points at both sides of the plane: 0.9 m of sag."""
+_IN_PLANE_M = 5.0
+_DRAWN_M = 5.0
+"""Half the length of a conductor as drawn on the map."""
+
+
+def site_of_features(
+    features: tuple[MapFeature, ...], source: str, options: SiteOptions
+) -> dict[str, Any]:
+    """The document of a site file; raises InputError that names the feature."""
+    of = {kind: [each for each in features if each.kind == kind] for kind in _ORDER}
+    if not of["target"] or not of["conductor"]:
+        kind = "target" if not of["target"] else "conductor"
+        raise InputError(source, "", f"has no {kind}: needs one target and one conductor at least")
+    first = of["target"][0].points[0]
+    map_frame = SiteFrame(origin=first, azimuth_deg=90.0)
+
+    def metres(feature: MapFeature) -> FloatArray:
+        return np.array([_metres(map_frame, point) for point in feature.points])
+
+    direction = _direction(of["conductor"], source, metres)
+    across = np.array([direction[1], -direction[0]])
+    if across[0] < 0.0:
+        across = -across
+    along = np.array([-across[1], across[0]])
+    azimuth_deg = math.degrees(math.atan2(across[0], across[1])) % 360.0
+    heights = [point.altitude_amsl_m for each in features for point in each.points]
+    grounds = [
+        point.altitude_amsl_m
+        for kind in ("exit", "evacuation", "start")
+        for each in of[kind]
+        for point in each.points
+    ]
+    ground = min(grounds or heights)
+    obstacles: list[dict[str, Any]] = []
+    for conductor in of["conductor"]:
+        x, z, sag = _in_plane(conductor, metres(conductor), across, along, source)
+        obstacles.append(
+            {
+                "conductor": {
+                    "name": conductor.name,
+                    "x_m": round(x, 2),
+                    "z_m": round(z + first.altitude_amsl_m - ground, 2),
+                    "radius_m": conductor.radius_m or options.radius_m,
+                    "keep_out_m": math.ceil((options.keep_out_m + sag) * 100.0) / 100.0,
+                }
+            }
+        )
+    for solid in of["tower"] + of["obstacle"]:
+        obstacles += _solid(solid, metres(solid), across, along, first.altitude_amsl_m - ground, source)
+    places = {}
+    for kind in ("target", "start", "exit", "evacuation"):
+        places[kind] = []
+        for each in of[kind]:
+            x, y, z = _plane(metres(each)[0], across, along)
+            if abs(y) > _IN_PLANE_M and kind in ("target", "start"):
+                raise InputError(
+                    source,
+                    each.name,
+                    f"is {abs(y):.1f} m beside the plane through {of['target'][0].name}, must be "
+                    f"within {_IN_PLANE_M:g} m",
+                )
+            place = {"x_m": round(x, 2), "z_m": round(z + first.altitude_amsl_m - ground, 2)}
+            places[kind].append((each.name, place))
+    wires = [each["conductor"] for each in obstacles if "conductor" in each]
+    inner = [*wires, *(place for _, place in places["target"] + places["start"])]
+    low_x = math.floor(min(each["x_m"] for each in inner) - options.margin_m)
+    high_x = math.ceil(max(each["x_m"] for each in inner) + options.margin_m)
+    high_z = math.ceil(max(each["z_m"] for each in inner) + options.headroom_m)
+    side_x = high_x - 2.0 if places["target"][0][1]["x_m"] >= 0.0 else low_x + 2.0
+    start = places["start"][0][1] if places["start"] else {"x_m": side_x, "z_m": 2.5}
+    return {
+        "name": options.name,
+        "frame": {
+            "origin": {
+                "latitude_deg": round(first.latitude_deg, 8),
+                "longitude_deg": round(first.longitude_deg, 8),
+                "altitude_amsl_m": round(ground, 3),
+            },
+            "azimuth_deg": round(azimuth_deg, 4),
+        },
+        "workspace": {
+            "x_m": [float(low_x), float(high_x)],
+            "z_m": [0.0, float(high_z)],
+            "resolution_m": options.resolution_m,
+            "min_altitude_m": MIN_ALTITUDE_M,
+        },
+        "obstacles": obstacles,
+        "start": start,
+        "targets": dict(places["target"]),
+        "landing": {
+            mission: [place for _, place in places[mission]] for mission in ("exit", "evacuation")
+        },
+    }
+
+
+_ORDER = ("conductor", "tower", "obstacle", "target", "start", "exit", "evacuation")
+
+
+def _metres(frame: SiteFrame, point: GeodeticPoint) -> tuple[float, float, float]:
+    east, north = frame.place_of(point.latitude_deg, point.longitude_deg)
+    return east, north, point.altitude_amsl_m - frame.origin.altitude_amsl_m
+
+
+def _direction(conductors: list[MapFeature], source: str, metres: Any) -> FloatArray:
+    """The mean horizontal direction, of the piece of each that is nearest to the target."""
+    total = np.zeros(2)
+    for conductor in conductors:
+        points = metres(conductor)[:, :2]
+        if len(points) < 2:
+            raise InputError(
+                source, conductor.name, "has one point, must have two or more along the conductor"
+            )
+        middles = (points[1:] + points[:-1]) / 2.0
+        index = int(np.argmin(np.hypot(*middles.T)))
+        piece = points[index + 1] - points[index]
+        length = float(np.hypot(*piece))
+        if length < 0.1:
+            raise InputError(source, conductor.name, "has two points at one place")
+        total += piece / length * math.copysign(1.0, float(piece @ total) or 1.0)
+    return np.asarray(total / np.hypot(*total))
+
+
+def _plane(point_m: FloatArray, across: FloatArray, along: FloatArray) -> tuple[float, float, float]:
+    return float(point_m[:2] @ across), float(point_m[:2] @ along), float(point_m[2])
+
+
+def _in_plane(
+    conductor: MapFeature, points_m: FloatArray, across: FloatArray, along: FloatArray, source: str
+) -> tuple[float, float, float]:
+    """x, z where the conductor crosses the plane, and the sag that may hang below."""
+    beside = points_m[:, :2] @ along
+    order = np.argsort(beside)
+    beside, points_m = beside[order], points_m[order]
+    upper = int(np.searchsorted(beside, 0.0))
+    if not 0 < upper < len(beside) and abs(beside).min() > 0.5:
+        raise InputError(
+            source, conductor.name, "has points at one side of the plane only, must have both"
+        )
+    upper = min(max(upper, 1), len(beside) - 1)
+    span_m = float(beside[upper] - beside[upper - 1])
+    if span_m > _LONGEST_M:
+        raise InputError(
+            source,
+            conductor.name,
+            f"has {span_m:.0f} m between its points at both sides of the plane, must be at most "
+            f"{_LONGEST_M:g} m: the sag between is not known",
+        )
+    share = -float(beside[upper - 1]) / span_m if span_m > 0.0 else 0.0
+    point = points_m[upper - 1] + share * (points_m[upper] - points_m[upper - 1])
+    sag_m = max(share * (1.0 - share), 0.0) * span_m**2 / (2.0 * _LEAST_CONSTANT_M)
+    return float(point[:2] @ across), float(point[2]), sag_m
+
+
+def _solid(
+    solid: MapFeature,
+    points_m: FloatArray,
+    across: FloatArray,
+    along: FloatArray,
+    above_ground_m: float,
+    source: str,
+) -> list[dict[str, Any]]:
+    """A tower or obstacle as a rectangle up to its height, where it stands in the plane."""
+    if solid.radius_m is None or solid.radius_m <= 0.0:
+        raise InputError(source, solid.name, "has no radius_m: must have half its width, in m")
+    x, y, z = _plane(points_m[int(np.argmax(points_m[:, 2]))], across, along)
+    if abs(y) > solid.radius_m + _IN_PLANE_M:
+        return []
+    top = z + above_ground_m
+    left, right = round(x - solid.radius_m, 2), round(x + solid.radius_m, 2)
+    vertices = [[left, -1.0], [right, -1.0], [right, round(top, 2)], [left, round(top, 2)]]
+    return [{"polygon": {"name": solid.name, "vertices_m": vertices, "keep_out_m": 0.3}}]
+
+
+def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...]:
+    """The site on the map: conductors as short lines across the plane, places, paths."""
+
+    def point(x: float, z: float, y: float = 0.0) -> GeodeticPoint:
+        return site.frame.to_geodetic((x, y, z))
+
+    features = [
+        MapFeature(
+            kind="conductor",
+            name=each.name,
+            points=(
+                point(*each.position_m, -_DRAWN_M),
+                point(*each.position_m),
+                point(*each.position_m, _DRAWN_M),
+            ),
+            radius_m=each.radius_m,
+        )
+        for each in site.obstacles
+        if isinstance(each, Conductor)
+    ]
+    features += [
+        MapFeature(kind="target", name=each.name, points=(point(*each.position_m),))
+        for each in site.targets
+    ]
+    features.append(MapFeature(kind="start", name="start", points=(point(*site.start_m),)))
+    for mission in (Mission.EXIT, Mission.EVACUATION):
+        features += [
+            MapFeature(
+                kind=mission.value, name=f"{mission.value}-{index}", points=(point(*place),)
+            )
+            for index, place in enumerate(site.landing_m.get(mission, ()))
+        ]
+    features += [
+        MapFeature(
+            kind="path",
+            name=f"{plan.mission.value} {plan.request.target}",
+            points=tuple(point(x, z) for x, z in _waypoints_m(plan)),
+        )
+        for plan in plans
+    ]
+    return tuple(features)
+
+
+def _waypoints_m(plan: Plan) -> list[tuple[float, float]]:
+    return [(each["x_m"], each["z_m"]) for each in plan.to_dict()["waypoints"]]
+
+
+def qgc_plan_of(site: Site, plans: Iterable[Plan], autopilot: AutopilotKind | None) -> str:
+    """A mission of QGroundControl (.plan, version 1) with the waypoints of the paths.
+
+    MAV_CMD_NAV_WAYPOINT in MAV_FRAME_GLOBAL, heights above mean sea level; at each target it waits
+    for its dwell. Nothing takes off or lands.
+    """
+    items: list[dict[str, Any]] = []
+    for plan in plans:
+        waypoints = _waypoints_m(plan)
+        dwell_s = (
+            site.target(str(plan.request.target)).dwell_s
+            if plan.mission is Mission.INSPECTION
+            else 0.0
+        )
+        for number, (x, z) in enumerate(waypoints, 1):
+            if items and number == 1:
+                continue  # where the path before ended
+            place = site.frame.to_geodetic((x, 0.0, z))
+            hold_s = dwell_s if number == len(waypoints) else 0.0
+            items.append(_qgc_item(place, hold_s, len(items) + 1))
+    home = site.frame.to_geodetic((site.start_m[0], 0.0, site.start_m[1]))
+    return json.dumps(
+        {
+            "fileType": "Plan",
+            "version": 1,
+            "groundStation": "QGroundControl",
+            "mission": {
+                "version": 2,
+                "firmwareType": 3 if autopilot is AutopilotKind.ARDUPILOT else 12,
+                "vehicleType": 2,
+                "cruiseSpeed": 2,
+                "hoverSpeed": 2,
+                "globalPlanAltitudeMode": 2,
+                "plannedHomePosition": [
+                    round(home.latitude_deg, 8),
+                    round(home.longitude_deg, 8),
+                    round(home.altitude_amsl_m, 3),
+                ],
+                "items": items,
+            },
+            "geoFence": {"version": 2, "circles": [], "polygons": []},
+            "rallyPoints": {"version": 2, "points": []},
+        },
+        indent=1,
+    )
+
+
+def _qgc_item(place: GeodeticPoint, hold_s: float, number: int) -> dict[str, Any]:
+    altitude = round(place.altitude_amsl_m, 3)
+    position = [round(place.latitude_deg, 8), round(place.longitude_deg, 8), altitude]
+    return {
+        "type": "SimpleItem",
+        "autoContinue": True,
+        "command": 16,  # MAV_CMD_NAV_WAYPOINT
+        "doJumpId": number,
+        "frame": 0,  # MAV_FRAME_GLOBAL
+        "Altitude": altitude,
+        "AltitudeMode": 2,
+        "AMSLAltAboveTerrain": None,
+        "params": [hold_s, 0, 0, None, *position],
+    }

@@ -1,0 +1,242 @@
+"""Points that someone drew or surveyed on a map: KML, GeoJSON and CSV, and back.
+
+A feature has a kind, a name and points. The kind is the property or column `kind`; in KML also the
+folder's name or the first word of the placemark's ("conductor left-lower").
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+from xml.etree import ElementTree as ET
+
+from ..errors import InputError
+from ..types import GeodeticPoint
+
+KINDS = ("conductor", "tower", "obstacle", "target", "start", "exit", "evacuation")
+_COLUMNS = ("kind", "name", "latitude_deg", "longitude_deg", "altitude_amsl_m")
+_KML = "{http://www.opengis.net/kml/2.2}"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MapFeature:
+    """Something on the map: its points in order. radius_m: half the width of a tower."""
+
+    kind: str
+    name: str
+    points: tuple[GeodeticPoint, ...]
+    radius_m: float | None = None
+
+
+def features_of(text: str, source: str, ending: str) -> tuple[MapFeature, ...]:
+    """The features in a file's text; raises InputError that names the feature."""
+    readers = {".csv": _of_csv, ".geojson": _of_geojson, ".json": _of_geojson, ".kml": _of_kml}
+    found: dict[tuple[str, str], MapFeature] = {}
+    for feature in readers[ending](text, source):
+        if feature.kind not in KINDS:
+            raise InputError(
+                source,
+                feature.name,
+                f"kind is {feature.kind!r}, must be one of {', '.join(KINDS)}",
+            )
+        key = (feature.kind, feature.name)
+        before = found[key].points if key in found else ()
+        found[key] = MapFeature(
+            kind=feature.kind,
+            name=feature.name,
+            points=before + feature.points,
+            radius_m=feature.radius_m,
+        )
+    return tuple(found.values())
+
+
+def _of_csv(text: str, source: str) -> Iterator[MapFeature]:
+    reader = csv.DictReader(io.StringIO(text))
+    missing = [name for name in _COLUMNS if name not in (reader.fieldnames or ())]
+    if missing:
+        raise InputError(
+            source, "", f"has no column {', '.join(missing)}; needed are {','.join(_COLUMNS)}"
+        )
+    for row in reader:
+        where = f"line {reader.line_num}"
+        values = [row[name] for name in _COLUMNS[2:]]
+        radius = row.get("radius_m") or None
+        yield MapFeature(
+            kind=(row["kind"] or "").strip(),
+            name=(row["name"] or "").strip(),
+            points=(_point(values, source, where),),
+            radius_m=None if radius is None else _number(radius, source, f"{where}, radius_m"),
+        )
+
+
+def _of_geojson(text: str, source: str) -> Iterator[MapFeature]:
+    try:
+        document = json.loads(text)
+    except ValueError as error:
+        raise InputError(source, "", f"is no JSON: {error}") from None
+    features = document.get("features") if isinstance(document, dict) else None
+    if not isinstance(features, list):
+        raise InputError(source, "features", "is missing: must be a GeoJSON FeatureCollection")
+    for number, feature in enumerate(features):
+        where = f"features[{number}]"
+        properties = (feature.get("properties") if isinstance(feature, dict) else None) or {}
+        geometry = (feature.get("geometry") if isinstance(feature, dict) else None) or {}
+        coordinates = geometry.get("coordinates")
+        if geometry.get("type") == "Point":
+            coordinates = [coordinates]
+        elif geometry.get("type") != "LineString":
+            raise InputError(
+                source, where, f"is a {geometry.get('type')}, must be a Point or a LineString"
+            )
+        if properties.get("kind") == "path":
+            continue
+        radius = properties.get("radius_m")
+        yield MapFeature(
+            kind=str(properties.get("kind", "")),
+            name=str(properties.get("name", where)),
+            points=tuple(_swapped(each, source, where) for each in coordinates or ()),
+            radius_m=None if radius is None else _number(radius, source, f"{where}.radius_m"),
+        )
+
+
+def _of_kml(text: str, source: str) -> Iterator[MapFeature]:
+    try:
+        root = ET.fromstring(text)  # noqa: S314 -- expat limits the expansion of entities
+    except ET.ParseError as error:
+        raise InputError(source, "", f"is no KML: {error}") from None
+    yield from _of_folder(root, source, "")
+
+
+def _of_folder(element: ET.Element, source: str, folder: str) -> Iterator[MapFeature]:
+    for child in element:
+        tag = child.tag.removeprefix(_KML)
+        if tag in ("Document", "Folder"):
+            yield from _of_folder(child, source, (child.findtext(f"{_KML}name") or "").strip())
+        elif tag == "Placemark" and folder.lower().rstrip("s") != "path":
+            yield _of_placemark(child, source, folder)
+
+
+def _of_placemark(element: ET.Element, source: str, folder: str) -> MapFeature:
+    name = (element.findtext(f"{_KML}name") or "").strip()
+    given = {
+        data.get("name"): (data.findtext(f"{_KML}value") or "").strip()
+        for data in element.iter(f"{_KML}Data")
+    }
+    first, _, rest = name.partition(" ")
+    kind = given.get("kind") or folder.lower().rstrip("s")
+    if kind not in KINDS and first.lower() in KINDS:
+        kind, name = first.lower(), rest or first
+    mode = next((each.text for each in element.iter(f"{_KML}altitudeMode")), None)
+    if mode != "absolute":
+        raise InputError(
+            source, name, f"altitudeMode is {mode or 'clampToGround'}, must be absolute (above "
+            "mean sea level)"
+        )
+    coordinates = " ".join(each.text or "" for each in element.iter(f"{_KML}coordinates")).split()
+    return MapFeature(
+        kind=kind,
+        name=name,
+        points=tuple(_swapped(each.split(","), source, name) for each in coordinates),
+        radius_m=_number(given["radius_m"], source, name) if given.get("radius_m") else None,
+    )
+
+
+def _swapped(values: Any, source: str, where: str) -> GeodeticPoint:
+    """A point of longitude, latitude and height."""
+    if not isinstance(values, list) or len(values) < 3:
+        raise InputError(
+            source, where, f"has {values!r}, must have longitude, latitude and height (AMSL)"
+        )
+    longitude, latitude, altitude = values[:3]
+    return _point([latitude, longitude, altitude], source, where)
+
+
+def _point(values: list[Any], source: str, where: str) -> GeodeticPoint:
+    names = ("latitude_deg", "longitude_deg", "altitude_amsl_m")
+    limits = (90.0, 180.0, 10_000.0)
+    read = []
+    for name, value, limit in zip(names, values, limits, strict=True):
+        number = _number(value, source, f"{where}, {name}")
+        if abs(number) > limit:
+            raise InputError(
+                source, f"{where}, {name}", f"is {number:g}, must be within ±{limit:g}"
+            )
+        read.append(number)
+    return GeodeticPoint(latitude_deg=read[0], longitude_deg=read[1], altitude_amsl_m=read[2])
+
+
+def _number(value: Any, source: str, where: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise InputError(source, where, f"is {value!r}, must be a finite number")
+    return number
+
+
+def geojson_of(features: tuple[MapFeature, ...]) -> str:
+    """A GeoJSON FeatureCollection (RFC 7946)."""
+    return json.dumps(
+        {
+            "type": "FeatureCollection",
+            "features": [
+                {
+                    "type": "Feature",
+                    "properties": _properties(each),
+                    "geometry": {
+                        "type": "Point" if len(each.points) == 1 else "LineString",
+                        "coordinates": _coordinates(each)[0]
+                        if len(each.points) == 1
+                        else _coordinates(each),
+                    },
+                }
+                for each in features
+            ],
+        },
+        indent=1,
+    )
+
+
+def kml_of(name: str, features: tuple[MapFeature, ...]) -> str:
+    """KML 2.2, a folder per kind, heights above mean sea level."""
+    root = ET.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
+    document = ET.SubElement(root, "Document")
+    ET.SubElement(document, "name").text = name
+    for kind in dict.fromkeys(each.kind for each in features):
+        folder = ET.SubElement(document, "Folder")
+        ET.SubElement(folder, "name").text = f"{kind}s"
+        for feature in features:
+            if feature.kind != kind:
+                continue
+            mark = ET.SubElement(folder, "Placemark")
+            ET.SubElement(mark, "name").text = feature.name
+            extended = ET.SubElement(mark, "ExtendedData")
+            for key, value in _properties(feature).items():
+                if key != "name":
+                    data = ET.SubElement(extended, "Data", name=key)
+                    ET.SubElement(data, "value").text = str(value)
+            shape = ET.SubElement(mark, "Point" if len(feature.points) == 1 else "LineString")
+            ET.SubElement(shape, "altitudeMode").text = "absolute"
+            ET.SubElement(shape, "coordinates").text = " ".join(
+                ",".join(map(str, each)) for each in _coordinates(feature)
+            )
+    ET.indent(root)
+    return ET.tostring(root, encoding="unicode", xml_declaration=True) + "\n"
+
+
+def _properties(feature: MapFeature) -> dict[str, Any]:
+    radius = {} if feature.radius_m is None else {"radius_m": feature.radius_m}
+    return {"kind": feature.kind, "name": feature.name} | radius
+
+
+def _coordinates(feature: MapFeature) -> list[list[float]]:
+    return [
+        [round(each.longitude_deg, 8), round(each.latitude_deg, 8), round(each.altitude_amsl_m, 3)]
+        for each in feature.points
+    ]
