@@ -115,6 +115,19 @@ COMMANDS = {
             f"{PROGRAM} evaluate adaptability --scheduler tcp://10.0.0.5:8786",
         ),
     ),
+    "site": Subcommand(
+        module="site",
+        summary="a site file from a point cloud or a map; a site back on a map",
+        description="Make a site file from a point cloud of a power line (its conductors are found "
+        "by RANSAC, the plane is laid across them at the target), or from points drawn on a map. "
+        "Or show a site and its paths on a map and as a mission of QGroundControl.",
+        examples=(
+            f"{PROGRAM} site from-cloud scan.laz --at 53.187,6.567 --out site.yaml --plot site.png",
+            f"{PROGRAM} site from-cloud scan.laz --at 228962,578460 --crs EPSG:28992 --out s.yaml",
+            f"{PROGRAM} site from-map survey.kml --out site.yaml",
+            f"{PROGRAM} site show site.yaml --kml site.kml --qgc-plan site.plan",
+        ),
+    ),
     "watch": Subcommand(
         module="watch",
         summary="watch a fleet over MQTT in the terminal, a row per vehicle",

@@ -87,6 +87,6 @@ def file_name(option: str) -> Callable[[str], str]:
     return parse
 
 
-def add_file(parser: argparse.ArgumentParser, option: str, meaning: str) -> None:
+def add_file(parser: argparse._ActionsContainer, option: str, meaning: str) -> None:
     """An option that names a file."""
     parser.add_argument(option, metavar="FILE", type=file_name(option), help=meaning)

@@ -18,8 +18,16 @@ FloatArray = npt.NDArray[np.float64]
 _STRAIGHT_PER_M = 1e-7
 """Curvature below which a catenary is computed as a line: 1 mm of sag over 280 m."""
 _ITERATIONS = 12
+_LEAST_VERTICAL, _GREATEST_VERTICAL = (-np.inf, -2.0, -0.05), (np.inf, 2.0, 0.05)
+"""Limits of height, slope and curvature, which keep the iteration from running away."""
 _TUKEY = 4.685
 """Tuning constant of Tukey's biweight: 95 % efficiency on normal errors."""
+
+_RAYLEIGH_MEDIAN = 1.1774
+"""Median distance from a centre in the plane, of deviation 1 along each axis."""
+_TWO_CENTRES = 3.2
+"""Distance of two halves' medians over their deviation: 2.3 of one normal distribution, 2.7 of a
+uniform one; two wires have more."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -131,24 +139,26 @@ def fit(points_m: FloatArray, direction: FloatArray, *, scale_m: float | None = 
     powers = np.column_stack((np.ones_like(along), along, along**2))
     # A short piece does not tell a curvature: it is drawn to a straight line.
     prior = np.diag([0.0, 0.0, (half_length**2 / 50.0) ** 2])
-    weights = np.ones(len(along))
-    lateral = vertical = np.zeros(3)
+    weights: FloatArray = np.ones(len(along))
+    lateral: FloatArray = np.zeros(3)
+    vertical: FloatArray = np.zeros(3)
     sigma = 1.0
     for _ in range(_ITERATIONS):
         normal = (powers * weights[:, None]).T @ powers + prior
-        lateral = np.linalg.solve(normal, powers.T @ (weights * coordinates[:, 1]))
+        lateral = np.asarray(
+            np.linalg.solve(normal, powers.T @ (weights * coordinates[:, 1])), float
+        )
         jacobian = _jacobian(vertical, along)
         left_over = coordinates[:, 2] - _height(vertical, along)
         step = np.linalg.solve(
             (jacobian * weights[:, None]).T @ jacobian + prior,
             jacobian.T @ (weights * left_over) - prior @ vertical,
         )
-        vertical = vertical + step
-        vertical[1:] = np.clip(vertical[1:], (-2.0, -0.05), (2.0, 0.05))
+        vertical = np.clip(vertical + step, _LEAST_VERTICAL, _GREATEST_VERTICAL)
         curve = replace(curve, lateral=lateral, vertical=vertical)
         distance = np.hypot(*curve.residuals(coordinates).T)
-        sigma = scale_m or max(1.4826 * float(np.median(distance)) / 1.2, 1e-3)
-        weights = np.clip(1.0 - (distance / (_TUKEY * sigma)) ** 2, 0.0, None) ** 2
+        sigma = scale_m or max(float(np.median(distance)) / _RAYLEIGH_MEDIAN, 1e-3)
+        weights = np.asarray(np.maximum(1.0 - (distance / (_TUKEY * sigma)) ** 2, 0.0) ** 2)
         if weights.sum() < 4.0:
             weights = np.ones(len(along))
     used = weights > 0.0
@@ -169,6 +179,37 @@ def fit(points_m: FloatArray, direction: FloatArray, *, scale_m: float | None = 
     )
 
 
+def wires_of(
+    points_m: FloatArray, curve: Catenary, depth: int = 2
+) -> tuple[Catenary, tuple[Catenary, ...], float]:
+    """The curve fitted again, its sub-conductors, and the deviation of points from these.
+
+    A bundle's points lie about two centres (four: two by two) along the first axis of their
+    residuals.
+    """
+    curve = fit(points_m, curve.direction)
+    residuals = curve.residuals(curve.coordinates(points_m))
+    distance = np.hypot(*residuals.T)
+    sigma = float(np.median(distance)) / _RAYLEIGH_MEDIAN
+    if depth == 0 or len(points_m) < 20:
+        return curve, (curve,), sigma
+    _, _, axes = np.linalg.svd(residuals - np.median(residuals, axis=0), full_matrices=False)
+    across = residuals @ axes[0]
+    low, high = np.percentile(across, (10.0, 90.0))
+    for _ in range(20):
+        upper = across > (low + high) / 2.0
+        if upper.all() or not upper.any():
+            return curve, (curve,), sigma
+        low, high = float(np.median(across[~upper])), float(np.median(across[upper]))
+    width = 1.4826 * np.median(np.abs(across - np.where(upper, high, low)))
+    share = min(upper.mean(), 1.0 - upper.mean())
+    if high - low < _TWO_CENTRES * width or high - low < 0.15 or share < 0.2:
+        return curve, (curve,), sigma
+    _, one, sigma_one = wires_of(points_m[~upper], curve, depth - 1)
+    _, two, sigma_two = wires_of(points_m[upper], curve, depth - 1)
+    return curve, (*one, *two), (sigma_one + sigma_two) / 2.0
+
+
 def _fitted_direction(points_m: FloatArray, direction: FloatArray) -> FloatArray:
     """The horizontal direction of the points, on the side of the given one."""
     offset = points_m[:, :2] - np.median(points_m[:, :2], axis=0)
@@ -185,9 +226,7 @@ def _height(vertical: FloatArray, along_m: FloatArray) -> FloatArray:
     if abs(curvature) < _STRAIGHT_PER_M:
         return np.asarray(height + slope * along_m)
     half = curvature * along_m / 2.0
-    return np.asarray(
-        height + 2.0 * np.sinh(math.asinh(slope) + half) * np.sinh(half) / curvature
-    )
+    return np.asarray(height + 2.0 * np.sinh(math.asinh(slope) + half) * np.sinh(half) / curvature)
 
 
 def _jacobian(vertical: FloatArray, along_m: FloatArray) -> FloatArray:
@@ -195,9 +234,7 @@ def _jacobian(vertical: FloatArray, along_m: FloatArray) -> FloatArray:
     _, slope, curvature = vertical
     steepness = math.hypot(1.0, slope)
     if abs(curvature) < _STRAIGHT_PER_M:
-        return np.column_stack(
-            (np.ones_like(along_m), along_m, steepness * along_m**2 / 2.0)
-        )
+        return np.column_stack((np.ones_like(along_m), along_m, steepness * along_m**2 / 2.0))
     angle = curvature * along_m + math.asinh(slope)
     rise = (np.cosh(angle) - steepness) / curvature
     run = (np.sinh(angle) - slope) / curvature

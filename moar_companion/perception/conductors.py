@@ -16,8 +16,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.spatial import KDTree
 
-from .catenary import Catenary, fit
-from .ground import ground_height_m
+from .catenary import Catenary, fit, wires_of
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
@@ -78,11 +77,12 @@ class DetectedConductor:
 
 
 def find_conductors(
-    points_m: FloatArray, settings: DetectorSettings | None = None
+    points_m: FloatArray, height_m: FloatArray, settings: DetectorSettings
 ) -> tuple[DetectedConductor, ...]:
-    """The conductors in (n, 3) points, x east, y north, z up, in metres; best supported first."""
-    settings = settings or DetectorSettings()
-    height_m = points_m[:, 2] - ground_height_m(points_m)
+    """The conductors in (n, 3) points, x east, y north, z up, in metres; best supported first.
+
+    height_m: (n,) of the points above the ground.
+    """
     high = np.flatnonzero(height_m >= settings.least_height_m)
     return _Search(points_m, high, settings).run()
 
@@ -158,9 +158,7 @@ class _Search:
     ) -> tuple[FloatArray, FloatArray] | None:
         """RANSAC: the line through two points, along both neighbourhoods, with most support."""
         points = self._points_m[candidates]
-        chosen = self._random.choice(
-            len(candidates), size=self._settings.hypotheses, replace=True
-        )
+        chosen = self._random.choice(len(candidates), size=self._settings.hypotheses, replace=True)
         first = points[chosen]
         along = directions[candidates[chosen]]
         # The second point of each: one in the window, as far along the first's direction.
@@ -190,14 +188,12 @@ class _Search:
     def _within(self, at: FloatArray, along: FloatArray) -> IntArray:
         """Free points in the cylinder of a line."""
         assert self._tree is not None
-        near = np.array(
-            self._tree.query_ball_point(at, self._settings.window_m), dtype=np.intp
-        )
+        near = np.array(self._tree.query_ball_point(at, self._settings.window_m), dtype=np.intp)
         near = near[self._free[near]]
         offset = self._points_m[near] - at
         run = offset @ along
         miss = np.sqrt(np.maximum((offset**2).sum(axis=1) - run**2, 0.0))
-        return near[miss <= self._settings.seed_radius_m]
+        return np.asarray(near[miss <= self._settings.seed_radius_m])
 
     # --- catenaries
 
@@ -333,17 +329,15 @@ class _Search:
         owner = np.full(len(self._all_m), -1)
         distance_of = np.full(len(self._all_m), np.inf)
         refined: list[tuple[Catenary, tuple[Catenary, ...], float]] = []
-        for number, curve in enumerate(curves):
-            coordinates = curve.coordinates(self._all_m)
-            on = np.flatnonzero(
-                _near(curve, coordinates, self._settings.bundle_radius_m, 1.0)
-            )
-            curve, wires, sigma = _wires(self._all_m[on], curve)
+        for number, rough in enumerate(curves):
+            coordinates = rough.coordinates(self._all_m)
+            on = np.flatnonzero(_near(rough, coordinates, self._settings.bundle_radius_m, 1.0))
+            curve, wires, sigma = wires_of(self._all_m[on], rough)
             refined.append((curve, wires, sigma))
             radius_m = min(max(4.0 * sigma, 0.12), 0.4)
             for wire in wires:
                 at = wire.coordinates(self._all_m)
-                near = np.flatnonzero(_near(wire, at, radius_m, 2.0))
+                near = np.flatnonzero(_near(wire, at, radius_m, 1.0))
                 distance = np.hypot(*wire.residuals(at[near]).T)
                 nearer = distance < distance_of[near]
                 owner[near[nearer]] = number
@@ -376,9 +370,7 @@ class _Search:
         )
 
 
-def _near(
-    curve: Catenary, coordinates_m: FloatArray, radius_m: float, reach_m: float
-) -> BoolArray:
+def _near(curve: Catenary, coordinates_m: FloatArray, radius_m: float, reach_m: float) -> BoolArray:
     """Points within a radius of the curve, up to `reach_m` beyond its ends."""
     low, high = curve.extent_m
     near = (coordinates_m[:, 0] >= low - reach_m) & (coordinates_m[:, 0] <= high + reach_m)
@@ -388,42 +380,13 @@ def _near(
     return near
 
 
-def _wires(
-    points_m: FloatArray, curve: Catenary, depth: int = 2
-) -> tuple[Catenary, tuple[Catenary, ...], float]:
-    """The curve fitted again, its sub-conductors, and the deviation of points from these.
-
-    A bundle's points lie about two centres (four: two by two) along the first axis of their
-    residuals, apart by more than four standard deviations.
-    """
-    curve = fit(points_m, curve.direction)
-    residuals = curve.residuals(curve.coordinates(points_m))
-    distance = np.hypot(*residuals.T)
-    sigma = 1.4826 * float(np.median(distance)) / 1.2
-    if depth == 0 or len(points_m) < 20:
-        return curve, (curve,), sigma
-    _, _, axes = np.linalg.svd(residuals - np.median(residuals, axis=0), full_matrices=False)
-    across = residuals @ axes[0]
-    low, high = np.percentile(across, (10.0, 90.0))
-    for _ in range(20):
-        upper = across > (low + high) / 2.0
-        if upper.all() or not upper.any():
-            return curve, (curve,), sigma
-        low, high = float(np.median(across[~upper])), float(np.median(across[upper]))
-    width = 1.4826 * np.median(np.abs(across - np.where(upper, high, low)))
-    share = min(upper.mean(), 1.0 - upper.mean())
-    if high - low < 4.0 * width or high - low < 0.15 or share < 0.2:
-        return curve, (curve,), sigma
-    _, one, sigma_one = _wires(points_m[~upper], curve, depth - 1)
-    _, two, sigma_two = _wires(points_m[upper], curve, depth - 1)
-    return curve, (*one, *two), (sigma_one + sigma_two) / 2.0
-
-
 def _thinned(points_m: FloatArray, voxel_m: float) -> FloatArray:
     """One point of each voxel: the first."""
-    voxels = np.floor((points_m - points_m.min(axis=0)) / voxel_m).astype(np.int64) if len(
-        points_m
-    ) else np.zeros((0, 3), dtype=np.int64)
+    voxels = (
+        np.floor((points_m - points_m.min(axis=0)) / voxel_m).astype(np.int64)
+        if len(points_m)
+        else np.zeros((0, 3), dtype=np.int64)
+    )
     sizes = voxels.max(axis=0) + 1 if len(voxels) else np.ones(3, dtype=np.int64)
     _, first = np.unique(
         (voxels[:, 0] * sizes[1] + voxels[:, 1]) * sizes[2] + voxels[:, 2], return_index=True

@@ -33,11 +33,9 @@ def ground_height_m(points_m: FloatArray) -> FloatArray:
     np.minimum.at(lowest, (cells[:, 0], cells[:, 1]), points_m[:, 2])
     empty = np.isinf(lowest)
     if empty.any():
-        nearest = ndimage.distance_transform_edt(
-            empty, return_distances=False, return_indices=True
-        )
+        nearest = ndimage.distance_transform_edt(empty, return_distances=False, return_indices=True)
         lowest = lowest[tuple(nearest)]
     size = max(3, round(_OPENING_M / cell_m) | 1)
     # A lone low point (an echo from below the ground) would sink its surroundings.
-    level = ndimage.grey_opening(ndimage.median_filter(lowest, 3), size)
+    level = ndimage.grey_opening(ndimage.median_filter(lowest, 3), (size, size))
     return np.asarray(level[cells[:, 0], cells[:, 1]])

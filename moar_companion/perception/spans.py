@@ -18,6 +18,10 @@ FloatArray = npt.NDArray[np.float64]
 
 _SAME_DIRECTION_DEG = 8.0
 _LINE_WIDTH_M = 40.0
+_CROSS_ARM_ANGLE_RAD = math.radians(45.0)
+_LONGEST_CROSS_ARM_M = 40.0
+"""As wide as the widest towers (waist-type, one circuit: 38 to 40 m)."""
+_CROSS_ARM_REACH_M = 8.0
 _PHASES = 3
 _GROUND_M = 0.5
 """Height above the ground up to which a point is ground, grass or stones."""
@@ -62,9 +66,10 @@ class PowerLine:
 
 def find_power_line(points_m: FloatArray, settings: DetectorSettings | None = None) -> PowerLine:
     """Conductors in their spans, and the class of each of (n, 3) points."""
-    found = find_conductors(points_m, settings)
-    spans = tuple(_span(members) for members in _same_span(found))
     height_m = points_m[:, 2] - ground_height_m(points_m)
+    lines = find_conductors(points_m, height_m, settings or DetectorSettings())
+    found = tuple(each for each in lines if not _is_cross_arm(each, lines))
+    spans = tuple(_span(members) for members in _same_span(found))
     classes = np.where(height_m <= _GROUND_M, PointClass.GROUND, PointClass.VEGETATION)
     for span in spans:
         for conductor in span.conductors:
@@ -74,6 +79,21 @@ def find_power_line(points_m: FloatArray, settings: DetectorSettings | None = No
             )
     _mark_towers(points_m, height_m, classes, found)
     return PowerLine(spans=spans, classes=classes.astype(np.uint8), height_m=height_m)
+
+
+def _is_cross_arm(conductor: DetectedConductor, lines: tuple[DetectedConductor, ...]) -> bool:
+    """A short line at the end of a longer conductor, across it: part of the tower."""
+    curve = conductor.curve
+    samples = curve.points_at(np.linspace(*curve.extent_m, 9))
+    for other in lines:
+        across = abs(other.curve.direction @ curve.direction) < math.cos(_CROSS_ARM_ANGLE_RAD)
+        if not across or other.curve.length_m < 2.0 * curve.length_m:
+            continue
+        ends = other.curve.points_at(np.array(other.curve.extent_m))
+        distance = np.linalg.norm(samples[:, None] - ends[None], axis=2)
+        if curve.length_m < _LONGEST_CROSS_ARM_M and distance.min() < _CROSS_ARM_REACH_M:
+            return True
+    return False
 
 
 def _same_span(found: tuple[DetectedConductor, ...]) -> list[list[DetectedConductor]]:

@@ -10,18 +10,20 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from ..autopilots import ardupilot
 from ..errors import InputError
 from ..frames import SiteFrame
 from ..planner.plan_values import Plan
-from ..site import Conductor, Site
+from ..site import Conductor, Polygon, Site
 from ..types import AutopilotKind, GeodeticPoint, Mission
-from .cross_section import MIN_ALTITUDE_M, SiteOptions
-from .map_features import MapFeature
+from .map_features import KINDS, MapFeature
+from .site_document import MIN_ALTITUDE_M, Document, SiteOptions, place, polygon, site_document
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -36,9 +38,9 @@ _DRAWN_M = 5.0
 
 def site_of_features(
     features: tuple[MapFeature, ...], source: str, options: SiteOptions
-) -> dict[str, Any]:
+) -> Document:
     """The document of a site file; raises InputError that names the feature."""
-    of = {kind: [each for each in features if each.kind == kind] for kind in _ORDER}
+    of = {kind: [each for each in features if each.kind == kind] for kind in KINDS}
     if not of["target"] or not of["conductor"]:
         kind = "target" if not of["target"] else "conductor"
         raise InputError(source, "", f"has no {kind}: needs one target and one conductor at least")
@@ -54,14 +56,9 @@ def site_of_features(
         across = -across
     along = np.array([-across[1], across[0]])
     azimuth_deg = math.degrees(math.atan2(across[0], across[1])) % 360.0
-    heights = [point.altitude_amsl_m for each in features for point in each.points]
-    grounds = [
-        point.altitude_amsl_m
-        for kind in ("exit", "evacuation", "start")
-        for each in of[kind]
-        for point in each.points
-    ]
-    ground = min(grounds or heights)
+    heights = [point.altitude_amsl_m for each in of["ground"] or features for point in each.points]
+    ground = min(heights)
+    above_ground_m = first.altitude_amsl_m - ground
     obstacles: list[dict[str, Any]] = []
     for conductor in of["conductor"]:
         x, z, sag = _in_plane(conductor, metres(conductor), across, along, source)
@@ -70,15 +67,21 @@ def site_of_features(
                 "conductor": {
                     "name": conductor.name,
                     "x_m": round(x, 2),
-                    "z_m": round(z + first.altitude_amsl_m - ground, 2),
+                    "z_m": round(z + above_ground_m, 2),
                     "radius_m": conductor.radius_m or options.radius_m,
                     "keep_out_m": math.ceil((options.keep_out_m + sag) * 100.0) / 100.0,
                 }
             }
         )
     for solid in of["tower"] + of["obstacle"]:
-        obstacles += _solid(solid, metres(solid), across, along, first.altitude_amsl_m - ground, source)
-    places = {}
+        obstacles += _solid(solid, metres(solid), across, along, above_ground_m, source)
+    for outline in of["outline"]:
+        corners = [_plane(each, across, along) for each in metres(outline)]
+        if corners[0] == corners[-1]:
+            corners.pop()
+        vertices = [(x, z + above_ground_m) for x, _, z in corners]
+        obstacles.append(polygon(outline.name, vertices))
+    places: dict[str, list[tuple[str, dict[str, float]]]] = {}
     for kind in ("target", "start", "exit", "evacuation"):
         places[kind] = []
         for each in of[kind]:
@@ -90,41 +93,27 @@ def site_of_features(
                     f"is {abs(y):.1f} m beside the plane through {of['target'][0].name}, must be "
                     f"within {_IN_PLANE_M:g} m",
                 )
-            place = {"x_m": round(x, 2), "z_m": round(z + first.altitude_amsl_m - ground, 2)}
-            places[kind].append((each.name, place))
+            places[kind].append((each.name, place(x, z + above_ground_m)))
     wires = [each["conductor"] for each in obstacles if "conductor" in each]
-    inner = [*wires, *(place for _, place in places["target"] + places["start"])]
+    inner = [*wires, *(each for _, each in places["target"] + places["start"])]
     low_x = math.floor(min(each["x_m"] for each in inner) - options.margin_m)
     high_x = math.ceil(max(each["x_m"] for each in inner) + options.margin_m)
     high_z = math.ceil(max(each["z_m"] for each in inner) + options.headroom_m)
     side_x = high_x - 2.0 if places["target"][0][1]["x_m"] >= 0.0 else low_x + 2.0
-    start = places["start"][0][1] if places["start"] else {"x_m": side_x, "z_m": 2.5}
-    return {
-        "name": options.name,
-        "frame": {
-            "origin": {
-                "latitude_deg": round(first.latitude_deg, 8),
-                "longitude_deg": round(first.longitude_deg, 8),
-                "altitude_amsl_m": round(ground, 3),
-            },
-            "azimuth_deg": round(azimuth_deg, 4),
+    start = places["start"][0][1] if places["start"] else {"x_m": side_x, "z_m": 0.0}
+    start["z_m"] = max(start["z_m"], MIN_ALTITUDE_M + 0.5)
+    return site_document(
+        options,
+        SiteFrame(origin=replace(first, altitude_amsl_m=ground), azimuth_deg=azimuth_deg),
+        x_m=(low_x, high_x),
+        z_m=(0.0, high_z),
+        obstacles=obstacles,
+        start=start,
+        targets=dict(places["target"]),
+        landing={
+            mission: [each for _, each in places[mission]] for mission in ("exit", "evacuation")
         },
-        "workspace": {
-            "x_m": [float(low_x), float(high_x)],
-            "z_m": [0.0, float(high_z)],
-            "resolution_m": options.resolution_m,
-            "min_altitude_m": MIN_ALTITUDE_M,
-        },
-        "obstacles": obstacles,
-        "start": start,
-        "targets": dict(places["target"]),
-        "landing": {
-            mission: [place for _, place in places[mission]] for mission in ("exit", "evacuation")
-        },
-    }
-
-
-_ORDER = ("conductor", "tower", "obstacle", "target", "start", "exit", "evacuation")
+    )
 
 
 def _metres(frame: SiteFrame, point: GeodeticPoint) -> tuple[float, float, float]:
@@ -151,7 +140,9 @@ def _direction(conductors: list[MapFeature], source: str, metres: Any) -> FloatA
     return np.asarray(total / np.hypot(*total))
 
 
-def _plane(point_m: FloatArray, across: FloatArray, along: FloatArray) -> tuple[float, float, float]:
+def _plane(
+    point_m: FloatArray, across: FloatArray, along: FloatArray
+) -> tuple[float, float, float]:
     return float(point_m[:2] @ across), float(point_m[:2] @ along), float(point_m[2])
 
 
@@ -197,9 +188,8 @@ def _solid(
     if abs(y) > solid.radius_m + _IN_PLANE_M:
         return []
     top = z + above_ground_m
-    left, right = round(x - solid.radius_m, 2), round(x + solid.radius_m, 2)
-    vertices = [[left, -1.0], [right, -1.0], [right, round(top, 2)], [left, round(top, 2)]]
-    return [{"polygon": {"name": solid.name, "vertices_m": vertices, "keep_out_m": 0.3}}]
+    left, right = x - solid.radius_m, x + solid.radius_m
+    return [polygon(solid.name, ((left, -1.0), (right, -1.0), (right, top), (left, top)))]
 
 
 def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...]:
@@ -223,15 +213,23 @@ def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...
         if isinstance(each, Conductor)
     ]
     features += [
+        MapFeature(
+            kind="outline",
+            name=each.name,
+            points=tuple(point(*vertex) for vertex in (*each.vertices_m, each.vertices_m[0])),
+        )
+        for each in site.obstacles
+        if isinstance(each, Polygon)
+    ]
+    features.append(MapFeature(kind="ground", name="z = 0", points=(point(0.0, 0.0),)))
+    features += [
         MapFeature(kind="target", name=each.name, points=(point(*each.position_m),))
         for each in site.targets
     ]
     features.append(MapFeature(kind="start", name="start", points=(point(*site.start_m),)))
     for mission in (Mission.EXIT, Mission.EVACUATION):
         features += [
-            MapFeature(
-                kind=mission.value, name=f"{mission.value}-{index}", points=(point(*place),)
-            )
+            MapFeature(kind=mission.value, name=f"{mission.value}-{index}", points=(point(*place),))
             for index, place in enumerate(site.landing_m.get(mission, ()))
         ]
     features += [
@@ -277,7 +275,7 @@ def qgc_plan_of(site: Site, plans: Iterable[Plan], autopilot: AutopilotKind | No
             "groundStation": "QGroundControl",
             "mission": {
                 "version": 2,
-                "firmwareType": 3 if autopilot is AutopilotKind.ARDUPILOT else 12,
+                "firmwareType": 3 if autopilot == ardupilot.KIND else 12,
                 "vehicleType": 2,
                 "cruiseSpeed": 2,
                 "hoverSpeed": 2,

@@ -18,7 +18,10 @@ from xml.etree import ElementTree as ET
 from ..errors import InputError
 from ..types import GeodeticPoint
 
-KINDS = ("conductor", "tower", "obstacle", "target", "start", "exit", "evacuation")
+KINDS = (
+    "conductor", "tower", "obstacle", "outline", "ground", "target", "start", "exit", "evacuation",
+)  # fmt: skip
+"""outline: of an obstacle in the plane; ground: a point at z = 0; exit, evacuation: landing."""
 _COLUMNS = ("kind", "name", "latitude_deg", "longitude_deg", "altitude_amsl_m")
 _KML = "{http://www.opengis.net/kml/2.2}"
 
@@ -134,8 +137,9 @@ def _of_placemark(element: ET.Element, source: str, folder: str) -> MapFeature:
     mode = next((each.text for each in element.iter(f"{_KML}altitudeMode")), None)
     if mode != "absolute":
         raise InputError(
-            source, name, f"altitudeMode is {mode or 'clampToGround'}, must be absolute (above "
-            "mean sea level)"
+            source,
+            name,
+            f"altitudeMode is {mode or 'clampToGround'}, must be absolute (above mean sea level)",
         )
     coordinates = " ".join(each.text or "" for each in element.iter(f"{_KML}coordinates")).split()
     return MapFeature(

@@ -13,6 +13,7 @@ Each takes out what it found until less than 30 points are left on a model, or 6
 from __future__ import annotations
 
 import argparse
+import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -35,7 +36,7 @@ def main() -> None:
     options = parser.parse_args()
     for file in sorted(DATA.glob("*.laz")):
         points_m, labels = load(file)
-        print(f"{file.name}: {len(points_m)} points, {(labels == WIRE).sum()} of wires")
+        say(f"{file.name}: {len(points_m)} points, {(labels == WIRE).sum()} of wires")
         started = time.perf_counter()
         line = find_power_line(points_m)
         took_s = time.perf_counter() - started
@@ -50,14 +51,19 @@ def main() -> None:
                 started = time.perf_counter()
                 found = peer(points_m[high] - points_m.mean(axis=0))
                 took_s = time.perf_counter() - started
-            except ModuleNotFoundError as error:
-                print(f"  {name:16} not installed ({error.name})")
+            except ImportError as error:
+                say(f"  {name:16} not installed ({error})")
                 continue
             marked = np.zeros(len(points_m), dtype=bool)
             marked[high[found]] = True
             report(name, took_s, marked, labels == WIRE)
         if options.plot:
             draw(points_m, labels, line, options.plot / f"{file.stem}.png")
+
+
+def say(text: str) -> None:
+    """Print one line."""
+    sys.stdout.write(text + "\n")
 
 
 def load(file: Path) -> tuple[np.ndarray, np.ndarray]:
@@ -71,7 +77,7 @@ def load(file: Path) -> tuple[np.ndarray, np.ndarray]:
 def report(name: str, took_s: float, found: np.ndarray, labelled: np.ndarray) -> None:
     """Print one row."""
     good = (found & labelled).sum()
-    print(
+    say(
         f"  {name:16} {took_s:6.2f} s, precision {good / max(found.sum(), 1):.4f}, "
         f"recall {good / labelled.sum():.4f}"
     )
@@ -82,7 +88,7 @@ def heights(points_m: np.ndarray, labels: np.ndarray, line) -> None:
     wire_m = points_m[labels == WIRE]
     for number, span in enumerate(line.spans, 1):
         phases = [each for circuit in span.circuits for each in circuit]
-        print(
+        say(
             f"  span {number}: {len(span.circuits)} circuits of "
             f"{[len(circuit) for circuit in span.circuits]}, {len(span.earth_wires)} earth wires"
         )
@@ -99,7 +105,7 @@ def heights(points_m: np.ndarray, labels: np.ndarray, line) -> None:
                 along = np.linspace(*curve.extent_m, 100)
                 ours = curve.points_at(along)[:, 2] - curve.origin_m[2]
                 error = ours - catenary(along - middle, *best)
-                print(
+                say(
                     f"    {kind:10} {curve.length_m:6.1f} m, {len(conductor.wires)} wires, "
                     f"{len(conductor.inliers):5} points, constant {curve.constant_m:6.0f} m, "
                     f"height error {np.sqrt(np.mean(error**2)):.3f} m rms, "
@@ -170,9 +176,7 @@ def planes_of_open3d(points_m: np.ndarray) -> np.ndarray:
     return sequential(points_m, once)
 
 
-def sequential(
-    points_m: np.ndarray, once: Callable[[np.ndarray], np.ndarray]
-) -> np.ndarray:
+def sequential(points_m: np.ndarray, once: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
     """Indices of what one model after the other takes out."""
     free = np.arange(len(points_m))
     found = []
@@ -199,7 +203,10 @@ def draw(points_m: np.ndarray, labels: np.ndarray, line, file: Path) -> None:
     mpl.use("Agg")
     import matplotlib.pyplot as plt
 
-    axis = max((each for span in line.spans for each in span.conductors), key=lambda each: len(each.inliers)).curve
+    axis = max(
+        (each for span in line.spans for each in span.conductors),
+        key=lambda each: len(each.inliers),
+    ).curve
     at = axis.coordinates(points_m)
     figure, axes = plt.subplots(2, 1, figsize=(16, 10))
     colours = {2: "0.85", 5: "tab:green", 13: "tab:orange", 14: "tab:blue", 15: "0.3"}

@@ -1,0 +1,321 @@
+"""`moar-companion site`: a site file from a point cloud or a map, and a site back on a map."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import IO, TYPE_CHECKING, Any
+
+from ..errors import InputError
+from .options import add_file, file_name, number, numbers, refused, require
+from .outputs import check_outputs, say, write_output
+
+if TYPE_CHECKING:
+    from ..planner.plan_values import Plan
+    from ..planner.planner import Planner
+    from ..site import Site
+
+_MAPS = (".kml", ".geojson", ".json", ".csv")
+
+
+def add_arguments(parser: argparse.ArgumentParser) -> None:
+    """Adds the three actions, each with its own options."""
+    parser.add_argument(
+        "action",
+        metavar="from-cloud|from-map|show",
+        type=_action,
+        help="a site from a point cloud; from points on a map; a site on a map",
+    )
+    parser.add_argument(
+        "file", metavar="FILE", type=file_name("FILE"), help="the point cloud, map or site file"
+    )
+    cloud = parser.add_argument_group("from-cloud (.las .laz .ply .pcd .npz .xyz)")
+    cloud.add_argument(
+        "--at",
+        metavar="LAT,LON|X,Y[,Z]",
+        type=_place,
+        help="the target: on the map, or in the file's coordinates",
+    )
+    cloud.add_argument(
+        "--crs", metavar="EPSG:N", help="the coordinate system, where the file names none"
+    )
+    cloud.add_argument(
+        "--origin",
+        metavar="LAT,LON,ALT",
+        type=numbers("--origin", "LAT,LON,ALT", "degrees and metres above mean sea level"),
+        help="where the file's 0,0,0 is, if it has no coordinate system: x east, y north",
+    )
+    cloud.add_argument("--seed", metavar="N", type=_seed, default=0, help="of RANSAC (default: 0)")
+    made = parser.add_argument_group("from-cloud and from-map")
+    add_file(made, "--out", "the site file to write")
+    add_file(made, "--plot", "draw what was found (.png, .svg, .pdf); needs the extra plots")
+    made.add_argument("--name", metavar="NAME", help="of the site (default: the file's)")
+    made.add_argument(
+        "--standoff",
+        metavar="M",
+        type=_length("--standoff"),
+        default=4.0,
+        help="of the target from its conductor, in m (default: 4)",
+    )
+    made.add_argument(
+        "--keep-out",
+        metavar="M",
+        type=_length("--keep-out"),
+        default=0.5,
+        help="kept from conductors beyond the vehicle's distances, in m: sag changes with current "
+        "and temperature (default: 0.5)",
+    )
+    shown = parser.add_argument_group("show")
+    add_file(shown, "--kml", "write site and paths as KML")
+    add_file(shown, "--geojson", "write site and paths as GeoJSON")
+    add_file(shown, "--qgc-plan", "write the paths as a mission of QGroundControl")
+    add_file(shown, "--vehicle", "the vehicle file (default: the LineDrone as flown)")
+
+
+def run(arguments: argparse.Namespace) -> int:
+    """Runs one action."""
+    actions: dict[str, Callable[[argparse.Namespace], int]] = {
+        "from-cloud": _from_cloud,
+        "from-map": _from_map,
+        "show": _show,
+    }
+    return actions[arguments.action](arguments)
+
+
+def _from_cloud(arguments: argparse.Namespace) -> int:
+    from ..perception.conductors import DetectorSettings  # noqa: PLC0415
+    from ..perception.spans import find_power_line  # noqa: PLC0415
+    from ..survey.cross_section import site_of_cloud  # noqa: PLC0415
+    from ..survey.site_document import SiteOptions, SurveyError  # noqa: PLC0415
+    from .point_clouds import around, read_cloud  # noqa: PLC0415
+
+    out = _out(arguments)
+    if arguments.at is None:
+        raise InputError("--at", "", "is missing: the target, LAT,LON or X,Y[,Z]")
+    cloud = read_cloud(arguments.file, arguments.crs)
+    local = around(cloud, arguments.at, arguments.origin)
+    line = find_power_line(local.points_m, DetectorSettings(seed=arguments.seed))
+    options = SiteOptions(
+        name=arguments.name or Path(arguments.file).stem,
+        standoff_m=arguments.standoff,
+        keep_out_m=arguments.keep_out,
+    )
+    try:
+        section = site_of_cloud(local.points_m, line, local.at, local.target_height_m, options)
+    except SurveyError as error:
+        raise InputError(arguments.file, "", str(error)) from None
+    system = cloud.crs.name if cloud.crs is not None else "its own metres"
+    remarks = (
+        f"From {Path(arguments.file).name} ({len(cloud.points)} points, {system}).",
+        "Heights as scanned: sag changes with current, temperature and ice. Look at the picture,",
+        "and survey targets and landing places before a flight.",
+    )
+
+    def draw(stream: IO[bytes]) -> None:
+        from ..outlets.survey_picture import SurveyView, draw_survey  # noqa: PLC0415
+
+        view = SurveyView(
+            document=section.document,
+            points_m=section.turned(local.points_m),
+            classes=line.classes,
+            plane_m=section.plane_m,
+            plane_classes=section.classes,
+            left_out_m=section.left_out_m,
+        )
+        draw_survey(view, stream, _format(arguments.plot))
+
+    failure = _written(out, section.document, remarks)
+    failures = [failure, write_output("--plot", arguments.plot, draw)]
+    rows = "".join(
+        f"  {len(each.wires)} wire{'s' if len(each.wires) > 1 else ' '}, "
+        f"{each.curve.length_m:6.1f} m, {len(each.inliers):6} points, deviation "
+        f"{each.sigma_m:.2f} m, confidence {each.confidence:.2f}\n"
+        for each in section.conductors
+    )
+    notes = "".join(f"note: {note}\n" for note in section.notes)
+    say(f"{len(section.conductors)} conductors cross the plane:\n{rows}{notes}{_next(out)}")
+    return _finished(failures)
+
+
+def _from_map(arguments: argparse.Namespace) -> int:
+    from ..survey.drawn_site import site_of_features  # noqa: PLC0415
+    from ..survey.map_features import features_of  # noqa: PLC0415
+    from ..survey.site_document import SiteOptions  # noqa: PLC0415
+
+    out = _out(arguments)
+    ending = Path(arguments.file).suffix.lower()
+    if ending not in _MAPS:
+        raise InputError(arguments.file, "", f"must end in one of {', '.join(_MAPS)}")
+    try:
+        text = Path(arguments.file).read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(arguments.file, "", str(error.strerror)) from None
+    except UnicodeDecodeError:
+        raise InputError(arguments.file, "", "is no text in UTF-8") from None
+    options = SiteOptions(
+        name=arguments.name or Path(arguments.file).stem,
+        standoff_m=arguments.standoff,
+        keep_out_m=arguments.keep_out,
+    )
+    document = site_of_features(features_of(text, arguments.file, ending), arguments.file, options)
+    remarks = (f"From the points in {Path(arguments.file).name}.",)
+    failures = [_written(out, document, remarks)]
+    if arguments.plot:
+        failures.append(_drawn_map(arguments, out))
+    say(f"{len(document['obstacles'])} obstacles, {len(document['targets'])} targets\n{_next(out)}")
+    return _finished(failures)
+
+
+def _drawn_map(arguments: argparse.Namespace, site_file: str) -> str | None:
+    """The picture of a drawn site: the plan to its first target on it."""
+    from ..config import default_vehicle  # noqa: PLC0415
+    from ..outlets.plan_picture import draw_plan  # noqa: PLC0415
+    from ..planner.planner import Planner  # noqa: PLC0415
+    from ..site import Site  # noqa: PLC0415
+    from ..types import Mission  # noqa: PLC0415
+    from ..vehicle import Vehicle  # noqa: PLC0415
+
+    site, vehicle = Site.load(site_file), Vehicle.load(default_vehicle())
+    planner = Planner(site, vehicle)
+    plan = planner.plan(mission=Mission.INSPECTION)
+    return write_output(
+        "--plot",
+        arguments.plot,
+        lambda stream: draw_plan(
+            plan, site, vehicle, planner.maps, stream, _format(arguments.plot)
+        ),
+    )
+
+
+def _show(arguments: argparse.Namespace) -> int:
+    from ..config import default_vehicle  # noqa: PLC0415
+    from ..planner.planner import Planner  # noqa: PLC0415
+    from ..site import Site  # noqa: PLC0415
+    from ..survey.drawn_site import features_of_site, qgc_plan_of  # noqa: PLC0415
+    from ..survey.map_features import geojson_of, kml_of  # noqa: PLC0415
+    from ..vehicle import Vehicle  # noqa: PLC0415
+
+    outputs = {
+        "--kml": arguments.kml,
+        "--geojson": arguments.geojson,
+        "--qgc-plan": arguments.qgc_plan,
+    }
+    if not any(outputs.values()):
+        raise InputError("show", "", f"writes nothing: give one of {', '.join(outputs)}")
+    vehicle_file = arguments.vehicle or str(default_vehicle())
+    check_outputs(outputs, {"the site": arguments.file, "the vehicle": vehicle_file})
+    site, vehicle = Site.load(arguments.file), Vehicle.load(vehicle_file)
+    plans, missing = _paths(Planner(site, vehicle), site)
+    features = features_of_site(site, plans)
+    texts = {
+        "--kml": kml_of(site.name, features),
+        "--geojson": geojson_of(features),
+        "--qgc-plan": qgc_plan_of(site, plans, vehicle.autopilot),
+    }
+    failures = [
+        write_output(option, path, partial(_write_text, texts[option]))
+        for option, path in outputs.items()
+    ]
+    say(
+        "".join(
+            f"{plan.mission.value} {plan.request.target}: {len(plan.states)} waypoints\n"
+            for plan in plans
+        )
+        + "".join(f"no path: {reason}\n" for reason in missing)
+    )
+    return _finished(failures)
+
+
+def _paths(planner: Planner, site: Site) -> tuple[list[Plan], list[str]]:
+    """The paths of an inspection of all targets in turn, and of the exit from the last."""
+    from ..types import Mission  # noqa: PLC0415
+
+    plans: list[Plan] = []
+    missing: list[str] = []
+    at = site.start_m
+    for target in site.targets:
+        plan = planner.plan(mission=Mission.INSPECTION, target=target.name, start=at)
+        if plan.reason:
+            missing.append(f"{target.name}: {plan.reason}")
+            continue
+        plans.append(plan)
+        at = target.position_m
+    if Mission.EXIT in site.landing_m:
+        plan = planner.plan(mission=Mission.EXIT, start=at)
+        if plan.reason:
+            missing.append(f"exit: {plan.reason}")
+        else:
+            plans.append(plan)
+    return plans, missing
+
+
+def _written(out: str, document: dict[str, Any], remarks: tuple[str, ...]) -> str | None:
+    from ..survey.site_document import site_text  # noqa: PLC0415
+
+    text = site_text(document, remarks)
+    return write_output("--out", out, partial(_write_text, text))
+
+
+def _write_text(text: str, stream: IO[bytes]) -> None:
+    stream.write(text.encode())
+
+
+def _out(arguments: argparse.Namespace) -> str:
+    if arguments.out is None:
+        raise InputError("--out", "", "is missing: the site file to write")
+    if arguments.plot:
+        _format(arguments.plot)
+        require("--plot", "matplotlib", "plots")
+    check_outputs({"--out": arguments.out, "--plot": arguments.plot}, {"the input": arguments.file})
+    return str(arguments.out)
+
+
+def _format(path: str) -> str:
+    ending = Path(path).suffix.removeprefix(".").lower() or "png"
+    if ending not in ("png", "svg", "pdf"):
+        raise refused("--plot", path, "must end in one of .png, .svg, .pdf")
+    return ending
+
+
+def _next(out: str) -> str:
+    return f"wrote {out}; next: moar-companion check --files --site {out}\n"
+
+
+def _finished(failures: list[str | None]) -> int:
+    problems = [failure for failure in failures if failure]
+    if problems:
+        raise OSError("; ".join(problems))
+    return 0
+
+
+def _action(text: str) -> str:
+    known = ("from-cloud", "from-map", "show")
+    if text not in known:
+        raise refused("site", text, f"must be one of {', '.join(known)}")
+    return text
+
+
+def _place(text: str) -> tuple[float, ...]:
+    values = [number(part) for part in text.split(",")]
+    known = tuple(value for value in values if value is not None)
+    if len(known) != len(values) or len(known) not in (2, 3):
+        raise refused("--at", text, "must be LAT,LON or X,Y or X,Y,Z: finite numbers")
+    return known
+
+
+def _seed(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or len(text) > 9:
+        raise refused("--seed", text, "must be a whole number from 0 to 999999999")
+    return int(text)
+
+
+def _length(option: str) -> Callable[[str], float]:
+    def parse(text: str) -> float:
+        value = number(text)
+        if value is None or not 0.0 < value <= 100.0:
+            raise refused(option, text, "must be a number of metres in (0, 100]")
+        return value
+
+    return parse

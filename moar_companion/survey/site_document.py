@@ -1,0 +1,110 @@
+"""The document of a site file: what all surveys lay out alike, and its text."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import yaml
+
+from ..frames import SiteFrame
+
+Document = dict[str, Any]
+
+MIN_ALTITUDE_M = 2.0
+POLYGON_KEEP_OUT_M = 0.3
+
+
+class SurveyError(Exception):
+    """A survey that no site can be made of; the text says why."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class SiteOptions:
+    """How a site is laid out."""
+
+    name: str = "surveyed site"
+    standoff_m: float = 4.0
+    resolution_m: float = 0.3
+    slab_m: float = 3.0
+    """Points up to this far from the plane stand in it."""
+    margin_m: float = 12.0
+    """Workspace beside the outer conductors."""
+    headroom_m: float = 8.0
+    """Workspace above the highest conductor."""
+    radius_m: float = 0.02
+    """Of a wire: no scan tells it."""
+    keep_out_m: float = 0.5
+    """Beyond three standard deviations of a conductor's place: sag changes with current and
+    temperature, and the survey's own position is known to decimetres."""
+
+
+def site_document(
+    options: SiteOptions,
+    frame: SiteFrame,
+    *,
+    x_m: tuple[float, float],
+    z_m: tuple[float, float],
+    obstacles: list[Document],
+    start: Document,
+    targets: Document,
+    landing: Mapping[str, list[Document]],
+) -> Document:
+    """The document; x_m, z_m: the workspace."""
+    return {
+        "name": options.name,
+        "frame": {
+            "origin": {
+                "latitude_deg": round(frame.origin.latitude_deg, 8),
+                "longitude_deg": round(frame.origin.longitude_deg, 8),
+                "altitude_amsl_m": round(frame.origin.altitude_amsl_m, 3),
+            },
+            "azimuth_deg": round(frame.azimuth_deg, 4),
+        },
+        "workspace": {
+            "x_m": [float(each) for each in x_m],
+            "z_m": [float(each) for each in z_m],
+            "resolution_m": options.resolution_m,
+            "min_altitude_m": MIN_ALTITUDE_M,
+        },
+        "obstacles": obstacles,
+        "start": start,
+        "targets": targets,
+        "landing": dict(landing),
+    }
+
+
+def place(x_m: float, z_m: float) -> Document:
+    """A point of the plane as in the file."""
+    return {"x_m": round(float(x_m), 2), "z_m": round(float(z_m), 2)}
+
+
+def polygon(name: str, vertices: Iterable[tuple[float, float]]) -> Document:
+    """An obstacle of this outline."""
+    rounded = [[round(float(x), 2), round(float(z), 2)] for x, z in vertices]
+    return {"polygon": {"name": name, "vertices_m": rounded, "keep_out_m": POLYGON_KEEP_OUT_M}}
+
+
+def site_text(document: Mapping[str, Any], remarks: Iterable[str]) -> str:
+    """YAML of a site, its remarks as comments at the head."""
+    lines = [f"# {remark}" for remark in remarks]
+    for key, value in document.items():
+        if isinstance(value, list):
+            lines += ["", f"{key}:", *(f"  - {_flow(item)}" for item in value)]
+        elif key in ("frame", "targets", "landing"):
+            lines += [
+                "",
+                f"{key}:",
+                *(f"  {_flow(name)}: {_flow(each)}" for name, each in value.items()),
+            ]
+        else:
+            lines += ["", f"{key}: {_flow(value)}"] if lines else [f"{key}: {_flow(value)}"]
+    return "\n".join(lines) + "\n"
+
+
+def _flow(value: object) -> str:
+    text = yaml.safe_dump(
+        value, default_flow_style=True, sort_keys=False, width=1_000_000, allow_unicode=True
+    )
+    return str(text).removesuffix("\n").removesuffix("...").strip()
