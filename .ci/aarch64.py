@@ -47,7 +47,7 @@ def needed(python: str) -> set[str]:
     todo = ["moar-companion"]
     while todo:
         package = todo.pop()
-        extras = ("plots", "ulog") if package == "moar-companion" else ("",)
+        extras = ("lidar", "plots", "ulog") if package == "moar-companion" else ("",)
         try:
             lines = requires(package) or []
         except PackageNotFoundError:  # only on another Python: asked for, not entered

@@ -116,7 +116,7 @@ COMMANDS = {
         ),
     ),
     "site": Subcommand(
-        module="site",
+        module="site_files",
         summary="a site file from a point cloud or a map; a site back on a map",
         description="Make a site file from a point cloud of a power line (its conductors are found "
         "by RANSAC, the plane is laid across them at the target), or from points drawn on a map. "

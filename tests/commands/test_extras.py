@@ -16,7 +16,8 @@ PLAN = ("plan", SITE, "--mission", "inspection")
 RECORDING = str(ROOT / "tests" / "data" / "ardupilot_failsafes.tlog")
 WITHOUT_EXTRAS = """\
 import sys
-sys.modules |= {"matplotlib": None, "pyulog": None}
+extras = ("matplotlib", "pyulog", "laspy", "plyfile", "pypcd4", "pyproj")
+sys.modules |= dict.fromkeys(extras)
 from moar_companion.cli import main
 sys.exit(main())
 """
@@ -50,6 +51,19 @@ def test_without_matplotlib_a_picture_is_refused_before_anything_is_written(
     assert (done.returncode, done.stdout) == (2, "")
     assert done.stderr == f"moar-companion: {line}\n"
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("ending", "module"), [("las", "laspy"), ("ply", "plyfile"), ("pcd", "pypcd4")]
+)
+def test_without_the_extra_a_point_cloud_is_refused(ending, module, tmp_path):
+    cloud = tmp_path / f"scan.{ending}"
+    cloud.write_bytes(b"")
+    done = run(
+        "site", "from-cloud", str(cloud), "--at", "0,0", "--out", str(tmp_path / "site.yaml")
+    )
+    line = f'{cloud}: needs {module}: {sys.executable} -m pip install "moar-companion[lidar]"'
+    assert (done.returncode, done.stderr) == (2, f"moar-companion: {line}\n")
 
 
 def test_without_pyulog_a_log_is_refused(tmp_path):

@@ -1,0 +1,203 @@
+"""`moar-companion site`: clouds of every format, maps, pictures, and what it refuses."""
+
+import json
+
+import numpy as np
+import pytest
+from matplotlib.image import imread
+
+from moar_companion import cli
+from moar_companion.config import shipped_configs
+from moar_companion.site import Site
+from tests.one_line import one_line
+from tests.perception.scenes import DOUBLE_CIRCUIT, Scene
+
+SHIPPED = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
+ORIGIN = "45.4,-71.9,200"
+
+
+@pytest.fixture(scope="module")
+def scene():
+    return Scene(1, length_m=120.0).with_wires(DOUBLE_CIRCUIT).with_ground()
+
+
+@pytest.fixture
+def at(scene):
+    """The middle of the span, in the scene's metres."""
+    x, y, _ = scene.place(60.0, -5.8, 0.0)
+    return f"{x:.2f},{y:.2f}"
+
+
+@pytest.fixture
+def cloud(scene, tmp_path):
+    """Writes the scene in a format; the file's name."""
+    points = scene.cloud
+
+    def write(ending, offset=(0.0, 0.0, 0.0), **options):
+        file = tmp_path / f"scan{ending}"
+        moved = points + offset
+        if ending == ".npz":
+            np.savez(file, points=moved)
+        elif ending == ".xyz":
+            np.savetxt(file, moved, fmt="%.3f")
+        elif ending == ".csv":
+            np.savetxt(file, moved, fmt="%.3f", delimiter=",", header="x,y,z", comments="")
+        elif ending == ".ply":
+            plyfile = pytest.importorskip("plyfile")
+            kind = [("x", "f8"), ("y", "f8"), ("z", "f8")]
+            vertices = np.array(list(map(tuple, moved)), dtype=kind)
+            plyfile.PlyData([plyfile.PlyElement.describe(vertices, "vertex")]).write(file)
+        elif ending == ".pcd":
+            pypcd4 = pytest.importorskip("pypcd4")
+            pypcd4.PointCloud.from_xyz_points(moved.astype(np.float32)).save(file)
+        else:
+            laspy = pytest.importorskip("laspy")
+            header = laspy.LasHeader(point_format=6, version="1.4")
+            header.scales, header.offsets = np.full(3, 0.001), np.floor(moved.min(axis=0))
+            if "crs" in options:
+                header.add_crs(options["crs"])
+            las = laspy.LasData(header)
+            las.x, las.y, las.z = moved.T
+            las.write(file)
+        return str(file)
+
+    return write
+
+
+def run(*argv):
+    return cli.main(["site", *map(str, argv)])
+
+
+@pytest.mark.parametrize("ending", [".npz", ".xyz", ".csv", ".ply", ".pcd", ".las", ".laz"])
+def test_every_format_gives_the_same_site(ending, cloud, at, tmp_path, capsys):
+    out = tmp_path / "site.yaml"
+    assert run("from-cloud", cloud(ending), "--at", at, "--origin", ORIGIN, "--out", out) == 0
+    assert "6 conductors cross the plane" in capsys.readouterr().out
+    site = Site.load(out)
+    heights = sorted(round(each.position_m[1]) for each in site.obstacles)
+    assert heights == [12, 12, 19, 19, 26, 26]
+    assert site.frame.origin.altitude_amsl_m == pytest.approx(200.0, abs=0.2)
+
+
+def test_the_coordinate_system_turns_the_plane_to_true_north(cloud, scene, at, tmp_path):
+    pyproj = pytest.importorskip("pyproj")
+    offset = np.array([228_900.0, 578_400.0, 0.0])
+    x, y = (float(each) for each in at.split(","))
+    place = f"{x + offset[0]:.2f},{y + offset[1]:.2f}"
+    named = cloud(".laz", offset, crs=pyproj.CRS("EPSG:28992"))
+    first, second, third = (tmp_path / f"{name}.yaml" for name in "abc")
+    assert run("from-cloud", named, "--at", place, "--out", first) == 0
+    bare = cloud(".las", offset)
+    assert run("from-cloud", bare, "--at", place, "--crs", "EPSG:28992", "--out", second) == 0
+    to_map = pyproj.Transformer.from_crs("EPSG:28992", "EPSG:4326")
+    latitude, longitude = to_map.transform(x + offset[0], y + offset[1])
+    on_map = f"{latitude:.8f},{longitude:.8f}"
+    assert run("from-cloud", named, "--at", on_map, "--out", third) == 0
+    sites = [Site.load(each) for each in (first, second, third)]
+    for site in sites:
+        assert site.frame == pytest.approx(sites[0].frame) or site.frame.azimuth_deg == (
+            pytest.approx(sites[0].frame.azimuth_deg, abs=0.01)
+        )
+    # Grid north of the Dutch system is a degree off true north there.
+    north = to_map.transform(x + offset[0], y + offset[1] + 100.0)
+    east_m = (north[1] - longitude) * 111_320 * np.cos(np.radians(latitude))
+    convergence = np.degrees(np.arctan2(east_m, 100.0))
+    local = tmp_path / "local.yaml"
+    assert run("from-cloud", cloud(".npz"), "--at", at, "--origin", ORIGIN, "--out", local) == 0
+    turn = sites[0].frame.azimuth_deg - Site.load(local).frame.azimuth_deg
+    assert abs(convergence) > 0.5
+    assert turn == pytest.approx(convergence, abs=0.05)
+
+
+def test_the_file_is_checked_and_planned_on(cloud, at, tmp_path, capsys):
+    out = tmp_path / "site.yaml"
+    assert run("from-cloud", cloud(".npz"), "--at", at, "--origin", ORIGIN, "--out", out) == 0
+    assert cli.main(["check", "--files", "--site", str(out)]) == 0
+    assert cli.main(["plan", str(out), "--mission", "inspection"]) == 0
+    assert "FILES OK" in capsys.readouterr().out
+
+
+def test_the_picture_shows_wires_ground_and_the_plane(cloud, at, tmp_path):
+    out, plot = tmp_path / "site.yaml", tmp_path / "site.png"
+    arguments = ("--at", at, "--origin", ORIGIN, "--out", out, "--plot", plot)
+    assert run("from-cloud", cloud(".npz"), *arguments) == 0
+    picture = imread(plot)[..., :3]
+    for colour in ((0x2C, 0x6F, 0xB3), (0xC9, 0xB4, 0x8F), (0xA3, 0x27, 0x1B)):
+        near = abs(picture - np.array(colour) / 255.0).max(axis=2) < 0.02
+        assert near.sum() > 20
+
+
+def test_a_site_is_shown_and_read_back(tmp_path, capsys):
+    names = {"--kml": "s.kml", "--geojson": "s.geojson", "--qgc-plan": "s.plan"}
+    files = [str(word) for option, name in names.items() for word in (option, tmp_path / name)]
+    assert run("show", SHIPPED, *files) == 0
+    assert "inspection splice-outer" in capsys.readouterr().out
+    assert json.loads((tmp_path / "s.plan").read_text())["mission"]["items"]
+    for name in ("s.kml", "s.geojson"):
+        out, plot = tmp_path / f"{name}.yaml", tmp_path / f"{name}.png"
+        assert run("from-map", tmp_path / name, "--out", out, "--plot", plot) == 0
+        assert len(Site.load(out).targets) == 2
+        assert imread(plot).size
+        assert cli.main(["plan", str(out), "--mission", "exit"]) == 0
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (("from-cloud", "a.npz"), "--out: is missing"),
+        (("from-cloud", "a.npz", "--out", "{out}"), "--at: is missing"),
+        (("from-cloud", "a.npz", "--at", "1,2", "--out", "{out}"), "a.npz: is no file"),
+        (("from-cloud", "a.obj", "--at", "1,2", "--out", "{out}"), "a.obj: ends in '.obj', must"),
+        (("from-cloud", "a", "--at", "1", "--out", "{out}"), "--at: is '1', must be LAT,LON"),
+        (("from-map", "a.txt", "--out", "{out}"), "a.txt: must end in one of .kml, .geojson"),
+        (("from-map", "a.kml", "--out", "{out}"), "a.kml: No such file or directory"),
+        (("show", str(SHIPPED)), "show: writes nothing: give one of --kml, --geojson, --qgc-plan"),
+        (("draw", "a"), "site: is 'draw', must be one of from-cloud, from-map, show"),
+        (("from-map", "a.kml", "--standoff", "-1"), "--standoff: is '-1', must be a number of"),
+        (("from-cloud", "a.npz", "--seed", "x"), "--seed: is 'x', must be a whole number"),
+        (
+            ("from-map", "a.kml", "--out", "{out}", "--plot", "a.gif"),
+            "--plot: is 'a.gif', must end",
+        ),
+    ],
+)
+def test_what_cannot_be_used_is_one_line(arguments, told, tmp_path, capsys):
+    words = [word.format(out=tmp_path / "out.yaml") for word in arguments]
+    assert told in one_line(["site", *words], 2, capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("ending", "content", "told"),
+    [
+        (".npz", b"PK", "cannot be read as NPZ"),
+        (".xyz", b"1 2\n3 4\n", "cannot be read as x y z per line"),
+        (".xyz", b"\xff\xfe\x00", "cannot be read as x y z per line"),
+        (".las", b"LASF", "cannot be read as LAS"),
+        (".ply", b"ply\nformat", "cannot be read as PLY"),
+        (".pcd", b"# .PCD", "cannot be read as PCD"),
+        (".xyz", b"1 2 3\n", "has 1 points, must have 100 or more"),
+    ],
+)
+def test_a_damaged_cloud_is_one_line(ending, content, told, tmp_path, capsys):
+    file = tmp_path / f"cloud{ending}"
+    file.write_bytes(content)
+    arguments = ["--at", "0,0", "--origin", ORIGIN, "--out", tmp_path / "out.yaml"]
+    assert told in one_line(["site", "from-cloud", file, *arguments], 2, capsys)
+    assert not (tmp_path / "out.yaml").exists()
+
+
+def test_a_cloud_without_a_place_needs_one(cloud, at, tmp_path, capsys):
+    file, out = cloud(".npz"), tmp_path / "out.yaml"
+    told = one_line(["site", "from-cloud", file, "--at", at, "--out", out], 2, capsys)
+    assert "names no coordinate system: needs --crs EPSG:…, or --origin" in told
+    arguments = ["--at", "900,900", "--origin", ORIGIN, "--out", out]
+    told = one_line(["site", "from-cloud", file, *arguments], 2, capsys)
+    assert "m from the nearest point; the file has x" in told
+    arguments = ["--at", at, "--crs", "EPSG:nowhere", "--out", out]
+    told = one_line(["site", "from-cloud", file, *arguments], 2, capsys)
+    assert told == "--crs: is 'EPSG:nowhere', must be a coordinate system such as EPSG:28992"
+    arguments = ["--at", at, "--origin", ORIGIN, "--out", file]
+    assert "the file of the input too" in one_line(
+        ["site", "from-cloud", file, *arguments], 2, capsys
+    )

@@ -1,0 +1,174 @@
+"""Points on a map to a site, and a site back on a map."""
+
+import json
+
+import pytest
+
+from moar_companion.config import default_vehicle, shipped_configs
+from moar_companion.errors import InputError
+from moar_companion.frames import SiteFrame
+from moar_companion.planner.planner import Planner
+from moar_companion.site import Conductor, Site
+from moar_companion.survey.drawn_site import features_of_site, qgc_plan_of, site_of_features
+from moar_companion.survey.map_features import features_of, geojson_of, kml_of
+from moar_companion.survey.site_document import SiteOptions, site_text
+from moar_companion.types import GeodeticPoint, Mission
+from moar_companion.vehicle import Vehicle
+
+SITES = sorted((shipped_configs() / "sites").glob("*.yaml"))
+FRAME = SiteFrame(
+    origin=GeodeticPoint(latitude_deg=45.4, longitude_deg=-71.9, altitude_amsl_m=200.0),
+    azimuth_deg=90.0,
+)
+KML = '<kml xmlns="http://www.opengis.net/kml/2.2">'
+PLACE = "<coordinates>1,2,3</coordinates>"
+HEADER = "kind,name,latitude_deg,longitude_deg,altitude_amsl_m,radius_m\n"
+
+
+def row(kind, name, east, north, up, radius=""):
+    at = FRAME.to_geodetic((east, north, up))
+    place = f"{at.latitude_deg:.9f},{at.longitude_deg:.9f},{at.altitude_amsl_m}"
+    return f"{kind},{name},{place},{radius}\n"
+
+
+LINE = (
+    HEADER
+    + row("ground", "road", 0, 0, 0)
+    + "".join(row("conductor", "left", -4, y, 12 + 0.001 * y * y) for y in (-25, 25, 60))
+    + "".join(row("conductor", "right", 4, y, 12 + 0.001 * y * y) for y in (-25, 25, 60))
+    + row("target", "splice", 8, 0, 12)
+    + row("exit", "road", 25, 1, 2.5)
+)
+
+
+def site(text, tmp_path, ending=".csv"):
+    document = site_of_features(features_of(text, "map", ending), "map", SiteOptions())
+    file = tmp_path / "drawn.yaml"
+    file.write_text(site_text(document, []))
+    return Site.load(file)
+
+
+def refused(text, ending=".csv"):
+    with pytest.raises(InputError) as error:
+        site_of_features(features_of(text, "map", ending), "map", SiteOptions())
+    return str(error.value)
+
+
+@pytest.mark.parametrize("file", SITES, ids=lambda file: file.stem)
+@pytest.mark.parametrize(("ending", "writer"), [(".geojson", None), (".kml", kml_of)])
+def test_a_site_on_the_map_and_back_is_the_site(file, ending, writer, tmp_path):
+    shipped = Site.load(file)
+    features = features_of_site(shipped, ())
+    text = geojson_of(features) if writer is None else writer(shipped.name, features)
+    back = site(text, tmp_path, ending)
+    origin = back.frame.origin
+    shift = shipped.frame.place_of(origin.latitude_deg, origin.longitude_deg)
+    assert shift[1] == pytest.approx(0.0, abs=0.02)
+    assert back.frame.azimuth_deg % 180.0 == pytest.approx(
+        shipped.frame.azimuth_deg % 180.0, abs=0.02
+    )
+    sign = 1.0 if abs(back.frame.azimuth_deg - shipped.frame.azimuth_deg) < 90.0 else -1.0
+    names = {each.name: each for each in back.obstacles}
+    for obstacle in shipped.obstacles:
+        if isinstance(obstacle, Conductor):
+            x, z = names[obstacle.name].position_m
+            assert sign * x + shift[0] == pytest.approx(obstacle.position_m[0], abs=0.03)
+            assert z == pytest.approx(obstacle.position_m[1], abs=0.03)
+    assert [each.name for each in back.targets] == [each.name for each in shipped.targets]
+
+
+def test_the_plane_stands_across_the_conductors_at_the_first_target(tmp_path):
+    drawn = site(LINE, tmp_path)
+    assert drawn.frame.azimuth_deg == pytest.approx(90.0, abs=0.01)
+    assert drawn.targets[0].position_m == (0.0, 12.0)
+    assert [each.position_m[0] for each in drawn.obstacles] == pytest.approx(
+        [-12.0, -4.0], abs=0.02
+    )
+    assert drawn.landing_m[Mission.EXIT][0] == pytest.approx((17.0, 2.5), abs=0.02)
+
+
+def test_between_two_points_the_keep_out_holds_the_sag(tmp_path):
+    wire = site(LINE, tmp_path).obstacles[0]
+    true_z = 12.0
+    assert wire.position_m[1] == pytest.approx(12.625, abs=0.01)
+    assert wire.position_m[1] - wire.keep_out_m < true_z
+
+
+def test_a_site_drawn_on_a_map_is_planned_on(tmp_path):
+    planner = Planner(site(LINE, tmp_path), Vehicle.load(default_vehicle()))
+    assert planner.plan(mission=Mission.INSPECTION).reason == ""
+
+
+def test_a_tower_is_a_box_up_to_its_height_where_it_stands_in_the_plane(tmp_path):
+    near = site(LINE + row("tower", "t", 0, 3, 20, 2), tmp_path)
+    assert max(z for _, z in near.obstacles[-1].vertices_m) == pytest.approx(20.0, abs=0.01)
+    far = site(LINE + row("tower", "t", 0, 30, 20, 2), tmp_path)
+    assert len(far.obstacles) == 2
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("kind,name\n", "has no column latitude_deg, longitude_deg, altitude_amsl_m"),
+        (HEADER + row("wire", "a", 0, 0, 0), "kind is 'wire', must be one of conductor"),
+        (HEADER + "target,a,north,7,1,\n", "line 2, latitude_deg: is 'north', must be a finite"),
+        (HEADER + "target,a,97,7,1,\n", "line 2, latitude_deg: is 97, must be within ±90"),
+        (HEADER + "target,a,45\n", "line 2, longitude_deg: is None"),
+        (HEADER + row("target", "a", 0, 0, 0), "has no conductor"),
+        (HEADER + row("conductor", "a", 0, 0, 9) + row("conductor", "a", 0, 9, 9), "has no target"),
+        (LINE + row("conductor", "one", 3, 3, 9), "one: has one point, must have two or more"),
+        (
+            LINE + row("conductor", "far", 3, 8, 9) + row("conductor", "far", 3, 20, 9),
+            "far: has points at one side of the plane only",
+        ),
+        (
+            LINE + row("conductor", "long", 3, -60, 9) + row("conductor", "long", 3, 60, 9),
+            "long: has 120 m between its points at both sides of the plane, must be at most 60 m",
+        ),
+        (LINE + row("target", "b", 8, 9, 12), "b: is 9.0 m beside the plane through splice"),
+        (LINE + row("tower", "t", 0, 3, 20), "t: has no radius_m"),
+    ],
+)
+def test_what_cannot_be_used_is_named(text, told):
+    assert told in refused(text)
+
+
+@pytest.mark.parametrize(
+    ("text", "ending", "told"),
+    [
+        ("{", ".geojson", "is no JSON"),
+        ("[]", ".geojson", "must be a GeoJSON FeatureCollection"),
+        ('{"features": [{"geometry": {"type": "Polygon"}}]}', ".geojson", "is a Polygon, must be"),
+        (
+            '{"features": [{"geometry": {"type": "Point", "coordinates": [1, 2]}}]}',
+            ".geojson",
+            "must have longitude, latitude and height",
+        ),
+        ("<kml>", ".kml", "is no KML"),
+        (
+            f"{KML}<Placemark><name>target a</name><Point>{PLACE}</Point></Placemark></kml>",
+            ".kml",
+            "a: altitudeMode is clampToGround, must be absolute",
+        ),
+    ],
+)
+def test_files_that_are_none_are_told(text, ending, told):
+    assert told in refused(text, ending)
+
+
+def test_a_mission_of_qgroundcontrol_has_the_waypoints_and_waits_at_the_target(tmp_path):
+    drawn = site(LINE, tmp_path)
+    vehicle = Vehicle.load(default_vehicle())
+    plan = Planner(drawn, vehicle).plan(mission=Mission.INSPECTION)
+    document = json.loads(qgc_plan_of(drawn, [plan], None))
+    items = document["mission"]["items"]
+    assert document["fileType"] == "Plan"
+    assert len(items) == len(plan.to_dict()["waypoints"])
+    assert [each["doJumpId"] for each in items] == list(range(1, len(items) + 1))
+    assert {each["command"] for each in items} == {16}
+    assert items[-1]["params"][0] == drawn.targets[0].dwell_s
+    latitude, longitude, altitude = items[-1]["params"][4:]
+    x, y = drawn.frame.place_of(latitude, longitude)
+    last = plan.to_dict()["waypoints"][-1]
+    assert (x, y) == pytest.approx((last["x_m"], 0.0), abs=0.01)
+    assert altitude == pytest.approx(200.0 + last["z_m"], abs=0.01)
