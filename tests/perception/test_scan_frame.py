@@ -1,0 +1,62 @@
+"""Points of a scan in the site's frame: interpolation and motion compensation."""
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from moar_companion.perception.scan_frame import PoseHistory, SensorMount, points_in_site
+
+AHEAD = SensorMount(roll_pitch_yaw_deg=(0.0, 0.0, 0.0))
+
+
+def history(velocity=(0.0, 0.0, 0.0), turn_rad_s=0.0, until_s=1.0):
+    poses = PoseHistory()
+    for time_s in np.arange(0.0, until_s + 1e-9, 0.02):
+        attitude = Rotation.from_euler("z", turn_rad_s * time_s)
+        poses.add(time_s, np.array(velocity) * time_s, attitude)
+    return poses
+
+
+@pytest.mark.parametrize("turn_rad_s", [0.0, 1.0])
+def test_a_post_stays_where_it_is_while_the_aircraft_flies_and_turns(turn_rad_s):
+    poses = history((8.0, 2.0, -1.0), turn_rad_s)
+    times = np.linspace(0.3, 0.4, 500)
+    post = np.array([12.0, 5.0, 3.0])
+    at = np.outer(times, (8.0, 2.0, -1.0))
+    seen = Rotation.from_rotvec(np.outer(times, (0.0, 0.0, turn_rad_s))).inv().apply(post - at)
+    placed, sensor = points_in_site(seen, times, poses, AHEAD)
+    assert placed == pytest.approx(np.tile(post, (500, 1)), abs=0.01)
+    assert sensor == pytest.approx(at, abs=0.01)
+
+
+def test_the_default_mount_scans_the_plane_of_the_aircraft():
+    poses = history()
+    times = np.array([0.3, 0.35, 0.4])
+    axes = np.eye(3)
+    placed, _ = points_in_site(axes, times, poses, SensorMount())
+    assert abs(placed[2]) == pytest.approx([0.0, 1.0, 0.0], abs=1e-9)
+    assert placed[:2, 1] == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+def test_the_sensor_sits_beside_the_position():
+    mount = SensorMount(position_m=(0.5, 0.0, -0.2), roll_pitch_yaw_deg=(0.0, 0.0, 0.0))
+    poses = history(turn_rad_s=np.pi / 2.0)
+    _, sensor = points_in_site(np.zeros((1, 3)), np.array([1.0]), poses, mount)
+    assert sensor[0] == pytest.approx([0.0, 0.5, -0.2], abs=1e-6)
+
+
+def test_without_poses_of_its_time_a_scan_has_no_place():
+    point = np.ones((1, 3))
+    assert points_in_site(point, np.array([0.0]), PoseHistory(), AHEAD) is None
+    poses = history(until_s=1.0)
+    assert points_in_site(point, np.array([1.04]), poses, AHEAD) is not None
+    assert points_in_site(point, np.array([1.2]), poses, AHEAD) is None
+    late = history(until_s=10.0)
+    assert points_in_site(point, np.array([1.0]), late, AHEAD) is None
+
+
+def test_a_pose_that_is_not_newer_is_left_out():
+    poses = history(until_s=0.1)
+    poses.add(0.05, np.full(3, 99.0), Rotation.identity())
+    _, sensor = points_in_site(np.zeros((1, 3)), np.array([0.1]), poses, AHEAD)
+    assert sensor[0] == pytest.approx([0.0, 0.0, 0.0], abs=1e-9)
