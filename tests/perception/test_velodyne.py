@@ -45,7 +45,7 @@ def test_each_point_has_the_time_of_its_firing():
     (first, second, *_) = scans(VelodyneStream(), packets(0.35))
     assert 0.0 <= first.time_s.min() < first.time_s.max() < second.time_s.max() < 0.35
     azimuth = np.arctan2(-second.points_m[:, 1], second.points_m[:, 0])
-    ahead = (azimuth > 0.1) & (azimuth < 1.0)
+    ahead = (azimuth > 0.4) & (azimuth < 1.2)
     turn = np.polyfit(second.time_s[ahead], azimuth[ahead], 1)[0]
     assert turn == pytest.approx(2.0 * np.pi * 10.0, rel=0.02)
 
