@@ -51,8 +51,9 @@ class Wire:
         """Distance up to which it gives returns."""
         return (self.diameter_m / _LEAST_SHARE - _APERTURE_M) / _DIVERGENCE_RAD
 
-    def segments(self, count: int = 24) -> tuple[FloatArray, FloatArray]:
-        """Ends (count, 3) of straight pieces."""
+    def segments(self) -> tuple[FloatArray, FloatArray]:
+        """Ends (n, 3) of straight pieces, 24 of a wire that sags."""
+        count = 24 if self.sag_m else 1
         share = np.linspace(0.0, 1.0, count + 1)[:, None]
         places = np.array(self.start_m) * (1.0 - share) + np.array(self.end_m) * share
         places[:, 2] -= 4.0 * self.sag_m * (share * (1.0 - share))[:, 0]

@@ -136,7 +136,7 @@ def _from_cloud(arguments: argparse.Namespace) -> int:
     )
     notes = "".join(f"note: {note}\n" for note in section.notes)
     say(f"{len(section.conductors)} conductors cross the plane:\n{rows}{notes}{_next(out)}")
-    return _finished(failures)
+    return _finished(failures, out)
 
 
 def _from_map(arguments: argparse.Namespace) -> int:
@@ -165,7 +165,7 @@ def _from_map(arguments: argparse.Namespace) -> int:
     if arguments.plot:
         failures.append(_drawn_map(arguments, out))
     say(f"{len(document['obstacles'])} obstacles, {len(document['targets'])} targets\n{_next(out)}")
-    return _finished(failures)
+    return _finished(failures, out)
 
 
 def _drawn_map(arguments: argparse.Namespace, site_file: str) -> str | None:
@@ -283,10 +283,15 @@ def _next(out: str) -> str:
     return f"wrote {out}; next: moar-companion check --files --site {out}\n"
 
 
-def _finished(failures: list[str | None]) -> int:
+def _finished(failures: list[str | None], written: str | None = None) -> int:
+    """Exit status; a site file that was written is read as its users do, which may refuse it."""
+    from ..site import Site  # noqa: PLC0415
+
     problems = [failure for failure in failures if failure]
     if problems:
         raise OSError("; ".join(problems))
+    if written is not None:
+        Site.load(written)
     return 0
 
 

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..autopilots import ardupilot
+from ..autopilots import profile
 from ..errors import InputError
 from ..frames import SiteFrame
 from ..planner.plan_values import Plan
@@ -275,7 +275,7 @@ def qgc_plan_of(site: Site, plans: Iterable[Plan], autopilot: AutopilotKind | No
             "groundStation": "QGroundControl",
             "mission": {
                 "version": 2,
-                "firmwareType": 3 if autopilot == ardupilot.KIND else 12,
+                "firmwareType": profile(autopilot).mav_autopilot or 0,
                 "vehicleType": 2,
                 "cruiseSpeed": 2,
                 "hoverSpeed": 2,

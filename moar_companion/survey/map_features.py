@@ -23,7 +23,6 @@ KINDS = (
 )  # fmt: skip
 """outline: of an obstacle in the plane; ground: a point at z = 0; exit, evacuation: landing."""
 _COLUMNS = ("kind", "name", "latitude_deg", "longitude_deg", "altitude_amsl_m")
-_KML = "{http://www.opengis.net/kml/2.2}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -47,6 +46,9 @@ def features_of(text: str, source: str, ending: str) -> tuple[MapFeature, ...]:
                 feature.name,
                 f"kind is {feature.kind!r}, must be one of {', '.join(KINDS)}",
             )
+        if not feature.name or not feature.points:
+            lacking = "name" if not feature.name else "points"
+            raise InputError(source, feature.name or feature.kind, f"has no {lacking}")
         key = (feature.kind, feature.name)
         before = found[key].points if key in found else ()
         found[key] = MapFeature(
@@ -112,36 +114,37 @@ def _of_kml(text: str, source: str) -> Iterator[MapFeature]:
         root = ET.fromstring(text)  # noqa: S314 -- expat limits the expansion of entities
     except ET.ParseError as error:
         raise InputError(source, "", f"is no KML: {error}") from None
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]  # whichever namespace, or none
     yield from _of_folder(root, source, "")
 
 
 def _of_folder(element: ET.Element, source: str, folder: str) -> Iterator[MapFeature]:
     for child in element:
-        tag = child.tag.removeprefix(_KML)
+        tag = child.tag
         if tag in ("Document", "Folder"):
-            yield from _of_folder(child, source, (child.findtext(f"{_KML}name") or "").strip())
+            yield from _of_folder(child, source, (child.findtext("name") or "").strip())
         elif tag == "Placemark" and folder.lower().rstrip("s") != "path":
             yield _of_placemark(child, source, folder)
 
 
 def _of_placemark(element: ET.Element, source: str, folder: str) -> MapFeature:
-    name = (element.findtext(f"{_KML}name") or "").strip()
+    name = (element.findtext("name") or "").strip()
     given = {
-        data.get("name"): (data.findtext(f"{_KML}value") or "").strip()
-        for data in element.iter(f"{_KML}Data")
+        data.get("name"): (data.findtext("value") or "").strip() for data in element.iter("Data")
     }
     first, _, rest = name.partition(" ")
     kind = given.get("kind") or folder.lower().rstrip("s")
     if kind not in KINDS and first.lower() in KINDS:
         kind, name = first.lower(), rest or first
-    mode = next((each.text for each in element.iter(f"{_KML}altitudeMode")), None)
+    mode = next((each.text for each in element.iter("altitudeMode")), None)
     if mode != "absolute":
         raise InputError(
             source,
             name,
             f"altitudeMode is {mode or 'clampToGround'}, must be absolute (above mean sea level)",
         )
-    coordinates = " ".join(each.text or "" for each in element.iter(f"{_KML}coordinates")).split()
+    coordinates = " ".join(each.text or "" for each in element.iter("coordinates")).split()
     return MapFeature(
         kind=kind,
         name=name,

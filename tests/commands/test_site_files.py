@@ -187,6 +187,16 @@ def test_a_damaged_cloud_is_one_line(ending, content, told, tmp_path, capsys):
     assert not (tmp_path / "out.yaml").exists()
 
 
+def test_a_site_that_its_users_refuse_is_told(tmp_path, capsys):
+    drawn, out = tmp_path / "drawn.csv", tmp_path / "site.yaml"
+    rows = [f"conductor,a,{45 + north * 1e-5},7,20" for north in (-9, 9)]
+    rows += ["outline,a,45,7,10", "outline,a,45,7.0001,10", "outline,a,45,7.0001,15"]
+    header = "kind,name,latitude_deg,longitude_deg,altitude_amsl_m"
+    drawn.write_text("\n".join([header, *rows, "target,b,45,7.0002,20"]))
+    assert run("from-map", drawn, "--out", out) == 2
+    assert "is 'a' like obstacles[0], must be unique" in capsys.readouterr().err
+
+
 def test_a_cloud_without_a_place_needs_one(cloud, at, tmp_path, capsys):
     file, out = cloud(".npz"), tmp_path / "out.yaml"
     told = one_line(["site", "from-cloud", file, "--at", at, "--out", out], 2, capsys)

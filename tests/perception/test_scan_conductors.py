@@ -40,7 +40,7 @@ def sighting(x, z, y=0.0):
     ids=["hovering", "flying and swaying"],
 )
 def test_every_conductor_within_reach_and_nothing_else(flight):
-    *_, last = watch(LidarScene(wires=LINE, trees=WOOD), (0.0, 0.0, 12.0), 1.2, **flight)
+    *_, last = watch(LidarScene(wires=LINE, trees=WOOD), (0.0, 0.0, 12.0), 0.8, **flight)
     found = sorted((round(each.x_m, 1), round(each.z_m, 1)) for each in last.tracks)
     assert found == [(-7.7, 19.0), (-5.8, 12.0), (5.8, 12.0), (7.7, 19.0)]
     for track in last.tracks:
@@ -51,7 +51,7 @@ def test_every_conductor_within_reach_and_nothing_else(flight):
 
 def test_a_turned_line_is_placed_where_it_crosses_the_plane():
     turned = Wire(start_m=(-20.0, -100.0, 14.0), end_m=(20.0, 100.0, 14.0))
-    *_, last = watch(LidarScene(wires=(turned,)), (-6.0, 0.0, 10.0), 1.0)
+    *_, last = watch(LidarScene(wires=(turned,)), (-6.0, 0.0, 10.0), 0.8)
     (track,) = last.tracks
     assert (track.x_m, track.z_m) == pytest.approx((0.0, 14.0), abs=0.05)
 
@@ -59,23 +59,23 @@ def test_a_turned_line_is_placed_where_it_crosses_the_plane():
 def test_a_thin_conductor_is_seen_only_near():
     thin = Wire(start_m=(0.0, -100.0, 15.0), end_m=(0.0, 100.0, 15.0), diameter_m=0.015)
     assert thin.visible_m == pytest.approx(11.1, abs=0.1)
-    *_, far = watch(LidarScene(wires=(thin,)), (-14.0, 0.0, 14.0), 1.0)
+    *_, far = watch(LidarScene(wires=(thin,)), (-14.0, 0.0, 14.0), 0.8)
     assert far.tracks == ()
-    *_, near = watch(LidarScene(wires=(thin,)), (-8.0, 0.0, 14.0), 1.0)
+    *_, near = watch(LidarScene(wires=(thin,)), (-8.0, 0.0, 14.0), 0.8)
     assert len(near.tracks) == 1
 
 
 def test_trees_a_tower_a_house_and_rain_are_no_conductors():
     house = Box(lower_m=(-30.0, -8.0, 0.0), upper_m=(-20.0, 8.0, 9.0))
     scene = LidarScene(trees=WOOD, wires=TOWER, boxes=(house,), rain_per_m=0.002)
-    seen = list(watch(scene, (0.0, 0.0, 8.0), 2.0, tilt_rad=0.05))
-    assert len(seen) > 15
+    seen = list(watch(scene, (0.0, 0.0, 8.0), 1.5, tilt_rad=0.05))
+    assert len(seen) > 10
     assert all(each.tracks == () for each in seen)
 
 
 def test_rain_hides_no_conductor():
     scene = LidarScene(wires=LINE, rain_per_m=0.002)
-    *_, last = watch(scene, (0.0, 0.0, 12.0), 1.2)
+    *_, last = watch(scene, (0.0, 0.0, 12.0), 0.8)
     assert len(last.tracks) == 4
 
 

@@ -21,6 +21,7 @@ FRAME = SiteFrame(
     azimuth_deg=90.0,
 )
 KML = '<kml xmlns="http://www.opengis.net/kml/2.2">'
+ABSOLUTE = "<altitudeMode>absolute</altitudeMode>"
 PLACE = "<coordinates>1,2,3</coordinates>"
 HEADER = "kind,name,latitude_deg,longitude_deg,altitude_amsl_m,radius_m\n"
 
@@ -114,6 +115,7 @@ def test_a_tower_is_a_box_up_to_its_height_where_it_stands_in_the_plane(tmp_path
         (HEADER + "target,a,north,7,1,\n", "line 2, latitude_deg: is 'north', must be a finite"),
         (HEADER + "target,a,97,7,1,\n", "line 2, latitude_deg: is 97, must be within ±90"),
         (HEADER + "target,a,45\n", "line 2, longitude_deg: is None"),
+        (HEADER + row("target", "", 0, 0, 0), "target: has no name"),
         (HEADER + row("target", "a", 0, 0, 0), "has no conductor"),
         (HEADER + row("conductor", "a", 0, 0, 9) + row("conductor", "a", 0, 9, 9), "has no target"),
         (LINE + row("conductor", "one", 3, 3, 9), "one: has one point, must have two or more"),
@@ -145,6 +147,16 @@ def test_what_cannot_be_used_is_named(text, told):
             "must have longitude, latitude and height",
         ),
         ("<kml>", ".kml", "is no KML"),
+        (
+            "<kml><Placemark><name>target a</name></Placemark></kml>",
+            ".kml",
+            "a: altitudeMode is clampToGround",
+        ),
+        (
+            f"<kml><Placemark><name>target a</name>{ABSOLUTE}</Placemark></kml>",
+            ".kml",
+            "a: has no points",
+        ),
         (
             f"{KML}<Placemark><name>target a</name><Point>{PLACE}</Point></Placemark></kml>",
             ".kml",
