@@ -16,6 +16,7 @@ from pydantic import Field, Strict
 
 from . import yaml_file
 from .mqtt_config import ORDER_LINK, Mqtt, MqttFile, mqtt_findings
+from .perception_config import Perception, PerceptionFile, perception_findings
 from .yaml_file import HEXADECIMAL_KEY, FileFinding, shown
 from .yaml_schema import FileModel, FilePath, Name, Section
 
@@ -237,6 +238,7 @@ class CompanionConfig:
     view: View = field(default_factory=View)
     signing: KeySource = field(default_factory=KeySource)
     mqtt: Mqtt = field(default_factory=Mqtt)
+    perception: Perception = field(default_factory=Perception)
     file: Path | None = field(default=None, compare=False)
     """File that it was read from; None without a file."""
 
@@ -296,6 +298,7 @@ class CompanionConfig:
                 credential=file.signing.credential,
             ),
             mqtt=file.mqtt.settings(folder),
+            perception=file.perception.settings(folder),
             file=Path(path),
             **values,
         )
@@ -368,6 +371,7 @@ class _CompanionFile(FileModel):
     view: _ViewFile = Field(default_factory=_ViewFile)
     signing: _SigningFile = Field(default_factory=_SigningFile)
     mqtt: MqttFile = Field(default_factory=MqttFile)
+    perception: PerceptionFile = Field(default_factory=PerceptionFile)
 
 
 def _findings(file: _CompanionFile) -> Iterator[FileFinding]:
@@ -379,6 +383,7 @@ def _findings(file: _CompanionFile) -> Iterator[FileFinding]:
         seen.setdefault(link.url, index)
     yield from _signing_findings(file)
     yield from mqtt_findings(file.mqtt)
+    yield from perception_findings(file.perception)
     replanning = file.replanning
     if replanning.min_interval_s > replanning.period_s:
         yield FileFinding(

@@ -7,11 +7,12 @@ placed with the pose interpolated at its time stamp (motion compensation).
 from __future__ import annotations
 
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 from scipy.spatial.transform import Rotation, Slerp
+
+from ..perception_config import SensorMount
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -20,21 +21,9 @@ _SLOTS = 256
 """Poses are computed for this many instants of a scan, 0.4 ms apart: a millimetre of flight."""
 
 
-@dataclass(frozen=True, kw_only=True)
-class SensorMount:
-    """Where the sensor sits on the aircraft: forward, left, up in m; roll, pitch, yaw in degrees.
-
-    From the sensor's axes to the aircraft's (x forward, y left, z up): first roll, then pitch, then
-    yaw. The default has the axis of rotation along the aircraft's left: the scan is its x-z plane.
-    """
-
-    position_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    roll_pitch_yaw_deg: tuple[float, float, float] = (-90.0, 0.0, 0.0)
-
-    @property
-    def rotation(self) -> Rotation:
-        """From the sensor to the aircraft."""
-        return Rotation.from_euler("xyz", self.roll_pitch_yaw_deg, degrees=True)
+def mount_rotation(mount: SensorMount) -> Rotation:
+    """Rotation from the sensor's axes to the aircraft's."""
+    return Rotation.from_euler("xyz", mount.roll_pitch_yaw_deg, degrees=True)
 
 
 class PoseHistory:
@@ -89,6 +78,6 @@ def points_in_site(
     span = max(last - first, 1e-9)
     slot = np.minimum(((time_s - first) / span * (_SLOTS - 1) + 0.5).astype(np.intp), _SLOTS - 1)
     sensor = position + attitude.apply(np.array(mount.position_m))
-    turns = (attitude * mount.rotation).as_matrix()
+    turns = (attitude * mount_rotation(mount)).as_matrix()
     turned = np.einsum("nij,nj->ni", turns[slot], points_m)
     return turned + sensor[slot], sensor[slot]

@@ -13,8 +13,9 @@ from moar_companion.perception.scan_conductors import (
     narrow_echoes,
     sightings,
 )
-from moar_companion.perception.scan_frame import PoseHistory, SensorMount, points_in_site
+from moar_companion.perception.scan_frame import PoseHistory, mount_rotation, points_in_site
 from moar_companion.perception.velodyne import VelodyneStream
+from moar_companion.perception_config import SensorMount
 from sitl.lidar import PACKET_S, LidarScene, SimulatedLidar
 
 ALONG = np.array([0.0, 1.0, 0.0])
@@ -55,7 +56,7 @@ def watch(
 
     def pose_at(times):
         places, attitude = state(times)
-        return places, (attitude * mount.rotation).as_matrix()
+        return places, (attitude * mount_rotation(mount)).as_matrix()
 
     told_s = 0.0
     for number in range(int(seconds / PACKET_S)):

@@ -4,7 +4,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from moar_companion.perception.scan_frame import PoseHistory, SensorMount, points_in_site
+from moar_companion.perception.scan_frame import PoseHistory, points_in_site
+from moar_companion.perception_config import SensorMount
 
 AHEAD = SensorMount(roll_pitch_yaw_deg=(0.0, 0.0, 0.0))
 

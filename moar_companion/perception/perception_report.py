@@ -1,0 +1,51 @@
+"""What the sensor has seen so far, as the companion takes it. Values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..site import PlanePoint, Polygon
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SeenConductor:
+    """A confirmed conductor in the plane of the site, tracked from scan to scan.
+
+    name: the same as long as it is tracked, `seen-1`. deviation_m: standard deviation of its place.
+    seen_s: time of the last scan that had it.
+    """
+
+    name: str
+    position_m: PlanePoint
+    deviation_m: float
+    sightings: int
+    seen_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorHealth:
+    """How the sensor works.
+
+    scan_s: time of the last point of the newest whole scan; None before the first. received_s: time
+    of the newest packet; None before the first. returns: share of that scan's beams with an echo
+    farther than 1 m; nearer ones are of the hull or of a cover. refused: packets that were damaged
+    or foreign, so far.
+    """
+
+    scan_s: float | None = None
+    received_s: float | None = None
+    returns: float = 0.0
+    refused: int = 0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PerceptionReport:
+    """Everything that is seen now. time_s: of the report, on the companion's clock.
+
+    solids: other obstacles in the plane, ground left out, without keep-outs.
+    """
+
+    time_s: float
+    health: SensorHealth = SensorHealth()
+    conductors: tuple[SeenConductor, ...] = ()
+    solids: tuple[Polygon, ...] = ()

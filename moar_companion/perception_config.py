@@ -1,0 +1,131 @@
+"""The section `perception` of the configuration: the lidar, its mount, and use of what it sees."""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+from pydantic import Field, Strict
+
+from .types import Vector
+from .yaml_file import FileFinding
+from .yaml_schema import Coordinate, FileModel, FilePath, Length, Name, PositiveLength
+
+Port = Annotated[int, Field(ge=1, le=65_535)]
+_Seconds = Annotated[float, Field(gt=0.0, le=3_600.0)]
+_Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
+
+
+class Sensor(str, enum.Enum):
+    """Kind of the sensor that looks for obstacles."""
+
+    VELODYNE = "velodyne"
+    OUSTER = "ouster"
+    MAVLINK = "mavlink"
+    """OBSTACLE_DISTANCE and OBSTACLE_DISTANCE_3D on the autopilot's links."""
+
+
+DATA_PORTS = {Sensor.VELODYNE: 2368, Sensor.OUSTER: 7502}
+"""UDP ports to which the sensors send data unless they are set otherwise."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorMount:
+    """Where the sensor sits on the aircraft: forward, left, up in m; roll, pitch, yaw in degrees.
+
+    From the sensor's axes to the aircraft's (x forward, y left, z up): first roll, then pitch, then
+    yaw. The default has the axis of rotation along the aircraft's left: the scan is its x-z plane.
+    """
+
+    position_m: Vector = (0.0, 0.0, 0.0)
+    roll_pitch_yaw_deg: Vector = (-90.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Perception:
+    """Sensor, and use of what it sees; sensor None: nothing is perceived."""
+
+    sensor: Sensor | None = None
+    address: str = "0.0.0.0"  # noqa: S104 - the sensor broadcasts, or sends to any address of ours
+    """Address of this computer at which the data packets arrive."""
+    port: int | None = None
+    """UDP port of the data packets; None: the sensor's usual one."""
+    metadata: Path | None = None
+    """Description of an Ouster, as its web page gives it."""
+    mount: SensorMount = field(default_factory=SensorMount)
+    keep_out_m: float = 0.5
+    """Keep-out of obstacles that the site file does not have."""
+    gate_m: float = 2.0
+    """A seen conductor within this distance of one of the site file is that one."""
+    moved_m: float = 0.5
+    """Difference from the site file's place at which operators are told."""
+    sight_m: float = 8.0
+    """Distance within which a conductor that is in no file is surely seen: it limits the speed. A
+    VLP-16 finds a cable of 15 mm from 11 m on."""
+    target_slack_m: float = 2.0
+    """Distance by which a target is moved out of a seen obstacle's keep-out."""
+    timeout_s: float = 1.0
+    """Time without a scan after which the sensor is lost."""
+    late_s: float = 0.5
+    """Age of the newest scan at which the sensor is late."""
+    least_returns: float = 0.05
+    """Share of a scan's beams that return below which the sensor is blinded: near the ground half
+    of them do."""
+
+    @property
+    def data_port(self) -> int | None:
+        """UDP port of the data packets; None where there are none."""
+        return DATA_PORTS.get(self.sensor) if self.port is None and self.sensor else self.port
+
+
+class _MountFile(FileModel):
+    position_m: Annotated[tuple[Coordinate, Coordinate, Coordinate], Strict(strict=False)] = (
+        SensorMount().position_m
+    )
+    roll_pitch_yaw_deg: Annotated[tuple[_Angle, _Angle, _Angle], Strict(strict=False)] = (
+        SensorMount().roll_pitch_yaw_deg
+    )
+
+
+class PerceptionFile(FileModel):
+    """The section in the file; `Perception` defines the defaults."""
+
+    sensor: Annotated[Sensor, Strict(strict=False)] | None = None
+    address: Name = Perception().address
+    port: Port | None = None
+    metadata: FilePath | None = None
+    mount: _MountFile = Field(default_factory=_MountFile)
+    keep_out_m: Length = 0.5
+    gate_m: PositiveLength = 2.0
+    moved_m: PositiveLength = 0.5
+    sight_m: PositiveLength = 8.0
+    target_slack_m: Length = 2.0
+    timeout_s: _Seconds = 1.0
+    late_s: _Seconds = 0.5
+    least_returns: Annotated[float, Field(ge=0.0, le=1.0)] = 0.05
+
+    def settings(self, folder: Path) -> Perception:
+        """The settings; relative paths are relative to the folder of the file."""
+        values = {name: getattr(self, name) for name in self.model_fields_set}
+        values.pop("mount", None)
+        metadata = values.pop("metadata", None)
+        return Perception(
+            metadata=None if metadata is None else folder / metadata,
+            mount=SensorMount(
+                position_m=self.mount.position_m,
+                roll_pitch_yaw_deg=self.mount.roll_pitch_yaw_deg,
+            ),
+            **values,
+        )
+
+
+def perception_findings(section: PerceptionFile) -> Iterator[FileFinding]:
+    """Errors across the keys of the section."""
+    if section.sensor is Sensor.OUSTER and section.metadata is None:
+        yield FileFinding(("perception", "metadata"), "is missing: sensor is 'ouster'")
+    if section.late_s > section.timeout_s:
+        problem = f"is {section.late_s:g}, must be at most timeout_s ({section.timeout_s:g})"
+        yield FileFinding(("perception", "late_s"), problem)
