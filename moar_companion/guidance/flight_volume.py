@@ -17,7 +17,7 @@ from ..planner.escape import recovery_leg
 from ..planner.free_distance import FreeDistance
 from ..planner.geometry import rings
 from ..planner.graph import elevation_speed_mps
-from ..planner.grid import TOLERANCE, BoolArray
+from ..planner.grid import TOLERANCE, BoolArray, IntArray
 from ..planner.legs import leg_clearances
 from ..planner.maps import Maps
 from ..planner.plane_fence import PlaneFence
@@ -136,6 +136,22 @@ class FlightVolume:
             ):
                 return False
         return True
+
+    def is_barred(self, places_m: FloatArray) -> BoolArray:
+        """Mask (n,) of places (n, 3) in the workspace whose cell is not free."""
+        grid = self.maps.grid
+        cells = np.floor((places_m[:, ::2] - grid.lower_m) / grid.resolution_m).astype(np.intp)
+        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+        barred = np.zeros(len(places_m), dtype=np.bool_)
+        barred[inside] = self.bars(cells[inside])
+        return barred
+
+    def bars(self, cells: IntArray) -> BoolArray:
+        """Mask (n,) of cells (n, 2) that are not free, the margin left out that the plan omits."""
+        at = tuple(cells.T)
+        room_m = self.maps.room_m[at]
+        omitted = (room_m >= -self.narrowed_m) & (room_m < 0.0)
+        return np.asarray(self.maps.occupied[at] & ~omitted)
 
     def is_crowded(self, places_m: FloatArray) -> bool:
         """True if one of the places (n, 3) is within an obstacle's margin, or a cell of it."""

@@ -20,9 +20,10 @@ from ..estimation.pose import Jump, Pose, Setpoint
 from ..frames import PlaneToLocal
 from ..planner.comparison import rest_of
 from ..planner.free_distance import FreeDistance
+from ..planner.maps import Maps
 from ..planner.plan_values import Plan
 from ..planner.plane_fence import PlaneFence
-from ..site import PlanePoint
+from ..site import PlanePoint, Site
 from ..text_format import distance
 from ..types import Mission, Vector
 from .flight_volume import FlightVolume
@@ -176,6 +177,30 @@ class PathFollower:
     def learn_fence(self, fence: PlaneFence | None) -> None:
         """Takes the autopilot's new fence, and caps the speed by it."""
         self._path = self._path.within(replace(self._volume, fence=fence))
+
+    def learn_maps(self, site: Site, maps: Maps) -> None:
+        """Takes maps with other obstacles, and caps the speed by them.
+
+        The active plan's inflation counts no longer: the gate has the present one.
+        """
+        volume = replace(self._volume, site=site, maps=maps, reach=None)
+        self._path = self._path.within(volume)
+
+    @property
+    def barred_by(self) -> str | None:
+        """Name of the obstacle by which the maps bar the path ahead; None: it is free."""
+        barred_m = self._path.barred_m()
+        if barred_m is None or not self._volume.site.obstacles:
+            return None
+        x_m, _, z_m = vector(self._reference.trajectory.at(barred_m)[0])
+        return self._volume.maps.reach.nearest((x_m, z_m))
+
+    def avoid(self) -> None:
+        """Brakes before a barred place where the next plan could not begin before it."""
+        barred_m = self._path.barred_m()
+        joined_m = self.junction().joined_m
+        if barred_m is not None and joined_m is not None and joined_m >= barred_m:
+            self.brake()
 
     def leaves_fence(self) -> str | None:
         """The autopilot's fence limit that the path ahead crosses; None: no limit.
