@@ -81,6 +81,8 @@ class RouteManager:
         self._offboard_loss_check = OffboardLossCheck(
             site_maps, vehicle, config.supervision, reports
         )
+        self._obstacles_seen = False
+        """True once the maps have changed in flight."""
         self._no_way_round: str | None = None
         """Reason why no plan leads round what bars the path; None while none was found."""
         self.inflation = PlanInflation(vehicle, config.supervision, margin)
@@ -117,6 +119,7 @@ class RouteManager:
             maps=site_maps.maps,
             loss=loss,
             fence=self._fences.plane,
+            sudden_m=self._config.perception.keep_out_m if self._obstacles_seen else 0.0,
         )
 
     def learn_fence(
@@ -148,9 +151,11 @@ class RouteManager:
     def learn_maps(self, site_maps: SiteMaps, now_s: float) -> None:
         """Takes maps of the site with other obstacles; brakes where they bar the path ahead."""
         self.site_maps = site_maps
+        self._obstacles_seen = True
         self._no_way_round = None
-        if self.flight is not None:
-            self.flight.learn_maps(site_maps.site, site_maps.maps)
+        volume = self.volume
+        if self.flight is not None and volume is not None:
+            self.flight.learn_maps(volume)
             self.flight.avoid()
         self._offboard_loss_check.learn_maps(site_maps, self.flight, now_s)
 
@@ -364,10 +369,11 @@ class RouteManager:
             return
         age_s = now_s - self._plans.asked_s
         reason: str | None
+        known = self._plans.asked_maps is self.site_maps
         seldom = age_s >= self._config.replanning.min_interval_s
-        if self._plans.asked_maps is not self.site_maps and (
-            seldom or flight.barred_by is not None
-        ):
+        if (seldom or not known) and self._obstacles_seen and flight.barred_by is not None:
+            reason = "an obstacle is seen in the path"
+        elif seldom and not known:
             reason = "other obstacles are seen"
         elif flight.braked:
             # The task continues: an escape route has precedence over the cause of the brake.

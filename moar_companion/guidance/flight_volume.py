@@ -41,7 +41,8 @@ class FlightVolume:
     maps: of the site, keep-outs without inflation; the gate adds the present inflation.
     reach: to obstacles with the inflation of the active plan; None: as on `maps`.
     fence: of the autopilot, less its margin; None where there is none. narrowed_m: part of the
-    margin that the active plan omits.
+    margin that the active plan omits. sudden_m: depth beyond the margin in a keep-out at which a
+    setpoint may rest, since an obstacle may be seen late.
     """
 
     site: Site
@@ -51,6 +52,7 @@ class FlightVolume:
     reach: FreeDistance | None = None
     fence: PlaneFence | None = None
     narrowed_m: float = 0.0
+    sudden_m: float = 0.0
 
     @property
     def corridor_width_m(self) -> float:
@@ -317,7 +319,7 @@ class FlightVolume:
             occupied=self.maps.occupied,
             room_m=self.maps.room_m,
             widened_m=widened_m,
-            margin_m=self.site.margin.total_m,
+            margin_m=self.site.margin.total_m + self.sudden_m,
             min_altitude_m=self.site.workspace.min_altitude_m,
             corridors_m=tuple(leg.points_m for leg in legs),
             ways_back_m=tuple(leg.points_m for leg in legs if leg.begins_beside),

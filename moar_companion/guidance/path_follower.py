@@ -20,10 +20,9 @@ from ..estimation.pose import Jump, Pose, Setpoint
 from ..frames import PlaneToLocal
 from ..planner.comparison import rest_of
 from ..planner.free_distance import FreeDistance
-from ..planner.maps import Maps
 from ..planner.plan_values import Plan
 from ..planner.plane_fence import PlaneFence
-from ..site import PlanePoint, Site
+from ..site import PlanePoint
 from ..text_format import distance
 from ..types import Mission, Vector
 from .flight_volume import FlightVolume
@@ -67,6 +66,8 @@ class PathFollower:
         self._plan: Plan | None = None
         self._drift = WindLeash()
         self._yaw_rad = pose.yaw_rad
+        self.seen_late = False
+        """True if an obstacle was seen nearer than the stopping distance, until the next plan."""
 
     @property
     def _reference(self) -> Reference:
@@ -178,13 +179,12 @@ class PathFollower:
         """Takes the autopilot's new fence, and caps the speed by it."""
         self._path = self._path.within(replace(self._volume, fence=fence))
 
-    def learn_maps(self, site: Site, maps: Maps) -> None:
-        """Takes maps with other obstacles, and caps the speed by them.
+    def learn_maps(self, volume: FlightVolume) -> None:
+        """Takes a flight volume with other obstacles, and caps the speed by them.
 
         The active plan's inflation counts no longer: the gate has the present one.
         """
-        volume = replace(self._volume, site=site, maps=maps, reach=None)
-        self._path = self._path.within(volume)
+        self._path = self._path.within(volume.widened(None, self.narrowed_m))
 
     @property
     def barred_by(self) -> str | None:
@@ -198,8 +198,12 @@ class PathFollower:
     def avoid(self) -> None:
         """Brakes before a barred place where the next plan could not begin before it."""
         barred_m = self._path.barred_m()
+        if barred_m is None:
+            return
+        stop_m = self._reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
+        self.seen_late = barred_m <= stop_m
         joined_m = self.junction().joined_m
-        if barred_m is not None and joined_m is not None and joined_m >= barred_m:
+        if joined_m is not None and joined_m >= barred_m:
             self.brake()
 
     def leaves_fence(self) -> str | None:
@@ -298,6 +302,7 @@ class PathFollower:
         if path is self._path:
             return Adoption.SAME_PATH
         self._path, self._drift = path, WindLeash()
+        self.seen_late = False
         return Adoption.NEW_PATH
 
     def rest_of_plan(

@@ -116,6 +116,7 @@ TEXTS: dict[str, tuple[str, ...]] = {
     "no_clearance": (
         "no room here, uncertainty {1.4|99999} m",
         "no room here, margin {0.8|99999} m",
+        "no room here, an obstacle is seen",
         "no path, uncertainty {1.9|99999} m",
         "no path with tracking error",
     ),
