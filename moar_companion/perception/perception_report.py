@@ -29,13 +29,15 @@ class SensorHealth:
     scan_s: time of the last point of the newest whole scan; None before the first. received_s: time
     of the newest packet; None before the first. returns: share of that scan's beams with an echo
     farther than 1 m; nearer ones are of the hull or of a cover. refused: packets that were damaged
-    or foreign, so far.
+    or foreign, so far. late: scans that were dropped so far, since no poses of their times came.
+    A sensor that measures single points has 1 as returns.
     """
 
     scan_s: float | None = None
     received_s: float | None = None
     returns: float = 0.0
     refused: int = 0
+    late: int = 0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

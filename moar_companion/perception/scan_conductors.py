@@ -2,14 +2,14 @@
 
 Every laser crosses every conductor: a conductor is a row of narrow echoes, one or two beams wide,
 on a line along the axis of rotation. Narrow echoes are looked for ring by ring; lines through them
-by RANSAC, as in the paper; what is seen again and again at one place is a conductor.
+by RANSAC, as in the paper. What is seen again and again at one place is a conductor:
+`conductor_tracks`.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -198,80 +198,3 @@ def _distance(points_m: FloatArray, at_m: FloatArray, way: FloatArray) -> FloatA
     offset = points_m - at_m
     run = offset @ way
     return np.asarray(np.sqrt(np.maximum((offset**2).sum(axis=1) - run**2, 0.0)))
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TrackedConductor:
-    """A conductor in the plane of the site, from several scans. deviation_m: of its place."""
-
-    x_m: float
-    z_m: float
-    deviation_m: float
-    sightings: int
-    seen_s: float
-    confirmed: bool = False
-
-
-class ConductorTracks:
-    """Conductors from scan to scan: confirmed when seen often, forgotten when missed for long."""
-
-    GATE_M = 0.5
-    CONFIRMED_BY = 5
-    FORGOTTEN_AFTER_S = 1.0
-    """Of an unconfirmed one; a confirmed one is remembered for `REMEMBERED_S`."""
-    REMEMBERED_S = 30.0
-    _SIGHTING_M = 0.05
-    """Standard deviation of one sighting."""
-    _DRIFT_M = 0.02
-    """By which a conductor or the aircraft's position moves from scan to scan."""
-
-    def __init__(self) -> None:
-        self._tracks: list[TrackedConductor] = []
-
-    def step(self, seen: Iterable[ConductorSighting], now_s: float) -> tuple[TrackedConductor, ...]:
-        """Takes the sightings of a scan; the confirmed conductors."""
-        self._tracks = [
-            each
-            for each in self._tracks
-            if now_s - each.seen_s
-            < (self.REMEMBERED_S if each.confirmed else self.FORGOTTEN_AFTER_S)
-        ]
-        free = list(range(len(self._tracks)))
-        for sighting in seen:
-            x, z = sighting.crossing_m()
-            nearest = min(
-                free,
-                key=lambda index: self._distance(index, x, z),
-                default=None,
-            )
-            if nearest is None or self._distance(nearest, x, z) > self.GATE_M:
-                self._tracks.append(
-                    TrackedConductor(
-                        x_m=x, z_m=z, deviation_m=self._SIGHTING_M, sightings=1, seen_s=now_s
-                    )
-                )
-            else:
-                free.remove(nearest)
-                self._tracks[nearest] = self._corrected(self._tracks[nearest], x, z, now_s)
-        return tuple(each for each in self._tracks if each.confirmed)
-
-    def _distance(self, index: int, x_m: float, z_m: float) -> float:
-        track = self._tracks[index]
-        return math.hypot(track.x_m - x_m, track.z_m - z_m)
-
-    def _corrected(
-        self, track: TrackedConductor, x_m: float, z_m: float, now_s: float
-    ) -> TrackedConductor:
-        """Kalman's step of a place that hardly moves."""
-        variance = track.deviation_m**2 + self._DRIFT_M**2
-        gain = variance / (variance + self._SIGHTING_M**2)
-        count = track.sightings + 1
-        return replace(
-            track,
-            x_m=track.x_m + gain * (x_m - track.x_m),
-            z_m=track.z_m + gain * (z_m - track.z_m),
-            deviation_m=math.sqrt((1.0 - gain) * variance),
-            sightings=count,
-            seen_s=now_s,
-            confirmed=track.confirmed or count >= self.CONFIRMED_BY,
-        )

@@ -6,6 +6,7 @@ placed with the pose interpolated at its time stamp (motion compensation).
 
 from __future__ import annotations
 
+import math
 from collections import deque
 
 import numpy as np
@@ -17,6 +18,8 @@ from ..perception_config import SensorMount
 FloatArray = npt.NDArray[np.float64]
 
 _KEPT_S = 2.0
+_GREATEST_GAP_S = 0.5
+"""Between two poses there is no interpolation over more than this."""
 _SLOTS = 256
 """Poses are computed for this many instants of a scan, 0.4 ms apart: a millimetre of flight."""
 
@@ -26,35 +29,85 @@ def mount_rotation(mount: SensorMount) -> Rotation:
     return Rotation.from_euler("xyz", mount.roll_pitch_yaw_deg, degrees=True)
 
 
+def attitude_in_site(
+    roll_rad: float, pitch_rad: float, yaw_rad: float, azimuth_deg: float
+) -> Rotation:
+    """Rotation from the aircraft (x forward, y left, z up) to the site.
+
+    roll_rad, pitch_rad, yaw_rad: of the body (forward, right, down) in north, east, down;
+    azimuth_deg: of the site's x.
+    """
+    turned_rad = math.radians(azimuth_deg) - yaw_rad
+    return Rotation.from_euler("ZYX", (turned_rad, -pitch_rad, roll_rad))
+
+
 class PoseHistory:
-    """Poses of the last seconds: position in the site's frame, and attitude."""
+    """Poses of the last seconds: positions in the site's frame, and attitudes, each on its own."""
 
     def __init__(self) -> None:
-        self._poses: deque[tuple[float, FloatArray, FloatArray]] = deque()
+        self._positions: deque[tuple[float, FloatArray]] = deque()
+        self._attitudes: deque[tuple[float, FloatArray]] = deque()
 
-    def add(self, time_s: float, position_m: FloatArray, attitude: Rotation) -> None:
-        """attitude: from the aircraft (x forward, y left, z up) to the site; times must rise."""
-        if self._poses and time_s <= self._poses[-1][0]:
-            return
-        self._poses.append((time_s, np.asarray(position_m, float), attitude.as_quat()))
-        while self._poses[0][0] < time_s - _KEPT_S:
-            self._poses.popleft()
+    def note_position(self, time_s: float, position_m: npt.ArrayLike) -> None:
+        """position_m: (3,); one that is not newer than the last is left out."""
+        _append(self._positions, time_s, np.asarray(position_m, float))
+
+    def note_attitude(self, time_s: float, attitude: Rotation) -> None:
+        """attitude: from the aircraft (x forward, y left, z up) to the site."""
+        _append(self._attitudes, time_s, attitude.as_quat())
+
+    def shift(self, step_m: npt.ArrayLike) -> None:
+        """Moves all positions by (3,)."""
+        step = np.asarray(step_m, float)
+        self._positions = deque((time_s, place + step) for time_s, place in self._positions)
+
+    @property
+    def until_s(self) -> float:
+        """Time up to which both position and attitude are there."""
+        if not self._positions or not self._attitudes:
+            return -math.inf
+        return min(self._positions[-1][0], self._attitudes[-1][0])
 
     def at(self, time_s: FloatArray, *, late_s: float) -> tuple[FloatArray, Rotation] | None:
         """Positions (n, 3) and attitudes at times (n,); None where poses do not reach.
 
         late_s: a time up to this far after the last pose, or before the first, takes that pose.
         """
-        if len(self._poses) < 2:
+        first_s, last_s = float(time_s.min()), float(time_s.max())
+        positions = _around(self._positions, first_s, last_s, late_s)
+        attitudes = _around(self._attitudes, first_s, last_s, late_s)
+        if positions is None or attitudes is None:
             return None
-        known_s = np.array([each[0] for each in self._poses])
-        if time_s.min() < known_s[0] - late_s or time_s.max() > known_s[-1] + late_s:
-            return None
-        inside = np.clip(time_s, known_s[0], known_s[-1])
-        places = np.array([each[1] for each in self._poses])
-        position = np.column_stack([np.interp(inside, known_s, axis) for axis in places.T])
-        turns = Rotation.from_quat(np.array([each[2] for each in self._poses]))
-        return position, Slerp(known_s, turns)(inside)
+        known_s, places = positions
+        position = np.column_stack([np.interp(time_s, known_s, axis) for axis in places.T])
+        known_s, turns = attitudes
+        inside_s = np.clip(time_s, known_s[0], known_s[-1])
+        return position, Slerp(known_s, Rotation.from_quat(turns))(inside_s)
+
+
+def _append(known: deque[tuple[float, FloatArray]], time_s: float, value: FloatArray) -> None:
+    if known and time_s <= known[-1][0]:
+        return
+    known.append((time_s, value))
+    while known[0][0] < time_s - _KEPT_S:
+        known.popleft()
+
+
+def _around(
+    known: deque[tuple[float, FloatArray]], first_s: float, last_s: float, late_s: float
+) -> tuple[FloatArray, FloatArray] | None:
+    """Times and values from the last before `first_s` to the first after `last_s`."""
+    if len(known) < 2:
+        return None
+    known_s = np.array([time_s for time_s, _ in known])
+    if first_s < known_s[0] - late_s or last_s > known_s[-1] + late_s:
+        return None
+    begin = min(max(int(np.searchsorted(known_s, first_s, "right")) - 1, 0), len(known) - 2)
+    end = max(min(int(np.searchsorted(known_s, last_s)) + 1, len(known)), begin + 2)
+    known_s = known_s[begin:end]
+    if float(np.diff(known_s).max()) > _GREATEST_GAP_S:
+        return None
+    return known_s, np.array([known[index][1] for index in range(begin, end)])
 
 
 def points_in_site(
@@ -63,7 +116,7 @@ def points_in_site(
     poses: PoseHistory,
     mount: SensorMount,
     *,
-    late_s: float = 0.05,
+    late_s: float = 0.01,
 ) -> tuple[FloatArray, FloatArray] | None:
     """(n, 3) points of a scan in the site's frame, and the places (n, 3) of the sensor for each.
 

@@ -7,13 +7,12 @@ Packets: VLP-16 User Manual 63-9243 Rev. E, section 9.3: 1,206 bytes, twelve blo
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from .scan import Scan
 
 PACKET_BYTES = 1206
 _POSITION_BYTES = 512
@@ -23,19 +22,10 @@ _FLAG = b"\xff\xee"
 _FULL_TURN = 36_000
 _RETURN_MODES = (0x37, 0x38, 0x39)
 _MODELS = {0x21: "HDL32E", 0x22: "VLP16", 0x24: "PuckHiRes", 0x28: "VLP32C"}
+_DUAL_RETURN = 0x39
+_PACKET_BEAMS = 384
+"""Half of them where each beam has two returns."""
 _HOUR_S = 3600.0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Scan:
-    """One turn. points_m: (n, 3), x where the azimuth is 0, y left, z the axis of its rotation.
-
-    time_s: (n,) on the receiver's clock; ring: (n,) number of the laser, by elevation.
-    """
-
-    points_m: FloatArray
-    time_s: FloatArray
-    ring: npt.NDArray[np.int64]
 
 
 class VelodyneStream:
@@ -47,6 +37,7 @@ class VelodyneStream:
         """Number of packets that are shorter, of another kind, or broken."""
         self._decoder: Any = None
         self._model: int | None = None
+        self._beams = 0
 
     def receive(self, packet: bytes, now_s: float) -> Scan | None:
         """Takes a packet; the scan that it completes, if any."""
@@ -58,8 +49,13 @@ class VelodyneStream:
         if packet[-1] != self._model:
             self._model = packet[-1]
             self._decoder = _decoder(packet[-1])
+        self._beams += _PACKET_BEAMS // 2 if packet[-2] == _DUAL_RETURN else _PACKET_BEAMS
         done = self._decoder.decode(now_s, packet)
-        return None if done is None else _scan(*done)
+        if done is None:
+            return None
+        beams, self._beams = self._beams, 0
+        stamp, rows = done
+        return _scan(stamp, rows, beams)
 
     def _fault(self, packet: bytes) -> str | None:
         if len(packet) != PACKET_BYTES:
@@ -81,7 +77,7 @@ def _decoder(model: int) -> Any:
     return velodyne_decoder.StreamDecoder(config)
 
 
-def _scan(stamp: Any, rows: npt.NDArray[np.float32]) -> Scan:
+def _scan(stamp: Any, rows: npt.NDArray[np.float32], beams: int) -> Scan:
     """rows: x, y, z, intensity, time, column, ring, return type.
 
     Times are relative to the stamp; the sensor's clock begins anew each hour.
@@ -91,4 +87,5 @@ def _scan(stamp: Any, rows: npt.NDArray[np.float32]) -> Scan:
         points_m=rows[:, :3].astype(float),
         time_s=stamp.host + offset_s,
         ring=rows[:, 6].astype(np.int64),
+        beams=beams,
     )

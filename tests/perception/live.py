@@ -1,84 +1,133 @@
-"""The simulated lidar on an aircraft, and what the tracker makes of its packets."""
+"""The simulated lidar on an aircraft, and what live perception makes of its packets."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from time import perf_counter
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from moar_companion.perception.scan_conductors import (
-    ConductorTracks,
-    narrow_echoes,
-    sightings,
-)
-from moar_companion.perception.scan_frame import PoseHistory, mount_rotation, points_in_site
-from moar_companion.perception.velodyne import VelodyneStream
-from moar_companion.perception_config import SensorMount
+from moar_companion.frames import SiteFrame
+from moar_companion.perception.live_perception import LivePerception
+from moar_companion.perception.perception_report import PerceptionReport
+from moar_companion.perception.scan_frame import mount_rotation
+from moar_companion.perception_config import Perception, Sensor, SensorMount
+from moar_companion.site import Site, Workspace
+from moar_companion.types import GeodeticPoint
 from sitl.lidar import PACKET_S, LidarScene, SimulatedLidar
 
-ALONG = np.array([0.0, 1.0, 0.0])
-_POSE_S = 0.02
+VELODYNE = Perception(sensor=Sensor.VELODYNE)
+SITE = Site(
+    name="test",
+    frame=SiteFrame(
+        origin=GeodeticPoint(latitude_deg=47.0, longitude_deg=8.0, altitude_amsl_m=400.0),
+        azimuth_deg=70.0,
+    ),
+    workspace=Workspace(lower_m=(-25.0, 0.0), upper_m=(30.0, 30.0), resolution_m=0.3),
+    obstacles=(),
+    start_m=(0.0, 3.0),
+    targets=(),
+    landing_m={},
+)
+POSITION_S, ATTITUDE_S = 0.03, 0.045
 
 
 @dataclass(frozen=True, kw_only=True)
-class Seen:
-    """After one scan: its sightings, the confirmed conductors, and what it took to compute."""
+class Flight:
+    """An aircraft that flies straight, sways by `tilt_rad`, and reports its poses with errors."""
 
-    time_s: float
-    points: int
-    sightings: list
-    tracks: tuple
-    cost_s: float
+    at_m: tuple[float, float, float]
+    velocity_mps: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    tilt_rad: float = 0.0
+    yaw_error_rad: float = 0.0
+    """Between the aircraft's nose and the plane of the site."""
+    position_noise_m: float = 0.0
+    height_error_m: float = 0.0
 
+    def position_m(self, time_s):
+        return np.array(self.at_m) + np.outer(time_s, self.velocity_mps)
 
-def watch(
-    scene: LidarScene,
-    at_m,
-    seconds: float,
-    *,
-    seed: int = 0,
-    velocity_mps=(0.0, 0.0, 0.0),
-    tilt_rad: float = 0.0,
-    position_noise_m: float = 0.0,
-):
-    """Yields what is seen from an aircraft that flies straight, and sways by `tilt_rad`."""
-    lidar, stream, mount = SimulatedLidar(scene, seed), VelodyneStream(), SensorMount()
-    random, poses, tracks = np.random.default_rng(seed), PoseHistory(), ConductorTracks()
-
-    def state(times):
-        places = np.array(at_m) + np.outer(times, velocity_mps)
-        angles = np.column_stack(
-            (tilt_rad * np.sin(3.0 * times), tilt_rad * np.cos(2.0 * times), 0.0 * times)
+    def angles_rad(self, time_s):
+        """(n, 3) roll, pitch and yaw of the body in north, east, down."""
+        time_s = np.asarray(time_s)
+        yaw = np.radians(SITE.frame.azimuth_deg) + self.yaw_error_rad
+        return np.column_stack(
+            (
+                self.tilt_rad * np.sin(3.0 * time_s),
+                self.tilt_rad * np.cos(2.0 * time_s),
+                yaw + 0.0 * time_s,
+            )
         )
-        return places, Rotation.from_euler("xyz", angles)
 
-    def pose_at(times):
-        places, attitude = state(times)
-        return places, (attitude * mount_rotation(mount)).as_matrix()
+    def sensor_pose(self, mount: SensorMount):
+        def pose_at(times):
+            azimuth = np.radians(SITE.frame.azimuth_deg)
+            roll, pitch, yaw = self.angles_rad(times).T
+            attitude = Rotation.from_euler("ZYX", np.column_stack((azimuth - yaw, -pitch, roll)))
+            places = self.position_m(times) + attitude.apply(mount.position_m)
+            return places, (attitude * mount_rotation(mount)).as_matrix()
 
-    told_s = 0.0
-    for number in range(int(seconds / PACKET_S)):
-        time_s = number * PACKET_S
-        while told_s <= time_s + _POSE_S:
-            places, attitude = state(np.array([told_s]))
-            poses.add(told_s, places[0] + random.normal(0.0, position_noise_m, 3), attitude[0])
-            told_s += _POSE_S
-        scan = stream.receive(lidar.packet(time_s, pose_at), time_s)
-        if scan is None:
-            continue
-        started_s = perf_counter()
-        placed = points_in_site(scan.points_m, scan.time_s, poses, mount)
-        if placed is None:
-            continue
-        echoes, ring = narrow_echoes(*placed, scan.ring, scan.time_s)
-        found = sightings(echoes, ring, placed[1].mean(axis=0), ALONG, random)
-        confirmed = tracks.step(found, time_s)
-        yield Seen(
-            time_s=time_s,
-            points=len(scan.points_m),
-            sightings=found,
-            tracks=confirmed,
-            cost_s=perf_counter() - started_s,
-        )
+        return pose_at
+
+
+class Rig:
+    """Live perception with a simulated lidar; time goes on from packet to packet."""
+
+    def __init__(
+        self, scene: LidarScene, flight: Flight, *, seed: int = 0, settings: Perception = VELODYNE
+    ) -> None:
+        self.perception = LivePerception(settings, SITE)
+        self.flight = flight
+        self.settings = settings
+        self.cost_s = 0.0
+        """Processor time of the last report that processed a scan."""
+        self.poses_flow = True
+        self.packets_flow = True
+        self._lidar = SimulatedLidar(scene, seed)
+        self._random = np.random.default_rng(seed)
+        self._number = 0
+        self._told_s = {"position": 0.0, "attitude": 0.0}
+
+    def look_at(self, scene: LidarScene, seed: int = 1) -> None:
+        self._lidar = SimulatedLidar(scene, seed)
+
+    @property
+    def time_s(self) -> float:
+        return self._number * PACKET_S
+
+    def run(self, seconds: float) -> Iterator[PerceptionReport]:
+        until_s = self.time_s + seconds
+        while self.time_s < until_s:
+            self._tell_poses()
+            spent_s = perf_counter()
+            if self.packets_flow:
+                pose_at = self.flight.sensor_pose(self.settings.mount)
+                packet = self._lidar.packet(self.time_s, pose_at)
+                spent_s = perf_counter()
+                self.perception.receive(packet, self.time_s)
+            self._number += 1
+            report = self.perception.step(self.time_s)
+            if report is not None:
+                self.cost_s = perf_counter() - spent_s
+                yield report
+
+    def _tell_poses(self) -> None:
+        while self.poses_flow and self._told_s["position"] <= self.time_s:
+            time_s = self._told_s["position"]
+            error = self._random.normal(0.0, self.flight.position_noise_m, 3)
+            error[2] += self.flight.height_error_m
+            place = self.flight.position_m(time_s)[0] + error
+            self.perception.note_position(time_s, tuple(place))
+            self._told_s["position"] += POSITION_S
+        while self.poses_flow and self._told_s["attitude"] <= self.time_s:
+            time_s = self._told_s["attitude"]
+            self.perception.note_attitude(time_s, *self.flight.angles_rad([time_s])[0])
+            self._told_s["attitude"] += ATTITUDE_S
+
+
+def last(rig: Rig, seconds: float) -> PerceptionReport:
+    """The last report of some seconds."""
+    *_, report = rig.run(seconds)
+    return report

@@ -1,0 +1,186 @@
+"""Conductors from scan to scan: sightings at one place, and what is not seen although looked at."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from ..types import Vector
+from .perception_report import SeenConductor
+from .plane_rays import PlaneRays, sector_of
+from .scan_conductors import ConductorSighting
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+GATE_M = 0.5
+"""A sighting within this distance of a track is of the same conductor."""
+CONFIRMED_BY = 5
+"""Number of sightings."""
+_TENTATIVE_S = 1.0
+"""Without a sighting for so long, what is not confirmed is forgotten."""
+_MISSED = 20
+"""So many scans in a row that must show a confirmed conductor and do not: it is not there."""
+_SIGHTING_M = 0.05
+"""Standard deviation of one sighting."""
+_DRIFT_M = 0.02
+"""By which a conductor or the aircraft's position moves from scan to scan."""
+_OWN_M = 0.3
+"""Echoes this near to the line of a conductor are its own."""
+_SURE_SHARE = 0.8
+"""Of the greatest range at which a conductor was seen: within that it must be visible."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Track:
+    """x_m, z_m: where the conductor crosses the plane; slope: of x and z per metre of y."""
+
+    number: int
+    x_m: float
+    z_m: float
+    slope: tuple[float, float]
+    deviation_m: float
+    sightings: int
+    seen_s: float
+    range_m: float
+    missed: int = 0
+
+    @property
+    def confirmed(self) -> bool:
+        return self.sightings >= CONFIRMED_BY
+
+
+class ConductorTracks:
+    """Conductors are confirmed when they are seen often. Confirmed ones are remembered out of view.
+
+    Numbers, and so the names, are given at the confirmation, in this order.
+    """
+
+    def __init__(self) -> None:
+        self._tracks: list[_Track] = []
+        self._confirmed = 0
+
+    def step(self, seen: Iterable[ConductorSighting], time_s: float, rays: PlaneRays) -> None:
+        """Takes the sightings of a scan; rays: what it measured in the plane."""
+        free = list(range(len(self._tracks)))
+        for sighting in seen:
+            x, z = sighting.crossing_m()
+            nearest = min(free, key=lambda index: self._distance(index, x, z), default=None)
+            if nearest is None or self._distance(nearest, x, z) > GATE_M:
+                self._tracks.append(_begun(sighting, time_s))
+            else:
+                free.remove(nearest)
+                self._tracks[nearest] = self._corrected(self._tracks[nearest], sighting, time_s)
+        before_m = rays.nearest_m(rays.inside)
+        for index in free:
+            track = self._tracks[index]
+            if _missed(track, rays, before_m):
+                self._tracks[index] = replace(track, missed=track.missed + 1)
+        self._tracks = [
+            track
+            for track in self._tracks
+            if (track.missed < _MISSED if track.confirmed else time_s - track.seen_s < _TENTATIVE_S)
+        ]
+
+    def own(self, points_m: FloatArray, time_s: float) -> BoolArray:
+        """Points (n, 3) on conductors that are confirmed, or seen in the scan of this time."""
+        own = np.zeros(len(points_m), dtype=bool)
+        for track in self._tracks:
+            if track.confirmed or track.seen_s == time_s:
+                x = points_m[:, 0] - track.x_m - track.slope[0] * points_m[:, 1]
+                z = points_m[:, 2] - track.z_m - track.slope[1] * points_m[:, 1]
+                own |= x * x + z * z < _OWN_M**2
+        return own
+
+    def shift(self, step_m: Vector) -> None:
+        """Moves all conductors by (x, y, z)."""
+        self._tracks = [
+            replace(
+                track,
+                x_m=track.x_m + step_m[0] - step_m[1] * track.slope[0],
+                z_m=track.z_m + step_m[2] - step_m[1] * track.slope[1],
+            )
+            for track in self._tracks
+        ]
+
+    @property
+    def conductors(self) -> tuple[SeenConductor, ...]:
+        """The confirmed ones, in the order of their confirmation."""
+        return tuple(
+            SeenConductor(
+                name=f"seen-{track.number}",
+                position_m=(track.x_m, track.z_m),
+                deviation_m=track.deviation_m,
+                sightings=track.sightings,
+                seen_s=track.seen_s,
+            )
+            for track in sorted(self._tracks, key=lambda track: track.number)
+            if track.confirmed
+        )
+
+    def _distance(self, index: int, x_m: float, z_m: float) -> float:
+        track = self._tracks[index]
+        return math.hypot(track.x_m - x_m, track.z_m - z_m)
+
+    def _corrected(self, track: _Track, sighting: ConductorSighting, time_s: float) -> _Track:
+        """Kalman's step of a place that hardly moves."""
+        x, z = sighting.crossing_m()
+        variance = track.deviation_m**2 + _DRIFT_M**2
+        gain = variance / (variance + _SIGHTING_M**2)
+        count = track.sightings + 1
+        if count == CONFIRMED_BY:
+            self._confirmed += 1
+        slope = _slope(sighting)
+        return replace(
+            track,
+            number=self._confirmed if count == CONFIRMED_BY else track.number,
+            x_m=track.x_m + gain * (x - track.x_m),
+            z_m=track.z_m + gain * (z - track.z_m),
+            slope=(
+                track.slope[0] + gain * (slope[0] - track.slope[0]),
+                track.slope[1] + gain * (slope[1] - track.slope[1]),
+            ),
+            deviation_m=math.sqrt((1.0 - gain) * variance),
+            sightings=count,
+            seen_s=time_s,
+            range_m=max(track.range_m, sighting.range_m),
+            missed=0,
+        )
+
+
+def _begun(sighting: ConductorSighting, time_s: float) -> _Track:
+    x, z = sighting.crossing_m()
+    return _Track(
+        number=0,
+        x_m=x,
+        z_m=z,
+        slope=_slope(sighting),
+        deviation_m=_SIGHTING_M,
+        sightings=1,
+        seen_s=time_s,
+        range_m=sighting.range_m,
+    )
+
+
+def _slope(sighting: ConductorSighting) -> tuple[float, float]:
+    x, y, z = sighting.direction
+    return float(x / y), float(z / y)
+
+
+def _missed(track: _Track, rays: PlaneRays, before_m: FloatArray) -> bool:
+    """The scan must show the conductor, and measured nothing there nor in front of it.
+
+    before_m: the nearest that was measured, by direction.
+    """
+    x, z = track.x_m - rays.centre_m[0], track.z_m - rays.centre_m[1]
+    distance = math.hypot(x, z)
+    if not GATE_M < distance < _SURE_SHARE * track.range_m:
+        return False
+    around = math.ceil(math.asin(min(_OWN_M / distance, 1.0)) / (2.0 * math.pi) * rays.sectors)
+    middle = int(sector_of(np.array([x]), np.array([z]), rays.sectors)[0])
+    sectors = np.arange(middle - around, middle + around + 1) % rays.sectors
+    return bool((before_m[sectors] > distance + GATE_M).all())

@@ -1,0 +1,210 @@
+"""Live perception: packets and poses in, a report of what stands around the aircraft out.
+
+Inputs: data packets of a lidar or measured points, positions and attitudes, each with its time.
+Output: `PerceptionReport`. No clock, no I/O: the same inputs give the same reports.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+
+import numpy as np
+import numpy.typing as npt
+
+from ..perception_config import Perception, Sensor, SensorMount
+from ..site import Site
+from ..types import Vector
+from .conductor_tracks import ConductorTracks
+from .ground import ground_height_m
+from .occupancy import Occupancy
+from .packet_stream import packet_stream
+from .perception_report import PerceptionReport, SensorHealth
+from .plane_rays import PlaneRays
+from .scan import Scan
+from .scan_conductors import narrow_echoes, sightings
+from .scan_frame import PoseHistory, attitude_in_site, points_in_site
+
+FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
+
+_LATE_S = 0.3
+"""A scan whose poses have not come by then is dropped."""
+_REPORT_S = 0.2
+"""Reports follow at least this often, so that the health is told."""
+_HULL_M = 1.0
+"""Nearer echoes are of the aircraft itself, or of a cover."""
+_SCAN_SECTORS, _POINT_SECTORS = 720, 72
+"""Directions of 0.5° and, as OBSTACLE_DISTANCE has them, 5°."""
+_SET_S = 0.1
+"""Single points are gathered for so long, then taken in as one set."""
+_GROUND_REACH_M = 40.0
+_GROUND_CLEAR_M = 0.7
+"""Points this near to the ground are of the ground, or lie on it."""
+_GROUND_COLUMNS, _COLUMN_M = 8, 2.0
+"""The lowest points are ground where they extend over so many columns: a beam in the air is less
+long."""
+_RELEASED_M = 0.3
+_AIRCRAFT = SensorMount(roll_pitch_yaw_deg=(0.0, 0.0, 0.0))
+_ACROSS = np.array([0.0, 1.0, 0.0])
+
+
+class LivePerception:
+    """One sensor on one aircraft at one site.
+
+    late: number of scans that were dropped because poses did not reach.
+    """
+
+    def __init__(self, settings: Perception, site: Site) -> None:
+        self._settings = settings
+        self._azimuth_deg = site.frame.azimuth_deg
+        self._stream = packet_stream(settings)
+        self._poses = PoseHistory()
+        self._tracks = ConductorTracks()
+        self._occupancy = Occupancy(site)
+        self._random = np.random.default_rng(0)
+        self._scans: deque[Scan] = deque()
+        self._points: list[tuple[float, FloatArray]] = []
+        self._received_s: float | None = None
+        self._scan_s: float | None = None
+        self._returns = 0.0
+        self._reported_s = -math.inf
+        self.late = 0
+
+    def note_position(self, time_s: float, position_m: Vector) -> None:
+        """Position in the site's frame at a time."""
+        self._poses.note_position(time_s, position_m)
+
+    def note_attitude(
+        self, time_s: float, roll_rad: float, pitch_rad: float, yaw_rad: float
+    ) -> None:
+        """Attitude of the body (forward, right, down) in north, east, down: MAVLink's ATTITUDE."""
+        attitude = attitude_in_site(roll_rad, pitch_rad, yaw_rad, self._azimuth_deg)
+        self._poses.note_attitude(time_s, attitude)
+
+    def shift(self, step_m: Vector) -> None:
+        """The position estimate has jumped by a step: what was seen moves with it."""
+        self._poses.shift(step_m)
+        self._tracks.shift(step_m)
+        self._occupancy.shift(step_m[0], step_m[2])
+
+    def receive(self, packet: bytes, now_s: float) -> None:
+        """Takes a data packet of the sensor."""
+        if self._stream is None:
+            return
+        packets = self._stream.packets
+        scan = self._stream.receive(packet, now_s)
+        if self._stream.packets > packets:
+            self._received_s = now_s
+        if scan is not None and len(scan.points_m):
+            self._scans.append(scan)
+        elif scan is not None:
+            self._scan_s, self._returns = now_s, 0.0
+
+    def note_points(self, points_m: npt.ArrayLike, time_s: float) -> None:
+        """Takes points (n, 3) on obstacles, in the aircraft's frame (x forward, y left, z up).
+
+        A message that has measured nothing within its range is an empty set.
+        """
+        self._points.append((time_s, np.asarray(points_m, float).reshape(-1, 3)))
+        if self._settings.sensor is Sensor.MAVLINK:
+            self._received_s = time_s
+
+    def step(self, now_s: float) -> PerceptionReport | None:
+        """Processes what is due; a report when something was, or when 0.2 s have passed."""
+        processed = self._take_scans(now_s)
+        processed = self._take_points(now_s) or processed
+        if not processed and now_s - self._reported_s < _REPORT_S:
+            return None
+        self._reported_s = now_s
+        refused = 0 if self._stream is None else sum(self._stream.refused.values())
+        return PerceptionReport(
+            time_s=now_s,
+            health=SensorHealth(
+                scan_s=self._scan_s,
+                received_s=self._received_s,
+                returns=self._returns,
+                refused=refused,
+                late=self.late,
+            ),
+            conductors=self._tracks.conductors,
+            solids=self._occupancy.polygons,
+        )
+
+    def _take_scans(self, now_s: float) -> bool:
+        processed = False
+        while self._scans:
+            last_s = float(self._scans[0].time_s.max())
+            if self._poses.until_s < last_s and now_s - last_s <= _LATE_S:
+                break
+            if self._take(self._scans.popleft(), last_s):
+                processed = True
+            else:
+                self.late += 1
+        return processed
+
+    def _take(self, scan: Scan, time_s: float) -> bool:
+        """One scan, when poses reach."""
+        placed = points_in_site(scan.points_m, scan.time_s, self._poses, self._settings.mount)
+        if placed is None:
+            return False
+        points, sensors = placed
+        sensor = sensors.mean(axis=0)
+        distance = np.sqrt((scan.points_m**2).sum(axis=1))
+        outside = distance > _HULL_M
+        self._scan_s = time_s
+        self._returns = min(float(outside.sum()) / max(scan.beams, 1), 1.0)
+        rays = PlaneRays.of(points, sensor, _SCAN_SECTORS)
+        echoes, ring = narrow_echoes(points, sensors, scan.ring, scan.time_s)
+        found = sightings(echoes, ring, sensor, _ACROSS, self._random)
+        known = {conductor.name for conductor in self._tracks.conductors}
+        self._tracks.step(found, time_s, rays)
+        new = [each.position_m for each in self._tracks.conductors if each.name not in known]
+        # Its first echoes, before it was confirmed, were taken for something solid.
+        self._occupancy.release(new, _RELEASED_M)
+        solid = outside & ~_ground(points, distance) & ~self._tracks.own(points, time_s)
+        self._occupancy.add(rays, points, solid, time_s, beams=scan.beams, echoes=2)
+        return True
+
+    def _take_points(self, now_s: float) -> bool:
+        if not self._points:
+            return False
+        first_s, last_s = self._points[0][0], self._points[-1][0]
+        if now_s - first_s < _SET_S or (self._poses.until_s < last_s and now_s - last_s <= _LATE_S):
+            return False
+        points = np.concatenate([each for _, each in self._points])
+        times = np.concatenate([np.full(len(each), time_s) for time_s, each in self._points])
+        self._points = []
+        if len(points) and not self._take_set(points, times):
+            self.late += 1
+            return False
+        if self._settings.sensor is Sensor.MAVLINK:
+            self._scan_s, self._returns = last_s, 1.0
+        return True
+
+    def _take_set(self, points_m: FloatArray, times_s: FloatArray) -> bool:
+        """One set of points in the aircraft's frame, when poses reach."""
+        placed = points_in_site(points_m, times_s, self._poses, _AIRCRAFT)
+        if placed is None:
+            return False
+        points, sensors = placed
+        distance = np.sqrt(((points - sensors) ** 2).sum(axis=1))
+        solid = (distance > _HULL_M) & ~_ground(points, distance)
+        solid &= ~self._tracks.own(points, math.nan)
+        rays = PlaneRays.of(points, sensors.mean(axis=0), _POINT_SECTORS)
+        self._occupancy.add(rays, points, solid, float(times_s.max()))
+        return True
+
+
+def _ground(points_m: FloatArray, distance_m: FloatArray) -> BoolArray:
+    """Points (n, 3) of the ground; none where the lowest points are no ground.
+
+    The height error of the aircraft forbids a comparison with the height of the site's ground.
+    """
+    ground = np.zeros(len(points_m), dtype=bool)
+    near = np.flatnonzero(distance_m < _GROUND_REACH_M)
+    if len(near):
+        low = points_m[near, 2] - ground_height_m(points_m[near]) < _GROUND_CLEAR_M
+        columns = np.unique(np.floor(points_m[near[low], 0] / _COLUMN_M))
+        ground[near[low]] = len(columns) >= _GROUND_COLUMNS
+    return ground

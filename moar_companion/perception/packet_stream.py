@@ -1,0 +1,27 @@
+"""Decoder of a sensor's data packets, by the kind of the sensor."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from ..perception_config import Perception, Sensor
+from .scan import Scan
+from .velodyne import VelodyneStream
+
+
+class PacketStream(Protocol):
+    """Packets of one sensor, in order of arrival."""
+
+    packets: int
+    refused: dict[str, int]
+    """Number of packets that were left out, by reason."""
+
+    def receive(self, packet: bytes, now_s: float) -> Scan | None:
+        """Takes a packet; the scan that it completes, if any."""
+
+
+def packet_stream(settings: Perception) -> PacketStream | None:
+    """Stream of the sensor in use; None where it sends no packets of its own."""
+    if settings.sensor is Sensor.VELODYNE:
+        return VelodyneStream()
+    return None
