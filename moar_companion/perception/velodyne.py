@@ -7,13 +7,12 @@ Packets: VLP-16 User Manual 63-9243 Rev. E, section 9.3: 1,206 bytes, twelve blo
 from __future__ import annotations
 
 import struct
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from .lidar_scan import Scan
 
 PACKET_BYTES = 1206
 _POSITION_BYTES = 512
@@ -24,18 +23,6 @@ _FULL_TURN = 36_000
 _RETURN_MODES = (0x37, 0x38, 0x39)
 _MODELS = {0x21: "HDL32E", 0x22: "VLP16", 0x24: "PuckHiRes", 0x28: "VLP32C"}
 _HOUR_S = 3600.0
-
-
-@dataclass(frozen=True, kw_only=True, eq=False)
-class Scan:
-    """One turn. points_m: (n, 3), x where the azimuth is 0, y left, z the axis of its rotation.
-
-    time_s: (n,) on the receiver's clock; ring: (n,) number of the laser, by elevation.
-    """
-
-    points_m: FloatArray
-    time_s: FloatArray
-    ring: npt.NDArray[np.int64]
 
 
 class VelodyneStream:
