@@ -17,11 +17,11 @@ from ..site import Site
 from ..types import Vector
 from .conductor_tracks import ConductorTracks
 from .ground import ground_height_m
+from .lidar_scan import Scan
 from .occupancy import Occupancy
 from .packet_stream import packet_stream
 from .perception_report import PerceptionReport, SensorHealth
 from .plane_rays import PlaneRays
-from .scan import Scan
 from .scan_conductors import narrow_echoes, sightings
 from .scan_frame import PoseHistory, attitude_in_site, points_in_site
 

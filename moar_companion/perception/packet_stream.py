@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Protocol
 
 from ..perception_config import Perception, Sensor
-from .scan import Scan
+from .lidar_scan import Scan
 from .velodyne import VelodyneStream
 
 
