@@ -55,10 +55,11 @@ class LivePerception:
     late: number of scans that were dropped because poses did not reach.
     """
 
-    def __init__(self, settings: Perception, site: Site) -> None:
+    def __init__(self, settings: Perception, site: Site, description: str = "") -> None:
+        """description: content of the sensor's metadata file."""
         self._settings = settings
         self._azimuth_deg = site.frame.azimuth_deg
-        self._stream = packet_stream(settings)
+        self._stream = packet_stream(settings, description)
         self._poses = PoseHistory()
         self._tracks = ConductorTracks()
         self._occupancy = Occupancy(site)
