@@ -145,10 +145,10 @@ def _start_perception(
 ) -> PerceptionProcess | None:
     if config.perception.sensor is None:
         return None
+    source = str(config.file or "the configuration")
     if site is None:
-        source = str(config.file or "the configuration")
         raise InputError(source, "perception.sensor", "needs a site file: `site`, or --site")
-    return PerceptionProcess(config.perception, site, speed=speed)
+    return PerceptionProcess(config.perception, site, source=source, speed=speed)
 
 
 class Service:

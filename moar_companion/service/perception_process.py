@@ -6,6 +6,7 @@ that has ended is started again by a thread. Without reports the supervisor hold
 
 from __future__ import annotations
 
+import importlib.util
 import json
 import logging
 import socket
@@ -14,16 +15,19 @@ import sys
 import threading
 from collections.abc import Iterator
 
-from ..errors import InputError
+from ..errors import InputError, LinkError
+from ..mavlink.link_basics import reason
 from ..perception.perception_report import PerceptionReport
 from ..perception.pose_notes import PoseNote
-from ..perception_config import Perception
+from ..perception_config import Perception, Sensor
 from ..recording.value_codec import encoded
 from ..site import Site
 from . import perception_worker
 from .perception_worker import MESSAGE_BYTES, Setup, notes_encoded, reports_decoded
 from .priority import put_behind
 
+_DECODERS = {Sensor.VELODYNE: ("velodyne_decoder", "lidar"), Sensor.OUSTER: ("ouster", "ouster")}
+"""Module of each sensor's decoder, and the extra that installs it."""
 _AGAIN_S = 1.0
 _END_S = 2.0
 """Longest wait for the process to end by itself."""
@@ -32,12 +36,17 @@ _logger = logging.getLogger(__name__)
 
 
 class PerceptionProcess:
-    """The process. Raises InputError for a description of the sensor that cannot be read."""
+    """The process. source: of the settings, for errors.
 
-    def __init__(self, settings: Perception, site: Site, *, speed: float = 1.0) -> None:
-        setup = Setup(
-            settings=settings, site=site, description=description_of(settings), speed=speed
-        )
+    Raises InputError for settings that cannot be used, LinkError for a port that cannot be opened.
+    """
+
+    def __init__(
+        self, settings: Perception, site: Site, *, source: str = "", speed: float = 1.0
+    ) -> None:
+        description = usable_description(settings, source)
+        _try_port(settings)
+        setup = Setup(settings=settings, site=site, description=description, speed=speed)
         self._setup = json.dumps(encoded(setup)).encode()
         # The process's end stays open here, too: one that ends loses neither notes nor reports.
         self._channel, self._other_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -107,12 +116,35 @@ class PerceptionProcess:
             self._closing.wait(_AGAIN_S)
 
 
-def description_of(settings: Perception) -> str:
-    """Content of the sensor's metadata file; empty without one."""
+def usable_description(settings: Perception, source: str) -> str:
+    """Content of the sensor's metadata file; empty without one.
+
+    Raises InputError where it cannot be used, or where the sensor's decoder is not installed.
+    """
+    if settings.sensor in _DECODERS:
+        module, extra = _DECODERS[settings.sensor]
+        if importlib.util.find_spec(module) is None:
+            install = f'{sys.executable} -m pip install "moar-companion[{extra}]"'
+            raise InputError(source, "perception.sensor", f"needs {module}: {install}")
     if settings.metadata is None:
         return ""
     try:
-        return settings.metadata.read_text()
-    except (OSError, UnicodeDecodeError) as error:
-        problem = error.strerror if isinstance(error, OSError) else "is no text"
-        raise InputError(str(settings.metadata), "", f"cannot be read: {problem}") from error
+        text = settings.metadata.read_text()
+        json.loads(text)
+    except OSError as error:
+        raise InputError(str(settings.metadata), "", f"cannot be read: {error.strerror}") from error
+    except ValueError as error:
+        raise InputError(str(settings.metadata), "", "is no JSON") from error
+    return text
+
+
+def _try_port(settings: Perception) -> None:
+    """Raises LinkError where the process could not receive the sensor's packets."""
+    if settings.data_port is None:
+        return
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:
+        try:
+            trial.bind((settings.address, settings.data_port))
+        except OSError as error:
+            place = f"{settings.address}:{settings.data_port}"
+            raise LinkError(f"perception on udpin:{place}: {reason(error)}") from error
