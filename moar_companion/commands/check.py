@@ -19,10 +19,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
 from ..config import Authority, CompanionConfig, KeySource
+from ..error_margin import sight_speed_mps
 from ..errors import InputError, LinkError
 from ..mqtt_config import Mqtt, broker_address
 from ..service.directories import Directory, recorder_folder, state_folder, view_socket
 from ..service.mqtt_settings import SettingNames, read_broker, read_order_key
+from ..service.perception_process import tried
 from ..service.signing_clock import load_signing
 from .options import add_file
 from .outputs import say
@@ -84,7 +86,7 @@ def run(arguments: argparse.Namespace) -> int:
         say(f"NO-GO: {_counted(len(errors), 'finding')}\n")
         problem = first.problem + (f" (and {more} more)" if more else "")
         raise InputError(first.source, first.key, problem)
-    found = _files(config, vehicle, site)
+    found = _files(config, vehicle, site, ports=not arguments.files)
     _tell("Files", found)
     planner = None if site is None else _planner(site, vehicle, config)
     if planner is not None:
@@ -159,8 +161,10 @@ def _unusable(errors: Iterable[InputError]) -> list[Finding]:
     ]
 
 
-def _files(config: CompanionConfig, vehicle: Vehicle, site: Site | None) -> list[Finding]:
-    """Findings from the files about the service."""
+def _files(
+    config: CompanionConfig, vehicle: Vehicle, site: Site | None, *, ports: bool
+) -> list[Finding]:
+    """Findings from the files about the service. ports: True tries its sensor's port, too."""
     from ..preflight.findings import Finding, Level  # noqa: PLC0415
 
     never = config.authority is Authority.OBSERVE
@@ -198,6 +202,7 @@ def _files(config: CompanionConfig, vehicle: Vehicle, site: Site | None) -> list
         ),
         _view(view_socket(config)),
         _mqtt(config.mqtt),
+        _perception(config, vehicle, ports=ports),
     ]
     if config.signing != KeySource() and not any(link.signed for link in config.links):
         found.append(
@@ -232,6 +237,35 @@ def _mqtt(settings: Mqtt) -> Finding:
         )
     text = f"{address} as {settings.vehicle}{orders}"
     return Finding(level=Level.OK, subject="mqtt", text=text)
+
+
+def _perception(config: CompanionConfig, vehicle: Vehicle, *, ports: bool) -> Finding:
+    """Finding on the sensor that looks for obstacles, and on the speed that its sight permits.
+
+    ports: True tries the port of its packets, too.
+    """
+    from ..preflight.findings import Finding, Level  # noqa: PLC0415
+
+    settings, subject = config.perception, "perception"
+    if settings.sensor is None:
+        text = "none: obstacles are those of the site file (perception.sensor)"
+        return Finding(level=Level.NOTE, subject=subject, text=text)
+    try:
+        tried(settings, str(config.file), port=ports)
+    except (InputError, LinkError) as error:
+        text = error.problem if isinstance(error, InputError) else str(error)
+        return Finding(level=Level.NO_GO, subject=subject, text=text)
+    most_mps, port = sight_speed_mps(vehicle, config), settings.data_port
+    place = "" if port is None else f" on {settings.address}:{port}"
+    text = f"{settings.sensor.value}{place}, sight {settings.sight_m:g} m"
+    if most_mps < vehicle.speed.min_mps:
+        return Finding(
+            level=Level.NO_GO,
+            subject=subject,
+            text=f"{text}: at v_MIN of {vehicle.speed.min_mps:g} m/s the aircraft stops too late",
+            remedy="set perception.sight_m to what the sensor sees, or reduce the margin",
+        )
+    return Finding(level=Level.OK, subject=subject, text=f"{text}: at most {most_mps:.1f} m/s")
 
 
 def _folder(subject: str, folder: Directory | None, without: str) -> Finding:

@@ -188,6 +188,11 @@ class Companion:
         return None if ways is None else ways.outlook(self.risk.meter)
 
     @property
+    def perception_report(self) -> PerceptionReport | None:
+        """Newest report of what is seen; None without a sensor, and before the first."""
+        return self._seen_obstacles.report
+
+    @property
     def host(self) -> Host:
         """Free resources of the computer, as noted last."""
         return self._executor.host

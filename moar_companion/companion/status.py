@@ -23,6 +23,8 @@ named otherwise; None (null): unknown, or not present now.
     link         packets_received, packets_lost, packets_late, rate_hz
     radio        rssi, remote_rssi, noise, remote_noise, transmit_buffer_percent, age_s
     age_s        by source of telemetry
+    perception   scan_age_s, returns (share of beams), refused, late: of the sensor; conductors:
+                 name, x_m, z_m, deviation_m, age_s; solids: their number; null without a sensor
     host         disk_free_mb, memory_free_mb, read_late_s: of this computer
     recorder     the folder of the record
 """
@@ -37,6 +39,7 @@ from typing import Any
 
 from ..mission.values import MissionStatus
 from ..mission_states import STREAMING
+from ..perception.perception_report import PerceptionReport
 from ..risk.explain import WeightsReason, risk_dict
 from ..safety.check_inputs import Host
 from ..safety.supervisor import Ruling
@@ -123,6 +126,7 @@ class LatestDecisions:
             "refused": _refused(companion),
             "radio": _radio(telemetry, now_s),
             "age_s": _ages_s(telemetry, now_s),
+            "perception": _perception(companion.perception_report, now_s),
             "host": _host(companion.host),
             "recorder": None if recorder is None else str(recorder),
         }
@@ -264,6 +268,29 @@ def _batteries(telemetry: Telemetry, now_s: float) -> list[dict[str, Any]]:
         }
         for number, battery in sorted(telemetry.batteries.items())
     ]
+
+
+def _perception(report: PerceptionReport | None, now_s: float) -> dict[str, Any] | None:
+    if report is None:
+        return None
+    health = report.health
+    return {
+        "scan_age_s": None if health.scan_s is None else now_s - health.scan_s,
+        "returns": health.returns,
+        "refused": health.refused,
+        "late": health.late,
+        "conductors": [
+            {
+                "name": seen.name,
+                "x_m": seen.position_m[0],
+                "z_m": seen.position_m[1],
+                "deviation_m": seen.deviation_m,
+                "age_s": now_s - seen.seen_s,
+            }
+            for seen in report.conductors
+        ],
+        "solids": len(report.solids),
+    }
 
 
 def _host(host: Host) -> dict[str, float | None]:

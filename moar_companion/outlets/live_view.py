@@ -254,6 +254,8 @@ def _work(status: Status, *, full: bool) -> Iterator[Row]:
     if status.get("refused"):
         yield "signed", _signed(status["refused"])
     yield "radio", Text(_radio(status["radio"]))
+    if status.get("perception"):
+        yield "seen", _perception(status["perception"])
     shown = ages if full else {name: ages[name] for name in _VITAL}
     heard_ago = [_age(name, age_s) for name, age_s in shown.items()]
     yield "received, s ago", Columns(heard_ago) if full else Text("  ").join(heard_ago)
@@ -293,6 +295,16 @@ def _signed(refused: Mapping[str, Mapping[str, int]]) -> Text:
         counts.update(reasons)
     words = ", ".join(f"{count} {reason}" for reason, count in counts.items() if count)
     return Text.assemble("refused ", (words, "bold") if words else "none")
+
+
+def _perception(seen: Status) -> Text:
+    """Number of seen obstacles, and how the sensor works."""
+    words = Text(f"{len(seen['conductors'])} conductors, {seen['solids']} other obstacles; ")
+    age_s = seen["scan_age_s"]
+    if age_s is None:
+        return words.append("no scan yet", "magenta")
+    words.append(f"scan {_duration(age_s)} ago, {seen['returns']:.0%} of beams")
+    return words.append(f"; {seen['refused']} packets refused, {seen['late']} scans late", "dim")
 
 
 def _radio(radio: Status | None) -> str:

@@ -8,15 +8,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy import ndimage
 
 from ..estimation.pose_tracker import SiteMaps
-from ..planner.grid import BoolArray
+from ..planner.escape import pocket
 from ..planner.maps import Maps
 from ..site import Site, Target
 from .planner_set import PlannerSet
 
-_NEIGHBOURS = np.ones((3, 3))
+_LARGE = 0.5
+"""Least share of the free cells in the region of a target that was moved."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -43,38 +43,34 @@ def answer_map_job(planners: PlannerSet, job: MapJob) -> MapAnswer:
     """Makes the maps; from now on the planners plan on them."""
     site = job.site
     planners.set_site(site)
-    free = _main_region(planners.exact.maps)
-    targets = tuple(
-        _moved(target, planners.exact.maps, free, job.slack_m) for target in site.targets
-    )
+    maps = planners.exact.maps
+    targets = tuple(_moved(target, maps, job.slack_m) for target in site.targets)
     if targets != site.targets:
         site = replace(site, targets=targets)
         planners.set_site(site)
     return MapAnswer(job_id=job.job_id, site_maps=SiteMaps(site=site, maps=planners.exact.maps))
 
 
-def _main_region(maps: Maps) -> BoolArray:
-    """Cells (nx, nz) of the largest free region: pockets between conductors are left out."""
-    labels, count = ndimage.label(~maps.occupied, _NEIGHBOURS)
-    if not count:
-        return np.zeros(maps.grid.shape, dtype=np.bool_)
-    largest = 1 + int(np.argmax(np.bincount(labels.ravel())[1:]))
-    return np.asarray(labels == largest)
-
-
-def _moved(target: Target, maps: Maps, free: BoolArray, slack_m: float) -> Target:
+def _moved(target: Target, maps: Maps, slack_m: float) -> Target:
     """The target, at the nearest free cell within `slack_m` where its own is not free.
 
-    It then looks at where it was.
+    It then looks at where it was. Cells of small regions, as between conductors, are left out.
     """
-    cell = maps.grid.cell_of(target.position_m)
-    if cell is None or free[cell] or not free.any():
+    grid, free = maps.grid, ~maps.occupied
+    cell = grid.cell_of(target.position_m)
+    if cell is None or free[cell]:
         return target
-    cells = np.argwhere(free)
-    centres_m = np.array(maps.grid.lower_m) + maps.grid.resolution_m * (cells + 0.5)
-    distance_m = np.hypot(*(centres_m - np.array(target.position_m)).T)
-    nearest = int(distance_m.argmin())
-    if distance_m[nearest] > slack_m:
-        return target
-    x_m, z_m = centres_m[nearest].tolist()
-    return replace(target, position_m=(x_m, z_m), look_at_m=target.look_at_m or target.position_m)
+    columns, rows = grid.axes_m
+    distance_m = np.hypot(
+        columns[:, None] - target.position_m[0], rows[None] - target.position_m[1]
+    )
+    most = _LARGE * free.sum()
+    while (free & (distance_m <= slack_m)).any():
+        nearest = np.unravel_index(np.where(free, distance_m, np.inf).argmin(), free.shape)
+        place_m = (float(columns[nearest[0]]), float(rows[nearest[1]]))
+        region = pocket(maps, place_m)
+        if region.sum() >= most:
+            look_at_m = target.look_at_m or target.position_m
+            return replace(target, position_m=place_m, look_at_m=look_at_m)
+        free &= ~region
+    return target

@@ -14,25 +14,38 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from ..errors import InputError, LinkError
 from ..mavlink.link_basics import reason
 from ..perception.perception_report import PerceptionReport
 from ..perception.pose_notes import PoseNote
 from ..perception_config import Perception, Sensor
-from ..recording.value_codec import encoded
+from ..recording.value_codec import decoded, encoded
 from ..site import Site
-from . import perception_worker
-from .perception_worker import MESSAGE_BYTES, Setup, notes_encoded, reports_decoded
 from .priority import put_behind
 
 _DECODERS = {Sensor.VELODYNE: ("velodyne_decoder", "lidar"), Sensor.OUSTER: ("ouster", "ouster")}
 """Module of each sensor's decoder, and the extra that installs it."""
+_WORKER = f"{__package__}.perception_worker"
+"""Module of the process: what it imports, the service does not need."""
+MESSAGE_BYTES = 180_000
+"""Longest message: the kernel's send buffer has 208 kB."""
 _AGAIN_S = 1.0
 _END_S = 2.0
 """Longest wait for the process to end by itself."""
 
 _logger = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Setup:
+    """Everything that the process needs to begin. description: content of the metadata file."""
+
+    settings: Perception
+    site: Site
+    description: str = ""
+    speed: float = 1.0
 
 
 class PerceptionProcess:
@@ -44,8 +57,7 @@ class PerceptionProcess:
     def __init__(
         self, settings: Perception, site: Site, *, source: str = "", speed: float = 1.0
     ) -> None:
-        description = usable_description(settings, source)
-        _try_port(settings)
+        description = tried(settings, source)
         setup = Setup(settings=settings, site=site, description=description, speed=speed)
         self._setup = json.dumps(encoded(setup)).encode()
         # The process's end stays open here, too: one that ends loses neither notes nor reports.
@@ -67,7 +79,9 @@ class PerceptionProcess:
         if not notes:
             return
         try:
-            self._channel.send(notes_encoded(notes))
+            self._channel.send(
+                json.dumps([[type(note).__name__, encoded(note)] for note in notes]).encode()
+            )
         except OSError as error:
             _logger.debug("notes dropped: %s", error)
 
@@ -78,7 +92,8 @@ class PerceptionProcess:
                 message = self._channel.recv(MESSAGE_BYTES)
             except BlockingIOError:
                 return
-            yield reports_decoded(message)
+            report: PerceptionReport = decoded(PerceptionReport, json.loads(message))
+            yield report
 
     def close(self) -> None:
         """Ends the process."""
@@ -95,7 +110,7 @@ class PerceptionProcess:
         """Runs in the thread: one process after the other."""
         isolated = ["-I"] if sys.flags.isolated else []
         end = self._other_end.fileno()
-        command = [sys.executable, *isolated, "-m", perception_worker.__name__, str(end)]
+        command = [sys.executable, *isolated, "-m", _WORKER, str(end)]
         while not self._closing.is_set():
             try:
                 process = subprocess.Popen(  # noqa: S603 - ourselves
@@ -116,16 +131,21 @@ class PerceptionProcess:
             self._closing.wait(_AGAIN_S)
 
 
-def usable_description(settings: Perception, source: str) -> str:
-    """Content of the sensor's metadata file; empty without one.
+def tried(settings: Perception, source: str, *, port: bool = True) -> str:
+    """Tries the settings; the content of the sensor's metadata file, empty without one.
 
-    Raises InputError where it cannot be used, or where the sensor's decoder is not installed.
+    port: False leaves out the port, which a running service has open.
+
+    Raises InputError for a file that cannot be used, or where the sensor's decoder is missing;
+    LinkError for a port that cannot be opened.
     """
     if settings.sensor in _DECODERS:
         module, extra = _DECODERS[settings.sensor]
         if importlib.util.find_spec(module) is None:
             install = f'{sys.executable} -m pip install "moar-companion[{extra}]"'
             raise InputError(source, "perception.sensor", f"needs {module}: {install}")
+    if port:
+        _try_port(settings)
     if settings.metadata is None:
         return ""
     try:

@@ -11,7 +11,6 @@ import json
 import logging
 import socket
 import sys
-from dataclasses import dataclass
 
 from ..errors import LinkError
 from ..mavlink.link import open_link
@@ -21,37 +20,13 @@ from ..mavlink.urls import parse_url
 from ..perception.live_perception import LivePerception
 from ..perception.perception_report import PerceptionReport
 from ..perception.pose_notes import AttitudeNote, PointsNote, PoseNote, PositionNote, ShiftNote
-from ..perception_config import Perception
 from ..recording.value_codec import decoded, encoded
-from ..site import Site
+from .perception_process import MESSAGE_BYTES, Setup
 
-MESSAGE_BYTES = 180_000
-"""Longest message: the kernel's send buffer has 208 kB."""
 _STEP_S = 0.01
 _KINDS = {kind.__name__: kind for kind in (PositionNote, AttitudeNote, ShiftNote, PointsNote)}
 
 _logger = logging.getLogger(__name__)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Setup:
-    """Everything that the process needs to begin. description: content of the metadata file."""
-
-    settings: Perception
-    site: Site
-    description: str = ""
-    speed: float = 1.0
-
-
-def notes_encoded(notes: list[PoseNote]) -> bytes:
-    """A message of notes."""
-    return json.dumps([[type(note).__name__, encoded(note)] for note in notes]).encode()
-
-
-def reports_decoded(message: bytes) -> PerceptionReport:
-    """The report in a message."""
-    report: PerceptionReport = decoded(PerceptionReport, json.loads(message))
-    return report
 
 
 def apply(perception: LivePerception, note: PoseNote) -> None:

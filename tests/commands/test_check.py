@@ -361,3 +361,34 @@ def test_a_serial_port_in_use_is_a_no_go_that_says_what_to_stop(capsys):
     with serial_port() as device, serial.Serial(device, exclusive=True):
         assert check("--connect", f"serial:{device}:57600") == 1
     assert "; stop the service: systemctl stop moar-companion" in capsys.readouterr().out
+
+
+def sensing(tmp_path, port, **keys):
+    """A configuration with a lidar."""
+    config = tmp_path / "companion.yaml"
+    listed = "".join(f", {name}: {value}" for name, value in keys.items())
+    config.write_text(
+        f"vehicle: {X500}\nsite: {SITE}\nlinks: [{{url: 'udp:127.0.0.1:14540'}}]\n"
+        f"perception: {{sensor: velodyne, address: 127.0.0.1, port: {port}{listed}}}\n"
+    )
+    return config
+
+
+def test_a_sensor_is_told_with_the_speed_that_its_sight_permits(capsys, tmp_path):
+    assert check("--config", sensing(tmp_path, 2368)) == 0
+    out = capsys.readouterr().out
+    assert "ok       perception: velodyne on 127.0.0.1:2368, sight 8 m: at most" in out
+
+
+def test_a_sight_that_is_too_short_for_the_slowest_flight_is_no_go(capsys, tmp_path):
+    assert check("--config", sensing(tmp_path, 2368, sight_m=2.0)) == 1
+    out = capsys.readouterr().out
+    assert "perception: velodyne on 127.0.0.1:2368, sight 2 m: at v_MIN of" in out
+
+
+def test_a_description_of_an_ouster_that_is_missing_is_no_go(capsys, tmp_path):
+    config = sensing(tmp_path, 7502)
+    text = config.read_text().replace("velodyne", "ouster, metadata: lidar.json")
+    config.write_text(text)
+    assert check("--config", config) == 1
+    assert "perception: cannot be read: No such file or directory" in capsys.readouterr().out

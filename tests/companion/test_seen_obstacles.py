@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from moar_companion.companion.status import LatestDecisions
 from moar_companion.perception.perception_report import (
     PerceptionReport,
     SeenConductor,
@@ -266,3 +267,17 @@ def test_reports_without_a_site_change_nothing():
     )
     desk.run(0.5)
     assert desk.map_jobs == []
+
+
+def test_the_status_has_what_is_seen(desk):
+    desk.conductors = (conductor(3.0, 14.5),)
+    desk.solids = (WALL,)
+    desk.run(0.2)
+    status = LatestDecisions().status_of(
+        desk.companion, desk.now_s, clock_offset_s=0.0, recorder=None
+    )
+    seen = status["perception"]
+    assert seen["scan_age_s"] == pytest.approx(0.1, abs=0.06)
+    assert [(item["name"], item["x_m"]) for item in seen["conductors"]] == [("seen-1", 3.0)]
+    assert (seen["returns"], seen["solids"]) == (0.5, 1)
+    assert Desk().companion.perception_report is None

@@ -286,3 +286,19 @@ def test_signed_links_show_what_they_have_refused(width, height):
     assert "refused 13 unsigned, 3 wrong" in text
     assert len(text.splitlines()) <= height
     assert "refused" not in page({**FLYING, "refused": None}, width, height)
+
+
+def test_what_the_sensor_sees_is_a_row_where_there_is_one():
+    seen = {
+        "scan_age_s": 0.12,
+        "returns": 0.46,
+        "refused": 3,
+        "late": 1,
+        "conductors": [{}, {}],
+        "solids": 4,
+    }
+    (row,) = (line for line in page(FLYING | {"perception": seen}).splitlines() if "seen" in line)
+    assert "2 conductors, 4 other obstacles; scan 0.1 s ago, 46% of beams" in row
+    assert not any(line.startswith("seen") for line in page(FLYING | {"perception": None}))
+    blind = page(FLYING | {"perception": seen | {"scan_age_s": None}})
+    assert "no scan yet" in blind
