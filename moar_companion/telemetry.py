@@ -318,6 +318,20 @@ class Readiness:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Proximity:
+    """OBSTACLE_DISTANCE, or OBSTACLE_DISTANCE_3D of one instant: what a sensor sees of obstacles.
+
+    points_m: x forward, y left, z up of the aircraft; empty: it sees none within its range.
+    sender: its component; stamp_s: the sender's clock.
+    """
+
+    received_s: float
+    points_m: tuple[Vector, ...]
+    sender: int
+    stamp_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class FenceItem:
     """An item of the fence that was uploaded to the autopilot.
 
@@ -369,3 +383,5 @@ class Telemetry:
     link_node: LinkNode | None = None
     firmware: Firmware | None = None
     readiness: Readiness | None = None
+    proximity: Proximity | None = None
+    """Of the sensor that sent last."""

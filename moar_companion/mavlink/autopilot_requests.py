@@ -37,7 +37,8 @@ MESSAGE_IDS: frozenset[int] = fence_download.MESSAGE_IDS | {_PARAM_VALUE}
 class AutopilotRequests:
     """Requests of the one autopilot, from its first heartbeat on, and again after its restart.
 
-    rates_hz: wanted rates by message id; None: those of its kind.
+    rates_hz: wanted rates by message id; None: those of its kind. obstacles: True if the distances
+    of obstacles that it reports are wanted, too.
     """
 
     def __init__(
@@ -45,10 +46,13 @@ class AutopilotRequests:
         receiver: TelemetryReceiver,
         outbox: Outbox,
         rates_hz: Mapping[int, float] | None,
+        *,
+        obstacles: bool = False,
     ) -> None:
         self._receiver = receiver
         self._outbox = outbox
         self._rates_hz = rates_hz
+        self._obstacles = obstacles
         self._rates = MessageRates()
         self._places = OriginHomeRequests()
         self._parameters = ParameterRequests()
@@ -109,7 +113,9 @@ class AutopilotRequests:
         self._link = autopilot.link
         rates_hz = wanted_rates_hz(autopilot.kind) if self._rates_hz is None else self._rates_hz
         self._rates.start(
-            rates_hz if _on_serial_port(autopilot) else on_network(rates_hz),
+            rates_hz
+            if _on_serial_port(autopilot)
+            else on_network(rates_hz, obstacles=self._obstacles),
             silent=not profile(autopilot.kind).streams_by_itself,
             now_s=now_s,
         )

@@ -81,8 +81,9 @@ class Session:
 
     links: name and role of each link. system_id, component_id: the companion's; once an autopilot
     is found the companion takes its system id. commands: rules for permitted senders.
-    message_rates_hz: wanted rates by message id; None: those of the autopilot's kind. signing: of
-    the links on which all packets are signed.
+    message_rates_hz: wanted rates by message id; None: those of the autopilot's kind. obstacles:
+    requests the distances of obstacles from the autopilot, too; a sensor's are read in any case.
+    signing: of the links on which all packets are signed.
     """
 
     def __init__(
@@ -93,6 +94,7 @@ class Session:
         component_id: int = 195,
         commands: Commands | None = None,
         message_rates_hz: Mapping[int, float] | None = None,
+        obstacles: bool = False,
         signing: Mapping[str, LinkSigning] | None = None,
     ) -> None:
         self._roles = dict(links)
@@ -108,7 +110,9 @@ class Session:
         self._receiver = TelemetryReceiver()
         self._outbox = Outbox(links)
         self._control = AutopilotControl(self._receiver, self._outbox)
-        self.requests = AutopilotRequests(self._receiver, self._outbox, message_rates_hz)
+        self.requests = AutopilotRequests(
+            self._receiver, self._outbox, message_rates_hz, obstacles=obstacles
+        )
         """Requests of the autopilot: parameters, fence, message rates."""
         self.commands = ReceivedCommands(commands)
         """Commands to the companion, until their final answers."""

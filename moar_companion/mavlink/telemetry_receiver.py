@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 
 from ..config import LinkRole
 from ..telemetry import LinkStatistics, Telemetry
-from . import translate
+from . import translate, translate_obstacles
 from .codec import SourceStatistics
 from .dialect import CURRENT_MODE_ID, Message, mavlink
 from .identity import Autopilot, AutopilotConflict, AutopilotFound, AutopilotRestarted, Identity
@@ -31,6 +31,8 @@ _BOOT_ROUND_S = 2**32 * 1e-3
 _MOST_PACKETS = 4096
 """Packets by which copies of a slower route are recognised: 20 s at 200 a second."""
 _HEARTBEAT = int(mavlink.MAVLINK_MSG_ID_HEARTBEAT)
+_OBSTACLES = frozenset(translate_obstacles.TRANSLATORS)
+"""Messages that sensors on board send, too."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -45,7 +47,7 @@ Shown = AutopilotFound | AutopilotRestarted | AutopilotConflict | ModeLeft
 
 
 class TelemetryReceiver:
-    """Identifies the autopilot and keeps the telemetry of it, of radios and ground stations."""
+    """Identifies the autopilot; keeps the telemetry of it, of sensors, radios, ground stations."""
 
     def __init__(self) -> None:
         self.identity = Identity()
@@ -55,6 +57,8 @@ class TelemetryReceiver:
         """Message, sequence number and stamp of the last packets with the autopilot's clock."""
         self._order = PacketOrder(same={CURRENT_MODE_ID: _HEARTBEAT}, boot_clock=self._boot_clock)
         self._packet_s = 0.0
+        self._components: dict[int, tuple[SourceClock, PacketOrder]] = {}
+        """Clock and order of the packets of other components, by their id."""
 
     @property
     def autopilot(self) -> Autopilot | None:
@@ -92,7 +96,33 @@ class TelemetryReceiver:
         elif message_id in RADIO_IDS:
             # A telemetry radio has its own ids: system 51, component 68.
             self.telemetry = translate.update(self.telemetry, message, now_s)
+        elif (
+            message_id in _OBSTACLES
+            and role is LinkRole.AUTOPILOT
+            and self._is_on_board(message)
+            and not self._is_late_of_component(message, now_s)
+        ):
+            self.telemetry = translate.update(self.telemetry, message, now_s)
         return event
+
+    def _is_on_board(self, message: Message) -> bool:
+        """Returns True for a message of another component of the autopilot's system."""
+        autopilot = self.identity.autopilot
+        if autopilot is None or message.get_srcSystem() != autopilot.system_id:
+            return False
+        return bool(message.get_srcComponent() != autopilot.component_id)
+
+    def _is_late_of_component(self, message: Message, now_s: float) -> bool:
+        """Returns True if a later packet of the same message and component was accepted before."""
+        component = message.get_srcComponent()
+        if component not in self._components:
+            clock = SourceClock(round_s=_BOOT_ROUND_S)
+            self._components[component] = clock, PacketOrder(same={}, boot_clock=clock)
+        clock, order = self._components[component]
+        boot_s = getattr(message, "time_boot_ms", None)
+        if boot_s is not None and clock.read(boot_s * 1e-3, now_s) is Reading.RESTARTED:
+            order.restart()
+        return order.is_late(message, now_s)
 
     def _read_clock(
         self, message: Message, now_s: float

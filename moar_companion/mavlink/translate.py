@@ -1,9 +1,9 @@
 """Translation of MAVLink messages to `Telemetry`. Pure.
 
-Each message has one function, in `translate_motion`, `translate_motors`, `translate_status`, or
-the heartbeat's here. These alone turn MAVLink's many values for "unknown" into `None`. The opposite
-direction is `translate_outgoing`. Sources: the message definitions, and where they are ambiguous
-recordings of PX4 v1.17/v1.18 and ArduCopter 4.6.3.
+Each message has one function, in `translate_motion`, `translate_motors`, `translate_obstacles`,
+`translate_status`, or the heartbeat's here. These alone turn MAVLink's many values for "unknown"
+into `None`. The opposite direction is `translate_outgoing`. Sources: the message definitions, and
+where they are ambiguous recordings of PX4 v1.17/v1.18 and ArduCopter 4.6.3.
 """
 
 from __future__ import annotations
@@ -14,7 +14,14 @@ from dataclasses import replace
 from ..autopilots import kind_of
 from ..telemetry import AutopilotStatus, Heard, Telemetry
 from ..types import AutopilotKind
-from . import failsafe_texts, modes, translate_motion, translate_motors, translate_status
+from . import (
+    failsafe_texts,
+    modes,
+    translate_motion,
+    translate_motors,
+    translate_obstacles,
+    translate_status,
+)
 from .dialect import CURRENT_MODE_ID, Message, mavlink
 
 _NO_AIRCRAFT = {
@@ -48,8 +55,8 @@ _WITH_BOOT_TIME = frozenset(
 def update(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     """Telemetry updated by this message; unchanged by messages without a translator.
 
-    Ids are not checked: the caller passes messages of the autopilot, heartbeats of ground stations
-    and RADIO_STATUS. Never raises on a decoded message.
+    Ids are not checked: the caller passes messages of the autopilot, heartbeats of ground stations,
+    RADIO_STATUS, and the obstacles that sensors on board see. Never raises on a decoded message.
     """
     translator = _TRANSLATORS.get(message.get_msgId())
     return telemetry if translator is None else translator(telemetry, message, now_s)
@@ -153,6 +160,7 @@ _TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {
     mavlink.MAVLINK_MSG_ID_STATUSTEXT: failsafe_texts.read,
     **translate_motion.TRANSLATORS,
     **translate_motors.TRANSLATORS,
+    **translate_obstacles.TRANSLATORS,
     **translate_status.TRANSLATORS,
 }
 

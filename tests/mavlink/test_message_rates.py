@@ -309,3 +309,9 @@ def test_the_late_answer_to_the_asking_down_does_not_settle_the_giving_back():
 def test_the_mode_is_wanted_at_fifty_hertz_on_a_network_and_nothing_else_changes(kind, message_id):
     wanted_hz = wanted_rates_hz(kind)
     assert on_network(wanted_hz) == {**wanted_hz, message_id: 50.0}
+
+
+def test_distances_of_obstacles_are_wanted_on_a_network_where_they_are_read():
+    wanted_hz = wanted_rates_hz(autopilots.PX4)
+    assert on_network(wanted_hz, obstacles=True) == {**on_network(wanted_hz), 330: 5.0}
+    assert 330 not in on_network(wanted_hz)

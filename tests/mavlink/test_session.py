@@ -308,3 +308,29 @@ def test_commands_routed_by_ardupilot_are_understood(recording):
     missions = [item for item in session.commands.waiting if isinstance(item, MissionCommand)]
     assert missions
     assert missions[0].command == USER_1
+
+
+# Obstacles
+
+OBSTACLE_DISTANCE = 330
+
+
+def test_a_sensors_obstacles_reach_the_telemetry(story, autopilot, peer):
+    story.meet(autopilot)
+    sensor = peer(1, mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE)
+    fields = {"distances": [65535] * 18 + [400] + [65535] * 53, "max_distance": 3000}
+    message = message_of("OBSTACLE_DISTANCE", increment=5, frame=12, time_usec=1, **fields)
+    story.hear(sensor.pack(message))
+    assert story.session.telemetry.proximity.points_m == (pytest.approx((0.0, -4.0, 0.0)),)
+
+
+@pytest.mark.parametrize("wanted", [False, True])
+def test_obstacles_are_requested_of_the_autopilot_only_where_they_are_wanted(wanted, autopilot):
+    story = Story(obstacles=wanted)
+    story.meet(autopilot, autopilot=ARDUPILOT)
+    sent = []
+    for _ in range(15):  # without answers, one request each half second
+        story.hear(autopilot.heartbeat(autopilot=ARDUPILOT))
+        sent += story.run(1.0)
+    requested = {each.param1: each.param2 for each in commands(sent, SET_MESSAGE_INTERVAL)}
+    assert requested.get(OBSTACLE_DISTANCE) == (200_000 if wanted else None)

@@ -74,3 +74,85 @@ def test_packets_are_dated_by_the_autopilots_last():
     listener.count_packets(SourceStatistics(received=7, lost=2))
     link = listener.telemetry.link
     assert (link.received_s, link.packets_received, link.packets_lost) == (3.0, 7, 2)
+
+
+SENSOR = mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE
+
+
+def distances(sender, *, ahead_cm=500, time_s=20.0):
+    return sender.send(
+        "OBSTACLE_DISTANCE",
+        time_usec=int(time_s * 1e6),
+        sensor_type=0,
+        distances=[ahead_cm] + [65535] * 71,
+        increment=5,
+        min_distance=20,
+        max_distance=2000,
+        increment_f=0.0,
+        angle_offset=0.0,
+        frame=mavlink.MAV_FRAME_BODY_FRD,
+    )
+
+
+def obstacle(sender, x, *, boot_s=20.0):
+    return sender.send(
+        "OBSTACLE_DISTANCE_3D",
+        time_boot_ms=int(boot_s * 1000),
+        sensor_type=0,
+        frame=mavlink.MAV_FRAME_BODY_FRD,
+        obstacle_id=65535,
+        x=x,
+        y=0.0,
+        z=0.0,
+        min_distance=0.2,
+        max_distance=20.0,
+    )
+
+
+@pytest.mark.parametrize("component", [1, SENSOR, 158])
+def test_obstacles_are_told_by_the_autopilot_and_by_sensors_of_its_system(component):
+    listener = TelemetryReceiver()
+    hear(listener, Peer(1, 1).heartbeat())
+    hear(listener, distances(Peer(1, component)), now_s=2.0)
+    proximity = listener.telemetry.proximity
+    assert (proximity.points_m, proximity.sender) == (((5.0, 0.0, 0.0),), component)
+    hear(listener, obstacle(Peer(1, component), 7.0), now_s=2.1)
+    assert listener.telemetry.proximity.points_m[-1] == (7.0, 0.0, 0.0)
+
+
+def test_obstacles_of_other_systems_and_on_operators_links_are_not_ours():
+    listener, sensor = TelemetryReceiver(), Peer(1, SENSOR)
+    hear(listener, distances(sensor))
+    hear(listener, Peer(1, 1).heartbeat())
+    hear(listener, distances(Peer(2, SENSOR)))
+    hear(listener, distances(Peer(2, 1)))
+    hear(listener, distances(sensor), link="radio", role=LinkRole.OPERATOR)
+    assert listener.telemetry.proximity is None
+    hear(listener, distances(sensor), link="radio")  # another link to the same vehicle
+    assert listener.telemetry.proximity is not None
+
+
+@pytest.mark.parametrize("kind", [distances, obstacle])
+def test_a_late_packet_of_a_sensor_is_dropped_and_its_restart_is_not(kind):
+    listener, sensor = TelemetryReceiver(), Peer(1, SENSOR)
+    hear(listener, Peer(1, 1).heartbeat())
+    field = {"ahead_cm": 900} if kind is distances else {"x": 9.0}
+    near = {"ahead_cm": 300} if kind is distances else {"x": 3.0}
+    stamp = "time_s" if kind is distances else "boot_s"
+    hear(listener, kind(sensor, **near, **{stamp: 20.0}), now_s=2.0)
+    hear(listener, kind(sensor, **field, **{stamp: 19.8}), now_s=2.01)
+    assert listener.telemetry.proximity.points_m == ((3.0, 0.0, 0.0),)
+    for step in range(20):
+        hear(listener, kind(sensor, **field, **{stamp: 1.0 + 0.1 * step}), now_s=5.0 + 0.1 * step)
+    assert listener.telemetry.proximity.points_m == ((9.0, 0.0, 0.0),)
+    assert listener.telemetry.proximity.received_s == pytest.approx(6.9)
+
+
+def test_a_restart_of_the_autopilot_forgets_obstacles_until_the_next():
+    listener, autopilot, sensor = TelemetryReceiver(), Peer(1, 1), Peer(1, SENSOR)
+    hear(listener, autopilot.heartbeat())
+    hear(listener, distances(sensor))
+    hear(listener, autopilot.heartbeat(system_status=mavlink.MAV_STATE_BOOT))
+    assert listener.telemetry.proximity is None
+    hear(listener, distances(sensor, time_s=20.1), now_s=1.1)
+    assert listener.telemetry.proximity is not None
