@@ -39,6 +39,8 @@ _DECAY_PER_S = 0.5
 """Of a cell that is not occupied: single wrong echoes do not add up."""
 _REMEMBERED_S = 60.0
 """Without an echo for so long an obstacle is forgotten: twice what a visit of a target takes."""
+_SHOWN_S = 1.0
+"""Between two changes of polygons that are not urgent."""
 _AROUND = np.ones((3, 3), dtype=bool)
 
 
@@ -70,6 +72,7 @@ class Occupancy:
         self._occupied = np.zeros(self._shape, dtype=bool)
         self._time_s: float | None = None
         self._shown = np.zeros(self._shape, dtype=bool)
+        self._shown_s = -math.inf
         self._numbers = np.zeros(self._shape, dtype=int)
         """Number of the polygon that has a cell; 0 for none."""
         self._given = 0
@@ -120,7 +123,7 @@ class Occupancy:
         self._evidence[time_s - self._hit_s > _REMEMBERED_S] = 0.0
         np.maximum(self._evidence, 0.0, out=self._evidence)
         self._occupied = np.where(self._occupied, self._evidence > 0.0, self._evidence >= _OCCUPIED)
-        self._show()
+        self._show(time_s)
 
     def release(self, points_m: list[tuple[float, float]], within_m: float) -> None:
         """Clears the cells about places that turned out to be no solid obstacles."""
@@ -156,12 +159,18 @@ class Occupancy:
             for number, outline in sorted(self._outlines.items())
         )
 
-    def _show(self) -> None:
-        """A cell at the edge of what is occupied stays shown: its evidence comes and goes."""
+    def _show(self, time_s: float) -> None:
+        """A cell at the edge of what is occupied stays shown: its evidence comes and goes.
+
+        What is beside something shown already, or has gone, waits: each change makes new maps.
+        """
         beside = ndimage.binary_dilation(self._occupied, _AROUND)
         shown = self._occupied | (self._shown & beside)
-        if not np.array_equal(shown, self._shown):
-            self._shown = shown
+        if np.array_equal(shown, self._shown):
+            return
+        apart = shown & ~ndimage.binary_dilation(self._shown, _AROUND)
+        if apart.any() or time_s - self._shown_s >= _SHOWN_S:
+            self._shown, self._shown_s = shown, time_s
             self._name_parts()
 
     def _name_parts(self) -> None:
