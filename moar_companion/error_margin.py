@@ -6,11 +6,14 @@ The distance kept from an obstacle is the vehicle's radius, the obstacle's own k
 
 from __future__ import annotations
 
+import math
+from dataclasses import fields, replace
+
 from .autopilots import profile
-from .config import Supervision
+from .config import CompanionConfig, Supervision
 from .site import Margin, Site
 from .types import AutopilotKind
-from .vehicle import Vehicle
+from .vehicle import SpeedLimits, Vehicle
 
 
 def seen_margin(kind: AutopilotKind | None) -> Margin:
@@ -32,3 +35,30 @@ def margin_of(vehicle: Vehicle, supervision: Supervision) -> Margin:
 def flown_site(site: Site, vehicle: Vehicle, supervision: Supervision) -> Site:
     """The site as a vehicle flies it: beyond every keep-out its margin is kept."""
     return site.flown_with(margin_of(vehicle, supervision))
+
+
+_REACTION_S = 0.8
+"""From a conductor's first echo to a braking setpoint: five scans of 0.1 s, maps, a plan."""
+
+
+def sight_speed_mps(vehicle: Vehicle, config: CompanionConfig) -> float:
+    """Speed from which the aircraft stops before the margin of a conductor in no file.
+
+    By `perception.sight_m`, less hull, keep-out and margin, after the reaction time.
+    """
+    settings = config.perception
+    kept_m = vehicle.radius_m + settings.keep_out_m + margin_of(vehicle, config.supervision).total_m
+    room_m = max(0.0, settings.sight_m - kept_m)
+    coasted_mps = vehicle.guidance.acceleration_mps2 * _REACTION_S
+    way = 2.0 * vehicle.guidance.acceleration_mps2 * room_m
+    return math.sqrt(coasted_mps**2 + way) - coasted_mps
+
+
+def sighted(vehicle: Vehicle, config: CompanionConfig) -> Vehicle:
+    """The vehicle as flown by sight: with a sensor its speeds are limited, not below v_MIN."""
+    if config.perception.sensor is None:
+        return vehicle
+    speed = vehicle.speed
+    most_mps = max(speed.min_mps, sight_speed_mps(vehicle, config))
+    limited = {item.name: min(getattr(speed, item.name), most_mps) for item in fields(speed)}
+    return replace(vehicle, speed=SpeedLimits(**limited))

@@ -50,6 +50,8 @@ FIELDS: Mapping[str, tuple[str, str]] = {
     "outside_m": ("71", "99999"),
     "low_m": ("1.2", "99999"),
     "least_m": ("2", "99999"),
+    "x_m": ("9.2", "-99999.9"),
+    "z_m": ("18.3", "-99999.9"),
     "limit": ("60", "99999"),
     "plural": ("s", "s"),
 }
@@ -377,6 +379,19 @@ FAILSAFE_HITS = PilotText(
 PATH_MOVED = PilotText(
     pattern="{risk} risk {fraction}, {path}",
     meaning="a new plan, which this risk has moved most",
+)
+CONDUCTOR_SEEN = PilotText(
+    pattern="conductor at x {x_m}, z {z_m}",
+    actions=("avoided",),
+    meaning="the sensor sees a conductor there, in the plane, that the site file does not have",
+    remedy="survey the site again; see `moar-companion view`",
+)
+CONDUCTOR_MOVED = PilotText(
+    pattern="{obstacle} {m} m off the file",
+    actions=("avoided",),
+    meaning="the sensor sees this conductor at this distance from its place in the site file; both "
+    "places are avoided",
+    remedy="check the position (GNSS, datum, height) before the site file",
 )
 NARROW = PilotText(
     pattern="{low_m} m to {obstacle} < {least_m}",

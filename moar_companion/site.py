@@ -138,10 +138,16 @@ class Site:
 
     def with_obstacles(self, obstacles: tuple[Obstacle, ...]) -> Site:
         """The site with other obstacles, as a file has them: the margin is added to each."""
-        kept = (
+        return replace(self, obstacles=self._kept_clear(obstacles))
+
+    def with_more_obstacles(self, obstacles: tuple[Obstacle, ...]) -> Site:
+        """The site with further obstacles, as a file has them: the margin is added to those."""
+        return replace(self, obstacles=(*self.obstacles, *self._kept_clear(obstacles)))
+
+    def _kept_clear(self, obstacles: tuple[Obstacle, ...]) -> tuple[Obstacle, ...]:
+        return tuple(
             replace(item, keep_out_m=item.keep_out_m + self.margin.total_m) for item in obstacles
         )
-        return replace(self, obstacles=tuple(kept))
 
     @classmethod
     def load(cls, path: str | PathLike[str]) -> Site:

@@ -1,4 +1,4 @@
-"""Files of point clouds: LAS, LAZ, PLY, PCD, NPZ and XYZ, in metres around a place on the map."""
+"""Files of point clouds, packet captures included, in metres around a place on the map."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from ..errors import InputError
 from ..frames import radii_of_curvature_m
 from ..types import GeodeticPoint
 from .options import require
+from .packet_captures import read_capture
 
 if TYPE_CHECKING:
     import numpy as np
@@ -43,8 +44,13 @@ class LocalCloud:
     target_height_m: float | None
 
 
-def read_cloud(file: str, crs: str | None) -> Cloud:
-    """The points of a file; raises InputError."""
+def read_cloud(
+    file: str, crs: str | None, metadata: str | None = None, port: int | None = None
+) -> Cloud:
+    """The points of a file; raises InputError.
+
+    metadata, port: of a packet capture, as `read_capture` takes them.
+    """
     ending = Path(file).suffix.lower()
     readers: dict[str, Callable[[str], tuple[FloatArray, Any]]] = {
         ".las": _las,
@@ -56,6 +62,11 @@ def read_cloud(file: str, crs: str | None) -> Cloud:
         ".txt": _xyz,
         ".csv": _xyz,
     }
+    captures = (".pcap", ".pcapng")
+    for option, value in (("--metadata", metadata), ("--port", port)):
+        if value is not None and ending not in captures:
+            raise InputError(option, "", f"is for a packet capture: {' or '.join(captures)}")
+    readers |= dict.fromkeys(captures, lambda name: (read_capture(name, metadata, port), None))
     if ending not in readers:
         raise InputError(file, "", f"ends in {ending!r}, must end in one of {', '.join(readers)}")
     if not Path(file).is_file():

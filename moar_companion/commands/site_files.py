@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "file", metavar="FILE", type=file_name("FILE"), help="the point cloud, map or site file"
     )
-    cloud = parser.add_argument_group("from-cloud (.las .laz .ply .pcd .npz .xyz)")
+    cloud = parser.add_argument_group("from-cloud (.las .laz .ply .pcd .npz .xyz .pcap)")
     cloud.add_argument(
         "--at",
         metavar="LAT,LON|X,Y[,Z]",
@@ -46,6 +46,10 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         metavar="LAT,LON,ALT",
         type=numbers("--origin", "LAT,LON,ALT", "degrees and metres above mean sea level"),
         help="where the file's 0,0,0 is, if it has no coordinate system: x east, y north",
+    )
+    add_file(cloud, "--metadata", "of a .pcap of an Ouster: the sensor's description (.json)")
+    cloud.add_argument(
+        "--port", metavar="N", type=_port, help="of a .pcap: UDP port of the data packets"
     )
     cloud.add_argument("--seed", metavar="N", type=_seed, default=0, help="of RANSAC (default: 0)")
     made = parser.add_argument_group("from-cloud and from-map")
@@ -94,7 +98,7 @@ def _from_cloud(arguments: argparse.Namespace) -> int:
     out = _out(arguments)
     if arguments.at is None:
         raise InputError("--at", "", "is missing: the target, LAT,LON or X,Y[,Z]")
-    cloud = read_cloud(arguments.file, arguments.crs)
+    cloud = read_cloud(arguments.file, arguments.crs, arguments.metadata, arguments.port)
     local = around(cloud, arguments.at, arguments.origin)
     line = find_power_line(local.points_m, DetectorSettings(seed=arguments.seed))
     options = SiteOptions(
@@ -313,6 +317,12 @@ def _place(text: str) -> tuple[float, ...]:
 def _seed(text: str) -> int:
     if not text.isascii() or not text.isdigit() or len(text) > 9:
         raise refused("--seed", text, "must be a whole number from 0 to 999999999")
+    return int(text)
+
+
+def _port(text: str) -> int:
+    if not text.isascii() or not text.isdigit() or not 1 <= int(text[:9]) <= 65_535:
+        raise refused("--port", text, "must be a UDP port from 1 to 65535")
     return int(text)
 
 

@@ -35,6 +35,9 @@ from ..mavlink.signing import Signing, SigningRefusal, link_signings
 from ..mavlink.telemetry_receiver import ModeLeft
 from ..mission.values import MissionStatus, Verdict
 from ..mission_states import STREAMING
+from ..perception.perception_report import PerceptionReport
+from ..perception.pose_notes import PoseNote
+from ..planning.map_jobs import MapAnswer, MapJob
 from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..power.cells import misread
 from ..risk import RiskEstimate
@@ -50,6 +53,7 @@ from .operator_commands import OperatorCommands
 from .reports import Decision, Reports
 from .restart_report import RestartReport
 from .safety_monitor import SafetyMonitor
+from .seen_obstacles import SeenObstacles
 
 _RISK_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 0.5
@@ -103,6 +107,7 @@ class Companion:
     def _begin(self, site_maps: SiteMaps | None) -> None:
         site = None if site_maps is None else site_maps.site
         self._pose_tracker = PoseTracker(site, self._vehicle.autopilot)
+        self._seen_obstacles = SeenObstacles(self._config.perception, site, self._reports)
         self._executor = MissionExecutor(
             self._config,
             self._vehicle,
@@ -113,6 +118,7 @@ class Companion:
             reports=self._reports,
             safety_monitor=self._safety_monitor,
             before=self._restart_report.before,
+            seen_obstacles=self._seen_obstacles,
         )
 
     @property
@@ -194,7 +200,7 @@ class Companion:
     @property
     def clearance_m(self) -> float | None:
         """Distance from the aircraft's hull to the nearest obstacle; None where unknown."""
-        pose, site_maps = self._pose_tracker.pose, self._site_maps
+        pose, site_maps = self._pose_tracker.pose, self._executor.routes.site_maps
         if pose is None or site_maps is None:
             return None
         return site_maps.clearance_m(pose, self._vehicle.radius_m)
@@ -254,6 +260,14 @@ class Companion:
         """Takes the answer to a contingency's job, for the next cycle."""
         self._contingency_answers.append(answer)
 
+    def perceived(self, report: PerceptionReport) -> None:
+        """Takes what the sensor sees, for the next cycle."""
+        self._seen_obstacles.take(report)
+
+    def maps_answered(self, answer: MapAnswer) -> None:
+        """Takes the answer to a map job, for the next cycle; one no longer awaited is dropped."""
+        self._seen_obstacles.answered(answer)
+
     def tick(self, now_s: float) -> None:
         """Runs one cycle, from received events to this instant's setpoint."""
         step_s = 0.0 if self._cycle_s is None else min(_LONGEST_STEP_S, now_s - self._cycle_s)
@@ -288,6 +302,11 @@ class Companion:
         """
         self._notice_pause(now_s)
         jump = self._pose_tracker.look(self.telemetry)
+        self._seen_obstacles.note_pose(self.telemetry, self._pose_tracker, jump)
+        site_maps = self._seen_obstacles.taken()
+        if site_maps is not None:
+            self._executor.take_maps(site_maps, now_s)
+        self._seen_obstacles.look(now_s)
         if jump is not None:
             self._executor.shift(jump, now_s)
         for event in self._session.events_received():
@@ -364,6 +383,14 @@ class Companion:
         """Planning jobs for escape routes since the last call; lower priority than `plan_jobs`."""
         ways = self._executor.risk_monitor.contingencies
         return [] if ways is None else ways.jobs()
+
+    def map_jobs(self) -> list[MapJob]:
+        """Jobs for maps with other obstacles since the last call; one at a time."""
+        return self._seen_obstacles.jobs()
+
+    def pose_notes(self) -> list[PoseNote]:
+        """Poses since the last call, for the perception; none without a sensor."""
+        return self._seen_obstacles.pose_notes()
 
     def decisions(self) -> list[Decision]:
         """Decisions since the last call."""

@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from ..config import Supervision
 from ..contingency.contingency_planner import ContingencyInputs
-from ..estimation.pose_tracker import PoseTracker, SiteMaps
+from ..estimation.pose_tracker import PoseTracker
 from ..mavlink.session import Session
 from ..mission import state_machine
 from ..mission.values import MissionStatus, Situation
@@ -27,35 +27,36 @@ from ..vehicle import Vehicle
 from .mode_requester import ModeRequester
 from .risk_monitor import RiskMonitor
 from .route_manager import RouteManager
+from .seen_obstacles import SeenObstacles
 
 ON_THE_WAY = (MissionState.FLYING, MissionState.LANDING_LEG)
 
 
 class CycleInputs:
-    """Reads the inputs. site_maps: None without a site."""
+    """Reads the inputs."""
 
     def __init__(
         self,
         vehicle: Vehicle,
         limits: Supervision,
         margin: Margin,
-        site_maps: SiteMaps | None,
         *,
         session: Session,
         pose_tracker: PoseTracker,
         routes: RouteManager,
         risk_monitor: RiskMonitor,
         mode_requester: ModeRequester,
+        seen_obstacles: SeenObstacles,
     ) -> None:
         self._vehicle = vehicle
         self._limits = limits
         self._margin = margin
-        self._site_maps = site_maps
         self._session = session
         self._pose_tracker = pose_tracker
         self._routes = routes
         self._risk_monitor = risk_monitor
         self._mode_requester = mode_requester
+        self._seen_obstacles = seen_obstacles
 
     @property
     def mode_ours(self) -> bool:
@@ -129,7 +130,8 @@ class CycleInputs:
         self, status: MissionStatus, host: Host, faults: Causes, now_s: float
     ) -> CheckInputs:
         """Inputs of the supervisor's checks. faults: causes that no measurement shows."""
-        flight, pose, site_maps = self._routes.flight, self._pose_tracker.pose, self._site_maps
+        flight, pose = self._routes.flight, self._pose_tracker.pose
+        site_maps = self._routes.site_maps
         telemetry, risk = self._session.telemetry, self._risk_monitor.risk
         ways = self._risk_monitor.contingencies
         escape_route = None if ways is None else ways.escape_route(risk.meter)
@@ -173,21 +175,22 @@ class CycleInputs:
             escape_route=escape_route,
             exposure=self._exposure(status, escape_route, now_s),
             host=host,
+            sensing=self._seen_obstacles.settings,
+            sensor_health=self._seen_obstacles.health,
             faults=replace(
                 faults,
                 offboard_loss_unknown=self._routes.not_ready_reason,
                 autopilot_fence=self._routes.fence_objection(pose),
                 offboard_loss_collision=self._routes.objection,
+                path_barred=self._routes.barred,
                 no_clearance=faults.no_clearance or self._routes.inflation.no_room,
             ),
         )
 
     def _dwell_s(self, status: MissionStatus) -> float:
         """Time to stay at the present target."""
-        task = status.task
-        return (
-            0.0 if self._site_maps is None or task is None else self._site_maps.dwell_s(task.stops)
-        )
+        task, site_maps = status.task, self._routes.site_maps
+        return 0.0 if site_maps is None or task is None else site_maps.dwell_s(task.stops)
 
     def _exposure(
         self, status: MissionStatus, escape_route: EscapeRoute | None, now_s: float

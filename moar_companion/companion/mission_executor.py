@@ -47,6 +47,7 @@ from .reports import Reports
 from .risk_monitor import RiskMonitor
 from .route_manager import RouteManager
 from .safety_monitor import SafetyMonitor
+from .seen_obstacles import SeenObstacles
 from .setpoint_streamer import SetpointStreamer
 from .wind_recovery import WindRecovery
 
@@ -72,11 +73,11 @@ class MissionExecutor:
         reports: Reports,
         safety_monitor: SafetyMonitor,
         before: MissionSnapshot | None,
+        seen_obstacles: SeenObstacles,
     ) -> None:
         self._config = config
         self._vehicle = vehicle
         self._margin = margin_of(vehicle, config.supervision)
-        self._site_maps = site_maps
         self._session = session
         self._pose_tracker = pose_tracker
         self._orders = orders
@@ -104,12 +105,12 @@ class MissionExecutor:
             vehicle,
             config.supervision,
             self._margin,
-            site_maps,
             session=session,
             pose_tracker=pose_tracker,
             routes=self.routes,
             risk_monitor=self.risk_monitor,
             mode_requester=self.mode_requester,
+            seen_obstacles=seen_obstacles,
         )
         self.host = Host()
         """Free resources of the computer."""
@@ -158,7 +159,7 @@ class MissionExecutor:
         self.setpoints.widened_m = widening_m(self.risk, self._margin)
         tracking_error_m = self._inputs.tracking_error_m(self.status)
         error_m = None if escapes(self.status) else tracking_error_m
-        self._paths_changed = self.routes.look(self.risk, error_m, now_s)
+        self._paths_changed |= self.routes.look(self.risk, error_m, now_s)
         faults = self.faults.causes
         seen = self._inputs.check_inputs(self.status, self.host, faults, now_s)
         self._safety_monitor.rule(seen, now_s)
@@ -183,6 +184,7 @@ class MissionExecutor:
             resume=self._config.resume,
             now_s=now_s,
         )
+        self._paths_changed = False
         self._carry_out(step, now_s)
 
     def _take_plan(self, awaited: Awaited, answer: PlanAnswer, now_s: float) -> None:
@@ -211,7 +213,7 @@ class MissionExecutor:
         """Executes, or refuses, an order."""
         order_id = command.number
         self._session.commands.note_executed(command, now_s)
-        site = None if self._site_maps is None else self._site_maps.site
+        site = None if self.routes.site_maps is None else self.routes.site_maps.site
         order = understood(command, site, self._config.authority)
         self._reports.record("order", now_s, order=words(order), sender=command.sender.system_id)
         if isinstance(order, Refused):
@@ -256,6 +258,11 @@ class MissionExecutor:
             self.routes.flight.shift(jump)
             self._reports.record("jump", now_s, jump_m=list(jump.step_m), turn_rad=jump.turn_rad)
 
+    def take_maps(self, site_maps: SiteMaps, now_s: float) -> None:
+        """Takes maps of the site with other obstacles."""
+        self.routes.learn_maps(site_maps, now_s)
+        self._paths_changed = True
+
     def shut_down(self, now_s: float) -> None:
         """Ends the setpoint stream at rest, if still permitted, before the process ends."""
         if (
@@ -285,7 +292,7 @@ class MissionExecutor:
                 self.status, reason, now_s, waits=waits, failed=answer.failed
             )
             self._carry_out(step, now_s)
-        elif not no_room:
+        elif not no_room and not self.routes.note_no_way_round():
             self._reports.say(Severity.NOTICE, reason, now_s, action="path kept")
             if self.routes.braked:
                 self._carry_out(state_machine.blocked(self.status, now_s), now_s)

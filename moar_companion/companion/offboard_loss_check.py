@@ -72,6 +72,14 @@ class OffboardLossCheck:
         elif not home_moved(home_m, self._home_m):
             return
         self._home_m = home_m
+        self._check_flight(flight, now_s)
+
+    def learn_maps(self, site_maps: SiteMaps, flight: PathFollower | None, now_s: float) -> None:
+        """Takes maps with other obstacles; checks the current flight or hold by them."""
+        self._site_maps = site_maps
+        self._check_flight(flight, now_s)
+
+    def _check_flight(self, flight: PathFollower | None, now_s: float) -> None:
         self.objection = None
         if flight is None or flight.mission is None:
             return

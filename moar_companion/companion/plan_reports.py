@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 
 from .. import pilot_texts
-from ..estimation.pose_tracker import SiteMaps
 from ..mavlink.session import Severity
 from ..planner.comparison import path_difference
 from ..planner.plan_values import Plan
 from ..planner.regions import narrowest
 from ..risk import RiskEstimate
 from ..risk.explain import WeightsReason, risk_dict
+from ..site import Site
 from ..text_format import distance, limit_text
 from ..types import Mission, RiskIndices
 from ..vehicle import Vehicle
@@ -30,8 +30,7 @@ _RISK_MOVED = 0.05
 class PlanReports:
     """Keeps the risk indices of the active path, and the time of the last text about a move."""
 
-    def __init__(self, site_maps: SiteMaps | None, vehicle: Vehicle, reports: Reports) -> None:
-        self._site_maps = site_maps
+    def __init__(self, vehicle: Vehicle, reports: Reports) -> None:
         self._vehicle = vehicle
         self._reports = reports
         self._told_s = -math.inf
@@ -81,11 +80,9 @@ class PlanReports:
             )
             self._reports.say(Severity.INFO, reason, now_s)
 
-    def tell_narrow(self, plan: Plan, now_s: float) -> None:
+    def tell_narrow(self, plan: Plan, site: Site, now_s: float) -> None:
         """Reports the clearance of an escape route that keeps less than the margin."""
-        if self._site_maps is None:
-            return
-        nearest = narrowest(self._site_maps.site, self._vehicle, plan.waypoints.position_m)
+        nearest = narrowest(site, self._vehicle, plan.waypoints.position_m)
         if nearest is not None:
             name, clearance_m, needed_m = nearest
             reason = pilot_texts.NARROW(

@@ -6,11 +6,12 @@ Jobs go out as values and answers come back as values; only the newest job's ans
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .. import pilot_texts
 from ..adaptation import Adaptation
 from ..autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
+from ..estimation.pose_tracker import SiteMaps
 from ..guidance.splice import Splice
 from ..mission.values import Task
 from ..planner.plan_values import PlanRequest
@@ -51,6 +52,8 @@ class PlanRequests:
         self.asked_fence: PlaneFence | None = None
         self.asked_failsafes = NO_FAILSAFES
         """Time of the last request, with its risks, inflation of obstacles, fence and failsafes."""
+        self.asked_maps: SiteMaps | None = None
+        """Site and maps at the last request."""
         self.wanting_since_s: float | None = None
         """Time of the first request for a new plan of the current task; None if none is pending."""
 
@@ -69,6 +72,7 @@ class PlanRequests:
         fence: PlaneFence | None,
         failsafes: Failsafes,
         narrowed_m: float,
+        site_maps: SiteMaps | None,
         *,
         first: bool,
         reason: str,
@@ -109,7 +113,15 @@ class PlanRequests:
         self._jobs.append(job)
         self.asked_s, self.asked_risk = now_s, risk
         self.asked_widening_m, self.asked_fence = widening_m, fence
-        self.asked_failsafes = failsafes
+        self.asked_failsafes, self.asked_maps = failsafes, site_maps
+
+    def ask_again(self, awaited: Awaited, site_maps: SiteMaps | None, now_s: float) -> None:
+        """Repeats a request whose answer is on maps that are no longer the present ones."""
+        self._last_id += 1
+        job = replace(awaited.job, job_id=self._last_id)
+        self._awaited = replace(awaited, job=job)
+        self._jobs.append(job)
+        self.asked_s, self.asked_maps = now_s, site_maps
 
     def forget(self) -> None:
         """Drops the pending request."""

@@ -29,6 +29,7 @@ from ..risk import RiskEstimate
 from ..safety.failsafe_exposure import FailsafeExposure
 from ..site import Margin
 from ..telemetry import FenceItem, Telemetry
+from ..text_format import reason_chars, short_name
 from ..types import AutopilotKind, Mission, RiskIndices, Vector
 from ..vehicle import Vehicle
 from .offboard_loss_check import OffboardLossCheck
@@ -37,6 +38,7 @@ from .plan_reports import PlanReports
 from .plan_requests import Awaited, PlanRequests
 from .reports import Reports
 
+_NO_WAY_ROUND = "no path round "
 _STANDS_FOR_S = 1.0
 """Time between two attempts to resume when the flight was stopped and no condition holds it."""
 _ENDS_AFTER_S = 5.0
@@ -58,7 +60,8 @@ class RouteManager:
     ) -> None:
         self.flight: PathFollower | None = None
         """Active or offered flight; None while there is none."""
-        self._site_maps = site_maps
+        self.site_maps = site_maps
+        """Site and maps, with the obstacles that are seen; None without a site."""
         self._vehicle = vehicle
         self._config = config
         self._reports = reports
@@ -68,7 +71,7 @@ class RouteManager:
         """Last time at which the setpoint was short of the plan's end."""
         self._resumed_s = -math.inf
         """Time of the last resumption along a landing leg."""
-        self._plan_reports = PlanReports(site_maps, vehicle, reports)
+        self._plan_reports = PlanReports(vehicle, reports)
         site = None if site_maps is None else site_maps.site
         self._fences = SiteFence(site, config.supervision.fence_margin_m)
         self.fence: PlaneFence | None = None
@@ -78,6 +81,10 @@ class RouteManager:
         self._offboard_loss_check = OffboardLossCheck(
             site_maps, vehicle, config.supervision, reports
         )
+        self._obstacles_seen = False
+        """True once the maps have changed in flight."""
+        self._no_way_round: str | None = None
+        """Reason why no plan leads round what bars the path; None while none was found."""
         self.inflation = PlanInflation(vehicle, config.supervision, margin)
         """Obstacle inflation of plans."""
         self._left: PathFollower | None = None
@@ -98,12 +105,12 @@ class RouteManager:
         """Reason why no mission can start; None once offboard-loss action and fence are known."""
         if not self._offboard_loss_check.loss or not self.watch.known:
             return "autopilot parameters not read yet"
-        return None if self._site_maps is None else self._fences.not_ready_reason
+        return None if self.site_maps is None else self._fences.not_ready_reason
 
     @property
     def volume(self) -> FlightVolume | None:
         """Flight volume of the vehicle; None while no mission can start."""
-        site_maps, loss = self._site_maps, self._offboard_loss_check.loss
+        site_maps, loss = self.site_maps, self._offboard_loss_check.loss
         if site_maps is None or loss is None or self._fences.not_ready_reason is not None:
             return None
         return FlightVolume(
@@ -112,6 +119,7 @@ class RouteManager:
             maps=site_maps.maps,
             loss=loss,
             fence=self._fences.plane,
+            sudden_m=self._config.perception.keep_out_m if self._obstacles_seen else 0.0,
         )
 
     def learn_fence(
@@ -133,12 +141,38 @@ class RouteManager:
         plane = self._fences.plane
         if self._fences.assumption and self._fences.assumption != assumption:
             self._reports.say(Severity.WARNING, self._fences.assumption, now_s)
-        if self._site_maps is None or plane == before:
+        if self.site_maps is None or plane == before:
             return
         height_m = self._vehicle.guidance.landing_height_m
-        self.fence = fenced(plane, self._site_maps.site, height_m)
+        self.fence = fenced(plane, self.site_maps.site, height_m)
         if self.flight is not None:
             self.flight.learn_fence(plane)
+
+    def learn_maps(self, site_maps: SiteMaps, now_s: float) -> None:
+        """Takes maps of the site with other obstacles; brakes where they bar the path ahead."""
+        self.site_maps = site_maps
+        self._obstacles_seen = True
+        self._no_way_round = None
+        volume = self.volume
+        if self.flight is not None and volume is not None:
+            self.flight.learn_maps(volume)
+            self.flight.avoid()
+        self._offboard_loss_check.learn_maps(site_maps, self.flight, now_s)
+
+    @property
+    def barred(self) -> str | None:
+        """Reason to hold: the maps bar the path ahead, and no plan leads round; None without it."""
+        return self._no_way_round
+
+    def note_no_way_round(self) -> bool:
+        """Notes a search that found no plan; brakes and returns True if the maps bar the path."""
+        obstacle = None if self.flight is None else self.flight.barred_by
+        if self.flight is None or obstacle is None:
+            return False
+        room = reason_chars("holding") - len(_NO_WAY_ROUND)
+        self._no_way_round = _NO_WAY_ROUND + short_name(obstacle, room)
+        self.flight.brake()
+        return True
 
     def fence_objection(self, pose: Pose | None) -> str | None:
         """Reason against the active flight by the autopilot's present fence; None if there is none.
@@ -205,8 +239,26 @@ class RouteManager:
         self._plans.answered(answer)
 
     def taken(self, now_s: float) -> tuple[Awaited, PlanAnswer] | None:
-        """The awaited plan with its answer, or with a failure if none came in time; None so far."""
-        return self._plans.taken(now_s)
+        """The awaited plan with its answer, or with a failure if none came in time; None so far.
+
+        A plan that the present maps bar was made before these: it is requested again.
+        """
+        taken = self._plans.taken(now_s)
+        if taken is None:
+            return None
+        awaited, answer = taken
+        if self._is_barred(answer):
+            self._plans.ask_again(awaited, self.site_maps, now_s)
+            return None
+        return taken
+
+    def _is_barred(self, answer: PlanAnswer) -> bool:
+        """True if the maps have changed since a plan was requested, and bar a cell of it."""
+        volume, plan = self.volume, answer.plan
+        if plan is None or volume is None or self._plans.asked_maps is self.site_maps:
+            return False
+        volume = replace(volume, narrowed_m=answer.narrowed_m)
+        return bool(volume.bars(plan.states[:, :-1]).any())
 
     def ask(
         self,
@@ -243,6 +295,7 @@ class RouteManager:
             self.fence,
             self.watch.failsafes,
             0.0 if task.mission is Mission.INSPECTION else self.flight.narrowed_m,
+            self.site_maps,
             first=first,
             reason=reason,
             now_s=now_s,
@@ -281,8 +334,8 @@ class RouteManager:
             self._offboard_loss_check.objection = None
         if adoption is Adoption.NEW_PATH:
             self._plan_reports.explain(awaited, plan, flown, estimate, now_s)
-        if answer.narrowed_m and adoption is Adoption.NEW_PATH:
-            self._plan_reports.tell_narrow(plan, now_s)
+        if answer.narrowed_m and adoption is Adoption.NEW_PATH and self.site_maps is not None:
+            self._plan_reports.tell_narrow(plan, self.site_maps.site, now_s)
         if awaited.first and adoption is not Adoption.TOO_LATE:
             self._near_path_s = self._under_way_s = now_s
         return adoption
@@ -315,7 +368,14 @@ class RouteManager:
             self.ask(task, pose, risk, now_s, first=False, recover=True, reason=off)
             return
         age_s = now_s - self._plans.asked_s
-        if flight.braked:
+        reason: str | None
+        known = self._plans.asked_maps is self.site_maps
+        seldom = age_s >= self._config.replanning.min_interval_s
+        if (seldom or not known) and self._obstacles_seen and flight.barred_by is not None:
+            reason = "an obstacle is seen in the path"
+        elif seldom and not known:
+            reason = "other obstacles are seen"
+        elif flight.braked:
             # The task continues: an escape route has precedence over the cause of the brake.
             reason = "no progress" if age_s >= _STANDS_FOR_S else None
         elif self._plans.asked_fence != self.fence:

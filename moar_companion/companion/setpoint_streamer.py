@@ -66,7 +66,9 @@ class SetpointStreamer:
             setpoint, flight, plane, now_s
         )
         narrow = not reason and bool(self._place_refusal(setpoint, flight, self.widened_m))
-        if narrow:
+        if reason is not None and flight.seen_late:
+            narrow, reason = True, "no room here, an obstacle is seen"
+        elif narrow:
             known_m = self._margin.position_m + self.widened_m
             reason = (
                 f"no room here, uncertainty {distance(known_m)} m"

@@ -177,6 +177,13 @@ class PoseTracker:
         """
         return self._position_late_s
 
+    def received_s(self, boot_s: float) -> float | None:
+        """Time on our clock at which the autopilot's clock was at `boot_s`; None while unknown.
+
+        As for the fastest position that was received: a delay on the link does not count.
+        """
+        return boot_s + self._clock_ahead_s if math.isfinite(self._clock_ahead_s) else None
+
     def jumped_m(self, now_s: float) -> float:
         """Total length of the position's jumps within the last 10 s, there and back."""
         return sum(

@@ -17,7 +17,7 @@ from ..planner.escape import recovery_leg
 from ..planner.free_distance import FreeDistance
 from ..planner.geometry import rings
 from ..planner.graph import elevation_speed_mps
-from ..planner.grid import TOLERANCE, BoolArray
+from ..planner.grid import TOLERANCE, BoolArray, IntArray
 from ..planner.legs import leg_clearances
 from ..planner.maps import Maps
 from ..planner.plane_fence import PlaneFence
@@ -41,7 +41,8 @@ class FlightVolume:
     maps: of the site, keep-outs without inflation; the gate adds the present inflation.
     reach: to obstacles with the inflation of the active plan; None: as on `maps`.
     fence: of the autopilot, less its margin; None where there is none. narrowed_m: part of the
-    margin that the active plan omits.
+    margin that the active plan omits. sudden_m: depth beyond the margin in a keep-out at which a
+    setpoint may rest, since an obstacle may be seen late.
     """
 
     site: Site
@@ -51,6 +52,7 @@ class FlightVolume:
     reach: FreeDistance | None = None
     fence: PlaneFence | None = None
     narrowed_m: float = 0.0
+    sudden_m: float = 0.0
 
     @property
     def corridor_width_m(self) -> float:
@@ -136,6 +138,22 @@ class FlightVolume:
             ):
                 return False
         return True
+
+    def is_barred(self, places_m: FloatArray) -> BoolArray:
+        """Mask (n,) of places (n, 3) in the workspace whose cell is not free."""
+        grid = self.maps.grid
+        cells = np.floor((places_m[:, ::2] - grid.lower_m) / grid.resolution_m).astype(np.intp)
+        inside = ((cells >= 0) & (cells < grid.shape)).all(axis=1)
+        barred = np.zeros(len(places_m), dtype=np.bool_)
+        barred[inside] = self.bars(cells[inside])
+        return barred
+
+    def bars(self, cells: IntArray) -> BoolArray:
+        """Mask (n,) of cells (n, 2) that are not free, the margin left out that the plan omits."""
+        at = tuple(cells.T)
+        room_m = self.maps.room_m[at]
+        omitted = (room_m >= -self.narrowed_m) & (room_m < 0.0)
+        return np.asarray(self.maps.occupied[at] & ~omitted)
 
     def is_crowded(self, places_m: FloatArray) -> bool:
         """True if one of the places (n, 3) is within an obstacle's margin, or a cell of it."""
@@ -301,7 +319,7 @@ class FlightVolume:
             occupied=self.maps.occupied,
             room_m=self.maps.room_m,
             widened_m=widened_m,
-            margin_m=self.site.margin.total_m,
+            margin_m=self.site.margin.total_m + self.sudden_m,
             min_altitude_m=self.site.workspace.min_altitude_m,
             corridors_m=tuple(leg.points_m for leg in legs),
             ways_back_m=tuple(leg.points_m for leg in legs if leg.begins_beside),

@@ -189,6 +189,27 @@ class FlownPath:
         from_legs_m = [distances_m(places_m, leg.points_m) for leg in inwards]
         return self.volume.leaves_fence(places_m[np.min(from_legs_m, axis=0) > width_m])
 
+    def barred_m(self) -> float | None:
+        """Distance along the trajectory of the first place ahead that the maps bar; None: none.
+
+        In a leg's corridor places may be barred, as long as the leg comes no nearer to an obstacle.
+        """
+        trajectory, end_m = self.reference.trajectory, self.reference.stop_m
+        ahead = trajectory.distance_m >= self.reference.distance_m
+        if end_m is not None:
+            ahead &= trajectory.distance_m <= end_m
+        places_m, volume = trajectory.position_m[ahead], self.volume
+        barred = volume.is_barred(places_m)
+        for leg in self.legs:
+            corners_m = leg.points_m
+            if all(map(volume.is_free_leg, corners_m[:-1], corners_m[1:])):
+                barred &= distances_m(places_m, corners_m) > volume.corridor_width_m
+            else:
+                barred |= distances_m(places_m, corners_m) <= volume.corridor_width_m
+        if not barred.any():
+            return None
+        return float(trajectory.distance_m[ahead][barred][0])
+
     def fade_mps(self) -> float:
         """Maximum speed of the setpoint's return to a path that was moved under it."""
         offset, slow_mps = self.reference.offset_m, self.volume.vehicle.speed.min_mps

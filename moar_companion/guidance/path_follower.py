@@ -66,6 +66,8 @@ class PathFollower:
         self._plan: Plan | None = None
         self._drift = WindLeash()
         self._yaw_rad = pose.yaw_rad
+        self.seen_late = False
+        """True if an obstacle was seen nearer than the stopping distance, until the next plan."""
 
     @property
     def _reference(self) -> Reference:
@@ -177,6 +179,33 @@ class PathFollower:
         """Takes the autopilot's new fence, and caps the speed by it."""
         self._path = self._path.within(replace(self._volume, fence=fence))
 
+    def learn_maps(self, volume: FlightVolume) -> None:
+        """Takes a flight volume with other obstacles, and caps the speed by them.
+
+        The active plan's inflation counts no longer: the gate has the present one.
+        """
+        self._path = self._path.within(volume.widened(None, self.narrowed_m))
+
+    @property
+    def barred_by(self) -> str | None:
+        """Name of the obstacle by which the maps bar the path ahead; None: it is free."""
+        barred_m = self._path.barred_m()
+        if barred_m is None or not self._volume.site.obstacles:
+            return None
+        x_m, _, z_m = vector(self._reference.trajectory.at(barred_m)[0])
+        return self._volume.maps.reach.nearest((x_m, z_m))
+
+    def avoid(self) -> None:
+        """Brakes before a barred place where the next plan could not begin before it."""
+        barred_m = self._path.barred_m()
+        if barred_m is None:
+            return
+        stop_m = self._reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
+        self.seen_late = barred_m <= stop_m
+        joined_m = self.junction().joined_m
+        if joined_m is not None and joined_m >= barred_m:
+            self.brake()
+
     def leaves_fence(self) -> str | None:
         """The autopilot's fence limit that the path ahead crosses; None: no limit.
 
@@ -273,6 +302,7 @@ class PathFollower:
         if path is self._path:
             return Adoption.SAME_PATH
         self._path, self._drift = path, WindLeash()
+        self.seen_late = False
         return Adoption.NEW_PATH
 
     def rest_of_plan(

@@ -17,11 +17,11 @@ from ..site import Site
 from ..types import Vector
 from .conductor_tracks import ConductorTracks
 from .ground import ground_height_m
+from .lidar_scan import Scan
 from .occupancy import Occupancy
 from .packet_stream import packet_stream
 from .perception_report import PerceptionReport, SensorHealth
 from .plane_rays import PlaneRays
-from .scan import Scan
 from .scan_conductors import narrow_echoes, sightings
 from .scan_frame import PoseHistory, attitude_in_site, points_in_site
 
@@ -55,10 +55,11 @@ class LivePerception:
     late: number of scans that were dropped because poses did not reach.
     """
 
-    def __init__(self, settings: Perception, site: Site) -> None:
+    def __init__(self, settings: Perception, site: Site, description: str = "") -> None:
+        """description: content of the sensor's metadata file."""
         self._settings = settings
         self._azimuth_deg = site.frame.azimuth_deg
-        self._stream = packet_stream(settings)
+        self._stream = packet_stream(settings, description)
         self._poses = PoseHistory()
         self._tracks = ConductorTracks()
         self._occupancy = Occupancy(site)

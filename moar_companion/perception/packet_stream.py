@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import Protocol
 
 from ..perception_config import Perception, Sensor
-from .scan import Scan
+from .lidar_scan import Scan
+from .ouster import OusterStream
 from .velodyne import VelodyneStream
 
 
@@ -20,8 +21,13 @@ class PacketStream(Protocol):
         """Takes a packet; the scan that it completes, if any."""
 
 
-def packet_stream(settings: Perception) -> PacketStream | None:
-    """Stream of the sensor in use; None where it sends no packets of its own."""
+def packet_stream(settings: Perception, description: str) -> PacketStream | None:
+    """Stream of the sensor in use; None where it sends no packets of its own.
+
+    description: content of the sensor's metadata file.
+    """
     if settings.sensor is Sensor.VELODYNE:
         return VelodyneStream()
+    if settings.sensor is Sensor.OUSTER:
+        return OusterStream(description)
     return None

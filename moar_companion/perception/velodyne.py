@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .scan import Scan
+from .lidar_scan import Scan
 
 PACKET_BYTES = 1206
 _POSITION_BYTES = 512

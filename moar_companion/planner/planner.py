@@ -135,10 +135,16 @@ class Planner:
     def set_obstacles(self, obstacles: tuple[Obstacle, ...]) -> None:
         """Sets other obstacles on the same site: repairs the maps, drops goals and tables.
 
-        obstacles: as a file has them, without the site's margin. A table in preparation is dropped,
-        too.
+        obstacles: as a file has them, without the site's margin.
         """
-        self.site = self.site.with_obstacles(obstacles)
+        self.set_site(self.site.with_obstacles(obstacles))
+
+    def set_site(self, site: Site) -> None:
+        """Sets the same site with other obstacles or targets: repairs the maps, drops goals.
+
+        Tables are dropped, one in preparation, too. site: its obstacles have the margin.
+        """
+        self.site = site
         self._build(self.maps.position_uncertainty_m, self.maps.fence, before=self.maps)
         self._solver.graph = self.graph
 

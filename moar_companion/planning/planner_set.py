@@ -15,6 +15,7 @@ from ..planner.maps import Maps
 from ..planner.plane_fence import PlaneFence
 from ..planner.planner import Planner
 from ..safety.failsafe_paths import exposed_places
+from ..site import Site
 
 _MOST = 4
 """Changed planners kept: enough for the position's uncertainties within a flight."""
@@ -42,6 +43,13 @@ class PlannerSet:
 
     def _mark(self, planner: Planner) -> None:
         planner.set_exposed(exposed_cells(planner.maps, self._failsafes))
+
+    def set_site(self, site: Site) -> None:
+        """Sets the same site with other obstacles or targets, in all planners."""
+        self.exact.set_site(site)
+        self._others.clear()
+        if self._failsafes.actions:
+            self._mark(self.exact)
 
     def widened_by(self, width_m: float, fence: PlaneFence | None = None) -> Planner:
         """Returns the planner whose occupied distance is wider by `width_m`, cached while in use.

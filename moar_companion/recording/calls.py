@@ -18,6 +18,8 @@ from ..config import CompanionConfig
 from ..estimation.pose_tracker import SiteMaps
 from ..mavlink.peers import Address
 from ..mavlink.signing import Signing
+from ..perception.perception_report import PerceptionReport
+from ..planning.map_jobs import MapAnswer
 from ..planning.plan_jobs import PlanAnswer
 from ..safety.check_inputs import Host
 from ..site import Site
@@ -35,11 +37,21 @@ INPUTS = (
     "note_wall_clock",
     "plan_answered",
     "contingency_answered",
+    "perceived",
+    "maps_answered",
     "note_sent",
     "tick",
     "shut_down",
 )
-OUTPUTS = ("control_to_send", "data_to_send", "plan_jobs", "contingency_jobs", "decisions")
+OUTPUTS = (
+    "control_to_send",
+    "data_to_send",
+    "plan_jobs",
+    "contingency_jobs",
+    "map_jobs",
+    "pose_notes",
+    "decisions",
+)
 """Calls whose results are compared; those, too, change the machine: they empty its queues."""
 
 
@@ -141,6 +153,8 @@ def call_encoded(call: Call) -> list[Any]:
 def _argument(value: Any) -> Any:
     if isinstance(value, PlanAnswer):
         return answer_encoded(value)
+    if isinstance(value, MapAnswer):
+        return {"job_id": value.job_id, "made": value.site_maps is not None}
     return encoded(value.site if isinstance(value, SiteMaps) else value)
 
 
@@ -163,4 +177,6 @@ _ARGUMENTS: dict[str, tuple[Any, ...]] = {
     "shut_down": (float,),
     "plan_answered": (Any,),
     "contingency_answered": (Any,),
+    "perceived": (PerceptionReport,),
+    "maps_answered": (Any,),
 }

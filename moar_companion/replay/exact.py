@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from ..companion.companion import Companion
@@ -22,7 +22,8 @@ from ..estimation.pose_tracker import SiteMaps
 from ..mavlink.codec import Codec
 from ..mavlink.signing import Signing, SigningKey
 from ..planner.planner import Planner
-from ..planning.plan_jobs import PlanAnswer, PlanJob
+from ..planning.map_jobs import MapAnswer, MapJob, answer_map_job
+from ..planning.plan_jobs import PlanAnswer
 from ..planning.planner_set import PlannerSet
 from ..recording.answers import answer_decoded
 from ..recording.calls import INPUTS, OUTPUTS, START, Start, arguments_decoded
@@ -36,8 +37,14 @@ _NAMES = {
     "decisions": "decision",
     "plan_jobs": "plan job",
     "contingency_jobs": "contingency job",
+    "map_jobs": "map job",
+    "pose_notes": "pose note",
 }
-ANSWERS = {"plan_answered": "plan_jobs", "contingency_answered": "contingency_jobs"}
+ANSWERS = {
+    "plan_answered": "plan_jobs",
+    "contingency_answered": "contingency_jobs",
+    "maps_answered": "map_jobs",
+}
 """Method that takes an answer, and method that asked for it."""
 _NOTHING = "nothing"
 
@@ -61,7 +68,7 @@ class ExactReplay:
         self._vehicle: Vehicle | None = None
         self.planners: PlannerSet | None = None
         """Planners of the site, for recorded answers."""
-        self.jobs: dict[str, dict[int, PlanJob]] = {name: {} for name in ANSWERS.values()}
+        self.jobs: dict[str, dict[int, Any]] = {name: {} for name in ANSWERS.values()}
         """Jobs that wait for their answers, by the method that asked them and by number."""
         self.time_s = 0.0
         """Time of the last cycle."""
@@ -125,11 +132,14 @@ class ExactReplay:
         self.planners = PlannerSet(planner)
         return SiteMaps(site=site, maps=planner.maps)
 
-    def _answer(self, method: str, data: dict[str, Any]) -> PlanAnswer | None:
+    def _answer(self, method: str, data: dict[str, Any]) -> PlanAnswer | MapAnswer | None:
         """A recorded answer; None to a job that was not asked this time, which is a difference."""
         job = self.jobs[ANSWERS[method]].pop(data["job_id"], None)
         if job is None or self.planners is None:
             return None
+        if isinstance(job, MapJob):
+            made = answer_map_job(self.planners, job)
+            return made if data["made"] else replace(made, site_maps=None)
         return answer_decoded(self.planners, job, data)
 
     def _compared(self, kind: str, was: list[Any], now: list[Any]) -> Iterator[Difference]:
@@ -155,7 +165,7 @@ def _name(kind: str, item: Any) -> str:
         return f"decision {item['kind']}"
     if kind == "packet":
         return f"packet {item['message']}"
-    return f"{kind} {item['job_id']}"
+    return f"{kind} {item['job_id']}" if "job_id" in item else kind
 
 
 def _packet(sent: list[str] | None) -> dict[str, Any] | None:

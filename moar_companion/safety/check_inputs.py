@@ -6,6 +6,8 @@ import math
 from dataclasses import dataclass, field
 
 from ..estimation.pose import Pose
+from ..perception.perception_report import SensorHealth
+from ..perception_config import Perception
 from ..risk import RiskEstimate
 from ..telemetry import Telemetry
 from ..types import AutopilotKind, Mission
@@ -103,4 +105,7 @@ class CheckInputs:
     exposure: str | None = None
     """Reason to leave before an autopilot failsafe acts; None if there is none."""
     host: Host = field(default_factory=Host)
+    sensing: Perception = field(default_factory=Perception)
+    """Settings of the sensor that looks for obstacles; its kind is None without one."""
+    sensor_health: SensorHealth = field(default_factory=SensorHealth)
     faults: Causes = field(default_factory=Causes)

@@ -67,6 +67,8 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
         no_progress=position_checks.no_progress(seen),
         planner=_plan(seen, limits.plan_stale_s),
         planner_late=_plan(seen, limits.plan_stale_s) or _plan(seen, 0.5 * limits.plan_stale_s),
+        path_barred=faults.path_barred,
+        perception=perception(seen, now_s),
         obstacle=position_checks.obstacle(seen),
         off_plane=position_checks.off_plane(seen, limits),
         not_hovering=position_checks.not_hovering(seen),
@@ -84,6 +86,21 @@ def causes(seen: CheckInputs, limits: Supervision, off_path_m: float, now_s: flo
 def _plan(seen: CheckInputs, limit_s: float) -> str | None:
     awaited_s = seen.plan_awaited_s
     return exceeds("no new plan for", awaited_s, limit_s, "s")
+
+
+def perception(seen: CheckInputs, now_s: float) -> str | None:
+    """Text for a sensor that is lost, late or blinded; None without a sensor."""
+    settings, health = seen.sensing, seen.sensor_health
+    if settings.sensor is None:
+        return None
+    if health.received_s is None or health.scan_s is None:
+        return "no data of the lidar is received"
+    silent_s, age_s = now_s - health.received_s, now_s - health.scan_s
+    text = exceeds("lidar silent for", silent_s, settings.timeout_s, "s")
+    text = text or exceeds("lidar scan age", age_s, settings.late_s, "s")
+    if text is None and health.returns < settings.least_returns:
+        text = f"lidar blinded, {health.returns:.0%} returns < {settings.least_returns:.0%}"
+    return text
 
 
 def _unmonitored(seen: CheckInputs, now_s: float) -> str | None:

@@ -116,6 +116,7 @@ TEXTS: dict[str, tuple[str, ...]] = {
     "no_clearance": (
         "no room here, uncertainty {1.4|99999} m",
         "no room here, margin {0.8|99999} m",
+        "no room here, an obstacle is seen",
         "no path, uncertainty {1.9|99999} m",
         "no path with tracking error",
     ),
@@ -147,6 +148,15 @@ TEXTS: dict[str, tuple[str, ...]] = {
     "no_progress": ("no progress", "no progress, {0.8|99999} m from setpoint"),
     "planner": ("no new plan for {12.1|99999} s > {12|9999}", "no new plan for over {12|9999} s"),
     "planner_late": ("no new plan for {6.1|99999} s > {6|9999}", "no new plan for over {6|9999} s"),
+    "path_barred": ("no path round {seen-solid-1|MM..}",),
+    "perception": (
+        "no data of the lidar is received",
+        "lidar silent for {1.1|99999} s > {1|99999}",
+        "lidar silent for over {1|99999} s",
+        "lidar scan age {0.6|99999} s > {0.5|99999}",
+        "lidar scan age over {0.5|99999} s",
+        "lidar blinded, {2%|99%} returns < {5%|99%}",
+    ),
     "obstacle": ("{0.4|9999} m too close to an obstacle",),
     "off_plane": (
         "{22.3|99999} m {N|right} of plane > {2|99999}",

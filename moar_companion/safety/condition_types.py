@@ -94,6 +94,8 @@ class Causes:
     no_progress: str | None = None
     planner: str | None = None
     planner_late: str | None = None
+    path_barred: str | None = None
+    perception: str | None = None
     obstacle: str | None = None
     off_plane: str | None = None
     not_hovering: str | None = None

@@ -299,6 +299,21 @@ CONDITIONS = (
         override=Override.ORDER,
     ),
     Condition(
+        name="path_barred",
+        starts="what is seen stands in the path ahead, and no plan leads round it",
+        action=Action.HOLD,
+        over_s=1.0,
+        override=Override.ORDER,
+    ),
+    Condition(
+        name="perception",
+        starts="the sensor that looks for obstacles is silent for `timeout_s`, its newest scan is "
+        "older than `late_s`, or fewer of its beams return than `least_returns`",
+        action=Action.HOLD,
+        over_s=2.0,
+        override=Override.SAFER,
+    ),
+    Condition(
         name="obstacle",
         starts="the hull is nearer to an obstacle than its keep-out and the uncertainty allow",
         action=Action.SLOW,

@@ -24,10 +24,10 @@ from typing import TYPE_CHECKING, Any
 from .. import pilot_texts
 from ..companion.companion import Companion
 from ..companion.intake import Arrival
-from ..companion.reports import Decision
 from ..companion.status import LatestDecisions
 from ..config import CompanionConfig, LinkRole
-from ..error_margin import flown_site
+from ..error_margin import flown_site, sighted
+from ..errors import InputError
 from ..estimation.pose_tracker import SiteMaps
 from ..mavlink.link import Link, open_link
 from ..mavlink.link_basics import clock_s
@@ -35,19 +35,19 @@ from ..mavlink.peers import Address
 from ..mavlink.urls import parse_url
 from ..mqtt_config import ORDER_LINK
 from ..outlets.log import log_to_stderr
-from ..outlets.recorder import Recorder, RecordingLimits
 from ..planner.planner import Planner
+from ..planning.map_jobs import MapAnswer
 from ..recording.calls import RecordedCompanion
-from ..recording.channels import Cycle, CycleSampler
-from ..recording.flight_log import FlightLog
 from ..safety.check_inputs import Host
 from ..safety.file_faults import FileFault, words
 from ..site import Site
 from ..telemetry import AutopilotStatus
 from ..vehicle import Vehicle
+from .cycle_recorder import CycleRecorder
 from .directories import recorder_folder, state_folder, view_socket
 from .host_monitor import HostMonitor
-from .planner_worker import PlannerWorker
+from .perception_process import PerceptionProcess
+from .planner_worker import PlannerWorker, Work
 from .pools import started_pool
 from .priority import NICE, ahead_of_others, in_real_time
 from .resident_memory import limit_arenas
@@ -91,6 +91,7 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
     site = None
     if config.site is not None:
         site = flown_site(Site.load(config.site), vehicle, config.supervision)
+        vehicle = sighted(vehicle, config)
     limit_arenas()
     with ahead_of_others() as ahead, log_to_stderr(), contextlib.ExitStack() as stack:
         if not ahead:
@@ -104,7 +105,8 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
         make_planner = None
         if site is not None:
             make_planner = partial(Planner, site, vehicle, clock=time.perf_counter)
-        service = Service(config, companion, make_planner, memory, clock, speed=speed)
+        perception = _start_perception(config, site, speed)
+        service = Service(config, companion, make_planner, memory, clock, perception, speed=speed)
         asyncio.run(service.run())
     return 0
 
@@ -138,6 +140,17 @@ def _open_signing_clock(
     return clock
 
 
+def _start_perception(
+    config: CompanionConfig, site: Site | None, speed: float
+) -> PerceptionProcess | None:
+    if config.perception.sensor is None:
+        return None
+    if site is None:
+        source = str(config.file or "the configuration")
+        raise InputError(source, "perception.sensor", "needs a site file: `site`, or --site")
+    return PerceptionProcess(config.perception, site, speed=speed)
+
+
 class Service:
     """Owns every task, thread and file of the running companion."""
 
@@ -148,6 +161,7 @@ class Service:
         make_planner: Callable[[], Planner] | None,
         memory: SnapshotFile | None,
         signing_clock: SigningClock | None = None,
+        perception: PerceptionProcess | None = None,
         *,
         speed: float = 1.0,
     ) -> None:
@@ -158,6 +172,7 @@ class Service:
         self._memory = memory
         self._remembered = companion.memory
         self._signing_clock = signing_clock
+        self._perception = perception
         self._speed = speed
         self._watchdog = Watchdog()
         self._latest = LatestDecisions()
@@ -168,8 +183,7 @@ class Service:
         self._host = Host()
         self._read_late_s = 0.0
         """Maximum delay between arrival and reading of bytes since the last check."""
-        self._recorder: Recorder[Cycle] | None = None
-        self._sampler = CycleSampler()
+        self._recorder: CycleRecorder | None = None
         self._heard: AutopilotStatus | None = None
 
     async def run(self) -> None:
@@ -184,9 +198,18 @@ class Service:
         loop.set_default_executor(started_pool("links", len(self._config.links)))
         async with contextlib.AsyncExitStack() as stack:
             stack.callback(self._worker.close)
-            self._recorder = self._open_recorder(stack)
-            host = HostMonitor(None if self._recorder is None else self._recorder.folder)
+            self._recorder = CycleRecorder(
+                self._config,
+                self._companion,
+                self._status_now,
+                clock_offset_s=self._clock_offset_s,
+                now_s=self._now_s(),
+                stack=stack,
+            )
+            host = HostMonitor(self._recorder.folder)
             stack.callback(host.close)
+            if self._perception is not None:
+                stack.callback(self._perception.close)
             await self._open_view(stack)
             self._mqtt = self._open_mqtt(stack)
             links: dict[str, Link | MqttOrders] = {}
@@ -256,6 +279,10 @@ class Service:
                 self._worker.plan(job)
             for job in self._companion.contingency_jobs():
                 self._worker.plan_contingency(job)
+            if self._perception is not None:
+                self._perception.send(self._companion.pose_notes())
+                for map_job in self._companion.map_jobs():
+                    self._worker.make_maps(map_job)
             if self._send(now_s):
                 self._watchdog.feed(now_s / self._speed)
             self._remember(now_s)
@@ -317,11 +344,16 @@ class Service:
                 self._receive(ORDER_LINK, packet, clock_s(), None)
         arrived, self._arrived = self._arrived, []
         self._companion.take_in(arrived, now_s)
-        for contingency, answer in self._worker.answers():
-            if contingency:
+        for kind, answer in self._worker.answers():
+            if isinstance(answer, MapAnswer):
+                self._companion.maps_answered(answer)
+            elif kind is Work.CONTINGENCY:
                 self._companion.contingency_answered(answer)
             else:
                 self._companion.plan_answered(answer)
+        if self._perception is not None:
+            for report in self._perception.reports():
+                self._companion.perceived(report)
 
     def _send(self, now_s: float) -> bool:
         """Sends the output of the cycle at `now_s`; True if it was young enough to fly by."""
@@ -338,27 +370,9 @@ class Service:
         for item in decisions:
             if item.kind == "text":
                 _logger.info("%s", item.data["text"])
-        self._record(now_s, outgoing, decisions)
+        if self._recorder is not None:
+            self._recorder.record(now_s, outgoing, decisions)
         return not late
-
-    def _record(
-        self, now_s: float, sent: list[tuple[str, bytes]], decisions: list[Decision]
-    ) -> None:
-        """Hands the cycle at `now_s` to the recorder."""
-        companion, recorder, cycle = self._companion, self._recorder, None
-        heard = companion.packets_heard()
-        calls = companion.calls() if isinstance(companion, RecordedCompanion) else []
-        if recorder is None or recorder.ended is not None:
-            return
-        if calls:
-            status = self._status_now() if self._sampler.status_is_due(now_s) else None
-            cycle = self._sampler.cycle(companion, calls, status, now_s)
-        recorder.write(
-            [*heard, *((now_s, data) for _, data in sent)],
-            ((item.time_s, item.kind, item.data) for item in decisions),
-            cycle,
-            now_s,
-        )
 
     def _send_in_time(self, now_s: float, url: str, data: bytes) -> bool:
         """Sends a packet of the cycle at `now_s`, but not after a stall; True if it was sent."""
@@ -411,29 +425,6 @@ class Service:
         if publisher is not None:
             stack.callback(publisher.close)
         return publisher
-
-    def _open_recorder(self, stack: contextlib.AsyncExitStack) -> Recorder[Cycle] | None:
-        folder, keys = recorder_folder(self._config), self._config.recorder
-        if folder is None:
-            return None
-        try:
-            recorder = Recorder(
-                folder.path,
-                self._clock_offset_s,
-                self._now_s(),
-                source=FlightLog(self._clock_offset_s),
-                limits=RecordingLimits(
-                    part_bytes=1e6 * keys.part_mb,
-                    part_s=60.0 * keys.part_min,
-                    keep_bytes=1e9 * keys.keep_gb,
-                    floor_bytes=1e6 * keys.floor_mb,
-                ),
-            )
-        except OSError as error:
-            raise folder.unwritable(error) from error
-        stack.callback(recorder.close)
-        _logger.info("recording to %s", recorder.folder)
-        return recorder
 
     def _report_silence(self) -> None:
         """Logs one line when no autopilot is received: the port or baud rate may be wrong."""

@@ -7,6 +7,7 @@ start at once, with the priority of the thread that makes the worker.
 from __future__ import annotations
 
 import contextlib
+import enum
 import logging
 import queue
 import threading
@@ -17,6 +18,7 @@ from functools import partial
 from .. import pilot_texts
 from ..autopilots.failsafe_actions import Failsafes
 from ..planner.planner import Planner
+from ..planning.map_jobs import MapAnswer, MapJob, answer_map_job
 from ..planning.plan_jobs import PlanAnswer, PlanJob, answer_job, preparations, prepare_for
 from ..planning.planner_set import PlannerSet
 from .compiling import make_ready
@@ -24,6 +26,14 @@ from .pools import started_pool
 from .resident_memory import release_compiler
 
 _logger = logging.getLogger(__name__)
+
+
+class Work(enum.Enum):
+    """What an answer is of."""
+
+    PLAN = "plan"
+    CONTINGENCY = "contingency plan"
+    MAPS = "maps"
 
 
 class PlannerWorker:
@@ -37,7 +47,7 @@ class PlannerWorker:
         self._failsafes: Failsafes | None = None
         """Failsafes of the tables; None: tables have not been begun."""
         self._tables_failed = False
-        self._answers: queue.SimpleQueue[tuple[bool, PlanAnswer]] = queue.SimpleQueue()
+        self._answers: queue.SimpleQueue[tuple[Work, PlanAnswer | MapAnswer]] = queue.SimpleQueue()
         self._ready: Future[Planner | None] | None = None
         self._progress: tuple[int, int] | None = None
         """Count of compiled kernels and their total, if some had to be compiled."""
@@ -83,16 +93,21 @@ class PlannerWorker:
         """
         if self._planning is not None:
             self._planning.cancel()
-        self._planning = self._submit(job, contingency=False)
+        self._planning = self._submit(job, Work.PLAN)
         if self._planners is not None:
             self._in_tables_thread(partial(prepare_for, self._planners, job))
 
     def plan_contingency(self, job: PlanJob) -> None:
         """Submits a contingency plan."""
-        self._submit(job, contingency=True)
+        self._submit(job, Work.CONTINGENCY)
 
-    def answers(self) -> Iterator[tuple[bool, PlanAnswer]]:
-        """Yields the answers since the last call; True marks a contingency plan."""
+    def make_maps(self, job: MapJob) -> None:
+        """Submits maps with other obstacles; later plans are made on them."""
+        if self._planners is not None:
+            self._planning_thread.submit(self._make_maps, self._planners, job)
+
+    def answers(self) -> Iterator[tuple[Work, PlanAnswer | MapAnswer]]:
+        """Yields the answers since the last call, in the order in which they were made."""
         with contextlib.suppress(queue.Empty):
             while True:
                 yield self._answers.get_nowait()
@@ -129,12 +144,21 @@ class PlannerWorker:
             self._tables_failed = True
             _logger.log(level, "plans without tables: %s: %s", type(error).__name__, error)
 
-    def _submit(self, job: PlanJob, *, contingency: bool) -> Future[None] | None:
+    def _submit(self, job: PlanJob, kind: Work) -> Future[None] | None:
         if self._planners is None:
             return None
-        return self._planning_thread.submit(self._answer, self._planners, job, contingency)
+        return self._planning_thread.submit(self._answer, self._planners, job, kind)
 
-    def _answer(self, planners: PlannerSet, job: PlanJob, contingency: bool) -> None:
+    def _make_maps(self, planners: PlannerSet, job: MapJob) -> None:
+        """Runs in the planner's thread."""
+        try:
+            answer = answer_map_job(planners, job)
+        except Exception as error:  # noqa: BLE001 - the flight goes on with the maps before
+            _logger.error("no new maps: %s: %s", type(error).__name__, error)  # noqa: TRY400
+            answer = MapAnswer(job_id=job.job_id, site_maps=None)
+        self._answers.put((Work.MAPS, answer))
+
+    def _answer(self, planners: PlannerSet, job: PlanJob, kind: Work) -> None:
         """Runs in the planner's thread."""
         try:
             answer = answer_job(planners, job)
@@ -142,8 +166,9 @@ class PlannerWorker:
             _logger.error("the planner failed: %s: %s", type(error).__name__, error)  # noqa: TRY400
             reason = pilot_texts.PLANNER_FAILED()
             answer = PlanAnswer(job_id=job.job_id, plan=None, reason=reason, failed=True)
-        self._answers.put((contingency, answer))
-        if job.failsafes != self._failsafes and (self._failsafes is not None or not contingency):
+        self._answers.put((kind, answer))
+        begun = self._failsafes is not None or kind is Work.PLAN
+        if job.failsafes != self._failsafes and begun:
             # Exposed cells cost more in all plans: the tables were dropped, and are made anew.
             self._failsafes = job.failsafes
             self._prepare()

@@ -16,7 +16,8 @@ PLAN = ("plan", SITE, "--mission", "inspection")
 RECORDING = str(ROOT / "tests" / "data" / "ardupilot_failsafes.tlog")
 WITHOUT_EXTRAS = """\
 import sys
-extras = ("matplotlib", "pyulog", "laspy", "plyfile", "pypcd4", "pyproj")
+extras = ["matplotlib", "pyulog", "laspy", "plyfile", "pypcd4", "pyproj"]
+extras += ["dpkt", "velodyne_decoder", "ouster"]
 sys.modules |= dict.fromkeys(extras)
 from moar_companion.cli import main
 sys.exit(main())
@@ -54,7 +55,8 @@ def test_without_matplotlib_a_picture_is_refused_before_anything_is_written(
 
 
 @pytest.mark.parametrize(
-    ("ending", "module"), [("las", "laspy"), ("ply", "plyfile"), ("pcd", "pypcd4")]
+    ("ending", "module"),
+    [("las", "laspy"), ("ply", "plyfile"), ("pcd", "pypcd4"), ("pcap", "velodyne_decoder")],
 )
 def test_without_the_extra_a_point_cloud_is_refused(ending, module, tmp_path):
     cloud = tmp_path / f"scan.{ending}"
@@ -63,6 +65,14 @@ def test_without_the_extra_a_point_cloud_is_refused(ending, module, tmp_path):
         "site", "from-cloud", str(cloud), "--at", "0,0", "--out", str(tmp_path / "site.yaml")
     )
     line = f'{cloud}: needs {module}: {sys.executable} -m pip install "moar-companion[lidar]"'
+    assert (done.returncode, done.stderr) == (2, f"moar-companion: {line}\n")
+
+
+def test_without_the_extra_a_capture_of_an_ouster_is_refused(tmp_path):
+    file, out = str(tmp_path / "scan.pcap"), str(tmp_path / "site.yaml")
+    Path(file).write_bytes(b"")
+    done = run("site", "from-cloud", file, "--metadata", file, "--at", "0,0", "--out", out)
+    line = f'{file}: needs ouster.sdk: {sys.executable} -m pip install "moar-companion[ouster]"'
     assert (done.returncode, done.stderr) == (2, f"moar-companion: {line}\n")
 
 

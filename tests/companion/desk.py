@@ -27,6 +27,7 @@ from moar_companion.config import (
 from moar_companion.estimation.pose_tracker import SiteMaps
 from moar_companion.mavlink.dialect import create
 from moar_companion.planner.planner import Planner
+from moar_companion.planning.map_jobs import MapAnswer, answer_map_job
 from moar_companion.planning.plan_jobs import PlanAnswer, answer_job
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Site
@@ -37,6 +38,7 @@ from ..mavlink.peer import Peer
 
 LINK = "udp:127.0.0.1:14540"
 STEP_S = 0.02
+MAP_DELAY_S = 0.02
 USER_1 = 31010
 PAUSE_CONTINUE = 193
 DO_SET_MODE = 176
@@ -194,7 +196,9 @@ class Desk:
         """(job, answer) of the planner."""
         self.plan_delay_s = plan_delay_s
         """None: the planner never answers."""
-        self.jobs, self.contingency_jobs = [], []
+        self.jobs, self.contingency_jobs, self.map_jobs = [], [], []
+        self.maps_made = True
+        """False: the planner fails to make maps."""
         self.contingencies = False
         """True if the planner answers the jobs of contingencies, too."""
         self.sent = []
@@ -236,6 +240,11 @@ class Desk:
             if self.plan_delay_s is not None:
                 answer = answer_job(self.planners, job)
                 self._answers.append((self.now_s + self.plan_delay_s, job, answer))
+        for job in self.companion.map_jobs():
+            self.map_jobs.append(job)
+            answer = answer_map_job(self.planners, job) if self.maps_made else None
+            answer = answer or MapAnswer(job_id=job.job_id, site_maps=None)
+            self._answers.append((self.now_s + MAP_DELAY_S, job, answer))
         for job in self.companion.contingency_jobs():
             self.contingency_jobs.append(job)
             if self.contingencies:
@@ -523,6 +532,9 @@ class Desk:
         return self
 
     def _give(self, job, answer):
+        if isinstance(answer, MapAnswer):
+            self.companion.maps_answered(answer)
+            return
         self.answered.append((job, answer))
         self.companion.plan_answered(answer)
 

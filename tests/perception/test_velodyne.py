@@ -97,6 +97,18 @@ def test_what_is_no_whole_packet_is_counted_and_dropped(broken, kind):
     assert len(found[0].points_m) == whole
 
 
+def test_a_turn_with_lost_packets_has_the_points_of_the_others():
+    received = packets(0.35)
+    _, whole, *_ = scans(VelodyneStream(), received)
+    stream = VelodyneStream()
+    lost = [each for each in received if abs(each[0] - np.quantile(whole.time_s, 0.25)) < 0.01]
+    _, part, *_ = scans(stream, [each for each in received if each not in lost])
+    assert len(lost) > 10
+    assert stream.packets == len(received) - len(lost)
+    assert 0.6 * len(whole.points_m) < len(part.points_m) < len(whole.points_m)
+    assert {tuple(point) for point in part.points_m} < {tuple(point) for point in whole.points_m}
+
+
 def test_random_bytes_never_raise():
     random = np.random.default_rng(0)
     stream = VelodyneStream()

@@ -10,6 +10,8 @@ from dataclasses import replace
 import pytest
 
 from moar_companion import autopilots
+from moar_companion.perception.perception_report import SensorHealth
+from moar_companion.perception_config import Perception, Sensor
 from moar_companion.safety.check_inputs import Host
 from moar_companion.safety.condition_types import Causes
 from moar_companion.telemetry import Failsafe, Landed, LandedState, LinkStatistics
@@ -34,6 +36,13 @@ def lands_in_failsafe(**changes):
     """ArduPilot lands in a failsafe."""
     landing = {"kind": autopilots.ARDUPILOT, "mode": "LAND", "homeward": True}
     return flies(HOVERING, failsafe=True, **landing, **changes)
+
+
+def lidar(**health):
+    """A flight with a lidar, whose newest scan and packet are of this moment."""
+    known = {"received_s": NOW_S, "scan_s": NOW_S, "returns": 0.5} | health
+    settings = Perception(sensor=Sensor.VELODYNE)
+    return replace(IN_FLIGHT, sensing=settings, sensor_health=SensorHealth(**known))
 
 
 STORIES = [
@@ -336,6 +345,30 @@ STORIES = [
         replace(IN_FLIGHT, host=Host(disk_free=199e6)),
         {"disk": "disk 199 MB < 200"},
     ),
+    ("a lidar that sees", lidar(), {}),
+    ("no lidar", replace(IN_FLIGHT, sensor_health=SensorHealth()), {}),
+    (
+        "a lidar that was never received",
+        lidar(received_s=None, scan_s=None),
+        {"perception": "no data of the lidar is received"},
+    ),
+    (
+        "one without a whole scan",
+        lidar(scan_s=None),
+        {"perception": "no data of the lidar is received"},
+    ),
+    ("one at its limits", lidar(received_s=99.0, scan_s=99.5, returns=0.05), {}),
+    (
+        "one that is lost",
+        lidar(received_s=98.9, scan_s=98.9),
+        {"perception": "lidar silent for 1.1 s > 1"},
+    ),
+    ("one that is late", lidar(scan_s=99.4), {"perception": "lidar scan age 0.6 s > 0.5"}),
+    (
+        "one that is covered",
+        lidar(returns=0.02),
+        {"perception": "lidar blinded, 2% returns < 5%"},
+    ),
     *[
         (f"the fault {name}", replace(IN_FLIGHT, faults=Causes(**{name: "words"})), {name: "words"})
         for name in (
@@ -344,6 +377,7 @@ STORIES = [
             "setpoint_rejected",
             "setpoint_held",
             "no_clearance",
+            "path_barred",
             "offboard_loss_unknown",
             "offboard_loss_collision",
         )

@@ -1,4 +1,4 @@
-"""A scan of a lidar, whatever its kind. Values."""
+"""One turn of a lidar, whichever sensor it is of."""
 
 from __future__ import annotations
 
@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+
+FloatArray = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -16,7 +18,7 @@ class Scan:
     number that were sent; those without an echo have no point.
     """
 
-    points_m: npt.NDArray[np.float64]
-    time_s: npt.NDArray[np.float64]
+    points_m: FloatArray
+    time_s: FloatArray
     ring: npt.NDArray[np.int64]
     beams: int

@@ -1,0 +1,151 @@
+"""Packet captures of lidars (.pcap, .pcapng): UDP packets with their times, points of all turns."""
+
+from __future__ import annotations
+
+import struct
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from ..errors import InputError
+from ..perception_config import DATA_PORTS, Sensor
+from .options import require
+
+if TYPE_CHECKING:
+    import numpy as np
+    import numpy.typing as npt
+
+    from ..perception.ouster import OusterStream
+    from ..perception.velodyne import VelodyneStream
+
+_MOST_IN_FRAGMENTS = 64
+"""Datagrams whose fragments are kept; then the oldest is dropped."""
+_DLT_RAW_IP = 101
+"""Of files; dpkt has the number of the BSDs."""
+
+
+def read_capture(file: str, metadata: str | None, port: int | None) -> npt.NDArray[np.float64]:
+    """The points of all whole turns in a capture, in the sensor's axes; raises InputError.
+
+    metadata: the description of an Ouster; without one the sensor is a Velodyne. port: of the data
+    packets; None: the one that the description names, or the sensor's usual one.
+    """
+    stream, sensor = _stream(file, metadata)
+    if port is None:
+        port = getattr(stream, "port", 0) or DATA_PORTS[sensor]
+    ports: Counter[int] = Counter()
+    turns = []
+    for time_s, arrived_at, payload in udp_packets(file):
+        ports[arrived_at] += 1
+        scan = stream.receive(payload, time_s) if arrived_at == port else None
+        if scan is not None:
+            turns.append(scan.points_m)
+    if stream.packets == 0:
+        others = ", ".join(f"{count} at {each}" for each, count in sorted(ports.items())) or "none"
+        hint = "" if metadata else "; an Ouster's need --metadata FILE.json, others --port N"
+        name = {Sensor.VELODYNE: "a Velodyne", Sensor.OUSTER: "an Ouster"}[sensor]
+        problem = f"has no data packets of {name} at UDP port {port}"
+        raise InputError(file, "", f"{problem}; its UDP packets: {others}{hint}")
+    if not turns:
+        raise InputError(file, "", f"has {stream.packets} data packets, but no whole turn")
+    import numpy as np  # noqa: PLC0415
+
+    return np.concatenate(turns)
+
+
+def data_packets(file: str, port: int) -> Iterator[tuple[float, bytes]]:
+    """Time in seconds and payload of each UDP packet to a port; raises InputError."""
+    return ((time_s, payload) for time_s, to, payload in udp_packets(file) if to == port)
+
+
+def udp_packets(file: str) -> Iterator[tuple[float, int, bytes]]:
+    """Time in seconds, destination port and payload of each UDP packet; raises InputError.
+
+    Datagrams that came in fragments, as an Ouster's do on Ethernet, are put together. A capture
+    that was cut off ends with its last packet.
+    """
+    require(file, "dpkt", "lidar")
+    import dpkt  # noqa: PLC0415
+
+    links = {
+        dpkt.pcap.DLT_EN10MB: dpkt.ethernet.Ethernet,
+        dpkt.pcap.DLT_LINUX_SLL: dpkt.sll.SLL,
+        dpkt.pcap.DLT_LINUX_SLL2: dpkt.sll2.SLL2,
+        dpkt.pcap.DLT_NULL: dpkt.loopback.Loopback,
+        dpkt.pcap.DLT_RAW: dpkt.ip.IP,
+        _DLT_RAW_IP: dpkt.ip.IP,
+    }
+    fragments = _Fragments()
+    broken = (ValueError, KeyError, IndexError, struct.error, dpkt.dpkt.Error)
+    with Path(file).open("rb") as content:
+        try:
+            reader = dpkt.pcap.UniversalReader(content)
+            link = links[reader.datalink()]
+        except broken:
+            raise InputError(file, "", "cannot be read as a packet capture") from None
+        frames = iter(reader)
+        while True:
+            try:
+                time_s, frame = next(frames)
+            except (StopIteration, *broken):
+                return
+            try:
+                datagram = fragments.datagram(link(frame))
+            except broken:
+                continue
+            if datagram is not None:
+                yield float(time_s), int(datagram.dport), bytes(datagram.data)
+
+
+class _Fragments:
+    """Puts the fragments of IPv4 datagrams together."""
+
+    def __init__(self) -> None:
+        self._waiting: dict[tuple[bytes, bytes, int], dict[int, Any]] = {}
+
+    def datagram(self, packet: Any) -> Any:
+        """The UDP datagram in a frame, or that its fragment completes; None without one."""
+        import dpkt  # noqa: PLC0415
+
+        while isinstance(packet, dpkt.dpkt.Packet) and not isinstance(packet, dpkt.udp.UDP):
+            if isinstance(packet, dpkt.ip.IP) and (packet.mf or packet.offset):
+                whole = self._put(packet) if packet.p == dpkt.ip.IP_PROTO_UDP else None
+                return None if whole is None else dpkt.udp.UDP(whole)
+            packet = packet.data
+        return packet if isinstance(packet, dpkt.udp.UDP) else None
+
+    def _put(self, packet: Any) -> bytes | None:
+        key = packet.src, packet.dst, packet.id
+        parts = self._waiting.setdefault(key, {})
+        parts[8 * packet.offset] = packet
+        whole = b""
+        for start in sorted(parts):
+            if start != len(whole):
+                break
+            whole += bytes(parts[start].data)
+            if not parts[start].mf:
+                del self._waiting[key]
+                return whole
+        if len(self._waiting) > _MOST_IN_FRAGMENTS:
+            del self._waiting[next(iter(self._waiting))]
+        return None
+
+
+def _stream(file: str, metadata: str | None) -> tuple[OusterStream | VelodyneStream, Sensor]:
+    if metadata is None:
+        require(file, "velodyne_decoder", "lidar")
+        from ..perception.velodyne import VelodyneStream  # noqa: PLC0415
+
+        return VelodyneStream(), Sensor.VELODYNE
+    require(file, "ouster.sdk", "ouster")
+    from ..perception.ouster import OusterStream  # noqa: PLC0415
+
+    try:
+        return OusterStream(Path(metadata).read_text()), Sensor.OUSTER
+    except OSError as error:
+        raise InputError(metadata, "", f"cannot be read: {error.strerror}") from None
+    except UnicodeDecodeError:
+        raise InputError(metadata, "", "is no text") from None
+    except ValueError as error:
+        raise InputError(metadata, "", str(error)) from None

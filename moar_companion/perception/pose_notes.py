@@ -1,0 +1,46 @@
+"""What the companion tells the perception: the aircraft's pose as it was reported. Values."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..types import Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PositionNote:
+    """LOCAL_POSITION_NED in the site's frame, at its time on the companion's clock."""
+
+    time_s: float
+    position_m: Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AttitudeNote:
+    """ATTITUDE: aerospace angles of the body in NED, at its time on the companion's clock."""
+
+    time_s: float
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ShiftNote:
+    """Jump of the position estimate, in the site's frame: what was seen moves with it."""
+
+    step_m: Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PointsNote:
+    """Measured points in the aircraft's frame (x forward, y left, z up), at their time.
+
+    From OBSTACLE_DISTANCE and OBSTACLE_DISTANCE_3D.
+    """
+
+    time_s: float
+    points_m: tuple[Vector, ...]
+
+
+PoseNote = PositionNote | AttitudeNote | ShiftNote | PointsNote

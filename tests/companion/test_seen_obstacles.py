@@ -1,0 +1,268 @@
+"""What a sensor sees in flight: new maps, another path, holds, and what operators are told."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from moar_companion.perception.perception_report import (
+    PerceptionReport,
+    SeenConductor,
+    SensorHealth,
+)
+from moar_companion.perception.pose_notes import AttitudeNote, PositionNote, ShiftNote
+from moar_companion.perception_config import Perception, Sensor
+from moar_companion.planner.planner import Planner
+from moar_companion.site import Polygon
+from tests.companion.desk import EXIT, INSPECTION, OFFBOARD, USER_1, Desk, usual_planner
+
+SETTINGS = Perception(sensor=Sensor.VELODYNE)
+WALL = Polygon(
+    name="seen-solid-1", vertices_m=((19.0, -1.0), (19.6, -1.0), (19.6, 21.0), (19.0, 21.0))
+)
+
+
+def conductor(x_m, z_m, name="seen-1"):
+    return SeenConductor(
+        name=name, position_m=(x_m, z_m), deviation_m=0.05, sightings=9, seen_s=0.0
+    )
+
+
+class Watched(Desk):
+    """A desk with a sensor that works, and sees what `conductors` and `solids` say."""
+
+    def __init__(self, **options):
+        usual = usual_planner()
+        # Nobody else's maps are changed by what is seen here.
+        super().__init__(planner=Planner(usual.site, usual.vehicle), perception=SETTINGS, **options)
+        self.conductors, self.solids = (), ()
+        self.works = True
+        self.notes = []
+
+    def step(self, seconds=0.02):
+        if self._count % 5 == 0 and self.works:
+            self.companion.perceived(
+                PerceptionReport(
+                    time_s=self.now_s,
+                    health=SensorHealth(
+                        scan_s=self.now_s - 0.05, received_s=self.now_s, returns=0.5
+                    ),
+                    conductors=self.conductors,
+                    solids=self.solids,
+                )
+            )
+        super().step(seconds)
+        self.notes += self.companion.pose_notes()
+        return self
+
+    def fly(self, seconds=2.0):
+        self.run(1.0)
+        self.hear(self.operator.command(USER_1, INSPECTION, 1))
+        self.run_until("ready")
+        self.set(mode=OFFBOARD)
+        self.run_until("flying")
+        return self.run(seconds)
+
+    @property
+    def place_m(self):
+        return self.companion.pose.position_m
+
+    @property
+    def ahead_m(self):
+        """Points (n, 2) of the path still ahead."""
+        points_m, _ = self.companion._executor.routes.flight.rest()
+        return points_m[:, ::2]
+
+    def run_to_target(self, seconds=90.0):
+        self.run_until("at_target", seconds)
+        return self
+
+
+@pytest.fixture(scope="module")
+def flight():
+    """A flight of two seconds towards the inner splice."""
+    return Watched().fly()
+
+
+@pytest.fixture
+def desk(flight):
+    import copy
+
+    twin = copy.deepcopy(flight)
+    usual = usual_planner()
+    twin.planner = Planner(usual.site, usual.vehicle)
+    twin.planners = type(twin.planners)(twin.planner)
+    return twin
+
+
+def ahead(desk, by_m=6.0):
+    """A place on the path ahead, so far from the aircraft."""
+    x_m, _, z_m = desk.place_m
+    points_m = desk.ahead_m
+    far_m = np.hypot(*(points_m - (x_m, z_m)).T)
+    return points_m[np.argmax(far_m >= by_m)]
+
+
+def test_a_conductor_in_the_path_moves_the_path_before_the_aircraft_comes_to_it(desk):
+    x_m, z_m = ahead(desk)
+    desk.conductors = (conductor(x_m, z_m),)
+    desk.run(1.0)
+    assert desk.state == "flying"
+    assert np.hypot(*(desk.ahead_m - (x_m, z_m)).T).min() > 1.4
+    least_m = math.inf
+    while desk.state == "flying":
+        desk.step()
+        least_m = min(least_m, math.dist(desk.place_m[::2], (x_m, z_m)))
+    assert desk.state == "at_target"
+    kept_m = desk.vehicle.radius_m + SETTINGS.keep_out_m + desk.site.margin.total_m
+    assert least_m > kept_m - 0.3
+
+
+def test_an_obstacle_just_ahead_is_braked_for_and_left_by_another_path(desk):
+    x_m, z_m = ahead(desk, 1.0)
+    desk.solids = (
+        Polygon(
+            name="seen-solid-1",
+            vertices_m=((x_m, z_m), (x_m + 0.3, z_m), (x_m + 0.3, z_m + 0.3), (x_m, z_m + 0.3)),
+        ),
+    )
+    desk.run(1.0)
+    start_m = desk.place_m
+    assert math.dist(start_m[::2], (x_m, z_m)) > desk.vehicle.radius_m
+    nearest = min(math.dist(d.place_m[::2], (x_m, z_m)) for d in (desk.step() for _ in range(500)))
+    assert nearest >= math.dist(start_m[::2], (x_m, z_m)) - 0.3
+    desk.run_to_target()
+
+
+def test_where_no_plan_leads_round_it_holds_and_goes_on_when_the_obstacle_is_gone(desk):
+    desk.solids = (WALL,)
+    desk.run(3.0)
+    assert desk.state == "holding"
+    assert "MOAR: no path round seen-solid-1, holding" in desk.texts()
+    assert desk.place_m[0] > 20.0
+    desk.solids = ()
+    desk.run(4.0)
+    assert desk.state == "flying"
+    desk.run_to_target()
+
+
+def test_a_sensor_that_is_lost_holds_and_its_return_resumes(desk):
+    desk.works = False
+    desk.run(1.5)
+    assert desk.state == "holding"
+    assert any("lidar scan age" in text or "lidar silent" in text for text in desk.texts())
+    desk.hear(desk.operator.command(USER_1, EXIT, -1))
+    desk.run(1.0)
+    assert desk.companion.status.task.mission.value == "exit"
+
+
+def test_a_sensor_that_returns_resumes_the_inspection(desk):
+    desk.works = False
+    desk.run(1.5)
+    desk.works = True
+    desk.run(4.0)
+    assert desk.state == "flying"
+
+
+def test_without_data_of_the_sensor_no_inspection_begins():
+    desk = Watched()
+    desk.works = False
+    desk.run(1.0)
+    desk.hear(desk.operator.command(USER_1, INSPECTION, 1))
+    desk.run(1.0)
+    assert desk.state == "idle"
+    assert any("no data of the lidar" in text for text in desk.texts())
+
+
+def test_a_conductor_beside_its_place_is_told_and_both_places_are_avoided(desk):
+    name = "left-middle"
+    (known,) = (item for item in desk.site.obstacles if item.name == name)
+    x_m, z_m = known.position_m
+    desk.conductors = (conductor(x_m + 1.0, z_m),)
+    desk.run(1.0)
+    assert "MOAR: left-middle 1.0 m off the file, avoided" in desk.texts()
+    obstacles = desk.map_jobs[-1].site.obstacles
+    assert known in obstacles
+    (seen,) = (item for item in obstacles if item.name == "seen-1")
+    assert seen.position_m == (x_m + 1.0, z_m)
+    assert seen.keep_out_m == known.keep_out_m
+
+
+def test_a_conductor_in_its_place_changes_nothing(desk):
+    conductors = [item for item in desk.site.obstacles if item.name.startswith("left")]
+    desk.conductors = tuple(
+        conductor(item.position_m[0] + 0.1, item.position_m[1] - 0.1, f"seen-{number}")
+        for number, item in enumerate(conductors)
+    )
+    desk.run(1.0)
+    assert desk.map_jobs == []
+
+
+def test_a_conductor_in_no_file_is_told_once(desk):
+    desk.conductors = (conductor(3.0, 14.5),)
+    desk.run(2.0)
+    assert desk.texts().count("MOAR: conductor at x 3.0, z 14.5, avoided") == 1
+    assert len(desk.map_jobs) == 1
+    desk.conductors = (conductor(3.1, 14.5),)
+    desk.run(1.0)
+    assert len(desk.map_jobs) == 1, "it moves by less than its place is known"
+    desk.conductors = (conductor(3.3, 14.5),)
+    desk.run(1.0)
+    assert len(desk.map_jobs) == 2
+
+
+def test_a_target_in_a_seen_keep_out_is_moved_and_still_looked_at(desk):
+    target = desk.site.target("splice-inner")
+    x_m, z_m = target.position_m
+    desk.conductors = (conductor(x_m + 0.6, z_m),)
+    desk.run_to_target()
+    end_x_m, _, end_z_m = desk.place_m
+    moved_m = math.dist((end_x_m, end_z_m), target.position_m)
+    assert 0.4 < moved_m < SETTINGS.target_slack_m + 0.3
+    kept_m = desk.vehicle.radius_m + SETTINGS.keep_out_m
+    assert math.dist((end_x_m, end_z_m), (x_m + 0.6, z_m)) > kept_m - 0.2
+
+
+def test_maps_that_fail_are_asked_for_again(desk):
+    desk.maps_made = False
+    desk.conductors = (conductor(3.0, 14.5),)
+    desk.run(1.0)
+    assert len(desk.map_jobs) > 3
+    assert desk.state == "flying"
+
+
+def test_poses_are_noted_each_at_its_own_time():
+    desk = Watched()
+    desk.run(1.0)
+    positions = [note for note in desk.notes if isinstance(note, PositionNote)]
+    attitudes = [note for note in desk.notes if isinstance(note, AttitudeNote)]
+    assert len(positions) == pytest.approx(25, abs=3)
+    assert len(attitudes) == pytest.approx(25, abs=3)
+    assert np.diff([note.time_s for note in positions]) == pytest.approx(0.04, abs=1e-3)
+    assert positions[-1].time_s == pytest.approx(desk.now_s, abs=0.05)
+    assert positions[-1].position_m == pytest.approx(desk.place_m)
+
+
+def test_a_jump_of_the_estimate_is_noted():
+    desk = Watched().run(1.0)
+    desk.set(estimate_off_ned_m=(0.0, 1.0, 0.0))
+    desk.run(0.2)
+    (shift,) = (note for note in desk.notes if isinstance(note, ShiftNote))
+    assert shift.step_m == pytest.approx((1.0, 0.0, 0.0), abs=0.2)
+
+
+def test_without_a_sensor_nothing_is_noted():
+    desk = Desk().run(1.0)
+    assert desk.companion.pose_notes() == []
+
+
+def test_reports_without_a_site_change_nothing():
+    desk = Desk(with_site=False, perception=SETTINGS)
+    desk.companion.perceived(
+        replace(PerceptionReport(time_s=0.0), conductors=(conductor(1.0, 2.0),))
+    )
+    desk.run(0.5)
+    assert desk.map_jobs == []
