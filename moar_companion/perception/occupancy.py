@@ -164,7 +164,7 @@ class Occupancy:
     def _show(self, time_s: float) -> None:
         """A cell at the edge of what is occupied stays shown: its evidence comes and goes.
 
-        What is beside something shown already, or has gone, is shown later: a change makes new maps.
+        What is beside something shown, or has gone, is drawn later: each change makes new maps.
         """
         beside = ndimage.binary_dilation(self._occupied, _AROUND)
         shown = self._occupied | (self._shown & beside)

@@ -88,10 +88,16 @@ class Rig:
         self._lidar = SimulatedLidar(scene, seed)
         self._random = np.random.default_rng(seed)
         self._number = 0
+        self._error_m = np.zeros(3)
         self._told_s = {"position": 0.0, "attitude": 0.0}
 
     def look_at(self, scene: LidarScene, seed: int = 1) -> None:
         self._lidar = SimulatedLidar(scene, seed)
+
+    def jump(self, step_m) -> None:
+        """The estimate jumps by a step; the aircraft does not."""
+        self._error_m += step_m
+        self.perception.shift(step_m)
 
     @property
     def time_s(self) -> float:
@@ -118,7 +124,7 @@ class Rig:
             time_s = self._told_s["position"]
             error = self._random.normal(0.0, self.flight.position_noise_m, 3)
             error[2] += self.flight.height_error_m
-            place = self.flight.position_m(time_s)[0] + error
+            place = self.flight.position_m(time_s)[0] + error + self._error_m
             self.perception.note_position(time_s, tuple(place))
             self._told_s["position"] += POSITION_S
         while self.poses_flow and self._told_s["attitude"] <= self.time_s:
