@@ -1,34 +1,48 @@
-"""A simulated VLP-16: rays against wires, trees, boxes and the ground, as Velodyne data packets.
+"""A simulated VLP-16: rays against wires, trees, solids and the ground, as Velodyne data packets.
 
 Geometry, timing and packet format: VLP-16 User Manual 63-9243 Rev. E, sections 6 and 9. A wire is
-thinner than the beam: the less of it the beam meets, the less comes back, so that thin conductors
-are seen only near (`visible_m`).
+thinner than the beam, so that thin conductors are seen only near (`visible_m`).
 """
 
 from __future__ import annotations
 
 import math
-import struct
 from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-FloatArray = npt.NDArray[np.float64]
+from sitl.lidar_rays import (
+    APERTURE_M,
+    DIVERGENCE_RAD,
+    LEAST_SHARE,
+    SEQUENCE_S,
+    SEQUENCES,
+    FloatArray,
+    SceneArrays,
+    ranges,
+)
 
 PACKET_BYTES = 1206
 PORT = 2368
-_ELEVATIONS_DEG = np.array([-15, 1, -13, 3, -11, 5, -9, 7, -7, 9, -5, 11, -3, 13, -1, 15.0])
-_FIRING_S, _SEQUENCE_S = 2.304e-6, 55.296e-6
-_SEQUENCES = 24
-PACKET_S = _SEQUENCES * _SEQUENCE_S
-_RANGE_M, _LEAST_RANGE_M = 100.0, 0.5
+PACKET_S = SEQUENCES * SEQUENCE_S
 _STEP_M = 0.002
-_DIVERGENCE_RAD, _APERTURE_M = 3.0e-3, 0.0095
-"""Horizontal divergence, and width of the beam at the sensor."""
-_LEAST_SHARE = 0.35
-"""Share of the beam's width that has to meet a wire for a return, at a reflectivity of 10 %."""
+_BLOCKS = 12
+_PIECES = 24
+_REFLECTIVITY = 10
+_HOUR_US = 3_600_000_000
+_STRONGEST_RETURN, _VLP16 = 0x37, 0x22
+
+_BLOCK = np.dtype(
+    [
+        ("flag", "<u2"),
+        ("azimuth", "<u2"),
+        ("channels", np.dtype([("steps", "<u2"), ("reflectivity", "u1")]), 32),
+    ]
+)
+_PACKET = np.dtype(
+    [("blocks", _BLOCK, _BLOCKS), ("time_us", "<u4"), ("mode", "u1"), ("model", "u1")]
+)
 
 PoseAt = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
 """(n,) times to positions (n, 3), and rotations (n, 3, 3) from the sensor to the world.
@@ -49,15 +63,15 @@ class Wire:
     @property
     def visible_m(self) -> float:
         """Distance up to which it gives returns."""
-        return (self.diameter_m / _LEAST_SHARE - _APERTURE_M) / _DIVERGENCE_RAD
+        return (self.diameter_m / LEAST_SHARE - APERTURE_M) / DIVERGENCE_RAD
 
-    def segments(self) -> tuple[FloatArray, FloatArray]:
-        """Ends (n, 3) of straight pieces, 24 of a wire that sags."""
-        count = 24 if self.sag_m else 1
+    def ends(self) -> FloatArray:
+        """Ends (n + 1, 3) of its straight pieces, 24 of a wire that sags."""
+        count = _PIECES if self.sag_m else 1
         share = np.linspace(0.0, 1.0, count + 1)[:, None]
-        places = np.array(self.start_m) * (1.0 - share) + np.array(self.end_m) * share
+        places: FloatArray = np.array(self.start_m) * (1.0 - share) + np.array(self.end_m) * share
         places[:, 2] -= 4.0 * self.sag_m * (share * (1.0 - share))[:, 0]
-        return places[:-1], places[1:]
+        return places
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -70,11 +84,27 @@ class Tree:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Prism:
+    """A solid: a polygon of the x-z plane, drawn out along y."""
+
+    vertices_m: tuple[tuple[float, float], ...]
+    lower_y_m: float
+    upper_y_m: float
+
+
+@dataclass(frozen=True, kw_only=True)
 class Box:
     """A solid between two corners."""
 
     lower_m: tuple[float, float, float]
     upper_m: tuple[float, float, float]
+
+    @property
+    def prism(self) -> Prism:
+        """The same solid."""
+        (x, y, z), (x2, y2, z2) = self.lower_m, self.upper_m
+        corners = ((x, z), (x2, z), (x2, z2), (x, z2))
+        return Prism(vertices_m=corners, lower_y_m=y, upper_y_m=y2)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -84,6 +114,7 @@ class LidarScene:
     wires: tuple[Wire, ...] = ()
     trees: tuple[Tree, ...] = ()
     boxes: tuple[Box, ...] = ()
+    prisms: tuple[Prism, ...] = ()
     ground_m: float | None = 0.0
     noise_m: float = 0.02
     dropout: float = 0.02
@@ -91,108 +122,86 @@ class LidarScene:
 
 
 class SimulatedLidar:
-    """A VLP-16 at 600 rpm that looks at a scene."""
+    """A VLP-16 that looks at a scene. The same seed and calls give the same packets."""
 
     def __init__(self, scene: LidarScene, seed: int = 0, rpm: float = 600.0) -> None:
-        self._scene = scene
         self._random = np.random.default_rng(seed)
         self._turn_rad_s = rpm / 60.0 * 2.0 * math.pi
-        pieces = [wire.segments() for wire in scene.wires]
-        self._pieces = [
-            (start, end - start, wire)
-            for wire, (starts, ends) in zip(scene.wires, pieces, strict=True)
-            for start, end in zip(starts, ends, strict=True)
-        ]
+        self._arrays = _arrays(scene)
+        ground_m = math.nan if scene.ground_m is None else float(scene.ground_m)
+        self._air = (
+            ground_m, float(scene.noise_m), float(scene.dropout), float(scene.rain_per_m)
+        )  # fmt: skip
 
     def packet(self, time_s: float, pose_at: PoseAt) -> bytes:
         """The data packet whose first firing is at a time: 24 sequences of 16 lasers."""
-        sequence = np.arange(_SEQUENCES)[:, None] * _SEQUENCE_S
-        times = time_s + sequence + np.arange(16)[None, :] * _FIRING_S
-        azimuth = self._turn_rad_s * times
-        elevation = np.broadcast_to(np.radians(_ELEVATIONS_DEG), azimuth.shape)
-        ways = np.stack(
+        return self.packets(np.array([time_s]), pose_at)[0]
+
+    def packets(self, times_s: FloatArray, pose_at: PoseAt) -> list[bytes]:
+        """The data packets whose first firings are at times (k,); a pose for each sequence."""
+        sequences = times_s[:, None] + np.arange(SEQUENCES) * SEQUENCE_S
+        origins, turns = pose_at(sequences.reshape(-1))
+        azimuths = self._turn_rad_s * times_s % (2.0 * math.pi)
+        measured = ranges(
+            self._arrays,
+            self._air,
+            origins.reshape(-1, SEQUENCES, 3),
+            turns.reshape(-1, SEQUENCES, 3, 3),
+            azimuths,
+            self._turn_rad_s,
+            self._random,
+        )
+        return self._encoded(times_s, azimuths, measured)
+
+    def _encoded(
+        self, times_s: FloatArray, azimuths: FloatArray, ranges_m: FloatArray
+    ) -> list[bytes]:
+        packets = np.zeros(len(times_s), _PACKET)
+        blocks = packets["blocks"]
+        blocks["flag"] = 0xEEFF
+        begins_s = np.arange(_BLOCKS) * (SEQUENCES // _BLOCKS * SEQUENCE_S)
+        turned = np.degrees(azimuths[:, None] + self._turn_rad_s * begins_s)
+        blocks["azimuth"] = np.round(turned * 100.0).astype(int) % 36_000
+        steps = np.round(ranges_m / _STEP_M).astype(int).reshape(-1, _BLOCKS, 32)
+        blocks["channels"]["steps"] = steps
+        blocks["channels"]["reflectivity"] = np.where(steps > 0, _REFLECTIVITY, 0)
+        packets["time_us"] = (times_s * 1e6).astype(np.int64) % _HOUR_US
+        packets["mode"], packets["model"] = _STRONGEST_RETURN, _VLP16
+        return [packet.tobytes() for packet in packets]
+
+
+def _arrays(scene: LidarScene) -> SceneArrays:
+    pieces = [
+        np.column_stack(
             (
-                np.cos(elevation) * np.cos(azimuth),
-                -np.cos(elevation) * np.sin(azimuth),
-                np.sin(elevation),
-            ),
-            axis=-1,
-        ).reshape(-1, 3)
-        origins, turns = pose_at(times.reshape(-1))
-        ranges = self.ranges(origins, np.einsum("nij,nj->ni", turns, ways))
-        return self._encoded(azimuth[:, 0], ranges.reshape(_SEQUENCES, 16), time_s)
-
-    def ranges(self, origins_m: FloatArray, ways: FloatArray) -> FloatArray:
-        """(n,) measured range along unit vectors (n, 3); 0 without a return."""
-        nearest = np.full(len(ways), np.inf)
-        scene = self._scene
-        if scene.ground_m is not None:
-            with np.errstate(divide="ignore"):
-                down = (scene.ground_m - origins_m[:, 2]) / ways[:, 2]
-            nearest = np.where((down > 0.0) & np.isfinite(down), down, nearest)
-        for box in scene.boxes:
-            nearest = np.minimum(nearest, _to_box(box, origins_m, ways))
-        for tree in scene.trees:
-            nearest = np.minimum(nearest, self._to_leaf(tree, origins_m, ways))
-        for start, extent, wire in self._pieces:
-            nearest = np.minimum(nearest, _to_wire(start, extent, wire, origins_m, ways))
-        if scene.rain_per_m:
-            drop = self._random.exponential(1.0 / scene.rain_per_m, len(ways))
-            nearest = np.where((drop < nearest) & (drop < 10.0), drop, nearest)
-        measured = nearest + self._random.normal(0.0, scene.noise_m, len(ways))
-        lost = self._random.uniform(size=len(ways)) < scene.dropout
-        seen = np.isfinite(nearest) & (measured > _LEAST_RANGE_M) & (measured < _RANGE_M) & ~lost
-        return np.where(seen, measured, 0.0)
-
-    def _to_leaf(self, tree: Tree, origins_m: FloatArray, ways: FloatArray) -> FloatArray:
-        offset = np.array(tree.centre_m) - origins_m
-        along = (offset * ways).sum(axis=1)
-        inside = tree.radius_m**2 - ((offset**2).sum(axis=1) - along**2)
-        half = np.sqrt(np.maximum(inside, 0.0))
-        entry = np.maximum(along - half, 0.0)
-        hit = entry + self._random.exponential(1.0 / tree.density_per_m, len(ways))
-        return np.where((inside > 0.0) & (hit < along + half), hit, np.inf)
-
-    def _encoded(self, azimuth_rad: FloatArray, ranges_m: FloatArray, time_s: float) -> bytes:
-        blocks = []
-        steps = np.round(ranges_m / _STEP_M).astype(int)
-        for block in range(12):
-            turned = round(math.degrees(azimuth_rad[2 * block]) * 100.0) % 36_000
-            channels = steps[2 * block : 2 * block + 2].reshape(-1)
-            blocks.append(
-                struct.pack("<HH", 0xEEFF, turned)
-                + b"".join(struct.pack("<HB", step, 10 if step else 0) for step in channels)
+                ends[:-1],
+                np.diff(ends, axis=0) / lengths[:, None],
+                lengths,
+                np.full(len(lengths), wire.diameter_m),
             )
-        microseconds = int(time_s * 1e6) % 3_600_000_000
-        return b"".join(blocks) + struct.pack("<IBB", microseconds, 0x37, 0x22)
-
-
-def _to_wire(
-    start: FloatArray, extent: FloatArray, wire: Wire, origins_m: FloatArray, ways: FloatArray
-) -> FloatArray:
-    """Range to where rays pass a straight piece within half its width and the beam's."""
-    length = float(np.linalg.norm(extent))
-    along = extent / length
-    offset = origins_m - start
-    dot = ways @ along
-    ways_across = ways - dot[:, None] * along
-    offset_across = offset - (offset @ along)[:, None] * along
-    square = np.maximum((ways_across**2).sum(axis=1), 1e-12)
-    reach = -(ways_across * offset_across).sum(axis=1) / square
-    miss = np.linalg.norm(offset_across + reach[:, None] * ways_across, axis=1)
-    place = (offset + reach[:, None] * ways) @ along
-    beam = (_APERTURE_M + _DIVERGENCE_RAD * np.maximum(reach, 0.0)) / 2.0
-    met = np.minimum(miss + wire.diameter_m / 2.0, beam) - np.maximum(
-        miss - wire.diameter_m / 2.0, -beam
+        )
+        for wire in scene.wires
+        for ends in (wire.ends(),)
+        for lengths in (np.linalg.norm(np.diff(ends, axis=0), axis=1),)
+    ]
+    prisms = [*scene.prisms, *(box.prism for box in scene.boxes)]
+    corners = [np.array(prism.vertices_m, float) for prism in prisms]
+    return SceneArrays(
+        pieces=np.vstack(pieces) if pieces else np.empty((0, 8)),
+        trees=np.array(
+            [(*tree.centre_m, tree.radius_m, tree.density_per_m) for tree in scene.trees], float
+        ).reshape(-1, 5),
+        solids=np.array([_solid(prism) for prism in prisms], float).reshape(-1, 6),
+        corners=np.vstack(corners) if corners else np.empty((0, 2)),
+        first=np.cumsum([0, *(len(each) for each in corners)], dtype=np.int64),
     )
-    seen = (reach > 0.0) & (place >= 0.0) & (place < length) & (met / (2.0 * beam) >= _LEAST_SHARE)
-    return np.where(seen, reach, np.inf)
 
 
-def _to_box(box: Box, origins_m: FloatArray, ways: FloatArray) -> FloatArray:
-    with np.errstate(divide="ignore", invalid="ignore"):
-        first = (np.array(box.lower_m) - origins_m) / ways
-        second = (np.array(box.upper_m) - origins_m) / ways
-    enter = np.nanmax(np.minimum(first, second), axis=1)
-    leave = np.nanmin(np.maximum(first, second), axis=1)
-    return np.where((enter <= leave) & (enter > 0.0), enter, np.inf)
+def _solid(prism: Prism) -> tuple[float, ...]:
+    """Least and greatest y; centre and radius of a ball around."""
+    corners = np.array(prism.vertices_m, float)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    x_m, z_m = (low + high) / 2.0
+    y_m = (prism.lower_y_m + prism.upper_y_m) / 2.0
+    radius_m = math.hypot(*(high - low), prism.upper_y_m - prism.lower_y_m) / 2.0
+    return prism.lower_y_m, prism.upper_y_m, float(x_m), y_m, float(z_m), radius_m

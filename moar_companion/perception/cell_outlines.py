@@ -1,6 +1,11 @@
-"""Outlines of cells of a grid that are connected by edges, as vertices of a simple polygon."""
+"""Outlines of cells of a grid, as vertices of simple polygons that cover exactly them.
+
+What encloses free space is cut, so that no polygon fills it: an aircraft may be inside.
+"""
 
 from __future__ import annotations
+
+from collections.abc import Iterator
 
 import numpy as np
 import numpy.typing as npt
@@ -10,18 +15,21 @@ BoolArray = npt.NDArray[np.bool_]
 Corner = tuple[float, float]
 
 
-def outline_of(cells: BoolArray, most_vertices: int = 200) -> list[Corner]:
-    """Vertices in units of cells, counterclockwise, of the outline of cells (x, z).
+def parts_of(
+    cells: BoolArray, most_hole_cells: int, most_vertices: int = 200
+) -> Iterator[tuple[BoolArray, list[Corner]]]:
+    """Parts of cells (x, z), and the outline of each, counterclockwise in units of cells.
 
-    cells: connected by edges; holes are filled. Where the outline would have more vertices, it is
-    that of cells twice (four times, …) as large.
+    A part is connected by edges. One that encloses a hole of more cells than `most_hole_cells` is
+    cut through it, one with more vertices through its middle; smaller holes are filled.
     """
-    size = 1
-    while True:
-        outline = _traced(_coarser(cells, size))
-        if len(outline) <= most_vertices:
-            return [(size * x, size * z) for x, z in outline]
-        size *= 2
+    labels, _ = ndimage.label(cells)
+    for label, box in enumerate(ndimage.find_objects(labels), 1):
+        low = (box[0].start, box[1].start)
+        for part, outline in _cut(labels[box] == label, most_hole_cells, most_vertices):
+            whole = np.zeros_like(cells)
+            whole[box] = part
+            yield whole, [(x + low[0], z + low[1]) for x, z in outline]
 
 
 def straightened(outline: list[Corner]) -> list[Corner]:
@@ -37,28 +45,43 @@ def straightened(outline: list[Corner]) -> list[Corner]:
     return kept
 
 
-def _coarser(cells: BoolArray, size: int) -> BoolArray:
-    """Cells that are `size` times as large, each where one of its parts is."""
-    padded = np.pad(cells, [(0, -extent % size) for extent in cells.shape])
-    columns, rows = padded.shape[0] // size, padded.shape[1] // size
-    return np.asarray(padded.reshape(columns, size, rows, size).any(axis=(1, 3)))
+def _cut(
+    cells: BoolArray, most_hole_cells: int, most_vertices: int
+) -> Iterator[tuple[BoolArray, list[Corner]]]:
+    """Parts of cells that are connected by edges."""
+    filled = ndimage.binary_fill_holes(cells)
+    holes, count = ndimage.label(filled & ~cells)
+    sizes = np.bincount(holes.ravel(), minlength=count + 1)[1:]
+    if count and sizes.max() > most_hole_cells:
+        across, _ = np.nonzero(holes == int(np.argmax(sizes)) + 1)
+        axis, place = 0, int(across.min() + across.max() + 1) // 2
+    else:
+        outline = _traced(filled)
+        if len(outline) <= most_vertices:
+            yield filled, outline
+            return
+        axis = int(np.argmax(cells.shape))
+        place = cells.shape[axis] // 2
+    sides = np.arange(cells.shape[axis]) < place
+    for side in (sides, ~sides):
+        kept = cells & (side[:, None] if axis == 0 else side)
+        yield from parts_of(kept, most_hole_cells, most_vertices)
 
 
 def _traced(cells: BoolArray) -> list[Corner]:
     """The boundary, the cells at its left.
 
-    With its holes filled, a set of cells that is connected by edges touches itself at no corner.
+    Without holes, a set of cells that is connected by edges touches itself at no corner.
     """
-    filled = np.pad(ndimage.binary_fill_holes(cells), 1)
-    inner = filled[1:-1, 1:-1]
+    padded = np.pad(cells, 1)
     following: dict[tuple[int, int], tuple[int, int]] = {}
     for beside, (from_x, from_z), (to_x, to_z) in (
-        (filled[1:-1, :-2], (0, 0), (1, 0)),
-        (filled[2:, 1:-1], (1, 0), (1, 1)),
-        (filled[1:-1, 2:], (1, 1), (0, 1)),
-        (filled[:-2, 1:-1], (0, 1), (0, 0)),
+        (padded[1:-1, :-2], (0, 0), (1, 0)),
+        (padded[2:, 1:-1], (1, 0), (1, 1)),
+        (padded[1:-1, 2:], (1, 1), (0, 1)),
+        (padded[:-2, 1:-1], (0, 1), (0, 0)),
     ):
-        for x, z in np.argwhere(inner & ~beside).tolist():
+        for x, z in np.argwhere(cells & ~beside).tolist():
             following[x + from_x, z + from_z] = (x + to_x, z + to_z)
     # The least corner is a corner of the outline.
     first = at = min(following)
@@ -66,5 +89,4 @@ def _traced(cells: BoolArray) -> list[Corner]:
     while not outline or at != first:
         outline.append((float(at[0]), float(at[1])))
         at = following[at]
-    outline = straightened([*outline, outline[0]])
-    return outline[:-1]
+    return straightened([*outline, outline[0]])[:-1]

@@ -31,13 +31,14 @@ _DRIFT_M = 0.02
 """By which a conductor or the aircraft's position moves from scan to scan."""
 _OWN_M = 0.3
 """Echoes this near to the line of a conductor are its own."""
-_SURE_SHARE = 0.8
-"""Of the greatest range at which a conductor was seen: within that it must be visible."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Track:
-    """x_m, z_m: where the conductor crosses the plane; slope: of x and z per metre of y."""
+    """x_m, z_m: where the conductor crosses the plane; slope: of x and z per metre of y.
+
+    range_m: the greatest at which it was seen: within that it must be visible.
+    """
 
     number: int
     x_m: float
@@ -66,6 +67,11 @@ class ConductorTracks:
 
     def step(self, seen: Iterable[ConductorSighting], time_s: float, rays: PlaneRays) -> None:
         """Takes the sightings of a scan; rays: what it measured in the plane."""
+        self._tracks = [
+            track
+            for track in self._tracks
+            if track.confirmed or time_s - track.seen_s < _TENTATIVE_S
+        ]
         free = list(range(len(self._tracks)))
         for sighting in seen:
             x, z = sighting.crossing_m()
@@ -80,11 +86,7 @@ class ConductorTracks:
             track = self._tracks[index]
             if _missed(track, rays, before_m):
                 self._tracks[index] = replace(track, missed=track.missed + 1)
-        self._tracks = [
-            track
-            for track in self._tracks
-            if (track.missed < _MISSED if track.confirmed else time_s - track.seen_s < _TENTATIVE_S)
-        ]
+        self._tracks = [track for track in self._tracks if track.missed < _MISSED]
 
     def own(self, points_m: FloatArray, time_s: float) -> BoolArray:
         """Points (n, 3) on conductors that are confirmed, or seen in the scan of this time."""
@@ -178,7 +180,7 @@ def _missed(track: _Track, rays: PlaneRays, before_m: FloatArray) -> bool:
     """
     x, z = track.x_m - rays.centre_m[0], track.z_m - rays.centre_m[1]
     distance = math.hypot(x, z)
-    if not GATE_M < distance < _SURE_SHARE * track.range_m:
+    if not GATE_M < distance <= track.range_m:
         return False
     around = math.ceil(math.asin(min(_OWN_M / distance, 1.0)) / (2.0 * math.pi) * rays.sectors)
     middle = int(sector_of(np.array([x]), np.array([z]), rays.sectors)[0])

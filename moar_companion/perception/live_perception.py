@@ -204,8 +204,18 @@ def _ground(points_m: FloatArray, distance_m: FloatArray) -> BoolArray:
     """
     ground = np.zeros(len(points_m), dtype=bool)
     near = np.flatnonzero(distance_m < _GROUND_REACH_M)
-    if len(near):
-        low = points_m[near, 2] - ground_height_m(points_m[near]) < _GROUND_CLEAR_M
-        columns = np.unique(np.floor(points_m[near[low], 0] / _COLUMN_M))
-        ground[near[low]] = len(columns) >= _GROUND_COLUMNS
+    if not len(near):
+        return ground
+    points = points_m[near].copy()
+    column, index = np.unique(np.floor(points[:, 0] / _COLUMN_M), return_inverse=True)
+    if len(column) < _GROUND_COLUMNS:
+        return ground
+    lowest = np.full(len(column), np.inf)
+    np.minimum.at(lowest, index, points[:, 2])
+    # The median slope between columns: a filter of the ground sinks it at the upper end of a slope.
+    left, right = np.triu_indices(len(column), 1)
+    slopes = (lowest[right] - lowest[left]) / (column[right] - column[left])
+    points[:, 2] -= float(np.median(slopes)) / _COLUMN_M * points[:, 0]
+    low = points[:, 2] - ground_height_m(points) < _GROUND_CLEAR_M
+    ground[near[low]] = len(np.unique(index[low])) >= _GROUND_COLUMNS
     return ground

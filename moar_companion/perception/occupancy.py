@@ -15,7 +15,7 @@ import numpy.typing as npt
 from scipy import ndimage
 
 from ..site import Polygon, Site
-from .cell_outlines import outline_of
+from .cell_outlines import parts_of
 from .plane_rays import PlaneRays, sector_of
 
 FloatArray = npt.NDArray[np.float64]
@@ -35,10 +35,14 @@ _OCCUPIED, _GREATEST = 2.5, 5.0
 """Evidence, in scans with echoes: occupied from here on, and kept at most."""
 _PASSED = 0.3
 """Evidence that a scan takes which measured beyond: leaves hit by a quarter of the scans stay."""
-_DECAY_PER_S = 0.5
+_DECAY_PER_S = 1.0
 """Of a cell that is not occupied: single wrong echoes do not add up."""
 _REMEMBERED_S = 60.0
 """Without an echo for so long an obstacle is forgotten: twice what a visit of a target takes."""
+_GONE_S, _EDGES_S = 1.0, 5.0
+"""Between two changes of polygons where something has gone, and where an edge moves by a cell."""
+_FILLED_M = 1.0
+"""Holes of this size are filled: no aircraft is in them."""
 _AROUND = np.ones((3, 3), dtype=bool)
 
 
@@ -70,6 +74,7 @@ class Occupancy:
         self._occupied = np.zeros(self._shape, dtype=bool)
         self._time_s: float | None = None
         self._shown = np.zeros(self._shape, dtype=bool)
+        self._shown_s = -math.inf
         self._numbers = np.zeros(self._shape, dtype=int)
         """Number of the polygon that has a cell; 0 for none."""
         self._given = 0
@@ -120,7 +125,7 @@ class Occupancy:
         self._evidence[time_s - self._hit_s > _REMEMBERED_S] = 0.0
         np.maximum(self._evidence, 0.0, out=self._evidence)
         self._occupied = np.where(self._occupied, self._evidence > 0.0, self._evidence >= _OCCUPIED)
-        self._show()
+        self._show(time_s)
 
     def release(self, points_m: list[tuple[float, float]], within_m: float) -> None:
         """Clears the cells about places that turned out to be no solid obstacles."""
@@ -156,43 +161,46 @@ class Occupancy:
             for number, outline in sorted(self._outlines.items())
         )
 
-    def _show(self) -> None:
-        """A cell at the edge of what is occupied stays shown: its evidence comes and goes."""
+    def _show(self, time_s: float) -> None:
+        """A cell at the edge of what is occupied stays shown: its evidence comes and goes.
+
+        What is beside something shown, or has gone, is drawn later: each change makes new maps.
+        """
         beside = ndimage.binary_dilation(self._occupied, _AROUND)
         shown = self._occupied | (self._shown & beside)
-        if not np.array_equal(shown, self._shown):
-            self._shown = shown
+        if np.array_equal(shown, self._shown):
+            return
+        apart = shown & ~ndimage.binary_dilation(self._shown, _AROUND)
+        gone = self._shown & ~ndimage.binary_dilation(beside, _AROUND)
+        waits_s = 0.0 if apart.any() else _GONE_S if gone.any() else _EDGES_S
+        if time_s - self._shown_s >= waits_s:
+            self._shown, self._shown_s = shown, time_s
             self._name_parts()
 
     def _name_parts(self) -> None:
-        """Each connected part takes the number of most of its cells, the largest part first."""
+        """Each part takes the number that most of its cells had, the largest part first."""
         closed = ndimage.binary_closing(np.pad(self._shown, 1), _AROUND)[1:-1, 1:-1]
-        labels, count = ndimage.label(closed)
+        parts = sorted(
+            parts_of(closed, int((_FILLED_M / self._cell_m) ** 2)), key=lambda part: -part[0].sum()
+        )
         numbers = np.zeros_like(self._numbers)
-        taken = {0}
-        for label in np.argsort(-np.bincount(labels.ravel(), minlength=count + 1)[1:]) + 1:
-            part = labels == label
+        self._outlines = {}
+        for part, outline in parts:
             known = np.bincount(self._numbers[part], minlength=self._given + 1)
-            known[list(taken)] = 0
+            known[[0, *self._outlines]] = 0
             number = int(np.argmax(known))
             if not known[number]:
                 self._given += 1
                 number = self._given
-            taken.add(number)
             numbers[part] = number
-        self._numbers = numbers
-        self._draw()
-
-    def _draw(self) -> None:
-        self._outlines = {}
-        for number, part in enumerate(ndimage.find_objects(self._numbers), 1):
-            if part is None:
-                continue
-            low = self._lower_m + np.array([part[0].start, part[1].start]) * self._cell_m
             self._outlines[number] = tuple(
-                (float(low[0]) + x * self._cell_m, float(low[1]) + z * self._cell_m)
-                for x, z in outline_of(self._numbers[part] == number)
+                (
+                    float(self._lower_m[0]) + x * self._cell_m,
+                    float(self._lower_m[1]) + z * self._cell_m,
+                )
+                for x, z in outline
             )
+        self._numbers = numbers
 
 
 def _moved(cells: npt.NDArray[_Cell], by: tuple[int, int], empty: float) -> npt.NDArray[_Cell]:

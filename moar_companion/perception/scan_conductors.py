@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
+from scipy.spatial import cKDTree
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.int64]
@@ -25,11 +26,19 @@ _STEP_M = 0.3
 _NARROW_M = 0.25
 """Greatest width of an echo of a wire or a twin bundle's half; wider ones are no conductor."""
 _LEAST_RANGE_M, _GREATEST_RANGE_M = 1.0, 40.0
-_PAIRS = 200
-_MOST_ECHOES = 800
-_RINGS_APART = 4
-_TURNED_RAD = math.radians(15.0)
-"""By which a conductor may be turned from the axis of rotation."""
+_MOST_ECHOES = 1500
+_RUN_SHARES = (0.12, 0.32)
+"""Two echoes that a line is laid through are apart by so much of their range: 7° to 18°."""
+_NEAR_M = 3.0
+"""Nearer than this, a line that is turned by the greatest angle may be missed."""
+_TRIES = 4
+"""Lines through each echo."""
+_LEAST_SUPPORT = 4
+"""Partners of an echo on a line that is looked at more closely."""
+_LEAST_ALONE = 0.35
+"""Share of its partners nearby that lie on the line, which a bundle of four still has."""
+_TURNED_RAD = math.radians(17.0)
+"""By which a conductor may be turned from the axis: 15° of the line, and its slope."""
 _RADIUS_M = 0.12
 """Echoes of one conductor lie within this distance of its line."""
 _AROUND_M = 0.6
@@ -37,7 +46,9 @@ _LEAST_RINGS = 6
 _RING_SHARE = 0.6
 """Of the rings between the first and the last that see it."""
 _LEAST_CLEAR = 0.6
-"""Share of the echoes around that lie on the line: leaves are everywhere."""
+"""Share of the echoes around that lie on the line, or on one parallel to it: leaves are
+everywhere."""
+_PARALLEL = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
@@ -100,101 +111,149 @@ def sightings(
 ) -> list[ConductorSighting]:
     """Lines through narrow echoes of many rings, best supported first.
 
-    sensor_m: (3,) the sensor's place; axis: (3,) unit vector of its rotation.
+    sensor_m: (3,) the sensor's place; axis: (3,) unit vector along which conductors run.
     """
-    if len(echoes_m) < _LEAST_RINGS:
-        return []
     if len(echoes_m) > _MOST_ECHOES:
         kept = np.sort(random.choice(len(echoes_m), _MOST_ECHOES, replace=False))
         echoes_m, ring = echoes_m[kept], ring[kept]
-    free = np.ones(len(echoes_m), dtype=bool)
-    partners = _partners(echoes_m, ring, axis)
-    found: list[ConductorSighting] = []
-    while free.sum() >= _LEAST_RINGS:
-        line = _best_line(echoes_m, ring, partners & free & free[:, None], random)
-        if line is None:
-            break
-        at, way = line
-        on = free & (_distance(echoes_m, at, way) < _RADIUS_M)
-        centre = echoes_m[on].mean(axis=0)
-        _, _, axes = np.linalg.svd(echoes_m[on] - centre, full_matrices=False)
-        way = axes[0] * math.copysign(1.0, float(axes[0] @ axis))
-        fitted = free & (_distance(echoes_m, centre, way) < _RADIUS_M)
-        sighting = _judged(echoes_m, ring, fitted, centre, way, sensor_m)
-        if sighting is not None:
-            found.append(sighting)
-        free &= ~(on | fitted)
-    return found
+    if len(echoes_m) < _LEAST_RINGS:
+        return []
+    # Columns: along the axis, and two across.
+    aside = np.cross(axis, np.eye(3)[np.argmin(abs(axis))])
+    aside /= np.linalg.norm(aside)
+    frame = np.column_stack((axis, aside, np.cross(axis, aside)))
+    places = (echoes_m - sensor_m) @ frame
+    lines = _lines(places, ring, random)
+    return [
+        _sighting(line, ring, frame, sensor_m) for line in lines if _is_clear(line, lines, places)
+    ]
 
 
-def _partners(echoes_m: FloatArray, ring: IntArray, axis: FloatArray) -> BoolArray:
-    """(k, k) pairs of echoes that may lie on one conductor: rings apart, along the axis."""
-    along = echoes_m @ axis
-    across = echoes_m - along[:, None] * axis
-    across = across - across.mean(axis=0)
-    square = (across**2).sum(axis=1)
-    miss = square[:, None] + square[None] - 2.0 * across @ across.T
-    run = abs(along[:, None] - along[None])
-    allowed = _RADIUS_M + math.tan(_TURNED_RAD) * run
-    return np.asarray((miss < allowed**2) & (abs(ring[:, None] - ring[None]) >= _RINGS_APART))
+@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
+class _Line:
+    """at: (3,) middle of its echoes; slope: (2,) across per metre along; on: (k,) its echoes."""
+
+    at: FloatArray
+    slope: FloatArray
+    on: BoolArray
+
+    def distance_m(self, places: FloatArray) -> FloatArray:
+        """(k,) across, at the same place along."""
+        offset = places - self.at
+        aside = offset[:, 1:] - offset[:, :1] * self.slope
+        return np.asarray(np.sqrt((aside**2).sum(axis=1)))
 
 
-def _best_line(
-    echoes_m: FloatArray, ring: IntArray, partners: BoolArray, random: np.random.Generator
-) -> tuple[FloatArray, FloatArray] | None:
-    """RANSAC: the line through two partners with echoes of most rings close to it."""
-    support = partners.sum(axis=1)
-    usable = np.flatnonzero(support >= _LEAST_RINGS - 1)
-    if not len(usable):
-        return None
-    # The better the support, the likelier the choice.
-    chance = support[usable].astype(float) ** 2
-    first = random.choice(usable, _PAIRS, p=chance / chance.sum())
-    rank = (random.uniform(size=_PAIRS) * support[first]).astype(np.intp)
-    second = np.array(
-        [np.flatnonzero(row)[n] for row, n in zip(partners[first], rank, strict=True)]
-    )
-    index = np.flatnonzero(partners.any(axis=1))
-    at, way = echoes_m[first], echoes_m[second] - echoes_m[first]
-    way /= np.sqrt((way**2).sum(axis=1))[:, None]
-    centre = echoes_m[index].mean(axis=0)
-    near, at_near = echoes_m[index] - centre, at - centre
-    run = way @ near.T - (way * at_near).sum(axis=1)[:, None]
-    square = (near**2).sum(axis=1)[None] + (at_near**2).sum(axis=1)[:, None]
-    on = square - 2.0 * at_near @ near.T - run**2 < _RADIUS_M**2
-    of_ring = (ring[index][:, None] == np.arange(ring.max() + 1)).astype(np.float32)
-    rings = (on.astype(np.float32) @ of_ring > 0.0).sum(axis=1)
-    best = int(np.argmax(rings))
-    return (at[best], way[best]) if rings[best] >= _LEAST_RINGS else None
+def _lines(places: FloatArray, ring: IntArray, random: np.random.Generator) -> list[_Line]:
+    """RANSAC: lines through an echo and a partner that have echoes of enough rings; disjoint.
+
+    places: (k, 3) along, and twice across, from the sensor.
+    """
+    first, second = _partners(places)
+    support, slope = _best_lines(places, first, second, random)
+    free = np.ones(len(places), dtype=bool)
+    lines: list[_Line] = []
+    for index in np.argsort(-support, kind="stable")[: int((support >= _LEAST_SUPPORT).sum())]:
+        if not free[index]:
+            continue
+        line = _refined(places, free, places[index], slope[index])
+        if line is not None and _has_rings(ring[line.on]):
+            lines.append(line)
+            free &= ~line.on
+    return lines
 
 
-def _judged(
-    echoes_m: FloatArray,
-    ring: IntArray,
-    on: BoolArray,
-    centre: FloatArray,
-    way: FloatArray,
-    sensor_m: FloatArray,
-) -> ConductorSighting | None:
-    seen = np.unique(ring[on])
-    if len(seen) < _LEAST_RINGS or len(seen) < _RING_SHARE * (seen[-1] - seen[0] + 1):
-        return None
-    run = (echoes_m - centre) @ way
-    low, high = run[on].min(), run[on].max()
-    beside = (run >= low) & (run <= high)
-    around = beside & (_distance(echoes_m, centre, way) < _AROUND_M)
-    if on.sum() < _LEAST_CLEAR * around.sum():
-        return None
-    nearest = centre + way * float((sensor_m - centre) @ way)
+def _partners(places: FloatArray) -> tuple[IntArray, IntArray]:
+    """Pairs (p,), (p,) of echoes that may lie on one conductor, ordered by the first."""
+    away = np.maximum(np.hypot(places[:, 1], places[:, 2]), 1e-6)
+    around = np.column_stack((places[:, 1] / away, places[:, 2] / away, np.log(away)))
+    most = math.tan(_TURNED_RAD) * _RUN_SHARES[1] + _RADIUS_M / _NEAR_M
+    pairs = cKDTree(around).query_pairs(most, output_type="ndarray")
+    run, *aside = (places[pairs[:, 1]] - places[pairs[:, 0]]).T
+    share = abs(run) / away[pairs[:, 0]]
+    allowed = _RADIUS_M + math.tan(_TURNED_RAD) * abs(run)
+    good = (share > _RUN_SHARES[0]) & (share < _RUN_SHARES[1])
+    good &= aside[0] ** 2 + aside[1] ** 2 < allowed**2
+    first = np.concatenate((pairs[good, 0], pairs[good, 1]))
+    second = np.concatenate((pairs[good, 1], pairs[good, 0]))
+    order = np.lexsort((second, first))
+    return first[order], second[order]
+
+
+def _best_lines(
+    places: FloatArray, first: IntArray, second: IntArray, random: np.random.Generator
+) -> tuple[IntArray, FloatArray]:
+    """(k,) greatest number of an echo's partners on one line through it, and the slope (k, 2).
+
+    0 where most partners nearby are off the line.
+    """
+    count = np.bincount(first, minlength=len(places))
+    begin = np.cumsum(count) - count
+    run, *aside = (places[second] - places[first]).T
+    best = np.zeros(len(places), dtype=np.int64)
+    slopes = np.zeros((len(places), 2))
+    some = np.flatnonzero(count >= _LEAST_SUPPORT)
+    for _ in range(_TRIES):
+        chosen = begin[some] + (random.uniform(size=len(some)) * count[some]).astype(np.int64)
+        slope = np.zeros((len(places), 2))
+        slope[some] = np.column_stack((aside[0][chosen], aside[1][chosen])) / run[chosen, None]
+        off = (aside[0] - slope[first, 0] * run) ** 2 + (aside[1] - slope[first, 1] * run) ** 2
+        on = np.bincount(first[off < _RADIUS_M**2], minlength=len(places))
+        around = np.bincount(first[off < _AROUND_M**2], minlength=len(places))
+        on[on < _LEAST_ALONE * around] = 0
+        better = on > best
+        best[better], slopes[better] = on[better], slope[better]
+    return best, slopes
+
+
+def _refined(
+    places: FloatArray, free: BoolArray, at: FloatArray, slope: FloatArray
+) -> _Line | None:
+    """The line fitted to the free echoes close to it, twice; None with too few of them."""
+    on = free
+    for _ in range(3):
+        on = free & (_Line(at=at, slope=slope, on=on).distance_m(places) < _RADIUS_M)
+        if on.sum() < _LEAST_RINGS:
+            return None
+        middle = places[on].mean(axis=0)
+        offset = places[on] - middle
+        along = offset[:, 0]
+        at = middle
+        slope = along @ offset[:, 1:] / max(float(along @ along), 1e-9)
+    turned = float(np.hypot(slope[0], slope[1]))
+    return _Line(at=at, slope=slope, on=on) if turned < math.tan(_TURNED_RAD) else None
+
+
+def _has_rings(seen_by: IntArray) -> bool:
+    """Echoes of enough rings, and of most between the first and the last."""
+    rings = np.unique(seen_by)
+    if len(rings) < _LEAST_RINGS:
+        return False
+    return len(rings) >= _RING_SHARE * (int(rings[-1]) - int(rings[0]) + 1)
+
+
+def _is_clear(line: _Line, lines: list[_Line], places: FloatArray) -> bool:
+    """Echoes around are its own, or those of conductors beside it."""
+    run = places[:, 0]
+    beside = (run >= run[line.on].min()) & (run <= run[line.on].max())
+    around = beside & (line.distance_m(places) < _AROUND_M)
+    known = line.on.copy()
+    for other in lines:
+        if other is not line and np.hypot(*(other.slope - line.slope)) < _PARALLEL:
+            known |= other.on
+    return int((known & around).sum()) >= _LEAST_CLEAR * int(around.sum())
+
+
+def _sighting(
+    line: _Line, ring: IntArray, frame: FloatArray, sensor_m: FloatArray
+) -> ConductorSighting:
+    way = frame @ np.append(1.0, line.slope)
+    way /= np.linalg.norm(way)
+    at = frame @ line.at
+    nearest = at - way * float(at @ way)
     return ConductorSighting(
-        point_m=nearest,
+        point_m=nearest + sensor_m,
         direction=way,
-        rings=len(seen),
-        range_m=float(np.linalg.norm(nearest - sensor_m)),
+        rings=len(np.unique(ring[line.on])),
+        range_m=float(np.linalg.norm(nearest)),
     )
-
-
-def _distance(points_m: FloatArray, at_m: FloatArray, way: FloatArray) -> FloatArray:
-    offset = points_m - at_m
-    run = offset @ way
-    return np.asarray(np.sqrt(np.maximum((offset**2).sum(axis=1) - run**2, 0.0)))

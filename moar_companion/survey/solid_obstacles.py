@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy import ndimage
 
+from ..perception.cell_outlines import parts_of, straightened
 from ..perception.spans import PointClass
 from .site_document import Document, polygon
 
@@ -26,6 +27,7 @@ _FLOATING_GAP_M = 5.0
 _LONE_M = 2.0
 _LATTICE_M = 2.0
 """Half the width of holes in a tower that are filled."""
+_MOST_HOLE_CELLS = round((2.0 * _LATTICE_M / _CELL_M) ** 2)
 _ABOVE_GROUND_M = 0.5
 _LANDING_HEIGHT_M = 2.5
 
@@ -119,7 +121,7 @@ def polygons_of(
         for (x, _), z in zip(run, top, strict=True):
             outline += [(x, z), (x + _CELL_M, z)]
         outline.append((run[-1, 0] + _CELL_M, low_z - 1.0))
-        shapes.append(("ground", _straightened(outline)))
+        shapes.append(("ground", straightened(outline)))
     apart = ~surface.stands & np.isin(classes, (PointClass.VEGETATION, PointClass.TOWER))
     apart &= (plane_m[:, 0] > low_x) & (plane_m[:, 0] < high_x)
     apart &= (plane_m[:, 1] > low_z) & (plane_m[:, 1] < high_z)
@@ -135,9 +137,7 @@ def polygons_of(
         occupied[cells[:, 0], cells[:, 1]] = True
         if kind == "tower":  # a lattice has holes that nobody flies through
             occupied = ndimage.binary_closing(occupied, iterations=round(_LATTICE_M / _CELL_M))
-        labels, count = ndimage.label(ndimage.binary_dilation(occupied))
-        for label in range(1, count + 1):
-            outline = _outline(labels == label)
+        for _, outline in parts_of(ndimage.binary_dilation(occupied), _MOST_HOLE_CELLS):
             corners = [(low[0] + x * _CELL_M, low[1] + z * _CELL_M) for x, z in outline]
             shapes.append((kind, corners))
     numbers: dict[str, int] = {}
@@ -156,30 +156,3 @@ def _alone(places: FloatArray) -> BoolArray:
         offset[index] = np.inf
         distance[index] = offset.min(initial=np.inf)
     return distance > _LONE_M
-
-
-def _outline(cells: BoolArray) -> list[tuple[float, float]]:
-    """Outline of cells (x, z) that are connected by edges: each row from its first to its last."""
-    rows = np.flatnonzero(cells.any(axis=0))
-    left = [int(np.argmax(cells[:, row])) for row in rows]
-    right = [len(cells) - int(np.argmax(cells[::-1, row])) for row in rows]
-    up = [(float(x), float(z)) for row, x in zip(rows, right, strict=True) for z in (row, row + 1)]
-    down = [
-        (float(x), float(z))
-        for row, x in zip(rows[::-1], left[::-1], strict=True)
-        for z in (row + 1, row)
-    ]
-    return _straightened(up + down)
-
-
-def _straightened(outline: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Without vertices inside a straight edge."""
-    kept: list[tuple[float, float]] = []
-    for vertex in outline:
-        if len(kept) >= 2 and any(
-            kept[-2][axis] == kept[-1][axis] == vertex[axis] for axis in (0, 1)
-        ):
-            kept[-1] = vertex
-        elif not kept or kept[-1] != vertex:
-            kept.append(vertex)
-    return kept

@@ -1,0 +1,126 @@
+"""Conductors from scan to scan: confirmed, named, remembered, forgotten."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from moar_companion.perception.conductor_tracks import ConductorTracks
+from moar_companion.perception.plane_rays import PlaneRays
+from moar_companion.perception.scan_conductors import ConductorSighting
+
+SENSOR = np.array([0.0, 0.0, 10.0])
+
+
+def sighting(x, z, slope=0.0):
+    way = np.array([slope, 1.0, 0.0]) / np.hypot(1.0, slope)
+    return ConductorSighting(
+        point_m=np.array([x, 0.0, z]), direction=way, rings=12, range_m=np.hypot(x, z - 10.0)
+    )
+
+
+def rays_to(*places):
+    """A scan that measured these places (x, z)."""
+    points = np.array([(x, 0.0, z) for x, z in places]).reshape(-1, 3)
+    return PlaneRays.of(points, SENSOR, 720)
+
+
+NOTHING = rays_to()
+
+
+def confirmed(*seen):
+    tracks = ConductorTracks()
+    for number in range(5):
+        tracks.step(seen, 0.1 * number, NOTHING)
+    return tracks
+
+
+def test_a_conductor_is_confirmed_by_five_sightings():
+    tracks = ConductorTracks()
+    for number in range(4):
+        tracks.step([sighting(5.0, 12.0)], 0.1 * number, NOTHING)
+        assert tracks.conductors == ()
+    tracks.step([sighting(5.1, 12.0)], 0.4, NOTHING)
+    (conductor,) = tracks.conductors
+    assert conductor.name == "seen-1"
+    assert conductor.sightings == 5
+    assert conductor.seen_s == 0.4
+    assert 5.0 < conductor.position_m[0] < 5.1
+    assert conductor.deviation_m < 0.05
+
+
+def test_a_name_stays_with_its_conductor():
+    tracks = confirmed(sighting(5.0, 12.0), sighting(-5.0, 12.0))
+    for number in range(5, 12):
+        seen = [sighting(-5.0, 12.0), sighting(8.0, 9.0), sighting(5.0, 12.0)]
+        tracks.step(seen, 0.1 * number, NOTHING)
+    found = [(each.name, round(each.position_m[0])) for each in tracks.conductors]
+    assert found == [("seen-1", 5), ("seen-2", -5), ("seen-3", 8)]
+
+
+def test_sightings_at_another_place_are_another_conductor():
+    assert len(confirmed(sighting(5.0, 12.0), sighting(5.8, 12.0)).conductors) == 2
+
+
+def test_a_single_sighting_is_forgotten():
+    tracks = ConductorTracks()
+    tracks.step([sighting(5.0, 12.0)], 0.0, NOTHING)
+    for number in range(4):
+        tracks.step([sighting(5.0, 12.0)], 2.0 + 0.1 * number, NOTHING)
+    assert tracks.conductors == ()
+
+
+@pytest.mark.parametrize("behind", [(), ((10.0, 14.0),)], ids=["sky", "something behind"])
+def test_what_is_looked_at_and_not_seen_is_forgotten_within_seconds(behind):
+    tracks = confirmed(sighting(5.0, 12.0))
+    for number in range(5, 24):
+        tracks.step([], 0.1 * number, rays_to(*behind))
+        assert len(tracks.conductors) == 1
+    tracks.step([], 2.5, rays_to(*behind))
+    assert tracks.conductors == ()
+
+
+@pytest.mark.parametrize("place", [(2.5, 11.0), (5.0, 12.0), (0.5, 10.2)], ids=[
+    "hidden", "something is there", "the sensor is covered"])  # fmt: skip
+def test_what_is_hidden_is_remembered(place):
+    tracks = confirmed(sighting(5.0, 12.0))
+    for number in range(5, 200):
+        tracks.step([], 0.1 * number, rays_to(place))
+    assert len(tracks.conductors) == 1
+
+
+def test_what_is_farther_than_it_was_ever_seen_is_remembered():
+    tracks = confirmed(sighting(5.0, 12.0))
+    away = PlaneRays.of(np.zeros((0, 3)), np.array([-2.0, 0.0, 10.0]), 720)
+    for number in range(5, 200):
+        tracks.step([], 0.1 * number, away)
+    assert len(tracks.conductors) == 1
+
+
+def test_one_sighting_ends_a_row_of_missed_ones():
+    tracks = confirmed(sighting(5.0, 12.0))
+    for number in range(5, 60):
+        seen = [sighting(5.0, 12.0)] if number % 15 == 0 else []
+        tracks.step(seen, 0.1 * number, NOTHING)
+    assert len(tracks.conductors) == 1
+
+
+def test_points_on_a_confirmed_conductor_are_its_own():
+    tracks = confirmed(sighting(5.0, 12.0, slope=0.2))
+    points = np.array([(5.0, 0.0, 12.1), (5.4, 2.0, 12.0), (5.0, 2.0, 12.0), (5.0, 0.0, 13.0)])
+    assert tracks.own(points, 9.0).tolist() == [True, True, False, False]
+
+
+def test_points_of_a_sighting_are_its_own_in_its_scan():
+    tracks = ConductorTracks()
+    tracks.step([sighting(5.0, 12.0)], 0.1, NOTHING)
+    points = np.array([(5.0, 0.0, 12.0)])
+    assert tracks.own(points, 0.1).tolist() == [True]
+    tracks.step([], 0.2, NOTHING)
+    assert tracks.own(points, 0.2).tolist() == [False]
+
+
+def test_a_jump_of_the_estimate_moves_the_conductors():
+    tracks = confirmed(sighting(5.0, 12.0, slope=0.2))
+    tracks.shift((1.0, 5.0, -2.0))
+    assert tracks.conductors[0].position_m == pytest.approx((5.0, 10.0))

@@ -1,0 +1,258 @@
+"""The machine of live perception, fed by the simulated lidar: from packets and poses to reports."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from moar_companion.perception.live_perception import LivePerception
+from moar_companion.perception_config import Perception, Sensor, SensorMount
+from sitl.lidar import Box, LidarScene, Prism, Tree, Wire
+from tests.perception.live import SITE, VELODYNE, Flight, Rig, last
+
+pytest.importorskip("velodyne_decoder")
+
+CRANE = Box(lower_m=(5.0, -2.0, 11.0), upper_m=(7.0, 2.0, 16.0))
+WALL = Box(lower_m=(20.0, -30.0, 0.0), upper_m=(21.0, 30.0, 30.0))
+CABLE = Wire(start_m=(-4.0, -100.0, 15.0), end_m=(-4.0, 100.0, 15.0))
+HOVER = Flight(at_m=(0.0, 0.0, 12.0))
+SWAYING = replace(HOVER, velocity_mps=(1.0, 0.0, 0.3), tilt_rad=0.06, position_noise_m=0.03)
+POINTS = Perception(sensor=Sensor.MAVLINK)
+
+
+def solid(report):
+    return shapely.union_all([shapely.Polygon(each.vertices_m) for each in report.solids])
+
+
+def covers(report, x, z):
+    return solid(report).covers(shapely.Point(x, z))
+
+
+def extent_m(report, low, high):
+    """What stands between two corners: lower and upper x and z."""
+    return solid(report).intersection(shapely.box(*low, *high)).bounds
+
+
+@pytest.mark.parametrize("flight", [HOVER, SWAYING], ids=["hovering", "flying and swaying"])
+def test_a_box_beside_the_line_becomes_a_polygon_within_a_cell(flight):
+    report = last(Rig(LidarScene(boxes=(CRANE,), wires=(CABLE,)), flight), 1.3)
+    assert all(covers(report, 5.05, z) for z in np.arange(11.2, 15.9, 0.2))
+    low_x, low_z, _, high_z = extent_m(report, (3.0, 5.0), (9.0, 20.0))
+    assert low_x == pytest.approx(5.0, abs=0.45)
+    assert (low_z, high_z) == pytest.approx((11.0, 16.0), abs=0.45)
+
+
+def test_an_obstacle_is_occupied_within_half_a_second():
+    rig = Rig(LidarScene(boxes=(WALL,)), HOVER)
+    last(rig, 1.0)
+    rig.look_at(LidarScene(boxes=(WALL, CRANE)))
+    assert covers(last(rig, 0.55), 5.05, 13.0)
+
+
+def test_an_obstacle_that_has_gone_is_cleared_within_three_seconds():
+    rig = Rig(LidarScene(boxes=(WALL, CRANE)), HOVER)
+    assert covers(last(rig, 1.5), 5.05, 13.0)
+    rig.look_at(LidarScene(boxes=(WALL,)))
+    report = last(rig, 3.0)
+    assert not solid(report).intersects(shapely.box(3.0, 5.0, 9.0, 25.0))
+    assert covers(report, 20.05, 13.0)
+
+
+def test_trees_are_solid_and_no_conductors():
+    trees = (Tree(centre_m=(8.0, 0.0, 6.0), radius_m=3.0),)
+    report = last(Rig(LidarScene(trees=trees), HOVER), 1.5)
+    assert covers(report, 6.5, 8.0)
+    low_x, _, _, high_z = solid(report).bounds
+    assert low_x > 4.5
+    assert high_z < 9.6
+    assert report.conductors == ()
+
+
+@pytest.mark.parametrize("slope", [0.0, 0.15], ids=["flat", "slope"])
+@pytest.mark.parametrize("height_error_m", [0.0, 1.5, -1.5])
+def test_the_ground_is_no_obstacle(slope, height_error_m):
+    bank = Prism(
+        vertices_m=((-60.0, -30.0), (60.0, -30.0), (60.0, 60.0 * slope), (-60.0, -60.0 * slope)),
+        lower_y_m=-60.0,
+        upper_y_m=60.0,
+    )
+    low = replace(HOVER, at_m=(0.0, 0.0, 6.0), height_error_m=height_error_m)
+    post = replace(CRANE, lower_m=(5.0, -2.0, -1.0))
+    scene = LidarScene(boxes=(post,), prisms=(bank,), ground_m=None)
+    report = last(Rig(scene, low), 1.0)
+    assert len(report.solids) == 1
+    assert extent_m(report, (-25.0, -5.0), (30.0, 30.0))[0] > 4.5
+
+
+def test_what_hangs_in_the_sky_alone_is_not_taken_for_the_ground():
+    report = last(Rig(LidarScene(boxes=(CRANE,), ground_m=None), HOVER), 1.0)
+    assert covers(report, 5.05, 11.2)
+
+
+def test_points_of_conductors_are_not_in_the_solids():
+    report = last(Rig(LidarScene(wires=(CABLE,)), SWAYING), 1.5)
+    assert len(report.conductors) == 1
+    assert report.solids == ()
+
+
+def test_rain_is_nothing():
+    rig = Rig(LidarScene(rain_per_m=0.005), SWAYING)
+    assert all(each.solids == () and each.conductors == () for each in rig.run(3.0))
+
+
+def test_echoes_of_the_hull_are_nothing():
+    legs = Box(lower_m=(0.6, -0.2, 11.5), upper_m=(0.7, 0.2, 11.9))
+    assert last(Rig(LidarScene(boxes=(legs,)), HOVER), 1.0).solids == ()
+
+
+def test_a_mounted_sensor_sees_the_same():
+    mount = SensorMount(position_m=(0.4, 0.1, -0.3), roll_pitch_yaw_deg=(-90.0, 20.0, 0.0))
+    settings = replace(VELODYNE, mount=mount)
+    report = last(Rig(LidarScene(wires=(CABLE,)), SWAYING, settings=settings), 1.0)
+    assert report.conductors[0].position_m == pytest.approx((-4.0, 15.0), abs=0.1)
+
+
+def test_a_turned_nose_changes_no_place():
+    turned = replace(SWAYING, yaw_error_rad=0.3)
+    report = last(Rig(LidarScene(wires=(CABLE,), boxes=(CRANE,)), turned), 1.0)
+    assert report.conductors[0].position_m == pytest.approx((-4.0, 15.0), abs=0.1)
+    assert covers(report, 5.05, 13.0)
+
+
+def test_a_scan_waits_for_the_poses_of_its_last_point():
+    rig = Rig(LidarScene(wires=(CABLE,)), HOVER)
+    before_s = last(rig, 1.0).health.scan_s
+    rig.poses_flow = False
+    assert last(rig, 0.25).health.scan_s <= before_s + 0.1
+    rig.poses_flow = True
+    report = last(rig, 0.05)
+    assert report.health.scan_s > before_s + 0.1
+    assert report.health.late == 0
+
+
+def test_scans_without_poses_are_dropped_and_counted():
+    rig = Rig(LidarScene(wires=(CABLE,)), HOVER)
+    rig.poses_flow = False
+    report = last(rig, 1.0)
+    assert report.health.scan_s is None
+    assert report.health.received_s == pytest.approx(report.time_s, abs=0.01)
+    assert 3 <= report.health.late <= 6
+    assert report.solids == ()
+
+
+def test_a_silent_sensor_is_still_reported():
+    rig = Rig(LidarScene(boxes=(CRANE,)), HOVER)
+    seen = last(rig, 1.0)
+    rig.packets_flow = False
+    reports = list(rig.run(1.0))
+    assert len(reports) == pytest.approx(5, abs=1)
+    assert reports[-1].health.scan_s <= seen.health.scan_s + 0.1
+    assert reports[-1].health.received_s == pytest.approx(1.0, abs=0.01)
+    assert reports[-1].solids == seen.solids
+
+
+def test_the_share_of_returns():
+    assert last(Rig(LidarScene(), HOVER), 0.5).health.returns == pytest.approx(0.45, abs=0.05)
+    box = Box(lower_m=(-15.0, -15.0, 0.0), upper_m=(15.0, 15.0, 30.0))
+    inside = last(Rig(LidarScene(boxes=(box,), dropout=0.0), HOVER), 0.5)
+    assert inside.health.returns <= 1.0
+
+
+def test_a_covered_sensor_has_no_returns():
+    rig = Rig(LidarScene(wires=(CABLE,)), HOVER)
+    seen = last(rig, 1.0)
+    near = [
+        Box(lower_m=(x, -3.0, z), upper_m=(x + w, 3.0, z + h))
+        for x, z, w, h in ((0.6, 11.0, 0.1, 2.0), (-0.7, 11.0, 0.1, 2.0),
+                           (-0.7, 12.6, 1.4, 0.1), (-0.7, 11.3, 1.4, 0.1))
+    ]  # fmt: skip
+    rig.look_at(LidarScene(boxes=tuple(near)))
+    report = last(rig, 4.0)
+    assert report.health.returns < 0.05
+    place = seen.conductors[0].position_m
+    assert report.conductors[0].position_m == pytest.approx(place, abs=0.05)
+    assert report.solids == ()
+
+
+def test_damaged_packets_are_counted():
+    rig = Rig(LidarScene(), HOVER)
+    rig.perception.receive(b"\xff\xee" + bytes(100), 0.0)
+    rig.perception.receive(bytes(1206), 0.0)
+    health = last(rig, 0.3).health
+    assert health.refused == 2
+
+
+def test_a_jump_of_the_estimate_moves_everything_with_it():
+    scene = LidarScene(wires=(CABLE,), boxes=(CRANE,))
+    rig = Rig(scene, HOVER)
+    before = last(rig, 1.5)
+    rig.jump((2.05, 0.4, -1.37))
+    after = last(rig, 1.0)
+    assert [each.name for each in after.conductors] == [each.name for each in before.conductors]
+    assert after.conductors[0].position_m == pytest.approx((-4.0 + 2.05, 15.0 - 1.37), abs=0.1)
+    assert len(after.solids) == len(before.solids)
+    bounds = np.array(solid(before).bounds) + np.array([2.05, -1.37, 2.05, -1.37])
+    assert solid(after).bounds == pytest.approx(bounds, abs=0.31)
+
+
+def test_the_same_inputs_give_the_same_reports():
+    scene = LidarScene(wires=(CABLE,), boxes=(CRANE,), rain_per_m=0.002)
+    first, second = (list(Rig(scene, SWAYING).run(1.0)) for _ in range(2))
+    assert first == second
+
+
+def hover(perception, from_s, until_s):
+    for time_s in np.arange(from_s, until_s, 0.03):
+        perception.note_position(time_s, (0.0, 0.0, 12.0))
+        perception.note_attitude(time_s, 0.0, 0.0, np.radians(SITE.frame.azimuth_deg))
+
+
+def test_single_points_become_obstacles_and_clear_up_to_them():
+    perception = LivePerception(POINTS, SITE)
+    for number in range(10):
+        hover(perception, 0.1 * number, 0.1 * number + 0.1)
+        perception.note_points([(6.0, 0.0, 0.1)], 0.1 * number)
+        report = perception.step(0.1 * number + 0.11)
+    assert covers(report, 6.0, 12.1)
+    assert report.conductors == ()
+    assert report.health.returns == 1.0
+    assert report.health.scan_s == pytest.approx(0.9)
+    for number in range(10, 45):
+        hover(perception, 0.1 * number, 0.1 * number + 0.1)
+        perception.note_points([(9.0, 0.0, 0.1)], 0.1 * number)
+        report = perception.step(0.1 * number + 0.11)
+    assert not covers(report, 6.0, 12.1)
+    assert covers(report, 9.0, 12.1)
+
+
+def test_points_of_several_messages_at_once_are_one_set():
+    perception = LivePerception(POINTS, SITE)
+    hover(perception, 0.0, 1.0)
+    for number in range(8):
+        perception.note_points([(6.0, 0.0, 0.1)], 0.1 + 0.001 * number)
+    assert perception.step(0.3).solids == ()
+
+
+def test_a_message_without_points_is_a_sign_of_life():
+    perception = LivePerception(POINTS, SITE)
+    hover(perception, 0.0, 1.0)
+    perception.note_points([], 0.5)
+    assert perception.step(0.7).health.scan_s == 0.5
+
+
+def test_points_beside_a_lidar_are_no_sign_of_its_life():
+    perception = LivePerception(VELODYNE, SITE)
+    hover(perception, 0.0, 1.0)
+    perception.note_points([(6.0, 0.0, 0.1)], 0.5)
+    health = perception.step(0.7).health
+    assert (health.scan_s, health.received_s) == (None, None)
+
+
+def test_points_without_poses_are_dropped_and_counted():
+    perception = LivePerception(POINTS, SITE)
+    perception.note_points([(6.0, 0.0, 0.1)], 0.5)
+    perception.step(0.7)
+    assert perception.step(1.2).health.late == 1
