@@ -37,6 +37,7 @@ from ..mission.values import MissionStatus, Verdict
 from ..mission_states import STREAMING
 from ..perception.perception_report import PerceptionReport
 from ..perception.pose_notes import PoseNote
+from ..perception_config import Sensor
 from ..planning.map_jobs import MapAnswer, MapJob
 from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..power.cells import misread
@@ -85,6 +86,7 @@ class Companion:
             component_id=config.component_id,
             commands=config.commands,
             signing=link_signings(config.links, signing),
+            obstacles=config.perception.sensor is Sensor.MAVLINK,
         )
         self._reports = Reports(self._session)
         self._intake = Intake()

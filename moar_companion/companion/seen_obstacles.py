@@ -16,11 +16,11 @@ from ..estimation.pose import Jump
 from ..estimation.pose_tracker import PoseTracker, SiteMaps
 from ..mavlink.session import Severity
 from ..perception.perception_report import PerceptionReport, SeenConductor, SensorHealth
-from ..perception.pose_notes import AttitudeNote, PoseNote, PositionNote, ShiftNote
-from ..perception_config import Perception
+from ..perception.pose_notes import AttitudeNote, PointsNote, PoseNote, PositionNote, ShiftNote
+from ..perception_config import Perception, Sensor
 from ..planning.map_jobs import MapAnswer, MapJob
 from ..site import Conductor, Obstacle, Site
-from ..telemetry import Telemetry
+from ..telemetry import Proximity, Telemetry
 from ..text_format import distance
 from .reports import Reports
 
@@ -58,6 +58,7 @@ class SeenObstacles:
         self._notes: deque[PoseNote] = deque(maxlen=_MOST_NOTES)
         self._noted: tuple[float | None, float | None] = (None, None)
         """Boot times of the last position and attitude that were noted."""
+        self._proximity: Proximity | None = None
         self._told_m: dict[str, float] = {}
         """Distance that was told last, by conductor; of an unknown one 0."""
 
@@ -113,6 +114,13 @@ class SeenObstacles:
                 )
             attitude_boot_s = attitude.boot_s
         self._noted = (position_boot_s, attitude_boot_s)
+        proximity, before = telemetry.proximity, self._proximity
+        if self.settings.sensor is Sensor.MAVLINK and proximity is not None:
+            self._proximity = proximity
+            if proximity is not before:
+                self._notes.append(
+                    PointsNote(time_s=proximity.received_s, points_m=proximity.points_m)
+                )
 
     def taken(self) -> SiteMaps | None:
         """Returns the maps of an answer, once."""

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import copy
 import math
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.companion.status import LatestDecisions
 from moar_companion.perception.perception_report import (
@@ -14,11 +17,12 @@ from moar_companion.perception.perception_report import (
     SeenConductor,
     SensorHealth,
 )
-from moar_companion.perception.pose_notes import AttitudeNote, PositionNote, ShiftNote
+from moar_companion.perception.pose_notes import AttitudeNote, PointsNote, PositionNote, ShiftNote
 from moar_companion.perception_config import Perception, Sensor
 from moar_companion.planner.planner import Planner
 from moar_companion.site import Polygon
 from tests.companion.desk import EXIT, INSPECTION, OFFBOARD, USER_1, Desk, usual_planner
+from tests.mavlink.peer import Peer
 
 SETTINGS = Perception(sensor=Sensor.VELODYNE)
 WALL = Polygon(
@@ -90,8 +94,6 @@ def flight():
 
 @pytest.fixture
 def desk(flight):
-    import copy
-
     twin = copy.deepcopy(flight)
     usual = usual_planner()
     twin.planner = Planner(usual.site, usual.vehicle)
@@ -253,6 +255,22 @@ def test_a_jump_of_the_estimate_is_noted():
     desk.run(0.2)
     (shift,) = (note for note in desk.notes if isinstance(note, ShiftNote))
     assert shift.step_m == pytest.approx((1.0, 0.0, 0.0), abs=0.2)
+
+
+@pytest.mark.parametrize("sensor", list(Sensor))
+def test_distances_of_obstacles_are_noted_where_they_are_the_sensor(sensor):
+    desk = Desk(perception=Perception(sensor=sensor, metadata=Path("lidar.json")))
+    desk.run(1.0)
+    desk.companion.pose_notes()
+    message = mavlink.MAVLink_obstacle_distance_message(
+        0, 0, [300, *[65535] * 71], 0, 20, 2000, 5.0, 0.0, mavlink.MAV_FRAME_BODY_FRD
+    )
+    desk.hear(Peer(1, 196).pack(message)).run(0.1)
+    points = [note for note in desk.companion.pose_notes() if isinstance(note, PointsNote)]
+    assert len(points) == (sensor is Sensor.MAVLINK)
+    for note in points:
+        assert note.points_m == (pytest.approx((3.0, 0.0, 0.0)),)
+        assert note.time_s == pytest.approx(desk.now_s, abs=0.11)
 
 
 def test_without_a_sensor_nothing_is_noted():
