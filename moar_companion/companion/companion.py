@@ -207,7 +207,7 @@ class Companion:
     @property
     def clearance_m(self) -> float | None:
         """Distance from the aircraft's hull to the nearest obstacle; None where unknown."""
-        pose, site_maps = self._pose_tracker.pose, self._executor.routes.site_maps
+        pose, site_maps = self._pose_tracker.pose, self._executor.routes.limits.site_maps
         if pose is None or site_maps is None:
             return None
         return site_maps.clearance_m(pose, self._vehicle.radius_m)
@@ -318,7 +318,8 @@ class Companion:
             self._executor.shift(jump, now_s)
         for event in self._session.events_received():
             self._take_event(event, now_s)
-        self._learn(now_s)
+        routes = self._executor.routes
+        routes.limits.learn(self._session, self._pose_tracker.home_m, routes.flight, now_s)
         while self._contingency_answers:
             self._executor.take_contingency(self._contingency_answers.popleft())
 
@@ -332,7 +333,7 @@ class Companion:
         """Steps the mission machine: with the planner's answer, the ruling, and orders."""
         self._executor.transition(now_s)
         self._tell(now_s)
-        unread = self._executor.routes.not_ready_reason is not None
+        unread = self._executor.routes.limits.not_ready_reason is not None
         unknown = self._session.autopilot is None or unread
         for command in self._orders.due(now_s, unknown=unknown and self._site_maps is not None):
             self._executor.order(command, now_s)
@@ -425,21 +426,6 @@ class Companion:
                 self._executor.faults.note_restart()
             case _:
                 self._reports.tell_event(event, now_s)
-
-    def _learn(self, now_s: float) -> None:
-        """Takes the autopilot's parameters, fence and home, on which routes depend."""
-        if self._session.autopilot is None:
-            return
-        kind = self._session.autopilot.kind
-        parameters, home_m = self._session.requests.parameters, self._pose_tracker.home_m
-        self._executor.routes.learn_loss(kind, parameters, home_m, now_s)
-        items = self._session.requests.fence_items
-        if items is None and self._session.requests.fence_silent:
-            items = ()
-        readiness = self.telemetry.readiness
-        enabled = readiness is not None and readiness.fence_enabled
-        self._executor.routes.learn_fence(kind, parameters, items, home_m, now_s, enabled=enabled)
-        self._executor.routes.learn_failsafes(kind, parameters, home_m, self.telemetry, now_s)
 
     def _notice_pause(self, now_s: float) -> None:
         """Notes a fault when the last output sent in time is too old: control has ended."""

@@ -83,7 +83,7 @@ class CycleInputs:
 
         pace: fraction of the planned speed that is flown.
         """
-        pose, volume = self._pose_tracker.pose, self._routes.volume
+        pose, volume = self._pose_tracker.pose, self._routes.limits.volume
         risk = self._risk_monitor.risk
         landed = self._session.telemetry.landed
         if pose is None or volume is None:
@@ -101,8 +101,8 @@ class CycleInputs:
             volume=volume,
             risk=risk.indices,
             widening_m=self._routes.inflation.lasting_m,
-            fence=self._routes.fence,
-            failsafes=self._routes.watch.failsafes,
+            fence=self._routes.limits.fence,
+            failsafes=self._routes.limits.watch.failsafes,
             pace=pace,
             meter=risk.meter,
             wind_mps=None
@@ -131,7 +131,7 @@ class CycleInputs:
     ) -> CheckInputs:
         """Inputs of the supervisor's checks. faults: causes that no measurement shows."""
         flight, pose = self._routes.flight, self._pose_tracker.pose
-        site_maps = self._routes.site_maps
+        site_maps = self._routes.limits.site_maps
         telemetry, risk = self._session.telemetry, self._risk_monitor.risk
         ways = self._risk_monitor.contingencies
         escape_route = None if ways is None else ways.escape_route(risk.meter)
@@ -179,9 +179,9 @@ class CycleInputs:
             sensor_health=self._seen_obstacles.health,
             faults=replace(
                 faults,
-                offboard_loss_unknown=self._routes.not_ready_reason,
-                autopilot_fence=self._routes.fence_objection(pose),
-                offboard_loss_collision=self._routes.objection,
+                offboard_loss_unknown=self._routes.limits.not_ready_reason,
+                autopilot_fence=self._routes.limits.fence_objection(flight, pose),
+                offboard_loss_collision=self._routes.limits.offboard_loss.objection,
                 path_barred=self._routes.barred,
                 no_clearance=faults.no_clearance or self._routes.inflation.no_room,
             ),
@@ -189,14 +189,14 @@ class CycleInputs:
 
     def _dwell_s(self, status: MissionStatus) -> float:
         """Time to stay at the present target."""
-        task, site_maps = status.task, self._routes.site_maps
+        task, site_maps = status.task, self._routes.limits.site_maps
         return 0.0 if site_maps is None or task is None else site_maps.dwell_s(task.stops)
 
     def _exposure(
         self, status: MissionStatus, escape_route: EscapeRoute | None, now_s: float
     ) -> str | None:
         """Reason to leave before an autopilot failsafe acts; None if there is none."""
-        return self._routes.watch.reason(
+        return self._routes.limits.watch.reason(
             self._session.telemetry,
             self._risk_monitor.risk.meter,
             leaving_s=None if escape_route is None else escape_route.exposed_s,

@@ -140,9 +140,9 @@ class MissionExecutor:
         place_m = None if pose is None else pose.position_m
         scene = self._inputs.scene(self.status, self._pace)
         self.risk_monitor.keep_escape_routes(telemetry, scene, place_m, now_s)
-        volume = self.routes.volume
+        volume = self.routes.limits.volume
         if self.status.state in IN_CONTROL and volume is not None:
-            watch, meter = self.routes.watch, self.risk.meter
+            watch, meter = self.routes.limits.watch, self.risk.meter
             watch.look(place_m, volume.maps.reach, telemetry, meter, now_s)
             limit_s = self._inputs.exposure_limit_s(self.status)
             note = watch.note(limit_s, self.status.since_s, now_s)
@@ -213,7 +213,7 @@ class MissionExecutor:
         """Executes, or refuses, an order."""
         order_id = command.number
         self._session.commands.note_executed(command, now_s)
-        site = None if self.routes.site_maps is None else self.routes.site_maps.site
+        site = None if self.routes.limits.site_maps is None else self.routes.limits.site_maps.site
         order = understood(command, site, self._config.authority)
         self._reports.record("order", now_s, order=words(order), sender=command.sender.system_id)
         if isinstance(order, Refused):
@@ -275,7 +275,7 @@ class MissionExecutor:
     def take_contingency(self, answer: PlanAnswer) -> None:
         """Takes the answer to a contingency's job; one that is no longer awaited is dropped."""
         if self.risk_monitor.contingencies is not None:
-            self.risk_monitor.contingencies.answered(answer, self.routes.volume)
+            self.risk_monitor.contingencies.answered(answer, self.routes.limits.volume)
 
     def _go_without(self, awaited: Awaited, answer: PlanAnswer, now_s: float) -> None:
         """Handles a missing plan: an order is denied, another request stays pending for room."""

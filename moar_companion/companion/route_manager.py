@@ -6,33 +6,23 @@ Inputs: task, pose, risks, time. Outputs: plan jobs, and the flight along the ad
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import replace
-
-import numpy as np
 
 from ..config import CompanionConfig
 from ..estimation.pose import Pose
 from ..estimation.pose_tracker import SiteMaps
-from ..estimation.site_fence import SiteFence, fenced
-from ..guidance.flight_volume import FlightVolume
 from ..guidance.path_follower import PathFollower
 from ..guidance.splice import Adoption
-from ..mavlink.session import Severity
 from ..mission.replanning import replan_reason, stays
 from ..mission.values import Task
 from ..planner.plan_values import Plan
-from ..planner.plane_fence import PlaneFence
 from ..planning.plan_jobs import PlanAnswer, PlanJob
-from ..power import PowerModel
 from ..risk import RiskEstimate
-from ..safety.failsafe_exposure import FailsafeExposure
 from ..site import Margin
-from ..telemetry import FenceItem, Telemetry
 from ..text_format import reason_chars, short_name
-from ..types import AutopilotKind, Mission, RiskIndices, Vector
+from ..types import Mission, RiskIndices, Vector
 from ..vehicle import Vehicle
-from .offboard_loss_check import OffboardLossCheck
+from .flight_limits import FlightLimits
 from .plan_inflation import PlanInflation
 from .plan_reports import PlanReports
 from .plan_requests import Awaited, PlanRequests
@@ -60,8 +50,8 @@ class RouteManager:
     ) -> None:
         self.flight: PathFollower | None = None
         """Active or offered flight; None while there is none."""
-        self.site_maps = site_maps
-        """Site and maps, with the obstacles that are seen; None without a site."""
+        self.limits = FlightLimits(site_maps, vehicle, config, reports)
+        """What limits the flight: maps, and the autopilot's fence, offboard loss, failsafes."""
         self._vehicle = vehicle
         self._config = config
         self._reports = reports
@@ -72,17 +62,6 @@ class RouteManager:
         self._resumed_s = -math.inf
         """Time of the last resumption along a landing leg."""
         self._plan_reports = PlanReports(vehicle, reports)
-        site = None if site_maps is None else site_maps.site
-        self._fences = SiteFence(site, config.supervision.fence_margin_m)
-        self.fence: PlaneFence | None = None
-        """Part of the autopilot's fence that cuts the site: plans stay inside."""
-        self.watch = FailsafeExposure(config.supervision, PowerModel.of(vehicle))
-        """Autopilot failsafes."""
-        self._offboard_loss_check = OffboardLossCheck(
-            site_maps, vehicle, config.supervision, reports
-        )
-        self._obstacles_seen = False
-        """True once the maps have changed in flight."""
         self._no_way_round: str | None = None
         """Reason why no plan leads round what bars the path; None while none was found."""
         self.inflation = PlanInflation(vehicle, config.supervision, margin)
@@ -100,64 +79,10 @@ class RouteManager:
         """True while the flight comes to rest, or stands, before its plan's end."""
         return self.flight is not None and self.flight.braked
 
-    @property
-    def not_ready_reason(self) -> str | None:
-        """Reason why no mission can start; None once offboard-loss action and fence are known."""
-        if not self._offboard_loss_check.loss or not self.watch.known:
-            return "autopilot parameters not read yet"
-        return None if self.site_maps is None else self._fences.not_ready_reason
-
-    @property
-    def volume(self) -> FlightVolume | None:
-        """Flight volume of the vehicle; None while no mission can start."""
-        site_maps, loss = self.site_maps, self._offboard_loss_check.loss
-        if site_maps is None or loss is None or self._fences.not_ready_reason is not None:
-            return None
-        return FlightVolume(
-            site=site_maps.site,
-            vehicle=self._vehicle,
-            maps=site_maps.maps,
-            loss=loss,
-            fence=self._fences.plane,
-            sudden_m=self._config.perception.keep_out_m if self._obstacles_seen else 0.0,
-        )
-
-    def learn_fence(
-        self,
-        kind: AutopilotKind,
-        parameters: Mapping[str, float | None],
-        items: tuple[FenceItem, ...] | None,
-        home_m: Vector | None,
-        now_s: float,
-        *,
-        enabled: bool,
-    ) -> None:
-        """Takes the autopilot's fence; reports once the fence parameters that were never received.
-
-        items: as uploaded; None while unknown. enabled: SYS_STATUS reports a fence.
-        """
-        before, assumption = self._fences.plane, self._fences.assumption
-        self._fences.learn(kind, parameters, items, home_m, enabled=enabled)
-        plane = self._fences.plane
-        if self._fences.assumption and self._fences.assumption != assumption:
-            self._reports.say(Severity.WARNING, self._fences.assumption, now_s)
-        if self.site_maps is None or plane == before:
-            return
-        height_m = self._vehicle.guidance.landing_height_m
-        self.fence = fenced(plane, self.site_maps.site, height_m)
-        if self.flight is not None:
-            self.flight.learn_fence(plane)
-
     def learn_maps(self, site_maps: SiteMaps, now_s: float) -> None:
-        """Takes maps of the site with other obstacles; brakes where they bar the path ahead."""
-        self.site_maps = site_maps
-        self._obstacles_seen = True
+        """Takes maps of the site with other obstacles."""
         self._no_way_round = None
-        volume = self.volume
-        if self.flight is not None and volume is not None:
-            self.flight.learn_maps(volume)
-            self.flight.avoid()
-        self._offboard_loss_check.learn_maps(site_maps, self.flight, now_s)
+        self.limits.learn_maps(site_maps, self.flight, now_s)
 
     @property
     def barred(self) -> str | None:
@@ -174,60 +99,11 @@ class RouteManager:
         self.flight.brake()
         return True
 
-    def fence_objection(self, pose: Pose | None) -> str | None:
-        """Reason against the active flight by the autopilot's present fence; None if there is none.
-
-        The aircraft itself may be within the margin, where the wind pushes it.
-        """
-        plane = self._fences.plane
-        if plane is None or self.flight is None:
-            return None
-        if pose is not None:
-            place_m = np.array([pose.position_m])[:, ::2]
-            crossed = plane.crossed(place_m, plane.margin_m)
-            if crossed is not None:
-                return f"outside {crossed}"
-        crossed = self.flight.leaves_fence()
-        return None if crossed is None else f"path past {crossed}"
-
-    def learn_loss(
-        self,
-        kind: AutopilotKind,
-        parameters: Mapping[str, float | None],
-        home_m: Vector | None,
-        now_s: float,
-    ) -> None:
-        """Takes the autopilot's parameters and its home, (x, y, z) in the site's frame."""
-        self._offboard_loss_check.learn(kind, parameters, home_m, self.flight, now_s)
-
-    def learn_failsafes(
-        self,
-        kind: AutopilotKind,
-        parameters: Mapping[str, float | None],
-        home_m: Vector | None,
-        telemetry: Telemetry,
-        now_s: float,
-    ) -> None:
-        """Takes the autopilot's failsafes; later plans avoid places where one would hit."""
-        before = self.watch.unreported
-        if not self.watch.learn(kind, parameters, home_m, telemetry):
-            return
-        self._offboard_loss_check.reconsider(self.flight)
-        if self.watch.unreported != before:
-            self._reports.record(
-                "failsafes", now_s, taken_as_by_default=list(self.watch.unreported)
-            )
-
-    @property
-    def objection(self) -> str | None:
-        """Reason against the active flight or hold, by offboard loss or failsafe; None if none."""
-        return self._offboard_loss_check.objection
-
     def look(self, risk: RiskEstimate, tracking_error_m: float | None, now_s: float) -> bool:
         """Updates the obstacle inflation, as `PlanInflation.look`; returns True if it is less."""
         less_wide = self.inflation.look(risk, tracking_error_m, now_s)
         if less_wide:
-            self._offboard_loss_check.reconsider(self.flight)
+            self.limits.offboard_loss.reconsider(self.flight)
         return less_wide
 
     def plan_jobs(self) -> list[PlanJob]:
@@ -248,14 +124,14 @@ class RouteManager:
             return None
         awaited, answer = taken
         if self._is_barred(answer):
-            self._plans.ask_again(awaited, self.site_maps, now_s)
+            self._plans.ask_again(awaited, self.limits.site_maps, now_s)
             return None
         return taken
 
     def _is_barred(self, answer: PlanAnswer) -> bool:
         """True if the maps have changed since a plan was requested, and bar a cell of it."""
-        volume, plan = self.volume, answer.plan
-        if plan is None or volume is None or self._plans.asked_maps is self.site_maps:
+        volume, plan = self.limits.volume, answer.plan
+        if plan is None or volume is None or self._plans.asked_maps is self.limits.site_maps:
             return False
         volume = replace(volume, narrowed_m=answer.narrowed_m)
         return bool(volume.bars(plan.states[:, :-1]).any())
@@ -275,7 +151,7 @@ class RouteManager:
 
         recover: from the aircraft's position, off its path. reason: for the record.
         """
-        volume = self.volume
+        volume = self.limits.volume
         if pose is None or volume is None:
             return False
         if self.flight is None:
@@ -292,10 +168,10 @@ class RouteManager:
             self._vehicle.rule(task.mission),
             risk,
             width_m,
-            self.fence,
-            self.watch.failsafes,
+            self.limits.fence,
+            self.limits.watch.failsafes,
             0.0 if task.mission is Mission.INSPECTION else self.flight.narrowed_m,
-            self.site_maps,
+            self.limits.site_maps,
             first=first,
             reason=reason,
             now_s=now_s,
@@ -311,8 +187,8 @@ class RouteManager:
 
         ordered: by an operator.
         """
-        return self._offboard_loss_check.checked(
-            awaited, answer, self.flight, self.watch.failsafes, now_s, ordered=ordered
+        return self.limits.offboard_loss.checked(
+            awaited, answer, self.flight, self.limits.watch.failsafes, now_s, ordered=ordered
         )
 
     def adopt(
@@ -331,11 +207,15 @@ class RouteManager:
             plan, awaited.junction, answer.escape_m, answer.reach, answer.narrowed_m
         )
         if adoption is not Adoption.TOO_LATE:
-            self._offboard_loss_check.objection = None
+            self.limits.offboard_loss.objection = None
         if adoption is Adoption.NEW_PATH:
             self._plan_reports.explain(awaited, plan, flown, estimate, now_s)
-        if answer.narrowed_m and adoption is Adoption.NEW_PATH and self.site_maps is not None:
-            self._plan_reports.tell_narrow(plan, self.site_maps.site, now_s)
+        if (
+            answer.narrowed_m
+            and adoption is Adoption.NEW_PATH
+            and self.limits.site_maps is not None
+        ):
+            self._plan_reports.tell_narrow(plan, self.limits.site_maps.site, now_s)
         if awaited.first and adoption is not Adoption.TOO_LATE:
             self._near_path_s = self._under_way_s = now_s
         return adoption
@@ -369,18 +249,18 @@ class RouteManager:
             return
         age_s = now_s - self._plans.asked_s
         reason: str | None
-        known = self._plans.asked_maps is self.site_maps
+        known = self._plans.asked_maps is self.limits.site_maps
         seldom = age_s >= self._config.replanning.min_interval_s
-        if (seldom or not known) and self._obstacles_seen and flight.barred_by is not None:
+        if (seldom or not known) and self.limits.obstacles_seen and flight.barred_by is not None:
             reason = "an obstacle is seen in the path"
         elif seldom and not known:
             reason = "other obstacles are seen"
         elif flight.braked:
             # The task continues: an escape route has precedence over the cause of the brake.
             reason = "no progress" if age_s >= _STANDS_FOR_S else None
-        elif self._plans.asked_fence != self.fence:
+        elif self._plans.asked_fence != self.limits.fence:
             reason = "the autopilot's fence is another"
-        elif self._plans.asked_failsafes != self.watch.failsafes:
+        elif self._plans.asked_failsafes != self.limits.watch.failsafes:
             reason = "the autopilot's failsafes are others"
         else:
             reason = replan_reason(
@@ -445,7 +325,7 @@ class RouteManager:
         At the leg's end no more flight is needed. So near the leg that no other plan can be joined
         before it, the active flight serves the task. Returns False where a plan is needed.
         """
-        flight, volume = self.flight, self.volume
+        flight, volume = self.flight, self.limits.volume
         left = self._left if flight is None else flight
         if left is None or not left.serves(task.mission, task.goal):
             return False
@@ -477,6 +357,6 @@ class RouteManager:
             self._left = self.flight if self.flight.on_leg else None
         self.flight = None
         self.inflation.forget_no_room()
-        self._offboard_loss_check.objection = None
-        self.watch.end()
+        self.limits.offboard_loss.objection = None
+        self.limits.watch.end()
         self._plans.forget()

@@ -194,7 +194,7 @@ def test_where_it_stands_the_place_alone_counts():
 
 def test_a_plan_that_is_refused_on_the_way_leaves_the_one_that_is_flown_unless_it_is_no_better():
     desk = Desk().come_to("flying").run(2.0)
-    survival = desk.companion._executor.routes._offboard_loss_check
+    survival = desk.companion._executor.routes.limits.offboard_loss
     objections = ["it would land on a roof", None]
     with mock.patch.object(survival, "_objection_to", side_effect=objections):
         for _ in range(400):
@@ -243,7 +243,7 @@ def test_failsafes_that_change_in_flight_are_planned_with():
 @pytest.mark.parametrize("mission", [INSPECTION, EXIT])
 def test_the_end_of_a_stay_is_told_unless_an_exit_is_flown(mission):
     desk = Desk().come_to("flying", mission)
-    watch = desk.companion._executor.routes.watch
+    watch = desk.companion._executor.routes.limits.watch
     with mock.patch.object(watch, "note", return_value="GCS loss hits wire, exit in 9 s"):
         desk.run(0.1)
     assert desk.said("GCS loss hits wire, exit in 9 s") is (mission == INSPECTION)

@@ -1,0 +1,170 @@
+"""What limits a flight: the site's maps, and the autopilot's fence, offboard loss and failsafes.
+
+Inputs: maps, the autopilot's parameters, fence and home. Outputs: the flight volume, and reasons
+against the active flight.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from ..config import CompanionConfig
+from ..estimation.pose import Pose
+from ..estimation.pose_tracker import SiteMaps
+from ..estimation.site_fence import SiteFence, fenced
+from ..guidance.flight_volume import FlightVolume
+from ..guidance.path_follower import PathFollower
+from ..mavlink.session import Session, Severity
+from ..planner.plane_fence import PlaneFence
+from ..power import PowerModel
+from ..safety.failsafe_exposure import FailsafeExposure
+from ..types import AutopilotKind, Vector
+from ..vehicle import Vehicle
+from .offboard_loss_check import OffboardLossCheck
+from .reports import Reports
+
+
+class FlightLimits:
+    """The limits at present. site_maps: None without a site: then no flight is possible."""
+
+    def __init__(
+        self,
+        site_maps: SiteMaps | None,
+        vehicle: Vehicle,
+        config: CompanionConfig,
+        reports: Reports,
+    ) -> None:
+        self.site_maps = site_maps
+        """Site and maps, with the obstacles that are seen; None without a site."""
+        self.obstacles_seen = False
+        """True once the maps have changed in flight."""
+        self._vehicle = vehicle
+        self._config = config
+        self._reports = reports
+        site = None if site_maps is None else site_maps.site
+        self._fences = SiteFence(site, config.supervision.fence_margin_m)
+        self.fence: PlaneFence | None = None
+        """Part of the autopilot's fence that cuts the site: plans stay inside."""
+        self.watch = FailsafeExposure(config.supervision, PowerModel.of(vehicle))
+        """Autopilot failsafes."""
+        self.offboard_loss = OffboardLossCheck(site_maps, vehicle, config.supervision, reports)
+
+    @property
+    def not_ready_reason(self) -> str | None:
+        """Reason why no mission can start; None once offboard-loss action and fence are known."""
+        if not self.offboard_loss.loss or not self.watch.known:
+            return "autopilot parameters not read yet"
+        return None if self.site_maps is None else self._fences.not_ready_reason
+
+    @property
+    def volume(self) -> FlightVolume | None:
+        """Flight volume of the vehicle; None while no mission can start."""
+        site_maps, loss = self.site_maps, self.offboard_loss.loss
+        if site_maps is None or loss is None or self._fences.not_ready_reason is not None:
+            return None
+        return FlightVolume(
+            site=site_maps.site,
+            vehicle=self._vehicle,
+            maps=site_maps.maps,
+            loss=loss,
+            fence=self._fences.plane,
+            sudden_m=self._config.perception.keep_out_m if self.obstacles_seen else 0.0,
+        )
+
+    def learn_maps(self, site_maps: SiteMaps, flight: PathFollower | None, now_s: float) -> None:
+        """Takes maps of the site with other obstacles; brakes where they bar the path ahead."""
+        self.site_maps, self.obstacles_seen = site_maps, True
+        volume = self.volume
+        if flight is not None and volume is not None:
+            flight.learn_maps(volume)
+            flight.avoid()
+        self.offboard_loss.learn_maps(site_maps, flight, now_s)
+
+    def learn(
+        self,
+        session: Session,
+        home_m: Vector | None,
+        flight: PathFollower | None,
+        now_s: float,
+    ) -> None:
+        """Takes the autopilot's parameters, fence and failsafes.
+
+        home_m: its home, (x, y, z) in the site's frame; None while unknown.
+        """
+        if session.autopilot is None:
+            return
+        kind, parameters = session.autopilot.kind, session.requests.parameters
+        self.offboard_loss.learn(kind, parameters, home_m, flight, now_s)
+        self._learn_fence(session, home_m, flight, now_s)
+        self._learn_failsafes(session, kind, parameters, home_m, flight, now_s)
+
+    def _learn_fence(
+        self,
+        session: Session,
+        home_m: Vector | None,
+        flight: PathFollower | None,
+        now_s: float,
+    ) -> None:
+        """Takes the autopilot's fence; reports once the fence parameters that were never received.
+
+        An uploaded fence that the autopilot does not report counts as none.
+        """
+        assert session.autopilot is not None
+        requests, readiness = session.requests, session.telemetry.readiness
+        items = requests.fence_items
+        if items is None and requests.fence_silent:
+            items = ()
+        before, assumption = self._fences.plane, self._fences.assumption
+        self._fences.learn(
+            session.autopilot.kind,
+            requests.parameters,
+            items,
+            home_m,
+            enabled=readiness is not None and readiness.fence_enabled,
+        )
+        plane = self._fences.plane
+        if self._fences.assumption and self._fences.assumption != assumption:
+            self._reports.say(Severity.WARNING, self._fences.assumption, now_s)
+        if self.site_maps is None or plane == before:
+            return
+        height_m = self._vehicle.guidance.landing_height_m
+        self.fence = fenced(plane, self.site_maps.site, height_m)
+        if flight is not None:
+            flight.learn_fence(plane)
+
+    def _learn_failsafes(
+        self,
+        session: Session,
+        kind: AutopilotKind,
+        parameters: Mapping[str, float | None],
+        home_m: Vector | None,
+        flight: PathFollower | None,
+        now_s: float,
+    ) -> None:
+        """Takes the autopilot's failsafes; later plans avoid places where one would hit."""
+        before = self.watch.unreported
+        if not self.watch.learn(kind, parameters, home_m, session.telemetry):
+            return
+        self.offboard_loss.reconsider(flight)
+        if self.watch.unreported != before:
+            self._reports.record(
+                "failsafes", now_s, taken_as_by_default=list(self.watch.unreported)
+            )
+
+    def fence_objection(self, flight: PathFollower | None, pose: Pose | None) -> str | None:
+        """Reason against the active flight by the autopilot's present fence; None if there is none.
+
+        The aircraft itself may be within the margin, where the wind pushes it.
+        """
+        plane = self._fences.plane
+        if plane is None or flight is None:
+            return None
+        if pose is not None:
+            place_m = np.array([pose.position_m])[:, ::2]
+            crossed = plane.crossed(place_m, plane.margin_m)
+            if crossed is not None:
+                return f"outside {crossed}"
+        crossed = flight.leaves_fence()
+        return None if crossed is None else f"path past {crossed}"
