@@ -151,7 +151,7 @@ class LivePerception:
             return False
         points, sensors = placed
         sensor = sensors.mean(axis=0)
-        distance = np.sqrt((scan.points_m**2).sum(axis=1))
+        distance = np.sqrt(np.einsum("ij,ij->i", scan.points_m, scan.points_m))
         outside = distance > _HULL_M
         self._scan_s = time_s
         self._returns = min(float(outside.sum()) / max(scan.beams, 1), 1.0)
@@ -207,15 +207,17 @@ def _ground(points_m: FloatArray, distance_m: FloatArray) -> BoolArray:
     if not len(near):
         return ground
     points = points_m[near].copy()
-    column, index = np.unique(np.floor(points[:, 0] / _COLUMN_M), return_inverse=True)
+    index = ((points[:, 0] - points[:, 0].min()) / _COLUMN_M).astype(np.intp)
+    lowest = np.full(index.max() + 1, np.inf)
+    np.minimum.at(lowest, index, points[:, 2])
+    column = np.flatnonzero(np.isfinite(lowest))
     if len(column) < _GROUND_COLUMNS:
         return ground
-    lowest = np.full(len(column), np.inf)
-    np.minimum.at(lowest, index, points[:, 2])
+    lowest = lowest[column]
     # The median slope between columns: a filter of the ground sinks it at the upper end of a slope.
     left, right = np.triu_indices(len(column), 1)
     slopes = (lowest[right] - lowest[left]) / (column[right] - column[left])
     points[:, 2] -= float(np.median(slopes)) / _COLUMN_M * points[:, 0]
     low = points[:, 2] - ground_height_m(points) < _GROUND_CLEAR_M
-    ground[near[low]] = len(np.unique(index[low])) >= _GROUND_COLUMNS
+    ground[near[low]] = np.count_nonzero(np.bincount(index[low])) >= _GROUND_COLUMNS
     return ground
