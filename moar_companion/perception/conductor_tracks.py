@@ -19,6 +19,8 @@ BoolArray = npt.NDArray[np.bool_]
 
 GATE_M = 0.5
 """A sighting within this distance of a track is of the same conductor."""
+_SAME_M = 0.25
+"""A second sighting this near in one scan is of the same wire, whose echoes scatter."""
 CONFIRMED_BY = 5
 """Number of sightings."""
 _TENTATIVE_S = 1.0
@@ -73,14 +75,19 @@ class ConductorTracks:
             if track.confirmed or time_s - track.seen_s < _TENTATIVE_S
         ]
         free = list(range(len(self._tracks)))
+        matched: list[int] = []
         for sighting in seen:
             x, z = sighting.crossing_m()
+            if any(self._distance(index, x, z) < _SAME_M for index in matched):
+                continue
             nearest = min(free, key=lambda index: self._distance(index, x, z), default=None)
             if nearest is None or self._distance(nearest, x, z) > GATE_M:
+                nearest = len(self._tracks)
                 self._tracks.append(_begun(sighting, time_s))
             else:
                 free.remove(nearest)
                 self._tracks[nearest] = self._corrected(self._tracks[nearest], sighting, time_s)
+            matched.append(nearest)
         before_m = rays.nearest_m(rays.inside)
         for index in free:
             track = self._tracks[index]

@@ -38,7 +38,8 @@ _SCAN_SECTORS, _POINT_SECTORS = 720, 72
 """Directions of 0.5° and, as OBSTACLE_DISTANCE has them, 5°."""
 _SET_S = 0.1
 """Single points are gathered for so long, then taken in as one set."""
-_GROUND_REACH_M = 40.0
+_REACH_M = 40.0
+"""Farther points are no obstacles yet: few, of the ground as well."""
 _GROUND_CLEAR_M = 0.7
 """Points this near to the ground are of the ground, or lie on it."""
 _GROUND_COLUMNS, _COLUMN_M = 8, 2.0
@@ -151,8 +152,9 @@ class LivePerception:
             return False
         points, sensors = placed
         sensor = sensors.mean(axis=0)
-        distance = np.sqrt((scan.points_m**2).sum(axis=1))
+        distance = np.sqrt(np.einsum("ij,ij->i", scan.points_m, scan.points_m))
         outside = distance > _HULL_M
+        near = outside & (distance < _REACH_M)
         self._scan_s = time_s
         self._returns = min(float(outside.sum()) / max(scan.beams, 1), 1.0)
         rays = PlaneRays.of(points, sensor, _SCAN_SECTORS)
@@ -163,7 +165,7 @@ class LivePerception:
         new = [each.position_m for each in self._tracks.conductors if each.name not in known]
         # Its first echoes, before it was confirmed, were taken for something solid.
         self._occupancy.release(new, _RELEASED_M)
-        solid = outside & ~_ground(points, distance) & ~self._tracks.own(points, time_s)
+        solid = near & ~_ground(points, distance) & ~self._tracks.own(points, time_s)
         self._occupancy.add(rays, points, solid, time_s, beams=scan.beams, echoes=2)
         return True
 
@@ -190,8 +192,8 @@ class LivePerception:
             return False
         points, sensors = placed
         distance = np.sqrt(((points - sensors) ** 2).sum(axis=1))
-        solid = (distance > _HULL_M) & ~_ground(points, distance)
-        solid &= ~self._tracks.own(points, math.nan)
+        near = (distance > _HULL_M) & (distance < _REACH_M)
+        solid = near & ~_ground(points, distance) & ~self._tracks.own(points, math.nan)
         rays = PlaneRays.of(points, sensors.mean(axis=0), _POINT_SECTORS)
         self._occupancy.add(rays, points, solid, float(times_s.max()))
         return True
@@ -203,19 +205,21 @@ def _ground(points_m: FloatArray, distance_m: FloatArray) -> BoolArray:
     The height error of the aircraft forbids a comparison with the height of the site's ground.
     """
     ground = np.zeros(len(points_m), dtype=bool)
-    near = np.flatnonzero(distance_m < _GROUND_REACH_M)
+    near = np.flatnonzero(distance_m < _REACH_M)
     if not len(near):
         return ground
     points = points_m[near].copy()
-    column, index = np.unique(np.floor(points[:, 0] / _COLUMN_M), return_inverse=True)
+    index = ((points[:, 0] - points[:, 0].min()) / _COLUMN_M).astype(np.intp)
+    lowest = np.full(index.max() + 1, np.inf)
+    np.minimum.at(lowest, index, points[:, 2])
+    column = np.flatnonzero(np.isfinite(lowest))
     if len(column) < _GROUND_COLUMNS:
         return ground
-    lowest = np.full(len(column), np.inf)
-    np.minimum.at(lowest, index, points[:, 2])
+    lowest = lowest[column]
     # The median slope between columns: a filter of the ground sinks it at the upper end of a slope.
     left, right = np.triu_indices(len(column), 1)
     slopes = (lowest[right] - lowest[left]) / (column[right] - column[left])
     points[:, 2] -= float(np.median(slopes)) / _COLUMN_M * points[:, 0]
     low = points[:, 2] - ground_height_m(points) < _GROUND_CLEAR_M
-    ground[near[low]] = len(np.unique(index[low])) >= _GROUND_COLUMNS
+    ground[near[low]] = np.count_nonzero(np.bincount(index[low])) >= _GROUND_COLUMNS
     return ground

@@ -15,7 +15,7 @@ BoolArray = npt.NDArray[np.bool_]
 SLAB_M = 2.5
 """Half the thickness of the plane: what is farther beside it is not met, as wide as a large
 aircraft with its errors."""
-_REACH_M = 80.0
+_REACH_M = 60.0
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -58,8 +58,8 @@ class PlaneRays:
         count = math.ceil(_REACH_M / step_m)
         steps = np.clip((self.reach_m - before_m) / step_m, 0.0, count - 1).astype(np.intp)
         ends = np.bincount(self.sector * count + steps, minlength=self.sectors * count)
-        beyond = ends.reshape(self.sectors, count)[:, ::-1].cumsum(axis=1)[:, ::-1]
-        return np.asarray(beyond - ends.reshape(self.sectors, count))
+        upto = ends.reshape(self.sectors, count).cumsum(axis=1)
+        return np.asarray(upto[:, -1:] - upto)
 
     def nearest_m(self, among: BoolArray) -> FloatArray:
         """(sectors,) least distance of some of the points; infinite without one."""

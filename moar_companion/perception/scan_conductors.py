@@ -27,8 +27,8 @@ _NARROW_M = 0.25
 """Greatest width of an echo of a wire or a twin bundle's half; wider ones are no conductor."""
 _LEAST_RANGE_M, _GREATEST_RANGE_M = 1.0, 40.0
 _MOST_ECHOES = 1500
-_RUN_SHARES = (0.12, 0.32)
-"""Two echoes that a line is laid through are apart by so much of their range: 7° to 18°."""
+_RUN_SHARES = (0.1, 0.25)
+"""Two echoes that a line is laid through are apart by so much of their range: 6° to 14°."""
 _NEAR_M = 3.0
 """Nearer than this, a line that is turned by the greatest angle may be missed."""
 _TRIES = 4
@@ -75,11 +75,11 @@ def narrow_echoes(
     points_m: (n, 3) of one scan; sensor_m: (n, 3) where each was measured from.
     """
     offset = points_m - sensor_m
-    ranges = np.sqrt((offset**2).sum(axis=1))
+    ranges = _length(offset)
     order = np.lexsort((time_s, ring))
     offset, ranges, ring = offset[order], ranges[order], ring[order]
     ways = offset / np.maximum(ranges, 1e-6)[:, None]
-    turned = np.sqrt(((ways[1:] - ways[:-1]) ** 2).sum(axis=1))
+    turned = _length(ways[1:] - ways[:-1])
     apart = (ring[1:] != ring[:-1]) | (turned > _GAP_RAD)
     stepped = abs(np.diff(ranges)) > _STEP_M
     begins = np.concatenate(([True], apart | stepped))
@@ -87,7 +87,7 @@ def narrow_echoes(
     count = np.bincount(group)
     starts = np.flatnonzero(begins)
     ends = np.append(starts[1:], len(group)) - 1
-    width = np.sqrt(((offset[ends] - offset[starts]) ** 2).sum(axis=1))
+    width = _length(offset[ends] - offset[starts])
     # An echo beside a nearer one may be the rest of something wide that this hides.
     nearest = np.minimum.reduceat(ranges, starts)
     before = np.concatenate(([np.inf], np.where(apart, np.inf, ranges[:-1])))[starts]
@@ -100,6 +100,10 @@ def narrow_echoes(
         (width < _NARROW_M) & in_front & (nearest > _LEAST_RANGE_M) & (nearest < _GREATEST_RANGE_M)
     )
     return middle[good], ring[starts][good]
+
+
+def _length(vectors: FloatArray) -> FloatArray:
+    return np.asarray(np.sqrt(np.einsum("ij,ij->i", vectors, vectors)))
 
 
 def sightings(
@@ -122,7 +126,7 @@ def sightings(
     aside = np.cross(axis, np.eye(3)[np.argmin(abs(axis))])
     aside /= np.linalg.norm(aside)
     frame = np.column_stack((axis, aside, np.cross(axis, aside)))
-    places = (echoes_m - sensor_m) @ frame
+    places = np.asfortranarray((echoes_m - sensor_m) @ frame)
     lines = _lines(places, ring, random)
     return [
         _sighting(line, ring, frame, sensor_m) for line in lines if _is_clear(line, lines, places)
@@ -139,9 +143,10 @@ class _Line:
 
     def distance_m(self, places: FloatArray) -> FloatArray:
         """(k,) across, at the same place along."""
-        offset = places - self.at
-        aside = offset[:, 1:] - offset[:, :1] * self.slope
-        return np.asarray(np.sqrt((aside**2).sum(axis=1)))
+        run = places[:, 0] - self.at[0]
+        first = places[:, 1] - self.at[1] - self.slope[0] * run
+        second = places[:, 2] - self.at[2] - self.slope[1] * run
+        return np.asarray(np.sqrt(first * first + second * second))
 
 
 def _lines(places: FloatArray, ring: IntArray, random: np.random.Generator) -> list[_Line]:
@@ -169,11 +174,12 @@ def _partners(places: FloatArray) -> tuple[IntArray, IntArray]:
     around = np.column_stack((places[:, 1] / away, places[:, 2] / away, np.log(away)))
     most = math.tan(_TURNED_RAD) * _RUN_SHARES[1] + _RADIUS_M / _NEAR_M
     pairs = cKDTree(around).query_pairs(most, output_type="ndarray")
+    run = abs(places[pairs[:, 1], 0] - places[pairs[:, 0], 0])
+    share = run / away[pairs[:, 0]]
+    pairs = pairs[(share > _RUN_SHARES[0]) & (share < _RUN_SHARES[1])]
     run, *aside = (places[pairs[:, 1]] - places[pairs[:, 0]]).T
-    share = abs(run) / away[pairs[:, 0]]
     allowed = _RADIUS_M + math.tan(_TURNED_RAD) * abs(run)
-    good = (share > _RUN_SHARES[0]) & (share < _RUN_SHARES[1])
-    good &= aside[0] ** 2 + aside[1] ** 2 < allowed**2
+    good = aside[0] ** 2 + aside[1] ** 2 < allowed**2
     first = np.concatenate((pairs[good, 0], pairs[good, 1]))
     second = np.concatenate((pairs[good, 1], pairs[good, 0]))
     order = np.lexsort((second, first))
@@ -211,7 +217,7 @@ def _refined(
 ) -> _Line | None:
     """The line fitted to the free echoes close to it, twice; None with too few of them."""
     on = free
-    for _ in range(3):
+    for _ in range(2):
         on = free & (_Line(at=at, slope=slope, on=on).distance_m(places) < _RADIUS_M)
         if on.sum() < _LEAST_RINGS:
             return None

@@ -62,6 +62,14 @@ def test_sightings_at_another_place_are_another_conductor():
     assert len(confirmed(sighting(5.0, 12.0), sighting(5.8, 12.0)).conductors) == 2
 
 
+def test_two_sightings_of_one_wire_in_a_scan_are_one_conductor():
+    assert len(confirmed(sighting(5.0, 12.0), sighting(5.2, 12.0)).conductors) == 1
+
+
+def test_the_wires_of_a_bundle_are_two():
+    assert len(confirmed(sighting(5.0, 12.0), sighting(5.4, 12.0)).conductors) == 2
+
+
 def test_a_single_sighting_is_forgotten():
     tracks = ConductorTracks()
     tracks.step([sighting(5.0, 12.0)], 0.0, NOTHING)

@@ -87,6 +87,11 @@ def test_the_ground_is_no_obstacle(slope, height_error_m):
     assert extent_m(report, (-25.0, -5.0), (30.0, 30.0))[0] > 4.5
 
 
+def test_ground_far_away_is_no_obstacle():
+    far = replace(HOVER, at_m=(-22.0, 0.0, 17.0), tilt_rad=0.08)
+    assert all(each.solids == () for each in Rig(LidarScene(), far).run(1.5))
+
+
 def test_what_hangs_in_the_sky_alone_is_not_taken_for_the_ground():
     report = last(Rig(LidarScene(boxes=(CRANE,), ground_m=None), HOVER), 1.0)
     assert covers(report, 5.05, 11.2)

@@ -55,6 +55,18 @@ def test_a_turned_line_is_placed_where_it_crosses_the_plane():
     assert place == pytest.approx((0.0, 14.0), abs=0.05)
 
 
+def test_the_wires_of_a_bundle_do_not_hide_each_other():
+    bundle = tuple(Wire(start_m=(x, -100.0, 14.0), end_m=(x, 100.0, 14.0)) for x in (5.0, 5.4))
+    found = places(observed(LidarScene(wires=bundle), (-3.0, 0.0, 9.0), tilt_rad=0.05))
+    assert np.array(found) == pytest.approx(np.array([(5.0, 14.0), (5.4, 14.0)]), abs=0.05)
+
+
+def test_a_swaying_aircraft_sees_each_conductor_once():
+    noisy = {"velocity_mps": (1.5, 0.0, 0.0), "tilt_rad": 0.08, "position_noise_m": 0.08}
+    rig = Rig(LidarScene(wires=LINE), Flight(at_m=(-5.0, 0.3, 15.0), **noisy))
+    assert max(len(report.conductors) for report in rig.run(3.0)) == 4
+
+
 def test_a_thin_conductor_is_seen_only_near():
     thin = Wire(start_m=(0.0, -100.0, 15.0), end_m=(0.0, 100.0, 15.0), diameter_m=0.015)
     assert thin.visible_m == pytest.approx(11.1, abs=0.1)
