@@ -7,6 +7,7 @@ ends of packets: over UDP each is a datagram.
 import asyncio
 import contextlib
 import re
+import socket
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final, Protocol, cast
@@ -126,6 +127,28 @@ class _Tcp(asyncio.Protocol):
         if self._transport is not None:
             with contextlib.suppress(OSError):
                 self._transport.close()
+
+
+class Datagrams:
+    """Datagrams to one address, whether or not somebody listens; what does not fit is dropped."""
+
+    _address: tuple[str | int, ...] | tuple[int, bytes]
+
+    def __init__(self, host: str, port: int) -> None:
+        """Find the host; OSError when there is none."""
+        found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
+        family, kind, protocol, _, self._address = found
+        self._socket = socket.socket(family, kind, protocol)
+        self._socket.setblocking(False)
+
+    def send(self, data: bytes) -> None:
+        """Send one datagram."""
+        with contextlib.suppress(OSError):
+            self._socket.sendto(data, self._address)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._socket.close()
 
 
 async def open_port(url: Url, take: Take) -> Port:

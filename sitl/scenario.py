@@ -8,34 +8,22 @@
 Inputs: the file. Outputs: a `Scenario`, and a player that writes `Conditions` as time passes.
 """
 
-import reprlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any, Final, Literal
 
-import yaml
-from pydantic import BaseModel, ConfigDict, Field, ValidationError, model_validator
+from pydantic import BaseModel, ConfigDict, Field, model_validator
 
 from sitl.conditions import GPS_MODES
 from sitl.world import World
+from sitl.yaml_input import load_yaml, validated
 
 _NonNegative = Annotated[float, Field(ge=0.0, allow_inf_nan=False)]
 _Percent = Annotated[float, Field(ge=0.0, le=100.0, allow_inf_nan=False)]
 _Rssi = Annotated[float, Field(ge=0.0, le=254.0, allow_inf_nan=False)]
 _STEPPED: Final = frozenset({"drag_per_s", "gps_mode", "satellites"})
-_MAX_BYTES: Final = 100_000
-"""Some thousand changes; more would take seconds to read."""
-_MESSAGES: Final = {
-    "model_type": "must be keys and values",
-    "list_type": "must be a list",
-    "missing": "is missing",
-}
 _TIMES: Final = frozenset({"at_s", "after_takeoff_s", "over_s"})
-
-
-class ScenarioError(ValueError):
-    """A scenario file that cannot be used; the text is one line for the user."""
 
 
 class _Change(BaseModel):
@@ -110,28 +98,13 @@ class Scenario:
 
     @staticmethod
     def load(path: Path) -> "Scenario":
-        """Read a scenario file; a `ScenarioError` names file, key, value and the allowed values."""
-        try:
-            with path.open("rb") as file:
-                text = file.read(_MAX_BYTES + 1)
-            if len(text) > _MAX_BYTES:
-                raise ScenarioError(f"{path}: larger than {_MAX_BYTES} bytes")
-            data = yaml.safe_load(text.decode())
-        except (OSError, UnicodeDecodeError) as error:
-            raise ScenarioError(f"{path}: cannot be read: {_reason(error)}") from None
-        except RecursionError:
-            raise ScenarioError(f"{path}: nested too deeply") from None
-        except yaml.YAMLError as error:
-            raise ScenarioError(f"{path}: not YAML: {' '.join(str(error).split())}") from None
-        return Scenario.parse(data, str(path))
+        """Read a scenario file; a `BadInputError` names file, key, value and the allowed values."""
+        return Scenario.parse(load_yaml(path), str(path))
 
     @staticmethod
     def parse(data: object, source: str) -> "Scenario":
         """Build a scenario from YAML data; `source` names the file in errors."""
-        try:
-            parsed = _File.model_validate(data)
-        except ValidationError as error:
-            raise ScenarioError(f"{source}: {_first(error)}") from None
+        parsed = validated(_File, data, source)
         return Scenario(
             name=parsed.name,
             changes=tuple(
@@ -144,27 +117,6 @@ class Scenario:
                 for change in parsed.changes
             ),
         )
-
-
-def _reason(error: Exception) -> str:
-    return getattr(error, "strerror", None) or str(error)
-
-
-def _first(error: ValidationError) -> str:
-    """Return the first finding in one line: key, value, allowed values."""
-    detail = error.errors()[0]
-    key = "".join(
-        f"[{part}]" if isinstance(part, int) else f".{part}" for part in detail["loc"]
-    ).lstrip(".")
-    if detail["type"] == "extra_forbidden":
-        model = _Change if key.startswith("changes[") else _File
-        return f"{key}: unknown key; allowed: {', '.join(model.model_fields)}"
-    said = detail["msg"].removeprefix("Value error, ").replace("Input should be", "must be")
-    message = _MESSAGES.get(detail["type"], said)
-    value = detail["input"]
-    if isinstance(value, dict | list) or value is None:
-        return f"{key or 'file'}: {message}"
-    return f"{key or 'file'}: {reprlib.repr(value)}: {message}"
 
 
 class _Ramp:

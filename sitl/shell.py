@@ -15,20 +15,26 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Final, NoReturn
+from typing import TYPE_CHECKING, Final, NoReturn
 
 from sitl.autopilot import FakeAutopilot, Options
 from sitl.geodesy import Geodetic
 from sitl.links import LinkOptions
 from sitl.manners import KINDS
 from sitl.parameters import Parameters
-from sitl.ports import Port, Url, open_port
-from sitl.scenario import Scenario, ScenarioError
+from sitl.ports import Datagrams, Port, Url, open_port
+from sitl.scenario import Scenario
 from sitl.signing import SignOptions
 from sitl.truth_log import PERIOD_S, TruthLog
+from sitl.yaml_input import BadInputError
+
+if TYPE_CHECKING:
+    from sitl.lidar_scene import PlacedScene
 
 _PERIOD_S: Final = 0.01
 """Period of the checks of the clock, in real time."""
+_LIDAR_STEP_S: Final = 0.02
+"""Longest step with a lidar, whose poses are interpolated between steps."""
 _MAX_LAG_S: Final = 0.5
 """A process that was stopped for longer continues from its own time."""
 _DEFAULT_LINKS: Final = ("companion=udpout:127.0.0.1:14540", "gcs=udpout:127.0.0.1:14550")
@@ -49,6 +55,15 @@ class _Parser(argparse.ArgumentParser):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LidarSettings:
+    """The lidar on the aircraft: what it sees, and the UDP address that gets its packets."""
+
+    scene: "PlacedScene"
+    host: str
+    port: int
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class Settings:
     """Values of the arguments."""
 
@@ -56,6 +71,7 @@ class Settings:
     urls: dict[str, Url]
     speed: float
     truth: Path | None
+    lidar: LidarSettings | None
 
 
 def read_arguments(arguments: Sequence[str] | None) -> Settings:
@@ -78,6 +94,8 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
     parser.add_argument("--truth", metavar="FILE.csv", help="log of what is really so, at 20 Hz")
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--param", metavar="NAME=VALUE", action="append", help="set a parameter")
+    parser.add_argument("--lidar", metavar="HOST:PORT", help="send a VLP-16's packets there by UDP")
+    parser.add_argument("--lidar-scene", metavar="FILE", help="what stands around, for the lidar")
     parser.add_argument("--sign-key", metavar="FILE", help="sign all links with the key in a file")
     args = parser.parse_args(_joined(sys.argv[1:] if arguments is None else arguments))
     try:
@@ -85,6 +103,7 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
         _check_speed(args.speed)
         home, yaw_deg = _home(args.home)
         signing = None if args.sign_key is None else _sign_options(Path(args.sign_key))
+        lidar = _lidar(args.lidar, args.lidar_scene)
         options = Options(
             autopilot=args.autopilot,
             latitude_deg=home.latitude_deg,
@@ -103,13 +122,14 @@ def read_arguments(arguments: Sequence[str] | None) -> Settings:
             ),
             parameters=_parameters(args.param or [], KINDS[args.autopilot].parameters({})),
         )
-    except (_Bad, ScenarioError) as error:
+    except (_Bad, BadInputError) as error:
         parser.error(str(error))
     return Settings(
         options=options,
         urls=urls,
         speed=args.speed,
         truth=Path(args.truth) if args.truth else None,
+        lidar=lidar,
     )
 
 
@@ -161,6 +181,21 @@ def _links(texts: Sequence[str]) -> dict[str, Url]:
     return urls
 
 
+def _lidar(address: str | None, scene: str | None) -> LidarSettings | None:
+    if address is None and scene is None:
+        return None
+    if address is None or scene is None:
+        missing, given = ("--lidar", "--lidar-scene")[:: 1 if address is None else -1]
+        raise _Bad(f"{missing}: is missing beside {given}")
+    try:
+        url = Url.parse(f"udpout:{address}")
+    except ValueError:
+        raise _Bad(f"--lidar {address!r}: must be HOST:PORT") from None
+    from sitl.lidar_scene import PlacedScene  # noqa: PLC0415 -- it loads a compiler
+
+    return LidarSettings(scene=PlacedScene.load(Path(scene)), host=url.host, port=url.port)
+
+
 def _sign_options(path: Path) -> SignOptions:
     try:
         return SignOptions.load(path)
@@ -197,10 +232,13 @@ async def run(settings: Settings) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stop.set)
     log = None
+    lidar = None
     ports: dict[str, Port] = {}
     try:
         if settings.truth is not None:
             log = TruthLog(settings.truth, settings.options)
+        if settings.lidar is not None:
+            lidar = _Lidar(settings.lidar, settings.options.seed)
         for name, url in settings.urls.items():
             ports[name] = await _open(name, url, vehicle)
         print(
@@ -210,7 +248,7 @@ async def run(settings: Settings) -> int:
             ", ".join(f"{name}={url}" for name, url in settings.urls.items()),
             flush=True,
         )
-        await _pace(vehicle, ports, log, settings.speed, stop)
+        await _pace(vehicle, ports, log, lidar, settings.speed, stop)
     except OSError as error:
         print(f"sitl: {error}", file=sys.stderr)
         return 1
@@ -219,7 +257,32 @@ async def run(settings: Settings) -> int:
             port.close()
         if log is not None:
             log.close()
+        if lidar is not None:
+            lidar.close()
     return 0
+
+
+class _Lidar:
+    """The lidar and its socket."""
+
+    def __init__(self, settings: LidarSettings, seed: int) -> None:
+        from sitl.lidar_carrier import LidarCarrier  # noqa: PLC0415 -- it loads a compiler
+
+        self._carrier = LidarCarrier(settings.scene, seed)
+        try:
+            self._datagrams = Datagrams(settings.host, settings.port)
+        except OSError as error:
+            address = f"{settings.host}:{settings.port}"
+            raise OSError(f"--lidar {address}: {error.strerror or error}") from None
+
+    def step(self, vehicle: FakeAutopilot) -> None:
+        """Send the packets that are due."""
+        for _, packet in self._carrier.step(vehicle.truth):
+            self._datagrams.send(packet)
+
+    def close(self) -> None:
+        """Close the socket."""
+        self._datagrams.close()
 
 
 async def _open(name: str, url: Url, vehicle: FakeAutopilot) -> Port:
@@ -233,6 +296,7 @@ async def _pace(
     vehicle: FakeAutopilot,
     ports: dict[str, Port],
     log: TruthLog | None,
+    lidar: _Lidar | None,
     speed: float,
     stop: asyncio.Event,
 ) -> None:
@@ -240,14 +304,17 @@ async def _pace(
 
     At a speed that is too high for the machine, the loop still reacts to a stop.
     """
+    longest_s = PERIOD_S if lidar is None else _LIDAR_STEP_S
     start = deadline = time.monotonic()
     while not stop.is_set():
         goal_s = (deadline - start) * speed
         while vehicle.time_s + 1e-6 < goal_s and time.monotonic() < deadline + _MAX_LAG_S:
             before_s = vehicle.time_s
-            vehicle.step(min(goal_s, before_s + PERIOD_S))
+            vehicle.step(min(goal_s, before_s + longest_s))
             if log is not None:
                 log.step(vehicle.truth)
+            if lidar is not None:
+                lidar.step(vehicle)
             for name, data in vehicle.data_to_send():
                 ports[name].send(data)
             if vehicle.time_s == before_s:

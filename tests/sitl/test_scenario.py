@@ -5,8 +5,9 @@ from pathlib import Path
 
 import pytest
 
-from sitl.scenario import Scenario, ScenarioError, ScenarioPlayer
+from sitl.scenario import Scenario, ScenarioPlayer
 from sitl.world import World, WorldOptions
+from sitl.yaml_input import BadInputError
 
 SHIPPED = sorted((Path(__file__).parents[2] / "sitl" / "scenarios").glob("*.yaml"))
 
@@ -89,7 +90,7 @@ def test_a_failing_battery_ramps_down():
     ],
 )
 def test_a_bad_file_is_explained_in_one_line(data, says):
-    with pytest.raises(ScenarioError) as caught:
+    with pytest.raises(BadInputError) as caught:
         Scenario.parse(data, "bad.yaml")
     assert str(caught.value).startswith("bad.yaml: ")
     assert says in str(caught.value)
@@ -97,10 +98,10 @@ def test_a_bad_file_is_explained_in_one_line(data, says):
 
 
 def test_a_missing_file_and_broken_yaml_are_explained_in_one_line(tmp_path):
-    with pytest.raises(ScenarioError, match="cannot be read"):
+    with pytest.raises(BadInputError, match="cannot be read"):
         Scenario.load(tmp_path / "none.yaml")
     (tmp_path / "bad.yaml").write_text("a: [1,\nb")
-    with pytest.raises(ScenarioError, match="not YAML") as caught:
+    with pytest.raises(BadInputError, match="not YAML") as caught:
         Scenario.load(tmp_path / "bad.yaml")
     assert "\n" not in str(caught.value)
 
@@ -112,6 +113,6 @@ def test_a_missing_file_and_broken_yaml_are_explained_in_one_line(tmp_path):
 def test_what_would_take_all_memory_or_time_is_refused_in_one_line(tmp_path, text, says):
     path = tmp_path / "bad.yaml"
     path.write_text(text)
-    with pytest.raises(ScenarioError) as caught:
+    with pytest.raises(BadInputError) as caught:
         Scenario.load(path)
     assert str(caught.value) == f"{path}: {says}"

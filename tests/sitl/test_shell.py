@@ -69,6 +69,10 @@ def _hear(receive, wanted, limit=20_000):
             "no parameter is named 'COM_OF_LOSS_T'",
         ),
         (["--scenario", "/no/such.yaml"], "/no/such.yaml: cannot be read"),
+        (["--lidar", "127.0.0.1:2368"], "--lidar-scene: is missing beside --lidar"),
+        (["--lidar-scene", "scene.yaml"], "--lidar: is missing beside --lidar-scene"),
+        (["--lidar", "2368", "--lidar-scene", "x"], "--lidar '2368': must be HOST:PORT"),
+        (["--lidar", ":2368", "--lidar-scene", "/no/such.yaml"], "/no/such.yaml: cannot be read"),
         (["--sign-key", "/no/such.key"], "--sign-key /no/such.key: No such file or directory"),
         (["--sign-key", __file__], "must hold 32 bytes or 64 hexadecimal digits"),
     ],
@@ -172,6 +176,34 @@ def test_ardupilot_is_the_other_autopilot_with_parameters_of_its_own():
         with _running(*arguments, title="ArduPilot"):
             heartbeat = _hear(lambda: end.recv(65535), "HEARTBEAT")
             assert (heartbeat.autopilot, heartbeat.custom_mode) == (3, 0)
+
+
+SCENE = """
+name: none
+frame:
+  origin: {latitude_deg: 47.397742, longitude_deg: 8.545594, altitude_amsl_m: 489.4}
+  azimuth_deg: 0.0
+"""
+
+
+def test_a_lidar_sends_its_packets_in_order_from_the_start(tmp_path):
+    scene = tmp_path / "scene.yaml"
+    scene.write_text(SCENE)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
+        end.bind(("127.0.0.1", 0))
+        end.settimeout(60.0)
+        lidar = ("--lidar", f"127.0.0.1:{end.getsockname()[1]}", "--lidar-scene", str(scene))
+        with _running(*lidar, "--link", "companion=udpout:127.0.0.1:9"):
+            packets = [end.recv(4096) for _ in range(200)]
+    assert {len(packet) for packet in packets} == {1206}
+    times_us = [int.from_bytes(packet[1200:1204], "little") for packet in packets]
+    assert times_us == [int(n * 1327.104) for n in range(8, 208)]  # from the first tick on
+    assert any(packet[4:1200:3] != bytes(399) for packet in packets)  # the ground is seen
+
+
+def test_without_a_lidar_no_compiler_is_loaded():
+    program = "import sys, sitl.shell; sys.exit('numba' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], cwd=ROOT, check=False).returncode == 0
 
 
 def test_a_port_in_use_is_one_line_and_status_1():
