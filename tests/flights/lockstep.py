@@ -19,13 +19,14 @@ from moar_companion.config import (
     Authority,
     CompanionConfig,
     LinkConfig,
-    Supervision,
     shipped_configs,
 )
-from moar_companion.error_margin import flown_site
+from moar_companion.error_margin import flown_site, sighted
 from moar_companion.estimation.pose_tracker import SiteMaps
 from moar_companion.mavlink.signing import Signing, SigningKey
+from moar_companion.perception_config import Perception, Sensor
 from moar_companion.planner.planner import Planner
+from moar_companion.planning.map_jobs import MapAnswer, answer_map_job
 from moar_companion.planning.plan_jobs import PlanAnswer, answer_job
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.recording.calls import Call, RecordedCompanion
@@ -33,12 +34,14 @@ from moar_companion.site import Site
 from moar_companion.types import AutopilotKind
 from moar_companion.vehicle import Vehicle
 from sitl.autopilot import DEFAULT_LINKS, FakeAutopilot, Options, Truth
+from sitl.lidar_scene import PlacedScene
 from sitl.manners import KINDS
 from sitl.signing import SignOptions
 from sitl.wire import packet_header, packets
 from tests.vehicles import named_vehicle
 
 from ..copies import flown_once
+from .lidar_on_board import LidarOnBoard
 from .operator import Manner, Operator
 
 COMPANION_LINK = "udp:127.0.0.1:14540"
@@ -93,20 +96,29 @@ class Lockstep:
         options: dict | None = None,
         start_m: tuple[float, float] | None = None,
         secret: bytes | None = None,
+        lidar_scene: PlacedScene | None = None,
         **config,
     ) -> None:
         """start_m: where it stands in the site's frame (x, y); under the site's start.
 
-        secret: with which all links are signed.
+        secret: with which all links are signed. lidar_scene: what the lidar on board sees; None:
+        there is no lidar.
         """
         if isinstance(site, str):
             site = Site.load(shipped_configs() / "sites" / f"{site}.yaml")
         self.site = site
         if isinstance(vehicle, str):
             vehicle = named_vehicle(vehicle)
-        self.vehicle = as_simulated(vehicle, manner)
-        limits = config.get("supervision", Supervision())
-        self.flown_site = flown_site(site, self.vehicle, limits)
+        if lidar_scene is not None:
+            config.setdefault("perception", Perception(sensor=Sensor.VELODYNE))
+        self.config = CompanionConfig(
+            vehicle=shipped_configs(),
+            links=(LinkConfig(url=self.link_url, signed=secret is not None),),
+            authority=authority,
+            **config,
+        )
+        self.vehicle = sighted(as_simulated(vehicle, manner), self.config)
+        self.flown_site = flown_site(site, self.vehicle, self.config.supervision)
         # Decisions tell how long a plan took: here no time passes meanwhile.
         self.planner = Planner(self.flown_site, self.vehicle, clock=lambda: 0.0)
         self.planners = PlannerSet(self.planner)
@@ -128,13 +140,10 @@ class Lockstep:
                 **options,
             )
         )
-        self.config = CompanionConfig(
-            vehicle=shipped_configs(),
-            links=(LinkConfig(url=self.link_url, signed=secret is not None),),
-            authority=authority,
-            **config,
-        )
         self.companion = self.new_companion()
+        self.lidar = lidar_scene and LidarOnBoard(
+            lidar_scene, self.config.perception, site, seed=self.autopilot.options.seed
+        )
         self.operator = Operator(self.autopilot, manner)
         if secret is not None:
             self.operator.sign(secret)
@@ -150,6 +159,8 @@ class Lockstep:
         self.cut = False
         self.deaf = False
         """The autopilot's words do not reach the companion; the other way is open."""
+        self.blind = False
+        """The lidar is off."""
         self.planning = True
         self.plan_delay_s = PLAN_DELAY_S
         self._setpoint_codec = mavlink.MAVLink(None)
@@ -157,6 +168,7 @@ class Lockstep:
         self._position_codec.robust_parsing = True
         self._position: Any = None
         self._answers: list[tuple[float, PlanAnswer]] = []
+        self._map_answers: list[tuple[float, MapAnswer]] = []
 
     def __deepcopy__(self, memo):
         """To be moved on by itself; what never changes, and what is past, is the same."""
@@ -215,7 +227,15 @@ class Lockstep:
         while self._answers and self._answers[0][0] <= now_s:
             answer = self._answers.pop(0)[1]
             self.companion.plan_answered(answer)
+        while self._map_answers and self._map_answers[0][0] <= now_s:
+            self.companion.maps_answered(self._map_answers.pop(0)[1])
         self.companion.tick(now_s)
+        if self.lidar is not None and not self.blind:
+            self.lidar.step(self.autopilot.truth, self.companion, now_s)
+        for job in self.companion.map_jobs():
+            if self.planning:
+                answer = answer_map_job(self.planners, job)
+                self._map_answers.append((now_s + self.plan_delay_s, answer))
         for job in self.companion.plan_jobs():
             if self.planning:
                 answer = answer_job(self.planners, job)
