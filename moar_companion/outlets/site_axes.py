@@ -80,7 +80,7 @@ def view_of(site: Site, vehicle: Vehicle, points_m: list[PlanePoint]) -> View:
 
 def draw_plane(axes: Any, site: Site, maps: Maps, view: View) -> ScalarMappable:
     """Draw the site over its safety map; returns the map's colours, for a colour bar."""
-    _set_up(axes, view)
+    set_up_plane(axes, view)
     heat: ScalarMappable = axes.imshow(
         maps.safety_cost.T,
         extent=_extent(maps),
@@ -164,7 +164,7 @@ def inside(axes: Any, point_m: PlanePoint) -> PlanePoint:
     )
 
 
-def _set_up(axes: Any, view: View) -> None:
+def set_up_plane(axes: Any, view: View) -> None:
     """Limits, names and ticks of the axes."""
     axes.set_aspect("equal")
     axes.set_xlim(view[:2])
