@@ -9,7 +9,6 @@ asked for, touched nothing, and left the workspace by its landing legs alone.
 from __future__ import annotations
 
 import contextlib
-import shutil
 import sys
 import tempfile
 import webbrowser
@@ -23,19 +22,23 @@ import yaml
 from moar_companion.config import shipped_configs
 from moar_companion.errors import InputError
 from moar_companion.outlets.flight_picture import FlightStory, draw_flight
+from moar_companion.outlets.perceived_picture import SeenStory, draw_perceived
 from moar_companion.planner.maps import build_maps
 from moar_companion.site import PlanePoint, Site
 from moar_companion.types import Mission
 from moar_companion.vehicle import Vehicle
 from sitl.geodesy import Geodetic
-from sitl.scenario import Scenario, ScenarioError
+from sitl.scenario import Scenario
+from sitl.yaml_input import BadInputError
 
 from .broker import BrokerError, broker_name, free_tcp_port, running_broker
+from .flight_folder import gather, link_latest, make_folder
 from .judge import judge, read_truth
 from .manners import MANNERS
 from .mqtt_reader import MqttReader
 from .operator import EVACUATION, EXIT, Operator, OperatorError
 from .options import parser
+from .perceive import ADDED, TOLD, Perceiving, Sightings, prepare
 from .processes import Process, free_ports, running
 from .real import RealError, RealOptions, autopilot_at, numbers_of, running_real
 from .screen import Screen, open_screen, say
@@ -51,13 +54,11 @@ _WAYS_OUT = {Mission.EXIT: EXIT, Mission.EVACUATION: EVACUATION}
 """The first for which a site has landing points is flown, unless another is asked for."""
 _ALL = "all"
 _TOUR = "tour.yaml"
-"""The scenario of a user's own site."""
+"""The scenario of a user's own site, and of a flight by sight."""
 _ABOVE_M = 0.5
 """Least distance of the take-off's end above the least height."""
-_LATEST = "latest"
+_PERCEIVED = "perceived.png"
 _MQTT_VEHICLE = "demonstration"
-_LEAST_FREE_MB = 50.0
-"""Ten times the size of a flight's files."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,6 +78,8 @@ class Settings:
     mqtt: bool
     real: Path | None
     """PX4's build folder or ArduCopter's program; None: the fake."""
+    perceive: bool
+    """The service is told rough places alone, and a lidar sees what is there."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -87,19 +90,24 @@ def main(arguments: list[str] | None = None) -> int:
         Scenario.load(settings.scenario)
         _check(site, settings.site)
         _ways_out(site, settings.landing)
-        _make_folder(settings.out)
-        vehicle = _vehicle(settings)
+        make_folder(settings.out)
+        vehicle = _vehicle(settings, site)
+        perceiving = None
+        if settings.perceive:
+            (port,) = free_ports(1)
+            perceiving = prepare(settings.out, site, vehicle, port)
+            site = perceiving.site
         if settings.mqtt:
             broker_name()
-    except (InputError, ScenarioError, RealError, BrokerError) as error:
+    except (InputError, BadInputError, RealError, BrokerError) as error:
         return _failed(str(error), 2)
     except OSError as error:
         return _failed(f"{settings.out}: {error.strerror}", 2)
     try:
         if settings.links_latest:
-            _link_latest(settings.out)
+            link_latest(settings.out)
         try:
-            problem = _fly(settings, site)
+            problem = _fly(settings, site, perceiving)
         except KeyboardInterrupt:
             problem = "stopped by the user"
         return _report(settings, site, vehicle, problem)
@@ -108,7 +116,7 @@ def main(arguments: list[str] | None = None) -> int:
     except OSError as error:
         return _failed(f"{error.filename or settings.out}: {error.strerror}", 1)
     except KeyboardInterrupt:
-        _gather(settings.out)
+        gather(settings.out)
         return _failed("stopped by the user, without a picture", 1)
 
 
@@ -158,25 +166,17 @@ def _height_m(site: Site) -> float:
     return max(site.start_m[1], max(low_m, space.lower_m[1]) + _ABOVE_M)
 
 
-def _make_folder(out: Path) -> None:
-    """Make a folder that can be written, has room, and has no flight yet."""
-    out.mkdir(parents=True, exist_ok=True)
-    if (out / "truth.csv").exists():
-        raise InputError("--out", "", f"{out} already holds a flight, must be another folder")
-    with tempfile.TemporaryFile(dir=out):
-        pass
-    free_mb = shutil.disk_usage(out).free / 1e6
-    if free_mb < _LEAST_FREE_MB:
-        problem = f"{out} has {free_mb:.0f} MB free, must be at least {_LEAST_FREE_MB:.0f}"
-        raise InputError("--out", "", problem)
+def _vehicle(settings: Settings, site: Site) -> Vehicle:
+    """The X500 with the simulated autopilot and battery, as a file of the flight.
 
-
-def _vehicle(settings: Settings) -> Vehicle:
-    """The X500 with the simulated autopilot and battery, as a file of the flight."""
+    With a lidar its nose stays in the plane: the scan plane stands across the line.
+    """
     shipped = shipped_configs() / "vehicles" / _VEHICLE
     values = yaml.safe_load(shipped.read_text(encoding="utf-8"))
     values["autopilot"] = settings.autopilot
     values["risk"]["cells"] = MANNERS[settings.autopilot].cells
+    if settings.perceive:
+        values["guidance"] |= {"yaw_mode": "fixed", "fixed_yaw_deg": site.frame.azimuth_deg}
     file = settings.out / _VEHICLE_FILE
     file.write_text(yaml.safe_dump(values, sort_keys=False), encoding="utf-8")
     return Vehicle.load(file)
@@ -190,9 +190,11 @@ def _settings(arguments: list[str] | None) -> Settings:
         autopilot = autopilot_at(real)
         if read.autopilot not in {None, autopilot}:
             raise RealError(f"--real {real} is {autopilot}, not --autopilot {read.autopilot}")
-    usual, landing = MANNERS[autopilot].scenario, read.landing
-    if read.site is not None:
-        usual, landing = _TOUR, landing or _ALL
+        if read.perceive:
+            raise RealError("--perceive: the lidar is on the fake autopilot, not with --real")
+    calm = read.perceive or read.site is not None
+    usual = _TOUR if calm else MANNERS[autopilot].scenario
+    landing = read.landing or (None if read.site is None else _ALL)
     scenario = read.scenario or _SCENARIOS / usual
     started = datetime.now(tz=timezone.utc).strftime("%Y%m%dT%H%M%SZ")
     return Settings(
@@ -206,10 +208,11 @@ def _settings(arguments: list[str] | None) -> Settings:
         out=(read.out or Path("flights") / started).resolve(),
         links_latest=read.out is None,
         landing=landing,
+        perceive=read.perceive,
     )
 
 
-def _fly(settings: Settings, site: Site) -> str | None:
+def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str | None:
     """Fly the whole flight; the error, or None."""
     companion_port, operator_port = free_ports(2)
     config = settings.out / "companion.yaml"
@@ -219,29 +222,34 @@ def _fly(settings: Settings, site: Site) -> str | None:
         view = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "view.sock"
         values = {
             "vehicle": _VEHICLE_FILE,
-            "site": str(settings.site),
+            "site": str(settings.site if perceiving is None else perceiving.told),
             "links": [{"url": f"udp:127.0.0.1:{companion_port}", "role": "autopilot"}],
             "recorder": {"directory": str(settings.out)},
             "view": {"socket": str(view)},
         }
         screen = stack.enter_context(open_screen(view, live=not settings.headless))
+        if perceiving is not None:
+            values["perception"] = perceiving.configuration()
         if settings.mqtt:
             port = free_tcp_port()
             values["mqtt"] = {"url": f"mqtt://127.0.0.1:{port}", "vehicle": _MQTT_VEHICLE}
             stack.enter_context(_mqtt(settings, port, screen))
         config.write_text(yaml.safe_dump(values, sort_keys=False), encoding="utf-8")
         weather = _weather(settings, screen)
+        seen = Sightings()
 
         def meanwhile() -> None:
             screen.refresh()
             if weather is not None:
                 weather.play(operator)
+            for line in seen.lines(operator.texts):
+                screen.say(line)
 
         screen.say(f"recording to {settings.out}")
         operator = Operator(operator_port, manner, speed=settings.speed, meanwhile=meanwhile)
         stack.callback(operator.close)
         speed = str(settings.speed)
-        autopilot = _autopilot(settings, site, companion_port, operator_port)
+        autopilot = _autopilot(settings, site, perceiving, companion_port, operator_port)
         companion = running(
             "companion",
             settings.out / "companion.log",
@@ -301,27 +309,12 @@ def _battery_falls(scenario: Path) -> bool:
     return any("battery_percent" in change.targets for change in changes)
 
 
-def _gather(out: Path) -> bool:
-    """Move the service's recording into the flight's folder; True if there is any."""
-    recorded = sorted(out.glob("flight_*"))
-    if recorded:
-        for file in recorded[-1].iterdir():
-            shutil.move(file, out / file.name)
-        recorded[-1].rmdir()
-    return (out / "flight.tlog").exists() and (out / "decisions.jsonl").exists()
-
-
-def _link_latest(out: Path) -> None:
-    """Make `latest` beside the flight's folder lead to it, where links can be made."""
-    link = out.parent / _LATEST
-    with contextlib.suppress(OSError):
-        if link.is_symlink():
-            link.unlink()
-        link.symlink_to(out.name)
-
-
 def _autopilot(
-    settings: Settings, site: Site, companion_port: int, operator_port: int
+    settings: Settings,
+    site: Site,
+    perceiving: Perceiving | None,
+    companion_port: int,
+    operator_port: int,
 ) -> contextlib.AbstractContextManager[Process]:
     """The process of the autopilot, fake or real."""
     point = site.frame.to_geodetic((site.start_m[0], 0.0, 0.0))
@@ -350,7 +343,8 @@ def _autopilot(
         settings.out / "autopilot.log",
         "sitl",
         *("--autopilot", settings.autopilot),
-        *("--home", f"{home.latitude_deg!r},{home.longitude_deg!r},{home.altitude_amsl_m!r}"),
+        *("--home", _home(home, None if perceiving is None else site.frame.azimuth_deg)),
+        *(() if perceiving is None else perceiving.arguments()),
         *("--link", f"companion=udpout:127.0.0.1:{companion_port}"),
         *("--link", f"gcs=udpout:127.0.0.1:{operator_port}"),
         *(word for value in manner.parameters for word in ("--param", value)),
@@ -358,6 +352,11 @@ def _autopilot(
         *("--truth", str(truth)),
         *("--speed", str(settings.speed)),
     )
+
+
+def _home(place: Geodetic, yaw_deg: float | None) -> str:
+    numbers = [place.latitude_deg, place.longitude_deg, place.altitude_amsl_m]
+    return ",".join(repr(number) for number in [*numbers, *([] if yaw_deg is None else [yaw_deg])])
 
 
 def _weather(settings: Settings, screen: Screen) -> Weather | None:
@@ -374,7 +373,7 @@ def _weather(settings: Settings, screen: Screen) -> Weather | None:
 def _report(settings: Settings, site: Site, vehicle: Vehicle, problem: str | None) -> int:
     """Judge the flight, draw it, and print the result; the exit status."""
     truth = settings.out / "truth.csv"
-    if not _gather(settings.out) or not truth.exists():
+    if not gather(settings.out) or not truth.exists():
         say(f"nothing was flown: {problem or 'no recording'}; see the logs in {settings.out}")
         return 1
     story = FlightStory.read(settings.out / "decisions.jsonl")
@@ -384,6 +383,11 @@ def _report(settings: Settings, site: Site, vehicle: Vehicle, problem: str | Non
     picture = settings.out / "flight.png"
     flown = [(row.position_m[0], row.position_m[2]) for row in flight if not row.on_ground]
     draw_flight(story, flown, site, vehicle, build_maps(site, vehicle), picture)
+    if settings.perceive:
+        say(f"picture {picture}")
+        seen, picture = SeenStory.read(settings.out / "decisions.jsonl"), settings.out / _PERCEIVED
+        told = Site.load(settings.out / TOLD)
+        draw_perceived(seen, flown, site, told, vehicle, picture, added=ADDED)
     faults = [*([problem] if problem else []), *verdict.faults]
     say(f"least clearance {verdict.least_clearance_m:.2f} m, {len(story.plans)} paths planned")
     say(f"picture {picture}")

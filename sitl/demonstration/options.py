@@ -35,7 +35,10 @@ def parser() -> argparse.ArgumentParser:
         help="your own: every target, every landing point; default: 315 kV double circuit",
     )
     made.add_argument(
-        "--scenario", type=Path, metavar="FILE", help="default: wind, battery; with --site calm"
+        "--scenario",
+        type=Path,
+        metavar="FILE",
+        help="default: wind, battery; with --site or --perceive calm",
     )
     made.add_argument(
         "--speed", type=_speed, default=1.0, metavar="N", help="simulated seconds in a real one"
@@ -49,6 +52,11 @@ def parser() -> argparse.ArgumentParser:
         "--mqtt",
         action="store_true",
         help="publish to an MQTT broker, which is started too, and read it with paho",
+    )
+    made.add_argument(
+        "--perceive",
+        action="store_true",
+        help="tell the service rough targets alone: a simulated lidar sees what is there",
     )
     made.add_argument("--out", type=Path, metavar="DIR", help="default: flights/ and the time")
     return made

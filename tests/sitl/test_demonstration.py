@@ -20,6 +20,7 @@ from pymavlink import mavutil
 from moar_companion import Site
 from moar_companion.config import shipped_configs
 from sitl.demonstration import fly as demonstration
+from sitl.demonstration.flight_folder import gather, link_latest
 from sitl.demonstration.judge import read_truth
 from sitl.interpreter import complaint
 from tests.real_time import real_time
@@ -100,6 +101,22 @@ def test_ardupilot_is_flown_as_well(tmp_path):
 
 
 @real_time
+@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+def test_told_rough_places_alone_it_sees_what_is_there_and_flies_round_it(tmp_path, autopilot):
+    flown = fly("--perceive", "--autopilot", autopilot, "--out", str(tmp_path))
+    assert flown.returncode == 0, flown.stdout + flown.stderr
+    assert "seen: conductor at x " in flown.stdout
+    assert Site.load(tmp_path / "site.yaml").obstacles == ()
+    decisions = [
+        json.loads(line) for line in (tmp_path / "decisions.jsonl").read_text().splitlines()
+    ]
+    seen = [item["data"] for item in decisions if item["kind"] == "seen"]
+    assert max(len(data["conductors"]) for data in seen) == 7  # six of the line, and the cable
+    with Image.open(tmp_path / "perceived.png") as picture:
+        assert min(picture.size) > 800
+
+
+@real_time
 def test_a_machine_that_is_too_slow_is_told_so(tmp_path):
     flown = fly("--speed", "500", "--out", str(tmp_path))
     assert flown.returncode == 1
@@ -162,6 +179,13 @@ def test_bad_input_is_one_line_and_status_2(arguments, named, tmp_path, capsys):
     said = refused(capsys, *arguments, *out)
     assert said.count("\n") == 1
     assert named in said
+
+
+def test_a_lidar_is_on_the_fake_autopilot_alone(tmp_path, capsys):
+    (tmp_path / "arducopter").write_text("#!/bin/sh\n")
+    (tmp_path / "arducopter").chmod(0o755)
+    said = refused(capsys, "--real", str(tmp_path / "arducopter"), "--perceive")
+    assert said == "sitl/fly: --perceive: the lidar is on the fake autopilot, not with --real\n"
 
 
 def test_a_user_sees_that_line_and_status(tmp_path):
@@ -239,20 +263,20 @@ def flight_of(folder, *files):
 
 def test_what_an_interrupted_flight_has_recorded_is_in_its_folder_and_no_deeper(tmp_path):
     out = flight_of(tmp_path / "out", "flight.tlog", "decisions.jsonl")
-    assert demonstration._gather(out)
+    assert gather(out)
     assert {path.name for path in out.iterdir()} == {"flight.tlog", "decisions.jsonl"}
-    assert demonstration._gather(out)  # once more it is still there
-    assert not demonstration._gather(flight_of(tmp_path / "none"))
+    assert gather(out)  # once more it is still there
+    assert not gather(flight_of(tmp_path / "none"))
 
 
 def test_latest_leads_to_the_last_flight_whatever_became_of_it(tmp_path):
     for name in ("20260101T000000Z", "20260101T000100Z"):
         (tmp_path / name).mkdir()
-        demonstration._link_latest(tmp_path / name)
+        link_latest(tmp_path / name)
         assert (tmp_path / "latest").resolve() == tmp_path / name
     (tmp_path / "latest").unlink()
     (tmp_path / "latest").mkdir()  # something of the user's
-    demonstration._link_latest(tmp_path / name)
+    link_latest(tmp_path / name)
     assert (tmp_path / "latest").is_dir()
 
 
