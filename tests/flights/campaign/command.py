@@ -47,12 +47,7 @@ def _row(record: Record) -> dict:
 
 
 def _timed(seed: int) -> tuple[int, dict, float]:
-    began_s = time.process_time()
-    try:
-        row = row_of(seed)
-    except Exception as error:  # noqa: BLE001 - a flight that cannot be flown is a row, too
-        row = {"seed": seed, "verdict": "error", "error": f"{type(error).__name__}: {error}"}
-    return seed, row, time.process_time() - began_s
+    return timed_row(row_of, seed)
 
 
 def trace(seed: int, directory: Path) -> None:
@@ -87,6 +82,36 @@ def seeds_of(text: str) -> range:
         raise argparse.ArgumentTypeError(f"{text!r}: must be A:B or A, whole numbers") from None
 
 
+def fly_all(timed, seeds: range, workers: int, out: Path) -> tuple[list[dict], list[float]]:
+    """Rows and processor seconds of all seeds; the rows are also written, in order.
+
+    timed: a function of a module, of a seed to that seed, its row and its seconds.
+    """
+    rows, seconds = [], []
+    context = multiprocessing.get_context("spawn")
+    with (
+        context.Pool(workers, maxtasksperchild=25) as pool,
+        (out / "flights.jsonl").open("w") as file,
+    ):
+        for seed, row, spent_s in pool.imap(timed, seeds):
+            rows.append(row)
+            seconds.append(spent_s)
+            file.write(json.dumps(row) + "\n")
+            file.flush()
+            sys.stderr.write(f"{seed} {row['verdict']} {spent_s:.1f} s\n")
+    return rows, seconds
+
+
+def timed_row(row_of, seed: int) -> tuple[int, dict, float]:
+    """A seed, its row and its processor seconds."""
+    began_s = time.process_time()
+    try:
+        row = row_of(seed)
+    except Exception as error:  # noqa: BLE001 - a flight that cannot be flown is a row, too
+        row = {"seed": seed, "verdict": "error", "error": f"{type(error).__name__}: {error}"}
+    return seed, row, time.process_time() - began_s
+
+
 def main(arguments: list[str] | None = None) -> int:
     """Exit status 0 when the promise was kept, 1 when it was broken."""
     parser = argparse.ArgumentParser(prog="python -m tests.flights.campaign", description=__doc__)
@@ -99,18 +124,7 @@ def main(arguments: list[str] | None = None) -> int:
     if options.trace:
         for seed in options.seeds:
             trace(seed, options.out)
-    rows, seconds = [], []
-    context = multiprocessing.get_context("spawn")
-    with (
-        context.Pool(options.workers, maxtasksperchild=25) as pool,
-        (options.out / "flights.jsonl").open("w") as file,
-    ):
-        for seed, row, spent_s in pool.imap(_timed, options.seeds):
-            rows.append(row)
-            seconds.append(spent_s)
-            file.write(json.dumps(row) + "\n")
-            file.flush()
-            sys.stderr.write(f"{seed} {row['verdict']} {spent_s:.1f} s\n")
+    rows, seconds = fly_all(_timed, options.seeds, options.workers, options.out)
     text = summary(rows, seconds)
     (options.out / "summary.md").write_text(text)
     sys.stdout.write(text)
