@@ -26,7 +26,7 @@ _STEP_M = 0.3
 _NARROW_M = 0.25
 """Greatest width of an echo of a wire or a twin bundle's half; wider ones are no conductor."""
 _LEAST_RANGE_M, _GREATEST_RANGE_M = 1.0, 40.0
-_MOST_ECHOES = 1500
+_MOST_ECHOES = 1000
 _RUN_SHARES = (0.1, 0.25)
 """Two echoes that a line is laid through are apart by so much of their range: 6° to 14°."""
 _NEAR_M = 3.0
