@@ -64,6 +64,7 @@ def test_distances_to_wires_solids_and_trees():
     assert clearance_m(scene, places) == pytest.approx([2.98, math.sqrt(2.0), -1.0, 2.0])
 
 
+@pytest.mark.slow
 def test_a_wire_on_the_straight_way_is_seen_and_passed():
     flight = fly(2)
     assert flight.draw.added == "wire"

@@ -26,6 +26,10 @@ OFFERED_S = 1.5
 """PX4 takes the mode once a stream has run for a second."""
 
 
+_STOPS = (", holding", ", denied", ", slowing", ", released", ", overridden")
+"""Ends of the texts that tell why a flight stands."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sight:
     """The first report of a conductor. from_m: distance of the aircraft from the true one.
@@ -114,8 +118,8 @@ def _flown(flight: Lockstep) -> str:
             offered_s = 0.0
         waited_s = 0.0 if flight.state in {"planning", "ready", "flying"} else waited_s + STEP_S
     state = "on its way" if flight.state == "flying" else flight.state
-    said = [text for text in operator.texts() if "avoided" not in text]
-    return f"{state}: {said[-1] if said else 'nothing was said'}"
+    said = [text for text in operator.texts() if text.endswith(_STOPS)]
+    return f"{state}: {said[-1] if said else 'nothing was said of it'}"
 
 
 def _true_m(drawn: Draw, truths: list[Truth]) -> np.ndarray:

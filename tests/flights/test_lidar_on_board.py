@@ -1,0 +1,49 @@
+"""The lidar of a flight in lockstep: what it sees is on the maps, and its silence is noticed."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import pytest
+
+from moar_companion.config import shipped_configs
+from moar_companion.site import Site
+from sitl.demonstration.perceive import lidar_scene
+
+from .lockstep import Lockstep
+
+pytest.importorskip("velodyne_decoder")
+SITE = Site.load(shipped_configs() / "sites" / "horizontal_three_conductors.yaml")
+
+
+def test_what_it_sees_is_on_the_maps_before_an_order_and_its_silence_is_noticed():
+    flight = Lockstep(
+        site=replace(SITE, obstacles=()),
+        vehicle="x500",
+        options={"yaw_deg": SITE.frame.azimuth_deg},
+        lidar_scene=lidar_scene(SITE),
+    )
+    flight.blind = True
+    flight.take_off()
+    assert flight.lidar.reports == []
+    flight.blind = False
+    flight.run(3.5)
+    for site in (
+        flight.planners.exact.site,
+        flight.companion._executor.routes.limits.site_maps.site,
+    ):
+        assert len(site.obstacles) == len(SITE.obstacles)
+        for item in SITE.obstacles:
+            places = [seen.position_m for seen in site.obstacles]
+            assert min(math.dist(item.position_m, place) for place in places) < 0.6
+    assert not holds(flight)
+    flight.blind = True
+    flight.run(1.5)
+    assert holds(flight)
+
+
+def holds(flight):
+    """True while the condition of a silent sensor acts."""
+    told = [item.data for item in flight.decisions if item.kind == "condition"]
+    return [data["began"] for data in told if data["name"] == "perception"][-1]
