@@ -50,6 +50,7 @@ FIELDS: Mapping[str, tuple[str, str]] = {
     "outside_m": ("71", "99999"),
     "low_m": ("1.2", "99999"),
     "least_m": ("2", "99999"),
+    "wire": ("3", "999"),
     "x_m": ("9.2", "-99999.9"),
     "z_m": ("18.3", "-99999.9"),
     "limit": ("60", "99999"),
@@ -381,7 +382,7 @@ PATH_MOVED = PilotText(
     meaning="a new plan, which this risk has moved most",
 )
 CONDUCTOR_SEEN = PilotText(
-    pattern="conductor at x {x_m}, z {z_m}",
+    pattern="wire {wire} at x {x_m}, z {z_m}",
     actions=("avoided",),
     meaning="the sensor sees a conductor there, in the plane, that the site file does not have",
     remedy="survey the site again; see `moar-companion view`",

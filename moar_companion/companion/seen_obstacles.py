@@ -208,7 +208,8 @@ class SeenObstacles:
             return
         self._told_m[seen.name] = 0.0
         x_m, z_m = seen.position_m
-        text = pilot_texts.CONDUCTOR_SEEN(x_m=f"{x_m:.1f}", z_m=f"{z_m:.1f}")
+        number = seen.name.rpartition("-")[2]
+        text = pilot_texts.CONDUCTOR_SEEN(wire=number, x_m=f"{x_m:.1f}", z_m=f"{z_m:.1f}")
         self._reports.say(Severity.NOTICE, text, now_s, action="avoided")
 
     def _tell_moved(self, name: str, off_m: float, now_s: float) -> None:

@@ -60,7 +60,7 @@ _INSIDE_M = 1.2
 _AWAY_M = 10.0
 """Trees and a house stand so far beyond all that is flown to."""
 _SPEAKER = "MOAR: "
-_SAID = f"{_SPEAKER}conductor at "
+_SAID = f"{_SPEAKER}wire "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -207,7 +207,7 @@ def test_a_conductor_in_its_place_changes_nothing(desk):
 def test_a_conductor_in_no_file_is_told_once(desk):
     desk.conductors = (conductor(3.0, 14.5),)
     desk.run(2.0)
-    assert desk.texts().count("MOAR: conductor at x 3.0, z 14.5, avoided") == 1
+    assert desk.texts().count("MOAR: wire 1 at x 3.0, z 14.5, avoided") == 1
     assert len(desk.map_jobs) == 1
     desk.conductors = (conductor(3.1, 14.5),)
     desk.run(1.0)
@@ -215,6 +215,12 @@ def test_a_conductor_in_no_file_is_told_once(desk):
     desk.conductors = (conductor(3.3, 14.5),)
     desk.run(1.0)
     assert len(desk.map_jobs) == 2
+
+
+def test_each_of_several_conductors_seen_at_once_is_told(desk):
+    desk.conductors = tuple(conductor(2.0 + n, 14.0, f"seen-{n}") for n in range(1, 5))
+    desk.run(0.5)
+    assert sum("MOAR: wire" in text for text in desk.texts()) == 4
 
 
 def test_a_target_in_a_seen_keep_out_is_moved_and_still_looked_at(desk):

@@ -105,7 +105,7 @@ def test_ardupilot_is_flown_as_well(tmp_path):
 def test_told_rough_places_alone_it_sees_what_is_there_and_flies_round_it(tmp_path, autopilot):
     flown = fly("--perceive", "--autopilot", autopilot, "--out", str(tmp_path))
     assert flown.returncode == 0, flown.stdout + flown.stderr
-    assert "seen: conductor at x " in flown.stdout
+    assert "seen: wire " in flown.stdout
     assert Site.load(tmp_path / "site.yaml").obstacles == ()
     decisions = [
         json.loads(line) for line in (tmp_path / "decisions.jsonl").read_text().splitlines()

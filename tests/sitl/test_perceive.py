@@ -133,11 +133,11 @@ def test_the_files_are_what_both_processes_take(tmp_path):
 
 def test_each_sighting_is_told_once():
     seen = Sightings()
-    texts = ["MOAR: planning inspection", "MOAR: conductor at x 9.2, z 18.3, avoided"]
-    assert seen.lines(texts) == ["seen: conductor at x 9.2, z 18.3, avoided"]
+    texts = ["MOAR: planning inspection", "MOAR: wire 1 at x 9.2, z 18.3, avoided"]
+    assert seen.lines(texts) == ["seen: wire 1 at x 9.2, z 18.3, avoided"]
     assert seen.lines(texts) == []
-    assert seen.lines([*texts, "MOAR: conductor at x 1.0, z 2.0, avoided"]) == [
-        "seen: conductor at x 1.0, z 2.0, avoided"
+    assert seen.lines([*texts, "MOAR: wire 2 at x 1.0, z 2.0, avoided"]) == [
+        "seen: wire 2 at x 1.0, z 2.0, avoided"
     ]
 
 
