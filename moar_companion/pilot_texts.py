@@ -53,7 +53,7 @@ FIELDS: Mapping[str, tuple[str, str]] = {
     "limit": ("60", "99999"),
     "plural": ("s", "s"),
 }
-"""What varies in the texts: an example and the longest value of each field."""
+"""Fields of the texts: an example and the longest value of each."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
