@@ -21,11 +21,12 @@ from moar_companion.mavlink.signing import SigningRefusal
 from moar_companion.mission.state_changes import state_words
 from moar_companion.mission.values import Order, Task, Verdict
 from moar_companion.mission_states import MissionState
-from moar_companion.pilot_texts import FIELDS, NAMES, TEXTS
+from moar_companion.pilot_texts import TEXTS
 from moar_companion.safety.condition_texts import TEXTS as OF_CONDITIONS
 from moar_companion.safety.condition_texts import all_actions, filled
 from moar_companion.safety.conditions import CONDITIONS
 from moar_companion.text_format import distance, limit_text, pilot_text, seconds, short_name
+from moar_companion.text_patterns import FIELDS, NAMES
 from moar_companion.types import Mission, RiskIndices
 from moar_companion.yaml_schema import Name
 

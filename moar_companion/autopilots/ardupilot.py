@@ -142,7 +142,7 @@ _MODES = {
     27: "AUTO_RTL",
     28: "TURTLE",
 }
-"""Of copters."""
+"""Names of the custom modes of a copter."""
 _FAILSAFE_TEXTS = (
     FailsafeText(
         failsafe=Failsafe.BATTERY,
@@ -179,8 +179,8 @@ _FAILSAFE_TEXTS = (
         lasts_s=60.0,
     ),
 )
-"""Of events.cpp, ekf_check.cpp, fence.cpp, AP_BattMonitor.cpp. The first is too long for one chunk;
-its first chunk identifies it."""
+"""Texts of events.cpp, ekf_check.cpp, fence.cpp, AP_BattMonitor.cpp. The first is longer than one
+chunk: its first chunk identifies it."""
 
 
 def to_local_ned(point: GeodeticPoint, origin: GeodeticPoint) -> Vector:

@@ -19,7 +19,7 @@ CLIMBING = f"return, {CLIMBS}"
 FALLING = "motors off: it falls"
 UNTIL_IT_FALLS = "the companion leads out before; without one it flies on until it falls"
 _SHORT_S = 0.5
-"""As the manual requires."""
+"""Offboard time-out that the manual requires, in s."""
 
 
 class Level(enum.IntEnum):

@@ -175,7 +175,7 @@ class ContingencyPlanner:
         if here_m is not None:
             self._out, self._flown = self._escape_routes(here_m), None
             self.better = better_of(self._out, self.better)
-            demands = self._with_ways_out(demands)
+            demands = self._with_escape_routes(demands)
         self.demands = demands
 
     def end(self) -> None:
@@ -372,7 +372,7 @@ class ContingencyPlanner:
                 self.better = self._instead_of_exit(full_pace, scene.meter)
         else:
             self.better = better_of(self._out, self.better)
-        self.demands = self._with_ways_out(
+        self.demands = self._with_escape_routes(
             Demands(flown=ordered, finish_wh=energy_wh_of(self._finish))
         )
 
@@ -387,7 +387,7 @@ class ContingencyPlanner:
             return Mission.EXIT
         return better_of({**self._out, Mission.EXIT: full_pace}, Mission.EXIT)
 
-    def _with_ways_out(self, demands: Demands) -> Demands:
+    def _with_escape_routes(self, demands: Demands) -> Demands:
         return replace(
             demands,
             exit_wh=energy_wh_of(self._out[Mission.EXIT]),

@@ -17,7 +17,7 @@ from . import payloads
 from .topics import ONLINE, ROOT, TOPICS
 
 SUBSCRIPTION = f"{ROOT}/+/+"
-"""Of `risk/inputs` and what else lies deeper, a row shows nothing."""
+"""Topics of two levels below the root; deeper ones such as `risk/inputs` are not shown in a row."""
 _MOST_VEHICLES = 1000
 _MODELS: dict[str, type[payloads.Part]] = {topic.name: topic.payload for topic in TOPICS}
 _MODELS[ONLINE] = payloads.Online

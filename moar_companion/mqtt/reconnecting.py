@@ -1,4 +1,4 @@
-"""When to connect anew, and what to log of a connection. Pure."""
+"""Times of the attempts to connect, and log lines of a connection. Pure."""
 
 from __future__ import annotations
 

@@ -148,7 +148,7 @@ def online_message(vehicle: str, payload: payloads.Online) -> Message:
 
 
 class Publication:
-    """When each topic is due. now_s: any clock that does not go back."""
+    """Decides which topics are due. now_s: any clock that does not go back."""
 
     def __init__(self, vehicle: str) -> None:
         self._vehicle = vehicle

@@ -33,7 +33,7 @@ _WIDTH_IN, _BELOW_IN, _SIDE_IN, _PLAN_IN = 8.6, 0.55, 1.7, 1.5
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurveyView:
-    """What is drawn of a survey.
+    """Values of a survey that the picture draws.
 
     document: of the site file; points_m: (n, 3) along the line, across it and up, from the site's
     origin, with their LAS classes; plane_m: (k, 2) x and z of those near the plane, with theirs;

@@ -134,7 +134,7 @@ class Solver:
     def between(
         self, goal: Goal, table: CostToGoTable, start: int, velocity: FloatArray, weights: Weights
     ) -> tuple[IntArray | None, int]:
-        """As `cold`, between the bounds of a table of this goal; states expanded."""
+        """Path as from `cold`, searched between the bounds of a table of this goal."""
         self._version += 1
         headings, lower, expanded = _forward(
             start,

@@ -119,7 +119,7 @@ def load_signing(config: CompanionConfig, wall_s: float) -> Signing | None:
 
 
 def _believed(references: Mapping[str, int], wall_s: float, path: Path) -> dict[str, int]:
-    """Those that a wall clock which is set does not prove wrong; what is ahead of it is told."""
+    """Stored references that the wall clock does not prove wrong; logs those ahead of it."""
     now = timestamp_at(wall_s)
     ahead_s = (max(references.values(), default=0) - now) / UNITS_PER_S
     if wall_s < _SET_SINCE_S or ahead_s <= _DOUBTED_AHEAD_S:

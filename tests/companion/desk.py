@@ -538,14 +538,22 @@ class Desk:
         self.answered.append((job, answer))
         self.companion.plan_answered(answer)
 
-    def come_to(self, state, mission=INSPECTION):
-        """From hovering to a state, by the usual way: flown once by the desks that are alike."""
+    def come_to(self, state, mission=INSPECTION, *, then_s=0.0):
+        """From hovering to a state, by the usual way, and on for a time.
+
+        Flown once by the desks that are alike.
+        """
         if self._count or self.heard or self.planner is not usual_planner():
-            return self._come_to(state, mission)
+            return self._come_to(state, mission).run(then_s)
         told = {name: value for name, value in vars(self).items() if name not in _MACHINES}
-        alike = repr((state, mission, told))
+        alike = repr((state, mission, then_s, told))
         if alike not in _came:
-            _came[alike] = copy_of(self)._come_to(state, mission)
+            twin = copy_of(self)
+            _came[alike] = (
+                twin.come_to(state, mission).run(then_s)
+                if then_s
+                else twin._come_to(state, mission)
+            )
         vars(self).update(vars(copy_of(_came[alike])))
         return self
 

@@ -71,13 +71,13 @@ def test_nothing_is_streamed_before_it_is_in_the_air(landed_state):
 )
 def test_a_failsafe_is_never_flown_out_of_though_guided_would_be_given(failsafe, state, authority):
     """LOITER no failsafe chooses: that is a pilot, while one is told."""
-    desk = ardupilot(authority=authority).come_to("flying").run(2.0)
+    desk = ardupilot(authority=authority).come_to("flying", then_s=2.0)
     desk.say_heartbeat(failsafe, CRITICAL)
     acted = desk.now_s
     asked = len(desk.mode_requests())
-    desk.run(20.0)
+    desk.run(6.0)
     assert desk.state == state
-    desk.say_heartbeat(failsafe).run(20.0)  # the cause is over
+    desk.say_heartbeat(failsafe).run(6.0)  # the cause is over
     assert desk.state == state
     assert not desk.setpoints(acted)
     assert len(desk.mode_requests()) == asked
@@ -85,21 +85,21 @@ def test_a_failsafe_is_never_flown_out_of_though_guided_would_be_given(failsafe,
 
 @pytest.mark.parametrize("authority", [Authority.STREAM, Authority.ENGAGE])
 def test_a_fence_that_acts_without_a_failsafe_status_is_not_fought(authority):
-    desk = ardupilot(authority=authority).come_to("flying").run(2.0)
+    desk = ardupilot(authority=authority).come_to("flying", then_s=2.0)
     asked = len(desk.mode_requests())
     desk.say_heartbeat(RTL)
     acted = desk.now_s
-    desk.run(10.0).order(EXIT).run(10.0)
+    desk.run(5.0).order(EXIT).run(5.0)
     assert desk.state == "ready"  # a hold is offered, for the pilot to take
     assert len(desk.mode_requests()) == asked
     assert desk.setpoints(acted)
 
 
 def test_a_pilot_who_gives_guided_back_is_not_flown_for_until_ordered():
-    desk = ardupilot().come_to("flying").run(2.0)
+    desk = ardupilot().come_to("flying", then_s=2.0)
     desk.say_heartbeat(LOITER)
     took = desk.now_s
-    desk.run(3.0).say_heartbeat(GUIDED).run(30.0)
+    desk.run(3.0).say_heartbeat(GUIDED).run(6.0)
     assert desk.state == "overridden"
     assert not desk.setpoints(took)
     desk.order(EXIT).run(0.3)
@@ -107,7 +107,7 @@ def test_a_pilot_who_gives_guided_back_is_not_flown_for_until_ordered():
 
 
 def test_with_resume_the_mode_given_back_goes_on_with_what_was_interrupted():
-    desk = ardupilot(resume=True).come_to("flying").run(2.0)
+    desk = ardupilot(resume=True).come_to("flying", then_s=2.0)
     desk.say_heartbeat(LOITER).run(3.0)
     assert desk.state == "overridden"
     desk.say_heartbeat(GUIDED).run(0.3)
@@ -116,7 +116,7 @@ def test_with_resume_the_mode_given_back_goes_on_with_what_was_interrupted():
 
 @pytest.mark.parametrize("order", [RELEASE, HOLD])
 def test_what_an_operator_ends_while_a_pilot_flies_is_not_resumed(order):
-    desk = ardupilot(resume=True).come_to("flying").run(2.0)
+    desk = ardupilot(resume=True).come_to("flying", then_s=2.0)
     desk.say_heartbeat(LOITER).run(1.0)
     desk.order(order).run(1.0)
     assert desk.answers()[-1] == ACCEPTED
@@ -136,7 +136,7 @@ def test_a_plan_that_comes_when_the_aircraft_has_left_its_place_is_not_flown():
 
 
 def test_a_release_before_the_first_setpoint_sends_none_of_an_earlier_flight():
-    desk = ardupilot().come_to("flying").run(2.0)
+    desk = ardupilot().come_to("flying", then_s=2.0)
     desk.order(RELEASE).run(1.0)
     desk.say_heartbeat(LOITER).drift(0.0, -4.0, -2.0).say_heartbeat(GUIDED).run(1.2)
     moved = desk.now_s
@@ -148,7 +148,7 @@ def test_a_release_before_the_first_setpoint_sends_none_of_an_earlier_flight():
 
 
 def test_a_mode_of_the_autopilots_own_is_not_called_the_pilots():
-    desk = ardupilot().come_to("flying").run(2.0)
+    desk = ardupilot().come_to("flying", then_s=2.0)
     desk.say_heartbeat(RTL).run(0.1)
     assert desk.said("MOAR: autopilot in RTL")
 

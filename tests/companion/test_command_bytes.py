@@ -242,7 +242,7 @@ def test_nothing_moves_twice_nothing_asked_stays_unanswered_and_nobody_else_is_t
 ):
     """A hold or release may be carried out again: an old one is not told from a new one."""
     orders, arrivals = exchange
-    desk = Desk(links=LINKS).come_to(state).run(2.1)  # what was ordered is no repeat of it
+    desk = Desk(links=LINKS).come_to(state, then_s=2.1)  # what was ordered is no repeat of it
     desk.sent.clear()
     desk.decisions.clear()
     peers = {sender: Peer(*sender) for sender in SENDERS}

@@ -93,21 +93,21 @@ def test_an_old_repeat_of_a_pause_pauses():
 
 
 def test_a_late_repeat_of_an_order_whose_answer_was_lost_does_not_undo_a_pause():
-    desk = Desk().come_to("flying").run(1.0)
+    desk = Desk().come_to("flying", then_s=1.0)
     desk.order(EXIT).run(1.0).pause().run(4.5)
     desk.hear(desk.operator.command(USER_1, EXIT, -1, confirmation=2)).run(1.0)
     assert (desk.state, results(desk)[-1]) == ("holding", CANCELLED)
 
 
 def test_a_packet_that_comes_again_late_does_not_undo_a_pause():
-    desk = Desk().come_to("flying").run(1.0)
+    desk = Desk().come_to("flying", then_s=1.0)
     order = desk.operator.command(USER_1, EXIT, -1)
     desk.hear(order).run(0.4).pause().run(0.6).hear(order).run(1.0)
     assert (desk.state, results(desk)[-1]) == ("holding", CANCELLED)
 
 
 def test_an_order_does_not_undo_the_pause_that_overtook_it():
-    desk = Desk().come_to("flying").run(1.0)
+    desk = Desk().come_to("flying", then_s=1.0)
     order = desk.operator.command(USER_1, EXIT, -1)
     desk.pause().run(0.02).hear(order).run(1.0)
     assert (desk.state, results(desk)[-1]) == ("holding", CANCELLED)
@@ -115,14 +115,14 @@ def test_an_order_does_not_undo_the_pause_that_overtook_it():
 
 @pytest.mark.parametrize("confirmation", [0, 1])
 def test_a_repeat_does_not_undo_another_ground_stations_hold(confirmation):
-    desk, tablet = Desk().come_to("flying").run(1.0), Peer(254, 190)
+    desk, tablet = Desk().come_to("flying", then_s=1.0), Peer(254, 190)
     desk.order(EXIT).run(0.3).order(HOLD, peer=tablet).run(0.3)
     desk.hear(desk.operator.command(USER_1, EXIT, -1, confirmation=confirmation)).run(1.0)
     assert (desk.state, results(desk)[-1]) == ("holding", CANCELLED)
 
 
 def test_a_repeated_hold_ends_what_another_ground_station_continued():
-    desk, tablet = Desk().come_to("flying").run(1.0), Peer(254, 190)
+    desk, tablet = Desk().come_to("flying", then_s=1.0), Peer(254, 190)
     desk.order(HOLD).run(1.0).hear(tablet.command(PAUSE_CONTINUE, 1)).run(1.0)
     assert desk.state == "flying"
     desk.hear(desk.operator.command(USER_1, HOLD, -1, confirmation=1)).run(1.0)

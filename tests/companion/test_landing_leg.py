@@ -60,7 +60,7 @@ def along_m(desk):
 @pytest.fixture
 def desk():
     desk = Desk(planner=planner(), height_m=5.0, east_m=2.0).set(accuracy_m=WELL_M)
-    return desk.come_to("landing_leg", EXIT).run(2.0)
+    return desk.come_to("landing_leg", EXIT, then_s=2.0)
 
 
 def room_m(desk):
@@ -251,7 +251,7 @@ def test_a_continue_that_is_denied_can_be_given_again_from_nearer_the_leg(desk):
 
 def test_under_engage_a_pilot_who_orders_the_rest_of_the_leg_is_told_to_give_the_mode():
     desk = Desk(planner=planner(), height_m=5.0, east_m=2.0, authority=Authority.ENGAGE)
-    desk.set(accuracy_m=WELL_M).come_to("landing_leg", EXIT).run(2.0)
+    desk.set(accuracy_m=WELL_M).come_to("landing_leg", EXIT, then_s=2.0)
     desk.say_heartbeat(AUTO_HOLD).run(3.0)
     assert desk.state == "overridden"
     desk.order(EXIT).run(1.0)

@@ -120,10 +120,10 @@ def test_whenever_a_flight_ends_in_order_its_last_setpoint_stands(way, kind, mis
 @pytest.mark.parametrize("state", sorted(STREAMING - {MissionState.FLYING}))
 def test_in_every_other_state_too(state, way):
     if state is MissionState.HOLDING:
-        desk = Desk().come_to("flying").run(3.0).pause().run(0.1)
+        desk = Desk().come_to("flying", then_s=3.0).pause().run(0.1)
     else:
         mission = EXIT if state is MissionState.LANDING_LEG else INSPECTION
-        desk = Desk().come_to(state.value, mission).run(0.5)
+        desk = Desk().come_to(state.value, mission, then_s=0.5)
     assert desk.state == state.value
     ORDERLY[way](desk)
     ends_at_rest(desk)
@@ -131,7 +131,7 @@ def test_in_every_other_state_too(state, way):
 
 @pytest.mark.parametrize("way", AT_ONCE)
 def test_what_is_not_orderly_ends_without_another_setpoint(way):
-    desk = Desk().come_to("flying").run(3.0).run_to_heartbeat()
+    desk = Desk().come_to("flying", then_s=3.0).run_to_heartbeat()
     assert speed_mps(desk.setpoints()[-1]) > 0.0
     before = len(desk.setpoints())
     AT_ONCE[way](desk)
@@ -146,7 +146,7 @@ def test_what_is_not_orderly_ends_without_another_setpoint(way):
 def test_where_no_setpoint_may_be_any_more_the_last_one_stands_where_the_aircraft_is(
     mission, jump_ned_m
 ):
-    desk = Desk().come_to("flying", mission).run(2.0).run_to_position()
+    desk = Desk().come_to("flying", mission, then_s=2.0).run_to_position()
     place, before = desk.position_ned_m, desk.setpoints()[-1]
     assert speed_mps(before) > 0.0
     desk.jump(*jump_ned_m)
@@ -171,14 +171,14 @@ OFFERS = {
 
 @pytest.mark.parametrize("way", OFFERS)
 def test_an_offer_that_ends_has_stood_all_the_time(way):
-    desk = Desk().come_to("ready").run(1.0)
+    desk = Desk().come_to("ready", then_s=1.0)
     OFFERS[way](desk)
     assert {speed_mps(setpoint) for setpoint in silent(desk)} == {0.0}
     assert desk.state == "idle"
 
 
 def test_a_landing_that_the_autopilot_takes_over_follows_a_setpoint_at_rest():
-    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(3.0)
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=3.0)
     assert [request.param3 for request in desk.mode_requests()][-1] == 6
     desk.say_heartbeat(LAND)
     assert speed_mps(silent(desk)[-1]) == 0.0

@@ -29,7 +29,7 @@ def come_late(desk):
 
 
 def test_no_setpoint_is_sent_but_people_are_answered():
-    desk = Desk().come_to("flying").run(1.0)
+    desk = Desk().come_to("flying", then_s=1.0)
     come_late(desk)
     sent = len(desk.setpoints())
     desk.order(HOLD).run(0.1)
@@ -39,7 +39,7 @@ def test_no_setpoint_is_sent_but_people_are_answered():
 
 
 def test_one_late_cycle_is_made_up_for_by_the_next():
-    desk = Desk().come_to("flying").run(1.0)
+    desk = Desk().come_to("flying", then_s=1.0)
     sent = len(desk.setpoints())
     in_time = desk.companion.data_to_send
     come_late(desk)
@@ -51,14 +51,14 @@ def test_one_late_cycle_is_made_up_for_by_the_next():
 
 
 def test_when_every_cycle_is_late_control_is_let_go():
-    desk = Desk().come_to("flying").run(1.0)
+    desk = Desk().come_to("flying", then_s=1.0)
     come_late(desk)
     desk.run_until("released", 1.0)
     assert desk.said("MOAR: control loop stalled 0.5 s")
 
 
 def test_a_shell_takes_control_before_the_rest():
-    desk = Desk().come_to("flying").run(1.0)
+    desk = Desk().come_to("flying", then_s=1.0)
     desk.companion.tick(desk.now_s + STEP_S)
     ((_, setpoint),) = desk.companion.control_to_send()
     assert setpoint[7:10] == (84).to_bytes(3, "little")  # SET_POSITION_TARGET_LOCAL_NED
@@ -93,7 +93,7 @@ def test_a_landing_that_is_asked_for_too_late_is_asked_for_again_once():
 
 def released_late(cycles):
     """A flight that is released, in the first of so many cycles that come too late."""
-    desk = Desk().come_to("flying").run(4.0).run_to_position()
+    desk = Desk().come_to("flying", then_s=4.0).run_to_position()
     before = desk.setpoints()[-1]
     assert any((before.vx, before.vy, before.vz))
     in_time = desk.companion.data_to_send
@@ -120,7 +120,7 @@ def test_a_last_setpoint_that_came_later_is_no_part_of_what_is_streamed_next():
 
 
 def test_a_last_setpoint_in_time_is_sent_once():
-    desk = Desk().come_to("flying").run(4.0)
+    desk = Desk().come_to("flying", then_s=4.0)
     count = len(desk.setpoints())
     assert len(desk.order(RELEASE).run(1.0).setpoints()) == count + 1
 

@@ -70,7 +70,7 @@ def moving(desk, seconds):
 
 @pytest.mark.parametrize("planner", [cut_off, without_evacuation])
 def test_an_inspection_without_an_evacuation_leaves_by_the_exit(planner):
-    desk = desk_on_site(planner(), east_m=-9.0).come_to("flying", INSPECTION).run(3.0)
+    desk = desk_on_site(planner(), east_m=-9.0).come_to("flying", INSPECTION, then_s=3.0)
     desk.set(**CRITICAL).run(4.0)
     assert flown(desk) is Mission.EXIT
     assert desk.said("MOAR: battery 0 is critical")
@@ -79,7 +79,7 @@ def test_an_inspection_without_an_evacuation_leaves_by_the_exit(planner):
 
 
 def test_the_next_escape_route_is_sought_in_the_cycle_that_takes_a_failed_search():
-    desk = Desk(wind_mps=2.0).set(accuracy_m=0.3).come_to("flying", INSPECTION).run(3.0)
+    desk = Desk(wind_mps=2.0).set(accuracy_m=0.3).come_to("flying", INSPECTION, then_s=3.0)
     desk.set(**CRITICAL, plan_delay_s=None).run_until_sought("evacuation")
     desk.answer_plan(plan=None, reason="no free way leads there").step()
     assert desk.jobs[-1].request.mission is Mission.EXIT
@@ -87,7 +87,7 @@ def test_the_next_escape_route_is_sought_in_the_cycle_that_takes_a_failed_search
 
 @pytest.mark.parametrize("held", ["by wind", "by an operator"])
 def test_an_exit_that_is_held_goes_on_without_an_evacuation(held):
-    desk = desk_on_site(cut_off(), east_m=-9.0).come_to("flying", EXIT).run(2.0)
+    desk = desk_on_site(cut_off(), east_m=-9.0).come_to("flying", EXIT, then_s=2.0)
     desk = desk.set(wind_mps=18.0) if held == "by wind" else desk.pause()
     desk.run_until("holding").run(2.0)
     assert not moving(desk, 0.5)
@@ -99,7 +99,7 @@ def test_an_exit_that_is_held_goes_on_without_an_evacuation(held):
 def test_an_exit_that_is_held_on_its_landing_leg_goes_on_along_it(plan_delay_s):
     """Out there no evacuation is planned, and the leg needs no planner, even after its failure."""
     desk = Desk(height_m=5.0, east_m=2.0, wind_mps=2.0).set(accuracy_m=0.3)
-    desk.come_to("landing_leg", EXIT).run(2.0).set(plan_delay_s=plan_delay_s)
+    desk.come_to("landing_leg", EXIT, then_s=2.0).set(plan_delay_s=plan_delay_s)
     desk.set(wind_mps=18.0).run_until("holding").run(1.0)
     desk.set(**CRITICAL).run_until("landing_leg", 8.0)
     desk.run_until("holding", 60.0)
@@ -107,7 +107,7 @@ def test_an_exit_that_is_held_on_its_landing_leg_goes_on_along_it(plan_delay_s):
 
 
 def test_an_exit_that_finds_no_room_gives_way_to_an_evacuation():
-    desk = desk_on_site(gapped(), east_m=-15.0).come_to("flying", EXIT).run(3.0)
+    desk = desk_on_site(gapped(), east_m=-15.0).come_to("flying", EXIT, then_s=3.0)
     desk.set(**RESERVE).run(4.5)
     assert flown(desk) is Mission.EXIT
     desk.set(accuracy_m=1.7).run(15.0)
@@ -127,7 +127,7 @@ def test_a_landing_point_without_room_to_it_gives_way_to_another_one():
 
 
 def test_what_an_operator_has_chosen_waits_for_room_where_nothing_leads_it_out():
-    desk = desk_on_site(gapped(), east_m=-15.0).come_to("flying", EXIT).run(3.0)
+    desk = desk_on_site(gapped(), east_m=-15.0).come_to("flying", EXIT, then_s=3.0)
     desk.set(accuracy_m=1.7).run(15.0)
     assert (desk.state, flown(desk)) == ("holding", Mission.EXIT)
     desk.set(accuracy_m=0.3).run(30.0)

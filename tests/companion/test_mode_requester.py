@@ -49,7 +49,7 @@ def test_only_engage_asks_for_the_mode_once_the_stream_has_run_and_never_twice(a
     assert not desk.mode_requests()
     desk.run(1.0)
     assert not desk.mode_requests()
-    desk.run(20.0)
+    desk.run(6.0)
     requests = desk.mode_requests()
     if authority is Authority.STREAM:
         assert not requests
@@ -58,15 +58,15 @@ def test_only_engage_asks_for_the_mode_once_the_stream_has_run_and_never_twice(a
 
 
 def test_a_pilot_who_changes_the_mode_after_the_order_keeps_it():
-    desk = Desk(authority=Authority.ENGAGE).come_to("ready").run(0.5)
-    desk.say_heartbeat(POSCTL).run(20.0)
+    desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
+    desk.say_heartbeat(POSCTL).run(6.0)
     assert not desk.mode_requests()
     desk.say_heartbeat(AUTO_HOLD).run(5.0)  # nor is it asked for later
     assert not desk.mode_requests()
 
 
 def test_no_mode_is_taken_from_a_pilot_who_has_overridden():
-    desk = Desk(authority=Authority.ENGAGE).come_to("flying").run(0.5)
+    desk = Desk(authority=Authority.ENGAGE).come_to("flying", then_s=0.5)
     desk.say_heartbeat(POSCTL).run(2.0)
     asked = desk.now_s
     desk.order(EXIT).run(5.0)
@@ -76,7 +76,7 @@ def test_no_mode_is_taken_from_a_pilot_who_has_overridden():
 
 @pytest.mark.parametrize("later_s", [0.02, 0.5])
 def test_nor_by_a_second_order_while_he_still_flies(later_s):
-    desk = Desk(authority=Authority.ENGAGE).come_to("flying").run(0.5)
+    desk = Desk(authority=Authority.ENGAGE).come_to("flying", then_s=0.5)
     desk.say_heartbeat(POSCTL).run(2.0)
     asked = desk.now_s
     desk.order(EXIT).run(later_s).order(INSPECTION).run(5.0)
@@ -91,7 +91,7 @@ def test_nor_by_a_second_order_while_he_still_flies(later_s):
 def test_an_order_that_crosses_the_pilots_taking_over_takes_no_mode_from_him(
     autopilot, pilots, steps
 ):
-    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("flying").run(1.0)
+    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("flying", then_s=1.0)
     desk.run_to_heartbeat()
     asked = desk.now_s
     desk.say_heartbeat(pilots)
@@ -133,13 +133,13 @@ def test_no_return_or_landing_is_ended_whatever_the_autopilot_says_of_its_reason
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).run(1.2)
     desk.say_heartbeat(mode, CRITICAL).run(2.0)
     desk.say_heartbeat(mode, status).run(1.0)
-    desk.order(EXIT).run(10.0)
+    desk.order(EXIT).run(5.0)
     assert desk.state == "ready"
     assert not desk.mode_requests()
 
 
 def test_ardupilots_guided_is_asked_for_once():
-    desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE).come_to("ready").run(20.0)
+    desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE).come_to("ready", then_s=6.0)
     requests = [
         (m.target_system, m.target_component, m.param1, m.param2, m.param3)
         for m in desk.mode_requests()
@@ -148,7 +148,9 @@ def test_ardupilots_guided_is_asked_for_once():
 
 
 def test_ardupilots_landing_is_asked_for_above_the_landing_point():
-    desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE).come_to("holding", EXIT).run(2.0)
+    desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE).come_to(
+        "holding", EXIT, then_s=2.0
+    )
     assert [(m.param1, m.param2) for m in desk.mode_requests()] == [(1, 9)]
 
 
@@ -156,7 +158,7 @@ def test_ardupilots_landing_is_asked_for_above_the_landing_point():
 def test_a_mode_that_nothing_answers_is_asked_for_twice_more_and_then_left_to_people(autopilot):
     desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE)
     desk.mute = {"COMMAND_ACK"}
-    desk.come_to("ready").run(20.0)
+    desk.come_to("ready", then_s=8.0)
     asked = [time_s for time_s, _, message in desk.sent if message in desk.mode_requests()]
     assert len(asked) == 3
     assert min(later - before for before, later in pairwise(asked)) >= 1.0
@@ -171,12 +173,12 @@ def test_nor_is_it_asked_for_again_once_another_mode_or_a_failsafe_was_told(stat
     while not desk.mode_requests():
         desk.step()
     desk.say_heartbeat(POSCTL if status == ACTIVE else AUTO_HOLD, status).run(0.5)
-    desk.say_heartbeat(AUTO_HOLD).run(10.0)
+    desk.say_heartbeat(AUTO_HOLD).run(5.0)
     assert len(desk.mode_requests()) == 1
 
 
 def test_a_mode_that_is_refused_is_told():
-    desk = Desk(authority=Authority.ENGAGE).come_to("ready").run(2.5)
+    desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=2.5)
     assert len(desk.mode_requests()) == 1
     refusal = mavlink.MAVLink_command_ack_message(DO_SET_MODE, DENIED, 0, 0, 1, 195)
     desk.hear(desk.autopilot.pack(refusal)).run(5.0)
@@ -187,7 +189,7 @@ def test_a_mode_that_is_refused_is_told():
 
 def test_a_mode_refused_over_and_over_is_told_once():
     """PX4 answers a mode it will not give more than once."""
-    desk = Desk(authority=Authority.ENGAGE).come_to("ready").run(2.5)
+    desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=2.5)
     for _ in range(3):
         refusal = mavlink.MAVLink_command_ack_message(DO_SET_MODE, DENIED, 0, 0, 1, 195)
         desk.hear(desk.autopilot.pack(refusal)).run(0.1)
@@ -203,7 +205,7 @@ def test_after_a_hold_that_is_ordered_no_landing_is_asked_for(autopilot, hold):
         desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("landing_leg", EXIT)
         desk.run(arrived - desk.now_s - STEP_S)
     assert not desk.mode_requests()
-    desk.order(HOLD).run(20.0)
+    desk.order(HOLD).run(6.0)
     assert (desk.state, desk.answers()[-1]) == ("holding", ACCEPTED)
     assert desk.said("MOAR: landing leg of the exit")
     assert not desk.mode_requests()
@@ -238,22 +240,22 @@ def test_a_landing_that_does_not_begin_is_asked_for_twice_more_and_then_left_to_
         desk.run(seconds)
         assert len(desk.mode_requests()) == requests
     assert not desk.said("the landing has not begun")
-    desk.run(30.0)
+    desk.run(6.0)
     assert len(desk.mode_requests()) == 3
     told = [text for text in desk.texts() if "landing has" in text]
     assert told == ["MOAR: the landing has not begun, choose LAND"]
 
 
 def test_a_hold_that_is_ordered_between_two_requests_ends_them():
-    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(2.0)
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=2.0)
     assert len(desk.mode_requests()) == 1
-    desk.order(HOLD).run(20.0)
+    desk.order(HOLD).run(6.0)
     assert len(desk.mode_requests()) == 1
     assert not desk.said("the landing has not begun")
 
 
 def test_a_landing_that_has_begun_is_no_pilots():
-    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(2.0)
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=2.0)
     assert [(m.param2, m.param3) for m in desk.mode_requests()] == [(4, 6)]
     desk.say_heartbeat(LANDING).run(1.0)
     assert desk.state == "idle"
@@ -262,31 +264,31 @@ def test_a_landing_that_has_begun_is_no_pilots():
 
 @pytest.mark.parametrize("after_s", [4.0, 60.0])
 def test_a_landing_that_is_chosen_after_a_lost_one_was_ended_is_a_pilots(after_s):
-    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(2.0).order(HOLD)
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=2.0).order(HOLD)
     desk.run(after_s).say_heartbeat(LANDING).run(1.0)
     assert desk.state == "overridden"
 
 
 def test_a_pilot_who_ends_our_landing_keeps_the_aircraft():
-    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(2.0)
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=2.0)
     desk.say_heartbeat(LANDING).run(1.0)
     desk.say_heartbeat(POSCTL).run(1.0)
     requests = len(desk.mode_requests())
-    desk.order(EXIT).run(10.0)
+    desk.order(EXIT).run(5.0)
     assert len(desk.mode_requests()) == requests
 
 
 def test_no_landing_is_asked_for_beside_the_landing_point():
-    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT).run(1.1)
+    desk = Desk(authority=Authority.ENGAGE).come_to("holding", EXIT, then_s=1.1)
     assert len(desk.mode_requests()) == 1
-    desk.fall_behind(1.8, 0.0, 0.0, seconds=1.0).run(10.0)
+    desk.fall_behind(1.8, 0.0, 0.0, seconds=1.0).run(5.0)
     assert len(desk.mode_requests()) == 1
-    desk.fall_behind(0.0, 0.0, 0.0, seconds=1.0).run(10.0)
+    desk.fall_behind(0.0, 0.0, 0.0, seconds=1.0).run(5.0)
     assert len(desk.mode_requests()) > 1
 
 
 def test_without_engage_the_pilot_lands():
-    desk = Desk().come_to("holding", EXIT).run(10.0)
+    desk = Desk().come_to("holding", EXIT, then_s=5.0)
     assert not desk.mode_requests()
     desk.say_heartbeat(LANDING).run(1.0)
     assert desk.state == "overridden"
@@ -294,7 +296,7 @@ def test_without_engage_the_pilot_lands():
 
 @pytest.mark.parametrize("held_by", ["pause", "order"])
 def test_a_hold_while_ready_asks_for_no_mode(held_by):
-    desk = Desk(authority=Authority.ENGAGE).come_to("ready").run(0.5)
+    desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
     if held_by == "pause":
         desk.pause()
     else:
@@ -306,7 +308,7 @@ def test_a_hold_while_ready_asks_for_no_mode(held_by):
 
 def test_an_order_that_was_rejected_takes_no_mode():
     """The pilot takes over, and somebody orders again while nothing may be begun."""
-    desk = Desk(authority=Authority.ENGAGE).come_to("ready").run(0.5)
+    desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
     desk.landed_state = 0
     desk.run(0.3).say_heartbeat(POSCTL).order(EXIT).run(5.0)
     assert desk.answers()[-1] == TEMPORARILY_REJECTED
@@ -335,11 +337,13 @@ def test_a_mode_is_asked_for_only_when_it_has_just_been_told(autopilot):
     ("autopilot", "pilots"), [(PX4, POSCTL), (ARDUPILOT, LOITER)], ids=["px4", "ardupilot"]
 )
 def test_a_pilot_who_takes_over_instead_of_the_landing_keeps_the_aircraft(autopilot, pilots):
-    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("holding", EXIT).run(2.5)
+    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to(
+        "holding", EXIT, then_s=2.5
+    )
     requests = len(desk.mode_requests())
     desk.say_heartbeat(pilots).run(1.0)
     assert desk.state == "overridden"
-    desk.order(EXIT).run(10.0)
+    desk.order(EXIT).run(5.0)
     assert len(desk.mode_requests()) == requests
 
 
@@ -347,11 +351,11 @@ def test_a_pilot_who_takes_over_instead_of_the_landing_keeps_the_aircraft(autopi
     ("autopilot", "pilots"), [(PX4, POSCTL), (ARDUPILOT, LOITER)], ids=["px4", "ardupilot"]
 )
 def test_a_pilot_who_takes_over_from_a_failsafe_keeps_the_aircraft(autopilot, pilots):
-    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("flying").run(1.0)
+    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("flying", then_s=1.0)
     desk.say_heartbeat(RTL if autopilot == ARDUPILOT else 0x05040000, CRITICAL).run(2.0)
     desk.say_heartbeat(pilots).run(2.0)
     asked = desk.now_s
-    desk.order(EXIT).run(10.0)
+    desk.order(EXIT).run(5.0)
     assert desk.state == "ready"
     assert not desk.mode_requests(asked)
 
@@ -360,7 +364,7 @@ def test_a_pilot_who_takes_over_from_a_failsafe_keeps_the_aircraft(autopilot, pi
     ("autopilot", "pilots"), [(PX4, POSCTL), (ARDUPILOT, LOITER)], ids=["px4", "ardupilot"]
 )
 def test_a_pilot_who_takes_over_from_a_failsafe_before_the_first_flight_keeps_it(autopilot, pilots):
-    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("ready").run(0.5)
+    desk = Desk(autopilot=autopilot, authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
     desk.say_heartbeat(RTL if autopilot == ARDUPILOT else LANDING, CRITICAL).run(1.0)
     desk.say_heartbeat(pilots).run(5.0)
     desk.order(EVACUATION).run(5.0)
@@ -386,7 +390,7 @@ def test_a_failsafe_that_gives_the_mode_of_the_order_back_leaves_it_to_the_pilot
 def test_a_flight_that_is_resumed_takes_no_mode_from_a_pilot_who_has_overridden():
     """GUIDED was given by hand, so that the order it began with has asked for nothing."""
     desk = Desk(autopilot=ARDUPILOT, authority=Authority.ENGAGE, resume=True)
-    desk.come_to("ready").run(0.5).say_heartbeat(GUIDED).run_until("flying").run(1.0)
+    desk.come_to("ready", then_s=0.5).say_heartbeat(GUIDED).run_until("flying").run(1.0)
     desk.say_heartbeat(LOITER).run(2.0)
     desk.plan_delay_s = 0.6
     desk.say_heartbeat(GUIDED).run(0.2)
@@ -398,7 +402,7 @@ def test_a_flight_that_is_resumed_takes_no_mode_from_a_pilot_who_has_overridden(
 
 def test_a_release_while_a_hold_is_offered_takes_nothing_from_a_later_order():
     """In the pilot's HOLD nobody has taken over: the next order asks for our mode again."""
-    desk = Desk(authority=Authority.ENGAGE).come_to("ready").run(0.5)
+    desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=0.5)
     desk.order(RELEASE).run(1.0)
     assert (desk.state, desk.mode) == ("released", AUTO_HOLD)
     asked = len(desk.mode_requests())
@@ -408,7 +412,7 @@ def test_a_release_while_a_hold_is_offered_takes_nothing_from_a_later_order():
 
 
 def test_an_order_for_which_no_mode_is_asked_says_so():
-    desk = Desk(authority=Authority.ENGAGE).come_to("flying").run(1.0)
+    desk = Desk(authority=Authority.ENGAGE).come_to("flying", then_s=1.0)
     desk.say_heartbeat(POSCTL).run(3.0)
     desk.order(EXIT).run(3.0)
     assert desk.state == "ready"

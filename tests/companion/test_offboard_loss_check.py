@@ -70,7 +70,7 @@ def test_a_parameter_that_is_changed_counts_from_the_next_order_on():
 
 
 def test_what_is_objected_to_in_flight_is_held_until_it_is_changed_back_or_ordered_otherwise():
-    desk = Desk().come_to("flying").run(2.0)
+    desk = Desk().come_to("flying", then_s=2.0)
     desk.parameters["COM_OBL_RC_ACT"] = 7.0
     desk.tell_parameter("COM_OBL_RC_ACT")
     desk.run(2.0)
@@ -88,7 +88,7 @@ def test_what_is_objected_to_in_flight_is_held_until_it_is_changed_back_or_order
     ("mission", "policy"), [(INSPECTION, LossCheck.WARN), (EXIT, LossCheck.REFUSE)]
 )
 def test_what_need_not_be_refused_is_warned_about_in_flight(mission, policy):
-    desk = Desk(supervision=Supervision(loss_action=policy)).come_to("flying", mission).run(2.0)
+    desk = Desk(supervision=Supervision(loss_action=policy)).come_to("flying", mission, then_s=2.0)
     desk.parameters["COM_OBL_RC_ACT"] = 7.0
     desk.tell_parameter("COM_OBL_RC_ACT")
     desk.run(2.0)
@@ -151,7 +151,7 @@ def test_what_is_objected_to_for_how_wide_obstacles_are_is_over_when_they_are_le
 
 
 def test_it_goes_on_by_itself_though_a_change_before_was_not_enough():
-    desk = Desk().come_to("flying").run(2.0)
+    desk = Desk().come_to("flying", then_s=2.0)
     desk.order(INSPECTION, INNER).run(1.0)
     desk.set_parameters(COM_OBL_RC_ACT=7.0).run_until("holding", 1.0)
     desk.set_parameters(COM_OBL_RC_ACT=4.0).run(3.0)  # where it stands that is free
@@ -169,7 +169,7 @@ def test_where_that_is_only_warned_about_it_flies_on():
 
 
 def test_a_parameter_that_turns_bad_while_it_holds_is_told_at_once():
-    desk = Desk().come_to("flying").run(2.0).pause().run(2.0)
+    desk = Desk().come_to("flying", then_s=2.0).pause().run(2.0)
     desk.parameters["COM_OBL_RC_ACT"] = 7.0
     desk.tell_parameter("COM_OBL_RC_ACT")
     desk.run(0.1)
@@ -181,7 +181,7 @@ def test_a_parameter_that_turns_bad_while_it_holds_is_told_at_once():
 
 def test_where_it_stands_the_place_alone_counts():
     """A landing from there is free, though not from every place ahead."""
-    desk = Desk().come_to("flying").run(2.0)
+    desk = Desk().come_to("flying", then_s=2.0)
     desk.order(INSPECTION, INNER).run(1.0).pause().run(2.0)
     desk.parameters["COM_OBL_RC_ACT"] = 4.0
     desk.tell_parameter("COM_OBL_RC_ACT")
@@ -193,7 +193,7 @@ def test_where_it_stands_the_place_alone_counts():
 
 
 def test_a_plan_that_is_refused_on_the_way_leaves_the_one_that_is_flown_unless_it_is_no_better():
-    desk = Desk().come_to("flying").run(2.0)
+    desk = Desk().come_to("flying", then_s=2.0)
     survival = desk.companion._executor.routes.limits.offboard_loss
     objections = ["it would land on a roof", None]
     with mock.patch.object(survival, "_objection_to", side_effect=objections):

@@ -157,7 +157,7 @@ def test_an_order_taken_back_in_flight_is_not_flown_when_its_plan_comes():
 
 
 def test_pause_holds_and_continue_goes_on():
-    desk = Desk().come_to("flying").run(5.0)
+    desk = Desk().come_to("flying", then_s=5.0)
     desk.order(0.0, command=PAUSE_CONTINUE).run(2.0)
     assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("holding", [ACCEPTED])
     place = desk.position_ned_m
@@ -176,7 +176,7 @@ def test_continue_without_anything_held_is_rejected():
 
 
 def test_an_order_in_the_cycle_in_which_the_mode_is_given_is_judged_as_in_control():
-    desk = Desk().come_to("ready").run(1.1)
+    desk = Desk().come_to("ready", then_s=1.1)
     desk.velocity_ned_mps = (0.0, 1.2, 0.0)
     desk.run(0.1).run_to_position().say_heartbeat(OFFBOARD).order(EXIT).step()
     assert desk.state == "flying"
@@ -194,7 +194,7 @@ def test_release_ends_the_stream_with_one_last_setpoint_at_rest(state):
     before = desk.now_s
     last = desk.setpoints()[-1]
     assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
-    desk.run(30.0)
+    desk.run(6.0)
     assert desk.setpoints(before) == []
 
 
@@ -228,7 +228,7 @@ def test_an_operators_own_link_is_answered_there():
 @pytest.mark.parametrize("mission", [INSPECTION, EXIT, EVACUATION])
 def test_an_observer_denies_missions_with_a_text_and_never_streams(mission):
     desk = Desk(authority=Authority.OBSERVE).run(1.2)
-    desk.order(mission).say_heartbeat(OFFBOARD).run(60.0)
+    desk.order(mission).say_heartbeat(OFFBOARD).run(8.0)
     assert (desk.state, desk.answers()) == ("idle", [DENIED])
     assert desk.said("the authority is observe")
     assert not desk.setpoints()

@@ -67,7 +67,7 @@ def test_a_pause_cancels_the_order_whose_plan_is_awaited():
 
 
 def test_a_failsafe_heard_with_a_release_gets_no_last_setpoint():
-    desk = Desk().come_to("flying").run(3.0)
+    desk = Desk().come_to("flying", then_s=3.0)
     began = desk.now_s
     desk.say_heartbeat(AUTO_HOLD, CRITICAL).order(RELEASE).run(1.0)
     assert desk.state == "released"
@@ -76,7 +76,7 @@ def test_a_failsafe_heard_with_a_release_gets_no_last_setpoint():
 
 @pytest.mark.parametrize("failsafe_first", [True, False])
 def test_an_order_that_crosses_with_a_failsafe_is_not_one_that_knew_of_it(failsafe_first):
-    desk = Desk().come_to("ready").run(1.0)
+    desk = Desk().come_to("ready", then_s=1.0)
     began = desk.now_s
     if failsafe_first:
         desk.say_heartbeat(AUTO_HOLD, CRITICAL).order(EXIT)
@@ -91,7 +91,7 @@ def test_an_order_that_crosses_with_a_failsafe_is_not_one_that_knew_of_it(failsa
 
 
 def test_with_a_plans_answer_too_an_order_comes_after_what_ends_control():
-    desk = Desk().come_to("ready").run(1.0)
+    desk = Desk().come_to("ready", then_s=1.0)
     desk.plan_delay_s = None
     desk.order(EVACUATION).step()
     began = desk.now_s
@@ -101,7 +101,7 @@ def test_with_a_plans_answer_too_an_order_comes_after_what_ends_control():
 
 
 def test_with_a_plans_answer_too_a_failsafe_heard_with_a_release_gets_no_last_setpoint():
-    desk = Desk().come_to("flying").run(3.0)
+    desk = Desk().come_to("flying", then_s=3.0)
     desk.plan_delay_s = None
     desk.order(EXIT).step()
     began = desk.now_s
@@ -114,7 +114,7 @@ def test_with_a_plans_answer_too_a_failsafe_heard_with_a_release_gets_no_last_se
 
 
 def test_a_mission_ordered_while_ready_interrupts_no_stream():
-    desk = Desk(plan_delay_s=0.5).come_to("ready").run(1.0)
+    desk = Desk(plan_delay_s=0.5).come_to("ready", then_s=1.0)
     began = desk.now_s
     desk.order(EXIT).run(0.4)
     assert desk.state == "ready"
@@ -138,7 +138,7 @@ def test_a_mission_that_cannot_be_planned_leaves_ready_as_it_was():
 @pytest.mark.parametrize("held_by", ["pause", "order"])
 def test_a_hold_given_with_the_mode_holds_and_can_be_continued(held_by):
     """The pilot gives OFFBOARD; a second later at the latest the companion hears of it."""
-    desk = Desk().come_to("ready").run(1.2).run_to_heartbeat()
+    desk = Desk().come_to("ready", then_s=1.2).run_to_heartbeat()
     desk.mode = OFFBOARD
     began = desk.now_s
     if held_by == "pause":
@@ -195,7 +195,7 @@ def test_a_replan_that_never_comes_is_dropped_and_the_next_one_asked_for():
 
 @pytest.mark.parametrize("delay_s", [0.4, 0.8, 1.5])
 def test_a_plan_that_comes_too_late_to_be_joined_is_made_again_from_rest(delay_s):
-    desk = Desk().come_to("flying").run(4.0)
+    desk = Desk().come_to("flying", then_s=4.0)
     desk.plan_delay_s = delay_s
     desk.order(EVACUATION).run(4.0)
     assert desk.answers()[-1] == ACCEPTED
@@ -218,7 +218,7 @@ def test_an_escape_route_that_brakes_for_a_slow_planner_has_not_come_to_its_end(
 
 
 def test_above_the_landing_point_nothing_is_left_to_continue():
-    desk = Desk().come_to("holding", EXIT).run(2.0).go_on().run(0.5)
+    desk = Desk().come_to("holding", EXIT, then_s=2.0).go_on().run(0.5)
     assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("holding", [TEMPORARILY_REJECTED])
     assert desk.said("nothing is left to fly")
 
@@ -239,7 +239,7 @@ def test_a_hold_that_ends_beyond_the_gate_can_be_continued(early_s):
 
 @pytest.mark.parametrize("plan_delay_s", [0.0, 0.04])
 def test_an_order_that_is_given_while_it_brakes_is_joined_where_it_comes_to_rest(plan_delay_s):
-    desk = Desk(plan_delay_s=plan_delay_s).come_to("flying").run(4.0)
+    desk = Desk(plan_delay_s=plan_delay_s).come_to("flying", then_s=4.0)
     planned = len(desk.jobs)
     desk.pause().run(0.1).order(EVACUATION).run(0.2)
     assert (desk.state, desk.answers()[-1]) == ("flying", ACCEPTED)

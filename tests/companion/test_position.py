@@ -29,7 +29,7 @@ def test_a_position_whose_clock_stands_still_is_stale(state):
 
 @pytest.mark.parametrize("mission", [INSPECTION, EXIT])
 def test_an_aircraft_that_follows_no_more_is_told_of_and_so_is_that_it_does_again(mission):
-    desk = Desk(height_m=5.0).come_to("flying", mission).run(2.0)
+    desk = Desk(height_m=5.0).come_to("flying", mission, then_s=2.0)
     desk.fall_behind(0.0, 1.7, 0.0).run(5.0)
     assert not desk.said("stands on its way")
     desk.run(10.0)
@@ -40,7 +40,7 @@ def test_an_aircraft_that_follows_no_more_is_told_of_and_so_is_that_it_does_agai
 
 
 def test_a_position_that_stands_while_its_clock_runs_is_told_of():
-    desk = Desk(height_m=5.0).come_to("flying").run(5.0)
+    desk = Desk(height_m=5.0).come_to("flying", then_s=5.0)
     frozen = desk.position_ned_m
     for _ in range(750):
         desk.set(position_ned_m=frozen).step()
@@ -49,7 +49,7 @@ def test_a_position_that_stands_while_its_clock_runs_is_told_of():
 
 @pytest.mark.parametrize("growth", [0.3, 0.02])
 def test_a_position_on_a_link_that_falls_behind_is_stale(growth):
-    desk = Desk().come_to("flying").run(1.0).pause().run(1.0)
+    desk = Desk().come_to("flying", then_s=1.0).pause().run(1.0)
     while desk.state == "holding" and desk.late_s < 1.0:
         desk.set(late_s=desk.late_s + growth * STEP_S).step()
         if desk.late_s < 0.4:
@@ -59,7 +59,7 @@ def test_a_position_on_a_link_that_falls_behind_is_stale(growth):
 
 
 def test_so_it_is_on_one_that_falls_behind_when_its_answers_have_ceased():
-    desk = Desk().come_to("flying").run(1.0).pause().run(1.0).set(mute={"TIMESYNC"})
+    desk = Desk().come_to("flying", then_s=1.0).pause().run(1.0).set(mute={"TIMESYNC"})
     while desk.late_s < 1.0:
         desk.set(late_s=desk.late_s + 0.3 * STEP_S).step()
     desk.run_until("released", 2.0)
@@ -68,14 +68,19 @@ def test_so_it_is_on_one_that_falls_behind_when_its_answers_have_ceased():
 
 def test_answers_that_are_lost_for_a_while_are_no_late_link():
     desk = (
-        Desk().come_to("flying").run(1.0).set(mute={"TIMESYNC"}).run(2.5).set(mute=set()).run(4.0)
+        Desk()
+        .come_to("flying", then_s=1.0)
+        .set(mute={"TIMESYNC"})
+        .run(2.5)
+        .set(mute=set())
+        .run(4.0)
     )
     assert desk.state == "flying"
 
 
 def test_a_clock_of_the_autopilot_that_runs_at_another_speed_is_no_late_link():
     """As in a simulator that the machine cannot bear, or by an hour's drift."""
-    desk = Desk().come_to("flying").run(1.0)
+    desk = Desk().come_to("flying", then_s=1.0)
     for _ in range(500):
         desk.boot_s -= 0.3 * STEP_S
         desk.step()
@@ -103,7 +108,7 @@ def test_with_an_old_attitude_nothing_is_begun():
 
 @pytest.mark.parametrize("jump_ned_m", [(0.0, 1.4, 0.0), (0.0, -0.8, 0.6), (1.0, 0.0, 0.0)])
 def test_a_jump_of_the_estimate_takes_the_setpoint_along(jump_ned_m):
-    desk = Desk().come_to("flying").run(8.0)
+    desk = Desk().come_to("flying", then_s=8.0)
     desk.run_to_position()
     before, began = desk.setpoints()[-1], desk.now_s
     place = desk.position_ned_m
@@ -119,7 +124,7 @@ def test_a_jump_of_the_estimate_takes_the_setpoint_along(jump_ned_m):
 
 
 def test_a_jump_of_less_than_half_a_metre_is_flown_out():
-    desk = Desk().come_to("flying").run(8.0)
+    desk = Desk().come_to("flying", then_s=8.0)
     began = desk.now_s
     desk.jump(0.0, 0.4, 0.0).run(2.0)
     assert not desk.decided("jump")
@@ -128,7 +133,7 @@ def test_a_jump_of_less_than_half_a_metre_is_flown_out():
 
 @pytest.mark.parametrize("told", ["with it", "after it", "before it"])
 def test_a_smaller_jump_is_known_when_the_estimator_tells_of_its_reset(told):
-    desk = Desk().set(reset_counter=255).come_to("ready").run(2.0)
+    desk = Desk().set(reset_counter=255).come_to("ready", then_s=2.0)
     desk.run_to_position()
     before = desk.setpoints()[-1]
     if told == "before it":
@@ -146,7 +151,7 @@ def test_a_smaller_jump_is_known_when_the_estimator_tells_of_its_reset(told):
 
 
 def test_a_smaller_jump_that_is_known_is_not_chased():
-    desk = Desk().set(reset_counter=12).come_to("flying").run(8.0)
+    desk = Desk().set(reset_counter=12).come_to("flying", then_s=8.0)
     desk.run_to_position()
     place = desk.position_ned_m
     desk.set(reset_counter=13).jump(0.0, 0.4, 0.0).run(0.06)
@@ -162,19 +167,19 @@ def test_a_smaller_jump_that_is_known_is_not_chased():
     ],
 )
 def test_a_reset_of_the_estimator_is_no_jump_of_itself(case, off_m, wait_s):
-    desk = Desk().set(reset_counter=3).come_to("flying").run(8.0)
+    desk = Desk().set(reset_counter=3).come_to("flying", then_s=8.0)
     desk.set(reset_counter=4).run(wait_s).jump(0.0, off_m, 0.0).run(1.0)
     assert not desk.decided("jump"), case
 
 
 def test_the_first_word_of_an_estimator_is_no_reset():
-    desk = Desk().come_to("flying").run(8.0)
+    desk = Desk().come_to("flying", then_s=8.0)
     desk.jump(0.0, 0.4, 0.0).set(reset_counter=7).run(1.0)
     assert not desk.decided("jump")
 
 
 def test_a_jump_while_ready_takes_the_hold_along():
-    desk = Desk().come_to("ready").run(2.0)
+    desk = Desk().come_to("ready", then_s=2.0)
     before, began = desk.setpoints()[-1], desk.now_s
     desk.jump(0.0, -0.8, 0.0).run(2.0)
     assert desk.state == "ready"
@@ -182,7 +187,7 @@ def test_a_jump_while_ready_takes_the_hold_along():
 
 
 def test_a_jump_out_of_the_plane_ends_the_stream_where_the_aircraft_is():
-    desk = Desk().come_to("flying").run(8.0)
+    desk = Desk().come_to("flying", then_s=8.0)
     desk.run_to_position()
     place, began = desk.position_ned_m, desk.now_s
     desk.jump(5.0, 0.0, 0.0).run(1.0)
@@ -204,7 +209,7 @@ def test_a_reset_below_the_least_altitude_is_a_hold():
 
 def test_an_origin_that_moves_in_flight_moves_no_setpoint():
     """The site is nearer or farther by what the origin moved: the flight ends up on its path."""
-    desk = Desk().come_to("flying").run(8.0)
+    desk = Desk().come_to("flying", then_s=8.0)
     began = desk.now_s
     latitude, longitude, altitude = desk.origin
     desk.origin = (latitude, longitude + 1.0 / 78000.0, altitude)
@@ -215,7 +220,7 @@ def test_an_origin_that_moves_in_flight_moves_no_setpoint():
 
 
 def test_an_aircraft_that_moves_fast_has_not_jumped():
-    desk = Desk().come_to("ready").run(1.0)
+    desk = Desk().come_to("ready", then_s=1.0)
     desk.drift(0.0, 1.2, 0.0, seconds=0.3)
     assert not desk.decided("jump")
     assert desk.state == "ready"
@@ -224,7 +229,7 @@ def test_an_aircraft_that_moves_fast_has_not_jumped():
 @pytest.mark.parametrize("when", ["it makes it hold", "it holds already", "every target is done"])
 @pytest.mark.parametrize("jump_ned_m", [(0.0, 0.0, -4.0), (0.0, -3.5, 0.0)])
 def test_a_hold_stays_where_the_aircraft_is_whatever_its_position_jumps_by(when, jump_ned_m):
-    desk = Desk().come_to("flying").run(4.0)
+    desk = Desk().come_to("flying", then_s=4.0)
     if when == "it holds already":
         desk.pause().run(2.0)
     if when == "every target is done":
@@ -240,7 +245,7 @@ def test_a_hold_stays_where_the_aircraft_is_whatever_its_position_jumps_by(when,
 
 
 def test_after_such_a_hold_it_goes_on_from_where_it_stands():
-    desk = Desk().come_to("flying").run(4.0)
+    desk = Desk().come_to("flying", then_s=4.0)
     desk.jump(0.0, 0.0, -4.0).run(4.0)
     job = len(desk.jobs)
     stood, began = desk.setpoints()[-1], desk.now_s
@@ -262,7 +267,7 @@ def turns_rad(setpoints):
 @pytest.mark.parametrize("reset_rad", [0.43, -1.2, 3.0])
 def test_a_reset_of_the_heading_does_not_turn_the_nose(reset_rad):
     """That is, the heading that is asked for is as far from the nose as before."""
-    desk = Desk().come_to("ready").run(1.0)
+    desk = Desk().come_to("ready", then_s=1.0)
     before, began = desk.setpoints()[-1].yaw, desk.now_s
     desk.set(yaw_rad=desk.yaw_rad + reset_rad).run(1.0)
     after = desk.setpoints(began + 0.06)
@@ -273,7 +278,7 @@ def test_a_reset_of_the_heading_does_not_turn_the_nose(reset_rad):
 
 
 def test_from_there_it_turns_to_where_it_should_look_no_faster_than_it_may():
-    desk = Desk().come_to("flying").run(4.0)
+    desk = Desk().come_to("flying", then_s=4.0)
     wanted, began = desk.setpoints()[-1].yaw, desk.now_s
     desk.set(yaw_rad=desk.yaw_rad + 0.9).run(3.0)
     fastest_rad = desk.vehicle.guidance.yaw_rate_radps * STEP_S
@@ -286,7 +291,7 @@ def test_from_there_it_turns_to_where_it_should_look_no_faster_than_it_may():
 
 @pytest.mark.parametrize("rate_radps", [0.8, -3.0])
 def test_an_aircraft_that_turns_fast_was_not_reset(rate_radps):
-    desk = Desk().come_to("ready").run(1.0)
+    desk = Desk().come_to("ready", then_s=1.0)
     before = desk.setpoints()[-1].yaw
     desk.set(yaw_rate_radps=rate_radps)
     for _ in range(100):
@@ -296,14 +301,14 @@ def test_an_aircraft_that_turns_fast_was_not_reset(rate_radps):
 
 
 def test_a_heading_that_is_heard_again_after_a_gap_was_not_reset():
-    desk = Desk().come_to("ready").run(1.0)
+    desk = Desk().come_to("ready", then_s=1.0)
     desk.set(mute={"ATTITUDE"}).run(0.4)
     desk.set(mute=set(), yaw_rad=1.1).run(1.0)
     assert not desk.decided("jump")
 
 
 def test_a_rate_of_turn_that_is_not_told_makes_no_reset():
-    desk = Desk().come_to("ready").run(1.0)
+    desk = Desk().come_to("ready", then_s=1.0)
     desk.set(yaw_rate_radps=math.nan).run(0.1)
     desk.set(yaw_rad=1.1).run(1.0)
     assert not desk.decided("jump")

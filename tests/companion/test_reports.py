@@ -8,9 +8,9 @@ from .desk import OFFBOARD, Desk
 
 
 def test_the_heartbeat_tells_the_mission_state_by_its_place_in_the_contract():
-    desk = Desk().come_to("idle").run(1.1)
+    desk = Desk().come_to("idle", then_s=1.1)
     told = [desk.messages("HEARTBEAT")[-1].custom_mode]
-    desk.come_to("ready").run(1.1)
+    desk.come_to("ready", then_s=1.1)
     told.append(desk.messages("HEARTBEAT")[-1].custom_mode)
     desk.say_heartbeat(OFFBOARD).run(1.1)
     told.append(desk.messages("HEARTBEAT")[-1].custom_mode)
@@ -20,7 +20,7 @@ def test_the_heartbeat_tells_the_mission_state_by_its_place_in_the_contract():
 
 def test_a_state_that_is_entered_again_is_told_again():
     """A ground station shows the last text: it must not go on showing `holding`."""
-    desk = Desk().come_to("flying").run(1.0)
+    desk = Desk().come_to("flying", then_s=1.0)
     desk.pause().run(1.0).go_on().run(1.0).pause().run(1.0).go_on().run(1.0)
     assert desk.state == "flying"
     states = [text for text in desk.texts() if text.startswith(("MOAR: flying", "MOAR: holding"))]

@@ -160,7 +160,7 @@ def test_a_second_crash_before_any_order_remembers_the_first():
 
 @pytest.mark.parametrize("pause_s", [0.6, 3.0])
 def test_a_service_that_is_ended_after_a_pause_sends_no_last_setpoint(pause_s):
-    desk = Desk().come_to("flying").run(1.0)
+    desk = Desk().come_to("flying", then_s=1.0)
     sent = len(desk.setpoints())
     desk.now_s += pause_s
     desk.companion.shut_down(desk.now_s)

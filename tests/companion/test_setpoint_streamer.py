@@ -47,7 +47,7 @@ def hurried(setpoint):
 def test_a_setpoint_that_moves_as_none_may_is_not_sent_but_the_last_one_at_rest(
     wrong, reason, monkeypatch
 ):
-    desk = Desk().come_to("flying").run(5.0)
+    desk = Desk().come_to("flying", then_s=5.0)
     before, of_now = desk.setpoints()[-1], PathFollower.setpoint
     with monkeypatch.context() as once:
         once.setattr(PathFollower, "setpoint", lambda *arguments: wrong(of_now(*arguments)))
@@ -65,7 +65,7 @@ def test_a_setpoint_that_moves_as_none_may_is_not_sent_but_the_last_one_at_rest(
 
 def test_a_map_that_moves_without_a_jump_moves_no_setpoint_in_the_autopilots_frame(monkeypatch):
     """In the site's frame the setpoint goes on as it should."""
-    desk = Desk().come_to("flying").run(5.0)
+    desk = Desk().come_to("flying", then_s=5.0)
     began = desk.now_s
     monkeypatch.setattr(MissionExecutor, "shift", lambda *_: None)
     latitude, longitude, altitude = desk.origin
@@ -78,7 +78,7 @@ def test_a_map_that_moves_without_a_jump_moves_no_setpoint_in_the_autopilots_fra
 
 
 def test_a_flight_that_is_stopped_seeks_its_escape_route_from_where_it_stands(monkeypatch):
-    desk = Desk().come_to("flying").run(3.0).set(plan_delay_s=None, battery_percent=15)
+    desk = Desk().come_to("flying", then_s=3.0).set(plan_delay_s=None, battery_percent=15)
     desk.run_until_sought("exit")
     of_now = PathFollower.setpoint
     with monkeypatch.context() as once:

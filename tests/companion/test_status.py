@@ -60,7 +60,7 @@ def test_what_signed_links_have_refused_is_counted_before_any_autopilot_is_heard
 
 
 def test_in_flight_it_says_where_the_aircraft_is_and_what_is_flown():
-    desk = Desk().come_to("flying").run(0.5)
+    desk = Desk().come_to("flying", then_s=0.5)
     status = status_of(desk)
     assert status["autopilot"]["kind"] == "px4"
     assert (status["autopilot"]["ours"], status["autopilot"]["armed"]) == (True, True)
@@ -78,7 +78,7 @@ def test_in_flight_it_says_where_the_aircraft_is_and_what_is_flown():
 
 
 def test_the_setpoint_of_the_status_is_the_one_that_was_sent():
-    desk = Desk().come_to("flying").run(2.0)
+    desk = Desk().come_to("flying", then_s=2.0)
     sent = desk.setpoints()[-1]
     path = status_of(desk)["path"]
     plane = desk.companion._pose_tracker.plane
@@ -88,7 +88,7 @@ def test_the_setpoint_of_the_status_is_the_one_that_was_sent():
 
 
 def test_what_is_left_of_the_path_shrinks_to_nothing_at_the_target_as_fast_as_it_says():
-    desk = Desk().come_to("flying").run(0.5)
+    desk = Desk().come_to("flying", then_s=0.5)
     left = status_of(desk)["path"]
     began_s = desk.now_s
     desk.run_until("at_target", 2.0 * left["left_s"])
@@ -122,7 +122,7 @@ def test_a_pilot_who_takes_over_ends_the_path():
 
 
 def test_the_last_plan_is_the_one_flown_with_what_it_was_made_for():
-    desk, latest = Desk().come_to("flying").run(3.0), LatestDecisions()
+    desk, latest = Desk().come_to("flying", then_s=3.0), LatestDecisions()
     plan = status_of(desk, latest)["plan"]
     assert (plan["status"], plan["mission"]) == ("found", "inspection")
     assert plan["cost"]["total"] > 0.0

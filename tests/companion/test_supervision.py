@@ -10,6 +10,7 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import Supervision
 
+from ..copies import flown_once
 from ..mavlink.peer import Peer
 from .desk import (
     ACCEPTED,
@@ -94,7 +95,7 @@ def test_what_is_stale_ends_the_stream_and_its_return_begins_nothing(
         assert (last.x, last.y, last.z) == (before.x, before.y, before.z)
     silent = desk.now_s
     desk.mute = set()
-    desk.run(30.0)
+    desk.run(6.0)
     assert desk.state == "released"
     assert not desk.setpoints(silent)
     desk.order(INSPECTION).run(0.5)
@@ -113,13 +114,13 @@ def test_a_position_gap_shorter_than_the_limit_is_flown_through():
 
 
 def test_the_pilots_mode_is_obeyed_at_once():
-    desk = Desk().come_to("flying").run(3.0)
+    desk = Desk().come_to("flying", then_s=3.0)
     desk.say_heartbeat(POSCTL)
     took = desk.now_s
-    desk.run(10.0)
+    desk.run(4.0)
     assert desk.state == "overridden"
     assert not desk.setpoints(took)
-    desk.say_heartbeat(OFFBOARD).run(10.0)  # given back: not without a new command
+    desk.say_heartbeat(OFFBOARD).run(4.0)  # given back: not without a new command
     assert desk.state == "overridden"
     assert not desk.setpoints(took)
     desk.order(EVACUATION).run(1.0)
@@ -128,7 +129,7 @@ def test_the_pilots_mode_is_obeyed_at_once():
 
 
 def test_with_resume_the_mode_given_back_is_flown_from_where_the_aircraft_is():
-    desk = Desk(resume=True).come_to("flying").run(5.0)
+    desk = Desk(resume=True).come_to("flying", then_s=5.0)
     desk.say_heartbeat(POSCTL).run(2.0)
     north, east, down = desk.position_ned_m
     desk.position_ned_m = (north, east - 0.5, down - 0.5)  # the pilot moves it
@@ -151,7 +152,7 @@ def test_an_autopilot_failsafe_is_obeyed_and_its_end_brings_nothing_back(state):
     assert desk.state == "released"
     assert desk.said("failsafe chose HOLD")
     assert not desk.setpoints(began)
-    desk.say_heartbeat(OFFBOARD).run(30.0)  # PX4 resumes OFFBOARD by itself
+    desk.say_heartbeat(OFFBOARD).run(6.0)  # PX4 resumes OFFBOARD by itself
     assert desk.state == "released"
     assert not desk.setpoints(began)
 
@@ -166,13 +167,13 @@ def test_a_failsafe_heard_in_the_instant_of_the_plan_streams_nothing():
 
 
 def test_an_autopilot_restart_releases():
-    desk = Desk().come_to("flying").run(2.0)
+    desk = Desk().come_to("flying", then_s=2.0)
     desk.run_to_position().boot_s = 1.0
     desk.run(0.36)  # until the new clock has run on
     began = desk.now_s
     assert desk.state == "released"
     assert desk.said("the autopilot restarted")
-    desk.run(30.0)
+    desk.run(6.0)
     assert desk.state == "released"
     assert not desk.setpoints(began)
 
@@ -190,7 +191,7 @@ def test_two_autopilots_refuse_control_and_are_both_named():
 
 
 def test_a_second_autopilot_in_flight_ends_the_stream():
-    desk = Desk().come_to("flying").run(1.0)
+    desk = Desk().come_to("flying", then_s=1.0)
     began = desk.now_s
     desk.hear(Peer(2, 1).heartbeat()).run(2.0)
     assert desk.state == "released"
@@ -272,13 +273,13 @@ def test_on_the_ground_the_stream_ends():
     began = desk.now_s
     assert desk.state == "idle"
     desk.landed_state = 2
-    desk.run(10.0)
+    desk.run(4.0)
     assert not desk.setpoints(began)
 
 
 @pytest.mark.parametrize("case", ["unknown", "silent"])
 def test_while_the_landed_state_is_unknown_the_flight_goes_on_and_the_escape_route_stays_open(case):
-    desk = Desk().come_to("flying").run(2.0)
+    desk = Desk().come_to("flying", then_s=2.0)
     if case == "unknown":
         desk.landed_state = 0
     else:
@@ -291,14 +292,14 @@ def test_while_the_landed_state_is_unknown_the_flight_goes_on_and_the_escape_rou
 
 
 def test_blown_off_the_plane_the_escape_route_stays_open():
-    desk = Desk().come_to("flying").run(2.0)
+    desk = Desk().come_to("flying", then_s=2.0)
     desk.fall_behind(2.5, 0.0, 0.0)
     desk.order(EVACUATION).run(0.5)
     assert (desk.state, desk.answers()[-1]) == ("flying", ACCEPTED)
 
 
 def test_a_pilot_who_lands_and_takes_off_again_is_not_resumed():
-    desk = Desk(resume=True).come_to("flying").run(4.0)
+    desk = Desk(resume=True).come_to("flying", then_s=4.0)
     desk.say_heartbeat(POSCTL).run(2.0)
     desk.landed_state = 1
     desk.run(1.0)
@@ -312,7 +313,7 @@ def test_a_pilot_who_lands_and_takes_off_again_is_not_resumed():
 
 @pytest.mark.parametrize("mission", [INSPECTION, EVACUATION])
 def test_a_mode_that_is_left_and_given_back_between_two_cycles_ends_our_control(mission):
-    desk = Desk().come_to("flying", mission).run(4.0)
+    desk = Desk().come_to("flying", mission, then_s=4.0)
     left = desk.now_s
     desk.say_heartbeat(POSCTL).say_heartbeat(OFFBOARD).run(2.0)
     assert desk.state == "overridden"
@@ -321,7 +322,7 @@ def test_a_mode_that_is_left_and_given_back_between_two_cycles_ends_our_control(
 
 
 def test_nothing_is_resumed_after_the_autopilots_restart_in_the_air():
-    desk = Desk(resume=True).come_to("flying").run(4.0)
+    desk = Desk(resume=True).come_to("flying", then_s=4.0)
     desk.say_heartbeat(POSCTL).run(2.0)
     desk.boot_s = 0.5
     desk.run(1.0)
@@ -333,7 +334,7 @@ def test_nothing_is_resumed_after_the_autopilots_restart_in_the_air():
 
 
 def test_what_was_held_is_not_resumed():
-    desk = Desk(resume=True).come_to("flying").run(4.0).pause().run(2.0)
+    desk = Desk(resume=True).come_to("flying", then_s=4.0).pause().run(2.0)
     desk.say_heartbeat(POSCTL).run(2.0)
     took = desk.now_s
     desk.say_heartbeat(OFFBOARD).run(5.0)
@@ -348,11 +349,12 @@ def test_what_is_done_is_not_resumed():
 
 
 def test_a_failsafe_while_the_pilot_flies_releases():
-    desk = Desk(resume=True).come_to("flying").run(4.0)
+    desk = Desk(resume=True).come_to("flying", then_s=4.0)
     desk.say_heartbeat(POSCTL).run(1.0).say_heartbeat(AUTO_HOLD, CRITICAL).run(0.1)
     assert desk.state == "released"
 
 
+@flown_once
 def at_the_end(behind_m):
     """At the end of its way to a target, the aircraft so far from it."""
     desk = Desk().come_to("flying")
@@ -383,7 +385,7 @@ def test_not_where_it_stays_farther_off_than_it_is_held():
 
 
 def test_the_nose_does_not_turn_before_the_aircraft_follows():
-    desk = Desk().come_to("ready").run(5.0)
+    desk = Desk().come_to("ready", then_s=5.0)
     assert [m.yaw for m in desk.setpoints()] == pytest.approx([0.3] * len(desk.setpoints()))
     desk.say_heartbeat(OFFBOARD).run(5.0)
     yaws = [0.3, *(m.yaw for m in desk.setpoints())]
@@ -400,7 +402,7 @@ def test_a_shorter_limit_is_kept_too():
 
 
 def test_shutting_down_sends_a_last_setpoint_at_rest():
-    desk = Desk().come_to("flying").run(3.0)
+    desk = Desk().come_to("flying", then_s=3.0)
     assert desk.setpoints()[-1].vz != 0.0 or desk.setpoints()[-1].vy != 0.0
     desk.companion.shut_down(desk.now_s)
     desk.take_what_is_sent()
@@ -425,7 +427,7 @@ def test_shutting_down_in_silence_sends_nothing():
     ],
 )
 def test_shutting_down_sends_no_last_setpoint_when_the_autopilot_has_left(case, mode, status):
-    desk = Desk().come_to("flying").run(3.0)
+    desk = Desk().come_to("flying", then_s=3.0)
     desk.plan_delay_s = None
     began = desk.now_s
     desk.say_heartbeat(mode, status).companion.shut_down(desk.now_s + 0.01)
@@ -435,7 +437,7 @@ def test_shutting_down_sends_no_last_setpoint_when_the_autopilot_has_left(case, 
 
 
 def test_shutting_down_with_old_data_sends_no_last_setpoint():
-    desk = Desk().come_to("flying").run(3.0)
+    desk = Desk().come_to("flying", then_s=3.0)
     began = desk.now_s
     desk.now_s += 60.0
     desk.companion.shut_down(desk.now_s)
@@ -444,7 +446,7 @@ def test_shutting_down_with_old_data_sends_no_last_setpoint():
 
 
 def test_the_last_setpoint_is_where_the_one_before_was_wherever_the_aircraft_is():
-    desk = Desk().come_to("flying").run(3.0)
+    desk = Desk().come_to("flying", then_s=3.0)
     desk.fall_behind(0.0, 0.4, 0.0)
     before = desk.setpoints()[-1]
     desk.order(RELEASE).step()
@@ -465,7 +467,7 @@ def test_after_a_pause_of_the_shell_nothing_is_sent_any_more(state):
 
 
 def test_a_late_shell_does_not_make_the_setpoint_jump():
-    desk = Desk().come_to("flying").run(4.0)
+    desk = Desk().come_to("flying", then_s=4.0)
     before = desk.setpoints()[-1]
     desk.now_s += 0.4  # the process was held up
     desk.step()
@@ -475,7 +477,7 @@ def test_a_late_shell_does_not_make_the_setpoint_jump():
 
 
 def test_a_heading_that_is_no_number_is_held_and_never_sent():
-    desk = Desk().come_to("flying").run(2.0)
+    desk = Desk().come_to("flying", then_s=2.0)
     desk.companion._executor.routes.flight._yaw_rad = math.nan
     began = desk.now_s
     desk.run(0.5)

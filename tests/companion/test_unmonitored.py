@@ -32,7 +32,7 @@ def act(desk, name, seconds=5.0):
 
 @pytest.fixture
 def desk():
-    return Desk().set(accuracy_m=0.3, reset_counter=0).come_to("flying").run(3.0)
+    return Desk().set(accuracy_m=0.3, reset_counter=0).come_to("flying", then_s=3.0)
 
 
 # Orders that cross with a condition -------------------------------------------------------------
@@ -87,7 +87,7 @@ def test_what_begins_while_an_operator_holds_is_told_once(desk, trouble):
     desk.pause().run(2.0).set(**changes)
     if trouble == "a jump":
         desk.jump(0.0, -2.0, -4.0).set(reset_counter=1)
-    desk.run(15.0)
+    desk.run(8.0)
     assert desk.state == "holding"
     assert desk.texts().count(words) == 1
 

@@ -96,7 +96,7 @@ def quick_planner():
 
 
 def test_the_mission_with_its_escape_route_becomes_shorter_as_it_is_flown():
-    desk = desk_with_contingencies(planner=quick_planner()).come_to("flying").run(2.0)
+    desk = desk_with_contingencies(planner=quick_planner()).come_to("flying", then_s=2.0)
     left = []
     while desk.state in {"flying", "at_target"}:
         left.append((desk.now_s, outlook(desk).finish.duration_s))
@@ -117,7 +117,7 @@ def test_the_mission_with_its_escape_route_becomes_shorter_as_it_is_flown():
 
 def test_the_battery_at_the_point_of_no_return_leads_it_out_by_itself():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
-    desk.come_to("flying").run(4.0)
+    desk.come_to("flying", then_s=4.0)
     # 17 % of 1,200 s are 204 s: after the escape route more than two minutes are left.
     desk.set(battery_percent=17).run(6.0)
     assert not desk.said("of flight left")
@@ -145,7 +145,7 @@ def test_past_it_no_inspection_is_begun_and_an_escape_route_is():
 
 def test_a_battery_that_falls_silent_does_not_put_it_off():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=13)
-    desk.come_to("flying").run(4.0)
+    desk.come_to("flying", then_s=4.0)
     desk.mute |= {"BATTERY_STATUS", "SYS_STATUS"}
     before_s = outlook(desk).flight_s
     desk.run(20.0)
@@ -155,7 +155,7 @@ def test_a_battery_that_falls_silent_does_not_put_it_off():
 def test_the_status_shows_what_is_left():
     from moar_companion.companion.status import LatestDecisions
 
-    desk = desk_with_contingencies().come_to("flying").run(3.0)
+    desk = desk_with_contingencies().come_to("flying", then_s=3.0)
     status = LatestDecisions().status_of(
         desk.companion, desk.now_s, clock_offset_s=0.0, recorder=None
     )
@@ -244,7 +244,7 @@ def test_a_landed_state_that_is_told_no_more_changes_nothing(landed):
 
 def test_without_the_landed_state_the_point_of_no_return_leads_it_out():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
-    desk.come_to("flying").run(2.0)
+    desk.come_to("flying", then_s=2.0)
     desk.mute |= {"EXTENDED_SYS_STATE"}
     desk.run(8.0).set(battery_percent=6).run(6.0)
     assert desk.companion.status.task.mission is Mission.EXIT
@@ -263,7 +263,7 @@ def test_beside_the_plane_the_escape_route_begins_with_the_way_back():
 @pytest.mark.parametrize("planner", ["has no way", "is silent"])
 def test_an_escape_route_that_is_planned_no_more_counts_on(planner):
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
-    desk.come_to("flying").run(4.5)  # just after a round of questions, not just before one
+    desk.come_to("flying", then_s=4.5)  # just after a round of questions, not just before one
     begins_m, way_s = desk.companion.pose.position_m, outlook(desk).exit.duration_s
     if planner == "is silent":
         desk.contingencies = False
@@ -284,7 +284,7 @@ def test_an_escape_route_that_is_planned_no_more_counts_on(planner):
 
 def test_an_exit_that_takes_too_much_gives_way_to_an_evacuation():
     desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
-    desk.set(battery_percent=80).come_to("flying").run(4.0)
+    desk.set(battery_percent=80).come_to("flying", then_s=4.0)
     desk.order(EXIT).run(1.0)
     assert outlook(desk).better is Mission.EXIT
     desk.set(battery_percent=25).run(5.0)
@@ -297,7 +297,7 @@ def test_an_exit_that_takes_too_much_gives_way_to_an_evacuation():
 
 def test_what_an_escape_route_that_is_flown_takes_too_much_is_said():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=80)
-    desk.come_to("flying").run(2.0)
+    desk.come_to("flying", then_s=2.0)
     desk.order(EXIT).run_until("flying", 5.0).run(2.0)
     desk.set(battery_percent=6).run(6.0)
     assert desk.companion.status.task.mission is Mission.EXIT
@@ -305,7 +305,7 @@ def test_what_an_escape_route_that_is_flown_takes_too_much_is_said():
 
 
 def test_what_is_flown_slowly_takes_longer():
-    desk = desk_with_contingencies().come_to("flying").run(2.0)
+    desk = desk_with_contingencies().come_to("flying", then_s=2.0)
     desk.plan_delay_s = None
     desk.run(5.0)
     before = outlook(desk).finish
@@ -328,7 +328,7 @@ def far_evacuation_planner():
 def exit_is_flown(planner=far_exit_planner):
     """For two seconds; what is judged, and by whom."""
     desk = desk_with_contingencies(supervision=UNRESERVED, planner=planner())
-    desk.come_to("flying").run(0.5)
+    desk.come_to("flying", then_s=0.5)
     desk.order(EXIT).run(2.0)
     assert desk.companion.status.task.mission is Mission.EXIT
     executor = desk.companion._executor

@@ -95,7 +95,7 @@ def test_what_no_uncertainty_is_to_blame_for_is_told_without_one(desk):
 
 
 def test_when_the_position_is_known_worse_the_plan_takes_obstacles_wider_and_goes_on(desk):
-    desk.come_to("flying").run(4.0)
+    desk.come_to("flying", then_s=4.0)
     desk.set(accuracy_m=1.35)
     desk.run_until("at_target", 60.0)
     assert widenings(desk) == [0.0, 0.5]
@@ -110,7 +110,7 @@ def test_when_the_position_is_known_worse_the_plan_takes_obstacles_wider_and_goe
 
 def test_a_height_that_is_known_worse_is_kept_away_from_until_it_is_known_again(desk):
     """A barometer that a gust fools, while the receiver's sky is open."""
-    desk.set(accuracy_m=0.3).come_to("flying").run(4.0)
+    desk.set(accuracy_m=0.3).come_to("flying", then_s=4.0)
     desk.set(height_accuracy_m=1.35).run(2.0)
     assert widenings(desk) == [0.0, 0.5]
     desk.set(height_accuracy_m=1.6).run_until("holding", 20.0)
@@ -147,14 +147,14 @@ def test_it_holds_when_the_target_is_too_near_now_and_goes_on_when_the_position_
 
 
 def test_what_an_operator_holds_meanwhile_waits_for_him(desk):
-    desk.come_to("flying").run(4.0).set(accuracy_m=1.6).run_until("holding", 2.0)
+    desk.come_to("flying", then_s=4.0).set(accuracy_m=1.6).run_until("holding", 2.0)
     desk.pause().run(1.0).set(accuracy_m=0.5).run(15.0)
     assert desk.state == "holding"
     desk.go_on().run_until("flying", 1.0)
 
 
 def test_a_continue_that_is_still_too_near_is_denied_with_the_number(desk):
-    desk.come_to("flying").run(4.0).set(accuracy_m=1.6).run_until("holding", 2.0)
+    desk.come_to("flying", then_s=4.0).set(accuracy_m=1.6).run_until("holding", 2.0)
     desk.run(3.0).go_on().run(1.0)
     assert desk.state == "holding"
     assert desk.said("MOAR: no path, uncertainty 1.6 m, denied")
@@ -162,7 +162,7 @@ def test_a_continue_that_is_still_too_near_is_denied_with_the_number(desk):
 
 def test_above_the_limit_escape_routes_are_measured_as_at_the_limit(desk):
     """While it grows, each step of a great site's obstacles takes seconds to build."""
-    desk.set(contingencies=True).come_to("flying").run(2.0)
+    desk.set(contingencies=True).come_to("flying", then_s=2.0)
     for accuracy_m in (1.5, 2.4, 3.9, 7.2):
         desk.set(accuracy_m=accuracy_m).run(5.0)
     widths = {round(job.widening_m, 3) for job in desk.contingency_jobs}
@@ -170,7 +170,7 @@ def test_above_the_limit_escape_routes_are_measured_as_at_the_limit(desk):
 
 
 def test_a_limit_that_is_passed_is_told_as_such(desk):
-    desk.come_to("flying").run(4.0).set(accuracy_m=2.4).run_until("holding", 2.0)
+    desk.come_to("flying", then_s=4.0).set(accuracy_m=2.4).run_until("holding", 2.0)
     assert desk.said("MOAR: uncertainty 2.4 m > 2")
     desk.set(accuracy_m=0.5).run_until("flying", 8.0)
     desk.run_until("at_target", 60.0)
@@ -224,7 +224,7 @@ def test_an_escape_route_of_an_empty_battery_is_not_held_up_where_it_is_too_narr
 
 
 def test_an_escape_route_that_was_not_found_is_sought_again_when_there_is_more_room(desk):
-    desk.come_to("flying").run(4.0)
+    desk.come_to("flying", then_s=4.0)
     desk.plan_delay_s = None
     desk.set(battery_percent=19, accuracy_m=1.5)
     for mission in ("exit", "evacuation"):

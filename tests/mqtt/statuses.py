@@ -18,4 +18,4 @@ def status_of(desk):
 @functools.cache
 def flying():
     """A desk in flight; not to be changed."""
-    return Desk().come_to("flying").run(1.0)
+    return Desk().come_to("flying", then_s=1.0)

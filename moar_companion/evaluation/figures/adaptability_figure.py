@@ -33,8 +33,8 @@ COLOURS: dict[tuple[int, ...], str] = {
     (0, 1, 1): "#c51b8a",
     (1, 1, 1): "#8c6d46",
 }
-"""Of the integer combinations of wind, battery and localization risk; yellow for wind and
-localization, cyan for wind and battery, as in the paper."""
+"""Colours of the integer combinations of wind, battery and localization risk, as in the paper:
+yellow for wind and localization, cyan for wind and battery."""
 RISKS = ("wind", "battery", "GPS")
 _WAY_COLOURS = ("#8a8f98", "#b58900", "#d6006e", "#5b2a86")
 _CURVES = {"mean_clearance_m": "average distance to obstacles (m)", "length_m": "path length (m)"}

@@ -35,8 +35,8 @@ COLOURS: dict[tuple[int, ...], str] = {
     (0, 1, 1): "#d6006e",
     (1, 1, 1): "#202020",
 }
-"""Of the integer combinations of k_S, k_T, k_E; k_S alone is green and k_T alone orange, as in the
-paper."""
+"""Colours of the integer combinations of k_S, k_T, k_E, as in the paper: k_S alone is green and
+k_T alone orange."""
 WEIGHTS = ("$k_S$", "$k_T$", "$k_E$")
 IN_PAPER = ((1, Mission.EXIT), (2, Mission.INSPECTION), (3, Mission.EVACUATION))
 """The scenes of Fig. 6."""
