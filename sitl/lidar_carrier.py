@@ -1,18 +1,42 @@
-"""The lidar on the fake aircraft: true states in order of time to the packets that are due.
+"""The lidar on a simulated aircraft: true states in order of time to the packets that are due.
 
 The pose of each firing sequence is interpolated between the true states before and after it.
 """
 
 import math
 from collections import deque
+from typing import Protocol
 
 import numpy as np
 
-from sitl.autopilot import Truth
 from sitl.geodesy import Geodetic, TrueFrame
 from sitl.lidar import PACKET_S, SimulatedLidar
 from sitl.lidar_rays import FloatArray
 from sitl.lidar_scene import LidarMount, PlacedScene
+
+
+class Posed(Protocol):
+    """What the lidar needs of a true state."""
+
+    @property
+    def time_s(self) -> float:
+        """Simulated."""
+
+    @property
+    def latitude_deg(self) -> float:
+        """WGS84."""
+
+    @property
+    def longitude_deg(self) -> float:
+        """WGS84."""
+
+    @property
+    def altitude_amsl_m(self) -> float:
+        """Above the sea."""
+
+    @property
+    def attitude_rad(self) -> tuple[float, float, float]:
+        """Roll, pitch, yaw."""
 
 
 class LidarCarrier:
@@ -30,7 +54,7 @@ class LidarCarrier:
         """Time, place in the scene, and roll, pitch, yaw, of the truths that are still needed."""
         self._next = 0
 
-    def step(self, truth: Truth) -> list[tuple[float, bytes]]:
+    def step(self, truth: Posed) -> list[tuple[float, bytes]]:
         """The packets that are complete at a truth's time, with the times of their ends."""
         if not self._states:
             self._next = math.ceil(truth.time_s / PACKET_S - 1e-9)
@@ -47,7 +71,7 @@ class LidarCarrier:
             for time_s, packet in zip(times_s, packets, strict=True)
         ]
 
-    def _add(self, truth: Truth) -> None:
+    def _add(self, truth: Posed) -> None:
         place = Geodetic(
             latitude_deg=truth.latitude_deg,
             longitude_deg=truth.longitude_deg,

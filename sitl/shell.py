@@ -22,7 +22,7 @@ from sitl.geodesy import Geodetic
 from sitl.links import LinkOptions
 from sitl.manners import KINDS
 from sitl.parameters import Parameters
-from sitl.ports import Datagrams, Port, Url, open_port
+from sitl.ports import Port, Url, open_port
 from sitl.scenario import Scenario
 from sitl.signing import SignOptions
 from sitl.truth_log import PERIOD_S, TruthLog
@@ -30,6 +30,7 @@ from sitl.yaml_input import BadInputError
 
 if TYPE_CHECKING:
     from sitl.lidar_scene import PlacedScene
+    from sitl.lidar_sender import LidarSender
 
 _PERIOD_S: Final = 0.01
 """Period of the checks of the clock, in real time."""
@@ -238,7 +239,7 @@ async def run(settings: Settings) -> int:
         if settings.truth is not None:
             log = TruthLog(settings.truth, settings.options)
         if settings.lidar is not None:
-            lidar = _Lidar(settings.lidar, settings.options.seed)
+            lidar = _lidar_sender(settings.lidar, settings.options.seed)
         for name, url in settings.urls.items():
             ports[name] = await _open(name, url, vehicle)
         print(
@@ -262,27 +263,14 @@ async def run(settings: Settings) -> int:
     return 0
 
 
-class _Lidar:
-    """The lidar and its socket."""
+def _lidar_sender(settings: LidarSettings, seed: int) -> "LidarSender":
+    from sitl.lidar_sender import LidarSender  # noqa: PLC0415 -- it loads a compiler
 
-    def __init__(self, settings: LidarSettings, seed: int) -> None:
-        from sitl.lidar_carrier import LidarCarrier  # noqa: PLC0415 -- it loads a compiler
-
-        self._carrier = LidarCarrier(settings.scene, seed)
-        try:
-            self._datagrams = Datagrams(settings.host, settings.port)
-        except OSError as error:
-            address = f"{settings.host}:{settings.port}"
-            raise OSError(f"--lidar {address}: {error.strerror or error}") from None
-
-    def step(self, vehicle: FakeAutopilot) -> None:
-        """Send the packets that are due."""
-        for _, packet in self._carrier.step(vehicle.truth):
-            self._datagrams.send(packet)
-
-    def close(self) -> None:
-        """Close the socket."""
-        self._datagrams.close()
+    try:
+        return LidarSender(settings.scene, settings.host, settings.port, seed=seed)
+    except OSError as error:
+        address = f"{settings.host}:{settings.port}"
+        raise OSError(f"--lidar {address}: {error.strerror or error}") from None
 
 
 async def _open(name: str, url: Url, vehicle: FakeAutopilot) -> Port:
@@ -296,7 +284,7 @@ async def _pace(
     vehicle: FakeAutopilot,
     ports: dict[str, Port],
     log: TruthLog | None,
-    lidar: _Lidar | None,
+    lidar: "LidarSender | None",
     speed: float,
     stop: asyncio.Event,
 ) -> None:
@@ -314,7 +302,7 @@ async def _pace(
             if log is not None:
                 log.step(vehicle.truth)
             if lidar is not None:
-                lidar.step(vehicle)
+                lidar.step(vehicle.truth)
             for name, data in vehicle.data_to_send():
                 ports[name].send(data)
             if vehicle.time_s == before_s:

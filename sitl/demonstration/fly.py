@@ -190,8 +190,6 @@ def _settings(arguments: list[str] | None) -> Settings:
         autopilot = autopilot_at(real)
         if read.autopilot not in {None, autopilot}:
             raise RealError(f"--real {real} is {autopilot}, not --autopilot {read.autopilot}")
-        if read.perceive:
-            raise RealError("--perceive: the lidar is on the fake autopilot, not with --real")
     calm = read.perceive or read.site is not None
     usual = _TOUR if calm else MANNERS[autopilot].scenario
     landing = read.landing or (None if read.site is None else _ALL)
@@ -263,6 +261,7 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
             processes=(stack.enter_context(autopilot), stack.enter_context(companion)),
             speed=settings.speed,
             height_m=_height_m(site),
+            heading_deg=site.frame.azimuth_deg if settings.real and perceiving else None,
             dwells_s=tuple(target.dwell_s for target in site.targets),
             landings=_landings(site, settings.landing, vehicle),
             battery_falls=_battery_falls(settings.scenario),
@@ -336,6 +335,7 @@ def _autopilot(
                 truth=truth,
                 parameters=numbers_of(manner.parameters),
                 speed=settings.speed,
+                lidar=None if perceiving is None else perceiving.sender,
             )
         )
     return running(

@@ -77,6 +77,7 @@ class Operator:
         self.battery_percent: int | None = None
         self.battery_v: float | None = None
         self.altitude_m = 0.0
+        self.heading_deg = 0.0
         self.texts: list[str] = []
         self.landing = False
         self.home_altitude_m: float | None = None
@@ -197,6 +198,14 @@ class Operator:
         self.command("take-off", mavlink.MAV_CMD_NAV_TAKEOFF, nan, 0, 0, nan, nan, nan, altitude_m)
         self.command("arm", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1)
 
+    def turn(self, heading_deg: float) -> None:
+        """Have an aircraft that hovers turn to a compass direction."""
+        if self._manner.takes_off_in_given_mode:
+            self.command("turn", mavlink.MAV_CMD_CONDITION_YAW, heading_deg % 360.0)
+            return
+        nan, yaw_rad = math.nan, math.radians(heading_deg)
+        self.command("turn", mavlink.MAV_CMD_DO_REPOSITION, -1, 1, 0, yaw_rad, nan, nan, nan)
+
     def give_mode(self) -> None:
         """Give the mode in which the autopilot follows the companion, and wait until it is on."""
         name, given = self._manner.given_mode, self._manner.given_custom_mode
@@ -274,6 +283,7 @@ class Operator:
                 if self._ahead_s is None:
                     self._ahead_s = self._now_s() - self._boot_s
                 self.altitude_m = message.relative_alt / 1000.0
+                self.heading_deg = message.hdg / 100.0
                 self.home_altitude_m = (message.alt - message.relative_alt) / 1000.0
             case "PARAM_VALUE" if message.get_srcComponent() == 1:
                 self._parameters[message.param_id] = message

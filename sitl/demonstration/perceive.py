@@ -33,6 +33,7 @@ from moar_companion.vehicle import Vehicle
 from sitl.geodesy import Geodetic
 from sitl.lidar import Box, LidarScene, Prism, Tree, Wire
 from sitl.lidar_scene import PlacedScene
+from sitl.lidar_sender import LidarSender
 
 ADDED = ("crane", "cable")
 TOLD = "site.yaml"
@@ -84,6 +85,10 @@ class Perceiving:
     def arguments(self) -> tuple[str, ...]:
         """Of the fake autopilot."""
         return ("--lidar", f"127.0.0.1:{self.port}", "--lidar-scene", str(self.scene))
+
+    def sender(self) -> LidarSender:
+        """The lidar on a real autopilot's aircraft."""
+        return LidarSender(lidar_scene(self.site), "127.0.0.1", self.port)
 
 
 def prepare(folder: Path, site: Site, vehicle: Vehicle, port: int) -> Perceiving:

@@ -1,7 +1,7 @@
 """A real autopilot in its own simulator: PX4's SIH or ArduCopter's SITL, which the user has built.
 
 Each run has a folder of its own with fresh parameters and ports of its own. The true state comes
-from the simulator on a third link, and is written in the form of the fake autopilot's truth log.
+from the simulator on a third link.
 """
 
 from __future__ import annotations
@@ -10,19 +10,16 @@ import contextlib
 import os
 import re
 import shutil
-import socket
-import threading
-import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, Final
-
-from pymavlink.dialects.v20 import all as mavlink
+from typing import Final
 
 from sitl.geodesy import Geodetic
+from sitl.lidar_sender import LidarSender
 
 from .processes import Process, free_ports
+from .truth_recorder import TRUTH_HZ, TruthRecorder
 
 _PX4_MODEL: Final = "sihsim_quadx"
 _PX4_LINKS: Final = "etc/init.d-posix/px4-rc.mavlink"
@@ -31,11 +28,6 @@ _PX4_SYSTEM_ID: Final = "param set MAV_SYS_ID $((px4_instance+1))"
 """Line of the start-up script; whatever the instance, the aircraft is system 1."""
 _COPTER_DEFAULTS: Final = "Tools/autotest/default_params/copter.parm"
 """From the root of ArduPilot's sources; the program is in build/sitl/bin."""
-_TRUTH_INTERVAL_US: Final = 50_000
-_STATE_INTERVAL_US: Final = 200_000
-_ASK_AGAIN_S: Final = 2.0
-_POLL_S: Final = 0.2
-_ON_GROUND: Final = int(mavlink.MAV_LANDED_STATE_ON_GROUND)
 _FIRST_INSTANCE, _LAST_INSTANCE = 40, 250
 """PX4's numbers of instances: those of a user's own simulators are small."""
 
@@ -63,7 +55,10 @@ def autopilot_at(path: Path) -> str:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RealOptions:
-    """A run. folder: its own, made when missing; truth: the log of the true state."""
+    """A run. folder: its own, made when missing; truth: the log of the true state.
+
+    lidar: makes the one that the aircraft carries.
+    """
 
     path: Path
     folder: Path
@@ -73,6 +68,7 @@ class RealOptions:
     truth: Path
     parameters: Mapping[str, float] = field(default_factory=dict)
     speed: float = 1.0
+    lidar: Callable[[], LidarSender] | None = None
 
 
 @contextlib.contextmanager
@@ -81,17 +77,17 @@ def running_real(options: RealOptions) -> Iterator[Process]:
     kind = autopilot_at(options.path)
     options.folder.mkdir(parents=True, exist_ok=True)
     (truth_port,) = free_ports(1)
-    recorder = TruthRecorder(
-        truth_port, options.truth, speed=options.speed, ask=kind == "ardupilot"
-    )
-    try:
+    with contextlib.ExitStack() as stack:
+        look = None
+        if options.lidar is not None:
+            look = stack.enter_context(contextlib.closing(options.lidar())).step
+        recorder = TruthRecorder(
+            truth_port, options.truth, speed=options.speed, ask=kind == "ardupilot", look=look
+        )
+        stack.callback(recorder.close)
         process = (_px4 if kind == "px4" else _ardupilot)(options, truth_port)
-        try:
-            yield process
-        finally:
-            process.stop()
-    finally:
-        recorder.close()
+        stack.callback(process.stop)
+        yield process
 
 
 def _px4(options: RealOptions, truth_port: int) -> Process:
@@ -111,7 +107,7 @@ def _px4(options: RealOptions, truth_port: int) -> Process:
         f"mavlink stream -r 50 -s GLOBAL_POSITION_INT -u {gcs}",
         f"mavlink start -x -u {onboard} -r 4000000 -f -m onboard -o {options.companion_port}",
         f"mavlink start -x -u {truth} -r 400000 -m custom -o {truth_port}",
-        f"mavlink stream -r 25 -s HIL_STATE_QUATERNION -u {truth}",
+        f"mavlink stream -r {TRUTH_HZ} -s HIL_STATE_QUATERNION -u {truth}",
         f"mavlink stream -r 5 -s EXTENDED_SYS_STATE -u {truth}",
     ]
     (options.folder / _PX4_LINKS).write_text("\n".join(lines) + "\n", encoding="utf-8")
@@ -164,81 +160,6 @@ def _ardupilot(options: RealOptions, truth_port: int) -> Process:
         *("--serial2", f"udpclient:127.0.0.1:{truth_port}"),
         folder=options.folder,
     )
-
-
-class TruthRecorder:
-    """Writes a simulator's true state: HIL_STATE_QUATERNION (PX4), SIM_STATE (ArduPilot).
-
-    Times are of a clock that runs `speed` times as fast as real time.
-    """
-
-    def __init__(self, port: int, path: Path, *, speed: float, ask: bool) -> None:
-        """Listen; ask: the autopilot sends requested messages alone."""
-        self._speed, self._ask = speed, ask
-        self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
-        self._socket.bind(("127.0.0.1", port))
-        self._socket.settimeout(_POLL_S)
-        self._codec = mavlink.MAVLink(None, srcSystem=254, srcComponent=1)
-        self._codec.robust_parsing = True
-        self._armed, self._on_ground = False, True
-        self._asked_s = self._heard_s = 0.0
-        self._start_s = time.monotonic()
-        self._file = path.open("w", encoding="utf-8", buffering=1)
-        self._file.write("time_s,latitude_deg,longitude_deg,altitude_amsl_m,armed,on_ground\n")
-        self._ending = threading.Event()
-        self._thread = threading.Thread(target=self._record, daemon=True)
-        self._thread.start()
-
-    def close(self) -> None:
-        """Stop listening."""
-        self._ending.set()
-        self._thread.join()
-        self._socket.close()
-        self._file.close()
-
-    def _record(self) -> None:
-        while not self._ending.is_set():
-            try:
-                data, peer = self._socket.recvfrom(65536)
-            except (TimeoutError, ConnectionError):
-                continue
-            for message in self._codec.parse_buffer(data) or []:
-                self._take(message)
-            now_s = time.monotonic()
-            if self._ask and now_s - max(self._asked_s, self._heard_s) > _ASK_AGAIN_S:
-                self._asked_s = now_s
-                self._request(peer)
-
-    def _request(self, peer: tuple[str, int]) -> None:
-        for number, interval_us in (
-            (mavlink.MAVLINK_MSG_ID_SIM_STATE, _TRUTH_INTERVAL_US),
-            (mavlink.MAVLINK_MSG_ID_EXTENDED_SYS_STATE, _STATE_INTERVAL_US),
-        ):
-            command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
-            message = mavlink.MAVLink_command_long_message(
-                1, 1, command, 0, number, interval_us, *[0.0] * 5
-            )
-            self._socket.sendto(message.pack(self._codec), peer)
-
-    def _take(self, message: Any) -> None:
-        match message.get_type():
-            case "HEARTBEAT" if message.get_srcComponent() == 1:
-                self._armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
-            case "EXTENDED_SYS_STATE":
-                self._on_ground = message.landed_state == _ON_GROUND
-            case "HIL_STATE_QUATERNION":
-                self._write(message.lat, message.lon, message.alt * 1e-3)
-            case "SIM_STATE":
-                self._write(message.lat_int, message.lon_int, message.alt)
-
-    def _write(self, latitude_e7: int, longitude_e7: int, altitude_m: float) -> None:
-        self._heard_s = time.monotonic()
-        time_s = (self._heard_s - self._start_s) * self._speed
-        self._file.write(
-            f"{time_s:.3f},{latitude_e7 * 1e-7:.7f},"
-            f"{longitude_e7 * 1e-7:.7f},{altitude_m:.4f},"
-            f"{int(self._armed)},{int(self._on_ground)}\n"
-        )
 
 
 def numbers_of(texts: tuple[str, ...]) -> dict[str, float]:

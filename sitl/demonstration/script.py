@@ -6,6 +6,7 @@ From a landing point the next one is flown to after a take-off of its own.
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Final
@@ -20,6 +21,8 @@ _BELOW_M: Final = 0.5
 _CLIMB_S_PER_M: Final = 2.0
 _IN_AIR: Final = 2
 _SETTLE_S: Final = 3.0
+_TURNED_DEG: Final = 3.0
+_LONGEST_TURN_S: Final = 30.0
 _STREAM_FIRST_S: Final = 1.5
 """PX4 accepts OFFBOARD once a stream has run for a second."""
 _START_S: Final = 30.0
@@ -49,7 +52,8 @@ class LandingPoint:
 class Script:
     """Flights, step by step; each may raise OperatorError. say: tells the user.
 
-    height_m: of the first take-off. dwells_s: of each target. battery_falls: in the scenario; the
+    height_m: of the first take-off. heading_deg: to which the aircraft is turned after it; None: it
+    keeps its own. dwells_s: of each target. battery_falls: in the scenario; the
     first exit then waits for that.
     """
 
@@ -58,6 +62,7 @@ class Script:
     processes: tuple[Process, ...]
     speed: float
     height_m: float
+    heading_deg: float | None = None
     dwells_s: tuple[float, ...]
     landings: tuple[LandingPoint, ...]
     battery_falls: bool
@@ -67,6 +72,8 @@ class Script:
         """From two processes that have just been started to the last landing."""
         self._start()
         self._take_off(self.height_m)
+        if self.heading_deg is not None:
+            self._turn(self.heading_deg)
         self._inspect()
         operator, first = self.operator, self.landings[0]
         battery = f"battery at {operator.battery_percent} %, {operator.battery_v} V"
@@ -97,6 +104,16 @@ class Script:
         self._wait_for("in the air", lambda: operator.landed_state == _IN_AIR, 20.0)
         self._wait_for("take-off done", lambda: operator.altitude_m > done_m, longest_s)
         self._wait_until(lambda: False, _SETTLE_S)
+
+    def _turn(self, heading_deg: float) -> None:
+        operator = self.operator
+        self.say(f"turn to {heading_deg:g} degrees")
+        operator.turn(heading_deg)
+        self._wait_for(
+            "turned",
+            lambda: abs(math.remainder(operator.heading_deg - heading_deg, 360.0)) < _TURNED_DEG,
+            _LONGEST_TURN_S,
+        )
 
     def _begin(self, name: str, mission: int, index: int) -> None:
         """Order a mission and give the companion its mode."""

@@ -181,13 +181,6 @@ def test_bad_input_is_one_line_and_status_2(arguments, named, tmp_path, capsys):
     assert named in said
 
 
-def test_a_lidar_is_on_the_fake_autopilot_alone(tmp_path, capsys):
-    (tmp_path / "arducopter").write_text("#!/bin/sh\n")
-    (tmp_path / "arducopter").chmod(0o755)
-    said = refused(capsys, "--real", str(tmp_path / "arducopter"), "--perceive")
-    assert said == "sitl/fly: --perceive: the lidar is on the fake autopilot, not with --real\n"
-
-
 def test_a_user_sees_that_line_and_status(tmp_path):
     flown = fly("--site", "missing.yaml", "--out", str(tmp_path), timeout_s=60)
     assert (flown.returncode, flown.stdout) == (2, "")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import pytest
@@ -81,6 +81,22 @@ def test_px4_is_started_as_system_1_with_our_links_and_parameters(tmp_path):
     assert "-o 4002" in links
     assert "param set COM_OF_LOSS_T 0.5" in links
     assert "18570" in (build / "etc" / "init.d-posix" / "px4-rc.mavlink").read_text()
+
+
+def test_a_lidar_is_carried_for_the_run_and_put_away_after_it(tmp_path):
+    done = []
+
+    class Lidar:
+        def step(self, pose):
+            done.append(pose)
+
+        def close(self):
+            done.append("closed")
+
+    run = replace(options(px4_build(tmp_path / "build"), tmp_path / "run"), lidar=Lidar)
+    with running_real(run):
+        assert done == []
+    assert done == ["closed"]
 
 
 def test_ardupilot_without_its_source_tree_is_refused(tmp_path):

@@ -1,5 +1,6 @@
 """The demonstration's script in lockstep: every target and every landing point of a site."""
 
+import math
 from dataclasses import asdict, replace
 from itertools import pairwise
 
@@ -82,6 +83,42 @@ def verdict(flight, site, wanted):
     landings = [demonstration._points(site, *way) for way in demonstration._ways_out(site, wanted)]
     radius_m = flight.vehicle.radius_m
     return judge(truth, site, radius_m, story.landing_legs_m, landings)
+
+
+def test_the_aircraft_is_turned_after_the_take_off():
+    flight = Lockstep(site="315kv_double_circuit", vehicle="x500", manner=Manner.PX4)
+    script = Script(
+        operator=Pilot(flight),
+        manner=MANNERS["px4"],
+        processes=(),
+        speed=1.0,
+        height_m=5.0,
+        heading_deg=-60.0,
+        dwells_s=(),
+        landings=(),
+        battery_falls=False,
+        say=[].append,
+    )
+    script._start()
+    script._take_off(5.0)
+    script._turn(-60.0)
+    assert math.degrees(flight.truths[-1].attitude_rad[2]) == pytest.approx(-60.0, abs=4.0)
+    assert abs(flight.truths[-1].position_ned_m[2]) == pytest.approx(5.0, abs=0.8)
+
+
+def test_ardupilot_is_turned_by_a_command_of_its_own():
+    class Noting(Operator):
+        def __init__(self):
+            super().__init__(0, MANNERS["ardupilot"], speed=1.0, meanwhile=list)
+            self.commands = []
+
+        def command(self, _, number, *parameters, component=1):  # noqa: ARG002
+            self.commands.append((number, *parameters))
+
+    operator = Noting()
+    operator.turn(-60.0)
+    operator.close()
+    assert operator.commands == [(mavlink.MAV_CMD_CONDITION_YAW, 300.0)]
 
 
 THREE_LANDINGS = {"exit": ((40.0, 2.5), (44.0, 2.5)), "evacuation": ((-10.0, 2.5), (40.0, 2.5))}
