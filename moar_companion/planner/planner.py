@@ -144,8 +144,12 @@ class Planner:
 
         Tables are dropped, one in preparation, too. site: its obstacles have the margin.
         """
-        self.site = site
-        self._build(self.maps.position_uncertainty_m, self.maps.fence, before=self.maps)
+        before, self.site = self.site, site
+        try:
+            self._build(self.maps.position_uncertainty_m, self.maps.fence, before=self.maps)
+        except BaseException:
+            self.site = before
+            raise
         self._solver.graph = self.graph
 
     def set_exposed(self, exposed: BoolArray) -> None:
