@@ -146,6 +146,12 @@ def test_what_cannot_be_used_is_named(text, told):
             ".geojson",
             "must have longitude, latitude and height",
         ),
+        ('{"features": [{"properties": [1], "geometry": "x"}]}', ".geojson", "is a None, must be"),
+        (
+            '{"features": [{"geometry": {"type": "LineString", "coordinates": 5}}]}',
+            ".geojson",
+            "features[0]: has no list of coordinates",
+        ),
         ("<kml>", ".kml", "is no KML"),
         (
             "<kml><Placemark><name>target a</name></Placemark></kml>",
