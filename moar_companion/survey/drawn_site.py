@@ -235,12 +235,18 @@ def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...
     features += [
         MapFeature(
             kind="path",
-            name=f"{plan.mission.value} {plan.request.target}",
+            name=path_name(plan),
             points=tuple(point(x, z) for x, z in _waypoints_m(plan)),
         )
         for plan in plans
     ]
     return tuple(features)
+
+
+def path_name(plan: Plan) -> str:
+    """The mission, and its target if one was asked for."""
+    target = plan.request.target
+    return plan.mission.value if target is None else f"{plan.mission.value} {target}"
 
 
 def _waypoints_m(plan: Plan) -> list[tuple[float, float]]:
