@@ -222,7 +222,7 @@ def _show(arguments: argparse.Namespace) -> int:
     texts = {
         "--kml": kml_of(site.name, features),
         "--geojson": geojson_of(features),
-        "--qgc-plan": qgc_plan_of(site, plans, vehicle.autopilot),
+        "--qgc-plan": qgc_plan_of(site, plans, vehicle.autopilot, vehicle.speed.horizontal_mps),
     }
     failures = [
         write_output(option, path, partial(_write_text, texts[option]))
