@@ -1,12 +1,10 @@
 """Exact replay: a recorded flight flies again without a difference; a planted one is named."""
 
 import json
-from dataclasses import replace
 from unittest import mock
 
 import pytest
 
-from moar_companion.config import shipped_configs
 from moar_companion.errors import InputError
 from moar_companion.mavlink.codec import checksum_of
 from moar_companion.mavlink.signing import SigningKey
@@ -14,11 +12,10 @@ from moar_companion.planning.map_jobs import MapJob
 from moar_companion.recording.calls import call_encoded
 from moar_companion.replay.exact import ExactReplay
 from moar_companion.safety.check_inputs import Host
-from moar_companion.site import Site
-from sitl.demonstration.perceive import lidar_scene
 
 from ..flights.lockstep import Lockstep
 from ..flights.operator import INSPECTION
+from ..flights.test_lidar_on_board import SITE, hovering
 
 SETPOINT_ID = "540000"
 
@@ -85,17 +82,7 @@ def test_a_missing_input_parts_the_flights(calls):
 
 
 def test_a_flight_by_sight_is_repeated_without_a_difference():
-    pytest.importorskip("velodyne_decoder")
-    site = Site.load(shipped_configs() / "sites" / "horizontal_three_conductors.yaml")
-    flight = Lockstep(
-        site=replace(site, obstacles=()),
-        vehicle="x500",
-        options={"yaw_deg": site.frame.azimuth_deg},
-        lidar_scene=lidar_scene(site),
-    )
-    flight.blind = True
-    flight.take_off()
-    flight.blind = False
+    flight = hovering(SITE)
     flight.run_until(lambda: made(flight), 5.0)
     flight.operator.mission(INSPECTION, 0)
     flight.run(2.0)
