@@ -64,7 +64,7 @@ class Perception:
     """Difference from the site file's place at which operators are told."""
     sight_m: float = 8.0
     """Distance within which a conductor that is in no file is surely seen: it limits the speed. A
-    VLP-16 finds a cable of 15 mm from 11 m on."""
+    VLP-16 finds a cable of 15 mm from 10 m on, one of 10 mm from 5 m."""
     target_slack_m: float = 2.0
     """Distance by which a target is moved out of a seen obstacle's keep-out."""
     timeout_s: float = 1.0
