@@ -24,6 +24,8 @@ _EXTRA = "lidar"
 _REACH_M = 250.0
 """Points within this distance of the place are used: a span."""
 _PROBE = 1e-4
+_ORIGIN_REACH_DEG = 0.02
+"""Two numbers this near to --origin's latitude and longitude are these, no metres."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -81,13 +83,25 @@ def read_cloud(
     return Cloud(file=file, points=points, crs=named if crs is None else _crs("--crs", crs))
 
 
+def height_notes(cloud: Cloud) -> tuple[str, ...]:
+    """What is told of the heights: none where they are above mean sea level, or unnamed."""
+    axes = cloud.crs.axis_info if cloud.crs is not None else []
+    if len(axes) < 3 or "ellipsoid" not in axes[2].name.lower():
+        return ()
+    note = (
+        f"heights of {cloud.crs.name} are above the ellipsoid, and are taken as above mean sea "
+        "level: correct altitude_amsl_m by the geoid's height there"
+    )
+    return (note,)
+
+
 def around(
     cloud: Cloud, at: tuple[float, ...], origin: tuple[float, ...] | None, reach_m: float = _REACH_M
 ) -> LocalCloud:
     """The points around a place: LAT,LON of the map, or X,Y[,Z] as the file has them.
 
     origin: latitude, longitude and height AMSL of the file's 0, 0, 0, where it has no coordinate
-    system: x east, y north, in metres.
+    system: x east, y north, in metres. With it, three numbers are always as in the file.
     """
     if cloud.crs is None and origin is None:
         raise InputError(
@@ -116,12 +130,17 @@ def _around_origin(cloud: Cloud, at: tuple[float, ...], origin: tuple[float, ...
 
     from ..frames import SiteFrame  # noqa: PLC0415
 
+    if abs(origin[0]) > 90.0 or abs(origin[1]) > 180.0:
+        raise InputError(
+            "--origin", ",".join(f"{each:g}" for each in origin), "is no latitude and longitude"
+        )
     place = GeodeticPoint(
         latitude_deg=origin[0], longitude_deg=origin[1], altitude_amsl_m=origin[2]
     )
     frame = SiteFrame(origin=place, azimuth_deg=90.0)
     x, y = at[:2]
-    if not _inside(cloud, x, y):
+    near_origin = max(abs(x - origin[0]), abs(y - origin[1])) <= _ORIGIN_REACH_DEG
+    if len(at) == 2 and (near_origin or not _inside(cloud, x, y)):
         x, y = frame.place_of(at[0], at[1])
     offset = np.array([x, y, 0.0])
     return LocalCloud(
@@ -199,12 +218,16 @@ def _crs(source: str, text: str) -> Any:
     require(source, "pyproj", _EXTRA)
     import pyproj  # noqa: PLC0415
 
+    allowed = "must be a coordinate system such as EPSG:28992"
     try:
-        return pyproj.CRS.from_user_input(text)
+        crs = pyproj.CRS.from_user_input(text)
     except pyproj.exceptions.CRSError:
+        raise InputError(source, "", f"is {text!r}, {allowed}") from None
+    if not (crs.is_projected or crs.is_geographic):
         raise InputError(
-            source, "", f"is {text!r}, must be a coordinate system such as EPSG:28992"
-        ) from None
+            source, "", f"is {text!r} ({crs.name}), neither projected nor geographic: {allowed}"
+        )
+    return crs
 
 
 def _las(file: str) -> tuple[FloatArray, Any]:
@@ -240,17 +263,22 @@ def _pcd(file: str) -> tuple[FloatArray, Any]:
     try:
         points = pypcd4.PointCloud.from_path(file).numpy(("x", "y", "z"))
     except Exception as error:  # noqa: BLE001
-        raise InputError(file, "", f"cannot be read as PCD: {error}") from None
+        reason = str(error).partition("\n")[0]  # its header's validator lists every field
+        raise InputError(file, "", f"cannot be read as PCD: {reason}") from None
     return points.astype(float), None
 
 
 def _npz(file: str) -> tuple[FloatArray, Any]:
+    import zipfile  # noqa: PLC0415
+
     import numpy as np  # noqa: PLC0415
 
+    if not zipfile.is_zipfile(file):
+        raise InputError(file, "", "cannot be read as NPZ: is no zip archive")
     try:
         with np.load(file, allow_pickle=False) as content:
             named = {"points", "xyz"} & set(content.files)
-            name = (sorted(named) or content.files or [""])[0]
+            name = (sorted(named) or content.files or ["points"])[0]
             points = np.asarray(content[name], dtype=float)
     except Exception as error:  # noqa: BLE001
         raise InputError(file, "", f"cannot be read as NPZ: {error}") from None
@@ -264,7 +292,9 @@ def _xyz(file: str) -> tuple[FloatArray, Any]:
 
     try:
         text = Path(file).read_text()
-        head = text.splitlines()[0] if text else ""
+        if not text.strip():
+            raise InputError(file, "", "is empty")
+        head = text.splitlines()[0]
         comma = "," if "," in head else None
         header = 0 if all(_is_number(word) for word in head.split(comma)) else 1
         points = np.loadtxt(

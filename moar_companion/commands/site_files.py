@@ -93,7 +93,7 @@ def _from_cloud(arguments: argparse.Namespace) -> int:
     from ..perception.spans import find_power_line  # noqa: PLC0415
     from ..survey.cross_section import site_of_cloud  # noqa: PLC0415
     from ..survey.site_document import SiteOptions, SurveyError  # noqa: PLC0415
-    from .point_clouds import around, read_cloud  # noqa: PLC0415
+    from .point_clouds import around, height_notes, read_cloud  # noqa: PLC0415
 
     out = _out(arguments)
     if arguments.at is None:
@@ -115,6 +115,7 @@ def _from_cloud(arguments: argparse.Namespace) -> int:
         f"From {Path(arguments.file).name} ({len(cloud.points)} points, {system}).",
         "Heights as scanned: sag changes with current, temperature and ice. Look at the picture,",
         "and survey targets and landing places before a flight.",
+        *height_notes(cloud),
     )
 
     def draw(stream: IO[bytes]) -> None:
@@ -133,13 +134,18 @@ def _from_cloud(arguments: argparse.Namespace) -> int:
     failure = _written(out, section.document, remarks)
     failures = [failure, write_output("--plot", arguments.plot, draw)]
     rows = "".join(
-        f"  {len(each.wires)} wire{'s' if len(each.wires) > 1 else ' '}, "
+        f"  {name:<18} {len(each.wires)} wire{'s' if len(each.wires) > 1 else ' '}, "
         f"{each.curve.length_m:6.1f} m, {len(each.inliers):6} points, deviation "
         f"{each.sigma_m:.2f} m, confidence {each.confidence:.2f}\n"
-        for each in section.conductors
+        for name, each in section.conductors.items()
     )
-    notes = "".join(f"note: {note}\n" for note in section.notes)
-    say(f"{len(section.conductors)} conductors cross the plane:\n{rows}{notes}{_next(out)}")
+    frame = section.document["frame"]
+    plane = (
+        f"the plane: x = 0 at {frame['origin']['latitude_deg']:.6f}, "
+        f"{frame['origin']['longitude_deg']:.6f}, x to {frame['azimuth_deg']:.0f} deg\n"
+    )
+    notes = "".join(f"note: {note}\n" for note in (*section.notes, *height_notes(cloud)))
+    say(f"{len(section.conductors)} conductors cross the plane:\n{rows}{plane}{notes}{_next(out)}")
     return _finished(failures, out)
 
 
@@ -197,7 +203,7 @@ def _show(arguments: argparse.Namespace) -> int:
     from ..config import default_vehicle  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
-    from ..survey.drawn_site import features_of_site, qgc_plan_of  # noqa: PLC0415
+    from ..survey.drawn_site import features_of_site, path_name, qgc_plan_of  # noqa: PLC0415
     from ..survey.map_features import geojson_of, kml_of  # noqa: PLC0415
     from ..vehicle import Vehicle  # noqa: PLC0415
 
@@ -216,17 +222,14 @@ def _show(arguments: argparse.Namespace) -> int:
     texts = {
         "--kml": kml_of(site.name, features),
         "--geojson": geojson_of(features),
-        "--qgc-plan": qgc_plan_of(site, plans, vehicle.autopilot),
+        "--qgc-plan": qgc_plan_of(site, plans, vehicle.autopilot, vehicle.speed.horizontal_mps),
     }
     failures = [
         write_output(option, path, partial(_write_text, texts[option]))
         for option, path in outputs.items()
     ]
     say(
-        "".join(
-            f"{plan.mission.value} {plan.request.target}: {len(plan.states)} waypoints\n"
-            for plan in plans
-        )
+        "".join(f"{path_name(plan)}: {len(plan.states)} waypoints\n" for plan in plans)
         + "".join(f"no path: {reason}\n" for reason in missing)
     )
     return _finished(failures)
@@ -247,7 +250,10 @@ def _paths(planner: Planner, site: Site) -> tuple[list[Plan], list[str]]:
         plans.append(plan)
         at = target.position_m
     if Mission.EXIT in site.landing_m:
-        plan = planner.plan(mission=Mission.EXIT, start=at)
+        try:
+            plan = planner.plan(mission=Mission.EXIT, start=at)
+        except InputError as error:  # a landing place that cannot be flown to
+            return plans, [*missing, str(error)]
         if plan.reason:
             missing.append(f"exit: {plan.reason}")
         else:

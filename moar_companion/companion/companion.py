@@ -22,7 +22,7 @@ from ..autopilots import profile
 from ..config import CompanionConfig
 from ..contingency.contingency_planner import Outlook
 from ..estimation.pose import Pose
-from ..estimation.pose_tracker import PoseTracker, SiteMaps
+from ..estimation.pose_tracker import PoseTracker, SiteMaps, grounded
 from ..guidance.path_follower import Progress
 from ..mavlink.commands import (
     CommandCancelled,
@@ -310,10 +310,10 @@ class Companion:
         self._notice_pause(now_s)
         jump = self._pose_tracker.look(self.telemetry)
         self._seen_obstacles.note_pose(self.telemetry, self._pose_tracker, jump)
-        site_maps = self._seen_obstacles.taken()
+        site_maps = self._seen_obstacles.taken(now_s)
         if site_maps is not None:
             self._executor.take_maps(site_maps, now_s)
-        self._seen_obstacles.look(now_s)
+        self._seen_obstacles.look(now_s, on_ground=grounded(self.telemetry))
         if jump is not None:
             self._executor.shift(jump, now_s)
         for event in self._session.events_received():

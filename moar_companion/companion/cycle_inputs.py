@@ -177,6 +177,7 @@ class CycleInputs:
             host=host,
             sensing=self._seen_obstacles.settings,
             sensor_health=self._seen_obstacles.health,
+            unmapped_s=self._seen_obstacles.unmapped_s(now_s),
             faults=replace(
                 faults,
                 offboard_loss_unknown=self._routes.limits.not_ready_reason,

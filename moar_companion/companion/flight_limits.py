@@ -70,7 +70,6 @@ class FlightLimits:
             maps=site_maps.maps,
             loss=loss,
             fence=self._fences.plane,
-            sudden_m=self._config.perception.keep_out_m if self.obstacles_seen else 0.0,
         )
 
     def learn_maps(self, site_maps: SiteMaps, flight: PathFollower | None, now_s: float) -> None:

@@ -83,7 +83,9 @@ class MissionExecutor:
         self._orders = orders
         self._reports = reports
         self.routes = RouteManager(site_maps, vehicle, config, reports, self._margin)
-        self.setpoints = SetpointStreamer(session, vehicle, config.supervision, self._margin)
+        self.setpoints = SetpointStreamer(
+            session, vehicle, config.supervision, self._margin, config.perception.keep_out_m
+        )
         pilot_may_fly = before is not None and before.state is not MissionState.IDLE
         self.mode_requester = ModeRequester(
             config.authority, session, reports, pilot_flies=pilot_may_fly

@@ -121,6 +121,8 @@ class PlanRequests:
         job = replace(awaited.job, job_id=self._last_id)
         self._awaited = replace(awaited, job=job)
         self._jobs.append(job)
+        if not awaited.first:
+            self.wanting_since_s = self.asked_s
         self.asked_s, self.asked_maps = now_s, site_maps
 
     def forget(self) -> None:

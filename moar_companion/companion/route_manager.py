@@ -62,8 +62,8 @@ class RouteManager:
         self._resumed_s = -math.inf
         """Time of the last resumption along a landing leg."""
         self._plan_reports = PlanReports(vehicle, reports)
-        self._no_way_round: str | None = None
-        """Reason why no plan leads round what bars the path; None while none was found."""
+        self._no_way_round = False
+        """True if no plan was found that leads round what bars the path."""
         self.inflation = PlanInflation(vehicle, config.supervision, margin)
         """Obstacle inflation of plans."""
         self._left: PathFollower | None = None
@@ -81,21 +81,24 @@ class RouteManager:
 
     def learn_maps(self, site_maps: SiteMaps, now_s: float) -> None:
         """Takes maps of the site with other obstacles."""
-        self._no_way_round = None
         self.limits.learn_maps(site_maps, self.flight, now_s)
+        self._no_way_round = False
 
     @property
     def barred(self) -> str | None:
         """Reason to hold: the maps bar the path ahead, and no plan leads round; None without it."""
-        return self._no_way_round
+        obstacle = None
+        if self._no_way_round and self.flight is not None:
+            obstacle = self.flight.barred_by
+        if obstacle is None:
+            return None
+        return _NO_WAY_ROUND + short_name(obstacle, reason_chars("holding") - len(_NO_WAY_ROUND))
 
     def note_no_way_round(self) -> bool:
         """Notes a search that found no plan; brakes and returns True if the maps bar the path."""
-        obstacle = None if self.flight is None else self.flight.barred_by
-        if self.flight is None or obstacle is None:
+        if self.flight is None or self.flight.barred_by is None:
             return False
-        room = reason_chars("holding") - len(_NO_WAY_ROUND)
-        self._no_way_round = _NO_WAY_ROUND + short_name(obstacle, room)
+        self._no_way_round = True
         self.flight.brake()
         return True
 
@@ -208,6 +211,7 @@ class RouteManager:
         )
         if adoption is not Adoption.TOO_LATE:
             self.limits.offboard_loss.objection = None
+            self._no_way_round = False
         if adoption is Adoption.NEW_PATH:
             self._plan_reports.explain(awaited, plan, flown, estimate, now_s)
         if (
@@ -235,6 +239,8 @@ class RouteManager:
             self._under_way_s = now_s
         if flight is None or (awaited is not None and awaited.first):
             return
+        if self.limits.obstacles_seen:
+            flight.avoid()
         if now_s - self._resumed_s >= _STANDS_FOR_S and self.resume_leg():
             self._resumed_s = now_s
         if awaited is not None:
@@ -353,6 +359,7 @@ class RouteManager:
 
     def end(self) -> None:
         """Ends the flight."""
+        self._no_way_round = False
         if self.flight is not None and self.flight.mission is not None:
             self._left = self.flight if self.flight.on_leg else None
         self.flight = None

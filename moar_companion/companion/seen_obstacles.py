@@ -16,21 +16,22 @@ from ..estimation.pose import Jump
 from ..estimation.pose_tracker import PoseTracker, SiteMaps
 from ..mavlink.session import Severity
 from ..perception.perception_report import PerceptionReport, SeenConductor, SensorHealth
-from ..perception.pose_notes import AttitudeNote, PointsNote, PoseNote, PositionNote, ShiftNote
+from ..perception.pose_notes import AttitudeNote, PointsNote, PoseNote, PositionNote
 from ..perception_config import Perception, Sensor
 from ..planning.map_jobs import MapAnswer, MapJob
 from ..site import Conductor, Obstacle, Site
 from ..telemetry import Proximity, Telemetry
 from ..text_format import distance
+from ..types import Vector
 from .reports import Reports
 
-_SAME_PLACE_M = 0.25
-"""A seen conductor that is nearer to its place in the file adds nothing: the margin covers it."""
+_APART_M, _SAME_PLACE_M = 0.25, 0.15
+"""Distances from its place in the file beyond which a seen conductor is an obstacle of its own, and
+below which it is none any more: the margin covers it."""
 _MOVED_M = 0.15
 """A conductor that moves less keeps its place on the maps: as far as its place is known."""
 _RADIUS_M = 0.02
 """Radius of a seen conductor; the keep-out is far greater."""
-_ANSWER_TIMEOUT_S = 2.0
 _MOST_NOTES = 200
 """Notes that are kept while nobody takes them: two seconds of poses."""
 
@@ -48,19 +49,27 @@ class SeenObstacles:
         self.report: PerceptionReport | None = None
         """The newest report; None before the first."""
         self._looked_at: PerceptionReport | None = None
-        self._seen: tuple[Obstacle, ...] = ()
-        """Seen obstacles that were asked for last, as a file would have them."""
+        self._seen: tuple[Obstacle, ...] | None = ()
+        """Seen obstacles of the last job, as a file would have them; None: it failed."""
+        self._before: tuple[Obstacle, ...] = ()
+        """What a process saw that has ended, until the aircraft is on the ground."""
         self._job_id = 0
-        self._awaited_s: float | None = None
+        self._asked_s: float | None = None
         """Time of the job that is to be answered; None: no job is."""
+        self._unmapped_s: float | None = None
+        """Time since which something is seen that the maps do not have; None: they have all."""
         self._jobs: list[MapJob] = []
         self._answer: MapAnswer | None = None
+        self._texts: list[tuple[Severity, str]] = []
+        """Texts about the obstacles of the job, told when the maps have them."""
         self._notes: deque[PoseNote] = deque(maxlen=_MOST_NOTES)
         self._noted: tuple[float | None, float | None] = (None, None)
         """Boot times of the last position and attitude that were noted."""
         self._proximity: Proximity | None = None
-        self._told_m: dict[str, float] = {}
-        """Distance that was told last, by conductor; of an unknown one 0."""
+        self._jumped_m: Vector = (0.0, 0.0, 0.0)
+        """Sum of the jumps of the estimate."""
+        self._told_m: dict[tuple[str, str], float] = {}
+        """Distance that was told last, by names in the file and as seen; of an unknown one 0."""
 
     @property
     def health(self) -> SensorHealth:
@@ -92,13 +101,20 @@ class SeenObstacles:
         if self.settings.sensor is None:
             return
         if jump is not None:
-            self._notes.append(ShiftNote(step_m=jump.step_m))
+            x_m, y_m, z_m = (sum(pair) for pair in zip(self._jumped_m, jump.step_m, strict=True))
+            self._jumped_m = x_m, y_m, z_m
         position, attitude = telemetry.local_position, telemetry.attitude
         position_boot_s, attitude_boot_s = self._noted
         if tracker.pose is not None and position is not None and position.boot_s != position_boot_s:
             time_s = tracker.received_s(position.boot_s)
             if time_s is not None:
-                self._notes.append(PositionNote(time_s=time_s, position_m=tracker.pose.position_m))
+                self._notes.append(
+                    PositionNote(
+                        time_s=time_s,
+                        position_m=tracker.pose.position_m,
+                        jumped_m=self._jumped_m,
+                    )
+                )
             position_boot_s = position.boot_s
         if attitude is not None and attitude.boot_s not in {None, attitude_boot_s}:
             assert attitude.boot_s is not None
@@ -122,36 +138,51 @@ class SeenObstacles:
                     PointsNote(time_s=proximity.received_s, points_m=proximity.points_m)
                 )
 
-    def taken(self) -> SiteMaps | None:
-        """Returns the maps of an answer, once."""
+    def unmapped_s(self, now_s: float) -> float | None:
+        """Time for which something has been seen that the maps do not have; None: they have all."""
+        return None if self._unmapped_s is None else now_s - self._unmapped_s
+
+    def taken(self, now_s: float) -> SiteMaps | None:
+        """Returns the maps of an answer, once; tells what they have."""
         answer, self._answer = self._answer, None
         if answer is None:
             return None
-        self._awaited_s = None
+        self._asked_s = None
         if answer.site_maps is None:
-            self._seen = ()  # asked for again with the next report
+            self._seen = None
+            return None
+        self._unmapped_s = None
+        for severity, text in self._texts:
+            self._reports.say(severity, text, now_s, action="avoided")
+        self._texts.clear()
         return answer.site_maps
 
-    def look(self, now_s: float) -> None:
-        """Tells what is new, and asks for maps where the obstacles are others."""
-        report = self.report
-        if self._awaited_s is not None and now_s - self._awaited_s > _ANSWER_TIMEOUT_S:
-            self._awaited_s = None
-            self._seen = ()
-        if report is None or self._site is None or report is self._looked_at:
-            return
-        if self._awaited_s is not None:
+    def look(self, now_s: float, *, on_ground: bool) -> None:
+        """Asks for maps where the obstacles are others than those that were asked for."""
+        report, before = self.report, self._looked_at
+        if report is None or self._site is None or report is before or self._asked_s is not None:
             return
         self._looked_at = report
+        if before is not None and report.began_s != before.began_s:
+            self._before = self._seen or self._before
+            self._told_m.clear()
+        if on_ground:
+            self._before = ()
+        if report.health.scan_s is None:
+            # Nothing has been looked at yet: what was seen before is still there.
+            return
         seen = (
-            *(item for each in report.conductors for item in self._placed(each, now_s)),
+            *self._before,
+            *(item for each in report.conductors for item in self._placed(each)),
             *(replace(solid, keep_out_m=self.settings.keep_out_m) for solid in report.solids),
         )
         if seen == self._seen:
             return
         self._seen = seen
         self._job_id += 1
-        self._awaited_s = now_s
+        self._asked_s = now_s
+        if self._unmapped_s is None:
+            self._unmapped_s = now_s
         self._jobs.append(
             MapJob(
                 job_id=self._job_id,
@@ -172,9 +203,17 @@ class SeenObstacles:
             ],
         )
 
-    def _placed(self, seen: SeenConductor, now_s: float) -> tuple[Obstacle, ...]:
+    def _placed(self, seen: SeenConductor) -> tuple[Obstacle, ...]:
         """The obstacle of a seen conductor, at the place of the maps until it has moved from it."""
         assert self._site is not None
+        mapped = next(
+            (
+                item
+                for item in self._seen or ()
+                if item.name == seen.name and isinstance(item, Conductor)
+            ),
+            None,
+        )
         known = min(
             (item for item in self._site.obstacles if isinstance(item, Conductor)),
             key=lambda item: math.dist(item.position_m, seen.position_m),
@@ -183,17 +222,18 @@ class SeenObstacles:
         off_m = math.inf if known is None else math.dist(known.position_m, seen.position_m)
         if known is None or off_m > self.settings.gate_m:
             keep_out_m = self.settings.keep_out_m
-            self._tell_unknown(seen, now_s)
+            self._note_unknown(seen)
         else:
             keep_out_m = known.keep_out_m - self._site.margin.total_m
-            self._tell_moved(known.name, off_m, now_s)
-            if off_m < _SAME_PLACE_M:
+            self._note_moved(known.name, seen.name, off_m)
+            if off_m < (_APART_M if mapped is None else _SAME_PLACE_M):
                 return ()
-        for before in self._seen:
-            if before.name == seen.name and isinstance(before, Conductor):
-                still = math.dist(before.position_m, seen.position_m) < _MOVED_M
-                if still and before.keep_out_m == keep_out_m:
-                    return (before,)
+        if mapped is not None:
+            # A keep-out never shrinks in flight, on whichever side of a limit the conductor is.
+            keep_out_m = max(keep_out_m, mapped.keep_out_m)
+            still = math.dist(mapped.position_m, seen.position_m) < _MOVED_M
+            if still and mapped.keep_out_m == keep_out_m:
+                return (mapped,)
         return (
             Conductor(
                 name=seen.name,
@@ -203,21 +243,21 @@ class SeenObstacles:
             ),
         )
 
-    def _tell_unknown(self, seen: SeenConductor, now_s: float) -> None:
-        if seen.name in self._told_m:
+    def _note_unknown(self, seen: SeenConductor) -> None:
+        if ("", seen.name) in self._told_m:
             return
-        self._told_m[seen.name] = 0.0
+        self._told_m["", seen.name] = 0.0
         x_m, z_m = seen.position_m
         number = seen.name.rpartition("-")[2]
         text = pilot_texts.CONDUCTOR_SEEN(wire=number, x_m=f"{x_m:.1f}", z_m=f"{z_m:.1f}")
-        self._reports.say(Severity.NOTICE, text, now_s, action="avoided")
+        self._texts.append((Severity.NOTICE, text))
 
-    def _tell_moved(self, name: str, off_m: float, now_s: float) -> None:
-        before_m = self._told_m.get(name)
-        if before_m is None and off_m <= self.settings.moved_m:
+    def _note_moved(self, name: str, seen: str, off_m: float) -> None:
+        told_m = self._told_m.get((name, seen))
+        if told_m is None and off_m <= self.settings.moved_m:
             return
-        if before_m is not None and abs(off_m - before_m) <= self.settings.moved_m:
+        if told_m is not None and abs(off_m - told_m) <= self.settings.moved_m:
             return
-        self._told_m[name] = off_m
+        self._told_m[name, seen] = off_m
         text = pilot_texts.CONDUCTOR_MOVED(m=distance(off_m), obstacle=name)
-        self._reports.say(Severity.WARNING, text, now_s, action="avoided")
+        self._texts.append((Severity.WARNING, text))

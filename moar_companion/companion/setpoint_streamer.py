@@ -31,11 +31,20 @@ class SetpointRefusal:
 
 
 class SetpointStreamer:
-    """Checks every setpoint, sends it, and keeps the last one."""
+    """Checks every setpoint, sends it, and keeps the last one.
+
+    sudden_m: depth in a keep-out at which it may rest before an obstacle that was seen late.
+    """
 
     def __init__(
-        self, session: Session, vehicle: Vehicle, limits: Supervision, margin: Margin
+        self,
+        session: Session,
+        vehicle: Vehicle,
+        limits: Supervision,
+        margin: Margin,
+        sudden_m: float,
     ) -> None:
+        self._sudden_m = sudden_m
         self._session = session
         self._vehicle = vehicle
         self._limits = limits
@@ -62,11 +71,10 @@ class SetpointStreamer:
         that setpoint was accepted, and would fly on otherwise.
         """
         # Inside the margin a setpoint is only narrow: a small jump of the estimate may cause it.
-        reason = self._place_refusal(setpoint, flight, -flight.margin_m) or self._motion_refusal(
-            setpoint, flight, plane, now_s
-        )
+        misplaced = self._place_refusal(setpoint, flight, -flight.margin_m)
+        reason = misplaced or self._motion_refusal(setpoint, flight, plane, now_s)
         narrow = not reason and bool(self._place_refusal(setpoint, flight, self.widened_m))
-        if reason is not None and flight.seen_late:
+        if misplaced is not None and flight.seen_late:
             narrow, reason = True, "no room here, an obstacle is seen"
         elif narrow:
             known_m = self._margin.position_m + self.widened_m
@@ -143,7 +151,7 @@ class SetpointStreamer:
         The aircraft is at that position.
         """
         tolerance_m = self._limits.plane_tolerance_m
-        reason = flight.refusal(setpoint, tolerance_m, widened_m)
+        reason = flight.refusal(setpoint, tolerance_m, widened_m, self._sudden_m)
         stands = 0.0 < math.hypot(*self._jumped_m) <= self._margin.total_m
         stands = stands and not any(setpoint.velocity_mps)
         near = abs(setpoint.position_m[1]) <= tolerance_m

@@ -34,6 +34,8 @@ autopilots up to 0.05 rad of a turn are left; when its receiver was back, PX4's 
 0.43."""
 _TURN_WITHIN_S = 0.2
 """ATTITUDE comes at 20 Hz or more, on a slow link at 10: over longer times rates are too coarse."""
+_WINDOW_S = 30.0
+"""In it, clocks that differ by 100 ppm run 3 ms apart."""
 _MOST_JUMPS = 100
 """Maximum number of jumps kept, of an estimator that jumps continuously."""
 
@@ -87,6 +89,10 @@ class PoseTracker:
         self._position_late_s = 0.0
         self._clock_ahead_s = math.inf
         """Lead of our clock over the position's clock, when the fastest position arrived."""
+        self._recent_ahead_s = (math.inf, math.inf)
+        """The same in the window before the present one, and in the present one."""
+        self._window_s = -math.inf
+        """Begin of the present window."""
         self._jumps: deque[tuple[float, float]] = deque(maxlen=_MOST_JUMPS)
         self._reset_counter: int | None = None
         self._reset_s = -math.inf
@@ -149,6 +155,11 @@ class PoseTracker:
             restarted = position.boot_s < self._position_boot_s
             self._clock_ahead_s = ahead_s if restarted else min(self._clock_ahead_s, ahead_s)
             self._position_late_s = ahead_s - self._clock_ahead_s
+            before_s, recent_s = self._recent_ahead_s
+            if restarted or position.received_s - self._window_s > _WINDOW_S:
+                self._window_s = position.received_s
+                before_s, recent_s = math.inf if restarted else recent_s, math.inf
+            self._recent_ahead_s = before_s, min(recent_s, ahead_s)
             self._position_boot_s = position.boot_s
             self._position_moved_s = position.received_s
         self._pose = self._pose_of(telemetry)
@@ -180,9 +191,11 @@ class PoseTracker:
     def received_s(self, boot_s: float) -> float | None:
         """Time on our clock at which the autopilot's clock was at `boot_s`; None while unknown.
 
-        As for the fastest position that was received: a delay on the link does not count.
+        As for the fastest position of the last minute: a delay on the link does not count, and
+        clocks that run apart do not either.
         """
-        return boot_s + self._clock_ahead_s if math.isfinite(self._clock_ahead_s) else None
+        ahead_s = min(self._recent_ahead_s)
+        return boot_s + ahead_s if math.isfinite(ahead_s) else None
 
     def jumped_m(self, now_s: float) -> float:
         """Total length of the position's jumps within the last 10 s, there and back."""

@@ -6,6 +6,7 @@ Outputs: speeds, and reasons to refuse a setpoint.
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import dataclass, replace
 
@@ -41,8 +42,7 @@ class FlightVolume:
     maps: of the site, keep-outs without inflation; the gate adds the present inflation.
     reach: to obstacles with the inflation of the active plan; None: as on `maps`.
     fence: of the autopilot, less its margin; None where there is none. narrowed_m: part of the
-    margin that the active plan omits. sudden_m: depth beyond the margin in a keep-out at which a
-    setpoint may rest, since an obstacle may be seen late.
+    margin that the active plan omits.
     """
 
     site: Site
@@ -52,7 +52,6 @@ class FlightVolume:
     reach: FreeDistance | None = None
     fence: PlaneFence | None = None
     narrowed_m: float = 0.0
-    sudden_m: float = 0.0
 
     @property
     def corridor_width_m(self) -> float:
@@ -186,7 +185,8 @@ class FlightVolume:
         at_m = np.concatenate([np.arange(leash_m, length_m, step_m), nearer_m, [0.0]])
         places = aircraft + (at_m / length_m)[:, None] * line
         places[:, 2] = np.maximum(places[:, 2], least_m)
-        for place_m in map(vector, places[self._leads_back(places, aircraft)]):
+        kept = self._leads_back(places, aircraft, self.site.margin.total_m)
+        for place_m in map(vector, places[kept]):
             nearer = math.dist(place_m, aircraft_m) < length_m
             if nearer and self._may_be_carried_to(place_m, least_m, self.site.margin.total_m):
                 return place_m
@@ -194,15 +194,33 @@ class FlightVolume:
 
     def is_free_leg(self, start_m: Vector, end_m: Vector) -> bool:
         """True if a straight leg keeps every keep-out; in one it begins in, comes no nearer."""
-        return bool(self._leads_back(np.array([end_m]), np.array(start_m))[0])
+        margin_m = self.site.margin.total_m
+        return bool(self._leads_back(np.array([end_m]), np.array(start_m), margin_m)[0])
 
-    def _leads_back(self, places_m: FloatArray, aircraft_m: FloatArray) -> BoolArray:
+    def keeps_leg(self, corners_m: tuple[Vector, ...], from_m: Vector) -> bool:
+        """True if what is left of a leg, from a place in its corridor, keeps every keep-out.
+
+        In one that it begins in, it comes no nearer.
+        """
+        rest = list(corners_m)
+        while len(rest) > 1 and distance_m(from_m, tuple(rest[1:])) <= self.corridor_width_m:
+            del rest[0]
+        if distance_m(from_m, tuple(rest)) <= self.corridor_width_m:
+            rest[0] = from_m
+        less_m = self.narrowed_m + self.corridor_width_m
+        return all(
+            self._leads_back(np.array([end_m]), np.array(start_m), less_m)[0]
+            for start_m, end_m in itertools.pairwise(rest)
+        )
+
+    def _leads_back(self, places_m: FloatArray, aircraft_m: FloatArray, less_m: float) -> BoolArray:
         """Mask (n,) of places (n, 3) whose straight line to the aircraft keeps every keep-out.
 
-        If the aircraft is in a keep-out, the line comes no nearer to that obstacle.
+        less_m: part of keep-outs that may be entered. If the aircraft is in the rest of one, the
+        line comes no nearer to that obstacle.
         """
         vertices_m, first, radius_m, keep_out_m = rings(self.site.obstacles)
-        least_m = keep_out_m + self.vehicle.radius_m - self.site.margin.total_m
+        least_m = keep_out_m + self.vehicle.radius_m - less_m
         ends_m = np.stack([aircraft_m[::2], *places_m[:, ::2]])
         clear_m = leg_clearances(ends_m, ends_m[0], vertices_m, first, radius_m)
         kept = clear_m[1:] >= np.minimum(clear_m[0], least_m) - TOLERANCE
@@ -278,18 +296,20 @@ class FlightVolume:
         widened_m: float,
         carried_from_z_m: float | None = None,
         brakes: bool = False,
+        sudden_m: float = 0.0,
     ) -> str | None:
         """Reason to refuse a setpoint; None when the setpoint is permitted.
 
         widened_m: obstacle inflation for a moving setpoint, less the margin that the plan omits.
         carried_from_z_m: height from which wind has moved the setpoint; at rest, all places that
         wind can reach from there are permitted. None: no wind has moved it. brakes: the setpoint
-        comes to rest, which is permitted outside the fence, too.
+        comes to rest, which is permitted outside the fence, and on a leg that was barred, too.
+        sudden_m: depth beyond the margin in a keep-out at which it may rest.
         """
         widened_m = max(widened_m - self.narrowed_m, -self.site.margin.total_m)
         if any(setpoint.velocity_mps):
             carried_from_z_m = None
-            legs = tuple(leg for leg in legs if leg.has_room(widened_m))
+            legs = tuple(leg for leg in legs if leg.has_room(widened_m) or (brakes and leg.barred))
             crossed = self.leaves_fence(np.array([setpoint.position_m]))
             if (
                 crossed is not None
@@ -319,7 +339,7 @@ class FlightVolume:
             occupied=self.maps.occupied,
             room_m=self.maps.room_m,
             widened_m=widened_m,
-            margin_m=self.site.margin.total_m + self.sudden_m,
+            margin_m=self.site.margin.total_m + sudden_m,
             min_altitude_m=self.site.workspace.min_altitude_m,
             corridors_m=tuple(leg.points_m for leg in legs),
             ways_back_m=tuple(leg.points_m for leg in legs if leg.begins_beside),

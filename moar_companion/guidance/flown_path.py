@@ -189,23 +189,29 @@ class FlownPath:
         from_legs_m = [distances_m(places_m, leg.points_m) for leg in inwards]
         return self.volume.leaves_fence(places_m[np.min(from_legs_m, axis=0) > width_m])
 
+    def on_maps(self, volume: FlightVolume) -> FlownPath:
+        """Returns the same path on maps with other obstacles, its legs checked on these."""
+        place_m = self.place_m
+        return replace(
+            self.within(volume),
+            legs=tuple(
+                replace(leg, barred=not volume.keeps_leg(leg.points_m, place_m))
+                for leg in self.legs
+            ),
+        )
+
     def barred_m(self) -> float | None:
         """Distance along the trajectory of the first place ahead that the maps bar; None: none.
 
-        In a leg's corridor places may be barred, as long as the leg comes no nearer to an obstacle.
+        Beyond a stop by a brake, too. In a leg's corridor all places are barred, or none, as the
+        leg is.
         """
-        trajectory, end_m = self.reference.trajectory, self.reference.stop_m
+        trajectory = self.reference.trajectory
         ahead = trajectory.distance_m >= self.reference.distance_m
-        if end_m is not None:
-            ahead &= trajectory.distance_m <= end_m
-        places_m, volume = trajectory.position_m[ahead], self.volume
-        barred = volume.is_barred(places_m)
+        places_m, width_m = trajectory.position_m[ahead], self.volume.corridor_width_m
+        barred = self.volume.is_barred(places_m)
         for leg in self.legs:
-            corners_m = leg.points_m
-            if all(map(volume.is_free_leg, corners_m[:-1], corners_m[1:])):
-                barred &= distances_m(places_m, corners_m) > volume.corridor_width_m
-            else:
-                barred |= distances_m(places_m, corners_m) <= volume.corridor_width_m
+            barred[distances_m(places_m, leg.points_m) <= width_m] = leg.barred
         if not barred.any():
             return None
         return float(trajectory.distance_m[ahead][barred][0])

@@ -184,7 +184,7 @@ class PathFollower:
 
         The active plan's inflation counts no longer: the gate has the present one.
         """
-        self._path = self._path.within(volume.widened(None, self.narrowed_m))
+        self._path = self._path.on_maps(volume.widened(None, self.narrowed_m))
 
     @property
     def barred_by(self) -> str | None:
@@ -196,14 +196,17 @@ class PathFollower:
         return self._volume.maps.reach.nearest((x_m, z_m))
 
     def avoid(self) -> None:
-        """Brakes before a barred place where the next plan could not begin before it."""
+        """Brakes before a barred place where the next plan could not begin before it.
+
+        On a leg no next plan begins.
+        """
         barred_m = self._path.barred_m()
+        stop_m = self._reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
+        self.seen_late = barred_m is not None and barred_m <= stop_m
         if barred_m is None:
             return
-        stop_m = self._reference.stopping_m(self._vehicle.guidance.acceleration_mps2)
-        self.seen_late = barred_m <= stop_m
         joined_m = self.junction().joined_m
-        if joined_m is not None and joined_m >= barred_m:
+        if self.on_leg or self.returns or (joined_m is not None and joined_m >= barred_m):
             self.brake()
 
     def leaves_fence(self) -> str | None:
@@ -421,8 +424,18 @@ class PathFollower:
             return self.why_it_returns
         return self._volume.strays(pose, self._path.legs)
 
-    def refusal(self, setpoint: Setpoint, plane_tolerance_m: float, widened_m: float) -> str | None:
-        """Reason to refuse a setpoint; None when the setpoint is permitted."""
+    def refusal(
+        self,
+        setpoint: Setpoint,
+        plane_tolerance_m: float,
+        widened_m: float,
+        sudden_m: float = 0.0,
+    ) -> str | None:
+        """Reason to refuse a setpoint; None when the setpoint is permitted.
+
+        sudden_m: depth in a keep-out at which a setpoint may rest before an obstacle that was seen
+        late.
+        """
         return self._volume.refusal(
             setpoint,
             self._path.legs,
@@ -430,6 +443,7 @@ class PathFollower:
             widened_m=widened_m,
             carried_from_z_m=self._drift.lowest_m if self._drift.carried else None,
             brakes=self.braked,
+            sudden_m=sudden_m if self.seen_late else 0.0,
         )
 
     def rests_m(

@@ -26,12 +26,14 @@ _BESIDE_M = 1.0
 class CheckedLeg:
     """A leg through cells that are not free. room_m: from the hull on it to the nearest keep-out.
 
-    leads_in: an escape or recovery leg, which may begin outside the autopilot's fence.
+    leads_in: an escape or recovery leg, which may begin outside the autopilot's fence. barred: by
+    an obstacle that was seen after the leg was checked.
     """
 
     points_m: Corridor
     room_m: float
     leads_in: bool = False
+    barred: bool = False
 
     @property
     def begins_beside(self) -> bool:
@@ -40,7 +42,7 @@ class CheckedLeg:
 
     def has_room(self, widened_m: float) -> bool:
         """True if the leg may be flown with obstacles inflated by `widened_m`."""
-        return self.room_m >= widened_m - _TOLERANCE_M
+        return not self.barred and self.room_m >= widened_m - _TOLERANCE_M
 
 
 def flown(

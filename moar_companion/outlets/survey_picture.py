@@ -120,10 +120,14 @@ def _draw_section(axes: Any, survey: SurveyView) -> None:
             if bundle not in labelled:
                 labelled.add(bundle)
                 right = wire["x_m"] >= 0.0
+                covered = any(  # by a target: the text goes below
+                    (x >= wire["x_m"]) == right and abs(z - wire["z_m"]) < 1.0
+                    for x, z in _targets(document).values()
+                )
                 axes.annotate(
                     f"{bundle}  {wire['z_m']:.1f} m",
                     (wire["x_m"], wire["z_m"]),
-                    xytext=(14 if right else -14, 0),
+                    xytext=(14 if right else -14, -12 if covered else 0),
                     textcoords="offset points",
                     ha="left" if right else "right",
                     va="center",

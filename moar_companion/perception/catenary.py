@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
+BoolArray = npt.NDArray[np.bool_]
 
 _STRAIGHT_PER_M = 1e-7
 """Curvature below which a catenary is computed as a line: 1 mm of sag over 280 m."""
@@ -80,6 +81,15 @@ class Catenary:
                 (coordinates_m[:, 2] - _height(self.vertical, along)) * inclination,
             )
         )
+
+    def near(self, coordinates_m: FloatArray, radius_m: float, reach_m: float) -> BoolArray:
+        """(n,) whether within a radius of the curve, up to `reach_m` beyond its ends."""
+        low, high = self.extent_m
+        near = (coordinates_m[:, 0] >= low - reach_m) & (coordinates_m[:, 0] <= high + reach_m)
+        inside = np.flatnonzero(near)
+        distance = np.hypot(*self.residuals(coordinates_m[inside]).T)
+        near[inside[distance > radius_m]] = False
+        return near
 
     def slope(self, along_m: FloatArray) -> FloatArray:
         """dz/ds."""

@@ -20,7 +20,6 @@ from .catenary import Catenary, fit, wires_of
 
 FloatArray = npt.NDArray[np.float64]
 IntArray = npt.NDArray[np.intp]
-BoolArray = npt.NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,6 +49,8 @@ class DetectorSettings:
     least_length_m: float = 10.0
     max_sigma_m: float = 0.35
     """Of points from their wire; of a bundle whose wires cannot be told apart, its radius."""
+    least_confidence: float = 0.25
+    """Lone points in a line by chance reach 0.17: ten over 150 m, among twice as many others."""
     hypotheses: int = 96
 
 
@@ -231,7 +232,7 @@ class _Search:
     def _on(self, curve: Catenary, radius_m: float, reach_m: float = 1.0) -> IntArray:
         """Points of the search within a radius of the curve."""
         coordinates = curve.coordinates(self._points_m)
-        return np.flatnonzero(_near(curve, coordinates, radius_m, reach_m))
+        return np.flatnonzero(curve.near(coordinates, radius_m, reach_m))
 
     def _is_conductor(self, curve: Catenary) -> bool:
         if curve.length_m < self._settings.least_length_m:
@@ -245,7 +246,7 @@ class _Search:
     def _hangs_free(self, curve: Catenary) -> bool:
         """Points close around are few along most of the curve."""
         coordinates = curve.coordinates(self._points_m)
-        near = coordinates[_near(curve, coordinates, 1.5, 0.0)]
+        near = coordinates[curve.near(coordinates, 1.5, 0.0)]
         distance = np.hypot(*curve.residuals(near).T)
         own = distance <= self._settings.bundle_radius_m
         edges = np.arange(curve.extent_m[0], curve.extent_m[1] + 4.0, 4.0)
@@ -262,6 +263,7 @@ class _Search:
                 grown = fit(self._points_m[candidate], curve.direction)
                 gap_m = self._settings.sparse_gap_m
                 on = self._inliers(grown, gap_m, gap_m)
+                on = self._beside(curve, on)
                 if len(on) < self._settings.least_points:
                     continue
                 grown = fit(self._points_m[on], curve.direction)
@@ -269,6 +271,13 @@ class _Search:
                     found.append(grown)
                     self._free[self._on(grown, self._settings.bundle_radius_m)] = False
         return found
+
+    def _beside(self, curve: Catenary, points: IntArray) -> IntArray:
+        """Those along a curve: where it ends, nothing tells that a wire beside it goes on."""
+        along = curve.coordinates(self._points_m[points])[:, 0]
+        low, high = curve.extent_m
+        reach_m = self._settings.gap_m
+        return points[(along >= low - reach_m) & (along <= high + reach_m)]
 
     def _shifted(self, curve: Catenary) -> Iterator[IntArray]:
         """Free points near the curve after a shift across and up; of each shift with support."""
@@ -331,13 +340,13 @@ class _Search:
         refined: list[tuple[Catenary, tuple[Catenary, ...], float]] = []
         for number, rough in enumerate(curves):
             coordinates = rough.coordinates(self._all_m)
-            on = np.flatnonzero(_near(rough, coordinates, self._settings.bundle_radius_m, 1.0))
+            on = np.flatnonzero(rough.near(coordinates, self._settings.bundle_radius_m, 1.0))
             curve, wires, sigma = wires_of(self._all_m[on], rough)
             refined.append((curve, wires, sigma))
             radius_m = min(max(4.0 * sigma, 0.12), 0.4)
             for wire in wires:
                 at = wire.coordinates(self._all_m)
-                near = np.flatnonzero(_near(wire, at, radius_m, 1.0))
+                near = np.flatnonzero(wire.near(at, radius_m, 1.0))
                 distance = np.hypot(*wire.residuals(at[near]).T)
                 nearer = distance < distance_of[near]
                 owner[near[nearer]] = number
@@ -347,14 +356,16 @@ class _Search:
             inliers = np.flatnonzero(owner == number)
             if len(inliers) < self._settings.least_points or sigma > self._settings.max_sigma_m:
                 continue
-            found.append(self._conductor(curve, wires, sigma, inliers))
+            conductor = self._conductor(curve, wires, sigma, inliers)
+            if conductor.confidence >= self._settings.least_confidence:
+                found.append(conductor)
         return tuple(sorted(found, key=lambda each: -len(each.inliers)))
 
     def _conductor(
         self, curve: Catenary, wires: tuple[Catenary, ...], sigma: float, inliers: IntArray
     ) -> DetectedConductor:
         coordinates = curve.coordinates(self._all_m)
-        around = _near(curve, coordinates, 1.5, 0.0)
+        around = curve.near(coordinates, 1.5, 0.0)
         along = np.sort(coordinates[inliers, 0])
         window_m = max(2.0, 3.0 * float(np.median(np.diff(along))))
         bins = max(1, math.ceil(curve.length_m / window_m))
@@ -368,16 +379,6 @@ class _Search:
             covered=float((reached > 0).mean()),
             clear=float(own / max(int(around.sum()), 1)),
         )
-
-
-def _near(curve: Catenary, coordinates_m: FloatArray, radius_m: float, reach_m: float) -> BoolArray:
-    """Points within a radius of the curve, up to `reach_m` beyond its ends."""
-    low, high = curve.extent_m
-    near = (coordinates_m[:, 0] >= low - reach_m) & (coordinates_m[:, 0] <= high + reach_m)
-    inside = np.flatnonzero(near)
-    distance = np.hypot(*curve.residuals(coordinates_m[inside]).T)
-    near[inside[distance > radius_m]] = False
-    return near
 
 
 def _thinned(points_m: FloatArray, voxel_m: float) -> FloatArray:

@@ -71,10 +71,22 @@ class LivePerception:
         self._scan_s: float | None = None
         self._returns = 0.0
         self._reported_s = -math.inf
+        self._began_s: float | None = None
+        self._jumped_m: Vector | None = None
         self.late = 0
 
-    def note_position(self, time_s: float, position_m: Vector) -> None:
-        """Position in the site's frame at a time."""
+    def note_position(
+        self, time_s: float, position_m: Vector, jumped_m: Vector = (0.0, 0.0, 0.0)
+    ) -> None:
+        """Position in the site's frame at a time. jumped_m: sum of the estimate's jumps so far."""
+        if self._jumped_m is None:
+            self._jumped_m = jumped_m
+        if jumped_m != self._jumped_m:
+            x_m, y_m, z_m = (
+                now - before for now, before in zip(jumped_m, self._jumped_m, strict=True)
+            )
+            self._jumped_m = jumped_m
+            self.shift((x_m, y_m, z_m))
         self._poses.note_position(time_s, position_m)
 
     def note_attitude(
@@ -119,9 +131,12 @@ class LivePerception:
         if not processed and now_s - self._reported_s < _REPORT_S:
             return None
         self._reported_s = now_s
+        if self._began_s is None:
+            self._began_s = now_s
         refused = 0 if self._stream is None else sum(self._stream.refused.values())
         return PerceptionReport(
             time_s=now_s,
+            began_s=self._began_s,
             health=SensorHealth(
                 scan_s=self._scan_s,
                 received_s=self._received_s,

@@ -44,10 +44,12 @@ class SensorHealth:
 class PerceptionReport:
     """Everything that is seen now. time_s: of the report, on the companion's clock.
 
+    began_s: time of the first report of the same process: another one has not seen what it saw.
     solids: other obstacles in the plane, ground left out, without keep-outs.
     """
 
     time_s: float
+    began_s: float = 0.0
     health: SensorHealth = SensorHealth()
     conductors: tuple[SeenConductor, ...] = ()
     solids: tuple[Polygon, ...] = ()

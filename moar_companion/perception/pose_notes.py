@@ -9,10 +9,15 @@ from ..types import Vector
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PositionNote:
-    """LOCAL_POSITION_NED in the site's frame, at its time on the companion's clock."""
+    """LOCAL_POSITION_NED in the site's frame, at its time on the companion's clock.
+
+    jumped_m: sum of all jumps of the estimate so far; what was seen moves with them. As a sum it
+    survives notes that are lost.
+    """
 
     time_s: float
     position_m: Vector
+    jumped_m: Vector = (0.0, 0.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,13 +31,6 @@ class AttitudeNote:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class ShiftNote:
-    """Jump of the position estimate, in the site's frame: what was seen moves with it."""
-
-    step_m: Vector
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class PointsNote:
     """Measured points in the aircraft's frame (x forward, y left, z up), at their time.
 
@@ -43,4 +41,4 @@ class PointsNote:
     points_m: tuple[Vector, ...]
 
 
-PoseNote = PositionNote | AttitudeNote | ShiftNote | PointsNote
+PoseNote = PositionNote | AttitudeNote | PointsNote

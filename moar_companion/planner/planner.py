@@ -88,10 +88,9 @@ class Planner:
         clock: seconds, for the times in a plan's `compute`; None: they are unknown. No plan
         depends on it.
         """
-        self.site = site
         self.vehicle = vehicle
         self.clock = clock
-        self._build(position_uncertainty_m, fence, before=None)
+        self._build(site, position_uncertainty_m, fence, before=None)
         self._solver = Solver(self.graph)
 
     def prepare(self, *, mission: Mission | str, target: str | int | None = None) -> None:
@@ -144,8 +143,7 @@ class Planner:
 
         Tables are dropped, one in preparation, too. site: its obstacles have the margin.
         """
-        self.site = site
-        self._build(self.maps.position_uncertainty_m, self.maps.fence, before=self.maps)
+        self._build(site, self.maps.position_uncertainty_m, self.maps.fence, before=self.maps)
         self._solver.graph = self.graph
 
     def set_exposed(self, exposed: BoolArray) -> None:
@@ -158,12 +156,16 @@ class Planner:
         self._solver.graph = self.graph
 
     def _build(
-        self, position_uncertainty_m: float, fence: PlaneFence | None, *, before: Maps | None
+        self,
+        site: Site,
+        position_uncertainty_m: float,
+        fence: PlaneFence | None,
+        *,
+        before: Maps | None,
     ) -> None:
         began_s = self._clock_s()
-        maps = build_maps(
-            self.site, self.vehicle, position_uncertainty_m, fence=fence, before=before
-        )
+        maps = build_maps(site, self.vehicle, position_uncertainty_m, fence=fence, before=before)
+        self.site = site
         self._unexposed = maps
         self._take(maps, began_s)
 

@@ -13,7 +13,7 @@ from __future__ import annotations
 import itertools
 from collections import Counter
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 from ..companion.companion import Companion
@@ -138,8 +138,9 @@ class ExactReplay:
         if job is None or self.planners is None:
             return None
         if isinstance(job, MapJob):
-            made = answer_map_job(self.planners, job)
-            return made if data["made"] else replace(made, site_maps=None)
+            if not data["made"]:
+                return MapAnswer(job_id=job.job_id, site_maps=None)
+            return answer_map_job(self.planners, job)
         return answer_decoded(self.planners, job, data)
 
     def _compared(self, kind: str, was: list[Any], now: list[Any]) -> Iterator[Difference]:

@@ -108,4 +108,6 @@ class CheckInputs:
     sensing: Perception = field(default_factory=Perception)
     """Settings of the sensor that looks for obstacles; its kind is None without one."""
     sensor_health: SensorHealth = field(default_factory=SensorHealth)
+    unmapped_s: float | None = None
+    """Time for which something has been seen that the maps do not have; None: they have all."""
     faults: Causes = field(default_factory=Causes)

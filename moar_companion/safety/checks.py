@@ -89,7 +89,7 @@ def _plan(seen: CheckInputs, limit_s: float) -> str | None:
 
 
 def perception(seen: CheckInputs, now_s: float) -> str | None:
-    """Text for a sensor that is lost, late or blinded; None without a sensor."""
+    """Text for a sensor that is lost, late or blinded, or seen in vain; None without a sensor."""
     settings, health = seen.sensing, seen.sensor_health
     if settings.sensor is None:
         return None
@@ -100,7 +100,7 @@ def perception(seen: CheckInputs, now_s: float) -> str | None:
     text = text or exceeds("lidar scan age", age_s, settings.late_s, "s")
     if text is None and health.returns < settings.least_returns:
         text = f"lidar blinded, {health.returns:.0%} returns < {settings.least_returns:.0%}"
-    return text
+    return text or exceeds("seen, not on the maps for", seen.unmapped_s, settings.timeout_s, "s")
 
 
 def _unmonitored(seen: CheckInputs, now_s: float) -> str | None:

@@ -302,13 +302,13 @@ CONDITIONS = (
         name="path_barred",
         starts="what is seen stands in the path ahead, and no plan leads round it",
         action=Action.HOLD,
-        over_s=1.0,
         override=Override.ORDER,
     ),
     Condition(
         name="perception",
         starts="the sensor that looks for obstacles is silent for `timeout_s`, its newest scan is "
-        "older than `late_s`, or fewer of its beams return than `least_returns`",
+        "older than `late_s`, or fewer of its beams return than `least_returns`; or what it has "
+        "seen is not on the maps for `timeout_s`",
         action=Action.HOLD,
         over_s=2.0,
         override=Override.SAFER,

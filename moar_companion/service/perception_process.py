@@ -14,7 +14,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from ..errors import InputError, LinkError
 from ..mavlink.link_basics import reason
@@ -22,7 +22,7 @@ from ..perception.perception_report import PerceptionReport
 from ..perception.pose_notes import PoseNote
 from ..perception_config import Perception, Sensor
 from ..recording.value_codec import decoded, encoded
-from ..site import Site
+from ..site import Polygon, Site
 from .priority import put_behind
 
 _DECODERS = {Sensor.VELODYNE: ("velodyne_decoder", "lidar"), Sensor.OUSTER: ("ouster", "ouster")}
@@ -63,6 +63,8 @@ class PerceptionProcess:
         # The process's end stays open here, too: one that ends loses neither notes nor reports.
         self._channel, self._other_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._channel.setblocking(False)
+        self._solids: tuple[Polygon, ...] = ()
+        """Solids of the last report; one that has the same comes without."""
         self._closing = threading.Event()
         self._process: subprocess.Popen[bytes] | None = None
         self._thread = threading.Thread(target=self._keep_running, name="perception", daemon=True)
@@ -92,7 +94,12 @@ class PerceptionProcess:
                 message = self._channel.recv(MESSAGE_BYTES)
             except BlockingIOError:
                 return
-            report: PerceptionReport = decoded(PerceptionReport, json.loads(message))
+            data = json.loads(message)
+            same = "solids" not in data
+            report: PerceptionReport = decoded(PerceptionReport, data)
+            if same:
+                report = replace(report, solids=self._solids)
+            self._solids = report.solids
             yield report
 
     def close(self) -> None:

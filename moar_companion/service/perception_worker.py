@@ -11,6 +11,7 @@ import json
 import logging
 import socket
 import sys
+from typing import Any
 
 from ..errors import LinkError
 from ..mavlink.link import open_link
@@ -19,12 +20,12 @@ from ..mavlink.peers import Address
 from ..mavlink.urls import parse_url
 from ..perception.live_perception import LivePerception
 from ..perception.perception_report import PerceptionReport
-from ..perception.pose_notes import AttitudeNote, PointsNote, PoseNote, PositionNote, ShiftNote
+from ..perception.pose_notes import AttitudeNote, PointsNote, PoseNote, PositionNote
 from ..recording.value_codec import decoded, encoded
 from .perception_process import MESSAGE_BYTES, Setup
 
 _STEP_S = 0.01
-_KINDS = {kind.__name__: kind for kind in (PositionNote, AttitudeNote, ShiftNote, PointsNote)}
+_KINDS = {kind.__name__: kind for kind in (PositionNote, AttitudeNote, PointsNote)}
 
 _logger = logging.getLogger(__name__)
 
@@ -32,12 +33,10 @@ _logger = logging.getLogger(__name__)
 def apply(perception: LivePerception, note: PoseNote) -> None:
     """Hands a note to the perception."""
     match note:
-        case PositionNote(time_s=time_s, position_m=position_m):
-            perception.note_position(time_s, position_m)
+        case PositionNote():
+            perception.note_position(note.time_s, note.position_m, note.jumped_m)
         case AttitudeNote():
             perception.note_attitude(note.time_s, note.roll_rad, note.pitch_rad, note.yaw_rad)
-        case ShiftNote(step_m=step_m):
-            perception.shift(step_m)
         case PointsNote(time_s=time_s, points_m=points_m):
             perception.note_points(points_m, time_s)
 
@@ -47,6 +46,8 @@ class _Worker:
         self._perception = LivePerception(setup.settings, setup.site, setup.description)
         self._setup = setup
         self._channel = channel
+        self._solids: list[Any] | None = None
+        """Solids of the last report, as sent: they seldom change."""
         self._ended = asyncio.Event()
 
     async def run(self) -> None:
@@ -81,12 +82,17 @@ class _Worker:
             apply(self._perception, decoded(_KINDS[name], data))
 
     def _send(self, report: PerceptionReport) -> None:
-        message = json.dumps(encoded(report)).encode()
+        data = encoded(report)
+        solids = data.pop("solids")
+        if solids != self._solids:
+            data["solids"] = solids
+        message = json.dumps(data).encode()
         if len(message) > MESSAGE_BYTES:
             _logger.error("a report of %d bytes is too long to be sent", len(message))
             return
         try:
             self._channel.send(message)
+            self._solids = solids
         except BlockingIOError:
             pass  # The service is behind: the next report has everything, too.
         except BrokenPipeError:

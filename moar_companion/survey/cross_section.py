@@ -42,7 +42,8 @@ class CrossSection:
     plane_m: FloatArray
     classes: npt.NDArray[np.uint8]
     left_out_m: FloatArray
-    conductors: tuple[DetectedConductor, ...]
+    conductors: dict[str, DetectedConductor]
+    """Those that cross the plane, by name; the names of a bundle's wires have a letter more."""
     notes: tuple[str, ...]
 
     def turned(self, points_m: FloatArray) -> FloatArray:
@@ -77,7 +78,8 @@ def site_of_cloud(
     origin_m = np.array([*(across * centre), ground_z_m])
     plane_m = np.column_stack((slab_x_m, points_m[near, 2] - ground_z_m))
 
-    named = dict(_named(line, crossing, origin_m, across, options))
+    conductors = _names(line, crossing, across)
+    named = dict(_named(conductors, origin_m, across, options))
     conductors_m = np.array([(entry["x_m"], entry["z_m"]) for entry in named.values()])
     low_x = math.floor(conductors_m[:, 0].min() - options.margin_m)
     high_x = math.ceil(conductors_m[:, 0].max() + options.margin_m)
@@ -128,7 +130,7 @@ def site_of_cloud(
         plane_m=plane_m,
         classes=classes,
         left_out_m=left_out,
-        conductors=tuple(each for each, _ in crossing),
+        conductors=conductors,
         notes=tuple(notes),
     )
 
@@ -202,14 +204,10 @@ def _ground(
     return float(np.median(points_m[nearest, 2] - line.height_m[nearest]))
 
 
-def _named(
-    line: PowerLine,
-    crossing: list[tuple[DetectedConductor, FloatArray]],
-    origin_m: FloatArray,
-    across: FloatArray,
-    options: SiteOptions,
-) -> Iterator[tuple[str, Document]]:
-    """Conductors as in a site file, by name; the wires of a bundle are a, b and so on."""
+def _names(
+    line: PowerLine, crossing: list[tuple[DetectedConductor, FloatArray]], across: FloatArray
+) -> dict[str, DetectedConductor]:
+    """Conductors that cross the plane by name: circuits from left to right, then earth wires."""
     order = {id(each): place for each, place in crossing}
     circuits = [
         members
@@ -220,13 +218,22 @@ def _named(
     circuits.sort(key=lambda members: np.mean([order[id(each)][:2] @ across for each in members]))
     earth = [each for span in line.spans for each in span.earth_wires if id(each) in order]
     earth.sort(key=lambda each: float(order[id(each)][:2] @ across))
-    names = [
-        (f"circuit-{number}-phase-{phase}", each)
+    return {
+        f"circuit-{number}-phase-{phase}": each
         for number, members in enumerate(circuits, 1)
         for phase, each in enumerate(members, 1)
-    ] + [(f"earth-wire-{number}", each) for number, each in enumerate(earth, 1)]
+    } | {f"earth-wire-{number}": each for number, each in enumerate(earth, 1)}
+
+
+def _named(
+    conductors: dict[str, DetectedConductor],
+    origin_m: FloatArray,
+    across: FloatArray,
+    options: SiteOptions,
+) -> Iterator[tuple[str, Document]]:
+    """Wires as in a site file, by name; those of a bundle are a, b and so on."""
     normal = np.array([-across[1], across[0]])
-    for name, conductor in names:
+    for name, conductor in conductors.items():
         wires = conductor.wires
         for letter, wire in zip("abcdefgh", wires, strict=False):
             along = wire.crossing(np.zeros(3), normal)

@@ -32,6 +32,10 @@ _LEAST_CONSTANT_M = 500.0
 _LONGEST_M = 60.0
 """Of a conductor between its points at both sides of the plane: 0.9 m of sag."""
 _IN_PLANE_M = 5.0
+_STRAIGHT_RAD = 0.01
+"""Turn up to which a path goes straight on."""
+_ACCEPTANCE_M = 0.5
+"""Of a corner of a mission; the autopilot's own (2 m and more) would cut it."""
 _DRAWN_M = 5.0
 """Half the length of a conductor as drawn on the map."""
 
@@ -235,7 +239,7 @@ def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...
     features += [
         MapFeature(
             kind="path",
-            name=f"{plan.mission.value} {plan.request.target}",
+            name=path_name(plan),
             points=tuple(point(x, z) for x, z in _waypoints_m(plan)),
         )
         for plan in plans
@@ -243,26 +247,54 @@ def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...
     return tuple(features)
 
 
+def path_name(plan: Plan) -> str:
+    """The mission, and its target if one was asked for."""
+    target = plan.request.target
+    return plan.mission.value if target is None else f"{plan.mission.value} {target}"
+
+
 def _waypoints_m(plan: Plan) -> list[tuple[float, float]]:
     return [(each["x_m"], each["z_m"]) for each in plan.to_dict()["waypoints"]]
 
 
-def qgc_plan_of(site: Site, plans: Iterable[Plan], autopilot: AutopilotKind | None) -> str:
-    """A mission of QGroundControl (.plan, version 1) with the waypoints of the paths.
+def _corners_m(plan: Plan) -> list[tuple[float, float]]:
+    """Both ends of a path, and the waypoints at which it turns."""
+    at = _waypoints_m(plan)
+    inner = [
+        here
+        for before, here, after in zip(at, at[1:], at[2:], strict=False)
+        if abs(_turn_rad(before, here, after)) > _STRAIGHT_RAD
+    ]
+    return [*at[:1], *inner, *at[-1:]]
 
-    MAV_CMD_NAV_WAYPOINT in MAV_FRAME_GLOBAL, heights above mean sea level; at each target it waits
-    for its dwell. Nothing takes off or lands.
+
+def _turn_rad(
+    before: tuple[float, float], here: tuple[float, float], after: tuple[float, float]
+) -> float:
+    (x, z), (next_x, next_z) = (
+        (end[0] - start[0], end[1] - start[1]) for start, end in ((before, here), (here, after))
+    )
+    return math.atan2(x * next_z - z * next_x, x * next_x + z * next_z)
+
+
+def qgc_plan_of(
+    site: Site, plans: Iterable[Plan], autopilot: AutopilotKind | None, speed_mps: float
+) -> str:
+    """A mission of QGroundControl (.plan, version 1) with the corners of the paths.
+
+    MAV_CMD_DO_CHANGE_SPEED, then MAV_CMD_NAV_WAYPOINT in MAV_FRAME_GLOBAL, heights above mean sea
+    level; at each target it waits for its dwell. Nothing takes off or lands.
     """
-    items: list[dict[str, Any]] = []
+    items: list[dict[str, Any]] = [_qgc_speed(speed_mps)]
     for plan in plans:
-        waypoints = _waypoints_m(plan)
+        waypoints = _corners_m(plan)
         dwell_s = (
             site.target(str(plan.request.target)).dwell_s
             if plan.mission is Mission.INSPECTION
             else 0.0
         )
         for number, (x, z) in enumerate(waypoints, 1):
-            if items and number == 1:
+            if len(items) > 1 and number == 1:
                 continue  # where the path before ended
             place = site.frame.to_geodetic((x, 0.0, z))
             hold_s = dwell_s if number == len(waypoints) else 0.0
@@ -277,8 +309,8 @@ def qgc_plan_of(site: Site, plans: Iterable[Plan], autopilot: AutopilotKind | No
                 "version": 2,
                 "firmwareType": profile(autopilot).mav_autopilot or 0,
                 "vehicleType": 2,
-                "cruiseSpeed": 2,
-                "hoverSpeed": 2,
+                "cruiseSpeed": speed_mps,
+                "hoverSpeed": speed_mps,
                 "globalPlanAltitudeMode": 2,
                 "plannedHomePosition": [
                     round(home.latitude_deg, 8),
@@ -294,6 +326,17 @@ def qgc_plan_of(site: Site, plans: Iterable[Plan], autopilot: AutopilotKind | No
     )
 
 
+def _qgc_speed(speed_mps: float) -> dict[str, Any]:
+    return {
+        "type": "SimpleItem",
+        "autoContinue": True,
+        "command": 178,  # MAV_CMD_DO_CHANGE_SPEED
+        "doJumpId": 1,
+        "frame": 2,  # MAV_FRAME_MISSION
+        "params": [1, speed_mps, -1, 0, 0, 0, 0],
+    }
+
+
 def _qgc_item(place: GeodeticPoint, hold_s: float, number: int) -> dict[str, Any]:
     altitude = round(place.altitude_amsl_m, 3)
     position = [round(place.latitude_deg, 8), round(place.longitude_deg, 8), altitude]
@@ -306,5 +349,5 @@ def _qgc_item(place: GeodeticPoint, hold_s: float, number: int) -> dict[str, Any
         "Altitude": altitude,
         "AltitudeMode": 2,
         "AMSLAltAboveTerrain": None,
-        "params": [hold_s, 0, 0, None, *position],
+        "params": [hold_s, _ACCEPTANCE_M, 0, None, *position],
     }

@@ -89,8 +89,7 @@ def _of_geojson(text: str, source: str) -> Iterator[MapFeature]:
         raise InputError(source, "features", "is missing: must be a GeoJSON FeatureCollection")
     for number, feature in enumerate(features):
         where = f"features[{number}]"
-        properties = (feature.get("properties") if isinstance(feature, dict) else None) or {}
-        geometry = (feature.get("geometry") if isinstance(feature, dict) else None) or {}
+        properties, geometry = (_member(feature, key) for key in ("properties", "geometry"))
         coordinates = geometry.get("coordinates")
         if geometry.get("type") == "Point":
             coordinates = [coordinates]
@@ -98,15 +97,23 @@ def _of_geojson(text: str, source: str) -> Iterator[MapFeature]:
             raise InputError(
                 source, where, f"is a {geometry.get('type')}, must be a Point or a LineString"
             )
+        if not isinstance(coordinates, list):
+            raise InputError(source, where, "has no list of coordinates")
         if properties.get("kind") == "path":
             continue
         radius = properties.get("radius_m")
         yield MapFeature(
             kind=str(properties.get("kind", "")),
             name=str(properties.get("name", where)),
-            points=tuple(_swapped(each, source, where) for each in coordinates or ()),
+            points=tuple(_swapped(each, source, where) for each in coordinates),
             radius_m=None if radius is None else _number(radius, source, f"{where}.radius_m"),
         )
+
+
+def _member(feature: Any, key: str) -> dict[str, Any]:
+    """An object within a feature; an empty one where there is none."""
+    value = feature.get(key) if isinstance(feature, dict) else None
+    return value if isinstance(value, dict) else {}
 
 
 def _of_kml(text: str, source: str) -> Iterator[MapFeature]:

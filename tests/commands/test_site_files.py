@@ -8,7 +8,9 @@ from matplotlib.image import imread
 
 from moar_companion import cli
 from moar_companion.config import shipped_configs
+from moar_companion.frames import SiteFrame
 from moar_companion.site import Site
+from moar_companion.types import GeodeticPoint
 from tests.one_line import one_line
 from tests.perception.scenes import DOUBLE_CIRCUIT, Scene
 
@@ -72,7 +74,10 @@ def run(*argv):
 def test_every_format_gives_the_same_site(ending, cloud, at, tmp_path, capsys):
     out = tmp_path / "site.yaml"
     assert run("from-cloud", cloud(ending), "--at", at, "--origin", ORIGIN, "--out", out) == 0
-    assert "6 conductors cross the plane" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "6 conductors cross the plane" in told
+    assert told.count("circuit-1-phase-") == 3
+    assert "the plane: x = 0 at 45.4" in told
     site = Site.load(out)
     heights = sorted(round(each.position_m[1]) for each in site.obstacles)
     assert heights == [12, 12, 19, 19, 26, 26]
@@ -131,7 +136,9 @@ def test_a_site_is_shown_and_read_back(tmp_path, capsys):
     names = {"--kml": "s.kml", "--geojson": "s.geojson", "--qgc-plan": "s.plan"}
     files = [str(word) for option, name in names.items() for word in (option, tmp_path / name)]
     assert run("show", SHIPPED, *files) == 0
-    assert "inspection splice-outer" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "inspection splice-outer: " in told
+    assert "exit: " in told
     assert json.loads((tmp_path / "s.plan").read_text())["mission"]["items"]
     for name in ("s.kml", "s.geojson"):
         out, plot = tmp_path / f"{name}.yaml", tmp_path / f"{name}.png"
@@ -170,7 +177,9 @@ def test_what_cannot_be_used_is_one_line(arguments, told, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("ending", "content", "told"),
     [
-        (".npz", b"PK", "cannot be read as NPZ"),
+        (".npz", b"PK", "cannot be read as NPZ: is no zip archive"),
+        (".xyz", b"\n", "is empty"),
+        (".pcd", b"text\n" * 9, "cannot be read as PCD: "),
         (".xyz", b"1 2\n3 4\n", "cannot be read as x y z per line"),
         (".xyz", b"\xff\xfe\x00", "cannot be read as x y z per line"),
         (".las", b"LASF", "cannot be read as LAS"),
@@ -185,6 +194,67 @@ def test_a_damaged_cloud_is_one_line(ending, content, told, tmp_path, capsys):
     arguments = ["--at", "0,0", "--origin", ORIGIN, "--out", tmp_path / "out.yaml"]
     assert told in one_line(["site", "from-cloud", file, *arguments], 2, capsys)
     assert not (tmp_path / "out.yaml").exists()
+
+
+def test_latitude_and_longitude_near_the_origin_are_no_metres(scene, cloud, tmp_path):
+    # With 20 % of its size around it the cloud's metres reach over 6, 10.
+    origin, sites = (6.0, 10.0, 200.0), []
+    frame = SiteFrame(origin=GeodeticPoint(
+        latitude_deg=6.0, longitude_deg=10.0, altitude_amsl_m=200.0), azimuth_deg=90.0)  # fmt: skip
+    x, y, _ = scene.place(60.0, -5.8, 0.0)
+    there = frame.to_geodetic((x, y, 0.0))
+    for at in (f"{x},{y}", f"{x},{y},0", f"{there.latitude_deg:.9f},{there.longitude_deg:.9f}"):
+        out = tmp_path / f"{len(sites)}.yaml"
+        arguments = ("--at", at, "--origin", ",".join(map(str, origin)), "--out", out)
+        assert run("from-cloud", cloud(".npz"), *arguments) == 0
+        sites.append(Site.load(out).frame.origin)
+    for each in sites[1:]:
+        assert each.latitude_deg == pytest.approx(sites[0].latitude_deg, abs=1e-7)
+        assert each.longitude_deg == pytest.approx(sites[0].longitude_deg, abs=1e-7)
+
+
+@pytest.mark.parametrize(
+    ("option", "value", "told"),
+    [
+        ("--origin", "95,6,0", "--origin: 95,6,0: is no latitude and longitude"),
+        ("--crs", "EPSG:4978", "is 'EPSG:4978' (WGS 84), neither projected nor geographic"),
+        ("--crs", "EPSG:5709", "is 'EPSG:5709' (NAP height), neither projected nor geographic"),
+    ],
+)
+def test_a_place_of_no_map_is_one_line(option, value, told, cloud, at, tmp_path, capsys):
+    pytest.importorskip("pyproj")
+    out = tmp_path / "out.yaml"
+    arguments = ["--at", at, option, value, "--out", out]
+    assert told in one_line(["site", "from-cloud", cloud(".npz"), *arguments], 2, capsys)
+    assert not out.exists()
+
+
+@pytest.mark.parametrize(("system", "told"), [("EPSG:4979", 1), ("EPSG:4326+5773", 0)])
+def test_heights_above_the_ellipsoid_are_told(system, told, scene, tmp_path, capsys):
+    pyproj = pytest.importorskip("pyproj")
+    file, out = tmp_path / "cloud.npz", tmp_path / "out.yaml"
+    to_map = pyproj.Transformer.from_crs("EPSG:32618", "EPSG:4326", always_xy=True)
+    x, y, z = (scene.cloud + np.array([500_000.0, 5_000_000.0, 0.0])).T
+    np.savez(file, points=np.column_stack((*to_map.transform(x, y), z)))
+    x, y, _ = scene.place(60.0, -5.8, 0.0)
+    longitude, latitude = to_map.transform(x + 500_000.0, y + 5_000_000.0)
+    at = ("--at", f"{latitude:.8f},{longitude:.8f}", "--crs", system, "--out", out)
+    assert run("from-cloud", file, *at) == 0
+    assert capsys.readouterr().out.count("above the ellipsoid") == told
+    assert out.read_text().count("above the ellipsoid") == told
+
+
+def test_a_site_whose_landing_place_is_covered_is_shown_without_that_path(tmp_path, capsys):
+    drawn, out, shown = (tmp_path / name for name in ("drawn.csv", "site.yaml", "site.kml"))
+    rows = [f"conductor,a,{45 + north * 1e-5},7,20," for north in (-9, 9)]
+    rows += ["target,b,45,7.0002,20,", "ground,c,45,7,0,"]
+    rows += ["exit,d,45,7.0004,3,", "tower,e,45,7.0004,30,2"]
+    header = "kind,name,latitude_deg,longitude_deg,altitude_amsl_m,radius_m"
+    drawn.write_text("\n".join([header, *rows]))
+    assert run("from-map", drawn, "--out", out) == 0
+    assert run("show", out, "--kml", shown) == 0
+    assert "no path: drawn: landing.exit: no free" in capsys.readouterr().out
+    assert "inspection b" in shown.read_text()
 
 
 def test_a_site_that_its_users_refuse_is_told(tmp_path, capsys):

@@ -197,6 +197,7 @@ class Desk:
         self.plan_delay_s = plan_delay_s
         """None: the planner never answers."""
         self.jobs, self.contingency_jobs, self.map_jobs = [], [], []
+        self.map_delay_s = MAP_DELAY_S
         self.maps_made = True
         """False: the planner fails to make maps."""
         self.contingencies = False
@@ -244,7 +245,7 @@ class Desk:
             self.map_jobs.append(job)
             answer = answer_map_job(self.planners, job) if self.maps_made else None
             answer = answer or MapAnswer(job_id=job.job_id, site_maps=None)
-            self._answers.append((self.now_s + MAP_DELAY_S, job, answer))
+            self._answers.append((self.now_s + self.map_delay_s, job, answer))
         for job in self.companion.contingency_jobs():
             self.contingency_jobs.append(job)
             if self.contingencies:

@@ -12,16 +12,26 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.companion.status import LatestDecisions
+from moar_companion.estimation.pose import Setpoint
 from moar_companion.perception.perception_report import (
     PerceptionReport,
     SeenConductor,
     SensorHealth,
 )
-from moar_companion.perception.pose_notes import AttitudeNote, PointsNote, PositionNote, ShiftNote
+from moar_companion.perception.pose_notes import AttitudeNote, PointsNote, PositionNote
 from moar_companion.perception_config import Perception, Sensor
 from moar_companion.planner.planner import Planner
 from moar_companion.site import Polygon
-from tests.companion.desk import EXIT, INSPECTION, OFFBOARD, USER_1, Desk, usual_planner
+from tests.companion.desk import (
+    EXIT,
+    INSPECTION,
+    OFFBOARD,
+    PAUSE_CONTINUE,
+    POSCTL,
+    USER_1,
+    Desk,
+    usual_planner,
+)
 from tests.mavlink.peer import Peer
 
 SETTINGS = Perception(sensor=Sensor.VELODYNE)
@@ -44,7 +54,8 @@ class Watched(Desk):
         # Nobody else's maps are changed by what is seen here.
         super().__init__(planner=Planner(usual.site, usual.vehicle), perception=SETTINGS, **options)
         self.conductors, self.solids = (), ()
-        self.works = True
+        self.works = self.scans = True
+        self.began_s = 0.0
         self.notes = []
 
     def step(self, seconds=0.02):
@@ -52,8 +63,11 @@ class Watched(Desk):
             self.companion.perceived(
                 PerceptionReport(
                     time_s=self.now_s,
+                    began_s=self.began_s,
                     health=SensorHealth(
-                        scan_s=self.now_s - 0.05, received_s=self.now_s, returns=0.5
+                        scan_s=self.now_s - 0.05 if self.scans else None,
+                        received_s=self.now_s,
+                        returns=0.5,
                     ),
                     conductors=self.conductors,
                     solids=self.solids,
@@ -94,11 +108,7 @@ def flight():
 
 @pytest.fixture
 def desk(flight):
-    twin = copy.deepcopy(flight)
-    usual = usual_planner()
-    twin.planner = Planner(usual.site, usual.vehicle)
-    twin.planners = type(twin.planners)(twin.planner)
-    return twin
+    return copied(flight)
 
 
 def ahead(desk, by_m=6.0):
@@ -235,12 +245,75 @@ def test_a_target_in_a_seen_keep_out_is_moved_and_still_looked_at(desk):
     assert math.dist((end_x_m, end_z_m), (x_m + 0.6, z_m)) > kept_m - 0.2
 
 
-def test_maps_that_fail_are_asked_for_again(desk):
+def test_what_is_seen_and_not_on_the_maps_holds_and_is_not_told_as_avoided(desk):
     desk.maps_made = False
     desk.conductors = (conductor(3.0, 14.5),)
-    desk.run(1.0)
+    desk.run(2.0)
     assert len(desk.map_jobs) > 3
+    assert desk.state == "holding"
+    assert any("seen, not on the maps for" in text for text in desk.texts())
+    assert not any("avoided" in text for text in desk.texts())
+    desk.maps_made = True
+    desk.run(4.0)
     assert desk.state == "flying"
+    assert "MOAR: wire 1 at x 3.0, z 14.5, avoided" in desk.texts()
+
+
+def test_maps_that_come_late_hold_and_are_taken(desk):
+    desk.map_delay_s = 2.5
+    x_m, z_m = ahead(desk)
+    desk.conductors = (conductor(x_m, z_m),)
+    desk.run(1.5)
+    assert desk.state == "holding"
+    desk.run(5.0)
+    assert desk.companion._executor.routes.limits.site_maps.site.obstacles[-1].name == "seen-1"
+
+
+def test_an_obstacle_whose_removal_failed_is_removed_later(desk):
+    desk.conductors = (conductor(3.0, 14.5),)
+    desk.run(0.5)
+    desk.conductors, desk.maps_made = (), False
+    desk.run(0.5)
+    desk.maps_made = True
+    desk.run(0.5)
+    names = [item.name for item in desk.companion._executor.routes.limits.site_maps.site.obstacles]
+    assert "seen-1" not in names
+
+
+def test_a_sensor_that_starts_anew_takes_nothing_from_the_maps_until_landing(desk):
+    def seen():
+        site = desk.companion._executor.routes.limits.site_maps.site
+        return sum(item.name.startswith("seen") for item in site.obstacles)
+
+    desk.conductors = (conductor(3.0, 14.5),)
+    desk.run(0.5)
+    desk.began_s, desk.scans, desk.conductors = desk.now_s, False, ()
+    desk.run(0.5)
+    assert seen() == 1
+    desk.scans = True
+    desk.run(1.0)
+    assert seen() == 1, "the new process has not looked there yet"
+    desk.set(mode=POSCTL, armed=False, landed_state=1)
+    desk.run(1.5)
+    assert seen() == 0
+
+
+def test_a_conductor_at_the_limit_of_its_place_makes_no_maps_again_and_again(desk):
+    (known,) = (item for item in desk.site.obstacles if item.name == "left-middle")
+    x_m, z_m = known.position_m
+    for number in range(40):
+        desk.conductors = (conductor(x_m + (0.24 if number % 2 else 0.26), z_m),)
+        desk.run(0.1)
+    assert len(desk.map_jobs) == 1
+
+
+def test_two_conductors_near_one_of_the_file_are_told_once_each(desk):
+    (known,) = (item for item in desk.site.obstacles if item.name == "left-middle")
+    x_m, z_m = known.position_m
+    desk.conductors = (conductor(x_m + 0.8, z_m), conductor(x_m - 1.2, z_m, "seen-2"))
+    desk.run(3.0)
+    told = [item for item in desk.decisions if item.kind == "text" and "off the file" in str(item)]
+    assert len(told) == 2
 
 
 def test_poses_are_noted_each_at_its_own_time():
@@ -255,12 +328,16 @@ def test_poses_are_noted_each_at_its_own_time():
     assert positions[-1].position_m == pytest.approx(desk.place_m)
 
 
-def test_a_jump_of_the_estimate_is_noted():
+def test_a_jump_of_the_estimate_is_noted_with_each_later_position():
     desk = Watched().run(1.0)
     desk.set(estimate_off_ned_m=(0.0, 1.0, 0.0))
+    desk.run(0.4)
+    desk.set(estimate_off_ned_m=(0.0, 0.0, 0.0))
     desk.run(0.2)
-    (shift,) = (note for note in desk.notes if isinstance(note, ShiftNote))
-    assert shift.step_m == pytest.approx((1.0, 0.0, 0.0), abs=0.2)
+    jumps_m = [note.jumped_m[0] for note in desk.notes if isinstance(note, PositionNote)]
+    assert jumps_m[0] == 0.0
+    assert jumps_m[-6] == pytest.approx(1.0, abs=0.2)
+    assert jumps_m[-1] == pytest.approx(0.0, abs=0.2)
 
 
 @pytest.mark.parametrize("sensor", list(Sensor))
@@ -305,3 +382,95 @@ def test_the_status_has_what_is_seen(desk):
     assert [(item["name"], item["x_m"]) for item in seen["conductors"]] == [("seen-1", 3.0)]
     assert (seen["returns"], seen["solids"]) == (0.5, 1)
     assert Desk().companion.perception_report is None
+
+
+@pytest.fixture(scope="module")
+def on_leg():
+    """An exit on its landing leg."""
+    desk = Watched()
+    desk.run(1.0)
+    desk.hear(desk.operator.command(USER_1, EXIT, -1))
+    desk.run_until("ready")
+    desk.set(mode=OFFBOARD)
+    return desk.run_until("landing_leg", 60.0).run(0.5)
+
+
+def copied(flight):
+    twin, usual = copy.deepcopy(flight), usual_planner()
+    twin.planner = Planner(usual.site, usual.vehicle)
+    twin.planners = type(twin.planners)(twin.planner)
+    return twin
+
+
+@pytest.mark.parametrize("by_m", [2.0, 3.0, 5.0])
+def test_a_landing_leg_is_not_flown_through_what_is_seen_on_it(on_leg, by_m):
+    desk = copied(on_leg)
+    x_m, z_m = ahead(desk, by_m)
+    desk.conductors = (conductor(x_m, z_m),)
+    least_m = math.inf
+    for _ in range(1500):
+        desk.step()
+        least_m = min(least_m, math.dist(desk.place_m[::2], (x_m, z_m)))
+    assert least_m > desk.vehicle.radius_m + 0.3
+
+
+def test_a_leg_on_which_it_was_held_is_not_resumed_through_what_was_seen_meanwhile(on_leg):
+    desk = copied(on_leg)
+    x_m, z_m = ahead(desk, 4.0)
+    desk.hear(desk.operator.command(PAUSE_CONTINUE, 0))
+    desk.run(2.0)
+    desk.conductors = (conductor(x_m, z_m),)
+    desk.run(1.0)
+    desk.hear(desk.operator.command(PAUSE_CONTINUE, 1))
+    least_m = math.inf
+    for _ in range(1500):
+        desk.step()
+        least_m = min(least_m, math.dist(desk.place_m[::2], (x_m, z_m)))
+    assert least_m > desk.vehicle.radius_m + 0.3
+
+
+def test_a_second_wall_after_an_exit_over_the_first_holds_again(desk):
+    desk.solids = (WALL,)
+    desk.run(3.0)
+    desk.hear(desk.operator.command(USER_1, EXIT, -1))
+    desk.run(2.0)
+    assert desk.state in {"flying", "landing_leg"}
+    x_m = desk.place_m[0]
+    box = ((x_m + 1.9, -1.0), (x_m + 2.2, -1.0), (x_m + 2.2, 21.0), (x_m + 1.9, 21.0))
+    desk.solids = (WALL, Polygon(name="seen-solid-2", vertices_m=box))
+    desk.run(3.0)
+    assert desk.state == "holding"
+    assert any("no path round seen-solid-2" in text for text in desk.texts())
+
+
+def test_a_planner_that_is_silent_does_not_let_it_fly_on_into_what_is_seen(desk):
+    desk.plan_delay_s = None
+    x_m, z_m = ahead(desk, 3.0)
+    desk.conductors = (conductor(x_m, z_m),)
+    least_m = math.inf
+    for _ in range(500):
+        desk.step()
+        least_m = min(least_m, math.dist(desk.place_m[::2], (x_m, z_m)))
+    assert least_m >= desk.vehicle.radius_m + SETTINGS.keep_out_m + 0.02
+
+
+def test_what_was_seen_far_away_and_has_gone_lets_nothing_nearer_to_the_file(desk):
+    limits = desk.companion._executor.routes.limits
+
+    def nearest_m():
+        (known,) = (item for item in desk.site.obstacles if item.name == "left-middle")
+        x_m, z_m = known.position_m
+        for off_m in np.arange(0.3, 4.0, 0.05):
+            place = Setpoint(
+                position_m=(x_m + off_m, 0.0, z_m), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0
+            )
+            if limits.volume.refusal(place, (), plane_tolerance_m=1.0, widened_m=0.0) is None:
+                return off_m
+        raise AssertionError
+
+    before_m = nearest_m()
+    desk.conductors = (conductor(3.0, 18.5),)
+    desk.run(0.5)
+    desk.conductors = ()
+    desk.run(0.5)
+    assert nearest_m() == before_m

@@ -9,7 +9,7 @@ from moar_companion.estimation.pose_tracker import PoseTracker, SiteMaps
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.translate import update
-from moar_companion.telemetry import Telemetry
+from moar_companion.telemetry import LocalPosition, Telemetry
 from tests.mavlink.conftest import SHARED, packets
 
 from ..companion.desk import usual_planner
@@ -66,3 +66,33 @@ def test_a_recorded_heading_is_reset_when_it_was_and_never_by_a_turn(name, reset
     if not path.exists():
         pytest.skip(f"the recording {path} is not here")
     assert recorded_resets_rad(path) == pytest.approx(resets_rad, abs=1e-3)
+
+
+def told(received_s, boot_s):
+    return Telemetry(
+        local_position=LocalPosition(
+            received_s=received_s,
+            boot_s=boot_s,
+            position_ned_m=(0.0, 0.0, 0.0),
+            velocity_ned_mps=(0.0, 0.0, 0.0),
+        )
+    )
+
+
+def test_times_follow_the_autopilots_clock_that_runs_apart_for_hours_and_no_delay_of_the_link():
+    tracker = PoseTracker(None, None)
+    for number in range(7_200):
+        late_s = 0.15 if number % 3 else 0.004
+        tracker.look(told(100.0 + number + late_s, number * (1.0 - 50e-6)))
+        if number:
+            received_s = tracker.received_s(number * (1.0 - 50e-6))
+            assert received_s == pytest.approx(100.0 + number, abs=0.01)
+
+
+def test_times_begin_anew_with_a_restarted_autopilot():
+    tracker = PoseTracker(None, None)
+    assert tracker.received_s(1.0) is None
+    tracker.look(told(100.0, 50.0))
+    assert tracker.received_s(51.0) == 101.0
+    tracker.look(told(120.0, 2.0))
+    assert tracker.received_s(3.0) == 121.0

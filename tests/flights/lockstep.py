@@ -26,8 +26,8 @@ from moar_companion.estimation.pose_tracker import SiteMaps
 from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.perception_config import Perception, Sensor
 from moar_companion.planner.planner import Planner
-from moar_companion.planning.map_jobs import MapAnswer, answer_map_job
-from moar_companion.planning.plan_jobs import PlanAnswer, answer_job
+from moar_companion.planning.map_jobs import MapJob, answer_map_job
+from moar_companion.planning.plan_jobs import PlanJob, answer_job
 from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.recording.calls import Call, RecordedCompanion
 from moar_companion.site import Site
@@ -167,8 +167,7 @@ class Lockstep:
         self._position_codec = mavlink.MAVLink(None)
         self._position_codec.robust_parsing = True
         self._position: Any = None
-        self._answers: list[tuple[float, PlanAnswer]] = []
-        self._map_answers: list[tuple[float, MapAnswer]] = []
+        self._jobs: list[tuple[float, PlanJob | MapJob]] = []
 
     def __deepcopy__(self, memo):
         """To be moved on by itself; what never changes, and what is past, is the same."""
@@ -224,22 +223,14 @@ class Lockstep:
                 self.operator.receive(data)
             elif not self.cut and not self.deaf:
                 self.hear(data)
-        while self._answers and self._answers[0][0] <= now_s:
-            answer = self._answers.pop(0)[1]
-            self.companion.plan_answered(answer)
-        while self._map_answers and self._map_answers[0][0] <= now_s:
-            self.companion.maps_answered(self._map_answers.pop(0)[1])
+        while self._jobs and self._jobs[0][0] <= now_s:
+            self._do(self._jobs.pop(0)[1])
         self.companion.tick(now_s)
         if self.lidar is not None and not self.blind:
             self.lidar.step(self.autopilot.truth, self.companion, now_s)
-        for job in self.companion.map_jobs():
+        for job in (*self.companion.map_jobs(), *self.companion.plan_jobs()):
             if self.planning:
-                answer = answer_map_job(self.planners, job)
-                self._map_answers.append((now_s + self.plan_delay_s, answer))
-        for job in self.companion.plan_jobs():
-            if self.planning:
-                answer = answer_job(self.planners, job)
-                self._answers.append((now_s + self.plan_delay_s, answer))
+                self._jobs.append((now_s + self.plan_delay_s, job))
         for job in self.companion.contingency_jobs():
             if self.planning:
                 answer = answer_job(self.planners, job)
@@ -253,6 +244,13 @@ class Lockstep:
         self.calls += self.companion.calls()
         self.truths.append(self.autopilot.truth)
         self.states.append((now_s, self.state))
+
+    def _do(self, job: PlanJob | MapJob) -> None:
+        """Carries out a job of the planner's thread: each on the maps of those before it."""
+        if isinstance(job, MapJob):
+            self.companion.maps_answered(answer_map_job(self.planners, job))
+        else:
+            self.companion.plan_answered(answer_job(self.planners, job))
 
     def hear(self, data: bytes) -> None:
         """Bytes for the companion, from whomever."""

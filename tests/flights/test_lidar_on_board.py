@@ -17,17 +17,23 @@ pytest.importorskip("velodyne_decoder")
 SITE = Site.load(shipped_configs() / "sites" / "horizontal_three_conductors.yaml")
 
 
-def test_what_it_sees_is_on_the_maps_before_an_order_and_its_silence_is_noticed():
+def hovering(site):
+    """In the air at a site that is told no obstacle; the lidar is on from now on."""
     flight = Lockstep(
-        site=replace(SITE, obstacles=()),
+        site=replace(site, obstacles=()),
         vehicle="x500",
-        options={"yaw_deg": SITE.frame.azimuth_deg},
-        lidar_scene=lidar_scene(SITE),
+        options={"yaw_deg": site.frame.azimuth_deg},
+        lidar_scene=lidar_scene(site),
     )
     flight.blind = True
     flight.take_off()
-    assert flight.lidar.reports == []
     flight.blind = False
+    return flight
+
+
+def test_what_it_sees_is_on_the_maps_before_an_order_and_its_silence_is_noticed():
+    flight = hovering(SITE)
+    assert flight.lidar.reports == []
     flight.run(3.5)
     for site in (
         flight.planners.exact.site,

@@ -105,6 +105,30 @@ def test_twice_as_many_outliers_as_points_of_conductors(seed):
     assert recall > 0.97
 
 
+@pytest.mark.parametrize("seed", range(2, 6))
+def test_no_line_of_lone_outliers_is_a_conductor(seed):
+    wires = [
+        Wire(lateral_m=each.lateral_m, lowest_m=each.lowest_m, per_m=1.5) for each in DOUBLE_CIRCUIT
+    ]
+    scene = Scene(seed, azimuth_deg=37.0).with_wires(wires).with_ground()
+    scene.with_outliers(2 * int((scene.label >= 0).sum()))
+    (span,) = find_power_line(scene.cloud).spans
+    assert [len(circuit) for circuit in span.circuits] == [3, 3]
+    assert span.earth_wires == ()
+
+
+def test_a_sparse_wire_ends_where_the_wires_beside_it_end():
+    sparse = Wire(lateral_m=-5.0, lowest_m=34.0, per_m=0.4)
+    wires = (*DOUBLE_CIRCUIT, sparse)
+    scene = Scene(1, azimuth_deg=37.0).with_wires(wires, start_m=60.0, end_m=130.0).with_ground()
+    scene.with_wires([sparse], start_m=165.0, end_m=172.0)
+    found = conductors_of(find_power_line(scene.cloud))
+    assert len(found) == 7
+    for each in found:
+        ends = each.curve.points_at(np.array(each.curve.extent_m))[:, :2] @ scene.along
+        assert sorted(ends) == pytest.approx([60.0, 130.0], abs=6.0)
+
+
 def test_a_gap_is_bridged_and_a_partial_span_is_found_as_far_as_it_goes():
     wire = [Wire(lateral_m=0.0, lowest_m=14.0)]
     scene = Scene(7).with_ground().with_wires(wire, end_m=80.0)

@@ -1,18 +1,21 @@
 """Exact replay: a recorded flight flies again without a difference; a planted one is named."""
 
 import json
+from unittest import mock
 
 import pytest
 
 from moar_companion.errors import InputError
 from moar_companion.mavlink.codec import checksum_of
 from moar_companion.mavlink.signing import SigningKey
+from moar_companion.planning.map_jobs import MapJob
 from moar_companion.recording.calls import call_encoded
 from moar_companion.replay.exact import ExactReplay
 from moar_companion.safety.check_inputs import Host
 
 from ..flights.lockstep import Lockstep
 from ..flights.operator import INSPECTION
+from ..flights.test_lidar_on_board import SITE, hovering
 
 SETPOINT_ID = "540000"
 
@@ -76,6 +79,35 @@ def test_a_missing_input_parts_the_flights(calls):
     heard = [index for index, call in enumerate(calls) if call[0] == "receive"]
     fewer = [call for index, call in enumerate(calls) if index not in heard[10:40]]
     assert differences(fewer[:2000])[0]
+
+
+def test_a_flight_by_sight_is_repeated_without_a_difference():
+    flight = hovering(SITE)
+    flight.run_until(lambda: made(flight), 5.0)
+    flight.operator.mission(INSPECTION, 0)
+    flight.run(2.0)
+    calls = recorded(flight)
+    assert sum(call[0] == "maps_answered" for call in calls) > 0
+    assert sum(call[0] == "perceived" for call in calls) > 20
+    found, replay = differences(calls)
+    assert found == []
+    assert replay.compared["map job"] == made(flight)
+
+
+def made(flight):
+    """Number of map jobs that were answered."""
+    return sum(call.method == "maps_answered" for call in flight.calls)
+
+
+def test_maps_that_failed_are_not_made_in_the_replay(calls):
+    replay = ExactReplay()
+    for call in calls[:50]:
+        list(replay.feed(call))
+    job = MapJob(job_id=7, site=replay.planners.exact.site)
+    replay.jobs["map_jobs"][7] = job
+    with mock.patch("moar_companion.replay.exact.answer_map_job", side_effect=MemoryError):
+        answer = replay._answer("maps_answered", {"job_id": 7, "made": False})
+    assert answer.site_maps is None
 
 
 SECRET = bytes(range(32))

@@ -369,6 +369,12 @@ STORIES = [
         lidar(returns=0.02),
         {"perception": "lidar blinded, 2% returns < 5%"},
     ),
+    ("what is seen is soon on the maps", replace(lidar(), unmapped_s=1.0), {}),
+    (
+        "what is seen is not on the maps",
+        replace(lidar(), unmapped_s=1.1),
+        {"perception": "seen, not on the maps for 1.1 s > 1"},
+    ),
     *[
         (f"the fault {name}", replace(IN_FLIGHT, faults=Causes(**{name: "words"})), {name: "words"})
         for name in (

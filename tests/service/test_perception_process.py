@@ -15,7 +15,7 @@ import pytest
 from moar_companion.config import shipped_configs
 from moar_companion.errors import InputError, LinkError
 from moar_companion.mavlink.link_basics import clock_s
-from moar_companion.perception.pose_notes import AttitudeNote, PositionNote, ShiftNote
+from moar_companion.perception.pose_notes import AttitudeNote, PositionNote
 from moar_companion.perception.scan_frame import mount_rotation
 from moar_companion.perception_config import Perception, Sensor
 from moar_companion.service.perception_process import PerceptionProcess
@@ -142,7 +142,7 @@ def test_a_process_that_is_behind_delays_nobody(settings, perception):
     first(perception, lambda _: True)
     os.kill(perception.process_id, signal.SIGSTOP)
     for _ in range(20_000):  # far more than the socket holds
-        perception.send([ShiftNote(step_m=(0.0, 0.0, 0.0))])
+        perception.send([PositionNote(time_s=0.0, position_m=PLACE_M)])
     began_s = clock_s()
     os.kill(perception.process_id, signal.SIGCONT)
     first(perception, lambda report: report.time_s > began_s)

@@ -1,6 +1,8 @@
 """Points on a map to a site, and a site back on a map."""
 
 import json
+import math
+from itertools import pairwise
 
 import pytest
 
@@ -146,6 +148,12 @@ def test_what_cannot_be_used_is_named(text, told):
             ".geojson",
             "must have longitude, latitude and height",
         ),
+        ('{"features": [{"properties": [1], "geometry": "x"}]}', ".geojson", "is a None, must be"),
+        (
+            '{"features": [{"geometry": {"type": "LineString", "coordinates": 5}}]}',
+            ".geojson",
+            "features[0]: has no list of coordinates",
+        ),
         ("<kml>", ".kml", "is no KML"),
         (
             "<kml><Placemark><name>target a</name></Placemark></kml>",
@@ -168,19 +176,33 @@ def test_files_that_are_none_are_told(text, ending, told):
     assert told in refused(text, ending)
 
 
-def test_a_mission_of_qgroundcontrol_has_the_waypoints_and_waits_at_the_target(tmp_path):
+def test_a_mission_of_qgroundcontrol_has_the_corners_and_waits_at_the_target(tmp_path):
     drawn = site(LINE, tmp_path)
     vehicle = Vehicle.load(default_vehicle())
     plan = Planner(drawn, vehicle).plan(mission=Mission.INSPECTION)
-    document = json.loads(qgc_plan_of(drawn, [plan], None))
-    items = document["mission"]["items"]
+    document = json.loads(qgc_plan_of(drawn, [plan], None, 0.7))
+    speed, *items = document["mission"]["items"]
     assert document["fileType"] == "Plan"
-    assert len(items) == len(plan.to_dict()["waypoints"])
-    assert [each["doJumpId"] for each in items] == list(range(1, len(items) + 1))
+    assert (speed["command"], speed["params"][:2]) == (178, [1, 0.7])
+    assert [each["doJumpId"] for each in items] == list(range(2, len(items) + 2))
     assert {each["command"] for each in items} == {16}
     assert items[-1]["params"][0] == drawn.targets[0].dwell_s
-    latitude, longitude, altitude = items[-1]["params"][4:]
-    x, y = drawn.frame.place_of(latitude, longitude)
-    last = plan.to_dict()["waypoints"][-1]
-    assert (x, y) == pytest.approx((last["x_m"], 0.0), abs=0.01)
-    assert altitude == pytest.approx(200.0 + last["z_m"], abs=0.01)
+    corners = []
+    for each in items:
+        latitude, longitude, altitude = each["params"][4:]
+        x, y = drawn.frame.place_of(latitude, longitude)
+        assert y == pytest.approx(0.0, abs=0.01)
+        corners.append((x, altitude - 200.0))
+    path = [(each["x_m"], each["z_m"]) for each in plan.to_dict()["waypoints"]]
+    assert corners[-1] == pytest.approx(path[-1], abs=0.01)
+    assert len(corners) < 0.2 * len(path)
+    legs = list(pairwise(corners))
+    assert max(min(beside(place, *leg) for leg in legs) for place in path) < 0.02
+
+
+def beside(place, start, end):
+    """Distance of a place from the leg of a path."""
+    (x, z), (along, up) = place, (end[0] - start[0], end[1] - start[1])
+    share = ((x - start[0]) * along + (z - start[1]) * up) / (along**2 + up**2)
+    share = min(max(share, 0.0), 1.0)
+    return math.hypot(x - start[0] - share * along, z - start[1] - share * up)

@@ -236,7 +236,7 @@ class RandomFlight(Lockstep):
         if not isinstance(self.companion, Stopped):
             self.companion = Stopped(self.companion, keeps=not killed)
         if killed:
-            self._answers.clear()
+            self._jobs.clear()
 
     def wake_companion(self) -> None:
         """It goes on, and hears at once what has arrived meanwhile."""
