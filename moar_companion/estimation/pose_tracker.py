@@ -191,7 +191,7 @@ class PoseTracker:
     def received_s(self, boot_s: float) -> float | None:
         """Time on our clock at which the autopilot's clock was at `boot_s`; None while unknown.
 
-        As for the fastest position of the last seconds: a delay on the link does not count, and
+        As for the fastest position of the last ten seconds: a delay on the link does not count, and
         clocks that run apart do not either.
         """
         ahead_s = min(self._recent_ahead_s)
