@@ -23,6 +23,9 @@ _SAME_M = 0.25
 """A second sighting this near in one scan is of the same wire, whose echoes scatter."""
 CONFIRMED_BY = 5
 """Number of sightings."""
+_BESIDE_M = 1.0
+"""A conductor that is not seen while one so near is seen counts as missed: the keep-out of that one
+covers it, should it hang there after all."""
 _TENTATIVE_S = 1.0
 """Without a sighting for so long, what is not confirmed is forgotten."""
 _MISSED = 20
@@ -89,9 +92,12 @@ class ConductorTracks:
                 self._tracks[nearest] = self._corrected(self._tracks[nearest], sighting, time_s)
             matched.append(nearest)
         before_m = rays.nearest_m(rays.inside)
+        # Where an estimate has wandered, a wire seen beside its place stands in front of that.
+        others = [index for index in matched if self._tracks[index].confirmed]
         for index in free:
             track = self._tracks[index]
-            if _missed(track, rays, before_m):
+            beside = any(self._distance(each, track.x_m, track.z_m) < _BESIDE_M for each in others)
+            if beside or _missed(track, rays, before_m):
                 self._tracks[index] = replace(track, missed=track.missed + 1)
         self._tracks = [track for track in self._tracks if track.missed < _MISSED]
 

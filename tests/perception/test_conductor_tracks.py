@@ -105,6 +105,21 @@ def test_what_is_farther_than_it_was_ever_seen_is_remembered():
     assert len(tracks.conductors) == 1
 
 
+def test_a_wire_beside_its_old_place_replaces_it_after_an_estimate_has_wandered():
+    tracks = confirmed(sighting(5.0, 12.0))
+    for number in range(5, 35):
+        tracks.step([sighting(5.0, 12.8)], 0.1 * number, rays_to((5.0, 12.8)))
+    assert [each.name for each in tracks.conductors] == ["seen-2"]
+
+
+def test_a_hidden_wire_farther_from_one_that_is_seen_is_remembered():
+    tracks = confirmed(sighting(5.0, 12.0))
+    for number in range(5, 35):
+        in_front = [(4.0, 11.6 + off_m) for off_m in np.arange(-0.4, 0.4, 0.02)]
+        tracks.step([sighting(5.0, 13.5)], 0.1 * number, rays_to((5.0, 13.5), *in_front))
+    assert [each.name for each in tracks.conductors] == ["seen-1", "seen-2"]
+
+
 def test_one_sighting_ends_a_row_of_missed_ones():
     tracks = confirmed(sighting(5.0, 12.0))
     for number in range(5, 60):
