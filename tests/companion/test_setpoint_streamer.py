@@ -117,7 +117,7 @@ def test_what_a_jump_allows_a_setpoint_at_rest_ends_with_the_stream(ends, sent):
     frame = planner.site.frame
     plane = PlaneToLocal.between(frame, frame.to_geodetic((0.0, 0.0, 0.0)), autopilots.PX4)
     stream = SetpointStreamer(
-        session, planner.vehicle, Supervision(), Margin(position_m=0.9, tracking_m=0.0)
+        session, planner.vehicle, Supervision(), Margin(position_m=0.9, tracking_m=0.0), 0.5
     )
     rest = Setpoint(position_m=(5.0, 0.0, 5.0), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
     assert stream.send(rest, flight, plane, 1.0) is None
