@@ -93,6 +93,8 @@ class Anywhere:
 
     margin_m, blown_to_m, reason = 0.9, None, None
 
+    seen_late = False
+
     def refusal(self, *_):
         return self.reason
 
