@@ -32,6 +32,8 @@ _LEAST_CONSTANT_M = 500.0
 _LONGEST_M = 60.0
 """Of a conductor between its points at both sides of the plane: 0.9 m of sag."""
 _IN_PLANE_M = 5.0
+_AT_POINT_M = 0.01
+"""A point of a conductor this near to the plane is in it: no sag is unknown."""
 _STRAIGHT_RAD = 0.01
 """Turn up to which a path goes straight on."""
 _ACCEPTANCE_M = 0.5
@@ -65,7 +67,8 @@ def site_of_features(
     above_ground_m = first.altitude_amsl_m - ground
     obstacles: list[dict[str, Any]] = []
     for conductor in of["conductor"]:
-        x, z, sag = _in_plane(conductor, metres(conductor), across, along, source)
+        x, z, sag_m = _in_plane(conductor, metres(conductor), across, along, source)
+        kept_m = options.keep_out_m if conductor.keep_out_m is None else conductor.keep_out_m
         obstacles.append(
             {
                 "conductor": {
@@ -73,7 +76,7 @@ def site_of_features(
                     "x_m": round(x, 2),
                     "z_m": round(z + above_ground_m, 2),
                     "radius_m": conductor.radius_m or options.radius_m,
-                    "keep_out_m": math.ceil((options.keep_out_m + sag) * 100.0) / 100.0,
+                    "keep_out_m": _rounded_up_m(kept_m + sag_m),
                 }
             }
         )
@@ -84,7 +87,7 @@ def site_of_features(
         if corners[0] == corners[-1]:
             corners.pop()
         vertices = [(x, z + above_ground_m) for x, _, z in corners]
-        obstacles.append(polygon(outline.name, vertices))
+        obstacles.append(polygon(outline.name, vertices, outline.keep_out_m))
     places: dict[str, list[tuple[str, dict[str, float]]]] = {}
     for kind in ("target", "start", "exit", "evacuation"):
         places[kind] = []
@@ -171,10 +174,18 @@ def _in_plane(
             f"has {span_m:.0f} m between its points at both sides of the plane, must be at most "
             f"{_LONGEST_M:g} m: the sag between is not known",
         )
+    if abs(beside).min() < _AT_POINT_M:
+        point = points_m[int(np.argmin(abs(beside)))]
+        return float(point[:2] @ across), float(point[2]), 0.0
     share = -float(beside[upper - 1]) / span_m if span_m > 0.0 else 0.0
     point = points_m[upper - 1] + share * (points_m[upper] - points_m[upper - 1])
     sag_m = max(share * (1.0 - share), 0.0) * span_m**2 / (2.0 * _LEAST_CONSTANT_M)
     return float(point[:2] @ across), float(point[2]), sag_m
+
+
+def _rounded_up_m(length_m: float) -> float:
+    """To centimetres; what is a whole number of them but for its last digits stays."""
+    return math.ceil(round(length_m * 100.0, 6)) / 100.0
 
 
 def _solid(
@@ -193,7 +204,8 @@ def _solid(
         return []
     top = z + above_ground_m
     left, right = x - solid.radius_m, x + solid.radius_m
-    return [polygon(solid.name, ((left, -1.0), (right, -1.0), (right, top), (left, top)))]
+    corners = ((left, -1.0), (right, -1.0), (right, top), (left, top))
+    return [polygon(solid.name, corners, solid.keep_out_m)]
 
 
 def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...]:
@@ -212,6 +224,7 @@ def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...
                 point(*each.position_m, _DRAWN_M),
             ),
             radius_m=each.radius_m,
+            keep_out_m=each.keep_out_m,
         )
         for each in site.obstacles
         if isinstance(each, Conductor)
@@ -221,6 +234,7 @@ def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...
             kind="outline",
             name=each.name,
             points=tuple(point(*vertex) for vertex in (*each.vertices_m, each.vertices_m[0])),
+            keep_out_m=each.keep_out_m,
         )
         for each in site.obstacles
         if isinstance(each, Polygon)
