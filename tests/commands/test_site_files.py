@@ -229,6 +229,33 @@ def test_a_place_of_no_map_is_one_line(option, value, told, cloud, at, tmp_path,
     assert not out.exists()
 
 
+@pytest.mark.parametrize(
+    ("system", "easting", "northing", "inside"),
+    [
+        ("EPSG:25831", 229_000.0, 578_400.0, False),  # a place of the Dutch grid
+        ("EPSG:32631", -400_000.0, 5_800_000.0, False),
+        ("EPSG:28992", 700_000.0, 5_800_000.0, False),  # a place of UTM
+        ("EPSG:32631", 780_000.0, 5_890_000.0, True),  # 1.2 degrees beside its zone
+        ("EPSG:32660", 840_000.0, 1_000_000.0, True),  # beyond 180 degrees
+    ],
+)
+def test_points_outside_of_the_area_of_their_coordinate_system_are_one_line(
+    system, easting, northing, inside, cloud, scene, tmp_path, capsys
+):
+    pyproj = pytest.importorskip("pyproj")
+    x, y, _ = scene.place(60.0, -5.8, 0.0)
+    file = cloud(".las", (easting, northing, 0.0), crs=pyproj.CRS(system))
+    out = tmp_path / "out.yaml"
+    arguments = ["from-cloud", file, "--at", f"{x + easting},{y + northing}", "--out", out]
+    if inside:
+        assert run(*arguments) == 0
+        return
+    told = one_line(["site", *arguments], 2, capsys)
+    assert "outside of the area of " in told
+    assert "is --crs right?" in told
+    assert not out.exists()
+
+
 @pytest.mark.parametrize(("system", "told"), [("EPSG:4979", 1), ("EPSG:4326+5773", 0)])
 def test_heights_above_the_ellipsoid_are_told(system, told, scene, tmp_path, capsys):
     pyproj = pytest.importorskip("pyproj")
