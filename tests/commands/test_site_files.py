@@ -284,6 +284,21 @@ def test_a_site_whose_landing_place_is_covered_is_shown_without_that_path(tmp_pa
     assert "inspection b" in shown.read_text()
 
 
+def test_a_map_gives_its_survey_as_a_picture_and_tells_what_was_left_out(tmp_path, capsys):
+    drawn, out, plot = (tmp_path / name for name in ("drawn.csv", "site.yaml", "site.png"))
+    rows = [f"conductor,a,{45 + north * 1e-5},7,20," for north in (-9, 9)]
+    rows += ["target,b,45,7.0002,20,", "ground,c,45,7,0,", "tower,T2,45.0003,7,30,2"]
+    header = "kind,name,latitude_deg,longitude_deg,altitude_amsl_m,radius_m"
+    drawn.write_text("\n".join([header, *rows]))
+    assert run("from-map", drawn, "--out", out, "--plot", plot) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert told[:2] == ["1 obstacle, 1 target", "left out: tower T2, 33 m from the plane"]
+    assert len(told) == 3
+    red = abs(imread(plot)[..., :3] - np.array((0xA3, 0x27, 0x1B)) / 255.0).max(axis=2) < 0.02
+    plan_view = red[: len(red) // 3]
+    assert plan_view.sum() > 20
+
+
 def test_a_site_that_its_users_refuse_is_told(tmp_path, capsys):
     drawn, out = tmp_path / "drawn.csv", tmp_path / "site.yaml"
     rows = [f"conductor,a,{45 + north * 1e-5},7,20" for north in (-9, 9)]

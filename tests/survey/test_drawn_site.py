@@ -46,7 +46,7 @@ LINE = (
 
 
 def site(text, tmp_path, ending=".csv"):
-    document = site_of_features(features_of(text, "map", ending), "map", SiteOptions())
+    document = site_of_features(features_of(text, "map", ending), "map", SiteOptions()).document
     file = tmp_path / "drawn.yaml"
     file.write_text(site_text(document, []))
     return Site.load(file)
@@ -139,6 +139,17 @@ def test_a_tower_is_a_box_up_to_its_height_where_it_stands_in_the_plane(tmp_path
     assert len(far.obstacles) == 2
 
 
+def test_what_is_left_out_is_told_with_its_distance_from_the_plane():
+    text = LINE + row("tower", "T2", 3, 34, 20, 2) + row("target", "clamp", 8, -9, 12)
+    drawn = site_of_features(features_of(text, "map", ".csv"), "map", SiteOptions())
+    told = "tower T2, 34 m from the plane", "target clamp, 9 m from the plane"
+    assert drawn.left_out == told
+    assert list(drawn.document["targets"]) == ["splice"]
+    tower = next(each for each in drawn.marks if each.name == "T2")
+    # x = 0 at the target, 8 m east; along the line to the right of x, which is to the south.
+    assert tower.points_m[0] == pytest.approx((-34.0, -5.0, 20.0), abs=0.01)
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
@@ -159,7 +170,7 @@ def test_a_tower_is_a_box_up_to_its_height_where_it_stands_in_the_plane(tmp_path
             LINE + row("conductor", "long", 3, -60, 9) + row("conductor", "long", 3, 60, 9),
             "long: has 120 m between its points at both sides of the plane, must be at most 60 m",
         ),
-        (LINE + row("target", "b", 8, 9, 12), "b: is 9.0 m beside the plane through splice"),
+        (LINE + row("start", "b", 8, 9, 12), "b: is 9.0 m beside the plane through splice"),
         (LINE + row("tower", "t", 0, 3, 20), "t: has no radius_m"),
         (LINE + row("tower", "t", 0, 3, 20, -2), "line 11, radius_m: is -2, must be 0 or more"),
     ],
