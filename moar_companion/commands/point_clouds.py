@@ -24,6 +24,8 @@ _EXTRA = "lidar"
 _REACH_M = 250.0
 """Points within this distance of the place are used: a span."""
 _PROBE = 1e-4
+_BESIDE_AREA_DEG = 2.0
+"""Longitude beside a coordinate system's area: a country in two zones is mapped in one of them."""
 _ORIGIN_REACH_DEG = 0.02
 """Two numbers this near to --origin's latitude and longitude are these, no metres."""
 
@@ -172,6 +174,7 @@ def _around_crs(cloud: Cloud, at: tuple[float, ...]) -> LocalCloud:
     )
     if not np.isfinite(latitude).all():
         raise InputError(cloud.file, "", f"has points outside of {cloud.crs.name}: is --crs right?")
+    _refuse_outside(cloud, horizontal, float(latitude[0]), float(longitude[0]))
     meridian_m, prime_vertical_m = radii_of_curvature_m(float(latitude[0]))
     east = np.radians(longitude) * prime_vertical_m * math.cos(math.radians(latitude[0]))
     north = np.radians(latitude) * meridian_m
@@ -188,6 +191,27 @@ def _around_crs(cloud: Cloud, at: tuple[float, ...]) -> LocalCloud:
         ),
         target_height_m=at[2] * height if len(at) > 2 else None,
     )
+
+
+def _refuse_outside(cloud: Cloud, horizontal: Any, latitude: float, longitude: float) -> None:
+    """Raises InputError for a place that a projected coordinate system is not made for."""
+    import pyproj  # noqa: PLC0415
+
+    area = horizontal.area_of_use
+    if area is None and (code := horizontal.to_epsg()) is not None:  # a file's has none
+        area = pyproj.CRS.from_epsg(code).area_of_use
+    if area is None or not horizontal.is_projected:
+        return
+    width_deg = (area.east - area.west) % 360.0 or 360.0  # it may reach over 180°
+    beside_deg = (longitude - area.west + _BESIDE_AREA_DEG) % 360.0
+    if not area.south <= latitude <= area.north or beside_deg > width_deg + 2.0 * _BESIDE_AREA_DEG:
+        raise InputError(
+            cloud.file,
+            "",
+            f"would be at {latitude:.2f}, {longitude:.2f}, outside of the area of "
+            f"{horizontal.name} (latitude {area.south:g} to {area.north:g}, longitude "
+            f"{area.west:g} to {area.east:g}): is --crs right?",
+        )
 
 
 def _height_unit_m(crs: Any) -> float:

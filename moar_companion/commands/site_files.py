@@ -119,7 +119,8 @@ def _from_cloud(arguments: argparse.Namespace) -> int:
     )
 
     def draw(stream: IO[bytes]) -> None:
-        from ..outlets.survey_picture import SurveyView, draw_survey  # noqa: PLC0415
+        from ..outlets.survey_picture import draw_survey  # noqa: PLC0415
+        from ..outlets.survey_view import SurveyView  # noqa: PLC0415
 
         view = SurveyView(
             document=section.document,
@@ -169,34 +170,27 @@ def _from_map(arguments: argparse.Namespace) -> int:
         standoff_m=arguments.standoff,
         keep_out_m=arguments.keep_out,
     )
-    document = site_of_features(features_of(text, arguments.file, ending), arguments.file, options)
+    drawn = site_of_features(features_of(text, arguments.file, ending), arguments.file, options)
+
+    def draw(stream: IO[bytes]) -> None:
+        from ..outlets.survey_picture import draw_survey  # noqa: PLC0415
+        from ..outlets.survey_view import SurveyView  # noqa: PLC0415
+
+        view = SurveyView(document=drawn.document, marks=drawn.marks)
+        draw_survey(view, stream, _format(arguments.plot))
+
+    left_out = tuple(f"left out: {each}" for each in drawn.left_out)
     remarks = (f"From the points in {Path(arguments.file).name}.",)
-    failures = [_written(out, document, remarks)]
-    if arguments.plot:
-        failures.append(_drawn_map(arguments, out))
-    say(f"{len(document['obstacles'])} obstacles, {len(document['targets'])} targets\n{_next(out)}")
-    return _finished(failures, out)
-
-
-def _drawn_map(arguments: argparse.Namespace, site_file: str) -> str | None:
-    """The picture of a drawn site: the plan to its first target on it."""
-    from ..config import default_vehicle  # noqa: PLC0415
-    from ..outlets.plan_picture import draw_plan  # noqa: PLC0415
-    from ..planner.planner import Planner  # noqa: PLC0415
-    from ..site import Site  # noqa: PLC0415
-    from ..types import Mission  # noqa: PLC0415
-    from ..vehicle import Vehicle  # noqa: PLC0415
-
-    site, vehicle = Site.load(site_file), Vehicle.load(default_vehicle())
-    planner = Planner(site, vehicle)
-    plan = planner.plan(mission=Mission.INSPECTION)
-    return write_output(
-        "--plot",
-        arguments.plot,
-        lambda stream: draw_plan(
-            plan, site, vehicle, planner.maps, stream, _format(arguments.plot)
-        ),
+    failures = [
+        _written(out, drawn.document, remarks),
+        write_output("--plot", arguments.plot, draw),
+    ]
+    counts = ", ".join(
+        f"{len(drawn.document[key])} {key if len(drawn.document[key]) != 1 else key[:-1]}"
+        for key in ("obstacles", "targets")
     )
+    say("".join(f"{line}\n" for line in (counts, *left_out)) + _next(out))
+    return _finished(failures, out)
 
 
 def _show(arguments: argparse.Namespace) -> int:

@@ -47,9 +47,9 @@ class CrossSection:
     notes: tuple[str, ...]
 
     def turned(self, points_m: FloatArray) -> FloatArray:
-        """(n, 3) along the line, across it and up from the site's origin."""
+        """(n, 3) along the line to the right of x, across it and up from the site's origin."""
         offset = points_m - self.origin_m
-        along = np.array([-self.across[1], self.across[0]])
+        along = np.array([self.across[1], -self.across[0]])
         return np.column_stack((offset[:, :2] @ along, offset[:, :2] @ self.across, offset[:, 2]))
 
 
@@ -111,7 +111,7 @@ def site_of_cloud(
         if landing[towards] is None
     ]
     if len(left_out):
-        notes.append(f"{len(left_out)} lone points left out")
+        notes.append(f"{len(left_out)} lone point{'s' if len(left_out) > 1 else ''} left out")
     points = [place(*each) for each in exits if each]
     document = site_document(
         options,

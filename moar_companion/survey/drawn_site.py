@@ -10,7 +10,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ import numpy.typing as npt
 from ..autopilots import profile
 from ..errors import InputError
 from ..frames import SiteFrame
+from ..outlets.survey_view import SurveyMark
 from ..planner.plan_values import Plan
 from ..site import Conductor, Polygon, Site
 from ..types import AutopilotKind, GeodeticPoint, Mission
@@ -32,6 +33,8 @@ _LEAST_CONSTANT_M = 500.0
 _LONGEST_M = 60.0
 """Of a conductor between its points at both sides of the plane: 0.9 m of sag."""
 _IN_PLANE_M = 5.0
+_AT_POINT_M = 0.01
+"""A point of a conductor this near to the plane is in it: no sag is unknown."""
 _STRAIGHT_RAD = 0.01
 """Turn up to which a path goes straight on."""
 _ACCEPTANCE_M = 0.5
@@ -40,10 +43,27 @@ _DRAWN_M = 5.0
 """Half the length of a conductor as drawn on the map."""
 
 
+@dataclass(frozen=True, kw_only=True, eq=False)
+class DrawnSite:
+    """The document of a site file, and the features as they lie about its plane."""
+
+    document: Document
+    marks: tuple[SurveyMark, ...]
+
+    @property
+    def left_out(self) -> tuple[str, ...]:
+        """Features that are no part of the site, each with its distance from the plane."""
+        return tuple(
+            f"{each.kind} {each.name}, {each.left_out_m:.0f} m from the plane"
+            for each in self.marks
+            if each.left_out_m is not None
+        )
+
+
 def site_of_features(
     features: tuple[MapFeature, ...], source: str, options: SiteOptions
-) -> Document:
-    """The document of a site file; raises InputError that names the feature."""
+) -> DrawnSite:
+    """The site; raises InputError that names the feature."""
     of = {kind: [each for each in features if each.kind == kind] for kind in KINDS}
     if not of["target"] or not of["conductor"]:
         kind = "target" if not of["target"] else "conductor"
@@ -64,8 +84,10 @@ def site_of_features(
     ground = min(heights)
     above_ground_m = first.altitude_amsl_m - ground
     obstacles: list[dict[str, Any]] = []
+    left_out: dict[tuple[str, str], float] = {}
     for conductor in of["conductor"]:
-        x, z, sag = _in_plane(conductor, metres(conductor), across, along, source)
+        x, z, sag_m = _in_plane(conductor, metres(conductor), across, along, source)
+        kept_m = options.keep_out_m if conductor.keep_out_m is None else conductor.keep_out_m
         obstacles.append(
             {
                 "conductor": {
@@ -73,24 +95,31 @@ def site_of_features(
                     "x_m": round(x, 2),
                     "z_m": round(z + above_ground_m, 2),
                     "radius_m": conductor.radius_m or options.radius_m,
-                    "keep_out_m": math.ceil((options.keep_out_m + sag) * 100.0) / 100.0,
+                    "keep_out_m": _rounded_up_m(kept_m + sag_m),
                 }
             }
         )
     for solid in of["tower"] + of["obstacle"]:
-        obstacles += _solid(solid, metres(solid), across, along, above_ground_m, source)
+        x, y, z = _plane(_top(solid, metres(solid), source), across, along)
+        if abs(y) > (solid.radius_m or 0.0) + _IN_PLANE_M:
+            left_out[solid.kind, solid.name] = abs(y)
+        else:
+            obstacles.append(_box(solid, x, z + above_ground_m))
     for outline in of["outline"]:
         corners = [_plane(each, across, along) for each in metres(outline)]
         if corners[0] == corners[-1]:
             corners.pop()
         vertices = [(x, z + above_ground_m) for x, _, z in corners]
-        obstacles.append(polygon(outline.name, vertices))
+        obstacles.append(polygon(outline.name, vertices, outline.keep_out_m))
     places: dict[str, list[tuple[str, dict[str, float]]]] = {}
     for kind in ("target", "start", "exit", "evacuation"):
         places[kind] = []
         for each in of[kind]:
             x, y, z = _plane(metres(each)[0], across, along)
-            if abs(y) > _IN_PLANE_M and kind in ("target", "start"):
+            if abs(y) > _IN_PLANE_M and kind == "target":
+                left_out[kind, each.name] = abs(y)
+                continue
+            if abs(y) > _IN_PLANE_M and kind == "start":
                 raise InputError(
                     source,
                     each.name,
@@ -106,7 +135,7 @@ def site_of_features(
     side_x = high_x - 2.0 if places["target"][0][1]["x_m"] >= 0.0 else low_x + 2.0
     start = places["start"][0][1] if places["start"] else {"x_m": side_x, "z_m": 0.0}
     start["z_m"] = max(start["z_m"], MIN_ALTITUDE_M + 0.5)
-    return site_document(
+    document = site_document(
         options,
         SiteFrame(origin=replace(first, altitude_amsl_m=ground), azimuth_deg=azimuth_deg),
         x_m=(low_x, high_x),
@@ -118,6 +147,18 @@ def site_of_features(
             mission: [each for _, each in places[mission]] for mission in ("exit", "evacuation")
         },
     )
+    axes = np.array([[*-along, 0.0], [*across, 0.0], [0.0, 0.0, 1.0]])
+    above = np.array([0.0, 0.0, above_ground_m])
+    marks = tuple(
+        SurveyMark(
+            kind=each.kind,
+            name=each.name,
+            points_m=metres(each) @ axes.T + above,
+            left_out_m=left_out.get((each.kind, each.name)),
+        )
+        for each in features
+    )
+    return DrawnSite(document=document, marks=marks)
 
 
 def _metres(frame: SiteFrame, point: GeodeticPoint) -> tuple[float, float, float]:
@@ -171,29 +212,32 @@ def _in_plane(
             f"has {span_m:.0f} m between its points at both sides of the plane, must be at most "
             f"{_LONGEST_M:g} m: the sag between is not known",
         )
+    if abs(beside).min() < _AT_POINT_M:
+        point = points_m[int(np.argmin(abs(beside)))]
+        return float(point[:2] @ across), float(point[2]), 0.0
     share = -float(beside[upper - 1]) / span_m if span_m > 0.0 else 0.0
     point = points_m[upper - 1] + share * (points_m[upper] - points_m[upper - 1])
     sag_m = max(share * (1.0 - share), 0.0) * span_m**2 / (2.0 * _LEAST_CONSTANT_M)
     return float(point[:2] @ across), float(point[2]), sag_m
 
 
-def _solid(
-    solid: MapFeature,
-    points_m: FloatArray,
-    across: FloatArray,
-    along: FloatArray,
-    above_ground_m: float,
-    source: str,
-) -> list[dict[str, Any]]:
-    """A tower or obstacle as a rectangle up to its height, where it stands in the plane."""
+def _rounded_up_m(length_m: float) -> float:
+    """To centimetres; what is a whole number of them but for its last digits stays."""
+    return math.ceil(round(length_m * 100.0, 6)) / 100.0
+
+
+def _top(solid: MapFeature, points_m: FloatArray, source: str) -> FloatArray:
+    """The highest point of a tower or obstacle."""
     if solid.radius_m is None or solid.radius_m <= 0.0:
         raise InputError(source, solid.name, "has no radius_m: must have half its width, in m")
-    x, y, z = _plane(points_m[int(np.argmax(points_m[:, 2]))], across, along)
-    if abs(y) > solid.radius_m + _IN_PLANE_M:
-        return []
-    top = z + above_ground_m
-    left, right = x - solid.radius_m, x + solid.radius_m
-    return [polygon(solid.name, ((left, -1.0), (right, -1.0), (right, top), (left, top)))]
+    return np.asarray(points_m[int(np.argmax(points_m[:, 2]))])
+
+
+def _box(solid: MapFeature, x: float, top: float) -> Document:
+    """A tower or obstacle as a rectangle up to its height."""
+    left, right = x - (solid.radius_m or 0.0), x + (solid.radius_m or 0.0)
+    corners = ((left, -1.0), (right, -1.0), (right, top), (left, top))
+    return polygon(solid.name, corners, solid.keep_out_m)
 
 
 def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...]:
@@ -212,6 +256,7 @@ def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...
                 point(*each.position_m, _DRAWN_M),
             ),
             radius_m=each.radius_m,
+            keep_out_m=each.keep_out_m,
         )
         for each in site.obstacles
         if isinstance(each, Conductor)
@@ -221,6 +266,7 @@ def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...
             kind="outline",
             name=each.name,
             points=tuple(point(*vertex) for vertex in (*each.vertices_m, each.vertices_m[0])),
+            keep_out_m=each.keep_out_m,
         )
         for each in site.obstacles
         if isinstance(each, Polygon)

@@ -10,8 +10,8 @@ import csv
 import io
 import json
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
 from typing import Any
 from xml.etree import ElementTree as ET
 
@@ -22,17 +22,24 @@ KINDS = (
     "conductor", "tower", "obstacle", "outline", "ground", "target", "start", "exit", "evacuation",
 )  # fmt: skip
 """outline: of an obstacle in the plane; ground: a point at z = 0; exit, evacuation: landing."""
+LENGTHS = ("radius_m", "keep_out_m")
+"""What a feature may tell besides its points."""
 _COLUMNS = ("kind", "name", "latitude_deg", "longitude_deg", "altitude_amsl_m")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapFeature:
-    """Something on the map: its points in order. radius_m: half the width of a tower."""
+    """Something on the map: its points in order.
+
+    radius_m: of a conductor, half the width of a tower; keep_out_m: of an obstacle in the site
+    file. None where the map does not tell it.
+    """
 
     kind: str
     name: str
     points: tuple[GeodeticPoint, ...]
     radius_m: float | None = None
+    keep_out_m: float | None = None
 
 
 def features_of(text: str, source: str, ending: str) -> tuple[MapFeature, ...]:
@@ -50,14 +57,17 @@ def features_of(text: str, source: str, ending: str) -> tuple[MapFeature, ...]:
             lacking = "name" if not feature.name else "points"
             raise InputError(source, feature.name or feature.kind, f"has no {lacking}")
         key = (feature.kind, feature.name)
-        before = found[key].points if key in found else ()
-        found[key] = MapFeature(
-            kind=feature.kind,
-            name=feature.name,
-            points=before + feature.points,
-            radius_m=feature.radius_m,
-        )
+        found[key] = _joined(found[key], feature) if key in found else feature
     return tuple(found.values())
+
+
+def _joined(before: MapFeature, after: MapFeature) -> MapFeature:
+    """One feature of two pieces: the greater of their lengths holds for both."""
+    lengths: dict[str, Any] = {}
+    for name in LENGTHS:
+        told = [value for each in (before, after) if (value := getattr(each, name)) is not None]
+        lengths[name] = max(told, default=None)
+    return replace(before, points=before.points + after.points, **lengths)
 
 
 def _of_csv(text: str, source: str) -> Iterator[MapFeature]:
@@ -70,12 +80,11 @@ def _of_csv(text: str, source: str) -> Iterator[MapFeature]:
     for row in reader:
         where = f"line {reader.line_num}"
         values = [row[name] for name in _COLUMNS[2:]]
-        radius = row.get("radius_m") or None
         yield MapFeature(
             kind=(row["kind"] or "").strip(),
             name=(row["name"] or "").strip(),
             points=(_point(values, source, where),),
-            radius_m=None if radius is None else _number(radius, source, f"{where}, radius_m"),
+            **_lengths(row, source, f"{where}, "),
         )
 
 
@@ -101,12 +110,11 @@ def _of_geojson(text: str, source: str) -> Iterator[MapFeature]:
             raise InputError(source, where, "has no list of coordinates")
         if properties.get("kind") == "path":
             continue
-        radius = properties.get("radius_m")
         yield MapFeature(
             kind=str(properties.get("kind", "")),
             name=str(properties.get("name", where)),
             points=tuple(_swapped(each, source, where) for each in coordinates),
-            radius_m=None if radius is None else _number(radius, source, f"{where}.radius_m"),
+            **_lengths(properties, source, f"{where}."),
         )
 
 
@@ -138,7 +146,8 @@ def _of_folder(element: ET.Element, source: str, folder: str) -> Iterator[MapFea
 def _of_placemark(element: ET.Element, source: str, folder: str) -> MapFeature:
     name = (element.findtext("name") or "").strip()
     given = {
-        data.get("name"): (data.findtext("value") or "").strip() for data in element.iter("Data")
+        str(data.get("name")): (data.findtext("value") or "").strip()
+        for data in element.iter("Data")
     }
     first, _, rest = name.partition(" ")
     kind = given.get("kind") or folder.lower().rstrip("s")
@@ -156,7 +165,7 @@ def _of_placemark(element: ET.Element, source: str, folder: str) -> MapFeature:
         kind=kind,
         name=name,
         points=tuple(_swapped(each.split(","), source, name) for each in coordinates),
-        radius_m=_number(given["radius_m"], source, name) if given.get("radius_m") else None,
+        **_lengths(given, source, f"{name}, "),
     )
 
 
@@ -182,6 +191,19 @@ def _point(values: list[Any], source: str, where: str) -> GeodeticPoint:
             )
         read.append(number)
     return GeodeticPoint(latitude_deg=read[0], longitude_deg=read[1], altitude_amsl_m=read[2])
+
+
+def _lengths(given: Mapping[str, Any], source: str, where: str) -> dict[str, float]:
+    """The lengths that a feature tells; an empty one is not told."""
+    lengths = {
+        name: _number(given[name], source, f"{where}{name}")
+        for name in LENGTHS
+        if given.get(name) not in (None, "")
+    }
+    for name, length in lengths.items():
+        if length < 0.0:
+            raise InputError(source, f"{where}{name}", f"is {length:g}, must be 0 or more")
+    return lengths
 
 
 def _number(value: Any, source: str, where: str) -> float:
@@ -245,8 +267,9 @@ def kml_of(name: str, features: tuple[MapFeature, ...]) -> str:
 
 
 def _properties(feature: MapFeature) -> dict[str, Any]:
-    radius = {} if feature.radius_m is None else {"radius_m": feature.radius_m}
-    return {"kind": feature.kind, "name": feature.name} | radius
+    lengths = {name: getattr(feature, name) for name in LENGTHS}
+    told = {name: length for name, length in lengths.items() if length is not None}
+    return {"kind": feature.kind, "name": feature.name} | told
 
 
 def _coordinates(feature: MapFeature) -> list[list[float]]:

@@ -80,10 +80,13 @@ def place(x_m: float, z_m: float) -> Document:
     return {"x_m": round(float(x_m), 2), "z_m": round(float(z_m), 2)}
 
 
-def polygon(name: str, vertices: Iterable[tuple[float, float]]) -> Document:
-    """An obstacle of this outline."""
+def polygon(
+    name: str, vertices: Iterable[tuple[float, float]], keep_out_m: float | None = None
+) -> Document:
+    """An obstacle of this outline; without a keep-out of its own, that of all outlines."""
     rounded = [[round(float(x), 2), round(float(z), 2)] for x, z in vertices]
-    return {"polygon": {"name": name, "vertices_m": rounded, "keep_out_m": POLYGON_KEEP_OUT_M}}
+    kept_m = POLYGON_KEEP_OUT_M if keep_out_m is None else keep_out_m
+    return {"polygon": {"name": name, "vertices_m": rounded, "keep_out_m": kept_m}}
 
 
 def site_text(document: Mapping[str, Any], remarks: Iterable[str]) -> str:

@@ -229,6 +229,33 @@ def test_a_place_of_no_map_is_one_line(option, value, told, cloud, at, tmp_path,
     assert not out.exists()
 
 
+@pytest.mark.parametrize(
+    ("system", "easting", "northing", "inside"),
+    [
+        ("EPSG:25831", 229_000.0, 578_400.0, False),  # a place of the Dutch grid
+        ("EPSG:32631", -400_000.0, 5_800_000.0, False),
+        ("EPSG:28992", 700_000.0, 5_800_000.0, False),  # a place of UTM
+        ("EPSG:32631", 780_000.0, 5_890_000.0, True),  # 1.2 degrees beside its zone
+        ("EPSG:32660", 840_000.0, 1_000_000.0, True),  # beyond 180 degrees
+    ],
+)
+def test_points_outside_of_the_area_of_their_coordinate_system_are_one_line(
+    system, easting, northing, inside, cloud, scene, tmp_path, capsys
+):
+    pyproj = pytest.importorskip("pyproj")
+    x, y, _ = scene.place(60.0, -5.8, 0.0)
+    file = cloud(".las", (easting, northing, 0.0), crs=pyproj.CRS(system))
+    out = tmp_path / "out.yaml"
+    arguments = ["from-cloud", file, "--at", f"{x + easting},{y + northing}", "--out", out]
+    if inside:
+        assert run(*arguments) == 0
+        return
+    told = one_line(["site", *arguments], 2, capsys)
+    assert "outside of the area of " in told
+    assert "is --crs right?" in told
+    assert not out.exists()
+
+
 @pytest.mark.parametrize(("system", "told"), [("EPSG:4979", 1), ("EPSG:4326+5773", 0)])
 def test_heights_above_the_ellipsoid_are_told(system, told, scene, tmp_path, capsys):
     pyproj = pytest.importorskip("pyproj")
@@ -255,6 +282,21 @@ def test_a_site_whose_landing_place_is_covered_is_shown_without_that_path(tmp_pa
     assert run("show", out, "--kml", shown) == 0
     assert "no path: drawn: landing.exit: no free" in capsys.readouterr().out
     assert "inspection b" in shown.read_text()
+
+
+def test_a_map_gives_its_survey_as_a_picture_and_tells_what_was_left_out(tmp_path, capsys):
+    drawn, out, plot = (tmp_path / name for name in ("drawn.csv", "site.yaml", "site.png"))
+    rows = [f"conductor,a,{45 + north * 1e-5},7,20," for north in (-9, 9)]
+    rows += ["target,b,45,7.0002,20,", "ground,c,45,7,0,", "tower,T2,45.0003,7,30,2"]
+    header = "kind,name,latitude_deg,longitude_deg,altitude_amsl_m,radius_m"
+    drawn.write_text("\n".join([header, *rows]))
+    assert run("from-map", drawn, "--out", out, "--plot", plot) == 0
+    told = capsys.readouterr().out.splitlines()
+    assert told[:2] == ["1 obstacle, 1 target", "left out: tower T2, 33 m from the plane"]
+    assert len(told) == 3
+    red = abs(imread(plot)[..., :3] - np.array((0xA3, 0x27, 0x1B)) / 255.0).max(axis=2) < 0.02
+    plan_view = red[: len(red) // 3]
+    assert plan_view.sum() > 20
 
 
 def test_a_site_that_its_users_refuse_is_told(tmp_path, capsys):

@@ -97,7 +97,7 @@ def test_what_hangs_in_the_air_is_kept_and_a_lone_point_is_told(tmp_path):
     assert hanging.name == "hanging-1"
     assert {round(z) for _, z in hanging.vertices_m} <= {21, 22, 23}
     assert len(section.left_out_m) == 1
-    assert "1 lone points left out" in section.notes
+    assert "1 lone point left out" in section.notes
 
 
 def test_a_tower_in_the_plane_is_one_shape(tmp_path):

@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from itertools import pairwise
 
 import pytest
@@ -10,7 +11,7 @@ from moar_companion.config import default_vehicle, shipped_configs
 from moar_companion.errors import InputError
 from moar_companion.frames import SiteFrame
 from moar_companion.planner.planner import Planner
-from moar_companion.site import Conductor, Site
+from moar_companion.site import Conductor, Polygon, Site
 from moar_companion.survey.drawn_site import features_of_site, qgc_plan_of, site_of_features
 from moar_companion.survey.map_features import features_of, geojson_of, kml_of
 from moar_companion.survey.site_document import SiteOptions, site_text
@@ -45,7 +46,7 @@ LINE = (
 
 
 def site(text, tmp_path, ending=".csv"):
-    document = site_of_features(features_of(text, "map", ending), "map", SiteOptions())
+    document = site_of_features(features_of(text, "map", ending), "map", SiteOptions()).document
     file = tmp_path / "drawn.yaml"
     file.write_text(site_text(document, []))
     return Site.load(file)
@@ -73,11 +74,40 @@ def test_a_site_on_the_map_and_back_is_the_site(file, ending, writer, tmp_path):
     sign = 1.0 if abs(back.frame.azimuth_deg - shipped.frame.azimuth_deg) < 90.0 else -1.0
     names = {each.name: each for each in back.obstacles}
     for obstacle in shipped.obstacles:
+        assert names[obstacle.name].keep_out_m == pytest.approx(obstacle.keep_out_m, abs=1e-9)
         if isinstance(obstacle, Conductor):
             x, z = names[obstacle.name].position_m
             assert sign * x + shift[0] == pytest.approx(obstacle.position_m[0], abs=0.03)
             assert z == pytest.approx(obstacle.position_m[1], abs=0.03)
     assert [each.name for each in back.targets] == [each.name for each in shipped.targets]
+
+
+@pytest.mark.parametrize("keep_out_m", [0.0, 0.52, 0.55, 2.0])
+@pytest.mark.parametrize("ending", [".geojson", ".kml"])
+def test_keep_outs_and_radii_survive_the_map(keep_out_m, ending, tmp_path):
+    shipped = Site.load(SITES[0])
+    corners = ((20.0, 0.0), (22.0, 0.0), (22.0, 5.0))
+    obstacles = (
+        *(each for each in shipped.obstacles if isinstance(each, Conductor)),
+        Polygon(name="tree", vertices_m=corners),
+    )
+    obstacles = tuple(replace(each, keep_out_m=keep_out_m) for each in obstacles)
+    features = features_of_site(replace(shipped, obstacles=obstacles), ())
+    text = geojson_of(features) if ending == ".geojson" else kml_of("s", features)
+    back = {each.name: each for each in site(text, tmp_path, ending).obstacles}
+    for each in obstacles:
+        assert back[each.name].keep_out_m == keep_out_m
+        if isinstance(each, Conductor):
+            assert back[each.name].radius_m == each.radius_m
+
+
+def test_a_keep_out_in_one_row_of_a_csv_holds_for_the_conductor_and_sag_is_added(tmp_path):
+    head, *rows = LINE.splitlines()
+    first = next(index for index, each in enumerate(rows) if "conductor,left" in each)
+    rows = [f"{each},{2 if index == first else ''}" for index, each in enumerate(rows)]
+    drawn = site("\n".join([f"{head},keep_out_m", *rows]), tmp_path)
+    keep_outs = {each.name: each.keep_out_m for each in drawn.obstacles}
+    assert keep_outs == {"left": pytest.approx(2.63), "right": pytest.approx(1.13)}
 
 
 def test_the_plane_stands_across_the_conductors_at_the_first_target(tmp_path):
@@ -109,6 +139,17 @@ def test_a_tower_is_a_box_up_to_its_height_where_it_stands_in_the_plane(tmp_path
     assert len(far.obstacles) == 2
 
 
+def test_what_is_left_out_is_told_with_its_distance_from_the_plane():
+    text = LINE + row("tower", "T2", 3, 34, 20, 2) + row("target", "clamp", 8, -9, 12)
+    drawn = site_of_features(features_of(text, "map", ".csv"), "map", SiteOptions())
+    told = "tower T2, 34 m from the plane", "target clamp, 9 m from the plane"
+    assert drawn.left_out == told
+    assert list(drawn.document["targets"]) == ["splice"]
+    tower = next(each for each in drawn.marks if each.name == "T2")
+    # x = 0 at the target, 8 m east; along the line to the right of x, which is to the south.
+    assert tower.points_m[0] == pytest.approx((-34.0, -5.0, 20.0), abs=0.01)
+
+
 @pytest.mark.parametrize(
     ("text", "told"),
     [
@@ -129,8 +170,9 @@ def test_a_tower_is_a_box_up_to_its_height_where_it_stands_in_the_plane(tmp_path
             LINE + row("conductor", "long", 3, -60, 9) + row("conductor", "long", 3, 60, 9),
             "long: has 120 m between its points at both sides of the plane, must be at most 60 m",
         ),
-        (LINE + row("target", "b", 8, 9, 12), "b: is 9.0 m beside the plane through splice"),
+        (LINE + row("start", "b", 8, 9, 12), "b: is 9.0 m beside the plane through splice"),
         (LINE + row("tower", "t", 0, 3, 20), "t: has no radius_m"),
+        (LINE + row("tower", "t", 0, 3, 20, -2), "line 11, radius_m: is -2, must be 0 or more"),
     ],
 )
 def test_what_cannot_be_used_is_named(text, told):
