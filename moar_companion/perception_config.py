@@ -81,12 +81,14 @@ class Perception:
         return DATA_PORTS.get(self.sensor) if self.port is None and self.sensor else self.port
 
 
+_Place = Annotated[list[Coordinate], Field(min_length=3, max_length=3)]
+_Angles = Annotated[list[_Angle], Field(min_length=3, max_length=3)]
+
+
 class _MountFile(FileModel):
-    position_m: Annotated[tuple[Coordinate, Coordinate, Coordinate], Strict(strict=False)] = (
-        SensorMount().position_m
-    )
-    roll_pitch_yaw_deg: Annotated[tuple[_Angle, _Angle, _Angle], Strict(strict=False)] = (
-        SensorMount().roll_pitch_yaw_deg
+    position_m: _Place = Field(default_factory=lambda: list(SensorMount().position_m))
+    roll_pitch_yaw_deg: _Angles = Field(
+        default_factory=lambda: list(SensorMount().roll_pitch_yaw_deg)
     )
 
 
@@ -112,11 +114,13 @@ class PerceptionFile(FileModel):
         values = {name: getattr(self, name) for name in self.model_fields_set}
         values.pop("mount", None)
         metadata = values.pop("metadata", None)
+        forward_m, left_m, up_m = self.mount.position_m
+        roll_deg, pitch_deg, yaw_deg = self.mount.roll_pitch_yaw_deg
         return Perception(
             metadata=None if metadata is None else folder / metadata,
             mount=SensorMount(
-                position_m=self.mount.position_m,
-                roll_pitch_yaw_deg=self.mount.roll_pitch_yaw_deg,
+                position_m=(forward_m, left_m, up_m),
+                roll_pitch_yaw_deg=(roll_deg, pitch_deg, yaw_deg),
             ),
             **values,
         )

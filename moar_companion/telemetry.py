@@ -321,14 +321,21 @@ class Readiness:
 class Proximity:
     """OBSTACLE_DISTANCE, or OBSTACLE_DISTANCE_3D of one instant: what a sensor sees of obstacles.
 
-    points_m: x forward, y left, z up of the aircraft; empty: it sees none within its range.
-    sender: its component; stamp_s: the sender's clock.
+    x_m, y_m, z_m: of its points, forward, left and up of the aircraft; empty: it sees none within
+    its range. sender: its component; stamp_s: the sender's clock.
     """
 
     received_s: float
-    points_m: tuple[Vector, ...]
+    x_m: tuple[float, ...]
+    y_m: tuple[float, ...]
+    z_m: tuple[float, ...]
     sender: int
     stamp_s: float
+
+    @property
+    def points_m(self) -> tuple[Vector, ...]:
+        """(x, y, z) of each point."""
+        return tuple(zip(self.x_m, self.y_m, self.z_m, strict=True))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -85,7 +85,9 @@ def _seen(
 ) -> Telemetry:
     proximity = Proximity(
         received_s=now_s,
-        points_m=points_m,
+        x_m=tuple(point[0] for point in points_m),
+        y_m=tuple(point[1] for point in points_m),
+        z_m=tuple(point[2] for point in points_m),
         sender=message.get_srcComponent(),
         stamp_s=stamp_s,
     )

@@ -100,7 +100,7 @@ def perception(seen: CheckInputs, now_s: float) -> str | None:
     text = text or exceeds("lidar scan age", age_s, settings.late_s, "s")
     if text is None and health.returns < settings.least_returns:
         text = f"lidar blinded, {health.returns:.0%} returns < {settings.least_returns:.0%}"
-    return text or exceeds("seen, not on the maps for", seen.unmapped_s, settings.timeout_s, "s")
+    return text or exceeds("obstacle unmapped for", seen.unmapped_s, settings.timeout_s, "s")
 
 
 def _unmonitored(seen: CheckInputs, now_s: float) -> str | None:

@@ -156,8 +156,8 @@ TEXTS: dict[str, tuple[str, ...]] = {
         "lidar scan age {0.6|99999} s > {0.5|99999}",
         "lidar scan age over {0.5|99999} s",
         "lidar blinded, {2%|99%} returns < {5%|99%}",
-        "seen, not on the maps for {1.1|9999} s > {1|99}",
-        "seen, not on the maps for over {1|99} s",
+        "obstacle unmapped for {1.1|9999} s > {1|99}",
+        "obstacle unmapped for over {1|99} s",
     ),
     "obstacle": ("{0.4|9999} m too close to an obstacle",),
     "off_plane": (

@@ -15,6 +15,7 @@ import sys
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 from ..errors import InputError, LinkError
 from ..mavlink.link_basics import reason
@@ -146,6 +147,7 @@ def tried(settings: Perception, source: str, *, port: bool = True) -> str:
     Raises InputError for a file that cannot be used, or where the sensor's decoder is missing;
     LinkError for a port that cannot be opened.
     """
+    description = "" if settings.metadata is None else _read_json(settings.metadata)
     if settings.sensor in _DECODERS:
         module, extra = _DECODERS[settings.sensor]
         if importlib.util.find_spec(module) is None:
@@ -153,15 +155,17 @@ def tried(settings: Perception, source: str, *, port: bool = True) -> str:
             raise InputError(source, "perception.sensor", f"needs {module}: {install}")
     if port:
         _try_port(settings)
-    if settings.metadata is None:
-        return ""
+    return description
+
+
+def _read_json(file: Path) -> str:
     try:
-        text = settings.metadata.read_text()
+        text = file.read_text()
         json.loads(text)
     except OSError as error:
-        raise InputError(str(settings.metadata), "", f"cannot be read: {error.strerror}") from error
+        raise InputError(str(file), "", f"cannot be read: {error.strerror}") from error
     except ValueError as error:
-        raise InputError(str(settings.metadata), "", "is no JSON") from error
+        raise InputError(str(file), "", "is no JSON") from error
     return text
 
 

@@ -251,7 +251,7 @@ def test_what_is_seen_and_not_on_the_maps_holds_and_is_not_told_as_avoided(desk)
     desk.run(2.0)
     assert len(desk.map_jobs) > 3
     assert desk.state == "holding"
-    assert any("seen, not on the maps for" in text for text in desk.texts())
+    assert any("obstacle unmapped for" in text for text in desk.texts())
     assert not any("avoided" in text for text in desk.texts())
     desk.maps_made = True
     desk.run(4.0)

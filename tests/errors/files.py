@@ -132,6 +132,21 @@ COMPANION: dict[str, Any] = {
             "window_s": 10.0,
         },
     },
+    "perception": {
+        "sensor": "velodyne",
+        "address": "0.0.0.0",
+        "port": 2368,
+        "metadata": "lidar.json",
+        "mount": {"position_m": [0.1, 0.0, 0.2], "roll_pitch_yaw_deg": [-90.0, 0.0, 0.0]},
+        "keep_out_m": 0.5,
+        "gate_m": 2.0,
+        "moved_m": 0.5,
+        "sight_m": 8.0,
+        "target_slack_m": 2.0,
+        "timeout_s": 1.0,
+        "late_s": 0.5,
+        "least_returns": 0.05,
+    },
 }
 FILES: dict[str, tuple[Any, dict[str, Any]]] = {
     "site.yaml": (Site.load, SITE),
@@ -180,7 +195,8 @@ EMPTY_IS_NONE = {
         "commands.systems", "commands.components", "commands.links", "mqtt.url", "mqtt.vehicle",
         "mqtt.ca_file", "mqtt.certificate_file", "mqtt.key_file", "mqtt.username",
         "mqtt.password_file", "mqtt.password_credential", "mqtt.commands.key_file",
-        "mqtt.commands.credential",
+        "mqtt.commands.credential", "perception.sensor", "perception.port",
+        "perception.metadata",
     },
 }  # fmt: skip
 """Keys whose default is nothing; `key:` without a value says the same."""

@@ -192,6 +192,13 @@ OUTSIDE = {
         "improvement": (-0.1, 1.1),
         "plane_tolerance_m": (0.0, 1000.1),
         "window_s": (0.9, 300.1),
+        "port": (0, 65_536),
+        "position_m": (-FAR, FAR),
+        "roll_pitch_yaw_deg": (-360.1, 360.1),
+        **dict.fromkeys(("keep_out_m", "target_slack_m"), (-0.1, FAR)),
+        **dict.fromkeys(("gate_m", "moved_m", "sight_m"), (0.0, FAR)),
+        **dict.fromkeys(("timeout_s", "late_s"), (0.0, 3600.1)),
+        "least_returns": (-0.1, 1.1),
     },
 }
 """The greatest number too small and the least too great, by the last name of a key."""

@@ -373,7 +373,7 @@ STORIES = [
     (
         "what is seen is not on the maps",
         replace(lidar(), unmapped_s=1.1),
-        {"perception": "seen, not on the maps for 1.1 s > 1"},
+        {"perception": "obstacle unmapped for 1.1 s > 1"},
     ),
     *[
         (f"the fault {name}", replace(IN_FLIGHT, faults=Causes(**{name: "words"})), {name: "words"})
