@@ -89,7 +89,7 @@ def _plan(seen: CheckInputs, limit_s: float) -> str | None:
 
 
 def perception(seen: CheckInputs, now_s: float) -> str | None:
-    """Text for a sensor that is lost, late or blinded, or seen in vain; None without a sensor."""
+    """Text for a lost, late or blinded sensor, or an obstacle that the maps lack; else None."""
     settings, health = seen.sensing, seen.sensor_health
     if settings.sensor is None:
         return None
