@@ -8,15 +8,22 @@ from __future__ import annotations
 
 import contextlib
 import logging
+import math
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import partial
 
+from ..config import LinkConfig, LinkRole
+from ..telemetry import AutopilotStatus
 from .background_writer import BackgroundWriter, Batches
 
 _MOST_BYTES = 256 * 1024
 """Limit of waiting text: some three thousand lines."""
+_SILENCE_S = 5.0
+"""An autopilot's heartbeat comes each second: after this time without one a warning is logged."""
+
+_logger = logging.getLogger(__name__)
 
 
 @contextlib.contextmanager
@@ -35,6 +42,40 @@ def log_to_stderr() -> Iterator[None]:
         lines.close()
         root.removeHandler(handler)
         root.setLevel(level)
+
+
+class AutopilotLog:
+    """Lines about the autopilot: its absence at the start, and each change of mode or arming."""
+
+    def __init__(self, links: Sequence[LinkConfig]) -> None:
+        self._urls = [link.url for link in links if link.role is LinkRole.AUTOPILOT]
+        self._before: AutopilotStatus | None = None
+        self._silence_told_s: float | None = None
+        """When the absence is logged; infinity once it was, or need not be any more."""
+
+    def look(self, autopilot: AutopilotStatus | None, now_s: float) -> None:
+        """Logs what is new; to be called about each second."""
+        if self._silence_told_s is None:
+            self._silence_told_s = now_s + _SILENCE_S
+        before, self._before = self._before, autopilot
+        if autopilot is None:
+            if now_s >= self._silence_told_s:
+                self._silence_told_s = math.inf
+                _logger.warning(
+                    "no autopilot received on %s for %g s; is it on, and does it send there?",
+                    ", ".join(self._urls),
+                    _SILENCE_S,
+                )
+            return
+        self._silence_told_s = math.inf
+        if before is None or (autopilot.mode, autopilot.armed) != (before.mode, before.armed):
+            _logger.info(
+                "autopilot %s, system %d: %s, %s",
+                autopilot.kind,
+                autopilot.system_id,
+                autopilot.mode,
+                "armed" if autopilot.armed else "disarmed",
+            )
 
 
 class _Lines:

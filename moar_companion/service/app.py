@@ -25,34 +25,32 @@ from .. import pilot_texts
 from ..companion.companion import Companion
 from ..companion.intake import Arrival
 from ..companion.status import LatestDecisions
-from ..config import CompanionConfig, LinkRole
+from ..config import CompanionConfig
 from ..error_margin import flown_site, sighted
-from ..errors import InputError
 from ..estimation.pose_tracker import SiteMaps
 from ..mavlink.link import Link, open_link
 from ..mavlink.link_basics import clock_s
 from ..mavlink.peers import Address
 from ..mavlink.urls import parse_url
 from ..mqtt_config import ORDER_LINK
-from ..outlets.log import log_to_stderr
+from ..outlets.log import AutopilotLog, log_to_stderr
 from ..planner.planner import Planner
 from ..planning.map_jobs import MapAnswer
 from ..recording.calls import RecordedCompanion
 from ..safety.check_inputs import Host
 from ..safety.file_faults import FileFault, words
 from ..site import Site
-from ..telemetry import AutopilotStatus
 from ..vehicle import Vehicle
 from .cycle_recorder import CycleRecorder
-from .directories import recorder_folder, state_folder, view_socket
+from .directories import recorder_folder, view_socket
 from .host_monitor import HostMonitor
-from .perception_process import PerceptionProcess
+from .perception_process import PerceptionProcess, start_perception
 from .planner_worker import PlannerWorker, Work
 from .pools import started_pool
 from .priority import NICE, ahead_of_others, in_real_time
 from .resident_memory import limit_arenas
-from .signing_clock import SigningClock, load_signing
-from .snapshot_file import SnapshotFile
+from .signing_clock import SigningClock, load_signing, open_signing_clock
+from .snapshot_file import SnapshotFile, open_memory
 from .status_socket import open_view_socket
 from .systemd import Watchdog, notify
 
@@ -75,8 +73,6 @@ _LOOK_PERIOD_S = 1.0
 """Period of the checks of the autopilot's status and the computer's free resources."""
 _CLOCK_SET_S = 0.5
 """A greater step of the wall clock was set by somebody: a clock that is adjusted drifts less."""
-_SILENCE_S = 5.0
-"""An autopilot's heartbeat comes each second: after this time without one a warning is logged."""
 
 _logger = logging.getLogger(__name__)
 
@@ -96,16 +92,16 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
     with ahead_of_others() as ahead, log_to_stderr(), contextlib.ExitStack() as stack:
         if not ahead:
             _logger.info("no priority over other programs: nice %d not permitted", NICE)
-        memory = _open_memory(config, stack)
+        memory = open_memory(config, stack)
         before = None if memory is None else memory.load(time.time() - _clock_s(speed))
         signing = load_signing(config, time.time())
-        clock = None if signing is None else _open_signing_clock(config, stack)
+        clock = None if signing is None else open_signing_clock(config, stack)
         kind = Companion if recorder_folder(config) is None else RecordedCompanion
         companion = kind(config, vehicle, None, before=before, signing=signing)
         make_planner = None
         if site is not None:
             make_planner = partial(Planner, site, vehicle, clock=time.perf_counter)
-        perception = _start_perception(config, site, speed)
+        perception = start_perception(config, site, speed)
         service = Service(config, companion, make_planner, memory, clock, perception, speed=speed)
         asyncio.run(service.run())
     return 0
@@ -114,41 +110,6 @@ def run_service(config: CompanionConfig, *, speed: float = 1.0) -> int:
 def _clock_s(speed: float) -> float:
     """The companion's clock: monotonic, unaffected by host clock changes, runs during suspend."""
     return clock_s() * speed
-
-
-def _open_memory(config: CompanionConfig, stack: contextlib.ExitStack) -> SnapshotFile | None:
-    folder = state_folder(config)
-    if folder is None:
-        return None
-    try:
-        memory = SnapshotFile(folder.path)
-    except OSError as error:
-        raise folder.unwritable(error) from error
-    stack.callback(memory.close)
-    return memory
-
-
-def _open_signing_clock(
-    config: CompanionConfig, stack: contextlib.ExitStack
-) -> SigningClock | None:
-    folder = state_folder(config)
-    if folder is None:
-        _logger.warning("signed links without a state directory: time stamps are not kept")
-        return None
-    clock = SigningClock(folder.path)
-    stack.callback(clock.close)
-    return clock
-
-
-def _start_perception(
-    config: CompanionConfig, site: Site | None, speed: float
-) -> PerceptionProcess | None:
-    if config.perception.sensor is None:
-        return None
-    source = str(config.file or "the configuration")
-    if site is None:
-        raise InputError(source, "perception.sensor", "needs a site file: `site`, or --site")
-    return PerceptionProcess(config.perception, site, source=source, speed=speed)
 
 
 class Service:
@@ -184,7 +145,7 @@ class Service:
         self._read_late_s = 0.0
         """Maximum delay between arrival and reading of bytes since the last check."""
         self._recorder: CycleRecorder | None = None
-        self._heard: AutopilotStatus | None = None
+        self._autopilot_log = AutopilotLog(config.links)
 
     async def run(self) -> None:
         """Opens the links, runs cycles until a signal, sends the last setpoint and closes."""
@@ -231,7 +192,6 @@ class Service:
                 self._worker.begin(self._make_planner)
             if not stack.enter_context(in_real_time()):
                 _logger.info("the loop is not in real time: not permitted")
-            loop.call_later(_SILENCE_S, self._report_silence)
             cycling = asyncio.create_task(self._cycle_loop(host), name="cycles")
             stopping = asyncio.create_task(stopped.wait(), name="wait for a signal")
             await asyncio.wait({cycling, stopping}, return_when=asyncio.FIRST_COMPLETED)
@@ -290,7 +250,7 @@ class Service:
                 self._mqtt.look(now_s, self._status_now)
             if now_s >= look_s:
                 look_s = now_s + _LOOK_PERIOD_S
-                self._report_autopilot()
+                self._autopilot_log.look(self._companion.telemetry.autopilot, now_s / self._speed)
                 self._host = replace(
                     host.look(), read_late_s=self._read_late_s, file_faults=self._file_faults()
                 )
@@ -425,29 +385,3 @@ class Service:
         if publisher is not None:
             stack.callback(publisher.close)
         return publisher
-
-    def _report_silence(self) -> None:
-        """Logs one line when no autopilot is received: the port or baud rate may be wrong."""
-        if self._companion.telemetry.autopilot is None:
-            links = [link.url for link in self._config.links if link.role is LinkRole.AUTOPILOT]
-            _logger.warning(
-                "no autopilot received on %s for %g s; is it on, and does it send there?",
-                ", ".join(links),
-                _SILENCE_S,
-            )
-
-    def _report_autopilot(self) -> None:
-        """Logs one line when the autopilot appears, or its mode or arming changes."""
-        heard = self._companion.telemetry.autopilot
-        before = self._heard
-        if heard is not None and (
-            before is None or (heard.mode, heard.armed) != (before.mode, before.armed)
-        ):
-            _logger.info(
-                "autopilot %s, system %d: %s, %s",
-                heard.kind,
-                heard.system_id,
-                heard.mode,
-                "armed" if heard.armed else "disarmed",
-            )
-        self._heard = heard

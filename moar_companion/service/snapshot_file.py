@@ -16,8 +16,10 @@ from pathlib import Path
 
 from .. import pilot_texts
 from ..companion.mission_snapshot import MissionSnapshot, decoded, encoded
+from ..config import CompanionConfig
 from ..outlets.background_writer import BackgroundWriter, Batches
 from ..safety.file_faults import FileFault, words
+from .directories import state_folder
 
 _NAME = "mission.json"
 _LONGEST_BYTES = 65536
@@ -97,6 +99,22 @@ class SnapshotFile:
                     path.unlink(missing_ok=True)
         else:
             self._write_fault = None
+
+
+def open_memory(config: CompanionConfig, stack: contextlib.ExitStack) -> SnapshotFile | None:
+    """Opens the file in the state directory, until the stack ends; None without a directory.
+
+    Raises InputError for a directory that cannot be written.
+    """
+    folder = state_folder(config)
+    if folder is None:
+        return None
+    try:
+        memory = SnapshotFile(folder.path)
+    except OSError as error:
+        raise folder.unwritable(error) from error
+    stack.callback(memory.close)
+    return memory
 
 
 def write_whole(path: Path, data: bytes) -> None:

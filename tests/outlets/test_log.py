@@ -9,12 +9,16 @@ import re
 import sys
 import threading
 import time
+from dataclasses import replace
 from types import SimpleNamespace
 
 import pytest
 
+from moar_companion import autopilots
+from moar_companion.config import LinkConfig
 from moar_companion.outlets import background_writer, log
-from moar_companion.outlets.log import log_to_stderr
+from moar_companion.outlets.log import AutopilotLog, log_to_stderr
+from moar_companion.telemetry import AutopilotStatus
 from tests.stopped import stopped_pipe
 
 logger = logging.getLogger("test")
@@ -140,3 +144,21 @@ def test_without_a_stderr_nothing_is_written_anywhere(tmp_path):
         os.dup2(saved, 2)
         os.close(saved)
     assert path.read_bytes() == b""
+
+
+def test_absence_of_the_autopilot_is_logged_once_and_each_change_of_its_mode(caplog):
+    log = AutopilotLog([LinkConfig(url="udp:127.0.0.1:14540")])
+    held = AutopilotStatus(
+        received_s=9.0, system_id=7, component_id=1, kind=autopilots.PX4, armed=False,
+        custom_mode=0, mode="HOLD", ours=False, homeward=False, multirotor=True, failsafe=False,
+    )  # fmt: skip
+    with caplog.at_level("INFO"):
+        for now_s in (1.0, 5.9, 6.0, 7.0):
+            log.look(None, now_s)
+        for status in (held, replace(held, received_s=10.0), replace(held, armed=True)):
+            log.look(status, 10.0)
+    assert [record.getMessage() for record in caplog.records] == [
+        "no autopilot received on udp:127.0.0.1:14540 for 5 s; is it on, and does it send there?",
+        "autopilot px4, system 7: HOLD, disarmed",
+        "autopilot px4, system 7: HOLD, armed",
+    ]
