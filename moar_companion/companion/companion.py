@@ -20,7 +20,7 @@ from collections.abc import Sequence
 from ..adaptation import Adaptation
 from ..autopilots import profile
 from ..config import CompanionConfig
-from ..contingency.contingency_planner import Outlook
+from ..contingency.route_cost import Outlook
 from ..estimation.pose import Pose
 from ..estimation.pose_tracker import PoseTracker, SiteMaps, grounded
 from ..guidance.path_follower import Progress

@@ -165,5 +165,5 @@ class FlightLimits:
             crossed = plane.crossed(place_m, plane.margin_m)
             if crossed is not None:
                 return f"outside {crossed}"
-        crossed = flight.leaves_fence()
+        crossed = flight.path.leaves_fence()
         return None if crossed is None else f"path past {crossed}"

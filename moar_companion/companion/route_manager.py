@@ -159,7 +159,7 @@ class RouteManager:
             return False
         if self.flight is None:
             self.flight = PathFollower(volume, pose)
-        junction = self.flight.junction_at(pose) if recover else self.flight.junction()
+        junction = self.flight.path.junction_at(pose) if recover else self.flight.path.junction()
         if first:
             self.inflation.forget_no_room()
         elif junction.at_end and not self.flight.braked:
@@ -173,7 +173,7 @@ class RouteManager:
             width_m,
             self.limits.fence,
             self.limits.watch.failsafes,
-            0.0 if task.mission is Mission.INSPECTION else self.flight.narrowed_m,
+            0.0 if task.mission is Mission.INSPECTION else self.flight.path.volume.narrowed_m,
             self.limits.site_maps,
             first=first,
             reason=reason,
@@ -202,7 +202,7 @@ class RouteManager:
         if flight is None or plan is None:
             return Adoption.TOO_LATE
         flown = None
-        if not awaited.first and answer.narrowed_m <= flight.narrowed_m:
+        if not awaited.first and answer.narrowed_m <= flight.path.volume.narrowed_m:
             flown = flight.rest_of_plan(plan, awaited.junction, answer.reach)
         if flown is not None and self._stays(flown, plan):
             return Adoption.KEPT_PATH
@@ -337,7 +337,7 @@ class RouteManager:
             return False
         if flight is not None:
             moves = not (flight.braked or flight.returns)
-            goes_on = moves and (flight.on_leg or flight.junction().at_end)
+            goes_on = moves and (flight.on_leg or flight.path.junction().at_end)
             if self.resume_leg() or goes_on or (flight.on_leg and flight.arrived):
                 return True
         if pose is None or volume is None:

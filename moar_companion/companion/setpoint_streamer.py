@@ -71,7 +71,8 @@ class SetpointStreamer:
         that setpoint was accepted, and would fly on otherwise.
         """
         # Inside the margin a setpoint is only narrow: a small jump of the estimate may cause it.
-        misplaced = self._place_refusal(setpoint, flight, -flight.margin_m)
+        margin_m = flight.path.volume.site.margin.total_m
+        misplaced = self._place_refusal(setpoint, flight, -margin_m)
         reason = misplaced or self._motion_refusal(setpoint, flight, plane, now_s)
         narrow = not reason and bool(self._place_refusal(setpoint, flight, self.widened_m))
         if misplaced is not None and flight.seen_late:
@@ -81,7 +82,7 @@ class SetpointStreamer:
             reason = (
                 f"no room here, uncertainty {distance(known_m)} m"
                 if self.widened_m
-                else f"no room here, margin {distance(flight.margin_m)} m"
+                else f"no room here, margin {distance(margin_m)} m"
             )
         if reason is None:
             self._pass(setpoint, plane.position_to_ned(setpoint.position_m), plane, now_s)
@@ -155,7 +156,12 @@ class SetpointStreamer:
         stands = 0.0 < math.hypot(*self._jumped_m) <= self._margin.total_m
         stands = stands and not any(setpoint.velocity_mps)
         near = abs(setpoint.position_m[1]) <= tolerance_m
-        if reason is not None and stands and near and flight.keeps_clear(setpoint.position_m):
+        if (
+            reason is not None
+            and stands
+            and near
+            and flight.path.volume.keeps_clear(setpoint.position_m)
+        ):
             return None
         return reason
 

@@ -67,7 +67,7 @@ class WindRecovery:
         if flight.come_back(widened_m):
             self._reports.say(Severity.WARNING, flight.why_it_returns, now_s, action="returning")
         else:
-            reason = pilot_texts.NO_WAY_BACK(m=distance(flight.outside_m))
+            reason = pilot_texts.NO_WAY_BACK(m=distance(flight.path.outside_m))
             self._reports.say(Severity.WARNING, reason, now_s)
 
     def _tell_drift(self, flight: PathFollower, pose: Pose, now_s: float) -> None:

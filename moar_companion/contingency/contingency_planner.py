@@ -34,7 +34,7 @@ from ..safety.failsafe_paths import exposed_places
 from ..site import Site
 from ..types import Mission, RiskIndices, Vector
 from ..vehicle import RiskModel, Vehicle
-from .route_cost import RouteCost, better_of, energy_wh_of, least_in_wind_s
+from .route_cost import Outcome, Outlook, RouteCost, better_of, energy_wh_of, least_in_wind_s
 
 _ROUND_S = 2.0
 """Time between two rounds of requests: at 5 m/s the aircraft moves 10 m."""
@@ -44,37 +44,6 @@ _FASTEST_MPS = 100.0
 """A velocity estimate above this is wrong: then the plan begins at rest."""
 _WAYS_OUT = (Mission.EXIT, Mission.EVACUATION)
 _FLOWN = frozenset({MissionState.FLYING, MissionState.AT_TARGET, MissionState.LANDING_LEG})
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outcome:
-    """Time and measured battery energy of a route, and the flight time left after it.
-
-    age_s: since its request; the oldest part counts.
-    """
-
-    duration_s: float
-    energy_wh: float
-    left_s: float | None
-    age_s: float
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Outlook:
-    """Energy left, and demand of each route, for people; None: unknown, or no such route.
-
-    left_wh and energies are absolute where the vehicle file has the capacity, else relative.
-    factor: measured power over the vehicle file's. source: origin of the factor.
-    """
-
-    left_wh: float | None
-    flight_s: float | None
-    factor: float
-    source: str
-    finish: Outcome | None
-    exit: Outcome | None
-    evacuation: Outcome | None
-    better: Mission | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -401,7 +370,7 @@ class ContingencyPlanner:
             return None
         if flight.braked and not flight.on_leg and not task.flown:
             return None
-        position_m, duration_s = flight.rest()
+        position_m, duration_s = flight.path.rest()
         rest = self._way(position_m, duration_s / pace, self._now_s)
         rest = self._exposed(rest, position_m, duration_s / pace, scene.volume)
         return self._rest(task, rest, self._landing(scene.volume), pace)

@@ -52,6 +52,37 @@ class RouteCost:
         )
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outcome:
+    """Time and measured battery energy of a route, and the flight time left after it.
+
+    age_s: since its request; the oldest part counts.
+    """
+
+    duration_s: float
+    energy_wh: float
+    left_s: float | None
+    age_s: float
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Outlook:
+    """Energy left, and demand of each route, for people; None: unknown, or no such route.
+
+    left_wh and energies are absolute where the vehicle file has the capacity, else relative.
+    factor: measured power over the vehicle file's. source: origin of the factor.
+    """
+
+    left_wh: float | None
+    flight_s: float | None
+    factor: float
+    source: str
+    finish: Outcome | None
+    exit: Outcome | None
+    evacuation: Outcome | None
+    better: Mission | None
+
+
 def better_of(ways: Mapping[Mission, RouteCost | None], before: Mission | None) -> Mission | None:
     """Returns the escape route that takes less; the one before, unless another takes clearly less.
 

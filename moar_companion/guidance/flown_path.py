@@ -268,6 +268,15 @@ class FlownPath:
             at_end=corner >= last,
         )
 
+    def junction_at(self, pose: Pose) -> Splice:
+        """Start in the plane of a plan for an aircraft off its path, or beside the plane."""
+        x_m, _, z_m = pose.position_m
+        return Splice(
+            trajectory=self.reference.trajectory,
+            position_m=(x_m, 0.0, z_m),
+            velocity_mps=pose.velocity_mps,
+        )
+
     def points(self, plan: Plan, junction: Splice, escape_m: tuple[PlanePoint, ...]) -> PathPoints:
         """Points of a plan that begins at a junction."""
         return flown(plan, junction.position_m, escape_m, self.volume.leg_speeds_mps)

@@ -18,7 +18,6 @@ from ..adaptation import Adaptation
 from ..autopilots.offboard_loss import OffboardLoss
 from ..estimation.pose import Jump, Pose, Setpoint
 from ..frames import PlaneToLocal
-from ..planner.comparison import rest_of
 from ..planner.free_distance import FreeDistance
 from ..planner.plan_values import Plan
 from ..planner.plane_fence import PlaneFence
@@ -70,6 +69,11 @@ class PathFollower:
         """True if an obstacle was seen nearer than the stopping distance, until the next plan."""
 
     @property
+    def path(self) -> FlownPath:
+        """The path that is flown, at this instant: its flight volume, its rest, its limits."""
+        return self._path
+
+    @property
     def _reference(self) -> Reference:
         return self._path.reference
 
@@ -103,21 +107,6 @@ class PathFollower:
         return None if self._plan is None else self._plan.request.adaptation
 
     @property
-    def margin_m(self) -> float:
-        """Margin of keep-outs for the errors of a flight, in metres."""
-        return self._volume.site.margin.total_m
-
-    @property
-    def narrowed_m(self) -> float:
-        """Part of the margin that the active plan omits, in metres."""
-        return self._volume.narrowed_m
-
-    @property
-    def reach(self) -> FreeDistance | None:
-        """Reach to obstacles with the active plan's inflation; None: no inflation."""
-        return self._volume.reach
-
-    @property
     def on_leg(self) -> bool:
         """True while the reference is on the landing leg."""
         return self._path.on_leg
@@ -138,14 +127,9 @@ class PathFollower:
         return None if from_m is None else math.dist(from_m, pose.position_m)
 
     @property
-    def outside_m(self) -> float:
-        """Distance of the setpoint outside the workspace, or beside the plane, in metres."""
-        return self._path.outside_m
-
-    @property
     def why_it_returns(self) -> str:
         """Text for people about the recovery leg."""
-        return pilot_texts.RETURNING(m=distance(self.outside_m))
+        return pilot_texts.RETURNING(m=distance(self._path.outside_m))
 
     @property
     def is_carried_off(self) -> bool:
@@ -184,7 +168,7 @@ class PathFollower:
 
         The active plan's inflation counts no longer: the gate has the present one.
         """
-        self._path = self._path.on_maps(volume.widened(None, self.narrowed_m))
+        self._path = self._path.on_maps(volume.widened(None, self._volume.narrowed_m))
 
     @property
     def barred_by(self) -> str | None:
@@ -205,16 +189,9 @@ class PathFollower:
         self.seen_late = barred_m is not None and barred_m <= stop_m
         if barred_m is None:
             return
-        joined_m = self.junction().joined_m
+        joined_m = self._path.junction().joined_m
         if self.on_leg or self.returns or (joined_m is not None and joined_m >= barred_m):
             self.brake()
-
-    def leaves_fence(self) -> str | None:
-        """The autopilot's fence limit that the path ahead crosses; None: no limit.
-
-        Escape and recovery legs are permitted outside the fence.
-        """
-        return self._path.leaves_fence()
 
     def error_m(self, pose: Pose) -> float:
         """Distance from the setpoint to the aircraft, in metres."""
@@ -235,21 +212,12 @@ class PathFollower:
         self._path = self._path.stood(position_m)
 
     def resume_leg(self, widened_m: float) -> bool:
-        """Resumes along the landing leg on which the flight was braked, if the leg has room.
-
-        Outside the workspace only an escape leg can be planned; the landing leg was checked when
-        planned. widened_m: obstacle inflation. Returns False, too, where a jump has moved the
-        setpoint out of the leg's corridor.
-        """
+        """Resumes along the landing leg (`FlownPath.resumed`); returns False where it must not."""
         path = self._path.resumed(widened_m)
         if path is None:
             return False
         self._path = path
         return True
-
-    def keeps_clear(self, place_m: Vector) -> bool:
-        """True if a place, anywhere, is outside every keep-out less its margin."""
-        return self._volume.keeps_clear(place_m)
 
     def serves(self, mission: Mission, goal: str | int | None) -> bool:
         """True if the active plan has this mission and this target or landing point."""
@@ -257,33 +225,13 @@ class PathFollower:
         return plan is not None and (plan.mission, plan.request.target) == (mission, goal)
 
     def taken_up(self, volume: FlightVolume, pose: Pose, widened_m: float) -> PathFollower | None:
-        """Flight resumed on its landing leg after a pilot's takeover near the leg; None elsewhere.
-
-        The aircraft is outside the workspace, and within the tracking tolerance of the leg. The
-        setpoint begins at the aircraft, and moves over to the leg. widened_m: obstacle inflation.
-        """
+        """Flight resumed near its landing leg after a pilot's takeover (`FlownPath.taken_up`)."""
         path = self._path.taken_up(volume, pose, widened_m)
         if path is None:
             return None
         flight = PathFollower(volume, pose)
         flight._plan, flight._path = self._plan, path
         return flight
-
-    def junction(self) -> Splice:
-        """Start of a plan that is requested now: a point where the reference can still stop."""
-        return self._path.junction()
-
-    def junction_at(self, pose: Pose) -> Splice:
-        """Start of a plan for an aircraft that is off its path.
-
-        The start is in the plane: an aircraft beside the plane comes back to it.
-        """
-        x_m, _, z_m = pose.position_m
-        return Splice(
-            trajectory=self._reference.trajectory,
-            position_m=(x_m, 0.0, z_m),
-            velocity_mps=pose.velocity_mps,
-        )
 
     def adopt(
         self,
@@ -319,21 +267,13 @@ class PathFollower:
         plan = self._plan
         if (
             plan is None
-            or junction.corner is None
             or junction.trajectory is not self._reference.trajectory
-            or reach != self.reach
-            or self.leaves_fence() is not None
+            or reach != self._volume.reach
+            or self._path.leaves_fence() is not None
             or (plan.mission, plan.request.target) != (newer.mission, newer.request.target)
         ):
             return None
-        # An escape leg has a point of its own before the plan's first.
-        added = len(junction.trajectory.points_m) - len(plan.waypoints.position_m)
-        first = junction.corner - added
-        if not 0 <= first < len(plan.states):
-            return None
-        if (plan.states[first, :-1] != newer.states[0, :-1]).any():
-            return None
-        return rest_of(plan, self._volume.maps, first, newer.request, newer.graph)
+        return junction.rest_of(plan, newer, self._volume.maps)
 
     def advance(self, pose: Pose, step_s: float, pace: float = 1.0, *, holds: bool = False) -> None:
         """Moves the reference by one step, slower if the aircraft falls behind.
@@ -369,13 +309,7 @@ class PathFollower:
             self._drift = self._drift.after(error_m, leash_m, pose, step_s)
             return
         self._path = replace(self._path, legs=(), landing_corner=None).stood(moved_m)
-        drift = self._drift
-        self._drift = WindLeash(
-            from_m=place_m if drift.from_m is None else drift.from_m,
-            moved_to_m=pose.position_m,
-            carried=True,
-            lowest_m=min(drift.lowest_m, place_m[2]),
-        )
+        self._drift = self._drift.pulled(place_m, pose)
 
     def setpoint(self, pose: Pose, plane: PlaneToLocal, step_s: float) -> Setpoint:
         """The setpoint of this instant, the heading turned by one step (0: kept)."""
@@ -399,10 +333,6 @@ class PathFollower:
             velocity_mps=vector(self._reference.velocity_mps),
             yaw_rad=self._yaw_rad,
         )
-
-    def rest(self) -> tuple[FloatArray, FloatArray]:
-        """The points (n, 3) still ahead, and the times (n - 1,) between them, as they are flown."""
-        return self._path.rest()
 
     def progress(self, pose: Pose) -> Progress:
         """Progress of the flight, for people."""
@@ -459,7 +389,3 @@ class PathFollower:
         """
         volume = self._volume.widened(reach)
         return volume.rests_m(volume.trajectory(self._path.points(plan, junction, escape_m)))
-
-    def rests_ahead_m(self) -> FloatArray:
-        """Possible stop points (n, 2) on the rest of the active path, to its end or brake point."""
-        return self._path.rests_m()

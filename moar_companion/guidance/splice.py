@@ -7,6 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from ..planner.comparison import rest_of
+from ..planner.maps import Maps
+from ..planner.plan_values import Plan
 from ..types import Vector
 from .trajectory import PathPoints, Trajectory
 
@@ -34,6 +37,22 @@ class Splice:
             return False
         points_m = self.trajectory.points_m[self.corner :]
         return np.array_equal(points_m, path.position_m)
+
+    def rest_of(self, plan: Plan, newer: Plan, maps: Maps) -> Plan | None:
+        """Rest of the active plan from here, as an answer to the newer plan's request.
+
+        None where it is not free on these maps, or the newer plan begins at no state of it.
+        """
+        if self.corner is None:
+            return None
+        # An escape leg has a point of its own before the plan's first.
+        added = len(self.trajectory.points_m) - len(plan.waypoints.position_m)
+        first = self.corner - added
+        if not 0 <= first < len(plan.states):
+            return None
+        if (plan.states[first, :-1] != newer.states[0, :-1]).any():
+            return None
+        return rest_of(plan, maps, first, newer.request, newer.graph)
 
 
 class Adoption(enum.Enum):

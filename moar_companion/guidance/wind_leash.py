@@ -45,6 +45,15 @@ class WindLeash:
         drawn_m = vehicle.speed.horizontal_mps * _DRAWN_S
         return min(longest_m, max(guidance.tracking_slow_m, drawn_m))
 
+    def pulled(self, place_m: Vector, pose: Pose) -> WindLeash:
+        """Returns the state after the aircraft has moved the setpoint from a place."""
+        return WindLeash(
+            from_m=place_m if self.from_m is None else self.from_m,
+            moved_to_m=pose.position_m,
+            carried=True,
+            lowest_m=min(self.lowest_m, place_m[2]),
+        )
+
     def after(self, error_m: float, leash_m: float, pose: Pose, step_s: float) -> WindLeash:
         """Returns the state after a step without a displacement."""
         rests = error_m <= leash_m and math.hypot(*pose.velocity_mps) <= _RESTS_MPS

@@ -23,6 +23,7 @@ from .cost_to_go_tables import TableBuilder, shares
 from .graph import build_graph
 from .grid import STOP, BoolArray, IntArray
 from .maps import Maps, build_maps, with_exposed
+from .no_plan import reason_of
 from .plan_values import Compute, Cost, Plan, PlanRequest, PlanStatus
 from .plane_fence import PlaneFence
 from .regions import Cell, GoalRegion, goal_region, landing_leg
@@ -287,32 +288,17 @@ class Planner:
         Raises ValueError for a plan without a path, or one made before the obstacles changed.
         """
         # Imported here: no flight needs it, so that no start waits for its kernels.
-        from .refinement import Refinement, Refiner  # noqa: PLC0415
+        from .refinement import Refiner  # noqa: PLC0415
 
         if plan.status is not PlanStatus.FOUND or plan.maps is not self.maps:
             raise ValueError("only a path on the planner's own maps can be refined")
         if self._refiner is None:
             self._refiner = Refiner(self.site, self.vehicle, self.maps)
-        region = self._goal((plan.mission, plan.request.target)).region
         began_s = self._clock_s()
-        points_m, cost, plan_cost = self._refiner.refine(plan, region)
-        compute_ms = self._passed_ms(began_s)
-        land = None
-        if region is not None:
-            x, z = points_m[-1].tolist()
-            column, row = self.maps.grid.cell_of((x, z)) or plan.states[-1, :-1]
-            end = (int(column), int(row))
-            land = partial(landing_leg, self.site, self.vehicle, region, end, points_m[-1])
-        return Refinement(
-            plan=plan,
-            points_m=points_m,
-            cost=cost,
-            plan_cost=plan_cost,
-            compute_ms=compute_ms,
-            continuous=self._refiner.continuous,
-            site=self.site,
-            land=land,
+        refinement = self._refiner.refine(
+            plan, self._goal((plan.mission, plan.request.target)).region
         )
+        return replace(refinement, compute_ms=self._passed_ms(began_s))
 
     def _search(self, request: PlanRequest, start_cell: tuple[int, ...]) -> Plan:
         began_s = self._clock_s()
@@ -368,45 +354,16 @@ class Planner:
         what: str,
         point_m: tuple[float, ...] | None,
     ) -> Plan:
-        """A plan without a path, with the reason as text."""
-        words = {
-            PlanStatus.OUT_OF_BOUNDS: "is outside the workspace",
-            PlanStatus.START_OCCUPIED: "is too close to an obstacle or too low",
-            PlanStatus.TARGET_OCCUPIED: "is too close to an obstacle or too low",
-            PlanStatus.UNREACHABLE: "cannot be reached: no free path leads there",
-        }
-        place = "" if point_m is None else f" at ({point_m[0]:g}, {point_m[1]:g})"
-        fence, why = self.maps.fence, words[status]
-        if status is PlanStatus.OUT_OF_BOUNDS and point_m is not None:
-            why = self._uncovered(point_m) or why
-        crossed = None
-        if fence is not None and point_m is not None:
-            crossed = fence.crossed(np.array([point_m[:2]]))
-        if crossed is not None and fence is not None:
-            why = f"is outside the autopilot's fence, {crossed}, less {fence.margin_m:g} m"
+        """A plan without a path; what, at point_m: the reason."""
         return Plan(
             request=request,
             site=self.site.name,
             graph=self.graph,
             maps=self.maps,
             status=status,
-            reason=f"{what}{place} {why}",
+            reason=reason_of(status, what, point_m, self.site, self.maps),
             compute=Compute(map_ms=self._map_ms, search_ms=0.0, expanded=0),
             states=np.empty((0, len(self.graph.grid.shape) + 1), dtype=np.int64),
-        )
-
-    def _uncovered(self, point_m: tuple[float, ...]) -> str | None:
-        """Reason of a point within the workspace that no cell holds; None for one outside."""
-        space, grid = self.site.workspace, self.maps.grid
-        ends = list(zip("xz", point_m, grid.upper_m, space.upper_m, strict=True))
-        if space.outside_m((point_m[0], point_m[1])):
-            return None
-        strips = [
-            f"{axis} {covered:g} to {upper:g}" for axis, at, covered, upper in ends if at > covered
-        ]
-        return (
-            f"is in the strip of the workspace that no whole cell of {grid.resolution_m:g} m "
-            f"covers ({', '.join(strips)})"
         )
 
     def _target(self, name: str | int | None) -> Target:

@@ -15,7 +15,7 @@ import itertools
 import math
 from collections.abc import Callable
 from dataclasses import asdict, dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -29,7 +29,7 @@ from .grid import STOP, TOLERANCE, FloatArray
 from .maps import Maps
 from .plan_values import Cost, Metrics, Plan, Waypoints, flight, milliseconds
 from .polyline import leg_sums, outline_distances, refined
-from .regions import GoalRegion, LandingLeg, obstacle_clearance_m
+from .regions import GoalRegion, LandingLeg, landing_leg, obstacle_clearance_m
 
 _LEVELS = np.array(
     [(1, 1), (2, 1), (4, 1), (1, 0.5), (4, 0.5), (0.5, 0.5), (0.125, 0.25)], dtype=np.float64
@@ -50,11 +50,11 @@ class Refinement:
     points_m: FloatArray
     cost: Cost
     plan_cost: Cost
-    compute_ms: float | None
-    """None where the planner has no clock."""
     continuous: ContinuousCost
     site: Site
     land: Callable[[], LandingLeg] | None = None
+    compute_ms: float | None = None
+    """None where the planner has no clock."""
 
     @property
     def compute_words(self) -> str:
@@ -126,7 +126,7 @@ class Refiner:
 
     def __init__(self, site: Site, vehicle: Vehicle, maps: Maps) -> None:
         self.continuous = ContinuousCost.on(maps, vehicle.speed)
-        self._site = site
+        self._site, self._vehicle, self._grid = site, vehicle, maps.grid
         self._vertices_m, self._first, radius_m, keep_out_m = rings(site.obstacles)
         self._keep_m = radius_m + keep_out_m + vehicle.radius_m + maps.position_uncertainty_m
         for array in (self._vertices_m, self._first):
@@ -134,8 +134,8 @@ class Refiner:
         lowest_m = site.workspace.min_altitude_m
         self._lowest_m = -math.inf if lowest_m is None else lowest_m - TOLERANCE
 
-    def refine(self, plan: Plan, goal: GoalRegion | None) -> tuple[FloatArray, Cost, Cost]:
-        """The refined path of a plan, (n, 2), its J, and the J of the plan's own path.
+    def refine(self, plan: Plan, goal: GoalRegion | None) -> Refinement:
+        """The refined path of a plan, with its landing leg.
 
         goal: cells where it may end at any velocity; None where it ends at rest.
         """
@@ -152,7 +152,22 @@ class Refiner:
         if not cost.total < plan_cost.total:
             points_m, cost = own_m, plan_cost
         points_m.flags.writeable = False
-        return points_m, cost, plan_cost
+        return Refinement(
+            plan=plan,
+            points_m=points_m,
+            cost=cost,
+            plan_cost=plan_cost,
+            continuous=self.continuous,
+            site=self._site,
+            land=None if goal is None else self._leg(plan, points_m[-1], goal),
+        )
+
+    def _leg(self, plan: Plan, end_m: FloatArray, goal: GoalRegion) -> Callable[[], LandingLeg]:
+        """Makes the landing leg from the end of a refined path."""
+        x_m, z_m = end_m.tolist()
+        column, row = self._grid.cell_of((x_m, z_m)) or plan.states[-1, :-1]
+        cell = (int(column), int(row))
+        return partial(landing_leg, self._site, self._vehicle, goal, cell, end_m)
 
     def _terms(self, plan: Plan, corners_m: FloatArray, goal: GoalRegion | None) -> Terms:
         """Costs and limits of the refined path of a plan, (n, 2)."""

@@ -55,7 +55,7 @@ class SiteRoute:
 
     def _flown_s(self, planner: Planner, loss: OffboardLoss) -> float:
         flight, pose = self._flight(planner, loss)
-        flight.adopt(self.plan, flight.junction_at(pose), ())
+        flight.adopt(self.plan, flight.path.junction_at(pose), ())
         steps = 0
         while not flight.arrived:
             flight.advance(pose, _STEP_S)
@@ -68,7 +68,7 @@ class SiteRoute:
         if self.plan.status is not PlanStatus.FOUND:
             return None
         flight, pose = self._flight(planner, loss)
-        rests_m = flight.rests_m(self.plan, flight.junction_at(pose), ())
+        rests_m = flight.rests_m(self.plan, flight.path.junction_at(pose), ())
         lag = loss.lag(planner.vehicle.guidance.acceleration_mps2)
         return lag or loss_objection(loss, planner.maps.reach, rests_m, home_m)
 

@@ -113,7 +113,7 @@ def newer(flown, junction, planner=None, **changes):
 
 
 def test_what_is_left_begins_where_the_new_plan_does_and_ends_where_it_does(flown):
-    junction = flown.flight.junction()
+    junction = flown.flight.path.junction()
     plan = newer(flown, junction)
     rest = flown.flight.rest_of_plan(plan, junction, None)
     assert rest.states[0, :2].tolist() == plan.states[0, :2].tolist()
@@ -125,7 +125,7 @@ def test_what_is_left_begins_where_the_new_plan_does_and_ends_where_it_does(flow
 
 
 def test_another_goal_is_no_reason_to_stay(flown):
-    junction = flown.flight.junction()
+    junction = flown.flight.path.junction()
     for changes in (
         {"mission": Mission.EXIT, "target": None},
         {"target": flown.site.targets[1].name},
@@ -136,25 +136,25 @@ def test_another_goal_is_no_reason_to_stay(flown):
 
 def test_a_flight_that_was_braked_has_nothing_left_to_stay_on(flown):
     flown.flight.brake()
-    junction = flown.flight.junction()
+    junction = flown.flight.path.junction()
     assert flown.flight.rest_of_plan(newer(flown, junction), junction, None) is None
 
 
 def test_braking_again_does_not_move_where_it_comes_to_rest(flown):
     flown.flight.brake()
-    stop_m = flown.flight.junction().position_m
+    stop_m = flown.flight.path.junction().position_m
     flown.advanced(flown.flight)
     flown.flight.brake()
-    assert flown.flight.junction().position_m == stop_m
+    assert flown.flight.path.junction().position_m == stop_m
 
 
 def test_a_way_back_from_beside_the_path_is_not_compared(flown):
-    junction = flown.flight.junction_at(flown.pose)
+    junction = flown.flight.path.junction_at(flown.pose)
     assert flown.flight.rest_of_plan(newer(flown, junction), junction, None) is None
 
 
 def test_a_path_that_an_obstacle_has_come_into_never_stays(flown):
-    junction = flown.flight.junction()
+    junction = flown.flight.path.junction()
     ahead = junction.trajectory.points_m[junction.corner + 8, ::2]
     new = Conductor(
         name="new", position_m=(float(ahead[0]), float(ahead[1])), radius_m=0.03, keep_out_m=0.0
@@ -166,20 +166,20 @@ def test_a_path_that_an_obstacle_has_come_into_never_stays(flown):
 
 
 def test_where_obstacles_have_become_wider_the_path_is_made_anew(flown):
-    junction = flown.flight.junction()
+    junction = flown.flight.path.junction()
     wider = Planner(flown.site, flown.vehicle, position_uncertainty_m=0.3)
     plan = newer(flown, junction, wider)
     assert flown.flight.rest_of_plan(plan, junction, wider.maps.reach) is None
 
 
 def test_a_planner_that_was_built_anew_for_the_same_width_lets_the_path_stay(flown):
-    junction = flown.flight.junction()
+    junction = flown.flight.path.junction()
     first, again = (
         Planner(flown.site, flown.vehicle, position_uncertainty_m=0.3) for _ in range(2)
     )
     plan = newer(flown, junction, first)
     assert flown.flight.adopt(plan, junction, (), first.maps.reach) is Adoption.NEW_PATH
-    junction = flown.flight.junction()
+    junction = flown.flight.path.junction()
     plan = newer(flown, junction, again)
     assert flown.flight.rest_of_plan(plan, junction, again.maps.reach) is not None
     assert flown.flight.adopt(plan, junction, (), again.maps.reach) is Adoption.SAME_PATH
@@ -195,7 +195,7 @@ def test_a_plan_that_needs_more_of_the_margin_is_flown_though_its_path_is_flown_
     (job,) = desk.jobs
     desk._give(job, replace(answer_job(desk.planners, job), narrowed_m=narrowed_m))
     desk.step()
-    assert desk.companion._executor.routes.flight.narrowed_m == narrowed_m
+    assert desk.companion._executor.routes.flight.path.volume.narrowed_m == narrowed_m
     assert len(plans(desk.run(0.1))) == (2 if narrowed_m else 1)
 
 

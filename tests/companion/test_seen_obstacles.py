@@ -92,7 +92,7 @@ class Watched(Desk):
     @property
     def ahead_m(self):
         """Points (n, 2) of the path still ahead."""
-        points_m, _ = self.companion._executor.routes.flight.rest()
+        points_m, _ = self.companion._executor.routes.flight.path.rest()
         return points_m[:, ::2]
 
     def run_to_target(self, seconds=90.0):

@@ -100,7 +100,7 @@ def test_it_comes_back_where_nothing_but_its_place_stands_against_it(fence, cond
 def test_the_way_back_leads_into_the_fence_and_the_gate_lets_it_pass():
     flight, here = blown_off(FENCE)
     assert flight.come_back(0.0)
-    assert flight.leaves_fence() is None
+    assert flight.path.leaves_fence() is None
     for _ in range(round(90.0 / STEP_S)):
         flight.advance(here, STEP_S, holds=True)
         setpoint = flight._setpoint()

@@ -57,7 +57,7 @@ class Flown:
 
     def order(self, mission):
         target = self.site.targets[0].name if mission is Mission.INSPECTION else None
-        junction = self.flight.junction()
+        junction = self.flight.path.junction()
         (x_m, _, z_m), (vx_mps, _, vz_mps) = junction.position_m, junction.velocity_mps
         request = PlanRequest(
             mission=mission,
@@ -206,7 +206,7 @@ def test_whatever_stands_on_a_site_the_way_on_from_its_paths_is_free(wires, star
     pose = Pose(position_m=place, velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
     volume = FlightVolume(site=site, vehicle=vehicle, maps=planner.maps, loss=loss)
     flight = PathFollower(volume, pose)
-    places, rests = np.split(flight.rests_m(plan, flight.junction_at(pose), ()), 2)
+    places, rests = np.split(flight.rests_m(plan, flight.path.junction_at(pose), ()), 2)
     assert places[-1] == pytest.approx(rests[-1])
     # Cells are free by their centres.
     allowed_m = vehicle.radius_m + 0.6 - 0.5 * math.sqrt(0.5)
@@ -239,7 +239,7 @@ def test_however_low_the_landing_leg_leads_a_death_in_the_workspace_ends_above_i
     pose = Pose(position_m=(10.25, 0.0, 15.25), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
     volume = FlightVolume(site=site, vehicle=vehicle, maps=planner.maps, loss=LONG)
     flight = PathFollower(volume, pose)
-    places, rests = np.split(flight.rests_m(plan, flight.junction_at(pose), ()), 2)
+    places, rests = np.split(flight.rests_m(plan, flight.path.junction_at(pose), ()), 2)
     assert (places[0, 1], places[-1, 1]) == pytest.approx((15.25, 1.0))
     inside = places[:, 1] > 6.0
     assert (rests[inside, 1] > 6.0 - 0.25).all()  # half a cell is always free
