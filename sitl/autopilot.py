@@ -24,7 +24,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
-from sitl import simulation
+from sitl import sim_parameters
 from sitl.battery import BatteryOptions
 from sitl.conditions import Conditions
 from sitl.links import Air, Link, LinkOptions, Router
@@ -111,7 +111,7 @@ class FakeAutopilot:
         self._links = {link.name: Link(link, link_id) for link_id, link in enumerate(options.links)}
         parameters = kind.parameters(options.parameters)
         for name in options.parameters:
-            simulation.apply(name, parameters, self._world.conditions)
+            sim_parameters.apply(name, parameters, self._world.conditions)
         self._manner = kind.start(self._world, Router(list(self._links.values())), parameters)
         self._to_autopilot = Air[tuple[str, bytes]]()
 

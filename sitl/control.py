@@ -12,8 +12,8 @@ import math
 from dataclasses import dataclass
 from typing import Final, Protocol
 
+from sitl.position_estimate import Estimator
 from sitl.quadrotor import GRAVITY_MPS2, Quadrotor
-from sitl.sensors import Estimator
 
 NAN: Final = math.nan
 _INTEGRAL_LIMIT_MPS2: Final = 8.0

@@ -11,8 +11,8 @@ from typing import Final
 from sitl.battery import Battery, BatteryOptions
 from sitl.conditions import Conditions, Wind
 from sitl.geodesy import Geodetic, TrueFrame
+from sitl.position_estimate import Estimator
 from sitl.quadrotor import Airframe, Quadrotor
-from sitl.sensors import Estimator
 
 TICK_US: Final = 10_000
 """One step of physics and control: 100 Hz."""

@@ -77,20 +77,21 @@ def longest(words):
 
 
 def mode_names():
-    px4 = [main << 16 | sub << 24 for main in range(16) for sub in range(16)]
-    known = {modes.mode_name(autopilots.PX4, number) for number in px4}
-    for vehicle_type in (2, *profile(autopilots.ARDUPILOT).mode_enums):
-        known |= {
-            modes.mode_name(autopilots.ARDUPILOT, number, vehicle_type) for number in range(64)
+    numbers = {main << 16 | sub << 24 for main in range(16) for sub in range(16)} | {*range(64)}
+    return sorted(
+        {
+            modes.mode_name(kind, number, vehicle_type)
+            for kind, row in PROFILES.items()
+            for vehicle_type in (2, *row.mode_enums)
+            for number in numbers
         }
-    return sorted(known)
+    )
 
 
 def fence_names():
-    for kind in (autopilots.PX4, autopilots.ARDUPILOT):
-        names = profile(kind).fence_parameters
-        fence = profile(kind).fence(dict.fromkeys(names, 10_000.0) | {"FENCE_TYPE": 15.0}, ())
-        yield from fence.names
+    for row in PROFILES.values():
+        parameters = dict.fromkeys(row.fence_parameters, 10_000.0) | {"FENCE_TYPE": 15.0}
+        yield from row.fence(parameters, ()).names
     yield "exclusion polygon 999"
 
 
@@ -135,6 +136,12 @@ def test_a_name_that_fits_is_kept_whole_and_a_longer_one_loses_its_end():
     assert close(target="splice-1", detail="why") == "splice-1 too near obstacles (why)"
     assert close(target="the third splice of the line") == "the third sp.. too near obstacles"
     assert close(target="splice {1}") == "splice {1} too near obstacles"
+
+
+def test_the_mode_of_each_autopilot_is_among_those_that_are_waited_for():
+    assert TEXTS["MODE_KEPT"].actions == tuple(
+        f"waiting for {row.own_mode}" for row in PROFILES.values()
+    )
 
 
 def test_answers_to_orders_end_with_their_verdict():

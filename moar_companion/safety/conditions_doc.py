@@ -1,8 +1,12 @@
-"""The tables of configs/README.md: `python -m moar_companion.safety.conditions_doc`."""
+"""The tables of conditions and texts in the manual, written anew into the page that is named.
+
+python -m moar_companion.safety.conditions_doc configs/README.md
+"""
 
 from __future__ import annotations
 
 import sys
+from pathlib import Path
 
 from ..pilot_texts import TEXTS
 from .condition_texts import examples
@@ -44,5 +48,19 @@ def _seconds(word: str, seconds: float, none: str) -> str:
     return f"{word} {seconds:g} s".strip() if seconds else none
 
 
+_TABLES = {"conditions": documentation, "texts": texts, "other texts": other_texts}
+
+
+def updated(page: str) -> str:
+    """Returns the page with each table made anew between its two marks."""
+    for mark, table in _TABLES.items():
+        begin, end = f"<!-- {mark} -->\n", f"\n<!-- end of {mark} -->"
+        before, _, rest = page.partition(begin)
+        _, _, after = rest.partition(end)
+        page = before + begin + table() + end + after
+    return page
+
+
 if __name__ == "__main__":
-    sys.stdout.write(f"{documentation()}\n\n{texts()}\n\n{other_texts()}\n")
+    manual = Path(sys.argv[1])
+    manual.write_text(updated(manual.read_text(encoding="utf-8")), encoding="utf-8")

@@ -13,7 +13,7 @@ from sitl.ardupilot.parameters import USES_GPS_AFTER_S
 from sitl.conditions import GPS_JAMMED
 from sitl.geodesy import FlatProjection
 from sitl.parameters import Parameters
-from sitl.sensors import Estimator
+from sitl.position_estimate import Estimator
 from sitl.world import TICK_S, World
 
 _SETTLED_AFTER_S: Final = 18.0

@@ -7,7 +7,7 @@ are healthy by default in its simulation, and so they are here.
 from collections.abc import Mapping
 from typing import Final
 
-from sitl import simulation
+from sitl import sim_parameters
 from sitl.parameters import INT8, INT16, INT32, REAL32, Parameter, Parameters
 
 USES_GPS_AFTER_S: Final = 41.6
@@ -70,4 +70,4 @@ def parameters(values: Mapping[str, float]) -> Parameters:
         for kind, defaults in _ARDUPILOT.items()
         for name, default in defaults.items()
     ]
-    return Parameters([*table, *_SIMULATION, *simulation.TABLE], values, bytewise=False)
+    return Parameters([*table, *_SIMULATION, *sim_parameters.TABLE], values, bytewise=False)

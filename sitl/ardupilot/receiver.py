@@ -11,7 +11,7 @@ from typing import Final
 
 from sitl.ardupilot.parameters import USES_GPS_AFTER_S
 from sitl.conditions import GPS_JAMMED, MIN_SATELLITES_FOR_FIX
-from sitl.sensors import GpsFix
+from sitl.position_estimate import GpsFix
 from sitl.world import World
 
 _DETECTED_S: Final = 9.8

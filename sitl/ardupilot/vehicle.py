@@ -6,7 +6,7 @@ the links. Behaviour as measured on ArduCopter 4.6.3.
 
 from typing import Any, Final
 
-from sitl import simulation
+from sitl import sim_parameters
 from sitl.ardupilot.battery import BatteryMonitor
 from sitl.ardupilot.commander import Commander, Parts
 from sitl.ardupilot.commands import Commands
@@ -138,7 +138,7 @@ class ArduPilotManner:
         """Set a parameter and let it act; `KeyError`, `ValueError` when it is refused."""
         self.parameters.set(name, value)
         self.control_loop.gains = gains(self.parameters)
-        simulation.apply(name, self.parameters, self._world.conditions)
+        sim_parameters.apply(name, self.parameters, self._world.conditions)
         self._apply(name)
 
     def _apply(self, name: str) -> None:

@@ -4,7 +4,7 @@ import os
 import signal
 import sys
 
-from sitl.interpreter import complaint
+from sitl.python_version import complaint
 
 
 def main() -> int:

@@ -4,7 +4,7 @@ import math
 from typing import Final
 
 from sitl.geodesy import SphereProjection
-from sitl.sensors import Estimator
+from sitl.position_estimate import Estimator
 from sitl.world import World
 
 _BOOT_FLAGS: Final = ((2.0, 0x00A4), (3.9, 0x00E5))

@@ -8,7 +8,7 @@ does not.
 from collections.abc import Mapping
 from typing import Final
 
-from sitl import simulation
+from sitl import sim_parameters
 from sitl.parameters import INT32, REAL32, Parameter, Parameters
 
 _PX4: Final[dict[str, float]] = {
@@ -68,4 +68,4 @@ def parameters(values: Mapping[str, float]) -> Parameters:
         for name, default in _PX4.items()
         for low, high in [_LIMITS.get(name, (-2147483648.0, 2147483647.0))]
     ]
-    return Parameters([*table, *simulation.TABLE], values, bytewise=True)
+    return Parameters([*table, *sim_parameters.TABLE], values, bytewise=True)

@@ -8,7 +8,7 @@ import math
 from collections.abc import Callable
 from typing import Any, Final
 
-from sitl import simulation
+from sitl import sim_parameters
 from sitl.commands import ACCEPTED, DENIED, FAILED, Command, acknowledgement
 from sitl.control import PositionControl
 from sitl.fence_areas import FenceAreas
@@ -148,7 +148,7 @@ class Px4Manner:
         """Set a parameter and let it act; `KeyError`, `ValueError` when it is refused."""
         self.parameters.set(name, value)
         self.control_loop.gains = gains(self.parameters)
-        simulation.apply(name, self.parameters, self._world.conditions)
+        sim_parameters.apply(name, self.parameters, self._world.conditions)
 
     # Messages in
 

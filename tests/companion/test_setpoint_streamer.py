@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import replace
+from types import SimpleNamespace
 
 import pytest
 
@@ -91,15 +92,11 @@ def test_a_flight_that_is_stopped_seeks_its_escape_route_from_where_it_stands(mo
 class Anywhere:
     """A flight that lets a setpoint be anywhere, or nowhere: `reason`."""
 
-    margin_m, blown_to_m, reason = 0.9, None, None
-
-    seen_late = False
+    blown_to_m, reason, seen_late = None, None, False
+    path = SimpleNamespace(volume=SimpleNamespace(keeps_clear=lambda _place_m: True))
 
     def refusal(self, *_):
         return self.reason
-
-    def keeps_clear(self, _place_m):
-        return True
 
 
 class Sent:

@@ -22,7 +22,7 @@ from moar_companion.config import shipped_configs
 from sitl.demonstration import fly as demonstration
 from sitl.demonstration.flight_folder import gather, link_latest
 from sitl.demonstration.judge import read_truth
-from sitl.interpreter import complaint
+from sitl.python_version import complaint
 from tests.real_time import real_time
 
 ROOT = Path(__file__).parents[2]
