@@ -31,7 +31,7 @@ from ..mavlink.commands import (
 from ..mavlink.identity import AutopilotFound, AutopilotRestarted
 from ..mavlink.peers import Address
 from ..mavlink.session import Event, Session, Severity, SystemStatus
-from ..mavlink.signing import Signing, SigningRefusal, link_signings
+from ..mavlink.signing import SignedLinks, Signing, link_signings
 from ..mavlink.telemetry_receiver import ModeLeft
 from ..mission.values import MissionStatus, Verdict
 from ..mission_states import STREAMING
@@ -40,7 +40,6 @@ from ..perception.pose_notes import PoseNote
 from ..perception_config import Sensor
 from ..planning.map_jobs import MapAnswer, MapJob
 from ..planning.plan_jobs import PlanAnswer, PlanJob
-from ..power.cells import misread
 from ..risk import RiskEstimate
 from ..safety.check_inputs import Host
 from ..safety.supervisor import Ruling
@@ -52,9 +51,9 @@ from .mission_executor import MissionExecutor
 from .mission_snapshot import MissionSnapshot
 from .operator_commands import OperatorCommands
 from .reports import Decision, Reports
-from .restart_report import RestartReport
 from .safety_monitor import SafetyMonitor
 from .seen_obstacles import SeenObstacles
+from .start_report import StartReport
 
 _RISK_PERIOD_S = 0.1
 _REPORT_PERIOD_S = 0.5
@@ -94,10 +93,9 @@ class Companion:
         self._safety_monitor = SafetyMonitor(
             config.supervision, vehicle.guidance.off_path_m, self._reports
         )
-        self._restart_report = RestartReport(before)
+        self._start_report = StartReport(before)
         self._begin(site_maps)
         self._contingency_answers: deque[PlanAnswer] = deque()
-        self._misread_told = False
         self._cycle_s: float | None = None
         self._followed_s: float | None = None
         """Start time of the last cycle whose output was sent in time."""
@@ -119,7 +117,7 @@ class Companion:
             orders=self._orders,
             reports=self._reports,
             safety_monitor=self._safety_monitor,
-            before=self._restart_report.before,
+            before=self._start_report.before,
             seen_obstacles=self._seen_obstacles,
         )
 
@@ -138,26 +136,16 @@ class Companion:
         """Memory for the next process: that of the previous one until the status has changed."""
         status = self.status
         if not self._executor.status_changed:
-            return self._restart_report.before
+            return self._start_report.before
         site = None if self._site_maps is None else self._site_maps.site.name
         return MissionSnapshot(
             state=status.state, since_s=status.since_s, task=status.task, site=site
         )
 
     @property
-    def signing_timestamps(self) -> dict[str, int]:
-        """The time stamp of each signed link, for the next process."""
-        return self._session.signing.timestamps
-
-    @property
-    def signing_references(self) -> dict[str, int]:
-        """Reference time of each signed link for new senders, for the next process."""
-        return self._session.signing.references
-
-    @property
-    def packets_refused(self) -> dict[str, dict[SigningRefusal, int]]:
-        """Number of refused packets of each signed link, by reason."""
-        return self._session.signing.packets_refused
+    def signing(self) -> SignedLinks:
+        """The signed links: time stamps and references for the next process, refused packets."""
+        return self._session.signing
 
     @property
     def risk(self) -> RiskEstimate:
@@ -337,7 +325,7 @@ class Companion:
         unknown = self._session.autopilot is None or unread
         for command in self._orders.due(now_s, unknown=unknown and self._site_maps is not None):
             self._executor.order(command, now_s)
-            self._restart_report.note_order(command)
+            self._start_report.note_order(command)
         self._orders.tell_progress(now_s)
 
     def _tell(self, now_s: float) -> None:
@@ -346,12 +334,13 @@ class Companion:
         if self._orders.planner_awaited:
             return
         may_continue = not self._executor.status_changed and self.status.task is not None
-        for text in self._restart_report.texts(self.telemetry, now_s, may_continue=may_continue):
+        streaming = self.status.state in STREAMING
+        texts = (
+            *self._start_report.texts(self.telemetry, now_s, may_continue=may_continue),
+            *self._start_report.pack_texts(self.telemetry, self._vehicle, streaming=streaming),
+        )
+        for text in texts:
             self._reports.say(Severity.WARNING, text, now_s)
-        words = None if self._misread_told else misread(self.telemetry, self._vehicle.risk.cells)
-        if words is not None and self.status.state not in STREAMING:
-            self._misread_told = True
-            self._reports.say(Severity.WARNING, words, now_s)
 
     # Out
 
@@ -414,12 +403,7 @@ class Companion:
                 self._orders.tell_why(event, Verdict.DENIED, reason, now_s)
             case AutopilotFound(autopilot=autopilot):
                 self._orders.await_autopilot(now_s)
-                known = profile(autopilot.kind)
-                self._session.requests.want_parameters(known.loss_parameters)
-                self._session.requests.want_parameters(known.fence_parameters, changing=True)
-                self._session.requests.want_fence()
-                self._session.requests.want_parameters(known.failsafe_parameters)
-                self._session.requests.want_parameters(known.holding_parameters)
+                self._session.requests.want_all_of(profile(autopilot.kind))
             case ModeLeft(mode=mode):
                 self._executor.faults.note_mode_left(mode)
             case AutopilotRestarted():
@@ -442,13 +426,5 @@ class Companion:
         if now_s < self._report_due_s:
             return
         self._report_due_s = now_s + _REPORT_PERIOD_S
-        indices, weights, pose = self.risk.indices, self.weights, self._pose_tracker.pose
-        self._reports.send_values(indices, weights, now_s)
-        self._reports.record_status(
-            self.status.state.value,
-            indices,
-            weights,
-            None if pose is None else pose.position_m,
-            now_s,
-        )
+        self._reports.tell_values(state, self.risk.indices, self.weights, self.pose, now_s)
         self._reports.tell_refusals(self._session.signing, now_s)

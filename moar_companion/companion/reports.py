@@ -7,11 +7,13 @@ from dataclasses import asdict, dataclass
 from typing import Any
 
 from .. import pilot_texts
+from ..estimation.pose import Pose
 from ..mavlink.commands import CommandResult
 from ..mavlink.identity import AutopilotConflict
 from ..mavlink.peers import AutopilotElsewhere, PeerRefused
 from ..mavlink.session import CommandAnswered, Event, Session, Severity
 from ..mavlink.signing import SignedLinks
+from ..mission_states import MissionState
 from ..safety.file_faults import FileFault, FileFaultTexts
 from ..telemetry import Telemetry
 from ..text_format import pilot_text
@@ -87,8 +89,15 @@ class Reports:
         for words in self._refusals.texts(refused, behind_s, now_s, ahead_s=signing.ahead_s):
             self.say(Severity.WARNING, words, now_s)
 
-    def send_values(self, risk: RiskIndices, weights: Weights, now_s: float) -> None:
-        """Sends risk indices and weights as NAMED_VALUE_FLOAT (contract)."""
+    def tell_values(
+        self,
+        state: MissionState,
+        risk: RiskIndices,
+        weights: Weights,
+        pose: Pose | None,
+        now_s: float,
+    ) -> None:
+        """Sends risk indices and weights as NAMED_VALUE_FLOAT (contract); records the status."""
         for name, value in (
             ("RISK_WIND", risk.wind),
             ("RISK_COMM", risk.communication),
@@ -99,23 +108,13 @@ class Reports:
             ("K_ENERGY", weights.energy),
         ):
             self._session.send_named_value(name, value, now_s)
-
-    def record_status(
-        self,
-        state: str,
-        risk: RiskIndices,
-        weights: Weights,
-        position_m: tuple[float, ...] | None,
-        now_s: float,
-    ) -> None:
-        """Records the status."""
         self.record(
             "status",
             now_s,
-            state=state,
+            state=state.value,
             risk=risk.as_dict(),
             weights=asdict(weights),
-            position_m=None if position_m is None else list(position_m),
+            position_m=None if pose is None else list(pose.position_m),
         )
 
     def record(self, kind: str, now_s: float, **data: Any) -> None:

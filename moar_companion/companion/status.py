@@ -164,7 +164,7 @@ class LatestDecisions:
 
 def _refused(companion: Companion) -> dict[str, dict[str, int]] | None:
     """Packets refused by signed link and reason; None if no link is signed."""
-    refused = companion.packets_refused
+    refused = companion.signing.packets_refused
     if not refused:
         return None
     return {

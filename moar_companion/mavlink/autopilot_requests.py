@@ -11,6 +11,7 @@ import math
 from collections.abc import Iterable, Mapping
 
 from ..autopilots import profile
+from ..autopilots.profile import Profile
 from ..telemetry import FenceItem
 from . import fence_download, translate_outgoing
 from .dialect import Message, mavlink
@@ -92,6 +93,14 @@ class AutopilotRequests:
     def want_fence(self) -> None:
         """Starts the periodic download of the uploaded fence."""
         self._fence = self._fence or FenceDownload()
+
+    def want_all_of(self, known: Profile) -> None:
+        """Adds what a found autopilot is asked for: its parameters, in order, and its fence."""
+        self.want_parameters(known.loss_parameters)
+        self.want_parameters(known.fence_parameters, changing=True)
+        self.want_fence()
+        self.want_parameters(known.failsafe_parameters)
+        self.want_parameters(known.holding_parameters)
 
     def request_version(self) -> None:
         """Requests AUTOPILOT_VERSION once, if an autopilot is known."""

@@ -260,7 +260,7 @@ class Service:
                 self._follow_wall_clock(now_s)
                 if self._signing_clock is not None:
                     self._signing_clock.keep(
-                        self._companion.signing_timestamps, self._companion.signing_references
+                        self._companion.signing.timestamps, self._companion.signing.references
                     )
             due_s += period_s
             if due_s <= now_s:

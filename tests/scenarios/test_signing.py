@@ -25,7 +25,7 @@ def test_an_inspection_is_flown_on_signed_links_and_nothing_tells_the_key(manner
     flight.operator.mission(EXIT)
     flight.run_until_state("holding", 120.0)
     companion = flight.companion
-    assert not any(companion.packets_refused[COMPANION_LINK].values())
+    assert not any(companion.signing.packets_refused[COMPANION_LINK].values())
     assert all(data[2] == 1 for _, data in flight.to_autopilot)
     heard = [packet for _, packet in companion.packets_heard()]
     assert heard
@@ -64,7 +64,7 @@ def test_a_stranger_can_neither_command_nor_pose_as_the_autopilot(stranger, reas
     assert flight.companion.telemetry.autopilot == telemetry
     flight.run(1.0)
     assert flight.state == "flying"
-    assert flight.companion.packets_refused[COMPANION_LINK][reason] == 3
+    assert flight.companion.signing.packets_refused[COMPANION_LINK][reason] == 3
     texts = [m.text for m in flight.operator.heard[said:] if m.get_type() == "STATUSTEXT"]
     assert texts.count(f"MOAR: 3 packets refused: {reason.value}") == 1
     assert not [m for m in flight.operator.heard[said:] if m.get_type() == "COMMAND_ACK"]
@@ -88,7 +88,7 @@ def test_an_order_that_was_recorded_cannot_be_given_again():
     flight.run(40.0)
     for data in recorded:
         flight.hear(data)
-    refused = flight.companion.packets_refused[COMPANION_LINK]
+    refused = flight.companion.signing.packets_refused[COMPANION_LINK]
     assert refused[SigningRefusal.OLD] == sum(len(list(packets(data))) for data in recorded)
     flight.run(2.0)
     assert flight.state == "released"

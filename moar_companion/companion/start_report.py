@@ -1,23 +1,26 @@
-"""The restart report: an interrupted flight, or an aircraft in the air, at process start.
+"""The start report: an interrupted flight, an aircraft in the air, a wrong number of cells.
 
 Inputs: the memory of the previous process, telemetry. Outputs: texts for people. Pure.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import replace
 
 from .. import pilot_texts
 from ..estimation.pose_tracker import airborne, grounded
 from ..mavlink.commands import Command, holds, stops
+from ..power.cells import misread
 from ..telemetry import Telemetry
+from ..vehicle import Vehicle
 from .mission_snapshot import MissionSnapshot
 
 _PATIENCE_S = 3.0
 """EXTENDED_SYS_STATE may come later than the heartbeat; ArduPilot sends it only on request."""
 
 
-class RestartReport:
+class StartReport:
     """Reports once, as soon as an autopilot is known that can forward the texts."""
 
     def __init__(self, before: MissionSnapshot | None) -> None:
@@ -25,6 +28,7 @@ class RestartReport:
         """Memory of the previous process, without a task that was released since."""
         self._heard_s: float | None = None
         self._told = False
+        self._pack_told = False
 
     def note_order(self, command: Command) -> None:
         """Takes an executed order: a release drops the task.
@@ -53,3 +57,12 @@ class RestartReport:
         if flying and autopilot.ours:
             texts.append(pilot_texts.MODE_STILL_ON(mode=autopilot.mode))
         return texts
+
+    def pack_texts(
+        self, telemetry: Telemetry, vehicle: Vehicle, *, streaming: bool
+    ) -> Iterator[str]:
+        """Yields the text to report now of a pack that the vehicle file does not describe."""
+        words = None if self._pack_told or streaming else misread(telemetry, vehicle.risk.cells)
+        if words is not None:
+            self._pack_told = True
+            yield words
