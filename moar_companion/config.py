@@ -15,9 +15,17 @@ from typing import Annotated, Any, TypeVar
 from pydantic import Field, Strict
 
 from . import yaml_file
+from .link_config import (
+    KeySource,
+    LinkConfig,
+    LinkFile,
+    LinkRole,
+    SigningFile,
+    link_findings,
+)
 from .mqtt_config import ORDER_LINK, Mqtt, MqttFile, mqtt_findings
 from .perception_config import Perception, PerceptionFile, perception_findings
-from .yaml_file import HEXADECIMAL_KEY, FileFinding, shown
+from .yaml_file import FileFinding
 from .yaml_schema import FileModel, FilePath, Name, Section
 
 _Seconds = Field(gt=0.0, le=3_600.0)
@@ -54,23 +62,6 @@ class LossCheck(str, enum.Enum):
 
     REFUSE = "refuse"
     WARN = "warn"
-
-
-class LinkRole(str, enum.Enum):
-    """Peer at the other end of a link."""
-
-    AUTOPILOT = "autopilot"
-    OPERATOR = "operator"
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkConfig:
-    """One link: a URL of the contract and the peer there."""
-
-    url: str
-    role: LinkRole = LinkRole.AUTOPILOT
-    signed: bool = False
-    """True: all packets are signed, and unsigned ones are refused."""
 
 
 GROUND_STATION_IDS = range(240, 256)
@@ -206,15 +197,6 @@ class View:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class KeySource:
-    """Source of the key of the signed links, never the key itself."""
-
-    key_file: Path | None = None
-    credential: str | None = None
-    """The name of a credential that systemd passes: where it passes some, in place of the file."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class CompanionConfig:
     """Complete configuration of the service at its start."""
 
@@ -317,12 +299,6 @@ def _resolved(folder: Path, path: str | None) -> Path | None:
     return None if path is None else folder / path
 
 
-class _LinkFile(FileModel):
-    url: Name
-    role: Annotated[LinkRole, Strict(strict=False)] = LinkRole.AUTOPILOT
-    signed: bool = False
-
-
 class _CommandsFile(FileModel):
     systems: Annotated[list[_Id], Field(min_length=1)] | None = None
     components: Annotated[list[_Id], Field(min_length=1)] | None = None
@@ -347,17 +323,12 @@ class _ViewFile(FileModel):
     socket: FilePath | None = None
 
 
-class _SigningFile(FileModel):
-    key_file: FilePath | None = None
-    credential: Name | None = None
-
-
 class _CompanionFile(FileModel):
     """Keys with a default; the dataclass defines its value."""
 
     vehicle: FilePath | None = None
     site: FilePath | None = None
-    links: list[_LinkFile] = Field(default_factory=list)
+    links: list[LinkFile] = Field(default_factory=list)
     system_id: _Id = 1
     component_id: _Id = 195
     authority: Annotated[Authority, Strict(strict=False)] = Authority.STREAM
@@ -369,19 +340,13 @@ class _CompanionFile(FileModel):
     recorder: _RecorderFile = Field(default_factory=_RecorderFile)
     state: _StateFile = Field(default_factory=_StateFile)
     view: _ViewFile = Field(default_factory=_ViewFile)
-    signing: _SigningFile = Field(default_factory=_SigningFile)
+    signing: SigningFile = Field(default_factory=SigningFile)
     mqtt: MqttFile = Field(default_factory=MqttFile)
     perception: PerceptionFile = Field(default_factory=PerceptionFile)
 
 
 def _findings(file: _CompanionFile) -> Iterator[FileFinding]:
-    seen: dict[str, int] = {}
-    for index, link in enumerate(file.links):
-        if link.url in seen:
-            problem = f"is {link.url!r}, the same as links[{seen[link.url]}]: must be unique"
-            yield FileFinding(("links", index, "url"), problem)
-        seen.setdefault(link.url, index)
-    yield from _signing_findings(file)
+    yield from link_findings(file.links, file.signing)
     yield from mqtt_findings(file.mqtt)
     yield from perception_findings(file.perception)
     replanning = file.replanning
@@ -395,20 +360,3 @@ def _findings(file: _CompanionFile) -> Iterator[FileFinding]:
     if allowed_m is not None and limit_m < allowed_m:
         problem = f"is {limit_m:g}, must be at least position_uncertainty_m ({allowed_m:g})"
         yield FileFinding(("supervision", "position_uncertainty_limit_m"), problem)
-
-
-def _signing_findings(file: _CompanionFile) -> Iterator[FileFinding]:
-    key_file, credential = file.signing.key_file, file.signing.credential
-    for name, value in (("key_file", key_file), ("credential", credential)):
-        if value is not None and HEXADECIMAL_KEY.fullmatch(Path(value).name):
-            problem = f"is {shown(value)}, must be the name of what has the key"
-            yield FileFinding(("signing", name), problem)
-            return
-    if credential is not None and Path(credential).name != credential:
-        problem = f"is {credential!r}, must be the name of a credential, without a folder"
-        yield FileFinding(("signing", "credential"), problem)
-    if key_file is None and credential is None:
-        problem = "is true, must have a key: signing.key_file or signing.credential"
-        for index, link in enumerate(file.links):
-            if link.signed:
-                yield FileFinding(("links", index, "signed"), problem)

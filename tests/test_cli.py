@@ -8,8 +8,9 @@ from pathlib import Path
 import pytest
 
 from moar_companion import cli
-from moar_companion.config import CompanionConfig, LinkConfig, shipped_configs
+from moar_companion.config import CompanionConfig, shipped_configs
 from moar_companion.errors import InputError, LinkError
+from moar_companion.link_config import LinkConfig
 from tests.one_line import one_line
 
 SITE = str(shipped_configs() / "sites" / "315kv_double_circuit.yaml")

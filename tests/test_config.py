@@ -18,9 +18,6 @@ from moar_companion.config import (
     Authority,
     Commands,
     CompanionConfig,
-    KeySource,
-    LinkConfig,
-    LinkRole,
     RecorderSettings,
     Replanning,
     State,
@@ -29,8 +26,10 @@ from moar_companion.config import (
     shipped_configs,
 )
 from moar_companion.errors import InputError
+from moar_companion.link_config import KeySource, LinkConfig, LinkRole
+from moar_companion.risk_model import Range, RiskModel
 from moar_companion.site import Site, _SiteFile
-from moar_companion.vehicle import Guidance, Power, Range, RiskModel, Vehicle, _VehicleFile
+from moar_companion.vehicle import Guidance, Power, Vehicle, _VehicleFile
 from moar_companion.yaml_file import _model_in
 from moar_companion.yaml_schema import Section, file_key
 

@@ -11,16 +11,9 @@ from moar_companion import autopilots
 from moar_companion.adaptation import AdaptationKind
 from moar_companion.config import shipped_configs
 from moar_companion.errors import InputError
+from moar_companion.risk_model import Range, RiskModel
 from moar_companion.types import Mission, Weights
-from moar_companion.vehicle import (
-    Guidance,
-    Range,
-    RiskModel,
-    SafetyShape,
-    SpeedLimits,
-    Vehicle,
-    YawMode,
-)
+from moar_companion.vehicle import Guidance, SafetyShape, SpeedLimits, Vehicle, YawMode
 
 EXAMPLE = """\
 name: LineDrone

@@ -9,8 +9,9 @@ from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from ..config import CompanionConfig, LinkConfig, LinkRole, default_vehicle
+from ..config import CompanionConfig, default_vehicle
 from ..errors import InputError
+from ..link_config import LinkConfig, LinkRole
 from ..mavlink.urls import LinkAddress, parse_url
 from .options import add_file
 

@@ -29,11 +29,12 @@ from ..planner.plan_values import PlanRequest
 from ..planner.plane_fence import PlaneFence
 from ..planning.plan_jobs import PlanAnswer, PlanJob
 from ..power import Demands, Meter, PowerModel, landing_s
+from ..risk_model import RiskModel
 from ..safety.check_inputs import EscapeRoute
 from ..safety.failsafe_paths import exposed_places
 from ..site import Site
 from ..types import Mission, RiskIndices, Vector
-from ..vehicle import RiskModel, Vehicle
+from ..vehicle import Vehicle
 from .route_cost import Outcome, Outlook, RouteCost, better_of, energy_wh_of, least_in_wind_s
 
 _ROUND_S = 2.0

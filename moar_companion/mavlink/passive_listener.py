@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ..config import LinkRole
+from ..link_config import LinkRole
 from ..telemetry import Telemetry
 from ..types import AutopilotKind
 from . import telemetry_receiver, translate

@@ -13,7 +13,8 @@ from collections import deque
 from collections.abc import Iterable, Mapping
 from functools import partial
 
-from ..config import Commands, LinkRole
+from ..config import Commands
+from ..link_config import LinkRole
 from ..telemetry import Telemetry
 from ..types import Vector
 from . import autopilot_requests, ping_timesync, telemetry_receiver, translate_outgoing

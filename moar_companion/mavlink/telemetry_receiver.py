@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from ..config import LinkRole
+from ..link_config import LinkRole
 from ..telemetry import LinkStatistics, Telemetry
 from . import translate, translate_obstacles
 from .codec import SourceStatistics

@@ -14,7 +14,7 @@ import sys
 from collections.abc import Iterator, Sequence
 from functools import partial
 
-from ..config import LinkConfig, LinkRole
+from ..link_config import LinkConfig, LinkRole
 from ..telemetry import AutopilotStatus
 from .background_writer import BackgroundWriter, Batches
 

@@ -7,7 +7,8 @@ Energies are in Wh of the file; `Meter` applies the factor.
 
 from __future__ import annotations
 
-from .meter import BATTERY_MAX_AGE_S, Meter, cell_v, in_the_air, is_powered, metered, on_the_ground
+from .cells import cell_v, is_powered
+from .meter import BATTERY_MAX_AGE_S, Meter, in_the_air, metered, on_the_ground
 from .model import Demands, PowerModel, landing_s
 
 __all__ = [

@@ -1,12 +1,33 @@
-"""Check of the vehicle file's number of cells against the batteries: telemetry in, text out."""
+"""Cells of the batteries: their voltage, and check of the vehicle file's number of them. Pure."""
 
 from __future__ import annotations
 
-from ..telemetry import Telemetry
-from .meter import is_powered
+from ..telemetry import Battery, Telemetry
+from .model import PowerModel
 
 CELL_V = (3.0, 4.4)
 """Voltage range of an intact lithium cell."""
+_FLIGHT_VOLTAGE_MIN_V = 5.0
+"""Least voltage of a flight battery. Below, USB powers the autopilot, which then reports a full
+battery; two empty cells have 6 V."""
+
+
+def is_powered(battery: Battery) -> bool:
+    """Returns True if this battery powers the autopilot, so that its report is meaningful."""
+    return battery.voltage_v is None or battery.voltage_v >= _FLIGHT_VOLTAGE_MIN_V
+
+
+def cell_v(battery: Battery, model: PowerModel, mean_current_a: float | None) -> float | None:
+    """Voltage of a cell at the mean load, so that a short peak does not mean an empty battery.
+
+    None without the number of cells. mean_current_a: of the last seconds.
+    """
+    if battery.voltage_v is None or model.cells is None or not is_powered(battery):
+        return None
+    sag_v = 0.0
+    if battery.current_a is not None and mean_current_a is not None:
+        sag_v = model.cell_resistance_ohm * (battery.current_a - mean_current_a)
+    return battery.voltage_v / model.cells + sag_v
 
 
 def misread(telemetry: Telemetry, cells: int | None) -> str | None:

@@ -19,6 +19,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, replace
 
 from ..telemetry import Battery, LandedState, LocalPosition, Telemetry
+from .cells import cell_v, is_powered
 from .model import S_PER_H, PowerModel
 
 BATTERY_MAX_AGE_S = 15.0
@@ -26,9 +27,6 @@ BATTERY_MAX_AGE_S = 15.0
 about a hundredth of its charge."""
 _VELOCITY_MAX_AGE_S = 0.5
 """Maximum age of LOCAL_POSITION_NED: 5 periods at 10 Hz or more."""
-_FLIGHT_VOLTAGE_MIN_V = 5.0
-"""Least voltage of a flight battery. Below, USB powers the autopilot, which then reports a full
-battery; two empty cells have 6 V."""
 _CELL_FULL_V = 4.05
 """Full lithium-polymer cell under load; PX4's BAT1_V_CHARGED."""
 _MEASURING_S = 10.0
@@ -200,11 +198,6 @@ def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel)
     )
 
 
-def is_powered(battery: Battery) -> bool:
-    """Returns True if this battery powers the autopilot, so that its report is meaningful."""
-    return battery.voltage_v is None or battery.voltage_v >= _FLIGHT_VOLTAGE_MIN_V
-
-
 def in_the_air(telemetry: Telemetry) -> bool:
     """Returns True if the aircraft is known to fly, not to take off or land."""
     landed = telemetry.landed
@@ -215,19 +208,6 @@ def on_the_ground(telemetry: Telemetry) -> bool:
     """Returns True if known to be on the ground: a battery not reported then was removed."""
     landed = telemetry.landed
     return landed is not None and landed.state is LandedState.ON_GROUND
-
-
-def cell_v(battery: Battery, model: PowerModel, mean_current_a: float | None) -> float | None:
-    """Voltage of a cell at the mean load, so that a short peak does not mean an empty battery.
-
-    None without the number of cells. mean_current_a: of the last seconds.
-    """
-    if battery.voltage_v is None or model.cells is None or not is_powered(battery):
-        return None
-    sag_v = 0.0
-    if battery.current_a is not None and mean_current_a is not None:
-        sag_v = model.cell_resistance_ohm * (battery.current_a - mean_current_a)
-    return battery.voltage_v / model.cells + sag_v
 
 
 def _flight_w(local: LocalPosition | None, now_s: float, model: PowerModel) -> float:

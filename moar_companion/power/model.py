@@ -13,8 +13,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ..autopilots import profile
+from ..risk_model import Range, RiskModel
 from ..types import AutopilotKind
-from ..vehicle import Power, Range, RiskModel, Vehicle
+from ..vehicle import Power, Vehicle
 
 FloatArray = npt.NDArray[np.floating[Any]]
 

@@ -12,11 +12,12 @@ from ..estimation.pose import Pose
 from ..estimation.pose_tracker import grounded
 from ..mavlink.identity import Autopilot
 from ..risk import RiskEstimate
+from ..risk_model import RiskModel
 from ..safety.condition_types import Causes
 from ..safety.position_checks import ATTITUDE_TIMEOUT_S
 from ..site import Site
 from ..telemetry import AutopilotStatus, LandedState, Telemetry
-from ..vehicle import RiskModel, Vehicle
+from ..vehicle import Vehicle
 from .battery_check import battery_findings
 from .findings import Finding, Level
 from .risks import risk_findings

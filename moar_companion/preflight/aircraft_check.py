@@ -13,8 +13,9 @@ from dataclasses import replace
 from ..autopilots import profile
 from ..autopilots.parameter_rules import Case, Rule
 from ..autopilots.profile import Profile
-from ..config import CompanionConfig, LinkRole, LossCheck
+from ..config import CompanionConfig, LossCheck
 from ..estimation.pose_tracker import PoseTracker
+from ..link_config import LinkRole
 from ..mavlink.identity import Autopilot, AutopilotConflict
 from ..mavlink.peers import Address
 from ..mavlink.session import Session, SystemStatus

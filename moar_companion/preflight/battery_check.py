@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from ..power.cells import CELL_V
+from ..risk_model import RiskModel
 from ..telemetry import Battery, Telemetry
-from ..vehicle import RiskModel
 from .findings import Finding, Level
 
 _USB_V = 5.5

@@ -21,8 +21,8 @@ from ..power import (
     metered,
     on_the_ground,
 )
+from ..risk_model import RiskModel
 from ..telemetry import Battery, Telemetry
-from ..vehicle import RiskModel
 from .input_reports import InputReport, heard, heard_at
 
 POSITION_MAX_AGE_S = 0.5

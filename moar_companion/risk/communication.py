@@ -14,8 +14,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
+from ..risk_model import RiskModel
 from ..telemetry import LandedState, LinkNode, LinkStatistics, Radio, Telemetry
-from ..vehicle import RiskModel
 from .input_reports import YES_OR_NO, InputReport, certain, heard
 
 _RADIO_MAX_AGE_S = 3.0

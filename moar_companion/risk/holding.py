@@ -12,9 +12,9 @@ import math
 from collections.abc import Mapping
 
 from ..autopilots import profile
+from ..risk_model import RiskModel
 from ..telemetry import Telemetry
 from ..types import AutopilotKind
-from ..vehicle import RiskModel
 from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, tells_of_wind
 from .drag import air_velocity_mps
 

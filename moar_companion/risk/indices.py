@@ -17,9 +17,10 @@ from operator import attrgetter
 from typing import NamedTuple
 
 from ..power import Demands, Meter, PowerModel
+from ..risk_model import RiskModel
 from ..telemetry import Telemetry
 from ..types import RiskIndices
-from ..vehicle import Power, RiskModel
+from ..vehicle import Power
 from . import battery, communication, localization, wind
 from .communication import CommunicationMemory
 from .input_reports import InputReport

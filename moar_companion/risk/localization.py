@@ -15,8 +15,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
+from ..risk_model import RiskModel
 from ..telemetry import LandedState, MagneticField, Odometry, Telemetry
-from ..vehicle import RiskModel
 from .input_reports import YES_OR_NO, InputReport, certain, heard
 from .receivers import Memories, ReceiverMemory, positive, receiver_inputs
 

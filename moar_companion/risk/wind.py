@@ -14,8 +14,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field, replace
 
+from ..risk_model import Range, RiskModel
 from ..telemetry import Telemetry, Wind
-from ..vehicle import Range, RiskModel
 from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, AirSample, braking, extended, tells_of_wind
 from .drag import Level, air_velocity_mps, deceleration_mps2
 from .drag_learning import DragLearning, apart_from_own_motion

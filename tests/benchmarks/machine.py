@@ -18,8 +18,9 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from moar_companion.companion.companion import Companion
-from moar_companion.config import CompanionConfig, LinkRole, shipped_configs
+from moar_companion.config import CompanionConfig, shipped_configs
 from moar_companion.estimation.pose_tracker import SiteMaps
+from moar_companion.link_config import LinkRole
 from moar_companion.mavlink.session import Session
 from moar_companion.planner.planner import Planner
 from moar_companion.power import PowerModel

@@ -17,14 +17,9 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.autopilots import kind_of, profile
 from moar_companion.companion.companion import Companion
-from moar_companion.config import (
-    Authority,
-    CompanionConfig,
-    LinkConfig,
-    Supervision,
-    shipped_configs,
-)
+from moar_companion.config import Authority, CompanionConfig, Supervision, shipped_configs
 from moar_companion.estimation.pose_tracker import SiteMaps
+from moar_companion.link_config import LinkConfig
 from moar_companion.mavlink.dialect import create
 from moar_companion.planner.planner import Planner
 from moar_companion.planning.map_jobs import MapAnswer, answer_map_job

@@ -8,7 +8,8 @@ import pytest
 from moar_companion.companion.companion import Companion
 from moar_companion.companion.reports import Decision
 from moar_companion.companion.status import LatestDecisions
-from moar_companion.config import CompanionConfig, LinkConfig, shipped_configs
+from moar_companion.config import CompanionConfig, shipped_configs
+from moar_companion.link_config import LinkConfig
 from moar_companion.mavlink.session import Severity
 from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.telemetry import LinkStatistics

@@ -15,14 +15,10 @@ from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.companion.mission_snapshot import MissionSnapshot
 from moar_companion.companion.reports import Decision
-from moar_companion.config import (
-    Authority,
-    CompanionConfig,
-    LinkConfig,
-    shipped_configs,
-)
+from moar_companion.config import Authority, CompanionConfig, shipped_configs
 from moar_companion.error_margin import flown_site, sighted
 from moar_companion.estimation.pose_tracker import SiteMaps
+from moar_companion.link_config import LinkConfig
 from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.perception_config import Perception, Sensor
 from moar_companion.planner.planner import Planner

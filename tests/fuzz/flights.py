@@ -26,8 +26,8 @@ import numpy as np
 
 from moar_companion.companion.companion import Companion
 from moar_companion.companion.intake import BUDGET_BYTES, LEAST_BYTES
-from moar_companion.config import LinkConfig, LinkRole
 from moar_companion.estimation.pose_tracker import SiteMaps
+from moar_companion.link_config import LinkConfig, LinkRole
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.signing import Signing, SigningKey, timestamp_at
 from moar_companion.recording.calls import RecordedCompanion

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from moar_companion.config import LinkRole
+from moar_companion.link_config import LinkRole
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.session import Session, SystemStatus
 

@@ -6,7 +6,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from moar_companion.config import LinkRole
+from moar_companion.link_config import LinkRole
 from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.identity import AutopilotConflict
 from moar_companion.mavlink.packet_order import PacketOrder

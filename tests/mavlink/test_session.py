@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from moar_companion import autopilots
-from moar_companion.config import LinkRole
+from moar_companion.link_config import LinkRole
 from moar_companion.mavlink.codec import checksum
 from moar_companion.mavlink.commands import MissionCommand
 from moar_companion.mavlink.dialect import create, mavlink

@@ -7,7 +7,7 @@ from functools import partial
 
 import pytest
 
-from moar_companion.config import LinkRole
+from moar_companion.link_config import LinkRole
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.commands import CommandCancelled, CommandResult, MissionCommand
 from moar_companion.mavlink.dialect import mavlink

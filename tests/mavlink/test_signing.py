@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion.config import LinkConfig, LinkRole
+from moar_companion.link_config import LinkConfig, LinkRole
 from moar_companion.mavlink.codec import Codec
 from moar_companion.mavlink.dialect import create
 from moar_companion.mavlink.session import Session, SystemStatus

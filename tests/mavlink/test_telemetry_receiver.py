@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from moar_companion.config import LinkRole
+from moar_companion.link_config import LinkRole
 from moar_companion.mavlink.codec import Codec, SourceStatistics
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.identity import AutopilotFound, AutopilotRestarted

@@ -15,7 +15,7 @@ from types import SimpleNamespace
 import pytest
 
 from moar_companion import autopilots
-from moar_companion.config import LinkConfig
+from moar_companion.link_config import LinkConfig
 from moar_companion.outlets import background_writer, log
 from moar_companion.outlets.log import AutopilotLog, log_to_stderr
 from moar_companion.telemetry import AutopilotStatus

@@ -13,8 +13,9 @@ from hypothesis import strategies as st
 from moar_companion import autopilots
 from moar_companion.config import shipped_configs
 from moar_companion.power import Meter, PowerModel, cell_v, landing_s, metered
+from moar_companion.risk_model import RiskModel
 from moar_companion.telemetry import Battery, Landed, LandedState, LocalPosition, Telemetry
-from moar_companion.vehicle import Power, RiskModel, Vehicle
+from moar_companion.vehicle import Power, Vehicle
 
 properties = settings(deadline=None, max_examples=60, derandomize=True, database=None)
 X500 = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")

@@ -5,14 +5,9 @@ from dataclasses import replace
 import pytest
 
 from moar_companion import autopilots
-from moar_companion.config import (
-    CompanionConfig,
-    LinkConfig,
-    LinkRole,
-    Supervision,
-    shipped_configs,
-)
+from moar_companion.config import CompanionConfig, Supervision, shipped_configs
 from moar_companion.error_margin import flown_site
+from moar_companion.link_config import LinkConfig, LinkRole
 from moar_companion.mavlink.dialect import mavlink
 from moar_companion.mavlink.signing import Signing, SigningKey
 from moar_companion.planner.planner import Planner

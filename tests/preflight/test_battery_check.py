@@ -4,8 +4,8 @@ import pytest
 
 from moar_companion.preflight.battery_check import CHARGE, battery_findings
 from moar_companion.preflight.findings import Level
+from moar_companion.risk_model import RiskModel
 from moar_companion.telemetry import Battery, Telemetry
-from moar_companion.vehicle import RiskModel
 
 OK, NOTE, WARNING, NO_GO = Level
 

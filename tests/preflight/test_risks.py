@@ -8,9 +8,9 @@ from moar_companion.preflight.battery_check import CHARGE
 from moar_companion.preflight.findings import Finding, Level
 from moar_companion.preflight.risks import risk_findings
 from moar_companion.risk import RiskEstimate, update
+from moar_companion.risk_model import RiskModel
 from moar_companion.safety.condition_types import Causes
 from moar_companion.telemetry import Battery, Estimator, Gnss, Telemetry
-from moar_companion.vehicle import RiskModel
 
 OK, NOTE, WARNING, NO_GO = Level
 NO_FIX = Gnss(

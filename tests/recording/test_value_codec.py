@@ -8,7 +8,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from moar_companion.config import CompanionConfig, LinkConfig, shipped_configs
+from moar_companion.config import CompanionConfig, shipped_configs
+from moar_companion.link_config import LinkConfig
 from moar_companion.mission.values import Task
 from moar_companion.recording.value_codec import decoded, encoded
 from moar_companion.safety.check_inputs import Host

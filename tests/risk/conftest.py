@@ -11,6 +11,7 @@ import pytest
 from moar_companion import autopilots
 from moar_companion.power import Demands, PowerModel
 from moar_companion.risk import IndexReport, InputReport, RiskEstimate, update
+from moar_companion.risk_model import RiskModel
 from moar_companion.telemetry import (
     Attitude,
     AutopilotStatus,
@@ -30,7 +31,6 @@ from moar_companion.telemetry import (
     Wind,
 )
 from moar_companion.types import GeodeticPoint
-from moar_companion.vehicle import RiskModel
 
 Source = Callable[[float], Any]
 

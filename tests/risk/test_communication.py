@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from moar_companion.risk import communication
 from moar_companion.risk.communication import CommunicationMemory
+from moar_companion.risk_model import RiskModel
 from moar_companion.telemetry import (
     Heard,
     LandedState,
@@ -18,7 +19,6 @@ from moar_companion.telemetry import (
     RemoteControl,
     Telemetry,
 )
-from moar_companion.vehicle import RiskModel
 
 
 def test_a_good_link_settles_to_no_risk(flight):

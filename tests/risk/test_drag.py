@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from moar_companion.risk.braking import Braking
 from moar_companion.risk.drag import air_velocity_mps, deceleration_mps2
 from moar_companion.risk.drag_fit import DragFit, fit_drag
-from moar_companion.vehicle import RiskModel
+from moar_companion.risk_model import RiskModel
 
 models = st.builds(RiskModel, drag_per_s=st.floats(0.05, 2.0), drag_per_m=st.floats(0.0, 0.2))
 level = st.tuples(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0))

@@ -19,8 +19,8 @@ from moar_companion.risk.explain import (
     risk_dict,
 )
 from moar_companion.risk.input_reports import YES_OR_NO
+from moar_companion.risk_model import RiskModel
 from moar_companion.types import RiskIndices, Weights
-from moar_companion.vehicle import RiskModel
 
 EQUAL = Weights.normalised(1, 1, 1)
 

@@ -11,7 +11,7 @@ from moar_companion.config import Supervision
 from moar_companion.preflight.findings import Level
 from moar_companion.preflight.risks import held_wind_finding
 from moar_companion.risk.holding import held_wind_mps, tilt_limit
-from moar_companion.vehicle import RiskModel
+from moar_companion.risk_model import RiskModel
 from tests.vehicles import named_vehicle
 
 MODEL = RiskModel()

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from moar_companion import autopilots
 from moar_companion.power import Demands
 from moar_companion.risk import RiskEstimate, update
+from moar_companion.risk_model import RiskModel
 from moar_companion.telemetry import (
     Attitude,
     AutopilotStatus,
@@ -33,7 +34,6 @@ from moar_companion.telemetry import (
     Wind,
 )
 from moar_companion.types import GeodeticPoint
-from moar_companion.vehicle import RiskModel
 
 INDICES = ("wind", "communication", "localization", "battery")
 MODEL = RiskModel(cells=4)

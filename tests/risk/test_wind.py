@@ -12,8 +12,8 @@ from moar_companion.risk import InputReport
 from moar_companion.risk.braking import GRAVITY_MPS2
 from moar_companion.risk.drag import deceleration_mps2
 from moar_companion.risk.wind import Spread, strongest
+from moar_companion.risk_model import Range, RiskModel
 from moar_companion.telemetry import Attitude, Landed, LandedState, MotorOutputs, MotorSpeeds, Wind
-from moar_companion.vehicle import Range, RiskModel
 
 NAMES = [
     "wind reported",

@@ -18,7 +18,8 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.companion.companion import Companion
-from moar_companion.config import CompanionConfig, LinkConfig, RecorderSettings, shipped_configs
+from moar_companion.config import CompanionConfig, RecorderSettings, shipped_configs
+from moar_companion.link_config import LinkConfig
 from moar_companion.outlets import background_writer, recorder
 from moar_companion.safety.check_inputs import Host
 from moar_companion.service import app, host_monitor

@@ -9,7 +9,8 @@ import os
 
 import pytest
 
-from moar_companion.config import CompanionConfig, KeySource, LinkConfig, State
+from moar_companion.config import CompanionConfig, State
+from moar_companion.link_config import KeySource, LinkConfig
 from moar_companion.mavlink.signing import (
     LATEST_TIMESTAMP,
     UNITS_PER_S,

@@ -6,8 +6,9 @@ import os
 
 import pytest
 
-from moar_companion.config import CompanionConfig, KeySource, LinkConfig
+from moar_companion.config import CompanionConfig
 from moar_companion.errors import InputError
+from moar_companion.link_config import KeySource, LinkConfig
 from moar_companion.service.signing_key import read_signing_key
 
 from ..mavlink.signed import SECRET

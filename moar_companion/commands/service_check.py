@@ -1,0 +1,177 @@
+"""What `check` finds about the service: its configuration, folders, socket, broker and sensor."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+
+from ..config import Authority, CompanionConfig
+from ..error_margin import sight_speed_mps
+from ..errors import InputError, LinkError
+from ..link_config import KeySource
+from ..mqtt_config import Mqtt, broker_address
+from ..preflight.findings import Finding, Level
+from ..service.directories import Directory, recorder_folder, state_folder, view_socket
+from ..service.perception_process import tried
+from ..site import Site
+from ..vehicle import Vehicle
+from .service import INSTALLED_CONFIG
+
+_OWN_HOSTS = {"127.0.0.1", "::1", "localhost"}
+_LONGEST_SOCKET_PATH = 107
+"""Longest path in Linux's sun_path, in bytes."""
+
+
+def service_findings(
+    config: CompanionConfig, vehicle: Vehicle, site: Site | None, *, ports: bool
+) -> list[Finding]:
+    """Returns the findings. ports: True tries the port of its sensor, too."""
+    never = config.authority is Authority.OBSERVE
+    found = [
+        Finding(
+            level=Level.OK,
+            subject="configuration",
+            text=f"none, nor {INSTALLED_CONFIG}: the defaults"
+            if config.file is None
+            else str(config.file),
+        ),
+        Finding(level=Level.OK, subject="vehicle", text=f"{vehicle.name} ({config.vehicle})"),
+        Finding(
+            level=Level.NOTE if never else Level.OK,
+            subject="authority",
+            text=config.authority.value + (": nothing is ever streamed" if never else ""),
+        ),
+        Finding(
+            level=Level.OK,
+            subject="links",
+            text=", ".join(
+                f"{link.url} ({link.role.value}{', signed' if link.signed else ''})"
+                for link in config.links
+            ),
+        ),
+        _folder(
+            "recorder",
+            recorder_folder(config),
+            "none: the flight is not recorded (recorder.directory)",
+        ),
+        _folder(
+            "state",
+            state_folder(config),
+            "none: no state is kept after a crash (state.directory, or systemd's)",
+        ),
+        _view(view_socket(config)),
+        _mqtt(config.mqtt),
+        _perception(config, vehicle, ports=ports),
+    ]
+    if config.signing != KeySource() and not any(link.signed for link in config.links):
+        found.append(
+            Finding(
+                level=Level.WARNING,
+                subject="signing",
+                text="a key is named, but no link is signed",
+                remedy="set signed: true on the links that are to be, or remove signing",
+            )
+        )
+    if site is None:
+        text = "none: telemetry and risk only, no mission is flown"
+        found.append(Finding(level=Level.NOTE, subject="site", text=text))
+    return found
+
+
+def _mqtt(settings: Mqtt) -> Finding:
+    """Finding on the broker that the service publishes to; the broker itself is not asked."""
+    address = None if settings.url is None else broker_address(settings.url)
+    if address is None:
+        text = "none: nothing is published (mqtt.url)"
+        return Finding(level=Level.NOTE, subject="mqtt", text=text)
+    orders = ", takes signed orders" if settings.takes_orders else ""
+    if settings.username is not None and not address.tls and address.host not in _OWN_HOSTS:
+        return Finding(
+            level=Level.WARNING,
+            subject="mqtt",
+            text=f"{address} has no TLS: the network can read the password",
+            remedy="use mqtts://, or a broker on this computer that is bridged with TLS",
+        )
+    text = f"{address} as {settings.vehicle}{orders}"
+    return Finding(level=Level.OK, subject="mqtt", text=text)
+
+
+def _perception(config: CompanionConfig, vehicle: Vehicle, *, ports: bool) -> Finding:
+    """Finding on the sensor that looks for obstacles, and on the speed that its sight permits.
+
+    ports: True tries the port of its packets, too.
+    """
+    settings, subject = config.perception, "perception"
+    if settings.sensor is None:
+        text = "none: obstacles are those of the site file (perception.sensor)"
+        return Finding(level=Level.NOTE, subject=subject, text=text)
+    try:
+        tried(settings, str(config.file), port=ports)
+    except (InputError, LinkError) as error:
+        text = error.problem if isinstance(error, InputError) else str(error)
+        return Finding(level=Level.NO_GO, subject=subject, text=text)
+    most_mps, port = sight_speed_mps(vehicle, config), settings.data_port
+    place = "" if port is None else f" on {settings.address}:{port}"
+    text = f"{settings.sensor.value}{place}, sight {settings.sight_m:g} m"
+    if most_mps < vehicle.speed.min_mps:
+        return Finding(
+            level=Level.NO_GO,
+            subject=subject,
+            text=f"{text}: at v_MIN of {vehicle.speed.min_mps:g} m/s the aircraft stops too late",
+            remedy="set perception.sight_m to what the sensor sees, or reduce the margin",
+        )
+    return Finding(level=Level.OK, subject=subject, text=f"{text}: at most {most_mps:.1f} m/s")
+
+
+def _folder(subject: str, folder: Directory | None, without: str) -> Finding:
+    """Finding on write access to a folder. without: text where no folder is configured."""
+    if folder is None:
+        return Finding(level=Level.NOTE, subject=subject, text=without)
+    problem = _folder_problem(folder.path)
+    if problem is None:
+        return Finding(level=Level.OK, subject=subject, text=str(folder.path))
+    return Finding(
+        level=Level.NO_GO,
+        subject=subject,
+        text=f"{folder.path} cannot be written: {problem}",
+        remedy=f"correct {folder.name}, or the rights there: else the service does not start",
+    )
+
+
+def _folder_problem(path: Path) -> str | None:
+    try:
+        there = next(at for at in (path, *path.absolute().parents) if at.exists())
+        if not there.is_dir():
+            return f"{there} is not a directory"
+    except OSError as error:
+        return error.strerror or str(error)
+    return None if os.access(there, os.W_OK | os.X_OK) else f"{there} belongs to another user"
+
+
+def _view(place: Directory | None) -> Finding:
+    """Finding on the socket of the view: the service must be able to create it."""
+    if place is None:
+        text = "none: no live view (view.socket, or systemd's)"
+        return Finding(level=Level.NOTE, subject="view", text=text)
+    problem = _socket_problem(place.path)
+    if problem is None:
+        return Finding(level=Level.OK, subject="view", text=str(place.path))
+    return Finding(
+        level=Level.NO_GO,
+        subject="view",
+        text=f"{place.path} cannot be made: {problem}",
+        remedy=f"correct {place.name}, or the rights there: else the service does not start",
+    )
+
+
+def _socket_problem(path: Path) -> str | None:
+    folder = path.absolute().parent
+    if len(os.fsencode(path)) > _LONGEST_SOCKET_PATH:
+        return f"a socket's path has no more than {_LONGEST_SOCKET_PATH} bytes"
+    try:
+        if path.exists() and not path.is_socket():
+            return "something else is there"
+        writable = folder.is_dir() and os.access(folder, os.W_OK | os.X_OK)
+    except OSError as error:
+        return error.strerror or str(error)
+    return None if writable else f"{folder} is no folder that can be written"

@@ -1,0 +1,106 @@
+"""What the supervisor's action makes of a flight in control: a hold, an escape, a resumed task.
+
+Inputs: the mission status and the ruling. Outputs: the next status, with effects. Pure.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from .. import pilot_texts
+from ..mission_states import MissionState
+from ..safety.condition_types import Action
+from ..safety.supervisor import Ruling
+from ..types import Mission
+from .state_changes import answer_failed, entered
+from .values import Do, MissionStatus, Say, Seek, Step, Task
+
+_HELD_S = 1.0
+"""Minimum hold before a flight resumes by itself: as long as any condition that holds."""
+WAYS_OUT = {
+    Action.EXIT: (Mission.EXIT, Mission.EVACUATION),
+    Action.EVACUATION: (Mission.EVACUATION,),
+}
+"""Missions sought for the supervisor's actions: the first one that has a plan."""
+_LEADS_OUT = {Mission.EXIT: "exiting", Mission.EVACUATION: "evacuating"}
+"""Texts for the companion's action then."""
+
+
+def supervised(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool) -> Step | None:
+    """Applies the supervisor's action to a flight in control; None if there is nothing to do."""
+    if ruling.action is Action.HOLD:
+        return _braked(status, ruling, now_s, resumes=True)
+    if ruling.action in WAYS_OUT:
+        return _led_out(status, ruling, now_s, on_leg=on_leg)
+    task = status.task
+    if not status.resumes or status.sought is not None or task is None or task in status.no_path:
+        return None
+    if now_s - status.since_s < _HELD_S:
+        return None
+    say = Say(
+        pilot_texts.RESUMING(mission=task.mission.value), news=status.no_way_s < status.since_s
+    )
+    return replace(status, sought=task), (say, Seek(task))
+
+
+def heeds(status: MissionStatus, action: Action) -> bool:
+    """True if the flown or sought task is the escape that `action` requires, or a graver one."""
+    task = status.sought or status.task
+    return task is not None and suits(task, action)
+
+
+def suits(task: Task, action: Action) -> bool:
+    """True if a task is the escape that an action requires, or a graver one."""
+    return not task.flown and task.mission in WAYS_OUT.get(action, ())
+
+
+def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, resumes: bool) -> Step:
+    """Holds here; a task that an operator has held meanwhile, or that is done, does not resume."""
+    failed = answer_failed(status, ruling.reason)
+    if status.state is MissionState.HOLDING:
+        if status.sought is None:
+            return status, ()
+        resumes = resumes and (status.resumes or status.order_id is None)
+        held = replace(status, sought=None, order_id=None, resumes=resumes)
+        return held, (*failed, Do.BRAKE)
+    left = status.task is not None and not status.task.done
+    resumes = resumes and left and not status.hold_ordered
+    status = replace(status, resumes=resumes, hold_ordered=False)
+    held = entered(status, MissionState.HOLDING, now_s)
+    action = MissionState.HOLDING.words
+    say = Say(ruling.reason, action, serious=True, condition=ruling.name)
+    return held, (*failed, Do.BRAKE, say)
+
+
+def _led_out(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool) -> Step | None:
+    """Seeks the required escape route, if it is not flown already, or the next best.
+
+    Without one, an escape that is flown continues as it can; anything else holds. A landing leg
+    is flown to its end, also from a hold on it.
+    """
+    task, holds = status.task, status.state is MissionState.HOLDING
+    if task is None or task.flown:
+        return None
+    stands = status.sought is None and (holds or task in status.no_path)
+    lands = status.state is MissionState.LANDING_LEG and status.sought is None
+    if (lands or heeds(status, ruling.action)) and not stands:
+        return None
+    ways = [
+        way
+        for mission in (*WAYS_OUT[ruling.action], Mission.EXIT)  # rather than to stay
+        for way in (task, Task(mission=mission))
+        if way.mission is mission and way not in status.no_path
+    ]
+    if on_leg and task.mission is not Mission.INSPECTION and task not in status.no_path:
+        ways.insert(0, task)
+    if not ways:
+        if task.mission is not Mission.INSPECTION and not holds:
+            return None
+        return _braked(status, ruling, now_s, resumes=False)
+    wanted = ways[0]
+    if status.order_id is None and wanted == (status.sought or (None if holds else task)):
+        return None
+    sought = replace(status, sought=wanted, order_id=None, resumes=False)
+    action = _LEADS_OUT[wanted.mission]
+    say = Say(ruling.reason, action, serious=True, news=False, condition=ruling.name)
+    return sought, (*answer_failed(status, ruling.reason), say, Seek(wanted))
