@@ -109,7 +109,7 @@ def test_both_find_the_installed_configuration(tmp_path, monkeypatch, load):
 
 def test_it_tells_which_configuration_it_has_found(capsys, tmp_path, monkeypatch):
     installed = tmp_path / "companion.yaml"
-    for module in ("service", "check"):
+    for module in ("service", "service_check"):
         monkeypatch.setattr(f"moar_companion.commands.{module}.INSTALLED_CONFIG", installed)
     assert check() == 0
     assert f"  ok       configuration: none, nor {installed}" in capsys.readouterr().out
