@@ -207,7 +207,7 @@ def _inputs(index: Status) -> RenderableType:
             Text(f"{item['risk']:.2f}" if known else _UNKNOWN, "" if known else "magenta"),
             _clean(item["name"]),
             item["reading"] if heard else "",
-            f"{_duration(item['age_s'])} ago" if heard else "unheard",
+            f"{_duration(item['age_s'])} ago" if heard else "no data",
             style="" if item["name"] == index["worst"] else "dim",
         )
     return table
@@ -264,7 +264,7 @@ def _work(status: Status, *, full: bool) -> Iterator[Row]:
 
 
 def _age(source: str, age_s: float | None) -> Text:
-    age = ("unheard", "dim") if age_s is None else (f"{age_s:.1f}", "")
+    age = ("no data", "dim") if age_s is None else (f"{age_s:.1f}", "")
     return Text.assemble((f"{source.replace('_', ' ')} ", "dim"), age)
 
 
@@ -309,7 +309,7 @@ def _perception(seen: Status) -> Text:
 
 def _radio(radio: Status | None) -> str:
     if radio is None:
-        return "unheard"
+        return "no data"
     return (
         f"{_number(radio['rssi'], 0)} over {_number(radio['noise'], 0)} here, "
         f"{_number(radio['remote_rssi'], 0)} over {_number(radio['remote_noise'], 0)} there"

@@ -154,7 +154,7 @@ def test_what_matters_is_on_the_smallest_page():
         "safety 0.40→0.57  time 0.50→0.29  energy 0.10→0.14",
         "cost 4.31, 0.3 ms, 1.4 s ago; reason: wind risk 0.47 -> 0.58",
         "212 packets/s, 3 lost; ground station received 0.6 s ago",
-        "radio         unheard",
+        "radio         no data",
         "local position 0.0  attitude 0.0  gnss 0.2  battery 1.2",
         "flight_20261121T151539Z",
     ):
@@ -167,7 +167,7 @@ def test_what_is_unknown_is_called_so_and_never_a_number():
     assert "clearance unknown" in text
     assert text.count("0.50   unknown") == 4
     assert "none yet" in text
-    assert "radio         unheard" in text
+    assert "radio         no data" in text
     assert "None" not in text
     assert "nan" not in text.lower().replace("companion", "")
 
@@ -178,7 +178,7 @@ def test_where_there_is_room_every_input_is_shown_with_risk_value_and_age(width,
     (tilt,) = [line for line in lines if "tilt" in line]
     assert tilt.split()[-6:] == ["0.84", "tilt", "20.0°", "0.1", "s", "ago"]
     (unheard,) = [line for line in lines if "radio margin here" in line]
-    assert unheard.split()[-5:] == ["unknown", "radio", "margin", "here", "unheard"]
+    assert unheard.split()[-6:] == ["unknown", "radio", "margin", "here", "no", "data"]
 
 
 def test_bars_are_as_long_as_the_indices():
