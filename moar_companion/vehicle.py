@@ -23,7 +23,6 @@ from .yaml_file import FileFinding
 from .yaml_schema import FileModel, Length, Name, PositiveLength, Section
 
 _Positive = Field(gt=0.0, le=1e6)
-_Fraction = Field(ge=0.0, le=1.0)
 
 
 _EXPOSURE = 0.2

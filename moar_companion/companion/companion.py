@@ -31,7 +31,7 @@ from ..mavlink.commands import (
 from ..mavlink.identity import AutopilotFound, AutopilotRestarted
 from ..mavlink.peers import Address
 from ..mavlink.session import Event, Session, Severity, SystemStatus
-from ..mavlink.signing import SignedLinks, Signing, link_signings
+from ..mavlink.signing import Signing, SigningState, link_signings
 from ..mavlink.telemetry_receiver import ModeLeft
 from ..mission.values import MissionStatus, Verdict
 from ..mission_states import STREAMING
@@ -143,9 +143,9 @@ class Companion:
         )
 
     @property
-    def signing(self) -> SignedLinks:
-        """The signed links: time stamps and references for the next process, refused packets."""
-        return self._session.signing
+    def signing(self) -> SigningState:
+        """Time stamps and references of the signed links for the next process, refused packets."""
+        return self._session.signing.state
 
     @property
     def risk(self) -> RiskEstimate:
@@ -334,11 +334,10 @@ class Companion:
         if self._orders.planner_awaited:
             return
         may_continue = not self._executor.status_changed and self.status.task is not None
-        streaming = self.status.state in STREAMING
-        texts = (
-            *self._start_report.texts(self.telemetry, now_s, may_continue=may_continue),
-            *self._start_report.pack_texts(self.telemetry, self._vehicle, streaming=streaming),
-        )
+        texts = self._start_report.texts(self.telemetry, now_s, may_continue=may_continue)
+        if self.status.state not in STREAMING:
+            pack = self._start_report.pack_text(self.telemetry, self._vehicle.risk.cells)
+            texts += [] if pack is None else [pack]
         for text in texts:
             self._reports.say(Severity.WARNING, text, now_s)
 

@@ -83,7 +83,7 @@ class OffboardLossCheck:
         self.objection = None
         if flight is None or flight.mission is None:
             return
-        objection = self._objection_to(flight.path.volume.reach, flight.path.rests_m())
+        objection = self._objection_to(flight.path.volume.reach, flight.path.rests_ahead_m())
         if objection is not None and self._refuses(flight.mission):
             self.objection = objection
         elif objection is not None:
@@ -95,7 +95,7 @@ class OffboardLossCheck:
         The next plan is checked with all of the obstacles' width.
         """
         if self.objection is not None and flight is not None:
-            self.objection = self._objection_to(None, flight.path.rests_m())
+            self.objection = self._objection_to(None, flight.path.rests_ahead_m())
 
     def checked(
         self,
@@ -130,7 +130,7 @@ class OffboardLossCheck:
             return answer
         if self._refuses(plan.mission):
             if not awaited.first:
-                self.objection = self._objection_to(answer.reach, flight.path.rests_m())
+                self.objection = self._objection_to(answer.reach, flight.path.rests_ahead_m())
             elif not ordered:
                 self.objection = objection
             return replace(answer, plan=None, reason=objection, would_collide=True)

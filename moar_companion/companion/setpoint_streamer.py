@@ -33,7 +33,8 @@ class SetpointRefusal:
 class SetpointStreamer:
     """Checks every setpoint, sends it, and keeps the last one.
 
-    sudden_m: depth in a keep-out at which it may rest before an obstacle that was seen late.
+    margin: that of the flown site (`error_margin.flown_site`). sudden_m: depth in a keep-out at
+    which it may rest before an obstacle that was seen late.
     """
 
     def __init__(

@@ -5,7 +5,6 @@ Inputs: the memory of the previous process, telemetry. Outputs: texts for people
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import replace
 
 from .. import pilot_texts
@@ -13,7 +12,6 @@ from ..estimation.pose_tracker import airborne, grounded
 from ..mavlink.commands import Command, holds, stops
 from ..power.cells import misread
 from ..telemetry import Telemetry
-from ..vehicle import Vehicle
 from .mission_snapshot import MissionSnapshot
 
 _PATIENCE_S = 3.0
@@ -21,7 +19,7 @@ _PATIENCE_S = 3.0
 
 
 class StartReport:
-    """Reports once, as soon as an autopilot is known that can forward the texts."""
+    """Reports each finding once: those of the start when an autopilot can forward the texts."""
 
     def __init__(self, before: MissionSnapshot | None) -> None:
         self.before = before
@@ -58,11 +56,8 @@ class StartReport:
             texts.append(pilot_texts.MODE_STILL_ON(mode=autopilot.mode))
         return texts
 
-    def pack_texts(
-        self, telemetry: Telemetry, vehicle: Vehicle, *, streaming: bool
-    ) -> Iterator[str]:
-        """Yields the text to report now of a pack that the vehicle file does not describe."""
-        words = None if self._pack_told or streaming else misread(telemetry, vehicle.risk.cells)
-        if words is not None:
-            self._pack_told = True
-            yield words
+    def pack_text(self, telemetry: Telemetry, cells: int | None) -> str | None:
+        """Text to report now of a pack with another number of cells; None if there is none."""
+        words = None if self._pack_told else misread(telemetry, cells)
+        self._pack_told = self._pack_told or words is not None
+        return words

@@ -232,7 +232,7 @@ class FlownPath:
             reference.distance_m, reference.speed_mps, self._acceleration_mps2
         )
 
-    def rests_m(self) -> FloatArray:
+    def rests_ahead_m(self) -> FloatArray:
         """Possible stop points (n, 2) ahead, to the end or brake point."""
         reference = self.reference
         if reference.stop_m is None:

@@ -95,7 +95,7 @@ class AutopilotRequests:
         self._fence = self._fence or FenceDownload()
 
     def want_all_of(self, known: Profile) -> None:
-        """Adds what a found autopilot is asked for: its parameters, in order, and its fence."""
+        """Adds what a flight needs of a found autopilot: parameters and fence (as `check` does)."""
         self.want_parameters(known.loss_parameters)
         self.want_parameters(known.fence_parameters, changing=True)
         self.want_fence()

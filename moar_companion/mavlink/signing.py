@@ -157,6 +157,19 @@ class LinkSigning:
         self.timestamp = min(LATEST_TIMESTAMP, max(self.timestamp, timestamp))
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SigningState:
+    """State of the signed links, by URL.
+
+    timestamps: a later process must start after them. references: for new senders, for a later
+    process. packets_refused: counts by reason.
+    """
+
+    timestamps: Mapping[str, int]
+    references: Mapping[str, int]
+    packets_refused: Mapping[str, Mapping[SigningRefusal, int]]
+
+
 class SignedLinks:
     """Signatures of all signed links, by link; empty without any."""
 
@@ -173,14 +186,13 @@ class SignedLinks:
             signing.advance(wall_s)
 
     @property
-    def timestamps(self) -> dict[str, int]:
-        """Time stamp of each signed link: a later process must start after it."""
-        return {link: signing.timestamp for link, signing in self._links.items()}
-
-    @property
-    def references(self) -> dict[str, int]:
-        """Reference time stamp for new senders of each signed link, for a later process."""
-        return {link: signing.reference for link, signing in self._links.items()}
+    def state(self) -> SigningState:
+        """State of all of them now."""
+        return SigningState(
+            timestamps={link: signing.timestamp for link, signing in self._links.items()},
+            references={link: signing.reference for link, signing in self._links.items()},
+            packets_refused=self.packets_refused,
+        )
 
     @property
     def behind_s(self) -> dict[str, dict[int, float]]:

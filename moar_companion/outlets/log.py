@@ -50,24 +50,24 @@ class AutopilotLog:
     def __init__(self, links: Sequence[LinkConfig]) -> None:
         self._urls = [link.url for link in links if link.role is LinkRole.AUTOPILOT]
         self._before: AutopilotStatus | None = None
-        self._silence_told_s: float | None = None
-        """When the absence is logged; infinity once it was, or need not be any more."""
+        self._warning_due_s: float | None = None
+        """When its absence is logged; None before the first look; infinity: not any more."""
 
     def look(self, autopilot: AutopilotStatus | None, now_s: float) -> None:
-        """Logs what is new; to be called about each second."""
-        if self._silence_told_s is None:
-            self._silence_told_s = now_s + _SILENCE_S
+        """Logs what is new; to be called about each second. now_s: real seconds."""
+        if self._warning_due_s is None:
+            self._warning_due_s = now_s + _SILENCE_S
         before, self._before = self._before, autopilot
         if autopilot is None:
-            if now_s >= self._silence_told_s:
-                self._silence_told_s = math.inf
+            if now_s >= self._warning_due_s:
+                self._warning_due_s = math.inf
                 _logger.warning(
                     "no autopilot received on %s for %g s; is it on, and does it send there?",
                     ", ".join(self._urls),
                     _SILENCE_S,
                 )
             return
-        self._silence_told_s = math.inf
+        self._warning_due_s = math.inf
         if before is None or (autopilot.mode, autopilot.armed) != (before.mode, before.armed):
             _logger.info(
                 "autopilot %s, system %d: %s, %s",

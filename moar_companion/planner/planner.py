@@ -294,10 +294,9 @@ class Planner:
             raise ValueError("only a path on the planner's own maps can be refined")
         if self._refiner is None:
             self._refiner = Refiner(self.site, self.vehicle, self.maps)
+        region = self._goal((plan.mission, plan.request.target)).region
         began_s = self._clock_s()
-        refinement = self._refiner.refine(
-            plan, self._goal((plan.mission, plan.request.target)).region
-        )
+        refinement = self._refiner.refine(plan, region)
         return replace(refinement, compute_ms=self._passed_ms(began_s))
 
     def _search(self, request: PlanRequest, start_cell: tuple[int, ...]) -> Plan:

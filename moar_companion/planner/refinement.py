@@ -41,7 +41,9 @@ _LEVELS.flags.writeable = False
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Refinement:
-    """The refined path of a plan. Both costs are those of continuous paths.
+    """The refined path of a plan, and its J. plan_cost: the J of the plan's own path.
+
+    Both are those of continuous paths.
 
     points_m: (n, 2)  the ends of the legs
     """
@@ -53,15 +55,14 @@ class Refinement:
     continuous: ContinuousCost
     site: Site
     land: Callable[[], LandingLeg] | None = None
+    """Makes the landing leg of a path that has one."""
     compute_ms: float | None = None
-    """None where the planner has no clock."""
+    """None: not measured, as by a planner without a clock."""
 
     @property
     def compute_words(self) -> str:
         """Text of `compute_ms`."""
         return milliseconds(self.compute_ms)
-
-    """Makes the landing leg of a path that has one."""
 
     @cached_property
     def landing_leg(self) -> LandingLeg | None:

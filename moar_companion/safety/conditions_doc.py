@@ -52,9 +52,14 @@ _TABLES = {"conditions": documentation, "texts": texts, "other texts": other_tex
 
 
 def updated(page: str) -> str:
-    """Returns the page with each table made anew between its two marks."""
+    """Returns the page with each table made anew between its two marks.
+
+    Raises ValueError if a mark is missing, or stands twice.
+    """
     for mark, table in _TABLES.items():
         begin, end = f"<!-- {mark} -->\n", f"\n<!-- end of {mark} -->"
+        if (page.count(begin), page.count(end)) != (1, 1):
+            raise ValueError(f"the page needs one {begin.strip()} and one {end.strip()}")
         before, _, rest = page.partition(begin)
         _, _, after = rest.partition(end)
         page = before + begin + table() + end + after
@@ -62,5 +67,6 @@ def updated(page: str) -> str:
 
 
 if __name__ == "__main__":
-    manual = Path(sys.argv[1])
+    (name,) = sys.argv[1:]
+    manual = Path(name)
     manual.write_text(updated(manual.read_text(encoding="utf-8")), encoding="utf-8")

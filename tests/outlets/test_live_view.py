@@ -177,8 +177,8 @@ def test_where_there_is_room_every_input_is_shown_with_risk_value_and_age(width,
     lines = page(FLYING, width, height).splitlines()
     (tilt,) = [line for line in lines if "tilt" in line]
     assert tilt.split()[-6:] == ["0.84", "tilt", "20.0°", "0.1", "s", "ago"]
-    (unheard,) = [line for line in lines if "radio margin here" in line]
-    assert unheard.split()[-6:] == ["unknown", "radio", "margin", "here", "no", "data"]
+    (silent,) = [line for line in lines if "radio margin here" in line]
+    assert silent.split()[-6:] == ["unknown", "radio", "margin", "here", "no", "data"]
 
 
 def test_bars_are_as_long_as_the_indices():

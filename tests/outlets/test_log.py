@@ -153,6 +153,11 @@ def test_absence_of_the_autopilot_is_logged_once_and_each_change_of_its_mode(cap
         custom_mode=0, mode="HOLD", ours=False, homeward=False, multirotor=True, failsafe=False,
     )  # fmt: skip
     with caplog.at_level("INFO"):
+        seen_at_once = AutopilotLog([LinkConfig(url="udp:127.0.0.1:14541")])
+        for now_s, status in ((1.0, None), (2.0, held), (7.0, None)):
+            seen_at_once.look(status, now_s)
+        assert len(caplog.records) == 1  # its mode alone
+        caplog.clear()
         for now_s in (1.0, 5.9, 6.0, 7.0):
             log.look(None, now_s)
         for status in (held, replace(held, received_s=10.0), replace(held, armed=True)):

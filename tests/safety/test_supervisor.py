@@ -231,3 +231,5 @@ def test_the_tables_of_the_manual_are_made_from_the_code():
     assert updated(page) == page
     row = next(line for line in page.splitlines() if line.startswith("| `loop_stall`"))
     assert updated(page.replace(row, "| another row |")) == page
+    with pytest.raises(ValueError, match="one <!-- end of texts -->"):
+        updated(page.replace("<!-- end of texts -->", ""))
