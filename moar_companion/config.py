@@ -118,9 +118,11 @@ class Supervision:
     """Time without any packet of the autopilot, heartbeat or other, until its link is lost."""
     mode_timeout_s: Annotated[float, _Seconds] = 3.0
     """Age of the last mode report at which control ends: the mode may have changed. The mode is
-    reported 20 times a second: a link that loses 30 % is silent for so long once in 10^31."""
+    reported 20 times a second: on a link that loses 30 %, a gap of this length occurs once in 10^31
+    reports."""
     armed_timeout_s: Annotated[float, _Seconds] = 15.0
-    """The same for the armed state, which HEARTBEAT alone reports, on PX4 once a second."""
+    """Age of the armed state at which control ends; only HEARTBEAT reports it, on PX4 once a
+    second."""
     ready_timeout_s: Annotated[float, _Seconds] = 30.0
     """Time for which a hold is offered to the pilot before the pilot selects the mode."""
     plane_tolerance_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
@@ -134,7 +136,8 @@ class Supervision:
     """Position error that distances from obstacles allow for, even where less is reported; None:
     the error measured with the vehicle's autopilot (`autopilots`)."""
     position_uncertainty_limit_m: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
-    """Above it the mission is held; between the two, obstacles grow by the excess."""
+    """Uncertainty above which the mission is held; from `position_uncertainty_m` on, obstacles grow
+    by the excess."""
     battery_reserve: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2
     """Fraction left at which the flight along the escape route begins."""
     ground_link_lost_s: Annotated[float, _Seconds] = 10.0
@@ -202,10 +205,10 @@ class CompanionConfig:
 
     vehicle: Path
     site: Path | None = None
-    """Without a site: telemetry and risk only."""
+    """None: without a site, telemetry and risk only."""
     links: tuple[LinkConfig, ...] = (LinkConfig(url="udp:127.0.0.1:14540"),)
     system_id: int = 1
-    """Used until an autopilot is received, whose id is then taken."""
+    """Initial system id; the companion takes the id of a received autopilot."""
     component_id: int = 195
     """MAV_COMP_ID_PATHPLANNER."""
     authority: Authority = Authority.STREAM

@@ -1,4 +1,4 @@
-"""The section `perception` of the configuration: the lidar, its mount, and use of what it sees."""
+"""The section `perception` of the configuration: the lidar, its mount, and use of its reports."""
 
 from __future__ import annotations
 
@@ -34,10 +34,10 @@ DATA_PORTS = {Sensor.VELODYNE: 2368, Sensor.OUSTER: 7502}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorMount:
-    """Where the sensor sits on the aircraft: forward, left, up in m; roll, pitch, yaw in degrees.
+    """Mount of the sensor on the aircraft: forward, left, up in m; roll, pitch, yaw in degrees.
 
     From the sensor's axes to the aircraft's (x forward, y left, z up): first roll, then pitch, then
-    yaw. The default has the axis of rotation along the aircraft's left: the scan is its x-z plane.
+    yaw. By default the axis of rotation points to the aircraft's left: the scan is its x-z plane.
     """
 
     position_m: Vector = (0.0, 0.0, 0.0)
@@ -46,7 +46,7 @@ class SensorMount:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Perception:
-    """Sensor, and use of what it sees; sensor None: nothing is perceived."""
+    """Sensor, and use of its reports; sensor None: no perception."""
 
     sensor: Sensor | None = None
     address: str = "0.0.0.0"  # noqa: S104 - the sensor broadcasts, or sends to any address of ours
@@ -61,7 +61,7 @@ class Perception:
     gate_m: float = 2.0
     """A seen conductor within this distance of one of the site file is that one."""
     moved_m: float = 0.5
-    """Difference from the site file's place at which operators are told."""
+    """Least difference from the site file's place that is reported to operators."""
     sight_m: float = 8.0
     """Distance within which a conductor that is in no file is surely seen: it limits the speed. A
     VLP-16 finds a cable of 15 mm from 10 m on, one of 10 mm from 5 m."""

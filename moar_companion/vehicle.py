@@ -27,8 +27,8 @@ _Fraction = Field(ge=0.0, le=1.0)
 
 
 _EXPOSURE = 0.2
-"""Safety cost of a place from which an autopilot's failsafe would hit an obstacle: a fifth of the
-cost of the worst place, so that a path bends round such places where that is short."""
+"""Safety cost of a place from which an autopilot's failsafe would hit an obstacle. A fifth of the
+cost of the worst place: a path avoids such places where the detour is short."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

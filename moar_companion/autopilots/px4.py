@@ -173,7 +173,7 @@ class Return:
 
     @classmethod
     def of(cls, value: Mapping[str, float]) -> Return | None:
-        """Return by the values of the parameters; None if it leads elsewhere than home."""
+        """Return by the values of the parameters; None for a return to a place other than home."""
         if value["RTL_TYPE"]:
             return None
         return cls(

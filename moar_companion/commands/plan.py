@@ -172,7 +172,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
 
     rule = plan.request.adaptation
-    assert rule is not None  # the plan was asked with risks
+    assert rule is not None  # the request has risks
     explanation = _explained(planner, plan, rule) if arguments.explain else {}
 
     others = alternatives(planner, plan.request, rule) if arguments.alternatives else ()

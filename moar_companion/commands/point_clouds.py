@@ -86,7 +86,7 @@ def read_cloud(
 
 
 def height_notes(cloud: Cloud) -> tuple[str, ...]:
-    """What is told of the heights: none where they are above mean sea level, or unnamed."""
+    """Remarks on the heights; none where they are above mean sea level, or unnamed."""
     axes = cloud.crs.axis_info if cloud.crs is not None else []
     if len(axes) < 3 or "ellipsoid" not in axes[2].name.lower():
         return ()

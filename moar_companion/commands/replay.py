@@ -270,7 +270,7 @@ def _dataflash_played(
         try:
             for time_s, row in rows(file.name, MESSAGES):
                 playback.feed(time_s, row)
-        except Exception as error:  # whatever pymavlink makes of a broken file
+        except Exception as error:  # any error of pymavlink on a broken file
             raise InputError(path, "", f"is no sound .bin: {error}") from error
     return playback
 
@@ -294,7 +294,7 @@ def _ulog_played(
     try:
         with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what it finds broken
             log = ULog(io.BytesIO(data), list(TOPICS))
-    except Exception as error:  # whatever pyulog makes of a broken file
+    except Exception as error:  # any error of pyulog on a broken file
         raise InputError(path, "", f"is no sound ULog: {error}") from error
     playback = Player(vehicle, UlogListener(), site_position, drag=drag)
     dated = [
@@ -335,7 +335,7 @@ def _defines_its_topics(data: bytes) -> bool:
 
 
 def _begins_with(path: str, magic: bytes) -> bool:
-    """True if a file that can be read begins with these bytes; what is wrong is told later."""
+    """True if a readable file begins with these bytes; later code reports an unreadable one."""
     with contextlib.suppress(OSError, ValueError), Path(path).open("rb") as file:
         return file.read(len(magic)) == magic
     return False

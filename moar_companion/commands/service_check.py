@@ -1,4 +1,4 @@
-"""What `check` finds about the service: its configuration, folders, socket, broker and sensor."""
+"""Findings of `check` on the service: its configuration, folders, socket, broker and sensor."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def service_findings(
 
 
 def _mqtt(settings: Mqtt) -> Finding:
-    """Finding on the broker that the service publishes to; the broker itself is not asked."""
+    """Finding on the settings of the service's broker; no connection to the broker is made."""
     address = None if settings.url is None else broker_address(settings.url)
     if address is None:
         text = "none: nothing is published (mqtt.url)"

@@ -33,7 +33,7 @@ class SetpointRefusal:
 class SetpointStreamer:
     """Checks every setpoint, sends it, and keeps the last one.
 
-    sudden_m: depth in a keep-out at which it may rest before an obstacle that was seen late.
+    sudden_m: permitted depth of a rest in the keep-out of an obstacle that appeared late.
     """
 
     def __init__(
@@ -169,8 +169,8 @@ class SetpointStreamer:
     ) -> str | None:
         """Reason why a setpoint must not follow the last one, or begin the stream.
 
-        The vehicle's limits apply in the world and in the autopilot's frame, whichever of them the
-        map between them moves.
+        The vehicle's limits apply in the world and in the autopilot's frame, also when the map
+        between the two moves.
         """
         last, blown_to_m = self._last, flight.blown_to_m
 

@@ -67,7 +67,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outlook:
-    """Energy left, and demand of each route, for people; None: unknown, or no such route.
+    """Energy left, and demand of each route, for displays; None: unknown, or no such route.
 
     left_wh and energies are absolute where the vehicle file has the capacity, else relative.
     factor: measured power over the vehicle file's. source: origin of the factor.

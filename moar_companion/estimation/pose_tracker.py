@@ -23,8 +23,8 @@ _JUMP_M = 0.5
 """A position farther than this from the velocity's prediction has jumped: the estimator was
 reset. In flight PX4's own estimate wanders by centimetres."""
 _RESET_JUMP_M = 0.1
-"""The same if the estimator reports a reset. In PX4's recordings the position moves by up to
-0.02 m when only the heading is reset."""
+"""Least step of a jump with a reported reset of the estimator. In PX4's recordings the position
+moves by up to 0.02 m when only the heading is reset."""
 _RESET_WITHIN_S = 0.3
 """Time between a position step and the report of the reset: ODOMETRY comes at 5 Hz or more."""
 _JUMPS_WITHIN_S = 10.0
@@ -212,7 +212,7 @@ class PoseTracker:
         self._reset_counter = odometry.reset_counter
 
     def _jump(self) -> Vector | None:
-        """Returns the last step if it is long enough for a jump, or if a reset came with it."""
+        """Returns the last step if it is long enough for a jump, or if a reset accompanied it."""
         if self._step is None:
             return None
         step_s, step_m = self._step
