@@ -128,12 +128,12 @@ class PathFollower:
 
     @property
     def why_it_returns(self) -> str:
-        """Text for people about the recovery leg."""
+        """Text for operators about the recovery leg."""
         return pilot_texts.RETURNING(m=distance(self._path.outside_m))
 
     @property
     def is_carried_off(self) -> bool:
-        """True if the setpoint, after a displacement by wind, needs a recovery leg to go on."""
+        """True if the setpoint, after a displacement by wind, needs a recovery leg to continue."""
         displaced = self._drift.carried and self._drift.from_m is None
         return displaced and self._path.needs_recovery
 
@@ -207,7 +207,7 @@ class PathFollower:
     def stand(self, position_m: Vector) -> None:
         """Stops at once at a place that the path has just passed.
 
-        Plans lead on from there, whatever the path; a landing leg is kept within its corridor.
+        Later plans begin there, on any path; a landing leg is kept within its corridor.
         """
         self._path = self._path.stood(position_m)
 
@@ -335,7 +335,7 @@ class PathFollower:
         )
 
     def progress(self, pose: Pose) -> Progress:
-        """Progress of the flight, for people."""
+        """Progress of the flight, for displays."""
         reference = self._reference
         left_m = reference.trajectory.length_m - reference.distance_m
         return Progress(

@@ -47,7 +47,8 @@ _CONTINUED = set(MissionState) - STREAMING | {MissionState.HOLDING}
 _LET_GO = {MissionState.OVERRIDDEN, MissionState.RELEASED}
 
 _CROSSED_S = 0.5
-"""An order this soon after an event was sent before its operator knew of the event."""
+"""Time after an event within which an order counts as sent before its operator received the
+event."""
 
 _DONE = Say(pilot_texts.EVERY_TARGET_DONE(), MissionState.HOLDING.words)
 _ARRIVED = Say(pilot_texts.ABOVE_LANDING_POINT(), MissionState.HOLDING.words)
@@ -206,7 +207,8 @@ def tick(
     if status.no_path and (paths_changed or rested):
         status = replace(status, no_path=frozenset())
     if status.order_id is not None:
-        # The operator knew these conditions when ordering: the request does not fail for them.
+        # The operator had received these conditions before the order: the request does not fail for
+        # them.
         status = replace(status, known=status.known & ruling.names)
         ruling = ruling.apart_from(status.known)
     if state is MissionState.IDLE and status.task is not None and ruling.acts("ground"):
@@ -319,7 +321,7 @@ def _sought(
 
 
 def _known(world: Situation, now_s: float) -> frozenset[str]:
-    """Conditions that an operator who orders now can know."""
+    """Conditions that an operator has received at this time."""
     return world.ruling.names_since(now_s - _CROSSED_S)
 
 

@@ -1,4 +1,4 @@
-"""What the supervisor's action makes of a flight in control: a hold, an escape, a resumed task.
+"""Effect of the supervisor's action on a flight in control: a hold, an escape, a resumed task.
 
 Inputs: the mission status and the ruling. Outputs: the next status, with effects. Pure.
 """

@@ -37,8 +37,8 @@ def nearest_rings(
 
     Each (nx, nz), infinite without obstacles, and followed by the ring that it belongs to, or -1.
     now: index now of each earlier ring, or -1; is_new: 1 for each ring that was not there before.
-    Earlier rings are evaluated again only in a column's rows whose ring is gone, or is -1, and in
-    rows between such.
+    Earlier rings are evaluated again only in a column's rows with a removed ring, or with -1, and
+    in rows between such.
     """
     shape = (len(x_m), len(z_m))
     distance_m, room_m = np.empty(shape), np.empty(shape)

@@ -103,7 +103,7 @@ class Planner:
         if mission is Mission.INSPECTION:
             target = self._target(target).name
         key = (mission, target)
-        # Read once: if obstacles change meanwhile, the new table goes to dropped tables.
+        # Read once: if obstacles change meanwhile, the new table is stored with dropped tables.
         tables = self._tables
         goal = self._goal(key)
         count, corners = self._shares

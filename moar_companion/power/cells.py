@@ -31,7 +31,7 @@ def cell_v(battery: Battery, model: PowerModel, mean_current_a: float | None) ->
 
 
 def misread(telemetry: Telemetry, cells: int | None) -> str | None:
-    """Text of a mismatch for people; None if all batteries fit, or none reports.
+    """Text of a mismatch for operators; None if all batteries fit, or none reports.
 
     With the wrong number an empty battery appears full, or a full one empty.
     """

@@ -31,7 +31,7 @@ _CELL_FULL_V = 4.05
 """Full lithium-polymer cell under load; PX4's BAT1_V_CHARGED."""
 _MEASURING_S = 10.0
 """Measuring time at which the measured factor and the prior count alike. By then the current has
-settled, and a step of the charge, at most 2 s late, is known to a fifth: as well as the file."""
+settled. A step of the charge, at most 2 s late, is known to a fifth: as well as the file."""
 _FORGETTING_S = 120.0
 """Time constant of the mean: longer than a leg, so that it covers all phases; shorter than a
 battery. While the power is far above the mean, _MEASURING_S replaces it."""
@@ -53,8 +53,8 @@ such steps in a row than _MOST_SUDDEN are no corrections, and count."""
 _MOST_SUDDEN = 2
 """Limit of corrections in a row; the second may be a step that follows a late one."""
 _AT_ODDS = 2.0
-"""Ratio of two measures at which the greater has precedence: a gauge may assume another capacity or
-follow a voltage, but differs by less unless a battery fails."""
+"""Ratio of two measures at which the greater has precedence. A gauge may assume another capacity or
+follow a voltage, but without a battery failure it differs by less."""
 _SWAPPED = 0.05
 """Rise of the charge that means another battery; smaller rises are noise, as of a charge that the
 autopilot derives from a voltage."""
@@ -81,7 +81,7 @@ class _Pack:
 
     heard_s: time of that report. most: greatest charge that its voltage allows. told: charge that
     the autopilot reported, the least of a noisy one; None if only a voltage gives it. marks: the
-    steps down of `told`.
+    decreases of `told`.
     """
 
     heard_s: float

@@ -1,8 +1,8 @@
 """The whole trade-off of one planning problem: its supported Pareto front, and its sensitivity.
 
 Inputs: a planner and a request. Outputs: every sum of safety, time and energy that is the optimum
-of J for some weights, with the weights for which it is; and how far weights and risk indices can
-move before the path changes. Exact, as plans are.
+of J for some weights, with these weights. Further outputs: the changes of weights and of risk
+indices at which the path changes. Exact, as plans are.
 """
 
 from __future__ import annotations
