@@ -24,7 +24,7 @@ that the two have gained. No path is then farther from the proportion than half 
 Properties, each tested for any weights, risks and front:
 
 - Monotone: with the wind, communication and localization risk k_S never falls, and k_T and k_E
-  never rise; with the battery risk it is the other way round. So is the plan's safety cost monotone.
+  never rise; with the battery risk it is the other way round. So is the safety cost monotone.
 - The directions are those of Eq. 9, except that of k_E under wind. Eq. 9 raises it; therefore the
   safety cost may rise with the wind risk there.
 - Unknown never lowers: an index that is raised because its inputs are unknown moves the weights as

@@ -51,7 +51,7 @@ class AutopilotLog:
         self._urls = [link.url for link in links if link.role is LinkRole.AUTOPILOT]
         self._before: AutopilotStatus | None = None
         self._silence_told_s: float | None = None
-        """When the absence is logged; infinity once it was, or need not be any more."""
+        """Time at which the absence is logged; infinity after that, or where it is not needed."""
 
     def look(self, autopilot: AutopilotStatus | None, now_s: float) -> None:
         """Logs what is new; to be called about each second."""

@@ -25,7 +25,7 @@ _CLASSES = {  # LAS 1.4
 }
 _RED = "#a3271b"
 _STANDING = ("#d9dbdf", "#8d9096")
-"""Face and rim of what stands in the plane."""
+"""Face and rim of obstacles in the plane."""
 _MARKS = {  # of what is drawn on a map: legend, marker, colour
     "conductor": ("conductor", "o", "#2c6fb3"),
     "tower": ("tower, obstacle", "s", "#6d6f75"),
@@ -208,7 +208,7 @@ def _draw_wires(axes: Any, document: dict[str, Any]) -> None:
             continue
         labelled.add(bundle)
         right = at[0] >= 0.0
-        covered = any(  # by a target: the text goes below
+        covered = any(  # by a target: the text is placed below
             (x >= at[0]) == right and abs(z - at[1]) < 1.0 for x, z in targets
         )
         offset = (14 if right else -14, -12 if covered else 0)

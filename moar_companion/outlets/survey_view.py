@@ -34,11 +34,11 @@ class SurveyMark:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurveyView:
-    """What was surveyed, and the site made of it.
+    """A survey, and the site made from it.
 
-    document: of the site file; points_m: (n, 3) along the line to the right of x, across it and
-    up, from the site's origin, with their LAS classes; plane_m: (k, 2) x and z of those near the
-    plane, with theirs; left_out_m: (j, 2) points that are no obstacle of the site.
+    document: of the site file; points_m: (n, 3) along the line to the right of x, across it and up,
+    from the site's origin, with their LAS classes; plane_m: (k, 2) x and z of those near the plane,
+    with theirs; left_out_m: (j, 2) points that are no obstacle of the site.
     """
 
     document: dict[str, Any]

@@ -38,7 +38,7 @@ WAIT_S = 10.0
 _LOOK_S = 6.0
 """Six heartbeats, three battery messages, enough packets for a loss of some percent."""
 _LONGEST_LOOK_S = 20.0
-"""Data that has not come by then is unknown."""
+"""Time after which data that has not arrived counts as unknown."""
 _RISK_PERIOD_S = 0.1
 _VERSION_PERIOD_S = 1.0
 

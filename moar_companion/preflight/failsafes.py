@@ -28,9 +28,9 @@ LOSS_SUBJECT = "companion failure"
 def failsafe_findings(
     planner: Planner, failsafes: Failsafes, limits: Supervision, power: PowerModel
 ) -> list[Finding]:
-    """Returns a finding for each trigger whose action would hit something, or one if none would.
+    """Returns a finding for each trigger with an unsafe action, or one finding if all are safe.
 
-    `loss_findings` judges the loss of the companion.
+    Unsafe: the action would hit an obstacle. `loss_findings` judges the loss of the companion.
     """
     ways = [
         (target, way)

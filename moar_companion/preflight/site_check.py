@@ -1,6 +1,6 @@
 """Check of site and vehicle before the flight: values in, findings out. Pure.
 
-Beyond errors that make a file unreadable: places where nothing can be flown, missing routes, cells
+Beyond errors that make a file unreadable: places without a possible flight, missing routes, cells
 too coarse for their keep-outs, missions that cannot be ordered.
 """
 

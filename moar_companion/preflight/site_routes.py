@@ -32,7 +32,7 @@ _STEP_S = 0.1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SiteRoute:
-    """One route of a mission from rest; name: for readers who know its target."""
+    """One route of a mission from rest; name: without the target, which the reader has."""
 
     name: str
     mission: Mission

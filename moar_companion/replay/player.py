@@ -173,7 +173,7 @@ class Player(Generic[Packet_contra]):
             self._ticks += ticks
 
     def _assess(self, now_s: float, ticks: int) -> None:
-        """Runs a cycle that stands for `ticks` of them: the known data is the same in all."""
+        """Runs one cycle in place of `ticks` cycles with the same known data."""
         self._listener.tick(now_s)
         telemetry = self._listener.telemetry
         self._events.watch_link(telemetry)
@@ -238,7 +238,7 @@ class Player(Generic[Packet_contra]):
 
 
 class _Clock:
-    """Converts the recorder's clock to time since the start, which never goes back."""
+    """Converts the recorder's clock to time since the start, which never decreases."""
 
     def __init__(self) -> None:
         self._begin_s: float | None = None

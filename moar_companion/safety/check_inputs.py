@@ -15,8 +15,8 @@ from .condition_types import Causes
 from .file_faults import FileFault
 
 WAY_MAX_AGE_S = 15.0
-"""Escape routes are replanned about every 2 s; 15 s of flight correspond to a battery's longest
-silence."""
+"""Maximum age of escape routes, which are replanned about every 2 s; 15 s of flight correspond to
+the longest interval of a battery's reports."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

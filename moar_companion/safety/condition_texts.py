@@ -1,8 +1,8 @@
 """Texts of all conditions, as pilots read them: the second table of configs/README.md.
 
-A text stands without its details in parentheses, which pilots do not receive. Braces hold an
-example of what varies, and after a bar the longest that the code makes of it. Names are cut to the
-room that is left: their longest value fills it.
+A text appears without its details in parentheses, which pilots do not receive. Braces hold an
+example of what varies, and after a bar the longest value. Names are cut to the available room:
+their longest value fills it.
 """
 
 from __future__ import annotations
@@ -192,7 +192,7 @@ TEXTS: dict[str, tuple[str, ...]] = {
 
 
 def action_words(row: Condition, text: str) -> str:
-    """The action in a text of a condition; empty where the flight goes on."""
+    """The action in a text of a condition; empty where the flight continues."""
     if text == _BATTERY_MISREAD:
         return "rejected"
     if row.action is Action.RELEASE:

@@ -1,4 +1,4 @@
-"""The tables of conditions and texts in the manual, written anew into the page that is named.
+"""The tables of conditions and texts in the manual, written to the page in the argument.
 
 python -m moar_companion.safety.conditions_doc configs/README.md
 """
@@ -52,7 +52,7 @@ _TABLES = {"conditions": documentation, "texts": texts, "other texts": other_tex
 
 
 def updated(page: str) -> str:
-    """Returns the page with each table made anew between its two marks."""
+    """Returns the page with new tables, each between its two marks."""
     for mark, table in _TABLES.items():
         begin, end = f"<!-- {mark} -->\n", f"\n<!-- end of {mark} -->"
         before, _, rest = page.partition(begin)

@@ -14,7 +14,7 @@ from ..types import Mission
 from .check_inputs import CheckInputs, EscapeRoute
 
 _SATURATED_OFF_M = 1.5
-"""Beyond this error, with tilt or motors at their limits, the aircraft cannot return. In calm air
+"""Error beyond which the aircraft cannot return, with tilt or motors at their limits. In calm air
 PX4 strays by 1.15 m."""
 _CRITICAL = 3
 _FAILED = 5

@@ -1,8 +1,8 @@
 """The setpoint gate: the last check of a setpoint before it is sent.
 
-Pure: the setpoint and the maps in, a reason to refuse it out. A setpoint lies in a free cell of
-the workspace, near the plane; or in the corridor of a leg that was checked when it was made. From
-its predecessor it moves no faster and changes its speed no harder than the vehicle may.
+Pure: the setpoint and the maps in, a reason to refuse it out. A setpoint is in a free cell of the
+workspace, near the plane; or in the corridor of a leg that was checked when it was made. From its
+predecessor it moves no faster, and changes its speed no harder, than the vehicle may.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _TOLERANCE_MPS = 0.05
 """Speed that the rounding of corners adds."""
 _HARDER = 4.0
 """Factor on the planned acceleration: a setpoint brakes twice as hard for an aircraft that falls
-behind, while it may turn and begin or end to move over from elsewhere."""
+behind. At the same time it may turn, and begin or end to move over from another place."""
 _SMALL_CORNER = 0.15
 """Arcs are made of straights: fraction of the speed that turns from one to the next."""
 

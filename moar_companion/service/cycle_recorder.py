@@ -68,7 +68,7 @@ class CycleRecorder:
 
     @property
     def ended(self) -> OSError | None:
-        """Fault that has ended the recording; None while it goes on."""
+        """Fault that has ended the recording; None while the recording continues."""
         return None if self._recorder is None else self._recorder.ended
 
     def record(

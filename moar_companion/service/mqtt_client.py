@@ -1,8 +1,8 @@
-"""A connection to an MQTT broker, in a thread of its own that connects anew whenever it is lost.
+"""A connection to an MQTT broker, in a thread of its own that reconnects after each loss.
 
-The only module with aiomqtt. The thread has its own event loop: a broker that is away, slow or
-hostile costs the control loop nothing. Nothing is queued here: messages are made when they can be
-sent, so that the newest wins, and one batch of at most a message per topic is under way.
+The only module with aiomqtt. The thread has its own event loop: a broker that is absent, slow or
+hostile does not delay the control loop. There is no queue: messages are made when they can be sent,
+so that the newest is sent. One batch of at most a message per topic is on its way at a time.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ _quiet.setLevel(logging.CRITICAL)
 
 
 class Traffic(Protocol):
-    """Messages sent and received; called in the client's thread, but for nothing else."""
+    """Messages sent and received; called in the client's thread only."""
 
     will: Message | None
     """Published by the broker when the connection is lost."""
@@ -137,7 +137,7 @@ class MqttClient:
         try:
             await self._carry(client)
         finally:
-            # aiomqtt leaves it open where the broker takes a connection and does not greet.
+            # aiomqtt leaves it open where the broker accepts the connection and does not answer.
             left = client._client.socket()  # noqa: SLF001
             if left is not None:
                 left.close()
@@ -162,7 +162,7 @@ class MqttClient:
 
 
 async def _subscribe(client: aiomqtt.Client, subscriptions: Sequence[tuple[str, int]]) -> None:
-    """Subscribes; a topic that the broker refuses is told, since all others work."""
+    """Subscribes; logs a topic that the broker refuses, since all others work."""
     for topic, qos in subscriptions:
         codes = await client.subscribe(topic, qos)
         if any(getattr(code, "is_failure", False) for code in codes):
@@ -170,7 +170,7 @@ async def _subscribe(client: aiomqtt.Client, subscriptions: Sequence[tuple[str, 
 
 
 async def _publish(client: aiomqtt.Client, messages: Sequence[Message]) -> None:
-    """Publishes a batch; returns when all are sent, and acknowledged where that is asked for."""
+    """Publishes a batch; returns when all are sent, and acknowledged where that is required."""
     await asyncio.gather(
         *(
             client.publish(item.topic, item.payload, qos=item.qos, retain=item.retain)

@@ -1,4 +1,4 @@
-"""The service manager's notification socket (systemd, sd_notify(3)); silent if there is none."""
+"""The service manager's notification socket (systemd, sd_notify(3)); no action without one."""
 
 from __future__ import annotations
 
