@@ -101,7 +101,7 @@ class Box:
 
     @property
     def prism(self) -> Prism:
-        """The same solid."""
+        """The box as a prism."""
         (x, y, z), (x2, y2, z2) = self.lower_m, self.upper_m
         corners = ((x, z), (x2, z), (x2, z2), (x, z2))
         return Prism(vertices_m=corners, lower_y_m=y, upper_y_m=y2)
@@ -134,11 +134,11 @@ class SimulatedLidar:
         )  # fmt: skip
 
     def packet(self, time_s: float, pose_at: PoseAt) -> bytes:
-        """The data packet whose first firing is at a time: 24 sequences of 16 lasers."""
+        """The data packet with its first firing at a time: 24 sequences of 16 lasers."""
         return self.packets(np.array([time_s]), pose_at)[0]
 
     def packets(self, times_s: FloatArray, pose_at: PoseAt) -> list[bytes]:
-        """The data packets whose first firings are at times (k,); a pose for each sequence."""
+        """The data packets with their first firings at times (k,); a pose for each sequence."""
         sequences = times_s[:, None] + np.arange(SEQUENCES) * SEQUENCE_S
         origins, turns = pose_at(sequences.reshape(-1))
         azimuths = self._turn_rad_s * times_s % (2.0 * math.pi)

@@ -43,7 +43,7 @@ class Verdict:
 
     faults: tuple[str, ...]
     least_clearance_m: float
-    """Between the aircraft's hull and the nearest obstacle."""
+    """Distance between the aircraft's hull and the nearest obstacle."""
 
 
 def read_truth(path: Path, site: Site) -> list[FlightTruth]:

@@ -1,4 +1,4 @@
-"""A reader of an MQTT broker that knows nothing of the companion: paho, as any ground system."""
+"""A reader of an MQTT broker without the companion's code: paho, as any ground system."""
 
 from __future__ import annotations
 

@@ -1,9 +1,9 @@
-"""A flight that is told nothing but rough places: what truly stands there, and what is told.
+"""A flight with a rough site file: the true obstacles, and the rough places of the file.
 
 The conductors of a site file become wires across its plane, its polygons solids in it. Two
-obstacles that no file has are added: a crane's jib across the straight way to the first target, and
-a thin cable, which is seen only near. The lidar sees all of it, the service's site file has none of
-it, and the judge judges by all of it.
+obstacles that no file has are added. One is a crane's jib across the straight path to the first
+target, the other a thin cable, which is visible only nearby. The lidar and the judge have all
+obstacles, the service's site file has none.
 """
 
 from __future__ import annotations
@@ -39,11 +39,11 @@ ADDED = ("crane", "cable")
 TOLD = "site.yaml"
 """Name of the service's site file in the flight's folder."""
 _ROUGH_M = 0.5
-"""Places of targets are told in steps of this."""
+"""Step of the places of targets in the rough file."""
 _HALF_SPAN_M, _SAG_M = 150.0, 8.0
 _LEAST_WIRE_M = 0.015
 _DEPTH_M = 6.0
-"""Of towers along the line; the plane is in the middle."""
+"""Distance of towers along the line; the plane is in the middle."""
 _JIB_M = (0.4, 0.3)
 """Half the width and height of the crane's jib where it crosses the plane."""
 _CABLE_M = 0.015
@@ -53,11 +53,12 @@ _CABLE_STEPS = 9
 _OFFSETS_M = tuple(sign * 0.5 * step for step in range(7) for sign in ((1, -1) if step else (1,)))
 _SHARES = (0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65, 0.3, 0.7)
 _KEEP_OUT_M = 0.25
-"""Of what is seen; as that of the shipped sites' conductors, between which there is little room."""
+"""Keep-out of seen obstacles, as of the shipped sites' conductors, between which there is little
+room."""
 _SLACKS_M = (0.6, 0.5, 0.4, 0.3)
 """Room of the remaining way beside what is kept: seen obstacles are broader than true ones."""
 _INSIDE_M = 1.2
-"""That way keeps as far from the sides of the workspace, which an aircraft must not leave."""
+"""Distance of that path from the sides of the workspace, which an aircraft must not leave."""
 _AWAY_M = 10.0
 """Trees and a house stand so far beyond all that is flown to."""
 _SPEAKER = "MOAR: "
@@ -83,7 +84,7 @@ class Perceiving:
         }
 
     def arguments(self) -> tuple[str, ...]:
-        """Of the fake autopilot."""
+        """Arguments of the fake autopilot."""
         return ("--lidar", f"127.0.0.1:{self.port}", "--lidar-scene", str(self.scene))
 
     def sender(self) -> LidarSender:
@@ -133,7 +134,7 @@ def told_document(site: Site) -> dict[str, Any]:
 
 
 def lidar_scene(site: Site) -> PlacedScene:
-    """What the lidar sees: the site's obstacles, and trees and a house beyond it."""
+    """Scene of the lidar: the site's obstacles, and trees and a house beyond it."""
     origin = site.frame.origin
     xs = [
         site.workspace.lower_m[0],
@@ -224,7 +225,7 @@ def _cables(site: Site, kept_m: float) -> Iterator[Conductor]:
 
 
 class Sightings:
-    """Lines about what was seen, each once, of texts that the companion has said."""
+    """Lines about sightings, each once, from texts of the companion."""
 
     def __init__(self) -> None:
         self._told: set[str] = set()
@@ -292,7 +293,7 @@ def _jib(x_m: float, z_m: float) -> Polygon:
 
 
 def _wire(conductor: Conductor) -> Wire:
-    """A wire whose lowest point is in the plane."""
+    """A wire with its lowest point in the plane."""
     x_m, z_m = conductor.position_m
     return Wire(
         start_m=(x_m, -_HALF_SPAN_M, z_m + _SAG_M),

@@ -25,7 +25,7 @@ _PX4_MODEL: Final = "sihsim_quadx"
 _PX4_LINKS: Final = "etc/init.d-posix/px4-rc.mavlink"
 _PX4_START: Final = "etc/init.d-posix/rcS"
 _PX4_SYSTEM_ID: Final = "param set MAV_SYS_ID $((px4_instance+1))"
-"""Line of the start-up script; whatever the instance, the aircraft is system 1."""
+"""Line of the start-up script; the aircraft of any instance is system 1."""
 _COPTER_DEFAULTS: Final = "Tools/autotest/default_params/copter.parm"
 """From the root of ArduPilot's sources; the program is in build/sitl/bin."""
 _FIRST_INSTANCE, _LAST_INSTANCE = 40, 250

@@ -1,7 +1,8 @@
 """Lost links as causes of PX4's failsafes: the pilot's sticks and the ground station.
 
-After PX4 v1.17.0's Failsafe::checkStateAndMode: what a loss asks for goes on when the link is back,
-until a mode is chosen; a mode that was chosen meanwhile is flown until the link is lost anew.
+After PX4 v1.17.0's Failsafe::checkStateAndMode: the action for a loss continues when the link is
+back, until a mode is selected. A mode that was selected meanwhile is flown until the next loss of
+the link.
 """
 
 from typing import Final
@@ -24,7 +25,7 @@ class LinkLoss:
         self._overruled = False
 
     def step(self, *, lost: bool) -> None:
-        """Look at the link; lost: and no exception is made of it."""
+        """Update the link; lost: and no exception applies."""
         if not lost:
             self._overruled = False
         elif not self._overruled:
@@ -52,7 +53,7 @@ class LinkLosses:
         self._needs_sticks = False
 
     def step(self, intended: Mode, *, sticks: bool, ground_station: bool) -> None:
-        """Look at both, by the mode that is intended; True: the link is there."""
+        """Update both links, by the intended mode; True: the link is there."""
         value = self._parameters.value
         bit = _EXCEPTED.get(intended, 0)
         self._needs_sticks = self._needs_sticks or sticks

@@ -1,9 +1,9 @@
 """Rates of the messages on each link.
 
 Intervals in microseconds, as measured on PX4 v1.17.0: the onboard profile for companions, the
-normal profile for ground stations. SET_MESSAGE_INTERVAL is accepted for every name in `KNOWN`,
-even where there is no data to send, and fails for the others. A slow link stretches all intervals
-but the heartbeat's, those of requested messages, too.
+normal profile for ground stations. SET_MESSAGE_INTERVAL is accepted for every name in `KNOWN`, even
+where there is no data to send, and fails for the others. A slow link stretches all intervals except
+the heartbeat's, those of requested messages, too.
 """
 
 from typing import Final
@@ -110,7 +110,7 @@ class Schedule:
         return True
 
     def unlimited(self, name: str) -> bool:
-        """Return True if a message goes out with every new datum."""
+        """Return True if a message is sent with every new datum."""
         return name in self._unlimited and name not in self.intervals
 
     def sent(self, kind: Layout) -> None:
