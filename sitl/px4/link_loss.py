@@ -53,7 +53,7 @@ class LinkLosses:
         self._needs_sticks = False
 
     def step(self, intended: Mode, *, sticks: bool, ground_station: bool) -> None:
-        """Update both links, by the intended mode; True: the link is there."""
+        """Update both links, by the intended mode. sticks, ground_station: True if present."""
         value = self._parameters.value
         bit = _EXCEPTED.get(intended, 0)
         self._needs_sticks = self._needs_sticks or sticks
