@@ -68,7 +68,7 @@ class Calibration:
 
     @classmethod
     def linear(cls, base: Weights) -> Calibration:
-        """The line without a front: from k_S = 0 over the base weights to k_S = 1."""
+        """The line without a front: from k_S = 0 through the base weights to k_S = 1."""
         return cls((-1.0, 0.0, 1.0), (0.0, base.safety, 1.0))
 
     def at(self, demand: float) -> float:
@@ -108,7 +108,7 @@ class Adaptation:
         return "calibrated" if self.calibration is not None else "calibrated, front not known yet"
 
     def to_dict(self) -> dict[str, Any]:
-        """The rule, and whether it is calibrated, for JSON."""
+        """The rule, and its calibration state, for JSON."""
         return {"kind": self.kind.value, "calibrated": self.calibration is not None}
 
 

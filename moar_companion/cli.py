@@ -32,7 +32,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subcommand:
-    """A command: the module in `commands` that does it, and what it does."""
+    """A command: its module in `commands`, and its description."""
 
     module: str
     summary: str

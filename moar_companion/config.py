@@ -113,7 +113,8 @@ class Supervision:
     """Limits of a flight; safety/conditions.py defines the effect of each."""
 
     position_timeout_s: Annotated[float, _Seconds] = 0.5
-    """An older position is stale: the stream ends (LOCAL_POSITION_NED comes at 30 to 40 Hz)."""
+    """Age from which a position is stale: the stream ends (LOCAL_POSITION_NED comes at 30 to 40
+    Hz)."""
     heartbeat_timeout_s: Annotated[float, _Seconds] = 3.0
     """Time without any packet of the autopilot, heartbeat or other, until its link is lost."""
     mode_timeout_s: Annotated[float, _Seconds] = 3.0
@@ -175,14 +176,15 @@ class RecorderSettings:
     enabled: bool = True
     directory: Path | None = None
     part_mb: float = 256.0
-    """Size of an .mcap at which the next part begins: Foxglove opens that at once."""
+    """Size of an .mcap at which the next part begins: Foxglove opens a file of this size at
+    once."""
     part_min: float = 60.0
     """Age of a part at which the next one begins."""
     keep_gb: float = 20.0
     """Size of all recordings above which the oldest are removed: over 100 hours of flight."""
     floor_mb: float = 300.0
-    """Free disk space below which the oldest are removed, or the recording ends. Above
-    `supervision.disk_free_mb`: recordings alone never stand against a flight."""
+    """Free disk space below which the oldest are removed, or the recording ends. It is above
+    `supervision.disk_free_mb`: recordings alone never cause a condition."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

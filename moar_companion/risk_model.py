@@ -105,7 +105,8 @@ class RiskModel:
     hdop: Range = field(default_factory=lambda: Range(low=1.2, high=3.0))
     """Autopilots refuse to arm above 2.5 (PX4) or 1.4 (ArduPilot)."""
     vdop: Range = field(default_factory=lambda: Range(low=2.2, high=5.0))
-    """Satellites are only above: errors of height are 1.5 to 2 times those of the place."""
+    """Limits are higher than for hdop: satellites are only above, and errors of height are 1.5 to 2
+    times those of the place."""
     horizontal_accuracy_m: Range = field(default_factory=lambda: Range(low=1.0, high=5.0))
     """A common receiver reports 1 m under open sky; PX4 arms up to 3 m, and drops its position at 5
     (COM_POS_FS_EPH), as ArduPilot does."""
@@ -137,8 +138,8 @@ class RiskModel:
     endurance_s: Annotated[float, _Positive] = 1200.0
     """Flight time of a full battery, for the return."""
     home_margin_s: Range = field(default_factory=lambda: Range(low=300.0, high=60.0))
-    """Flight time left on arrival at home: a minute is the reserve for one landing; five minutes of
-    twenty is where pilots turn home."""
+    """Flight time left on arrival at home: a minute is the reserve for one landing; pilots return
+    home with about five minutes of twenty."""
 
     @property
     def drag_is_usual(self) -> bool:

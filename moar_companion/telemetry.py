@@ -1,6 +1,6 @@
-"""Telemetry: what the autopilot, radios and ground stations have reported, by source.
+"""Telemetry: last reports of the autopilot, radios and ground stations, by source.
 
-Everything here is immutable. Missing is `None`; a sample carries the time it was received
+All values are immutable. Missing is `None`; a sample carries the time it was received
 (`received_s`, the machine's clock), which gives its age at any time.
 """
 
@@ -59,7 +59,7 @@ class AutopilotStatus:
     ours: bool
     """True in the mode in which the autopilot follows the companion's setpoints."""
     homeward: bool
-    """True in a mode that brings the aircraft home, down or to a stop by the autopilot's rules."""
+    """True in a mode that returns, lands or stops the aircraft by the autopilot's rules."""
     multirotor: bool
     """True for an aircraft that can hover."""
     failsafe: bool
@@ -106,7 +106,8 @@ class Odometry:
 
     received_s: float
     reset_counter: int
-    """A new number: position, velocity or heading was reset; PX4 does not report which."""
+    """Reset counter: a new number means a reset of position, velocity or heading; PX4 does not
+    report which."""
     horizontal_accuracy_m: float | None
     vertical_accuracy_m: float | None = None
     """Standard deviations of the horizontal position and of the height."""

@@ -1,4 +1,4 @@
-"""Profile of an autopilot: all that differs between kinds of autopilots, as one immutable value.
+"""Profile of an autopilot: the differences between kinds of autopilots, as one immutable value.
 
 One file for each autopilot fills it, and `unknown` for those that have none. Pure.
 """

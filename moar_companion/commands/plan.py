@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _PICTURE_FORMATS = ("png", "svg", "pdf")
 _MAX_VELOCITY_MPS = 1_000.0
-"""No drone is faster; the limit keeps all products finite."""
+"""Greatest speed of any drone; the limit keeps all products finite."""
 _MAPS = (
     "occupied",
     "safety_cost",

@@ -32,7 +32,7 @@ _ORIGIN_REACH_DEG = 0.02
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cloud:
-    """Points of a file as it has them. crs: pyproj's, None where the file names none."""
+    """Points as in a file. crs: pyproj's, None where the file names none."""
 
     file: str
     points: FloatArray

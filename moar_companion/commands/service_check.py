@@ -97,7 +97,7 @@ def _mqtt(settings: Mqtt) -> Finding:
 
 
 def _perception(config: CompanionConfig, vehicle: Vehicle, *, ports: bool) -> Finding:
-    """Finding on the sensor that looks for obstacles, and on the speed that its sight permits.
+    """Finding on the sensor that measures obstacles, and on the speed that its range permits.
 
     ports: True tries the port of its packets, too.
     """

@@ -99,7 +99,7 @@ class _Traffic:
         self._waiting: SimpleQueue[tuple[str, bytes, float, bool]] = SimpleQueue()
 
     def connected(self) -> Sequence[Message]:
-        """Nothing is published."""
+        """No message is published."""
         return []
 
     outgoing = last_messages = connected

@@ -2,8 +2,8 @@
 
 Only the local frame's origin, which a message reports, gives the local position a place in the
 world. That place is compared with other reports: the global position, and home where the autopilot
-derives both its coordinates from one another. The origin itself does not move in flight: in none of
-31 recordings of both autopilots does it.
+derives both its coordinates from one another. The origin does not move in flight: it moved in none
+of 31 recordings of both autopilots.
 """
 
 from __future__ import annotations

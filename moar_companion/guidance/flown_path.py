@@ -300,7 +300,7 @@ class FlownPath:
         points = self.points(plan, junction, escape_m)
         if junction.joined_m is None:
             # The old path is free. The setpoint stays there if it is not at rest yet, or if the
-            # line to the new path is not free. The aircraft then comes back to it.
+            # line to the new path is not free. The aircraft then returns to it.
             resting = reference.speed_mps <= volume.vehicle.speed.min_mps
             if not resting or not self.volume.free_between(
                 reference.position_m, junction.position_m

@@ -34,7 +34,7 @@ from .wind_leash import WindLeash
 from .yaw import wanted_yaw_rad
 
 _STANDS_MPS = 0.05
-"""Slower than any planned speed, even at half its pace: the residue of a waiting reference."""
+"""Speed below any planned speed, even at half its pace: the residue of a waiting reference."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +118,7 @@ class PathFollower:
 
     @property
     def returns(self) -> bool:
-        """True while the flight comes back by a recovery leg, without a plan."""
+        """True while the flight returns by a recovery leg, without a plan."""
         return self._drift.returns
 
     def drifted_m(self, pose: Pose) -> float | None:
@@ -299,7 +299,7 @@ class PathFollower:
             self.stand(vector(reference.position_m))
 
     def _go_along(self, pose: Pose, step_s: float) -> None:
-        """Moves the setpoint, at rest, with an aircraft that is blown off beyond the leash."""
+        """Moves the setpoint, at rest, with an aircraft that the wind moves beyond the leash."""
         leash_m = self._drift.leash_m(self._vehicle)
         place_m, error_m = self._path.place_m, self.error_m(pose)
         moved_m = None

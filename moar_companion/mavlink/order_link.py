@@ -46,7 +46,7 @@ class OrderLink:
     """Orders to packets, and the companion's packets to answers.
 
     An acknowledgement carries the number of the command alone: it is for the last order of that
-    number. The one before is then without an answer, and CANCELLED.
+    number. The earlier one then has no answer, and is CANCELLED.
     """
 
     def __init__(self, component_id: int) -> None:

@@ -33,7 +33,7 @@ class BackgroundWriter:
         self._period_s = period_s
         self._most_bytes = most_bytes
         self._waiting: SimpleQueue[tuple[int, tuple[Any, ...]] | None] = SimpleQueue()
-        # Each is counted by one thread alone, so that neither waits for the other.
+        # One thread alone counts each, so that neither waits for the other.
         self._taken_bytes = self._written_bytes = 0
         self._closing = threading.Event()
         self._thread = threading.Thread(

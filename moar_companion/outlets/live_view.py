@@ -298,7 +298,7 @@ def _signed(refused: Mapping[str, Mapping[str, int]]) -> Text:
 
 
 def _perception(seen: Status) -> Text:
-    """Number of seen obstacles, and how the sensor works."""
+    """Number of seen obstacles, and the state of the sensor."""
     words = Text(f"{len(seen['conductors'])} conductors, {seen['solids']} other obstacles; ")
     age_s = seen["scan_age_s"]
     if age_s is None:

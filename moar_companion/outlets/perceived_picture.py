@@ -47,7 +47,7 @@ _BOTTOM, _BELOW_HEIGHT, _BETWEEN, _TOP = 0.55, 2.1, 0.75, 0.75
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirstSight:
-    """A conductor that was seen. position_m: where it was seen last; from_m: the aircraft then."""
+    """A seen conductor. position_m: its last seen place; from_m: the aircraft at that time."""
 
     time_s: float
     name: str
@@ -241,7 +241,7 @@ def _explain_true(axes: Any, added: tuple[str, ...]) -> None:
 
 
 def _draw_sightings(axes: Any, story: SeenStory, true: Site, norm: Normalize) -> None:
-    """From how far away each conductor was seen first, over time; the mission's states above."""
+    """Distance at which each conductor was first seen, over time; the mission's states above."""
     begin_s = float(norm.vmin or 0.0) - 1.0
     end_s = max([begin_s + 2.0, *(time_s for time_s, _ in story.moves)])
     _draw_first_sights(axes, story, true, norm, end_s - begin_s)

@@ -205,7 +205,7 @@ class _Part(Generic[Item]):
         return max(self._packets_bytes, 0 if self._file is None else self._file.tell())
 
     def write(self, batch: list[tuple[Any, ...]], *, last: bool = False) -> None:
-        """Writes a batch to all files. last: nothing follows."""
+        """Writes a batch to all files. last: no data follow."""
         self._packets.writelines(stamped for stamped, *_ in batch)
         self._packets_bytes += sum(len(stamped) for stamped, *_ in batch)
         self._decisions.writelines(lines for _, lines, *_ in batch)

@@ -21,9 +21,9 @@ def _no_classes() -> npt.NDArray[np.uint8]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurveyMark:
-    """Something that a survey names. points_m: as of SurveyView.
+    """A feature of a survey. points_m: as of SurveyView.
 
-    left_out_m: its distance from the plane where it is no part of the site for that.
+    left_out_m: its distance from the plane if it is left out for that; otherwise None.
     """
 
     kind: str

@@ -1,9 +1,8 @@
 """The compiled loops over all cells: distances to obstacles, and the steps between cells.
 
-Scalar loops: operations on whole rows, and array fills, take much longer to compile.
-
-Obstacles come as rings of vertices, one behind the other: of ring k those from `first[k]` to
-`first[k + 1]`. A ring of one vertex is a point, a disc with its radius; of two, a segment.
+Scalar loops: operations on whole rows, and array fills, take much longer to compile. Obstacles come
+as rings of vertices, one after the other: ring k has those from `first[k]` to `first[k + 1]`. A
+ring of one vertex is a point, a disc with its radius; of two, a segment.
 """
 
 from __future__ import annotations

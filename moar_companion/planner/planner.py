@@ -287,7 +287,7 @@ class Planner:
 
         Raises ValueError for a plan without a path, or one made before the obstacles changed.
         """
-        # Imported here: no flight needs it, so that no start waits for its kernels.
+        # Imported here: no flight needs it, so that no start loads its kernels.
         from .refinement import Refiner  # noqa: PLC0415
 
         if plan.status is not PlanStatus.FOUND or plan.maps is not self.maps:

@@ -8,7 +8,7 @@ from .model import PowerModel
 CELL_V = (3.0, 4.4)
 """Voltage range of an intact lithium cell."""
 _FLIGHT_VOLTAGE_MIN_V = 5.0
-"""Least voltage of a flight battery. Below, USB powers the autopilot, which then reports a full
+"""Least voltage of a flight battery. Below it USB powers the autopilot, which then reports a full
 battery; two empty cells have 6 V."""
 
 

@@ -7,9 +7,9 @@ a minute in the air suffices for all. Sources, in this order:
     charge    the flight between two steps of the charge that the autopilot reports
 
 A charge that falls clearly faster than by the current has precedence. Every drain counts, clamped
-at a limit: ignoring one would promise flight time that does not exist. The energy left is that of
-the emptiest battery: packs in parallel empty alike, and if two differ one has failed. A battery
-that no longer reports is counted down by the energy flown. Inputs: telemetry and time.
+at a limit: without it the forecast would have too much flight time. The energy left is that of the
+emptiest battery: packs in parallel empty alike, and if two differ one has failed. A battery that no
+longer reports is counted down by the energy flown. Inputs: telemetry and time.
 """
 
 from __future__ import annotations
@@ -115,9 +115,9 @@ class Meter:
     flown_wh: float = 0.0
     """Energy flown in the air, in Wh of the file."""
     recent_wh: float = 0.0
-    """The same while the current was known, with exponential forgetting; of one flight."""
+    """Energy flown while the current was known, with exponential forgetting; of one flight."""
     drawn_wh: float = 0.0
-    """Energy drawn by the current, likewise."""
+    """Energy drawn by the current in this time, with the same forgetting."""
     mean_current_a: Mapping[int, float] = field(default_factory=dict)
     packs: Mapping[int, _Pack] = field(default_factory=dict)
     """Batteries whose charge was ever known."""
@@ -157,7 +157,7 @@ def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel)
     landed = telemetry.landed
     flies, gone = meter.flies if landed is None else in_the_air(telemetry), set[int]()
     if on_the_ground(telemetry):
-        gone = meter.packs.keys() - telemetry.batteries.keys()  # taken out
+        gone = meter.packs.keys() - telemetry.batteries.keys()  # removed battery
         meter = replace(meter, prior=meter.factor, recent_wh=0.0, drawn_wh=0.0)
     flight_w = _flight_w(telemetry.local_position, now_s, model) if flies else 0.0
     flown_wh = meter.flown_wh + flight_w * elapsed_s / S_PER_H

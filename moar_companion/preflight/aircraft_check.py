@@ -292,7 +292,7 @@ class Preflight:
         return failsafe_findings(self._planner, told, self._limits, self._power)
 
     def _all_told(self) -> bool:
-        """True if nothing that was requested may still come."""
+        """True if no requested data may still come."""
         session = self._session
         assert session.autopilot is not None
         requests = session.requests

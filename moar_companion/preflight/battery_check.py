@@ -104,7 +104,7 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
 
 
 def _charged(subject: str, text: str, risk: float, least: Level) -> Finding:
-    """Returns the finding of a battery that is read right, by the risk of its charge."""
+    """Returns the finding of a battery with correct readings, by the risk of its charge."""
     level = max(least, Level.of_risk(risk))
     remedy = CHARGE if level >= Level.WARNING else ""
     return Finding(level=level, subject=subject, text=text, remedy=remedy)

@@ -64,7 +64,7 @@ def failsafe_findings(
 
 
 def _level(item: FailsafeAction, limits: Supervision) -> Level:
-    """No-go if nothing protects, or as configured; a note if no parameter helps."""
+    """No-go without any protection, or as configured; a note if no parameter helps."""
     if item.action is Action.FALL:
         return Level.NO_GO
     if item.trigger in LINKS and limits.failsafe_action is LossCheck.REFUSE:

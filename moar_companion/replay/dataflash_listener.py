@@ -337,6 +337,6 @@ _TABLE: dict[str, tuple[str, _Reader]] = {
 }
 _READERS = {name: entry[1] for name, entry in _TABLE.items()}
 MESSAGES = frozenset(_TABLE)
-"""Messages that are read."""
+"""Messages that the listener reads."""
 INPUT_OF = {name: entry[0] for name, entry in _TABLE.items()}
 """Input of each message; empty for those of none."""

@@ -22,8 +22,8 @@ _FIX_3D = 3
 _POWERED_V = 5.0
 """Voltage below which USB supplies the autopilot, and its battery report is meaningless."""
 _RISK_HIGH, _RISK_LOW = 0.6, 0.3
-"""An index is reported when it becomes high, and again only after it was low. High is above the
-value of an index without inputs."""
+"""Index reports begin at a high value, and repeat only after a low one. High is above the value of
+an index without inputs."""
 _MISSION_WORD = "MOAR: "
 """Prefix of the companion's texts, which begin or end with a state: `holding`, `at target A`."""
 

@@ -76,7 +76,7 @@ class ExactReplay:
         """Number of compared answers, by kind."""
 
     def feed(self, call: list[Any]) -> Iterator[Difference]:
-        """Carries out a recorded call; yields how its answers differ.
+        """Carries out a recorded call; yields the differences of its answers.
 
         Raises InputError for a call that cannot be carried out.
         """

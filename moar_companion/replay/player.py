@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ..risk.drag_fit import DragFlight
 
 RISK_PERIOD_S = 0.1
-"""Period of the risk estimate, as in flight."""
+"""Period of the risk estimate, equal to that in flight."""
 SAMPLE_PERIOD_S = 0.5
 """Period of samples: as often as the service reports its indices."""
 _LATE_S = 1.0
@@ -179,7 +179,7 @@ class Player(Generic[Packet_contra]):
         self._events.watch_link(telemetry)
         judged = telemetry
         if not self._listener.leans:
-            # A plane banks, a rover tilts with the ground: wind does not cause their lean.
+            # A plane banks, a rover tilts with the ground: their lean has other causes than wind.
             judged = replace(telemetry, attitude=None, motors=None, motor_speeds=None)
         if self._drag is not None:
             self._drag.hear(judged)

@@ -104,7 +104,8 @@ def inputs(
         "s",
         model.ground_station_age_s.fraction,
     )
-    # Signals and heartbeats count: a free buffer or continuing channels prove no link to a person.
+    # Signals and heartbeats count: a free buffer or continuing channels prove no link to an
+    # operator.
     ways = (radio[:2], remote[:2], (ground,))
     known_ways = heard(link, now_s, _LINK_MAX_AGE_S).says(
         "known ways to the ground",

@@ -29,7 +29,7 @@ _GATE = (
     "NED setpoint speed jump {3.1|99999} m/s",
 )
 _BATTERY_MISREAD = "battery {0|255}: {16.0 V|655.3 V}, not {12|100}S"
-"""Made before control only: the answer to an order."""
+"""Texts before control only: the answer to an order."""
 
 TEXTS: dict[str, tuple[str, ...]] = {
     "loop_stall": ("control loop stalled {0.6|9999} s",),

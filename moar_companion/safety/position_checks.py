@@ -1,6 +1,6 @@
 """Checks of the position: its age, its accuracy, and the aircraft's place in the site. Pure.
 
-Inputs: `CheckInputs`, limits, time; outputs: texts with the value, None where all is well.
+Inputs: `CheckInputs`, limits, time; outputs: texts with the value, None without a fault.
 """
 
 from __future__ import annotations

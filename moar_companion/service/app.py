@@ -271,7 +271,7 @@ class Service:
                 await self._catch_up()
 
     def _follow_wall_clock(self, now_s: float) -> None:
-        """Takes the wall clock for the status when it was set: at the start it may be years off."""
+        """Takes the wall clock for the status when it was set: at the start it may be far off."""
         offset_s = time.time() - now_s
         if self._speed == 1.0 and abs(offset_s - self._clock_offset_s) > _CLOCK_SET_S:
             self._clock_offset_s = offset_s
@@ -316,7 +316,7 @@ class Service:
                 self._companion.perceived(report)
 
     def _send(self, now_s: float) -> bool:
-        """Sends the output of the cycle at `now_s`; True if it was young enough to fly by."""
+        """Sends the output of the cycle at `now_s`; True if it was young enough for flight."""
         late = self._is_late(now_s)
         control = [] if late else self._companion.control_to_send()
         outgoing = [packet for packet in control if self._send_in_time(now_s, *packet)]

@@ -1,4 +1,4 @@
-"""The recording of the service: each cycle's packets, decisions and calls, handed to its writer."""
+"""The recording of the service: each cycle's packets, decisions and calls, for its writer."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ class CycleRecorder:
     def record(
         self, now_s: float, sent: list[tuple[str, bytes]], decisions: list[Decision]
     ) -> None:
-        """Hands the cycle at `now_s` over."""
+        """Passes the cycle at `now_s` to the writer."""
         companion, recorder, cycle = self._companion, self._recorder, None
         heard = companion.packets_heard()
         calls = companion.calls() if isinstance(companion, RecordedCompanion) else []

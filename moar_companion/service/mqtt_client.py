@@ -25,7 +25,7 @@ from ..mqtt.topics import Message
 from .mqtt_settings import Broker
 
 _LOOK_S = 0.1
-"""Period of the look for messages to be sent."""
+"""Period of the search for messages to be sent."""
 _KEEPALIVE_S = 15
 """The broker publishes the last will after 1.5 times this silence."""
 _TIMEOUT_S = 10.0
@@ -55,7 +55,7 @@ class Traffic(Protocol):
         """Messages of a new connection, sent before all others."""
 
     def outgoing(self) -> Sequence[Message]:
-        """Messages to be sent now; a new call comes when they are sent."""
+        """Messages to be sent now; the next call follows when they are sent."""
 
     def received(self, topic: str, payload: bytes, *, retained: bool) -> None:
         """Takes a received message."""
@@ -92,7 +92,7 @@ class MqttClient:
     def _run(self) -> None:
         backoff = Backoff()
         while not self._closing.is_set():
-            # A loop per connection: nothing of a failed one is left.
+            # One loop per connection: a failed connection leaves no state.
             try:
                 reason = asyncio.run(self._connection())
             except OSError as error:  # no descriptor for a loop
@@ -108,7 +108,7 @@ class MqttClient:
             self._closing.wait(backoff.pause_s(random.random(), connected_s))  # noqa: S311
 
     async def _connection(self) -> str:
-        """Connects and carries messages until `close`; returns why the connection has ended.
+        """Connects and carries messages until `close`; returns the reason for the connection's end.
 
         An error that is raised would keep its frames, and a socket, until a garbage collection.
         """
@@ -208,7 +208,7 @@ def _words(error: Exception) -> str:
 
 
 class _DaemonThreads(ThreadPoolExecutor):
-    """A thread for each call, which neither the loop nor the program waits for at its end.
+    """A thread for each call; neither the loop nor the end of the program waits for it.
 
     aiomqtt connects in one: a name server or a broker that does not answer may hold it for long.
     """
@@ -225,4 +225,4 @@ def _run(future: Future[Any], call: Callable[[], Any]) -> None:
         future.set_result(call())
     except BaseException as error:  # noqa: BLE001 - the future has it
         future.set_exception(error)
-        del future  # else the error, its frames and the future keep one another, and a socket
+        del future  # otherwise the error, its frames and the future keep one another, and a socket

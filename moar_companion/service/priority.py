@@ -1,4 +1,4 @@
-"""Priority of the service's threads over other programs, and of child processes behind them."""
+"""Priority of the service's threads above other programs, and of child processes below them."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Resident memory of the process: releases what glibc and LLVM keep without need. Linux.
+"""Resident memory of the process: releases unused memory of glibc and LLVM. Linux.
 
     before the threads start    limit_arenas: few arenas, large arrays go back to the system
     once all kernels are loaded release_compiler: LLVM's code and data, of which none is used again

@@ -73,7 +73,7 @@ class SigningClock:
         self._writer = BackgroundWriter("signing", self._write_loop)
 
     def keep(self, timestamps: Mapping[str, int], references: Mapping[str, int]) -> None:
-        """Queues them for writing when the file's lead over our time stamps is used up."""
+        """Queues the time stamps for writing when the file's lead over them is used up."""
         if all(
             timestamp + _LEAST_AHEAD_UNITS <= self._saved.get(link, 0)
             for link, timestamp in timestamps.items()

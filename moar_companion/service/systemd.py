@@ -12,7 +12,7 @@ _FED_PER_TIMEOUT = 2.0
 
 
 def notify(state: str) -> None:
-    """Sends a state to the service manager, e.g. `READY=1`; does nothing without one."""
+    """Sends a state to the service manager, e.g. `READY=1`; no action without one."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address:
         return

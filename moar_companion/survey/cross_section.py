@@ -48,7 +48,7 @@ class CrossSection:
     notes: tuple[str, ...]
 
     def turned(self, points_m: FloatArray) -> FloatArray:
-        """(n, 3) along the line to the right of x, across it and up from the site's origin."""
+        """Points (n, 3) along the line to the right of x, across it and up, from the origin."""
         offset = points_m - self.origin_m
         along = np.array([self.across[1], -self.across[0]])
         return np.column_stack((offset[:, :2] @ along, offset[:, :2] @ self.across, offset[:, 2]))

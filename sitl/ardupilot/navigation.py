@@ -1,4 +1,4 @@
-"""ArduPilot's estimator as seen from outside: origin, position, home, flags, wind.
+"""ArduPilot's estimator by its messages: origin, position, home, flags, wind.
 
 Inputs: the world's estimate and the time since the start. Outputs: the local frame about the EKF
 origin, and the known values over time. Times as measured on ArduCopter 4.6.3; those of the start

@@ -54,7 +54,7 @@ _WAYS_OUT = {Mission.EXIT: EXIT, Mission.EVACUATION: EVACUATION}
 """The first mission for which a site has landing points is flown, unless another is requested."""
 _ALL = "all"
 _TOUR = "tour.yaml"
-"""The scenario of a user's own site, and of a flight by sight."""
+"""The scenario of a user's own site, and of a flight with perception."""
 _ABOVE_M = 0.5
 """Least distance of the take-off's end above the least height."""
 _PERCEIVED = "perceived.png"
@@ -278,7 +278,7 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
 
 @contextlib.contextmanager
 def _mqtt(settings: Settings, port: int, screen: Screen) -> Iterator[None]:
-    """A broker and a reader of all that is published to it, for the whole flight."""
+    """A broker and a reader of all its messages, for the whole flight."""
     reader = MqttReader(settings.out / "mqtt.jsonl")
     with contextlib.closing(reader), running_broker(settings.out, port):
         reader.start(port)

@@ -83,7 +83,7 @@ class Operator:
         self.home_altitude_m: float | None = None
 
     def wait_for(self, what: str, condition: Callable[[], bool], timeout_s: float) -> None:
-        """Read until a condition holds; OperatorError, naming it, when it does not in time."""
+        """Read until a condition holds; OperatorError with its name after the time."""
         if not self.wait_until(condition, timeout_s):
             raise OperatorError(f"{what}: not within {timeout_s:g} s")
 
@@ -113,7 +113,7 @@ class Operator:
         return time.monotonic() * self._speed
 
     def read(self) -> None:
-        """Take received data, waiting a moment for it; send the heartbeat when it is due."""
+        """Take received data, after a short wait; send the heartbeat when it is due."""
         now_s = self._now_s()
         if self._peer is not None and now_s >= self._heartbeat_due_s:
             self._heartbeat_due_s = now_s + _HEARTBEAT_S

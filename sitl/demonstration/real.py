@@ -39,7 +39,7 @@ PARAMETERS: Final[Mapping[str, Mapping[str, float]]] = {
 
 
 class RealError(Exception):
-    """A path that is no autopilot, or one that cannot be started; one line."""
+    """A path without an autopilot, or an autopilot that cannot be started; one line."""
 
 
 def autopilot_at(path: Path) -> str:
@@ -57,7 +57,7 @@ def autopilot_at(path: Path) -> str:
 class RealOptions:
     """A run. folder: its own, made when missing; truth: the log of the true state.
 
-    lidar: makes the one that the aircraft carries.
+    lidar: makes the lidar that the aircraft carries.
     """
 
     path: Path

@@ -72,7 +72,7 @@ class LiveScreen(Screen):
             self._statuses = None
 
     def tell_again(self) -> None:
-        """Print all lines, where they stay."""
+        """Print all lines permanently."""
         for text in self._said:
             say(text)
 

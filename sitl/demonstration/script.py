@@ -1,6 +1,6 @@
 """The operator's script: take-off, inspection of every target, and each landing point in turn.
 
-From a landing point the next one is flown to after a take-off of its own.
+From a landing point the flight to the next begins with a take-off of its own.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Messages to PX4, each handed to the part that answers it."""
+"""Messages to PX4, each passed to the part that answers it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

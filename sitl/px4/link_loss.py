@@ -20,7 +20,7 @@ class LinkLoss:
     """One link: `due` from its loss until a mode is chosen."""
 
     def __init__(self) -> None:
-        """Nothing is lost."""
+        """Start with the link present."""
         self.due = False
         self._overruled = False
 
@@ -41,7 +41,7 @@ class LinkLosses:
     """Both links of an armed vehicle."""
 
     def __init__(self, parameters: Parameters) -> None:
-        """Nothing is lost."""
+        """Start with both links present."""
         self._parameters = parameters
         self.sticks = LinkLoss()
         self.ground_station = LinkLoss()

@@ -50,7 +50,7 @@ _FIXED: Final = frozenset({"HEARTBEAT", "PING", "CURRENT_EVENT_SEQUENCE"})
 KNOWN: Final = frozenset({*ONBOARD, *NORMAL, *ON_REQUEST}) - _FIXED
 _FRAME_BYTES: Final = 12
 _LEAST_SHARE: Final = 0.05
-"""Least share of the rates, however slow the link."""
+"""Least share of the rates, for any slow link."""
 _ESC_STATUS_ID: Final = 291
 _RAW_RPM_ID: Final = 339
 IDS: Final = {layout(name).msgid: name for name in (KNOWN | _FIXED) - {"ESC_STATUS", "RAW_RPM"}} | {

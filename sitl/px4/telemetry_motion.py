@@ -24,7 +24,7 @@ _IMU: Final = 0x03F
 _MAGNETOMETER: Final = 0x1C0
 """Bits of HIGHRES_IMU.fields_updated: the field is new in every fourth message, as recorded."""
 _AT_REST: Final = 0x0080
-"""Bit of ESTIMATOR_STATUS.flags: position and velocity are taken for constant."""
+"""Bit of ESTIMATOR_STATUS.flags: position and velocity count as constant."""
 _ODOMETRY_NAN: Final = (NAN,) * 21
 
 

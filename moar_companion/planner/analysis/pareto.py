@@ -54,8 +54,8 @@ def pareto_front(planner: Planner, request: PlanRequest) -> list[Supported]:
 
     J is the least of `weights . sums` over the front, so the plans known at any time bound it from
     above: by a roof of facets over the triangle of weights. Where J meets the roof at all corners
-    of its facets it is the roof, as J is concave and each facet is flat. Where it does not, the
-    plan there is new and cuts off that corner.
+    of its facets, J equals the roof: J is concave and each facet is flat. At a corner where J is
+    lower, the plan there is new and cuts off that corner.
     """
     facets: list[Supported] = []
     corners = [*_EXTREMES]
