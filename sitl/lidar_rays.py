@@ -35,7 +35,8 @@ _BESIDE_RAD: Final = math.radians(1.0)
 """Angle beside a packet's turn, for the aircraft's own rotation."""
 _STEEPEST_RAD: Final = math.radians(16.0)
 _MARGIN_M: Final = 0.25
-"""Width of more than half the beam at the greatest range, and of the flight during a packet."""
+"""Margin above half the beam's width at the greatest range, and above the flight during a
+packet."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)

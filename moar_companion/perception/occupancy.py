@@ -132,7 +132,7 @@ class Occupancy:
         self._show(time_s)
 
     def release(self, points_m: list[tuple[float, float]], within_m: float) -> None:
-        """Clears the cells about places that are no solid obstacles, as a conductor."""
+        """Clears the cells about places that are no solid obstacles but conductors."""
         for x, z in points_m:
             away = np.hypot(self._x_m + self._offset_m[0] - x, self._z_m + self._offset_m[1] - z)
             near = away < within_m + self._cell_m

@@ -65,7 +65,7 @@ def free_tcp_port() -> int:
 def running_broker(
     folder: Path, port: int, *, certificates: Certificates | None = None
 ) -> Iterator[Process]:
-    """A broker on a port of this machine, for its own clients, once it listens.
+    """A broker on a port of this machine, for any client there, once it listens.
 
     folder: for its configuration and its log. certificates: with TLS; clients without a certificate
     of the same authority are then refused (by amqtt: those with a wrong one). Raises BrokerError.

@@ -22,8 +22,8 @@ _LEG_TOLERANCE_M = 2.0
 _THERE_M = 3.0
 """Distance at a target or a landing point; PX4 strays 2.55 m from its setpoint."""
 _GROUND_M = 0.0
-"""Depth below the landing point that is still on it: PX4's own simulator stands centimetres below
-it, even when it first reports flight."""
+"""Height of the ground; PX4's own simulator stands centimetres below it, even when it first reports
+flight."""
 _OFF_PLANE_M = 3.0
 """Distance beside the plane that is still workspace, for the judge."""
 
