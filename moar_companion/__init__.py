@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 
 TYPE_CHECKING = False
-"""True for type checkers; loading `typing` would take milliseconds before Ctrl-C is caught."""
+"""True for type checkers; `typing` takes milliseconds to load, before Ctrl-C is caught."""
 if TYPE_CHECKING:
     from .planner.plan_values import Plan, PlanStatus
     from .planner.planner import Planner

@@ -1,4 +1,4 @@
-"""Program entry; loads little, so that an interrupt while it loads ends it without output."""
+"""Program entry; loads little, so that an interrupt during loading ends it without output."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 """The command line: arguments in, exit status out.
 
-`main` is the one place where errors become what a user sees: one line on stderr, never a
-traceback. Exit status: 0 done; 2 usage or bad input; 1 anything else, an interrupt among it.
+Only `main` turns errors into output for the user: one line on stderr, never a traceback. Exit
+status: 0 done; 2 usage or bad input; 1 all other failures and an interrupt.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Subcommand:
-    """A command: the module in `commands` that does it, and what it does."""
+    """A command: its module in `commands`, and its description."""
 
     module: str
     summary: str
@@ -156,7 +156,7 @@ SERVICE = Subcommand(
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Run one command; returns the exit status, whatever happens."""
+    """Run one command; returns the exit status in all cases."""
     if isinstance(sys.stdout, io.TextIOWrapper):
         # A site's name may contain characters that the terminal cannot show.
         sys.stdout.reconfigure(errors="backslashreplace")
@@ -205,7 +205,7 @@ def _lacks_memory(error: BaseException | None) -> bool:
 
 
 def report(message: str) -> None:
-    """Writes one line on stderr, whatever the message contains."""
+    """Writes one line on stderr, for any content of the message."""
     if sys.stderr is not None:
         line = "".join(char if char.isprintable() else " " for char in message)
         with contextlib.suppress(OSError):

@@ -113,14 +113,17 @@ class Supervision:
     """Limits of a flight; safety/conditions.py defines the effect of each."""
 
     position_timeout_s: Annotated[float, _Seconds] = 0.5
-    """An older position is stale: the stream ends (LOCAL_POSITION_NED comes at 30 to 40 Hz)."""
+    """Age from which a position is stale: the stream ends (LOCAL_POSITION_NED comes at 30 to 40
+    Hz)."""
     heartbeat_timeout_s: Annotated[float, _Seconds] = 3.0
     """Time without any packet of the autopilot, heartbeat or other, until its link is lost."""
     mode_timeout_s: Annotated[float, _Seconds] = 3.0
     """Age of the last mode report at which control ends: the mode may have changed. The mode is
-    reported 20 times a second: a link that loses 30 % is silent for so long once in 10^31."""
+    reported 20 times a second: on a link that loses 30 %, a gap of this length occurs once in 10^31
+    reports."""
     armed_timeout_s: Annotated[float, _Seconds] = 15.0
-    """The same for the armed state, which HEARTBEAT alone reports, on PX4 once a second."""
+    """Age of the armed state at which control ends; only HEARTBEAT reports it, on PX4 once a
+    second."""
     ready_timeout_s: Annotated[float, _Seconds] = 30.0
     """Time for which a hold is offered to the pilot before the pilot selects the mode."""
     plane_tolerance_m: Annotated[float, Field(gt=0.0, le=1_000.0)] = 2.0
@@ -134,7 +137,8 @@ class Supervision:
     """Position error that distances from obstacles allow for, even where less is reported; None:
     the error measured with the vehicle's autopilot (`autopilots`)."""
     position_uncertainty_limit_m: Annotated[float, Field(gt=0.0, le=100.0)] = 2.0
-    """Above it the mission is held; between the two, obstacles grow by the excess."""
+    """Uncertainty above which the mission is held; from `position_uncertainty_m` on, obstacles grow
+    by the excess."""
     battery_reserve: Annotated[float, Field(ge=0.0, le=1.0)] = 0.2
     """Fraction left at which the flight along the escape route begins."""
     ground_link_lost_s: Annotated[float, _Seconds] = 10.0
@@ -172,14 +176,15 @@ class RecorderSettings:
     enabled: bool = True
     directory: Path | None = None
     part_mb: float = 256.0
-    """Size of an .mcap at which the next part begins: Foxglove opens that at once."""
+    """Size of an .mcap at which the next part begins: Foxglove opens a file of this size at
+    once."""
     part_min: float = 60.0
     """Age of a part at which the next one begins."""
     keep_gb: float = 20.0
     """Size of all recordings above which the oldest are removed: over 100 hours of flight."""
     floor_mb: float = 300.0
-    """Free disk space below which the oldest are removed, or the recording ends. Above
-    `supervision.disk_free_mb`: recordings alone never stand against a flight."""
+    """Free disk space below which the oldest are removed, or the recording ends. It is above
+    `supervision.disk_free_mb`: recordings alone never cause a condition."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -202,10 +207,10 @@ class CompanionConfig:
 
     vehicle: Path
     site: Path | None = None
-    """Without a site: telemetry and risk only."""
+    """None: without a site, telemetry and risk only."""
     links: tuple[LinkConfig, ...] = (LinkConfig(url="udp:127.0.0.1:14540"),)
     system_id: int = 1
-    """Used until an autopilot is received, whose id is then taken."""
+    """Initial system id; the companion takes the id of a received autopilot."""
     component_id: int = 195
     """MAV_COMP_ID_PATHPLANNER."""
     authority: Authority = Authority.STREAM

@@ -1,7 +1,7 @@
-"""The margin of a vehicle: kept from obstacles in addition to their keep-outs.
+"""The margin of a vehicle: its distance from obstacles in addition to their keep-outs.
 
-The distance kept from an obstacle is the vehicle's radius, the obstacle's own keep-out
-(electrical distance, sway), and this margin.
+The distance from an obstacle is the vehicle's radius, the obstacle's own keep-out (electrical
+distance, sway), and this margin.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ def flown_site(site: Site, vehicle: Vehicle, supervision: Supervision) -> Site:
 
 
 _REACTION_S = 0.8
-"""From a conductor's first echo to a braking setpoint: five scans of 0.1 s, maps, a plan."""
+"""Time from a conductor's first echo to a braking setpoint: five scans of 0.1 s, maps, a plan."""
 
 
 def sight_speed_mps(vehicle: Vehicle, config: CompanionConfig) -> float:
-    """Speed from which the aircraft stops before the margin of a conductor in no file.
+    """Speed from which the aircraft stops before the margin of an unknown conductor.
 
     By `perception.sight_m`, less hull, keep-out and margin, after the reaction time.
     """
@@ -55,7 +55,7 @@ def sight_speed_mps(vehicle: Vehicle, config: CompanionConfig) -> float:
 
 
 def sighted(vehicle: Vehicle, config: CompanionConfig) -> Vehicle:
-    """The vehicle as flown by sight: with a sensor its speeds are limited, not below v_MIN."""
+    """The vehicle as flown with a sensor: its speeds are limited, not below v_MIN."""
     if config.perception.sensor is None:
         return vehicle
     speed = vehicle.speed

@@ -1,11 +1,11 @@
 """Frames of positions: WGS84, the site's vertical plane, and the autopilot's local NED frame.
 
-Two projections meet here, each the one its owner uses:
+Each frame has its own projection:
 
-- The site is surveyed in true metres, so its plane stands on the WGS84 ellipsoid: near the
-  origin, metres per radian are the radii of curvature (within 1e-5 over 100 m).
+- The site is surveyed in true metres, so its plane stands on the WGS84 ellipsoid. Near the origin,
+  metres per radian are the radii of curvature (within 1e-5 over 100 m).
 - The autopilot's local frame has the projection of its kind (`autopilots`). Over 100 m it differs
-  from true metres by up to 0.3 m, which next to a conductor matters.
+  from true metres by up to 0.3 m, which matters next to a conductor.
 
 `PlaneToLocal` composes the two as one affine map between the plane and local NED.
 """

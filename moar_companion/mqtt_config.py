@@ -30,7 +30,8 @@ class MqttCommands:
     """Orders over MQTT; the key is in a file or a credential, never here."""
 
     accept: bool = False
-    """True: signed orders are taken. Not by default: a broker is reached from far."""
+    """True: the companion accepts signed orders. Not by default: distant senders can reach a
+    broker."""
     key_file: Path | None = None
     credential: str | None = None
     window_s: float = 10.0

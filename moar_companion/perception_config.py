@@ -1,4 +1,4 @@
-"""The section `perception` of the configuration: the lidar, its mount, and use of what it sees."""
+"""The section `perception` of the configuration: the lidar, its mount, and use of its reports."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _Angle = Annotated[float, Field(ge=-360.0, le=360.0)]
 
 
 class Sensor(str, enum.Enum):
-    """Kind of the sensor that looks for obstacles."""
+    """Kind of the sensor that measures obstacles."""
 
     VELODYNE = "velodyne"
     OUSTER = "ouster"
@@ -34,10 +34,10 @@ DATA_PORTS = {Sensor.VELODYNE: 2368, Sensor.OUSTER: 7502}
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorMount:
-    """Where the sensor sits on the aircraft: forward, left, up in m; roll, pitch, yaw in degrees.
+    """Mount of the sensor on the aircraft: forward, left, up in m; roll, pitch, yaw in degrees.
 
     From the sensor's axes to the aircraft's (x forward, y left, z up): first roll, then pitch, then
-    yaw. The default has the axis of rotation along the aircraft's left: the scan is its x-z plane.
+    yaw. By default the axis of rotation points to the aircraft's left: the scan is its x-z plane.
     """
 
     position_m: Vector = (0.0, 0.0, 0.0)
@@ -46,7 +46,7 @@ class SensorMount:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Perception:
-    """Sensor, and use of what it sees; sensor None: nothing is perceived."""
+    """Sensor, and use of its reports; sensor None: no perception."""
 
     sensor: Sensor | None = None
     address: str = "0.0.0.0"  # noqa: S104 - the sensor broadcasts, or sends to any address of ours
@@ -54,30 +54,31 @@ class Perception:
     port: int | None = None
     """UDP port of the data packets; None: the sensor's usual one."""
     metadata: Path | None = None
-    """Description of an Ouster, as its web page gives it."""
+    """Description of an Ouster, the file of its web page."""
     mount: SensorMount = field(default_factory=SensorMount)
     keep_out_m: float = 0.5
-    """Keep-out of obstacles that the site file does not have."""
+    """Keep-out of obstacles that the site file lacks."""
     gate_m: float = 2.0
-    """A seen conductor within this distance of one of the site file is that one."""
+    """Distance from a conductor of the site file within which a seen conductor counts as the
+    same."""
     moved_m: float = 0.5
-    """Difference from the site file's place at which operators are told."""
+    """Least difference from the site file's place that is reported to operators."""
     sight_m: float = 8.0
-    """Distance within which a conductor that is in no file is surely seen: it limits the speed. A
+    """Distance within which the sensor detects every unknown conductor: it limits the speed. A
     VLP-16 finds a cable of 15 mm from 10 m on, one of 10 mm from 5 m."""
     target_slack_m: float = 2.0
-    """Distance by which a target is moved out of a seen obstacle's keep-out."""
+    """Greatest distance by which a target is moved out of a seen obstacle's keep-out."""
     timeout_s: float = 1.0
     """Time without a scan after which the sensor is lost."""
     late_s: float = 0.5
     """Age of the newest scan at which the sensor is late."""
     least_returns: float = 0.05
-    """Share of a scan's beams that return below which the sensor is blinded: near the ground half
-    of them do."""
+    """Share of a scan's beams with a return below which the sensor is blinded; near the ground it
+    is half."""
 
     @property
     def data_port(self) -> int | None:
-        """UDP port of the data packets; None where there are none."""
+        """UDP port of the data packets; None without any."""
         return DATA_PORTS.get(self.sensor) if self.port is None and self.sensor else self.port
 
 

@@ -1,6 +1,6 @@
 """Texts for pilots that belong to no condition: the third table of configs/README.md.
 
-Each text is a value that is called with what varies in it and returns the reason; the sender adds
+Each text is a value that is called with its variable fields and returns the reason; the sender adds
 the action. Texts of conditions: `safety/condition_texts`.
 """
 

@@ -76,8 +76,9 @@ class RiskModel:
     """Distance from the setpoint: in calm air PX4 strays by up to 0.98 m with the noise of its
     simulated receiver; at 2 m the path is left (`guidance.off_path_m`)."""
     radio_margin: Range = field(default_factory=lambda: Range(low=60.0, high=10.0))
-    """RSSI above noise in SiK units (about half a decibel). In recorded flights next to no packet
-    was broken above 60, one every two seconds between 10 and 30, and below 10 none came."""
+    """RSSI above noise in SiK units (about half a decibel). In recorded flights almost no packet
+    was broken above 60. Between 10 and 30 one broke every two seconds; below 10 no packet
+    arrived."""
     receive_errors_hz: Range = field(default_factory=lambda: Range(low=0.4, high=2.0))
     """Broken packets a second at the local radio, over 3 s: one is chance. In those flights 0.004
     above a margin of 60, and up to 5 at the edge of reception."""
@@ -104,15 +105,16 @@ class RiskModel:
     hdop: Range = field(default_factory=lambda: Range(low=1.2, high=3.0))
     """Autopilots refuse to arm above 2.5 (PX4) or 1.4 (ArduPilot)."""
     vdop: Range = field(default_factory=lambda: Range(low=2.2, high=5.0))
-    """Satellites are only above: errors of height are 1.5 to 2 times those of the place."""
+    """Limits are higher than for hdop: satellites are only above, and errors of height are 1.5 to 2
+    times those of the place."""
     horizontal_accuracy_m: Range = field(default_factory=lambda: Range(low=1.0, high=5.0))
     """A common receiver reports 1 m under open sky; PX4 arms up to 3 m, and drops its position at 5
     (COM_POS_FS_EPH), as ArduPilot does."""
     vertical_accuracy_m: Range = field(default_factory=lambda: Range(low=3.0, high=7.5))
     """Autopilots accept receivers up to 5 m (PX4) or 7.5 m (ArduPilot)."""
     receiver_lost: Annotated[float, _Fraction] = 0.25
-    """Risk of an aircraft that has lost one of two receivers: the other alone is enough, but the
-    cause may affect it, too."""
+    """Risk of an aircraft that has lost one of two receivers. The other is enough for flight, but
+    the cause may affect it, too."""
     innovation: Range = field(default_factory=lambda: Range(low=0.5, high=1.0))
     """Part of the estimator's limit. Above 0.5 PX4 does not arm, at 0.8 in two of them ArduPilot
     lands, and from 1 on the measurement is refused. In wind both simulators stay below 0.5, and two
@@ -136,8 +138,8 @@ class RiskModel:
     endurance_s: Annotated[float, _Positive] = 1200.0
     """Flight time of a full battery, for the return."""
     home_margin_s: Range = field(default_factory=lambda: Range(low=300.0, high=60.0))
-    """Flight time left on arrival at home: a minute is the reserve for one landing; five minutes of
-    twenty is where pilots turn home."""
+    """Flight time left on arrival at home: a minute is the reserve for one landing; pilots return
+    home with about five minutes of twenty."""
 
     @property
     def drag_is_usual(self) -> bool:

@@ -24,7 +24,7 @@ from .yaml_schema import Coordinate, FileModel, Interval, Length, Name, Positive
 PlanePoint = tuple[float, float]
 
 DEFAULT_DWELL_S = 5.0
-"""Long enough for a few pictures of a splice."""
+"""Default dwell: time for a few pictures of a splice."""
 MAX_CELLS = 4_000_000
 """Most cells of a plane: limits the memory of the precomputed maps on a companion computer."""
 _COUNTLESS = 1e18
@@ -35,7 +35,7 @@ MAX_VERTICES = 2_000
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Workspace:
-    """The rectangle that is planned in: lower and upper corner, cell size, least altitude."""
+    """The rectangle of plans: lower and upper corner, cell size, least altitude."""
 
     lower_m: PlanePoint
     upper_m: PlanePoint
@@ -81,7 +81,7 @@ Obstacle = Conductor | Polygon
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Target:
-    """A place to inspect from; `look_at_m` is the point that the vehicle faces, if known."""
+    """A place of inspection; `look_at_m` is the point that the vehicle faces, if known."""
 
     name: str
     position_m: PlanePoint

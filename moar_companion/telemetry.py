@@ -1,6 +1,6 @@
-"""Telemetry: what the autopilot, radios and ground stations have reported, by source.
+"""Telemetry: last reports of the autopilot, radios and ground stations, by source.
 
-Everything here is immutable. Missing is `None`; a sample carries the time it was received
+All values are immutable. Missing is `None`; a sample carries the time it was received
 (`received_s`, the machine's clock), which gives its age at any time.
 """
 
@@ -59,7 +59,7 @@ class AutopilotStatus:
     ours: bool
     """True in the mode in which the autopilot follows the companion's setpoints."""
     homeward: bool
-    """True in a mode that brings the aircraft home, down or to a stop by the autopilot's rules."""
+    """True in a mode that returns, lands or stops the aircraft by the autopilot's rules."""
     multirotor: bool
     """True for an aircraft that can hover."""
     failsafe: bool
@@ -86,7 +86,7 @@ class Attitude:
     boot_s: float | None = None
     """The autopilot's own clock."""
     yaw_rate_radps: float | None = None
-    """About the body's axis; by the gyroscopes, independent of the estimator's heading."""
+    """Rate about the body's axis; by the gyroscopes, independent of the estimator's heading."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -95,7 +95,7 @@ class LocalPosition:
 
     received_s: float
     boot_s: float
-    """The autopilot's own clock; it goes back when the autopilot restarts."""
+    """The autopilot's own clock; a restart of the autopilot sets it back."""
     position_ned_m: Vector
     velocity_ned_mps: Vector
 
@@ -106,7 +106,8 @@ class Odometry:
 
     received_s: float
     reset_counter: int
-    """A new number: position, velocity or heading was reset; PX4 does not report which."""
+    """Reset counter: a new number means a reset of position, velocity or heading; PX4 does not
+    report which."""
     horizontal_accuracy_m: float | None
     vertical_accuracy_m: float | None = None
     """Standard deviations of the horizontal position and of the height."""
@@ -152,8 +153,8 @@ class Battery:
     cells: int | None = None
     """In series, where each one's voltage is reported."""
     summary: bool = False
-    """From SYS_STATUS, which stands for battery 0 while its BATTERY_STATUS is not received; on
-    PX4 only where no other battery's is received."""
+    """From SYS_STATUS, which gives battery 0 while its BATTERY_STATUS is not received; on PX4 only
+    where no other battery's is received."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -267,10 +268,9 @@ class LinkStatistics:
     """Raw packets of the autopilot on the companion's link, by their headers' sequence numbers.
 
     off_stream: received packets of no stream that is read: parameters, logs, texts, and streams
-    whose rate may be reduced on request.
-    packets_late: dropped packets, as later ones of the same message had been taken.
-    round_trip_s: time from a request of the companion to the autopilot's answer.
-    shortest_round_trip_s: of all such answers.
+    with a rate that may be reduced on request. packets_late: dropped packets, received after later
+    ones of the same message. round_trip_s: time from a request of the companion to the autopilot's
+    answer. shortest_round_trip_s: of all such answers.
     """
 
     received_s: float
@@ -314,15 +314,16 @@ class Readiness:
     remote_control_ok: bool | None = None
     """True while the pilot's transmitter is received; None where it never was."""
     fence_enabled: bool = False
-    """True: a fence is reported in force. ArduPilot omits one whose action is only to report."""
+    """True: a fence is reported in force. ArduPilot omits a fence with the action to report
+    only."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Proximity:
-    """OBSTACLE_DISTANCE, or OBSTACLE_DISTANCE_3D of one instant: what a sensor sees of obstacles.
+    """OBSTACLE_DISTANCE, or OBSTACLE_DISTANCE_3D of one instant: obstacles around the sensor.
 
-    x_m, y_m, z_m: of its points, forward, left and up of the aircraft; empty: it sees none within
-    its range. sender: its component; stamp_s: the sender's clock.
+    x_m, y_m, z_m: of its points, forward, left and up of the aircraft; empty: no obstacle within
+    range. sender: its component; stamp_s: the sender's clock.
     """
 
     received_s: float
@@ -391,4 +392,4 @@ class Telemetry:
     firmware: Firmware | None = None
     readiness: Readiness | None = None
     proximity: Proximity | None = None
-    """Of the sensor that sent last."""
+    """Report of the sensor that sent last."""

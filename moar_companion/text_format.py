@@ -51,7 +51,7 @@ def without_details(reason: str) -> str:
 def _shortened(reason: str, room: int) -> str:
     """Text without details. Of a text that is too long, cuts words, then clauses, then characters.
 
-    The companion's own texts all fit: only a text from elsewhere is cut.
+    The companion's own texts all fit: only a text of another source is cut.
     """
     words = _MACHINE_WORD.sub(" ", without_details(reason)).split()
     if len(" ".join(words)) > room:

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from .text_format import pilot_text, reason_chars, short_name
 
 NAMES = frozenset({"target", "obstacle", "host"})
-"""Fields that are cut to the room that is left."""
+"""Fields that are cut to the available room."""
 FIELDS: Mapping[str, tuple[str, str]] = {
     "mission": ("inspection", "evacuation"),
     "target": ("splice-1", "M" * 100),
@@ -82,7 +82,7 @@ class PilotText:
 
     @property
     def fields(self) -> list[str]:
-        """Names of what varies."""
+        """Names of the variable fields."""
         return [field for _, field, _, _ in string.Formatter().parse(self.pattern) if field]
 
     @property

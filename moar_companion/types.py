@@ -81,8 +81,8 @@ class Weights:
     def adjusted(self, risk: RiskIndices) -> Weights:
         """Eq. 9 with these weights as k_{S,0}, k_{T,0}, k_{E,0}.
 
-        Where all three terms vanish (k_{S,0} alone with a battery risk of 1; k_{T,0} alone with
-        the other three at 1 and none from the battery) the weights stay as they are.
+        The weights stay unchanged where all three terms vanish: k_{S,0} alone with a battery risk
+        of 1; k_{T,0} alone with the other three at 1 and none from the battery.
         """
         wind, battery = risk.wind, risk.battery
         shift = 0.5 * wind + 0.25 * risk.communication + 0.25 * risk.localization - battery

@@ -26,8 +26,8 @@ _Positive = Field(gt=0.0, le=1e6)
 
 
 _EXPOSURE = 0.2
-"""Safety cost of a place from which an autopilot's failsafe would hit an obstacle: a fifth of the
-cost of the worst place, so that a path bends round such places where that is short."""
+"""Safety cost of a place from which an autopilot's failsafe would hit an obstacle. A fifth of the
+cost of the worst place: a path avoids such places where the detour is short."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

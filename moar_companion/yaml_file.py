@@ -1,8 +1,8 @@
 """Input of YAML files: a file in, a checked model out, or one line that states the error.
 
-`read(path, schema)` is the only way a file enters. The schema is a pydantic model (`FileModel`:
-strict, no unknown keys, no NaN); every failure is an `InputError` that names the file, the key as
-a dotted path, the value, and what is allowed.
+`read(path, schema)` is the only input of files. The schema is a pydantic model (`FileModel`:
+strict, no unknown keys, no NaN). Every failure is an `InputError` that names the file, the key as a
+dotted path, the value, and the permitted values.
 
 Numbers follow YAML 1.2 (`1e3` is a number, `010` is ten, `1:30` is text); a mapping has text keys,
 each once.
@@ -37,7 +37,7 @@ _MAX_BYTES = 1_000_000
 _MAX_SHOWN = 40
 """Characters of a text value that a message repeats."""
 HEXADECIMAL_KEY = re.compile("[0-9A-Fa-f]{64}")
-"""A text with so many digits may hold a key (`signing`): logs and terminals must not have it."""
+"""Text of 64 digits, which may be a key (`signing`): logs and terminals must not have it."""
 _MAX_INTEGER_DIGITS = 18
 """Longer integers become floats, which the schemas then refuse by range."""
 _MAX_VALUES = 100_000

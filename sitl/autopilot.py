@@ -178,7 +178,7 @@ class FakeAutopilot:
             manner.emit()
 
     def data_to_send(self) -> list[tuple[str, bytes]]:
-        """Return and forget the bytes that wait, at most one entry per link."""
+        """Return and remove the bytes that wait, at most one entry per link."""
         loss = self._world.conditions.link_loss_percent / 100.0
         out = []
         for link in self._links.values():
@@ -226,7 +226,7 @@ class FakeAutopilot:
         self._manner.set_parameter(name, value)
 
     def jump(self, north_m: float, east_m: float) -> None:
-        """Reset the position estimate to elsewhere; PX4's ODOMETRY counts it."""
+        """Reset the position estimate to another place; PX4's ODOMETRY counts it."""
         self._world.estimator.jump(north_m, east_m)
 
     def reboot(self) -> None:

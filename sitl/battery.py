@@ -2,8 +2,8 @@
 
     voltage = cells * (empty + (full - empty) * fraction) - current * resistance
 
-Measured on PX4 v1.17.0: 16.2 V at 100 %, 14.4 V at 0 % for four cells; it drains only while
-armed and is full again after disarming.
+Measured on PX4 v1.17.0: 16.2 V at 100 %, 14.4 V at 0 % for four cells. The battery drains only
+while armed, and is full again after disarming.
 """
 
 from dataclasses import dataclass
@@ -36,7 +36,7 @@ class Battery:
         self.replacements = 0
         """Number of replacements of the charge."""
         self.forced_voltage_v: float | None = None
-        """Voltage at the connector, whatever the charge; None: it follows from the charge."""
+        """Voltage at the connector, independent of the charge; None: it follows from the charge."""
         self.current_a = 0.0
         self._load_a = 0.0
 

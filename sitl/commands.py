@@ -121,7 +121,7 @@ def acknowledgement(command: Command, result: int) -> bytes:
 
 
 def timesync_answer(message: Any, since_boot_us: int) -> bytes:
-    """Return the answer to a TIMESYNC request (one whose tc1 is 0)."""
+    """Return the answer to a TIMESYNC request (one with tc1 of 0)."""
     return layout("TIMESYNC").payload(tc1=since_boot_us * 1000, ts1=message.ts1)
 
 

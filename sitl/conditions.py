@@ -14,7 +14,8 @@ GPS_SILENT: Final = 2
 GPS_JAMMED: Final = 3
 GPS_MODES: Final = ("normal", "no_fix", "silent", "jammed")
 MIN_SATELLITES_FOR_FIX: Final = 4
-"""Below this the receiver has no fix (measured on PX4 v1.17.0: 4 satellites hold, 3 do not)."""
+"""Number of satellites below which the receiver has no fix (measured on PX4 v1.17.0: 4 hold, 3 do
+not)."""
 _GUST_TIME_S: Final = 3.0
 _GUST_PERIOD_S: Final = 0.05
 

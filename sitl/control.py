@@ -58,7 +58,7 @@ class Gains:
     thrust_min: float
     thrust_max: float
     braking_mps2: float = math.inf
-    """With which a speed towards a far position can still be lost before it."""
+    """Deceleration before a far position, which limits the speed towards it."""
 
     @property
     def lean_mps2(self) -> float:

@@ -1,7 +1,7 @@
 """The true world on WGS84, and the flat maps of autopilots.
 
-Two frames that must not be mixed up: the truth is metres north, east, down of home on the WGS84
-ellipsoid; an autopilot's local position is its own projection of its estimated latitude and
+Two frames that must not be confused. The truth is metres north, east, down of home on the WGS84
+ellipsoid. An autopilot's local position is its own projection of its estimated latitude and
 longitude. They differ by up to 0.5 % of the distance, which a companion has to respect.
 """
 

@@ -1,7 +1,7 @@
 """A simulated VLP-16: rays against wires, trees, solids and the ground, as Velodyne data packets.
 
 Geometry, timing and packet format: VLP-16 User Manual 63-9243 Rev. E, sections 6 and 9. A wire is
-thinner than the beam, so that thin conductors are seen only near (`visible_m`).
+thinner than the beam, so that thin conductors are visible only nearby (`visible_m`).
 """
 
 from __future__ import annotations
@@ -45,9 +45,9 @@ _PACKET = np.dtype(
 )
 
 PoseAt = Callable[[FloatArray], tuple[FloatArray, FloatArray]]
-"""(n,) times to positions (n, 3), and rotations (n, 3, 3) from the sensor to the world.
+"""Pose function: (n,) times to positions (n, 3), and rotations (n, 3, 3) from sensor to world.
 
-The sensor's x points where its azimuth is 0, y to the left, z along the axis of its rotation.
+The sensor's x points to azimuth 0, y to the left, z along the axis of its rotation.
 """
 
 
@@ -62,11 +62,11 @@ class Wire:
 
     @property
     def visible_m(self) -> float:
-        """Distance up to which it gives returns."""
+        """Greatest distance with returns."""
         return (self.diameter_m / LEAST_SHARE - APERTURE_M) / DIVERGENCE_RAD
 
     def ends(self) -> FloatArray:
-        """Ends (n + 1, 3) of its straight pieces, 24 of a wire that sags."""
+        """Ends (n + 1, 3) of the straight pieces of the wire, 24 pieces for a wire with sag."""
         count = _PIECES if self.sag_m else 1
         share = np.linspace(0.0, 1.0, count + 1)[:, None]
         places: FloatArray = np.array(self.start_m) * (1.0 - share) + np.array(self.end_m) * share
@@ -101,7 +101,7 @@ class Box:
 
     @property
     def prism(self) -> Prism:
-        """The same solid."""
+        """The box as a prism."""
         (x, y, z), (x2, y2, z2) = self.lower_m, self.upper_m
         corners = ((x, z), (x2, z), (x2, z2), (x, z2))
         return Prism(vertices_m=corners, lower_y_m=y, upper_y_m=y2)
@@ -109,7 +109,7 @@ class Box:
 
 @dataclass(frozen=True, kw_only=True)
 class LidarScene:
-    """What stands around. rain_per_m: chance of a drop's return per metre, within 10 m."""
+    """Objects around the lidar. rain_per_m: chance of a drop's return per metre, within 10 m."""
 
     wires: tuple[Wire, ...] = ()
     trees: tuple[Tree, ...] = ()
@@ -122,7 +122,7 @@ class LidarScene:
 
 
 class SimulatedLidar:
-    """A VLP-16 that looks at a scene. The same seed and calls give the same packets."""
+    """A VLP-16 in a scene. The same seed and calls give the same packets."""
 
     def __init__(self, scene: LidarScene, seed: int = 0, rpm: float = 600.0) -> None:
         self._random = np.random.default_rng(seed)
@@ -134,11 +134,11 @@ class SimulatedLidar:
         )  # fmt: skip
 
     def packet(self, time_s: float, pose_at: PoseAt) -> bytes:
-        """The data packet whose first firing is at a time: 24 sequences of 16 lasers."""
+        """The data packet with its first firing at a time: 24 sequences of 16 lasers."""
         return self.packets(np.array([time_s]), pose_at)[0]
 
     def packets(self, times_s: FloatArray, pose_at: PoseAt) -> list[bytes]:
-        """The data packets whose first firings are at times (k,); a pose for each sequence."""
+        """The data packets with their first firings at times (k,); a pose for each sequence."""
         sequences = times_s[:, None] + np.arange(SEQUENCES) * SEQUENCE_S
         origins, turns = pose_at(sequences.reshape(-1))
         azimuths = self._turn_rad_s * times_s % (2.0 * math.pi)
@@ -198,7 +198,7 @@ def _arrays(scene: LidarScene) -> SceneArrays:
 
 
 def _solid(prism: Prism) -> tuple[float, ...]:
-    """Least and greatest y; centre and radius of a ball around."""
+    """Least and greatest y; centre and radius of a ball around the solid."""
     corners = np.array(prism.vertices_m, float)
     low, high = corners.min(axis=0), corners.max(axis=0)
     x_m, z_m = (low + high) / 2.0

@@ -16,11 +16,11 @@ from sitl.lidar_scene import LidarMount, PlacedScene
 
 
 class Posed(Protocol):
-    """What the lidar needs of a true state."""
+    """Fields of a true state that the lidar needs."""
 
     @property
     def time_s(self) -> float:
-        """Simulated."""
+        """Simulated time."""
 
     @property
     def latitude_deg(self) -> float:
@@ -32,7 +32,7 @@ class Posed(Protocol):
 
     @property
     def altitude_amsl_m(self) -> float:
-        """Above the sea."""
+        """Altitude above the sea."""
 
     @property
     def attitude_rad(self) -> tuple[float, float, float]:
@@ -40,7 +40,7 @@ class Posed(Protocol):
 
 
 class LidarCarrier:
-    """Pure: no socket, no clock. The first packet begins at the first truth's time, or later."""
+    """Lidar of an aircraft. Pure. The first packet begins at the first truth's time, or later."""
 
     def __init__(self, placed: PlacedScene, seed: int = 1) -> None:
         self._lidar = SimulatedLidar(placed.scene, seed)
@@ -109,7 +109,7 @@ def _from_forward_left_up(attitude_rad: FloatArray) -> FloatArray:
 
 
 def _mount_turn(mount: LidarMount) -> FloatArray:
-    """(3, 3) from the sensor's axes to the aircraft's."""
+    """Rotation (3, 3) from the sensor's axes to the aircraft's."""
     (sr, sp, sy), (cr, cp, cy) = (
         part(np.radians(mount.roll_pitch_yaw_deg)) for part in (np.sin, np.cos)
     )

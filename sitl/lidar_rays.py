@@ -1,7 +1,7 @@
-"""The compiled walk of a lidar's rays through a scene, packet by packet.
+"""Compiled tracing of a lidar's rays through a scene, packet by packet.
 
-A packet's rays lie in a narrow wedge: whatever is outside it is left out first. A wire is thinner
-than the beam: the less of it the beam meets, the less comes back.
+A packet's rays lie in a narrow wedge: objects outside the wedge are left out first. A wire is
+thinner than the beam: the smaller the part of the beam on the wire, the weaker the return.
 """
 
 import math
@@ -15,7 +15,7 @@ import numpy.typing as npt
 FloatArray = npt.NDArray[np.float64]
 
 SEQUENCES: Final = 24
-"""Of a packet; in each, every laser fires once."""
+"""Firing sequences of a packet; in each, every laser fires once."""
 LASERS: Final = 16
 FIRING_S: Final = 2.304e-6
 SEQUENCE_S: Final = 55.296e-6
@@ -25,22 +25,23 @@ DIVERGENCE_RAD: Final = 3.0e-3
 APERTURE_M: Final = 0.0095
 """Horizontal divergence, and width of the beam at the sensor."""
 LEAST_SHARE: Final = 0.35
-"""Share of the beam's width that has to meet a wire for a return, at a reflectivity of 10 %."""
+"""Least share of the beam's width on a wire for a return, at a reflectivity of 10 %."""
 RAIN_M: Final = 10.0
-"""Distance up to which drops give returns."""
+"""Greatest distance of returns from drops."""
 _ELEVATIONS_RAD: Final = np.radians(
     [-15.0, 1.0, -13.0, 3.0, -11.0, 5.0, -9.0, 7.0, -7.0, 9.0, -5.0, 11.0, -3.0, 13.0, -1.0, 15.0]
 )
 _BESIDE_RAD: Final = math.radians(1.0)
-"""Room beside a packet's turn, for the aircraft's own turning."""
+"""Angle beside a packet's turn, for the aircraft's own rotation."""
 _STEEPEST_RAD: Final = math.radians(16.0)
 _MARGIN_M: Final = 0.25
-"""More than half the beam at the greatest range, and than the flight during a packet."""
+"""Margin above half the beam's width at the greatest range, and above the flight during a
+packet."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SceneArrays:
-    """A scene as the walk takes it.
+    """Arrays of a scene for the compiled functions.
 
     pieces   (n, 8)  of wires: start, unit vector along, length, diameter
     trees    (n, 5)  centre, radius, chance of a hit per metre
@@ -120,7 +121,7 @@ def _is_beside(
 def _near_pieces(
     pieces: FloatArray, normals: FloatArray, origin: FloatArray, chosen: npt.NDArray[np.int64]
 ) -> int:
-    """Writes the indices of the pieces in a wedge that are near enough; their number."""
+    """Writes the indices of the near pieces in a wedge; returns their number."""
     count = 0
     for index in range(len(pieces)):
         piece = pieces[index]
@@ -145,7 +146,7 @@ def _near_balls(
     origin: FloatArray,
     chosen: npt.NDArray[np.int64],
 ) -> int:
-    """Writes the indices of the balls (centre and radius from a column on) that reach in."""
+    """Writes the indices of the balls (centre and radius from a column on) within a wedge."""
     count = 0
     for index in range(len(balls)):
         x = balls[index, column] - origin[0]
@@ -159,7 +160,7 @@ def _near_balls(
 
 @_jit  # type: ignore[untyped-decorator]
 def _to_piece(piece: FloatArray, origin: FloatArray, x: float, y: float, z: float) -> float:
-    """Range to where a ray passes a straight piece within half its width and the beam's."""
+    """Range at which a ray passes a straight piece within half the widths of piece and beam."""
     ox, oy, oz = origin[0] - piece[0], origin[1] - piece[1], origin[2] - piece[2]
     dot = x * piece[3] + y * piece[4] + z * piece[5]
     offset = ox * piece[3] + oy * piece[4] + oz * piece[5]
@@ -201,7 +202,7 @@ def _to_solid(
     y: float,
     z: float,
 ) -> float:
-    """Range to a polygon of the x-z plane that is drawn out along y."""
+    """Range to a polygon of the x-z plane that is extruded along y."""
     nearest = np.inf
     for side in range(2):
         reach = (solid[side] - origin[1]) / y

@@ -1,4 +1,4 @@
-"""What stands around the fake aircraft, for its lidar: a YAML file.
+"""Scene of the fake aircraft's lidar: a YAML file.
 
     name: one wire and a tree
     frame:
@@ -117,10 +117,10 @@ class _File(_Model):
 
 @dataclass(frozen=True, kw_only=True)
 class LidarMount:
-    """Where the lidar sits on the aircraft: forward, left, up in m; roll, pitch, yaw in degrees.
+    """Mount of the lidar on the aircraft: forward, left, up in m; roll, pitch, yaw in degrees.
 
-    From the sensor's axes to the aircraft's: first roll, then pitch, then yaw. The default has the
-    axis of its rotation along the aircraft's left.
+    From the sensor's axes to the aircraft's: first roll, then pitch, then yaw. By default the axis
+    of rotation points to the aircraft's left.
     """
 
     position_m: tuple[float, float, float] = _Mount().position_m
@@ -129,7 +129,7 @@ class LidarMount:
 
 @dataclass(frozen=True, kw_only=True)
 class PlacedScene:
-    """A scene, its place on the earth, and the lidar that looks at it."""
+    """A scene, its place on the earth, and the mount of its lidar."""
 
     name: str
     origin: Geodetic

@@ -9,7 +9,7 @@ class LidarSender:
     """A carried lidar and its socket."""
 
     def __init__(self, scene: PlacedScene, host: str, port: int, *, seed: int = 1) -> None:
-        """Find the host; OSError when there is none."""
+        """Resolve the host; OSError when it is unknown."""
         self._carrier = LidarCarrier(scene, seed)
         self._datagrams = Datagrams(host, port)
 

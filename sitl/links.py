@@ -50,7 +50,7 @@ class Air(Generic[Packet]):
         heapq.heappush(self._packets, (due_us, self._count, packet))
 
     def arrived(self, now_us: int) -> list[Packet]:
-        """Return and forget the packets that have arrived."""
+        """Return and remove the packets that have arrived."""
         arrived = []
         while self._packets and self._packets[0][0] <= now_us:
             arrived.append(heapq.heappop(self._packets)[2])

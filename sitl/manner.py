@@ -47,7 +47,7 @@ class Manner(Protocol):
         """Set a parameter and let it act; `KeyError`, `ValueError` when it is refused."""
 
     def reboot(self) -> None:
-        """Restart: time_boot_ms goes back, disarmed; parameters and the world stay."""
+        """Restart: time_boot_ms restarts, disarmed; parameters and the world stay."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

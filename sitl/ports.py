@@ -1,7 +1,7 @@
 """Sockets for the links: udpin, udpout, tcpin, tcp.
 
-A port carries bytes between one link of the machine and one peer; of MAVLink it reads only the
-ends of packets: over UDP each is a datagram.
+A port carries bytes between one link of the machine and one peer. Of MAVLink it reads only the ends
+of packets: over UDP each is a datagram.
 """
 
 import asyncio
@@ -130,12 +130,12 @@ class _Tcp(asyncio.Protocol):
 
 
 class Datagrams:
-    """Datagrams to one address, whether or not somebody listens; what does not fit is dropped."""
+    """Datagrams to one address, with or without a receiver; a full buffer drops datagrams."""
 
     _address: tuple[str | int, ...] | tuple[int, bytes]
 
     def __init__(self, host: str, port: int) -> None:
-        """Find the host; OSError when there is none."""
+        """Resolve the host; OSError when it is unknown."""
         found = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         family, kind, protocol, _, self._address = found
         self._socket = socket.socket(family, kind, protocol)
@@ -152,7 +152,7 @@ class Datagrams:
 
 
 async def open_port(url: Url, take: Take) -> Port:
-    """Open a port that hands received bytes to `take`; OSError when that fails."""
+    """Open a port that passes received bytes to `take`; OSError when that fails."""
     loop = asyncio.get_running_loop()
     if url.kind == "udpin":
         _, udp = await loop.create_datagram_endpoint(

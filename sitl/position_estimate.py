@@ -1,7 +1,7 @@
 """Estimates of the aircraft: the GPS receiver and the position estimate.
 
 Inputs: the true state and the conditions. Outputs: the last GPS fix, and an estimate of position
-and velocity whose error wanders as an estimator's does. Numbers are those of PX4 v1.17.0 with its
+and velocity with the random error of an estimator. Numbers are those of PX4 v1.17.0 with its
 built-in simulation, unless stated otherwise.
 """
 

@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 _PERIOD_S: Final = 0.01
 """Period of the checks of the clock, in real time."""
 _LIDAR_STEP_S: Final = 0.02
-"""Longest step with a lidar, whose poses are interpolated between steps."""
+"""Longest step with a lidar, which interpolates poses between steps."""
 _MAX_LAG_S: Final = 0.5
 """A process that was stopped for longer continues from its own time."""
 _DEFAULT_LINKS: Final = ("companion=udpout:127.0.0.1:14540", "gcs=udpout:127.0.0.1:14550")
@@ -57,7 +57,7 @@ class _Parser(argparse.ArgumentParser):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LidarSettings:
-    """The lidar on the aircraft: what it sees, and the UDP address that gets its packets."""
+    """The lidar on the aircraft: its scene, and the UDP address that gets its packets."""
 
     scene: "PlacedScene"
     host: str

@@ -34,7 +34,7 @@ class Sticks:
         self.switch_us = _SWITCH_US[position - 1]
 
     def override_switch(self, us: int, until_us: int) -> None:
-        """Let a ground station's channel 5 stand for the flight mode switch; 0 gives it back."""
+        """Use a ground station's channel 5 as the flight mode switch; 0 gives it back."""
         self._override = (us, until_us) if us else None
 
     @property
@@ -67,7 +67,7 @@ class Sticks:
             self.ever = True
 
     def present(self, now_us: int, timeout_s: float) -> bool:
-        """Return True if input came within the time-out (COM_RC_LOSS_T)."""
+        """Return True if input arrived within the time-out (COM_RC_LOSS_T)."""
         return self.last_us is not None and now_us - self.last_us <= timeout_s * 1e6
 
     def deflection(self) -> float:

@@ -1,6 +1,7 @@
 """Differences between autopilots: one file, and so one `Profile`, for each. Pure.
 
-A new autopilot is one more file like `px4`, and its row in `_ROWS`. Everything else asks `profile`.
+A new autopilot is one more file like `px4`, and its row in `_ROWS`. All other modules use
+`profile`.
 """
 
 from __future__ import annotations

@@ -15,7 +15,7 @@ from ..types import Vector
 
 
 class Trigger(enum.Enum):
-    """Event that triggers a failsafe of the autopilot; the value is for people."""
+    """Event that triggers a failsafe of the autopilot; the value is a text for operators."""
 
     LOW_BATTERY = "low battery"
     CRITICAL_BATTERY = "critical battery"
@@ -71,11 +71,11 @@ class ReturnHeight(Protocol):
 class FailsafeAction:
     """One trigger and its action.
 
-    setting: the deciding parameter with its value, for people. remedy: parameter to set; empty if
-    no parameter prevents the action. charge, voltage_v: thresholds of a battery; None without one.
-    home: heights of a return; None: it leads elsewhere. drift_m: measured drift to the side, for
-    the preflight check only. Beside a power line every place has an obstacle within it, so that it
-    does not distinguish paths.
+    setting: the deciding parameter with its value, as a text. remedy: parameter to set; empty if no
+    parameter prevents the action. charge, voltage_v: thresholds of a battery; None without one.
+    home: heights of a return; None for a return to another place. drift_m: measured drift to the
+    side, for the preflight check only. Beside a power line every place has an obstacle within the
+    drift, so that it does not distinguish paths.
     """
 
     trigger: Trigger

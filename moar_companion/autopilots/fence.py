@@ -46,10 +46,9 @@ class Area:
 class Fence:
     """All limits in force. union: one of the inclusion areas is enough.
 
-    margin_m: distance that the autopilot keeps from its fence (FENCE_MARGIN). action: for people.
-    overrules_land: True if the autopilot overrides a LAND ordered outside.
-    source_gnss: parameter by which the receiver's position counts, not the estimator's; empty if
-    it does not.
+    margin_m: distance that the autopilot keeps from its fence (FENCE_MARGIN). action: as a text.
+    overrules_land: True if the autopilot overrides a LAND ordered outside. source_gnss: parameter
+    that makes the receiver's position count instead of the estimator's; empty otherwise.
     unreported: parameters that the autopilot never reported, except the action: their limits are
     unknown.
     """

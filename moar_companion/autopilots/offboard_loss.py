@@ -36,10 +36,10 @@ class OffboardLoss:
 
     kind: AutopilotKind
     name: str
-    """The autopilot's name, for people."""
+    """Name of the autopilot, for texts."""
     action: Action
     remedy: str
-    """Setting that prevents the objections, for people."""
+    """Setting that prevents the objections, for texts."""
     timeout_s: float | None
     """Time for which the autopilot moves the setpoint on; None: the setpoint stands."""
     way_s: float
@@ -50,9 +50,9 @@ class OffboardLoss:
     """Parameters of that limit, and their unit in m/s2."""
     follows_unit_mps2: float = 1.0
     home: ReturnHeight | None = None
-    """Route of a return to home; None: it leads elsewhere, or the action is no return."""
+    """Route of a return to home; None for a return to another place, or another action."""
     unknown_way: str = ""
-    """Cause of a return that leads elsewhere, for people."""
+    """Cause of a return to another place, for texts."""
     unreported: tuple[str, ...] = ()
 
     def way_m(self, speed_mps: FloatArray) -> FloatArray:
@@ -60,7 +60,7 @@ class OffboardLoss:
         return self.way_s * speed_mps + self.way_s2pm * speed_mps**2
 
     def speed_mps(self, free_m: FloatArray) -> FloatArray:
-        """Greatest speeds (n,) whose stopping distance is within (n,)."""
+        """Greatest speeds (n,) with stopping distances within (n,)."""
         half = 0.5 * self.way_s / self.way_s2pm
         return np.asarray(np.sqrt(half**2 + free_m / self.way_s2pm) - half)
 
@@ -82,7 +82,7 @@ class OffboardLoss:
         )
 
     def follows_remedy(self, acceleration_mps2: float) -> str:
-        """Settings by which the autopilot follows an acceleration, for people."""
+        """Settings with which the autopilot follows an acceleration, for texts."""
         value = acceleration_mps2 / self.follows_unit_mps2
         return f"set {' and '.join(self.follows_parameters)} {value:g}"
 

@@ -27,9 +27,9 @@ class Level(enum.IntEnum):
 
     OK = 0
     NOTE = 1
-    """Good to know."""
+    """Information only."""
     WARNING = 2
-    """The flight is possible for an operator who understands the finding."""
+    """The flight is possible if the operator understands the finding."""
     NO_GO = 3
     """Must be fixed before the flight."""
 
@@ -66,7 +66,7 @@ class Case:
     acceleration_mps2: float
     """Acceleration of the setpoints."""
     cells: int | None
-    """Cells of the pack in series; None if the vehicle file does not tell."""
+    """Cells of the pack in series; None if the vehicle file has no number."""
     battery_full: float
     """Charge at which the companion's battery risk is full."""
 

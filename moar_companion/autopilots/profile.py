@@ -1,4 +1,4 @@
-"""Profile of an autopilot: all that differs between kinds of autopilots, as one immutable value.
+"""Profile of an autopilot: the differences between kinds of autopilots, as one immutable value.
 
 One file for each autopilot fills it, and `unknown` for those that have none. Pure.
 """
@@ -36,14 +36,14 @@ class FailsafeText:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Profile:
-    """Values and functions of one kind of autopilot. Each row says what depends on it."""
+    """Values and functions of one kind of autopilot. Each row names what depends on it."""
 
     # Identity
 
     kind: AutopilotKind
     """Name in vehicle files, snapshots and recordings."""
     name: str
-    """Name for people."""
+    """Name for texts."""
     mav_autopilot: int | None
     """MAV_AUTOPILOT of its heartbeat."""
     measured_releases: tuple[tuple[int, int], ...]

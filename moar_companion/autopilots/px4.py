@@ -87,7 +87,7 @@ _LOSS_DEFAULTS = {
 }
 """Parameters of the flight after an offboard loss, and their defaults in v1.17."""
 _OVERSHOOT = 1.2
-"""Factor of v / MPC_XY_P: the controller's integral has learnt the drag of the flight."""
+"""Factor of v / MPC_XY_P: the controller's integral contains the drag of the flight."""
 _SWITCH_S2PM = 0.1
 """Term of v^2 that COM_OBL_RC_ACT adds: it brakes from the velocity at its start."""
 _HARD_MPS2 = 3.0
@@ -173,7 +173,7 @@ class Return:
 
     @classmethod
     def of(cls, value: Mapping[str, float]) -> Return | None:
-        """Return by the values of the parameters; None if it leads elsewhere than home."""
+        """Return by the values of the parameters; None for a return to a place other than home."""
         if value["RTL_TYPE"]:
             return None
         return cls(

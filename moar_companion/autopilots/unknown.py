@@ -1,7 +1,7 @@
 """An autopilot without a profile: never controlled, and every value the worst of the known ones.
 
-Nothing is assumed that could lower a risk: the slowest landing, the greatest errors, no mode that
-follows setpoints, no known action of a failsafe or after an offboard loss.
+No assumption lowers a risk: the slowest landing, the greatest errors, and no mode that follows
+setpoints. The actions of failsafes and after an offboard loss are unknown.
 """
 
 from __future__ import annotations

@@ -209,7 +209,7 @@ def _unopened(error: LinkError) -> Finding:
 
 
 def _tell(heading: str, findings: list[Finding]) -> list[Finding]:
-    """Prints findings: in columns and colours on a terminal, else a line each; returns them."""
+    """Prints and returns findings: in columns and colours on a terminal, else a line each."""
     from rich.console import Console  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
     from rich.text import Text  # noqa: PLC0415

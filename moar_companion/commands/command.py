@@ -1,7 +1,7 @@
 """`moar-companion command`: the operator's side, on MAVSDK: an order to the companion, its answer.
 
-An order is repeated until it is answered, with a rising confirmation: the companion recognises the
-repeat by it. MAVSDK's own repeats have none: a late one cannot be told from a new order.
+An order is repeated until its answer arrives, with a rising confirmation, by which the companion
+recognises a repeat. MAVSDK's own repeats have none: a late repeat looks like a new order.
 """
 
 from __future__ import annotations

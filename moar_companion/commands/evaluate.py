@@ -1,7 +1,7 @@
 """`moar-companion evaluate`: the paper's experiments, rerun.
 
-The sweeps are tasks of processes on this computer, or of a Dask cluster; their results are put
-together in the order of the scenes, so that files do not depend on who computed what. Times of
+The sweeps are tasks of processes on this computer, or of a Dask cluster. Their results are joined
+in the order of the scenes, so that files do not depend on the distribution of the tasks. Times of
 plans, which differ each time, are in a file of their own.
 """
 
@@ -33,7 +33,7 @@ _OUT = "evaluation"
 _MODULES = ("matplotlib", "pyarrow")
 _MOST_WORKERS = 1024
 _FLIGHT = "tests.flights.paper_flight"
-"""The program of the checkout that flies: the companion does not know its simulator."""
+"""The flight program of the checkout: the companion does not import its simulator."""
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -161,7 +161,7 @@ def _start_flights(checkout: Path) -> subprocess.Popen[bytes]:
 
 
 def _flown(flights: subprocess.Popen[bytes]) -> dict[str, Any]:
-    """The flights' document; OSError with the last line of what they said if they failed."""
+    """Document of the flights; OSError with the last line of their output after a failure."""
     content, errors = flights.communicate()
     if flights.returncode != 0:
         last = errors.decode(errors="replace").strip().splitlines()[-1:]

@@ -31,7 +31,7 @@ _POLL_S = 0.05
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Said:
-    """A message of the companion's system."""
+    """A message from the companion's system."""
 
     name: str
     component: int

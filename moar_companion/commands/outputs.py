@@ -1,4 +1,4 @@
-"""Output files: checked before anything is computed, and whole or not there at all."""
+"""Output files: checked before any computation, and written as a whole or not at all."""
 
 from __future__ import annotations
 

@@ -20,9 +20,9 @@ if TYPE_CHECKING:
     from ..perception.velodyne import VelodyneStream
 
 _MOST_IN_FRAGMENTS = 64
-"""Datagrams whose fragments are kept; then the oldest is dropped."""
+"""Maximum number of datagrams with kept fragments; beyond it the oldest is dropped."""
 _DLT_RAW_IP = 101
-"""Of files; dpkt has the number of the BSDs."""
+"""Link type of raw IP in files; dpkt has the number of the BSDs."""
 
 
 def read_capture(file: str, metadata: str | None, port: int | None) -> npt.NDArray[np.float64]:
@@ -62,8 +62,8 @@ def data_packets(file: str, port: int) -> Iterator[tuple[float, bytes]]:
 def udp_packets(file: str) -> Iterator[tuple[float, int, bytes]]:
     """Time in seconds, destination port and payload of each UDP packet; raises InputError.
 
-    Datagrams that came in fragments, as an Ouster's do on Ethernet, are put together. A capture
-    that was cut off ends with its last packet.
+    Datagrams in fragments, as an Ouster's on Ethernet, are assembled. A capture that was cut off
+    ends with its last packet.
     """
     require(file, "dpkt", "lidar")
     import dpkt  # noqa: PLC0415

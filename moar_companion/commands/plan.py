@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _PICTURE_FORMATS = ("png", "svg", "pdf")
 _MAX_VELOCITY_MPS = 1_000.0
-"""No drone is faster; the limit keeps all products finite."""
+"""Greatest speed of any drone; the limit keeps all products finite."""
 _MAPS = (
     "occupied",
     "safety_cost",
@@ -172,7 +172,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
 
     rule = plan.request.adaptation
-    assert rule is not None  # the plan was asked with risks
+    assert rule is not None  # the request has risks
     explanation = _explained(planner, plan, rule) if arguments.explain else {}
 
     others = alternatives(planner, plan.request, rule) if arguments.alternatives else ()

@@ -32,7 +32,7 @@ _ORIGIN_REACH_DEG = 0.02
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Cloud:
-    """Points of a file as it has them. crs: pyproj's, None where the file names none."""
+    """Points as in a file. crs: pyproj's, None where the file names none."""
 
     file: str
     points: FloatArray
@@ -86,7 +86,7 @@ def read_cloud(
 
 
 def height_notes(cloud: Cloud) -> tuple[str, ...]:
-    """What is told of the heights: none where they are above mean sea level, or unnamed."""
+    """Remarks on the heights; none where they are above mean sea level, or unnamed."""
     axes = cloud.crs.axis_info if cloud.crs is not None else []
     if len(axes) < 3 or "ellipsoid" not in axes[2].name.lower():
         return ()

@@ -125,7 +125,7 @@ def _run_exactly(arguments: argparse.Namespace) -> int:
 
 
 def summary(replay: Replay) -> str:
-    """The replay in a few lines for a person."""
+    """The replay in a few lines for a reader."""
     vehicle = f" {replay.vehicle_type}" if replay.vehicle_type else ""
     head = f"{replay.recording}: {replay.autopilot}{vehicle}, {replay.duration_s:.1f} s"
     lines = [f"{head}, judged as {replay.vehicle}"]
@@ -263,14 +263,14 @@ def _dataflash_played(
     from ..replay.player import Player  # noqa: PLC0415
 
     playback = Player(vehicle, DataflashListener(), site_position, drag=drag)
-    # pymavlink reads files alone; what is given may be packed.
+    # pymavlink reads files alone; the input may be packed
     with tempfile.NamedTemporaryFile(suffix=".bin") as file:
         file.write(data)
         file.flush()
         try:
             for time_s, row in rows(file.name, MESSAGES):
                 playback.feed(time_s, row)
-        except Exception as error:  # whatever pymavlink makes of a broken file
+        except Exception as error:  # any error of pymavlink on a broken file
             raise InputError(path, "", f"is no sound .bin: {error}") from error
     return playback
 
@@ -292,9 +292,9 @@ def _ulog_played(
     if not _defines_its_topics(data):
         raise InputError(path, "", "is no sound ULog: its definitions are broken")
     try:
-        with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints what it finds broken
+        with contextlib.redirect_stdout(io.StringIO()):  # pyulog prints its errors
             log = ULog(io.BytesIO(data), list(TOPICS))
-    except Exception as error:  # whatever pyulog makes of a broken file
+    except Exception as error:  # any error of pyulog on a broken file
         raise InputError(path, "", f"is no sound ULog: {error}") from error
     playback = Player(vehicle, UlogListener(), site_position, drag=drag)
     dated = [
@@ -335,7 +335,7 @@ def _defines_its_topics(data: bytes) -> bool:
 
 
 def _begins_with(path: str, magic: bytes) -> bool:
-    """True if a file that can be read begins with these bytes; what is wrong is told later."""
+    """True if a readable file begins with these bytes; later code reports an unreadable one."""
     with contextlib.suppress(OSError, ValueError), Path(path).open("rb") as file:
         return file.read(len(magic)) == magic
     return False

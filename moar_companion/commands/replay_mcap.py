@@ -1,7 +1,7 @@
 """The .mcap of a flight in `moar-companion replay`: its packets, and the exact replay of its calls.
 
-A recording goes on in `flight-2.mcap` and so on beside the file that is named. A part that was not
-closed, as that of a killed process, is read as far as its last whole chunk.
+A recording continues in `flight-2.mcap` and so on beside the named file. An unclosed part, as after
+a killed process, is read up to its last whole chunk.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ MAGIC = b"\x89MCAP0\r\n"
 _NUMBER = re.compile(r" \d+\b|(?<=\[)\d+")
 """Numbers of jobs and places in lists, which are counted together."""
 _MOST_SHOWN = 10
-"""Most differences that are printed; the counts tell of all."""
+"""Maximum number of printed differences; the counts include all."""
 
 
 class McapRecording:
@@ -75,7 +75,7 @@ class McapRecording:
                         channels.add(channel)
                     case Message(channel_id=channel) if channel in channels:
                         yield record.log_time * 1e-9, json.loads(record.data)["calls"]
-        except Exception as error:  # whatever mcap makes of a record that is cut
+        except Exception as error:  # any error of mcap on a record that is cut
             self.cut_short = True
             if not channels:
                 raise InputError(self.path, "", f"is no sound .mcap: {error}") from error
@@ -101,7 +101,7 @@ def packets(recording: McapRecording) -> Iterator[tuple[float, bytes]]:
 
 
 def replay_exactly(path: str, key: SigningKey | None) -> int:
-    """Feeds a recording to a new machine and prints where it parts; 1 if it does, else 0."""
+    """Replays a recording on a new machine and prints differences; 1 if there are any, else 0."""
     from ..replay.exact import Difference, ExactReplay  # noqa: PLC0415
 
     recording, replay = McapRecording(path), ExactReplay(key)

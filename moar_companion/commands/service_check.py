@@ -1,4 +1,4 @@
-"""What `check` finds about the service: its configuration, folders, socket, broker and sensor."""
+"""Findings of `check` on the service: its configuration, folders, socket, broker and sensor."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def service_findings(
 
 
 def _mqtt(settings: Mqtt) -> Finding:
-    """Finding on the broker that the service publishes to; the broker itself is not asked."""
+    """Finding on the settings of the service's broker; no connection to the broker is made."""
     address = None if settings.url is None else broker_address(settings.url)
     if address is None:
         text = "none: nothing is published (mqtt.url)"
@@ -97,7 +97,7 @@ def _mqtt(settings: Mqtt) -> Finding:
 
 
 def _perception(config: CompanionConfig, vehicle: Vehicle, *, ports: bool) -> Finding:
-    """Finding on the sensor that looks for obstacles, and on the speed that its sight permits.
+    """Finding on the sensor that measures obstacles, and on the speed that its range permits.
 
     ports: True tries the port of its packets, too.
     """

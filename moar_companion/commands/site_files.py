@@ -1,4 +1,4 @@
-"""`moar-companion site`: a site file from a point cloud or a map, and a site back on a map."""
+"""`moar-companion site`: a site file from a point cloud or a map, and a map from a site."""
 
 from __future__ import annotations
 
@@ -288,7 +288,7 @@ def _next(out: str) -> str:
 
 
 def _finished(failures: list[str | None], written: str | None = None) -> int:
-    """Exit status; a site file that was written is read as its users do, which may refuse it."""
+    """Exit status; reads a written site file as its users do, which may refuse it."""
     from ..site import Site  # noqa: PLC0415
 
     problems = [failure for failure in failures if failure]

@@ -37,7 +37,7 @@ _MOST_WAITING = 10_000
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Adds the broker, what it asks for, and the form of the output."""
+    """Adds the options of the broker, the topics and the output."""
     parser.add_argument(
         "--mqtt", metavar="URL", required=True, help="mqtt://HOST[:PORT] or mqtts://HOST[:PORT]"
     )
@@ -67,7 +67,7 @@ def run(arguments: argparse.Namespace) -> int:
     )
     broker = read_broker(settings, names)
     assert broker is not None
-    logging.disable(logging.WARNING)  # the table's head tells of the connection
+    logging.disable(logging.WARNING)  # the head of the table has the connection
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, signal.default_int_handler)
     console, traffic = Console(), _Traffic()
@@ -99,7 +99,7 @@ class _Traffic:
         self._waiting: SimpleQueue[tuple[str, bytes, float, bool]] = SimpleQueue()
 
     def connected(self) -> Sequence[Message]:
-        """Nothing is published."""
+        """No message is published."""
         return []
 
     outgoing = last_messages = connected

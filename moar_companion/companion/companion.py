@@ -5,10 +5,10 @@
     bytes -> session -> telemetry -> pose, risk indices -> weights -> plan job
     plan answer -> flight -> setpoint -> gate -> session -> bytes
 
-The shell feeds it with `receive` and `plan_answered`, runs a cycle with `tick` at the setpoint
-rate, and takes `data_to_send`, `plan_jobs` and `decisions`. Answers of the planner wait for the
-next cycle. It never waits and has no clock; the same inputs at the same times give the same
-outputs, byte for byte.
+The service calls `receive` and `plan_answered` with inputs, runs a cycle with `tick` at the
+setpoint rate, and takes `data_to_send`, `plan_jobs` and `decisions`. Answers of the planner wait
+for the next cycle. The machine never waits and has no clock; the same inputs at the same times give
+the same outputs, byte for byte.
 """
 
 from __future__ import annotations
@@ -179,7 +179,7 @@ class Companion:
 
     @property
     def perception_report(self) -> PerceptionReport | None:
-        """Newest report of what is seen; None without a sensor, and before the first."""
+        """Newest report of the perception; None without a sensor, and before the first."""
         return self._seen_obstacles.report
 
     @property
@@ -232,7 +232,7 @@ class Companion:
         self._orders.await_planner(compiling, self._cycle_s or 0.0)
 
     def take_ground(self, site_maps: SiteMaps) -> None:
-        """Takes the site when its planner is ready: from now on orders are executed."""
+        """Takes the site when its planner is ready; from then on orders are executed."""
         self._orders.planner_ready(self._cycle_s or 0.0)
         self._site_maps = site_maps
         host = self._executor.host
@@ -256,7 +256,7 @@ class Companion:
         self._contingency_answers.append(answer)
 
     def perceived(self, report: PerceptionReport) -> None:
-        """Takes what the sensor sees, for the next cycle."""
+        """Takes a report of the perception, for the next cycle."""
         self._seen_obstacles.take(report)
 
     def maps_answered(self, answer: MapAnswer) -> None:
@@ -329,7 +329,7 @@ class Companion:
         self._orders.tell_progress(now_s)
 
     def _tell(self, now_s: float) -> None:
-        """Reports file faults, and the findings at start: restart, and a wrong number of cells."""
+        """Reports file faults, a restart, and a wrong number of cells."""
         self._reports.tell_file_faults(self._executor.host.file_faults, self.telemetry, now_s)
         if self._orders.planner_awaited:
             return

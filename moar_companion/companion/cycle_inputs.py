@@ -93,7 +93,7 @@ class CycleInputs:
         plane, spread = self._pose_tracker.plane, risk.wind.spread
         beside = abs(pose.position_m[1]) > self._limits.plane_tolerance_m
         if beside and status.state not in STREAMING:
-            return None  # the pilot or autopilot flies it elsewhere
+            return None  # the pilot or the autopilot flies the aircraft
         return ContingencyInputs(
             pose=pose,
             status=status,

@@ -1,4 +1,4 @@
-"""What limits a flight: the site's maps, and the autopilot's fence, offboard loss and failsafes.
+"""Limits of a flight: the site's maps, and the autopilot's fence, offboard loss and failsafes.
 
 Inputs: maps, the autopilot's parameters, fence and home. Outputs: the flight volume, and reasons
 against the active flight.
@@ -37,7 +37,7 @@ class FlightLimits:
         reports: Reports,
     ) -> None:
         self.site_maps = site_maps
-        """Site and maps, with the obstacles that are seen; None without a site."""
+        """Site and maps, with the obstacles of the sensor; None without a site."""
         self.obstacles_seen = False
         """True once the maps have changed in flight."""
         self._vehicle = vehicle

@@ -21,12 +21,12 @@ Arrival = tuple[float, str, bytes, Address | None]
 """Arrival time in seconds, link, bytes, and on a listening link the sender."""
 
 BUDGET_BYTES = 2048
-"""Budget of a cycle for all addresses but the autopilot's. A byte that can begin a packet costs up
-to 2.3 us (0xFE: a checksum of 254 bytes), so this is 5 ms of the 50 ms of a cycle. Ground stations
-send some 100 bytes in a cycle."""
+"""Budget of a cycle for all addresses except the autopilot's: 5 ms of the 20 ms of a cycle at the
+default rate. A byte that can begin a packet costs up to 2.3 us (0xFE: a checksum of 254 bytes).
+Ground stations send some 100 bytes in a cycle."""
 RATE_BYTES_PS = 64_000
-"""Budget of a longer cycle or a pause, per second: a thousand small datagrams. A flood of so many
-bytes takes 15 % of the time."""
+"""Budget of a longer cycle or a pause, per second: a thousand small datagrams. A flood at this rate
+takes 15 % of the time."""
 LONGEST_S = 0.5
 """Maximum pause that counts: 32 kB take 74 ms to read, and a cycle is too late after 100 ms."""
 LEAST_BYTES = 64

@@ -1,7 +1,7 @@
 """The mission executor: executes the decisions of the mission machine and the supervisor.
 
-Inputs: orders, answers of the planner, state of aircraft and computer, time.
-Outputs: plan jobs, setpoints, answers to orders, texts for people.
+Inputs: orders, answers of the planner, state of aircraft and computer, time. Outputs: plan jobs,
+setpoints, answers to orders, texts for operators.
 """
 
 from __future__ import annotations
@@ -375,7 +375,8 @@ class MissionExecutor:
         if in_control:
             holds = self.status.state is MissionState.HOLDING
             flight.advance(pose, step_s, self._pace, holds=holds)
-        # The heading turns only in control: else the aircraft would swing round at engagement.
+        # The heading changes only in control; before, the setpoint keeps it, so that engagement
+        # causes no turn.
         setpoint = flight.setpoint(pose, plane, step_s if in_control else 0)
         refused = self.setpoints.send(setpoint, flight, plane, now_s)
         if refused is None:

@@ -27,7 +27,7 @@ _MOST_REQUESTS = 3
 _LAND_AGAIN_S = 3.0
 """A LAND request that arrived shows in the heartbeat of the next second."""
 _MOST_LANDINGS = 3
-"""After so many requests without effect the pilot must land."""
+"""Number of requests without effect after which the pilot must land."""
 
 
 class ModeRequester:

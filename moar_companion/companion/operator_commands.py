@@ -16,8 +16,8 @@ from ..types import Mission
 from .reports import Reports
 
 _READING_S = 1.0
-"""Maximum wait of an order, after the start, for the autopilot, whose heartbeat comes each second;
-then as long again for its parameters. Over UDP they are read within 0.3 s."""
+"""Maximum wait of an order, after the start, for the autopilot, which sends a heartbeat each
+second; then the same wait for its parameters. Over UDP they are read within 0.3 s."""
 
 _RESULTS = {
     Verdict.ACCEPTED: CommandResult.ACCEPTED,

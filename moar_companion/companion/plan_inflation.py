@@ -31,7 +31,8 @@ class PlanInflation:
         """Required obstacle inflation by position uncertainty, beyond keep-outs."""
         self._widening = ObstacleInflation()
         self._lasting = ObstacleInflation()
-        """The same without the tracking error, which a gust causes only for a time."""
+        """Required obstacle inflation without the tracking error, which a gust causes only for a
+        time."""
         self._not_found: tuple[float, str] | None = None
         """Obstacle inflation at which no path was found, and the reason."""
 

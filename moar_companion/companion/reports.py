@@ -58,7 +58,7 @@ class Reports:
         self.record("text", now_s, text=text, reason=reason)
 
     def tell_event(self, event: Event, now_s: float) -> None:
-        """Reports an event of the session that operators have to know of."""
+        """Reports an event of the session to the operators."""
         match event:
             case CommandAnswered(result=result) if result != CommandResult.ACCEPTED:
                 self.say(Severity.WARNING, pilot_texts.MODE_REFUSED(), now_s)

@@ -51,7 +51,7 @@ class RouteManager:
         self.flight: PathFollower | None = None
         """Active or offered flight; None while there is none."""
         self.limits = FlightLimits(site_maps, vehicle, config, reports)
-        """What limits the flight: maps, and the autopilot's fence, offboard loss, failsafes."""
+        """Limits of the flight: maps, and the autopilot's fence, offboard loss, failsafes."""
         self._vehicle = vehicle
         self._config = config
         self._reports = reports
@@ -63,7 +63,7 @@ class RouteManager:
         """Time of the last resumption along a landing leg."""
         self._plan_reports = PlanReports(vehicle, reports)
         self._no_way_round = False
-        """True if no plan was found that leads round what bars the path."""
+        """True after a search without a plan around the barred path."""
         self.inflation = PlanInflation(vehicle, config.supervision, margin)
         """Obstacle inflation of plans."""
         self._left: PathFollower | None = None
@@ -283,7 +283,7 @@ class RouteManager:
     def arrived(self, pose: Pose | None, now_s: float) -> bool:
         """True if the aircraft is at its plan's end; after a wait a larger error is accepted.
 
-        A constant error, by a steady wind, must not keep it there for ever.
+        A constant error, by a steady wind, must not prevent the arrival.
         """
         flight, guidance = self.flight, self._vehicle.guidance
         if flight is None or pose is None or not flight.arrived:
@@ -306,9 +306,9 @@ class RouteManager:
             self.flight.stand(position_m)
 
     def awaited_for_s(self, now_s: float) -> float | None:
-        """Wait for a new plan of an active inspection, in seconds; None while none is awaited.
+        """Wait for a new plan of an active inspection, in seconds; None while no plan is awaited.
 
-        An escape route goes on without one: its path was checked, and to stay is no better.
+        An escape route continues without a new plan: its path was checked, and a stop is no safer.
         """
         since_s, flight = self._plans.wanting_since_s, self.flight
         inspects = flight is not None and flight.mission is Mission.INSPECTION
@@ -328,8 +328,8 @@ class RouteManager:
     def resume(self, task: Task, pose: Pose | None) -> bool:
         """Resumes a task along the landing leg on which it stopped, or a pilot took over.
 
-        At the leg's end no more flight is needed. So near the leg that no other plan can be joined
-        before it, the active flight serves the task. Returns False where a plan is needed.
+        At the leg's end no more flight is needed. If no other plan can be joined before the near
+        leg, the active flight serves the task. Returns False where a plan is needed.
         """
         flight, volume = self.flight, self.limits.volume
         left = self._left if flight is None else flight

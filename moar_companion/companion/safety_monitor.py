@@ -68,7 +68,7 @@ class SafetyMonitor:
         return self._ruling
 
     def override(self, known: Collection[str]) -> None:
-        """Overrides the conditions that were known to the operator who ordered."""
+        """Overrides the conditions that the operator had received before the order."""
         self._watches = supervisor.overridden(self._watches, self._table, known=known)
         self._ruling = supervisor.ruling(self._watches, self._table)
 
@@ -86,9 +86,9 @@ class SafetyMonitor:
     ) -> None:
         """Records conditions that begin or end; sends texts the mission does not send.
 
-        Texts are sent while something is streamed, about every condition against it. A new
-        ground station receives all of them. known: conditions that do not count against the
-        order whose plan is awaited, because its operator knew of them.
+        Texts are sent during a stream, about every condition against it. A new ground station
+        receives all of them. known: conditions that do not count against the order with the awaited
+        plan, because its operator had received them.
         """
         missed = self._audience.has_grown(station, now_s)
         ruling = self._ruling.apart_from(known)
@@ -134,6 +134,6 @@ def _is_past(item: Acting) -> bool:
 
 
 def _before_control(item: Acting) -> bool:
-    """True if the condition only prevents a start: the operator who orders receives it."""
+    """True if the condition only prevents a start: the answer to the order reports it."""
     row = item.condition
     return row.action is Action.CONTINUE and row.override is Override.NOBODY

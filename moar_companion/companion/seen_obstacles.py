@@ -1,8 +1,8 @@
-"""Obstacles that the sensor sees: they join those of the site file, and new maps are asked for.
+"""Obstacles of the sensor: they join those of the site file, and new maps are requested.
 
 Inputs: reports of the perception, answers with maps, poses. Outputs: map jobs, notes of poses for
-the perception, texts for operators. A seen conductor near one of the site file is that one, at
-another place: both places are avoided.
+the perception, texts for operators. A seen conductor near a conductor of the site file counts as
+the same one at another place: both places are avoided.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from ..types import Vector
 from .reports import Reports
 
 _APART_M, _SAME_PLACE_M = 0.25, 0.15
-"""Distances from its place in the file beyond which a seen conductor is an obstacle of its own, and
-below which it is none any more: the margin covers it."""
+"""Distance from its place in the file above which a seen conductor becomes an obstacle of its own,
+and distance below which it ceases to be one. The margin covers smaller distances."""
 _MOVED_M = 0.15
-"""A conductor that moves less keeps its place on the maps: as far as its place is known."""
+"""Least move of a conductor that changes its place on the maps: the accuracy of its place."""
 _RADIUS_M = 0.02
 """Radius of a seen conductor; the keep-out is far greater."""
 _MOST_NOTES = 200
-"""Notes that are kept while nobody takes them: two seconds of poses."""
+"""Maximum number of kept notes: two seconds of poses."""
 
 
 class SeenObstacles:
@@ -50,18 +50,18 @@ class SeenObstacles:
         """The newest report; None before the first."""
         self._looked_at: PerceptionReport | None = None
         self._seen: tuple[Obstacle, ...] | None = ()
-        """Seen obstacles of the last job, as a file would have them; None: it failed."""
+        """Obstacles of the last job, in the form of a site file; None after its failure."""
         self._before: tuple[Obstacle, ...] = ()
-        """What a process saw that has ended, until the aircraft is on the ground."""
+        """Obstacles of a process that has ended; kept until the aircraft is on the ground."""
         self._job_id = 0
         self._asked_s: float | None = None
-        """Time of the job that is to be answered; None: no job is."""
+        """Time of the pending job; None without one."""
         self._unmapped_s: float | None = None
-        """Time since which something is seen that the maps do not have; None: they have all."""
+        """Time since which the maps lack an obstacle; None if they have all."""
         self._jobs: list[MapJob] = []
         self._answer: MapAnswer | None = None
         self._texts: list[tuple[Severity, str]] = []
-        """Texts about the obstacles of the job, told when the maps have them."""
+        """Texts about the obstacles of the job, sent when the maps have them."""
         self._notes: deque[PoseNote] = deque(maxlen=_MOST_NOTES)
         self._noted: tuple[float | None, float | None] = (None, None)
         """Boot times of the last position and attitude that were noted."""
@@ -69,11 +69,11 @@ class SeenObstacles:
         self._jumped_m: Vector = (0.0, 0.0, 0.0)
         """Sum of the jumps of the estimate."""
         self._told_m: dict[tuple[str, str], float] = {}
-        """Distance that was told last, by names in the file and as seen; of an unknown one 0."""
+        """Last reported distance, by names in the file and as seen; 0 for an unknown conductor."""
 
     @property
     def health(self) -> SensorHealth:
-        """How the sensor works."""
+        """State of the sensor."""
         return SensorHealth() if self.report is None else self.report.health
 
     def take(self, report: PerceptionReport) -> None:
@@ -139,11 +139,11 @@ class SeenObstacles:
                 )
 
     def unmapped_s(self, now_s: float) -> float | None:
-        """Time for which something has been seen that the maps do not have; None: they have all."""
+        """Time for which the maps have lacked an obstacle; None if they have all."""
         return None if self._unmapped_s is None else now_s - self._unmapped_s
 
     def taken(self, now_s: float) -> SiteMaps | None:
-        """Returns the maps of an answer, once; tells what they have."""
+        """Returns the maps of an answer, once; reports their obstacles."""
         answer, self._answer = self._answer, None
         if answer is None:
             return None
@@ -158,7 +158,7 @@ class SeenObstacles:
         return answer.site_maps
 
     def look(self, now_s: float, *, on_ground: bool) -> None:
-        """Asks for maps where the obstacles are others than those that were asked for."""
+        """Requests maps when the obstacles differ from those of the last request."""
         report, before = self.report, self._looked_at
         if report is None or self._site is None or report is before or self._asked_s is not None:
             return
@@ -169,7 +169,7 @@ class SeenObstacles:
         if on_ground:
             self._before = ()
         if report.health.scan_s is None:
-            # Nothing has been looked at yet: what was seen before is still there.
+            # The process has no scan yet: earlier obstacles stay.
             return
         seen = (
             *self._before,
@@ -204,7 +204,7 @@ class SeenObstacles:
         )
 
     def _placed(self, seen: SeenConductor) -> tuple[Obstacle, ...]:
-        """The obstacle of a seen conductor, at the place of the maps until it has moved from it."""
+        """Obstacle of a seen conductor; it keeps its place on the maps until it has moved."""
         assert self._site is not None
         mapped = next(
             (
@@ -229,7 +229,7 @@ class SeenObstacles:
             if off_m < (_APART_M if mapped is None else _SAME_PLACE_M):
                 return ()
         if mapped is not None:
-            # A keep-out never shrinks in flight, on whichever side of a limit the conductor is.
+            # A keep-out never shrinks in flight, even if the conductor crosses a limit.
             keep_out_m = max(keep_out_m, mapped.keep_out_m)
             still = math.dist(mapped.position_m, seen.position_m) < _MOVED_M
             if still and mapped.keep_out_m == keep_out_m:

@@ -170,8 +170,8 @@ class SetpointStreamer:
     ) -> str | None:
         """Reason why a setpoint must not follow the last one, or begin the stream.
 
-        The vehicle's limits apply in the world and in the autopilot's frame, whichever of them the
-        map between them moves.
+        The vehicle's limits apply in the world and in the autopilot's frame, also when the map
+        between the two moves.
         """
         last, blown_to_m = self._last, flight.blown_to_m
 

@@ -1,6 +1,6 @@
 """The start report: an interrupted flight, an aircraft in the air, a wrong number of cells.
 
-Inputs: the memory of the previous process, telemetry. Outputs: texts for people. Pure.
+Inputs: the memory of the previous process, telemetry. Outputs: texts for operators. Pure.
 """
 
 from __future__ import annotations

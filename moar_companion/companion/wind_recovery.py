@@ -1,8 +1,8 @@
-"""Recovery of an aircraft that wind has carried off, and texts about its drift.
+"""Recovery of an aircraft after a displacement by wind, and texts about its drift.
 
 A recovery leg leads back an aircraft outside the workspace or beside the plane, while the mission
-holds and no other condition holds it. The mission goes on when its conditions allow, not before.
-Inputs: the flight, the mission's state, the ruling; outputs: a recovery leg, texts.
+holds and no other condition holds it. The mission resumes when its conditions permit. Inputs: the
+flight, the mission's state, the ruling; outputs: a recovery leg, texts.
 """
 
 from __future__ import annotations

@@ -1,1 +1,1 @@
-"""Pure: exit and evacuation kept planned, and what they take of time and energy."""
+"""Pure: exit and evacuation kept planned, and their time and energy."""

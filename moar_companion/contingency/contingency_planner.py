@@ -102,7 +102,7 @@ class ContingencyPlanner:
         self._queue: list[_Question] = []
         self._due_s = -math.inf
         self._ways: dict[_Question, RouteCost | None] = {}
-        """Routes of the last answers with a plan; None where no answer had one."""
+        """Routes of the last answers, of those with a plan; None where no answer had one."""
         self._starts: dict[_Question, Vector] = {}
         """Start points of the routes."""
         self._now_s = -math.inf

@@ -23,8 +23,9 @@ _CLEARLY_LESS = 0.9
 class RouteCost:
     """Cost of a route. energy_wh: as the vehicle file has it.
 
-    asked_s: time of its request; of several parts, the oldest. exposed_s: time until the last
-    place is passed where a battery failsafe of the autopilot would hit something; 0: there is none.
+    asked_s: time of its request; of several parts, the oldest. exposed_s: time until the last place
+    is passed from which a battery failsafe of the autopilot would hit an obstacle; 0: there is
+    none.
     """
 
     duration_s: float
@@ -67,7 +68,7 @@ class Outcome:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outlook:
-    """Energy left, and demand of each route, for people; None: unknown, or no such route.
+    """Energy left, and demand of each route, for displays; None: unknown, or no such route.
 
     left_wh and energies are absolute where the vehicle file has the capacity, else relative.
     factor: measured power over the vehicle file's. source: origin of the factor.
@@ -84,7 +85,7 @@ class Outlook:
 
 
 def better_of(ways: Mapping[Mission, RouteCost | None], before: Mission | None) -> Mission | None:
-    """Returns the escape route that takes less; the one before, unless another takes clearly less.
+    """Returns the escape route that takes less; the present one, unless another takes clearly less.
 
     A route that was not found again for long, while another was, does not count.
     """

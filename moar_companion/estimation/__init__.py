@@ -1,1 +1,1 @@
-"""Pure: where the aircraft is, on which site, and how well that is known."""
+"""Pure: position of the aircraft on its site, and the uncertainty of it."""

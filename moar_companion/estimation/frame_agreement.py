@@ -2,8 +2,8 @@
 
 Only the local frame's origin, which a message reports, gives the local position a place in the
 world. That place is compared with other reports: the global position, and home where the autopilot
-derives both its coordinates from one another. The origin itself does not move in flight: in none of
-31 recordings of both autopilots does it.
+derives both its coordinates from one another. The origin does not move in flight: it moved in none
+of 31 recordings of both autopilots.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from ..types import AutopilotKind, GeodeticPoint
 
 _COMPARABLE_S = 0.3
 """Maximum difference of the stamps of local and global position. GLOBAL_POSITION_INT comes at 5 Hz
-or more; the local position is extrapolated by its velocity for so long."""
+or more; the local position is extrapolated by its velocity over this time."""
 
 
 class FrameAgreement:
@@ -28,7 +28,7 @@ class FrameAgreement:
 
         None before that. Silence of either changes nothing."""
         self.home_off_m: float | None = None
-        """The same for home's two coordinates; None, too, where the autopilot keeps them apart."""
+        """Distance of home's two coordinates; None, too, where the autopilot keeps them apart."""
         self.origin_moved_m = 0.0
         """Move of the origin since the flight began, or since it was last accepted."""
         self._kind = UNKNOWN
@@ -53,7 +53,7 @@ class FrameAgreement:
         self._compare_home(telemetry.home, origin)
 
     def accept_origin(self) -> None:
-        """Accepts the present origin: the operator who orders knows its move."""
+        """Accepts the present origin: the operator was informed of its move before the order."""
         self._accepted, self.origin_moved_m = self._origin, 0.0
 
     def _compare_global(self, telemetry: Telemetry, origin: GeodeticPoint) -> None:

@@ -23,13 +23,13 @@ _JUMP_M = 0.5
 """A position farther than this from the velocity's prediction has jumped: the estimator was
 reset. In flight PX4's own estimate wanders by centimetres."""
 _RESET_JUMP_M = 0.1
-"""The same if the estimator reports a reset. In PX4's recordings the position moves by up to
-0.02 m when only the heading is reset."""
+"""Least step of a jump with a reported reset of the estimator. In PX4's recordings the position
+moves by up to 0.02 m when only the heading is reset."""
 _RESET_WITHIN_S = 0.3
 """Time between a position step and the report of the reset: ODOMETRY comes at 5 Hz or more."""
 _JUMPS_WITHIN_S = 10.0
 _TURN_RAD = 0.1
-"""A heading farther than this from the turn rate's prediction was reset. In recordings of both
+"""Step of the heading beyond the turn rate's prediction that means a reset. In recordings of both
 autopilots up to 0.05 rad of a turn are left; when its receiver was back, PX4's heading was reset by
 0.43."""
 _TURN_WITHIN_S = 0.2
@@ -90,9 +90,9 @@ class PoseTracker:
         self._clock_ahead_s = math.inf
         """Lead of our clock over the position's clock, when the fastest position arrived."""
         self._recent_ahead_s = (math.inf, math.inf)
-        """The same in the window before the present one, and in the present one."""
+        """Lead of our clock in the window before the present one, and in the present one."""
         self._window_s = -math.inf
-        """Begin of the present window."""
+        """Start of the present window."""
         self._jumps: deque[tuple[float, float]] = deque(maxlen=_MOST_JUMPS)
         self._reset_counter: int | None = None
         self._reset_s = -math.inf
@@ -212,7 +212,7 @@ class PoseTracker:
         self._reset_counter = odometry.reset_counter
 
     def _jump(self) -> Vector | None:
-        """Returns the last step if it is long enough for a jump, or if a reset came with it."""
+        """Returns the last step if it is long enough for a jump, or if a reset accompanied it."""
         if self._step is None:
             return None
         step_s, step_m = self._step

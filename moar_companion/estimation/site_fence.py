@@ -1,10 +1,10 @@
 """The site fence: the autopilot's fence in the site's plane.
 
-Inputs: the fence, home, the site's frame, the margin. Outputs: a `PlaneFence`, or the reason why
-it is unknown. Circles and polygons become intervals of x, less all that is nearer to their border
-than the margin. Heights count from home. Pure.
+Inputs: the fence, home, the site's frame, the margin. Outputs: a `PlaneFence`, or the reason why it
+is unknown. Circles and polygons become intervals of x without the parts nearer to their border than
+the margin. Heights count from home. Pure.
 
-The fence is kept whatever its action: it is a limit that the operator has set.
+The fence is kept for every fence action: it is a limit that the operator has set.
 """
 
 from __future__ import annotations

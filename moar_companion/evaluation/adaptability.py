@@ -1,8 +1,8 @@
 """Adaptability to risks (paper, Section V-B, Fig. 8).
 
-Input: a scene. Output: its paths over all combinations of risk indices, and on fine grids over wind
-alone and over all that ask for safety, for each way of adaptation and each base weights; and the
-measures that compare them with the baselines.
+Input: a scene. Output: its paths over all combinations of risk indices, and on two fine grids, and
+the measures that compare them with the baselines. One fine grid is over wind alone, the other over
+all risks that ask for safety, for each way of adaptation and each base weights.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Adapted = Callable[[RiskIndices], Weights]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Way:
-    """A way of adaptation, and the name of the base weights that it starts from."""
+    """A way of adaptation, and the name of its base weights."""
 
     adaptation: AdaptationKind
     base: str
@@ -75,7 +75,7 @@ class Response:
 class Adaptability:
     """The risk sweep of one scene. front: the paths of the exact front.
 
-    corners: (3,) the paths for safety, time and energy alone, the ends of every adaptation.
+    corners: (3,) the paths for safety, time and energy alone, the limits of every adaptation.
     """
 
     scene: Scene
@@ -94,7 +94,8 @@ def risk_combinations(levels: int = LEVELS) -> FloatArray:
 def sweep(scene: Scene, levels: int = LEVELS, fine_levels: int = FINE_LEVELS) -> Adaptability:
     """The risk sweep of a scene.
 
-    In the combinations the communication risk is 0, as in the paper: it acts as localization's.
+    In the combinations the communication risk is 0, as in the paper: it has the effect of
+    localization's.
     """
     posed = problem(scene)
     posed.planner.prepare(mission=scene.mission, target=posed.request.target)

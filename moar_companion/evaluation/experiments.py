@@ -1,7 +1,7 @@
-"""The experiments as tasks, and what comes of them: columns, pictures, tables, the report.
+"""The experiments as tasks, and their results: columns, pictures, tables, the report.
 
-A task is a function and its arguments; both, and the answer, can be sent to another process. The
-order of the results is that of the tasks.
+A task is a function and its arguments. Function, arguments and answer can be sent to another
+process. The order of the results is that of the tasks.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ _TEXTS = {
 
 @dataclass(frozen=True, kw_only=True)
 class Results:
-    """Results of the experiments that were run; empty or None for the others."""
+    """Results of the finished experiments; empty or None for the others."""
 
     sensitivity: Sequence[Sensitivity] = ()
     adaptability: Sequence[Adaptability] = ()
@@ -51,7 +51,7 @@ class Results:
 def sweeps(experiment: str, clock: missions.Clock) -> list[Call]:
     """The computations of an experiment; none for those that only draw or fly.
 
-    clock: seconds, by which plans are timed; it can be sent to another process, too.
+    clock: seconds, for the times of plans; it can be sent to another process, too.
     """
     calls: dict[str, list[Call]] = {
         "sensitivity": [(sensitivity.sweep, (scene,)) for scene in SWEPT],
@@ -62,7 +62,7 @@ def sweeps(experiment: str, clock: missions.Clock) -> list[Call]:
 
 
 def drawings(experiment: str, results: Results) -> list[Call]:
-    """The figures of an experiment; each call answers with a picture."""
+    """The figures of an experiment; each call returns a picture."""
     from .figures import adaptability_figure as risks  # noqa: PLC0415
     from .figures import flight_figure as flown  # noqa: PLC0415
     from .figures import map_figure  # noqa: PLC0415
@@ -78,7 +78,7 @@ def drawings(experiment: str, results: Results) -> list[Call]:
 
 
 def columns(results: Results) -> dict[str, Columns]:
-    """The Parquet files by name; `tests_times` alone differs from run to run."""
+    """The Parquet files by name; only `tests_times` differs from run to run."""
     files: dict[str, Columns] = {}
     if results.sensitivity:
         swept = results.sensitivity
@@ -189,7 +189,7 @@ def headline(results: Results) -> Table:
 
 
 def report(results: Results, pictures: Mapping[str, Sequence[Picture]]) -> str:
-    """The report of the experiments that have pictures, or results, as HTML."""
+    """The report of the experiments with pictures or results, as HTML."""
     overview = headline(results)
     tables = {
         "sensitivity": _sensitivity_tables(results.sensitivity),
@@ -213,7 +213,7 @@ def report(results: Results, pictures: Mapping[str, Sequence[Picture]]) -> str:
 
 
 def summary(results: Results) -> str:
-    """The figures that the paper has, too, in lines of text."""
+    """The figures that the paper also has, in lines of text."""
     lines = [
         f"{name}: {text(median)} (quartiles {text(low)}, {text(high)}; n = {count}); paper {paper}"
         for name, paper, count, low, median, high in headline(results).rows
@@ -245,7 +245,7 @@ def _adaptability_tables(adapted: Sequence[Adaptability]) -> list[Table]:
         rows = [adaptability.summary(each, way) for each in adapted]
         for row in rows:
             del row["way"]
-        # One table for each metric: in one they would be too wide.
+        # One table for each metric; a single table is too wide.
         tables += [_metric_table(way.name, label, rows) for label in adaptability.COMPARED]
     return tables
 

@@ -1,4 +1,4 @@
-"""The paper's flight (Section V-C, Fig. 9): planned and flown, beside the paper's figures.
+"""The paper's flight (Section V-C, Fig. 9): planned and flown, with the paper's figures.
 
 Inputs: places and times of flights in lockstep with the fake autopilot. Outputs: their metrics.
 """
@@ -42,7 +42,7 @@ class FlightTest:
 
 
 def of_flights(flights: Mapping[str, Mapping[str, Sequence[Any]]]) -> FlightTest:
-    """The plan, and flights as `tests.flights.paper_flight` tells them."""
+    """The plan, and flights in the form of `tests.flights.paper_flight`."""
     planner = Planner(Site.load(FLIGHT_SITE), Vehicle.load(FLIGHT_VEHICLE))
     return FlightTest(
         planner=planner,

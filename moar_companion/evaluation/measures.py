@@ -1,6 +1,6 @@
 """Measures of sweeps: range ratio, coverage, switches, hypervolume, quartiles.
 
-environments/README decides what each means where the paper leaves it open.
+environments/README defines each where the paper leaves it open.
 """
 
 from __future__ import annotations
@@ -55,7 +55,7 @@ def greatest_step(values: FloatArray) -> float:
 def greatest_gap(points: FloatArray, values: FloatArray) -> float:
     """The greatest gap between points within the range of `values`, over that range.
 
-    What a greatest step cannot be less than where values are taken from the points.
+    Lower limit of the greatest step of values that are taken from the points.
     """
     low, high = float(values.min()), float(values.max())
     if not high - low > _EQUAL:
@@ -76,7 +76,7 @@ def hypervolume(points: FloatArray, reference: FloatArray) -> float:
 
 
 def quartiles(values: FloatArray) -> tuple[int, float, float, float]:
-    """Number of values that are known, first quartile, median and third quartile."""
+    """Number of known values, first quartile, median and third quartile."""
     known = values[np.isfinite(values)]
     if not len(known):
         return 0, np.nan, np.nan, np.nan

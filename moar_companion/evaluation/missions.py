@@ -18,7 +18,7 @@ from .paths import METRICS, Baselines, PathCollector, Paths, baselines
 from .scenes import Problem, Scene, problem
 
 REPEATS = 200
-"""Plans that are timed, each of them with other weights about the vehicle's."""
+"""Number of timed plans, each with other weights about the vehicle's."""
 _SPREAD = 0.1
 
 Clock = Callable[[], float]

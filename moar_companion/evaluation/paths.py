@@ -1,7 +1,7 @@
 """Distinct paths of a sweep, each with its metrics and sums, computed once.
 
 Many weights have the same optimal path: a sweep keeps the number of a path for each of its plans.
-Paths are without landing legs (environments/README).
+Paths have no landing legs (environments/README).
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from ..types import Weights
 from .scenes import Problem
 
 METRICS = (*(field.name for field in fields(Metrics)), "length_mean_clearance_m")
-"""Columns of all metrics: those of a plan, and the clearance averaged over the length instead of
-the time, which no speed changes."""
+"""Columns of all metrics: those of a plan, and the clearance averaged over the length. Unlike the
+average over the time, it does not depend on the speed."""
 SUMS = ("safety", "time", "energy")
 """Columns of the sums of SC d, TC and EC."""
 
@@ -82,7 +82,7 @@ class PathCollector:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Baselines:
-    """The paper's baselines on a problem. points_m, metrics: by kind, those that were found.
+    """The paper's baselines on a problem. points_m, metrics: by kind, where a path was found.
 
     shortest_least_clearance_m: mean clearance of the shortest path that is nearest to obstacles.
     """

@@ -1,6 +1,6 @@
-"""The report: one HTML document that holds all figures and tables.
+"""The report: one HTML document with all figures and tables.
 
-Inputs: sections of tables and pictures. Output: text; nothing is loaded from elsewhere.
+Inputs: sections of tables and pictures. Output: text; the document loads nothing from elsewhere.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The scenes of the evaluation: environments, missions and variations (paper, Section V-A).
 
-Inputs: the committed files in `environments`, whose README decides what the paper leaves open.
-Outputs: `Scene` values, each one planning problem but for its weights.
+Inputs: the committed files in `environments`, whose README defines what the paper leaves open.
+Outputs: `Scene` values, each one planning problem without its weights.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ SIMULATED_VEHICLE = shipped_configs() / "vehicles" / "linedrone.yaml"
 
 SPLICES = ("splice-upper", "splice-lower")
 DISPLACED_M: PlanePoint = (0.75, -0.9)
-"""Displacement of the conductors in every other variation: blown aside, and hanging lower."""
+"""Displacement of the conductors in every other variation: aside by wind, and lower by sag."""
 BASES = {
     "middle": Weights.normalised(1.0, 1.0, 1.0),
     "fast": Weights.normalised(0.05, 0.9, 0.05),
 }
-"""Weights k_{S,0}, k_{T,0}, k_{E,0} from which risks are swept."""
+"""Weights k_{S,0}, k_{T,0}, k_{E,0} from which the sweeps of risks begin."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Scene:
-    """One planning problem but for its weights.
+    """One planning problem without its weights.
 
     environment: 1 to 3. displaced: the conductors hang aside and lower than surveyed.
     """
@@ -68,7 +68,7 @@ class Scene:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Problem:
-    """A scene's planner, its request without weights, and the weights to begin with."""
+    """A scene's planner, its request without weights, and the initial weights."""
 
     scene: Scene
     planner: Planner
@@ -117,7 +117,7 @@ def environment_site(number: int, *, displaced: bool = False) -> Site:
 
 
 def _displaced(site: Site) -> Site:
-    """The site with all conductors displaced, and with them what is looked at."""
+    """The site with all conductors displaced, and their targets with them."""
     x_m, z_m = DISPLACED_M
 
     def moved(point: PlanePoint) -> PlanePoint:

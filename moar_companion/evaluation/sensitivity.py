@@ -3,9 +3,9 @@
 Input: a scene. Output: the paths of all combinations of weights, the exact front, the baselines,
 and the measures that compare them.
 
-Most combinations need no search: their optimum is the point of the exact front that costs the
-least. Where a weight is 0, or two points cost the same, equal costs are told apart by more than
-those sums, and the planner is asked.
+Most combinations need no search: their optimum is the point of the exact front with the least cost.
+The planner searches where a weight is 0 or two points cost the same: more than these sums then
+decides between equal costs.
 """
 
 from __future__ import annotations
@@ -72,7 +72,7 @@ def sweep(scene: Scene, levels: int = LEVELS) -> Sensitivity:
     path = _paths_of(swept, collector, points)
     known = collector.paths()
     front = known.chosen(points)
-    # Numbered anew: not every path of the front is one of the sweep's.
+    # New numbers: the sweep has only some paths of the front.
     flown, path = np.unique(path, return_inverse=True)
     paths = known.chosen(flown.tolist())
     low, high = front.sums.min(axis=0), front.sums.max(axis=0)

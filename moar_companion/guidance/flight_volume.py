@@ -148,7 +148,7 @@ class FlightVolume:
         return barred
 
     def bars(self, cells: IntArray) -> BoolArray:
-        """Mask (n,) of cells (n, 2) that are not free, the margin left out that the plan omits."""
+        """Mask (n,) of cells (n, 2) that are not free, without the margin that the plan omits."""
         at = tuple(cells.T)
         room_m = self.maps.room_m[at]
         omitted = (room_m >= -self.narrowed_m) & (room_m < 0.0)
@@ -169,7 +169,7 @@ class FlightVolume:
         return self.fence.crossed(places_m[:, ::2], self.maps.grid.resolution_m)
 
     def carried_m(self, setpoint_m: Vector, aircraft_m: Vector, leash_m: float) -> Vector | None:
-        """New setpoint, at rest, when the wind has blown the aircraft off by more than `leash_m`.
+        """New setpoint, at rest, when the wind has moved the aircraft by more than `leash_m`.
 
         It is on the straight line to the aircraft, `leash_m` away, where a setpoint is permitted
         and the line to the aircraft is free. Other places follow: farther ones, then nearer ones,
@@ -198,7 +198,7 @@ class FlightVolume:
         return bool(self._leads_back(np.array([end_m]), np.array(start_m), margin_m)[0])
 
     def keeps_leg(self, corners_m: tuple[Vector, ...], from_m: Vector) -> bool:
-        """True if what is left of a leg, from a place in its corridor, keeps every keep-out.
+        """True if the rest of a leg, from a place in its corridor, keeps every keep-out.
 
         In one that it begins in, it comes no nearer.
         """

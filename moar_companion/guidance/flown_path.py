@@ -88,7 +88,7 @@ class FlownPath:
         return replace(self, reference=replace(self.reference, stop_m=None))
 
     def taken_up(self, volume: FlightVolume, pose: Pose, widened_m: float) -> FlownPath | None:
-        """Returns the path resumed at an aircraft near its landing leg; None elsewhere.
+        """Returns the path resumed at an aircraft near its landing leg; None if it is not near.
 
         The aircraft is outside the workspace, and within the tracking tolerance of the leg. The
         setpoint begins at the aircraft, and moves over to the leg. widened_m: obstacle inflation.
@@ -163,7 +163,7 @@ class FlownPath:
     def stood(self, position_m: Vector) -> FlownPath:
         """Returns the path that ends at once at a place that the setpoint has just passed.
 
-        Plans lead on from there, whatever the path; a landing leg is kept within its corridor.
+        Later plans begin there, on any path; a landing leg is kept within its corridor.
         """
         leg = self.legs[-1] if self.on_leg and self.legs else None
         beside_m = math.inf if leg is None else distance_m(position_m, leg.points_m)
@@ -289,7 +289,7 @@ class FlownPath:
         reach: FreeDistance | None,
         narrowed_m: float,
     ) -> FlownPath | None:
-        """Returns the path that goes over to a plan at its junction; None: it is too late.
+        """Returns the path that changes to a plan at its junction; None: it is too late.
 
         Returns the path itself if it continues by the plan's points already. reach, narrowed_m: as
         in `FlightVolume`.
@@ -300,7 +300,7 @@ class FlownPath:
         points = self.points(plan, junction, escape_m)
         if junction.joined_m is None:
             # The old path is free. The setpoint stays there if it is not at rest yet, or if the
-            # line to the new path is not free. The aircraft then comes back to it.
+            # line to the new path is not free. The aircraft then returns to it.
             resting = reference.speed_mps <= volume.vehicle.speed.min_mps
             if not resting or not self.volume.free_between(
                 reference.position_m, junction.position_m

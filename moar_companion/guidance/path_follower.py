@@ -34,7 +34,7 @@ from .wind_leash import WindLeash
 from .yaw import wanted_yaw_rad
 
 _STANDS_MPS = 0.05
-"""Slower than any planned speed, even at half its pace: the residue of a waiting reference."""
+"""Speed below any planned speed, even at half its pace: the residue of a waiting reference."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -118,7 +118,7 @@ class PathFollower:
 
     @property
     def returns(self) -> bool:
-        """True while the flight comes back by a recovery leg, without a plan."""
+        """True while the flight returns by a recovery leg, without a plan."""
         return self._drift.returns
 
     def drifted_m(self, pose: Pose) -> float | None:
@@ -128,12 +128,12 @@ class PathFollower:
 
     @property
     def why_it_returns(self) -> str:
-        """Text for people about the recovery leg."""
+        """Text for operators about the recovery leg."""
         return pilot_texts.RETURNING(m=distance(self._path.outside_m))
 
     @property
     def is_carried_off(self) -> bool:
-        """True if the setpoint, after a displacement by wind, needs a recovery leg to go on."""
+        """True if the setpoint, after a displacement by wind, needs a recovery leg to continue."""
         displaced = self._drift.carried and self._drift.from_m is None
         return displaced and self._path.needs_recovery
 
@@ -207,7 +207,7 @@ class PathFollower:
     def stand(self, position_m: Vector) -> None:
         """Stops at once at a place that the path has just passed.
 
-        Plans lead on from there, whatever the path; a landing leg is kept within its corridor.
+        Later plans begin there, on any path; a landing leg is kept within its corridor.
         """
         self._path = self._path.stood(position_m)
 
@@ -299,7 +299,7 @@ class PathFollower:
             self.stand(vector(reference.position_m))
 
     def _go_along(self, pose: Pose, step_s: float) -> None:
-        """Moves the setpoint, at rest, with an aircraft that is blown off beyond the leash."""
+        """Moves the setpoint, at rest, with an aircraft that the wind moves beyond the leash."""
         leash_m = self._drift.leash_m(self._vehicle)
         place_m, error_m = self._path.place_m, self.error_m(pose)
         moved_m = None
@@ -335,7 +335,7 @@ class PathFollower:
         )
 
     def progress(self, pose: Pose) -> Progress:
-        """Progress of the flight, for people."""
+        """Progress of the flight, for displays."""
         reference = self._reference
         left_m = reference.trajectory.length_m - reference.distance_m
         return Progress(

@@ -1,8 +1,9 @@
 """The tracker: reference of the aircraft on its trajectory, and the setpoint for it.
 
-Progress follows the aircraft and not a clock: when the aircraft falls behind, the reference slows
-down, and stops when the aircraft is too far off. A gust delays the aircraft and does not lose it.
-Inputs: the reference, the aircraft's position, the time step; output: the next reference.
+Progress follows the aircraft and not a clock. When the aircraft falls behind, the reference slows
+down; when the aircraft is too far off, the reference stops. A gust delays the aircraft, and the
+aircraft keeps its path. Inputs: the reference, the aircraft's position, the time step; output: the
+next reference.
 """
 
 from __future__ import annotations
@@ -40,7 +41,7 @@ class Reference:
 
     @classmethod
     def start(cls, trajectory: Trajectory, setpoint_m: Vector) -> Reference:
-        """The reference at the start of a trajectory while the setpoint is still elsewhere."""
+        """The reference at the start of a trajectory while the setpoint has not reached it."""
         return cls(
             trajectory=trajectory,
             offset_m=np.array(setpoint_m) - trajectory.position_m[0],

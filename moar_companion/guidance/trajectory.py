@@ -129,7 +129,7 @@ class Trajectory:
         return np.concatenate([first[None], self.position_m[ahead]]), np.diff(distance) / mean
 
     def capped(self, cap: SpeedCap, acceleration_mps2: float) -> Trajectory:
-        """The same, flown no faster than another cap allows."""
+        """The trajectory under another speed cap."""
         if len(self.distance_m) == 1:
             return self
         limit = np.minimum(self.limit_mps, cap(self.position_m, self.direction))
@@ -293,7 +293,7 @@ def _directions(step: FloatArray) -> FloatArray:
     before, after = np.concatenate([unit[:1], unit]), np.concatenate([unit, unit[-1:]])
     mean = before + after
     norm = np.sqrt((mean**2).sum(axis=1))[:, None]
-    # Where the path turns back there is no mean direction: the next step gives the direction.
+    # A path that turns back has no mean direction: the next step gives the direction.
     return np.where(norm > 0.5, mean / np.maximum(norm, _SAME_POINT_M), after)
 
 

@@ -1,4 +1,4 @@
-"""The wind leash: the setpoint follows an aircraft that is blown off, at a maximum distance.
+"""The wind leash: the setpoint follows an aircraft in strong wind, at a maximum distance.
 
 The distance then limits the speed of the return to the flight speed, until the aircraft rests.
 """

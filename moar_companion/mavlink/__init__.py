@@ -1,6 +1,6 @@
 """MAVLink: bytes in, `Telemetry` and events out; setpoints, answers and texts in, bytes out.
 
-`session.Session` is a machine without I/O: it decodes (`peers`, `codec`), and hands each message to
-`telemetry_receiver`, `autopilot_requests`, `autopilot_control` or `received_commands`. All of them
-send by `outbox`; `link` holds the sockets.
+`session.Session` is a machine without I/O: it decodes (`peers`, `codec`), and passes each message
+to `telemetry_receiver`, `autopilot_requests`, `autopilot_control` or `received_commands`. All of
+them send by `outbox`; `link` holds the sockets.
 """

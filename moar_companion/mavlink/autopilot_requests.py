@@ -1,8 +1,8 @@
-"""Requests of what the companion reads from the autopilot, and their answers. No I/O.
+"""Requests of data from the autopilot, and their answers. No I/O.
 
 Requested are the heartbeat of a received autopilot, message rates, the local origin and home,
-parameters, the uploaded fence, the version, and TIMESYNC for the delay of the link. None of them
-moves the aircraft: that is `autopilot_control`.
+parameters, the uploaded fence and the version. TIMESYNC measures the delay of the link. None of
+them moves the aircraft: that is `autopilot_control`.
 """
 
 from __future__ import annotations
@@ -63,7 +63,7 @@ class AutopilotRequests:
         self._link: str | None = None
         """Link for which the rates were started."""
         self.unidentified: tuple[str, tuple[int, int]] | None = None
-        """Link and ids of a received autopilot whose heartbeat has not come yet."""
+        """Link and ids of a received autopilot without a heartbeat so far."""
 
     @property
     def parameters(self) -> Mapping[str, float | None]:

@@ -39,8 +39,8 @@ SECRETS = frozenset(
 _RADIO_WORDS = frozenset(
     {int(mavlink.MAVLINK_MSG_ID_RADIO_STATUS), int(mavlink.MAVLINK_MSG_ID_RADIO)}
 )
-"""Status messages that a telemetry radio inserts unsigned. They are refused like all unsigned
-packets, but not counted: a healthy link carries one each second."""
+"""Status messages that a telemetry radio inserts unsigned. They are refused as all unsigned packets
+are, but not counted: a healthy link carries one each second."""
 
 _ANSWERS = frozenset(
     {
@@ -54,7 +54,7 @@ _ANSWERS = frozenset(
         int(mavlink.MAVLINK_MSG_ID_STATUSTEXT),
     }
 )
-"""Messages that are no streams: they come in bursts, on a request or an event."""
+"""Messages that are no streams: they arrive in bursts, on a request or an event."""
 
 _MOST_SOURCES = 256
 """Limit of sources with counted packets: invented ids must not fill the memory."""
@@ -355,7 +355,8 @@ def frame_size(buffer: bytes | bytearray, position: int, end: int) -> int | None
         return _OVERHEAD_V1 + buffer[position + 1]
     flags = buffer[position + 2]
     if flags & ~SIGNED_FLAG:
-        # "Incompatibility flags": a receiver that does not know one must drop the packet.
+        # "Incompatibility flags": a receiver must drop a packet with a flag that it does not
+        # support.
         return 0
     return _OVERHEAD_V2 + buffer[position + 1] + (SIGNATURE_BYTES if flags else 0)
 

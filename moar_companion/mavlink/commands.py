@@ -1,12 +1,11 @@
 """Commands from operators: COMMAND_LONG, COMMAND_INT and COMMAND_CANCEL to values. No I/O.
 
-| command | param1 | param2 | value |
-|---|---|---|---|
-| MAV_CMD_USER_1 (31010) | 0 to 4, see `_MISSIONS` | index | MissionCommand |
-| MAV_CMD_DO_PAUSE_CONTINUE (193) | 0 pause, 1 continue | | PauseContinue |
+| command | param1 | param2 | value | |---|---|---|---| | MAV_CMD_USER_1 (31010) | 0 to 4, see
+`_MISSIONS` | index | MissionCommand | | MAV_CMD_DO_PAUSE_CONTINUE (193) | 0 pause, 1 continue | |
+PauseContinue |
 
 The companion answers every command addressed to it, unknown ones with UNSUPPORTED. Of commands to
-component 0 it answers only these two: both autopilots broadcast commands for other components (PX4
+component 0 it answers only these two. Both autopilots broadcast commands for other components (PX4
 sends gimbal commands in landing and RTL). DO_SET_MISSION_CURRENT and DO_REPOSITION belong to the
 autopilot: the companion answers them only when they carry exactly its address.
 

@@ -19,8 +19,8 @@ Row = tuple[str, dict[str, Any]]
 def rows(path: str, names: Collection[str]) -> Iterator[tuple[float, Row]]:
     """Yields messages of these names: seconds since boot, name and fields.
 
-    Messages without a time in microseconds, of firmware before 2014, are left out. Raises whatever
-    pymavlink makes of a broken file. What is printed between two messages is lost.
+    Messages without a time in microseconds, of firmware before 2014, are left out. Raises any error
+    of pymavlink on a broken file. Output of pymavlink between two messages is dropped.
     """
     quiet = contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(io.StringIO())
     with quiet[0], quiet[1], contextlib.closing(_Log(path)) as log:
@@ -32,7 +32,7 @@ def rows(path: str, names: Collection[str]) -> Iterator[tuple[float, Row]]:
 
 
 class _Log(DFReader_binary):  # type: ignore[misc]
-    """A log whose file is closed, too, when pymavlink finds it broken."""
+    """A log that also closes its file when pymavlink finds it broken."""
 
     def __init__(self, path: str) -> None:
         try:

@@ -14,11 +14,11 @@ _LINK_TIMEOUT_S = 3.0
 """Three heartbeat periods without any packet: the link to the autopilot is lost. The companion then
 uses another link that receives the autopilot."""
 _CONFLICT_TIMEOUT_S = 10.0
-"""Silence after which an autopilot counts as gone and another may replace it."""
+"""Time without a heartbeat after which another autopilot may replace the present one."""
 _CONFLICT_PERIOD_S = 10.0
 """Least time between two reports of conflicts, so that invented ids cannot flood the reports."""
 _MOST_OTHERS = 8
-"""Limit of other autopilots remembered; beyond it the one silent longest is dropped."""
+"""Limit of other autopilots kept; beyond it the one received least recently is dropped."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -48,7 +48,7 @@ class AutopilotFound:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AutopilotRestarted:
-    """The autopilot's clock went back, or it reports booting: the session repeats its requests."""
+    """Restart of the autopilot, by its clock or its state: the session repeats its requests."""
 
     autopilot: Autopilot
 
@@ -57,7 +57,7 @@ class AutopilotRestarted:
 class AutopilotConflict:
     """A second autopilot is received: the companion controls neither while both are.
 
-    reason: sign of the second autopilot, as a short text for people.
+    reason: sign of the second autopilot, as a short text.
     """
 
     autopilot: Autopilot

@@ -3,7 +3,7 @@
 PX4 sends most of them unrequested; ArduPilot sends only heartbeats, and loses its intervals at a
 restart. MAV_CMD_SET_MESSAGE_INTERVAL's acknowledgement does not name the message. So one request is
 open at a time, and an answer counts only if it can belong to no other request. A missing stream is
-requested again after a pause, whatever the answer was.
+requested again after a pause, after any answer.
 
 The companion lowers messages that it does not read to 1 Hz: a real PX4 sends 412 messages a second
 on an onboard link, a quarter of them unused. Both autopilots keep intervals by link, so that only
@@ -41,7 +41,7 @@ _COMMON_RATES_HZ: dict[int, float] = {
     mavlink.MAVLINK_MSG_ID_HOME_POSITION: 0.5,
 }
 """Positions: PX4's default is 30 Hz. On a link that loses 30 % and takes 0.2 s, one flight of 200 s
-in eight then ends for a gap over the remaining 0.3 s; at 40 Hz one in 250."""
+in eight then ends for a gap over the remaining 0.3 s. At 40 Hz it is one in 250."""
 
 
 def wanted_rates_hz(kind: AutopilotKind) -> Mapping[int, float]:
@@ -56,8 +56,8 @@ def wanted_rates_hz(kind: AutopilotKind) -> Mapping[int, float]:
 
 _MODE_ON_NETWORK_HZ = 50.0
 """Wanted rate of the mode on a link that is no serial port. A takeover must show within 0.2 s, and
-radios and networks lose and delay packets. At 30 % loss and delays of 0.05 to 0.2 s, 50 Hz shows
-98 % of takeovers within 0.2 s, and all of 60 within 0.22 s; 20 Hz shows 72 % (PX4) and 85 %
+radios and networks lose and delay packets. With 30 % loss and delays of 0.05 to 0.2 s, 50 Hz shows
+98 % of takeovers within 0.2 s, and all of 60 within 0.22 s. 20 Hz shows 72 % (PX4) and 85 %
 (ArduPilot), and all within 0.36 s."""
 
 
@@ -210,10 +210,10 @@ class _Asked:
 
 
 class MessageRates:
-    """Requests each wanted message until it flows, is acknowledged or denied.
+    """Requests each wanted message until it arrives, is acknowledged or denied.
 
-    Three times in a row, then again after a pause. A missing message is requested again whatever
-    the answer was, after a denial less often.
+    Three times in a row, then again after a pause. A missing message is requested again after any
+    answer, less often after a denial.
     """
 
     def __init__(self) -> None:

@@ -1,7 +1,7 @@
-"""The link on which orders come that are no MAVLink packets: packets are made of them. No I/O.
+"""Link for orders that arrive outside MAVLink, as packets made from them. No I/O.
 
 Such an order is judged, recorded and answered as one of a ground station. Its answer is a
-COMMAND_ACK, and a STATUSTEXT that tells the reason.
+COMMAND_ACK, and a STATUSTEXT with the reason.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from .commands import CommandResult
 from .dialect import create, mavlink
 
 _SYSTEM, _COMPONENT = 255, int(mavlink.MAV_COMP_ID_UDP_BRIDGE)
-"""A ground station, but another than any with a display of its own."""
+"""Ids of a ground station that differ from those of ground stations with a display."""
 _MISSION, _PAUSE = int(mavlink.MAV_CMD_USER_1), int(mavlink.MAV_CMD_DO_PAUSE_CONTINUE)
 _COMMANDS: dict[str, tuple[int, float]] = {
     "hold": (_MISSION, 0.0),
@@ -35,7 +35,7 @@ _WANTED = frozenset(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OrderAnswer:
-    """Answer to an order. order_id: as given to `packet`. reason: empty where none is told."""
+    """Answer to an order. order_id: as given to `packet`. reason: empty where none was sent."""
 
     order_id: str
     result: CommandResult
@@ -46,7 +46,7 @@ class OrderLink:
     """Orders to packets, and the companion's packets to answers.
 
     An acknowledgement carries the number of the command alone: it is for the last order of that
-    number. The one before is then without an answer, and CANCELLED.
+    number. The earlier one then has no answer, and is CANCELLED.
     """
 
     def __init__(self, component_id: int) -> None:

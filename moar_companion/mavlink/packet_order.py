@@ -2,10 +2,10 @@
 
 A link with varying delay delivers some packets after their successors. Such a late packet must not
 replace newer data. For a message with the autopilot's time (`time_boot_ms`, `time_usec`) that time
-decides. `time_boot_ms` is of one clock, tracked in one place. `time_usec` may be of a receiver or
+decides. `time_boot_ms` has one clock, tracked in one place. `time_usec` may come from a receiver or
 an odometry that restarts by itself, so each message has its own clock. For others the sequence
 number of the header decides: above all for the mode, as neither HEARTBEAT nor CURRENT_MODE carries
-a time. Only states of the same instance are ordered; events count whenever they arrive.
+a time. Only states of the same instance are ordered; events count at any time of arrival.
 """
 
 from __future__ import annotations
@@ -24,8 +24,8 @@ longer one the first packet starts a new order."""
 _AT_ONCE = 32
 _MOST_HZ = 1000.0
 """Limits of a jump ahead: _AT_ONCE and _MOST_HZ packets a second since the last. A number farther
-ahead is of a packet late by most of a wrap, which PX4 sends in 0.6 s. Measured jump: up to 20, on a
-link with 230 packets a second and up to 0.15 s of varying delay."""
+ahead belongs to a packet late by most of a wrap, which PX4 sends in 0.6 s. Measured jump: up to 20,
+on a link with 230 packets a second and up to 0.15 s of varying delay."""
 _EVENTS = {
     int(mavlink.MAVLINK_MSG_ID_STATUSTEXT),
     int(mavlink.MAVLINK_MSG_ID_PARAM_VALUE),

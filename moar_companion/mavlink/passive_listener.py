@@ -203,7 +203,7 @@ def _answer(message: Message) -> list[Said]:
 
 
 def type_in_words(vehicle_type: int) -> str:
-    """Name of a MAV_TYPE for people."""
+    """Name of a MAV_TYPE for texts."""
     known = mavlink.enums["MAV_TYPE"].get(vehicle_type)
     if known is None:
         return f"type {vehicle_type}"

@@ -139,7 +139,8 @@ class Peers:
         """Returns True if these sources include the autopilot's ids at a foreign address.
 
         autopilot: its system and component id; None: not known yet. Its address is the one of its
-        first packet, until 3 s of silence there. An operator's link never carries the autopilot.
+        first packet, until 3 s without a packet from there. An operator's link never carries the
+        autopilot.
         """
         if autopilot not in sources or self._role is LinkRole.OPERATOR:
             return False
@@ -154,7 +155,7 @@ class Peers:
         return False
 
     def forget_autopilot(self) -> None:
-        """Forgets the autopilot's address after another was found; its next packet sets it."""
+        """Drops the autopilot's address after another was found; its next packet sets it."""
         self._home, self._home_s, self._elsewhere_due_s = None, None, -math.inf
 
     def admit(

@@ -27,7 +27,7 @@ class Permissions:
         return system_id in self.rules.systems
 
     def objection(self, sender: Sender, *, vehicle_id: int, signed: bool) -> str | None:
-        """Reason why a sender may not command, as text for people; None if permitted.
+        """Reason why a sender may not command, as a text; None if permitted.
 
         signed: True if the command's packet has a correct signature.
         """

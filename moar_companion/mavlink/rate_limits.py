@@ -10,7 +10,7 @@ from collections.abc import Hashable
 from .commands import Sender
 
 _MOST_KEYS = 64
-"""Limit of keys per bucket; beyond it the key unused longest is dropped and starts anew."""
+"""Limit of keys per bucket; beyond it the key unused longest is dropped and starts again."""
 
 
 class RateLimit:

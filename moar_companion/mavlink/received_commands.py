@@ -36,11 +36,11 @@ _SOON_S = 2.0
 """Time in which MAVSDK's repeats arrive, all with confirmation 0: it takes 1.5 s."""
 _OVERTAKEN_S = 0.05
 """Greatest reordering by a network. In this time a ground station sends fewer than 128 packets and
-does not restart (a shell starts one per command), so sequence numbers give the order."""
+does not restart (a shell starts one per command). So sequence numbers give the order."""
 _DOUBLED_S = 0.5
 """Time in which the network's own copies of a packet arrive: some milliseconds suffice."""
 _DECISION_TIMEOUT_S = 10.0
-"""Time without an answer after which a command may be given anew."""
+"""Time without an answer after which a command may be given again as new."""
 _MAX_REMEMBERED = 64
 _PROGRESS_UNKNOWN = 255
 _IN_PROGRESS_AFTER_S = 0.2

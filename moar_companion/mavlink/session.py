@@ -1,7 +1,7 @@
 """The companion's side of MAVLink over all its links: bytes and time in, bytes and events out.
 
-A machine without I/O and without a clock. The service calls `receive` with bytes and `tick` at the
-rate of its control loop (10 Hz or more), takes `events_received`, `commands.waiting` and
+A machine without I/O and without a clock. The service calls `receive` with bytes, and `tick` at the
+rate of its control loop (10 Hz or more). It takes `events_received`, `commands.waiting` and
 `telemetry`, and writes the bytes of `data_to_send`.
 
 Only `tick` sends heartbeats, so that they stop when the control loop stalls.
@@ -304,7 +304,7 @@ class Session:
     def _may_ask(self, link: str, message: Message, now_s: float) -> bool:
         """Returns True if a request's sender gets an answer: one that may be a peer, within a rate.
 
-        An answer goes to all peers of a link and uses its bandwidth to the autopilot.
+        An answer is sent to all peers of a link and uses its bandwidth to the autopilot.
         """
         system_id, component_id = _source(message)
         sender = Sender(link=link, system_id=system_id, component_id=component_id)

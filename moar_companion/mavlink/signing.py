@@ -1,10 +1,10 @@
 """MAVLink 2 message signing: acceptance of packets, and the companion's time stamps. No I/O.
 
-A signature is the link id, a time stamp in units of 10 us since 2015 and the first 48 bits of
-SHA-256 over key, packet, link id and time stamp. The wall clock is an input. Between two of its
-values a link's time stamp advances with each sent packet, and to each later stamp of a peer. New
-senders are compared with the wall clock alone, if it is set: otherwise one peer whose clock is
-ahead would cause the refusal of all others.
+A signature is the link id, a time stamp and the first 48 bits of SHA-256 over key, packet, link id
+and time stamp. The unit of the time stamp is 10 us, since 2015. The wall clock is an input. Between
+two of its values a link's time stamp advances with each sent packet, and to each later stamp of a
+peer. New senders are compared with the wall clock alone, if it is set. Otherwise one peer with a
+clock ahead would cause the refusal of all others.
 
 Source: https://mavlink.io/en/guide/message_signing.html.
 """
@@ -59,7 +59,7 @@ class SigningKey:
 
 
 class SigningRefusal(str, enum.Enum):
-    """Reason why a packet is refused, as text for people."""
+    """Reason why a packet is refused, as a text."""
 
     UNSIGNED = "unsigned"
     WRONG = "wrong signature"
@@ -109,7 +109,7 @@ class LinkSigning:
         self.ahead_s = 0.0
         """Lead of the reference over the wall clock at the last reading; 0 without a lead."""
         self.behind_s: dict[int, float] = {}
-        """Lag of the systems whose first packet was refused as too old, by system id."""
+        """Lag of the systems with a first packet refused as too old, by system id."""
         self._clock_is_set = False
         self.refused = dict.fromkeys(SigningRefusal, 0)
         """Count of whole packets refused by its codecs, by reason."""
@@ -117,7 +117,7 @@ class LinkSigning:
         self._newest: MutableMapping[_Stream, int] = {} if newest is None else newest
 
     def advance(self, wall_s: float) -> None:
-        """Takes the wall clock, in seconds since 1970; a clock that goes back moves no stamp."""
+        """Takes the wall clock, in seconds since 1970; a clock that is set back moves no stamp."""
         wall = timestamp_at(wall_s)
         self._clock_is_set = wall > 0 and wall >= self.reference - _NEW_STREAM_UNITS
         self.reference = max(self.reference, wall)

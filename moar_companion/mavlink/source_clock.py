@@ -47,7 +47,7 @@ class _Other:
     """Sequence of packets off the line.
 
     first_s, first_stamp_s: its beginning. since_s: the first of them after the last packet on the
-    line; None where one on the line came last.
+    line; None if the last packet was on the line.
     """
 
     first_s: float
@@ -74,7 +74,7 @@ class SourceClock:
         self._other: _Other | None = None
 
     def reset(self) -> None:
-        """Forgets the clock."""
+        """Resets the clock to unknown."""
         self._last = self._other = None
 
     def read(self, stamp_s: float, now_s: float) -> Reading:
@@ -122,7 +122,7 @@ class SourceClock:
         self._last, self._delay_s, self._other = (stamp_s, now_s), 0.0, None
 
     def _advanced(self, stamp_s: float, now_s: float) -> float:
-        """Takes a stamp off the line. Returns since when such stamps alone advance like a clock."""
+        """Takes a stamp off the line. Returns the time since which only such stamps advance."""
         first_s, first_stamp_s, since_s = now_s, stamp_s, now_s
         other = self._other
         if other is not None:

@@ -1,4 +1,4 @@
-"""STATUSTEXT: short texts for people without repeats, and texts of other senders. No I/O."""
+"""STATUSTEXT: short texts for operators without repeats, and texts of other senders. No I/O."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _MAX_BYTES = 1000
 _REPEAT_S = 10.0
 _NEWS_REPEAT_S = 1.0
 _MOST_REMEMBERED = 256
-"""Limit of remembered texts, far more than 10 s of them. Beyond it the oldest may be repeated."""
+"""Limit of stored texts, far more than 10 s of them. Beyond it the oldest may be repeated."""
 _VALUE = re.compile(r"-?\d+\.\d+|\d+(?= ?(?:s|m|%|m/s)(?!\w))")
 """Measured number, as opposed to a number in a name."""
 

@@ -57,7 +57,7 @@ class TimesyncRtt:
         )
 
     def hear(self, message: Message, now_s: float) -> None:
-        """Takes a message of the autopilot; answers come in the order of their requests."""
+        """Takes a message of the autopilot; answers arrive in the order of their requests."""
         if message.get_msgId() != _TIMESYNC or message.tc1 == 0:
             return
         asked_s = next((time_s for stamp, time_s in self._asked_s if stamp == message.ts1), None)

@@ -42,7 +42,7 @@ class Tlog:
 
     @property
     def recognised(self) -> bool:
-        """True if the data start like a .tlog: with a time before the first valid packet."""
+        """True if the data start as a .tlog does: with a time before the first valid packet."""
         head = self._data[:_HEAD_BYTES]
         return not _sound_at(head, 0) and _next_record(head, 0) is not None
 

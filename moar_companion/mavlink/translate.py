@@ -56,7 +56,7 @@ def update(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     """Telemetry updated by this message; unchanged by messages without a translator.
 
     Ids are not checked: the caller passes messages of the autopilot, heartbeats of ground stations,
-    RADIO_STATUS, and the obstacles that sensors on board see. Never raises on a decoded message.
+    RADIO_STATUS, and the obstacles of sensors on board. Never raises on a decoded message.
     """
     translator = _TRANSLATORS.get(message.get_msgId())
     return telemetry if translator is None else translator(telemetry, message, now_s)

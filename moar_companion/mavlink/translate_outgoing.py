@@ -11,7 +11,7 @@ from ..types import Vector
 from .dialect import Message, create, mavlink
 
 POSITION_VELOCITY_YAW = 0x9C0
-"""POSITION_TARGET_TYPEMASK: accelerations and yaw rate ignored; both autopilots obey it."""
+"""POSITION_TARGET_TYPEMASK: accelerations and yaw rate ignored; both autopilots apply it."""
 
 _MAX_FLOAT = 3.4028234663852886e38
 _NAME_LENGTH = 10

@@ -24,7 +24,7 @@ _TELL_AGAIN_S = 10.0
 _RECEIVE_BYTES = 4 * 2**20
 _LEAST_RECEIVE_BYTES = 2**20
 """Receive buffer for datagrams that arrive while the process waits. The kernel counts 832 bytes for
-a small message, of which PX4 sends 412 a second: 1 MB is 3 s, the default 208 kB 0.6 s."""
+a small message, of which PX4 sends 412 a second. So 1 MB is 3 s, the default 208 kB 0.6 s."""
 _SO_RCVBUFFORCE, _SO_TIMESTAMPNS, _SO_RXQ_OVFL = 33, 35, 40
 """Linux constants (asm-generic/socket.h); the socket module lacks them."""
 _TIMESPEC = struct.Struct("@ll")
@@ -39,7 +39,7 @@ def _wall_offset_s() -> float:
 
 
 class _Udp:
-    """UDP socket whose waiting datagrams are read at once, each with its time of arrival.
+    """UDP socket that reads all waiting datagrams at once, each with its time of arrival.
 
     Base of the listening and the sending link.
     """

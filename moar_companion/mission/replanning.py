@@ -1,8 +1,8 @@
 """Rules for a new plan in flight, and for keeping the path that is flown.
 
-A new plan is due periodically, when a risk has left its dead band, and when obstacles have become
-wider or less wide; not too often. The new path has to be better by a margin: between two paths of
-nearly equal cost, noise on the risks would choose another one every few seconds.
+A new plan is due periodically, after a risk has left its dead band, and after obstacles have become
+wider or less wide; not too often. The new path has to be better by a margin. Without the margin,
+noise on the risks would change between two paths of nearly equal cost every few seconds.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""Changes of state with their effects: into a state, into silence, and answers to orders. Pure.
+"""Changes of state with their effects: to a state, to a state without a stream, and answers. Pure.
 
-Inputs: the present status and the new state; outputs: the next status, and the effects that
-every change of that kind has. `state_machine` decides which change is due.
+Inputs: the present status and the new state; outputs: the next status, and the effects that every
+change of that kind has. `state_machine` decides which change is due.
 """
 
 from __future__ import annotations

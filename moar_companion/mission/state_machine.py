@@ -47,13 +47,14 @@ _CONTINUED = set(MissionState) - STREAMING | {MissionState.HOLDING}
 _LET_GO = {MissionState.OVERRIDDEN, MissionState.RELEASED}
 
 _CROSSED_S = 0.5
-"""An order this soon after an event was sent before its operator knew of the event."""
+"""Time after an event within which an order counts as sent before its operator received the
+event."""
 
 _DONE = Say(pilot_texts.EVERY_TARGET_DONE(), MissionState.HOLDING.words)
 _ARRIVED = Say(pilot_texts.ABOVE_LANDING_POINT(), MissionState.HOLDING.words)
 
 _AGAIN_S = 2.0
-"""Time until an escape route without a path is sought again: much may have changed."""
+"""Time until the next search for an escape route without a path; the situation may have changed."""
 
 _OUTWARD = tuple(Task(mission=way) for way in WAYS_OUT[Action.EXIT])
 
@@ -117,7 +118,7 @@ def command(
 
 
 def planned(status: MissionStatus, world: Situation, now_s: float) -> Step:
-    """Takes the plan of `sought`; it begins where the aircraft was at the request."""
+    """Takes the plan of `sought`; it begins at the aircraft's place at the request."""
     if status.sought is None:
         return status, ()
     in_control = status.state in IN_CONTROL
@@ -151,9 +152,9 @@ def unplanned(
 ) -> Step:
     """Handles a missing plan of `sought`: a flight continues or holds, planning ends in idle.
 
-    waits: a condition reports the same, and when it clears, a task that no operator has ordered
-    is sought again. failed: the planner has failed, rather than found no path. Nothing is
-    requested of it for a while, except to continue an escape route that was begun.
+    waits: a condition reports the same; when it clears, the search for a task that no operator has
+    ordered repeats. failed: the planner has failed, rather than found no path. For a while no plan
+    is requested, except to continue an escape route that was begun.
     """
     sought = status.sought
     if sought is None:
@@ -206,7 +207,8 @@ def tick(
     if status.no_path and (paths_changed or rested):
         status = replace(status, no_path=frozenset())
     if status.order_id is not None:
-        # The operator knew these conditions when ordering: the request does not fail for them.
+        # The operator had received these conditions before the order: the request does not fail for
+        # them.
         status = replace(status, known=status.known & ruling.names)
         ruling = ruling.apart_from(status.known)
     if state is MissionState.IDLE and status.task is not None and ruling.acts("ground"):
@@ -284,9 +286,9 @@ def _landed_above(status: MissionStatus, now_s: float) -> Step:
 
 
 def _overridden(status: MissionStatus, world: Situation, *, resume: bool, now_s: float) -> Step:
-    """Stays silent while a pilot flies, unless the mode is given back and `resume` is set.
+    """Sends nothing while a pilot flies, unless the mode is given back and `resume` is set.
 
-    A condition that would have ended our control ends what may be resumed, also if overridden.
+    A condition that would have ended our control removes the task to resume, also if overridden.
     """
     gravest, task = next(iter(world.ruling.conditions), None), status.task
     if gravest is not None and gravest.condition.action is Action.RELEASE:
@@ -299,7 +301,7 @@ def _overridden(status: MissionStatus, world: Situation, *, resume: bool, now_s:
 def _sought(
     status: MissionStatus, task: Task, order_id: int | None, world: Situation, now_s: float
 ) -> Step:
-    """Seeks a task's plan, if it could be flown; in control the flight continues meanwhile."""
+    """Requests a task's plan, if it could be flown; in control the flight continues meanwhile."""
     obstruction = world.ruling.against(task.mission)
     if obstruction is not None:
         return status, () if order_id is None else answer_rejected(status, order_id, obstruction)[1]
@@ -319,7 +321,7 @@ def _sought(
 
 
 def _known(world: Situation, now_s: float) -> frozenset[str]:
-    """Conditions that an operator who orders now can know."""
+    """Conditions that an operator has received at this time."""
     return world.ruling.names_since(now_s - _CROSSED_S)
 
 

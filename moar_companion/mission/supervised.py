@@ -1,4 +1,4 @@
-"""What the supervisor's action makes of a flight in control: a hold, an escape, a resumed task.
+"""Effect of the supervisor's action on a flight in control: a hold, an escape, a resumed task.
 
 Inputs: the mission status and the ruling. Outputs: the next status, with effects. Pure.
 """
@@ -21,9 +21,9 @@ WAYS_OUT = {
     Action.EXIT: (Mission.EXIT, Mission.EVACUATION),
     Action.EVACUATION: (Mission.EVACUATION,),
 }
-"""Missions sought for the supervisor's actions: the first one that has a plan."""
+"""Missions for the supervisor's actions, in the order of the search for a plan."""
 _LEADS_OUT = {Mission.EXIT: "exiting", Mission.EVACUATION: "evacuating"}
-"""Texts for the companion's action then."""
+"""Texts for the companion's action in these missions."""
 
 
 def supervised(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool) -> Step | None:
@@ -73,10 +73,10 @@ def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, resumes: boo
 
 
 def _led_out(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool) -> Step | None:
-    """Seeks the required escape route, if it is not flown already, or the next best.
+    """Searches for the required escape route, if it is not flown already, or the next best.
 
-    Without one, an escape that is flown continues as it can; anything else holds. A landing leg
-    is flown to its end, also from a hold on it.
+    Without one, an active escape continues; any other flight holds. A landing leg is flown to its
+    end, also from a hold on it.
     """
     task, holds = status.task, status.state is MissionState.HOLDING
     if task is None or task.flown:
@@ -87,7 +87,7 @@ def _led_out(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: boo
         return None
     ways = [
         way
-        for mission in (*WAYS_OUT[ruling.action], Mission.EXIT)  # rather than to stay
+        for mission in (*WAYS_OUT[ruling.action], Mission.EXIT)  # instead of a hold
         for way in (task, Task(mission=mission))
         if way.mission is mission and way not in status.no_path
     ]

@@ -1,7 +1,7 @@
 """Values of the mission machine: orders, tasks, status, situation and effects.
 
 Values only; `state_machine` has the steps between them, `state_changes` the effects that steps
-share, `supervisor` what may be flown.
+share, `supervisor` the permitted action.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class Task:
 
     @property
     def done(self) -> bool:
-        """True if nothing of it is left to fly."""
+        """True if no part of it is left to fly."""
         return self.flown or (self.mission is Mission.INSPECTION and not self.stops)
 
 
@@ -76,7 +76,7 @@ class MissionStatus:
     resumes: bool = False
     """While holding: the supervisor holds, not an operator. Resumes when no condition acts."""
     no_path: frozenset[Task] = frozenset()
-    """Tasks not sought as escape for a while: no path found from here, or the planner failed."""
+    """Tasks not searched as escape for a while: no path found from here, or the planner failed."""
     no_way_s: float = -math.inf
     """Time when that was last found."""
 
@@ -103,7 +103,7 @@ class Situation:
     dwell_s: float = 0.0
     """Time to stay at the present target."""
     astray: bool = False
-    """True if the aircraft is off its setpoint; given the mode, it would fly there."""
+    """True if the aircraft is off its setpoint; given the mode, it would fly to the setpoint."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
 """Publications and orders over MQTT: topics, payloads, orders, and the fleet of `watch`.
 
-Pure. `service/mqtt_client` has the connection; `configs/MQTT.md` tells people about it.
+Pure. `service/mqtt_client` has the connection; `configs/MQTT.md` is the manual.
 """

@@ -1,7 +1,7 @@
-"""The fleet as its messages tell it: topics and payloads in, a row per vehicle out. Pure.
+"""State of the fleet from MQTT: topics and payloads in, a row per vehicle out. Pure.
 
 A payload that does not fit its model, of another program or a later version, is left out and
-counted. Vehicles beyond the limit are left out, too: anybody may publish to an open broker.
+counted. Vehicles beyond the limit are left out, too: an open broker takes messages from any sender.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from . import payloads
 from .topics import ONLINE, ROOT, TOPICS
 
 SUBSCRIPTION = f"{ROOT}/+/+"
-"""Topics of two levels below the root; deeper ones such as `risk/inputs` are not shown in a row."""
+"""Topics of two levels below the root; deeper topics such as `risk/inputs` are not in a row."""
 _MOST_VEHICLES = 1000
 _MODELS: dict[str, type[payloads.Part]] = {topic.name: topic.payload for topic in TOPICS}
 _MODELS[ONLINE] = payloads.Online
@@ -29,7 +29,7 @@ class Row:
     """Last state of a vehicle.
 
     online: None until a birth or will is received. heard_s: receiver's clock at the last message
-    that the broker had not retained; told_s: latest `time_s` of all. payloads: by topic.
+    that was not retained; told_s: latest `time_s` of all messages. payloads: by topic.
     """
 
     vehicle: str
@@ -39,7 +39,7 @@ class Row:
     payloads: dict[str, Any] = field(default_factory=dict)
 
     def age_s(self, now_s: float, wall_s: float) -> float | None:
-        """Age of the newest message; of retained ones by the vehicle's own clock."""
+        """Age of the newest message; for retained messages by the vehicle's own clock."""
         if self.heard_s is not None:
             return now_s - self.heard_s
         return None if self.told_s is None else max(0.0, wall_s - self.told_s)
@@ -51,7 +51,7 @@ class Fleet:
     def __init__(self) -> None:
         self._rows: dict[str, Row] = {}
         self.unreadable = 0
-        """Messages that were left out."""
+        """Number of messages that were left out."""
 
     def rows(self) -> list[Row]:
         """All rows, by the vehicles' names."""
@@ -80,7 +80,7 @@ class Fleet:
 
 def _updated(row: Row, name: str, content: payloads.Part, heard_s: float | None) -> Row:
     if isinstance(content, payloads.Online):
-        # A last will is the broker's word: it makes the vehicle's own no younger.
+        # The broker sends a last will: the will does not make the vehicle's own messages newer.
         return replace(row, online=content.online)
     told_s = getattr(content, "time_s", None)
     return replace(

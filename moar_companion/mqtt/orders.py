@@ -5,7 +5,7 @@
 
 TEXT is the JSON of a `payloads.Order`. HEX is the HMAC-SHA256, with the configured key, of three
 lines with line feeds between them: `moar-order-1`, the vehicle's name, and TEXT. The name binds an
-order to one vehicle, also where a fleet has one key.
+order to one vehicle, also in a fleet with one key.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from .payloads import Order, error_words
 _PURPOSE = "moar-order-1"
 _LONGEST_BYTES = 2048
 _MOST_NONCES = 10_000
-"""Orders remembered; beyond them new ones are refused rather than old ones forgotten."""
+"""Number of stored orders; at the limit new orders are refused, and no stored order is dropped."""
 
 
 class _Envelope(BaseModel):
@@ -34,7 +34,7 @@ class _Envelope(BaseModel):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RefusedOrder:
-    """Reason why an order is not taken. nonce: None unless it is signed."""
+    """Reason why an order is refused. nonce: None unless the order is signed."""
 
     reason: str
     nonce: str | None = None
@@ -52,11 +52,10 @@ def _signature(text: str, vehicle: str, key: bytes) -> str:
 
 
 class OrderChecks:
-    """Takes an order when it is signed, fresh, and given once.
+    """Takes an order if it is signed, fresh, and received for the first time.
 
-    Fresh: its time differs from this computer's clock by the window at most, and it was given after
-    the start, since orders of before are not remembered. A clock that is set back makes no old
-    order fresh.
+    Fresh: its time differs from this computer's clock by the window at most, and is after the
+    start, since earlier orders are not stored. A clock that is set back makes no old order fresh.
     """
 
     def __init__(self, vehicle: str, key: bytes, window_s: float, wall_s: float) -> None:
@@ -70,7 +69,7 @@ class OrderChecks:
     def check(
         self, payload: bytes, wall_s: float, *, retained: bool = False
     ) -> Order | RefusedOrder:
-        """Returns the order, or why it is refused; never raises."""
+        """Returns the order, or the reason for refusal; never raises."""
         text = self._signed_text(payload)
         if text is None:
             return RefusedOrder(reason="wrong signature")

@@ -4,7 +4,7 @@ Their JSON schemas are shipped in `schemas/`; `python -m moar_companion.mqtt.sch
 
 Units are in the names. Times (`time_s`, `since_s`, …) are the wall clock's, in seconds since 1970.
 `null`: unknown, or not present now. A number that is not finite becomes `null`; NaN never appears.
-Readers must ignore fields that they do not know: later versions may add some.
+Readers must ignore unknown fields: later versions may add some.
 """
 
 from __future__ import annotations

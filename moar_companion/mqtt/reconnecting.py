@@ -4,7 +4,7 @@ from __future__ import annotations
 
 _FIRST_S, _LONGEST_S = 1.0, 30.0
 _STEADY_S = 30.0
-"""A connection that lasted for so long was no accident: the next pause is a short one again."""
+"""Length of a connection after which the pauses begin again with the shortest."""
 
 
 class Backoff:
@@ -14,10 +14,10 @@ class Backoff:
         self._next_s = _FIRST_S
 
     def pause_s(self, random: float, connected_s: float) -> float:
-        """The pause after an attempt.
+        """Pause after an attempt.
 
-        random: in [0, 1): the pause is between its half and the whole, so that a hundred vehicles
-        do not come back to a restarted broker at once. connected_s: how long it was connected.
+        random: in [0, 1); the pause is between its half and the whole, so that a hundred vehicles
+        do not return to a restarted broker at once. connected_s: length of the connection.
         """
         if connected_s >= _STEADY_S:
             self._next_s = _FIRST_S
@@ -27,7 +27,7 @@ class Backoff:
 
 
 class ConnectionLog:
-    """One line per change: connected, lost with its reason, another reason of the same outage."""
+    """One line per change: connected, lost with its reason, another reason of the outage."""
 
     def __init__(self, broker: str) -> None:
         self._broker = broker
@@ -41,7 +41,7 @@ class ConnectionLog:
         return f"MQTT: connected to {self._broker}"
 
     def lost(self, reason: str) -> str | None:
-        """The line of a failed attempt, or of a connection's end; None if it was told."""
+        """Line of a failed attempt, or of a connection's end; None if already written."""
         how = "lost" if self._connected else "no connection"
         self._connected = False
         if reason in self._reasons:

@@ -20,7 +20,7 @@ from .payloads import Payload, error_words
 
 ROOT = "moar"
 ONLINE, ORDER, REPLY = "online", "order", "reply"
-"""Topics besides the table: birth and last will; orders and the answers to them."""
+"""Topics outside the table: birth and last will; orders and their answers."""
 _NEVER_S = -1e12
 
 Status = Mapping[str, Any]
@@ -38,7 +38,7 @@ class Message:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topic:
-    """A row of the table. period_s: None: on a change only, which is judged without `time_s`.
+    """A row of the table. period_s: None: only on a change, `time_s` aside.
 
     of: returns the payload of a status; None while there is none.
     """
@@ -64,7 +64,7 @@ def _mission(status: Status) -> Mapping[str, Any]:
 
 
 def _began_s(status: Status, age_s: float | None) -> float | None:
-    """Wall-clock time of an age, to a tenth of a second: it is the same in each status."""
+    """Wall-clock time of an age, rounded to a tenth of a second: equal in each status."""
     return None if age_s is None else round(status["time_s"] - age_s, 1)
 
 
@@ -148,24 +148,24 @@ def online_message(vehicle: str, payload: payloads.Online) -> Message:
 
 
 class Publication:
-    """Decides which topics are due. now_s: any clock that does not go back."""
+    """Selects the topics that are due. now_s: a clock that never goes back."""
 
     def __init__(self, vehicle: str) -> None:
         self._vehicle = vehicle
         self._due_s: dict[str, float] = {}
         self._published: dict[str, Mapping[str, Any]] = {}
         self.unfit: dict[str, str] = {}
-        """Last error of each topic whose content did not fit."""
+        """Last error of each topic whose content did not fit its payload."""
 
     def start_anew(self) -> None:
-        """Notes a new connection: all topics are due."""
+        """Records a new connection: all topics are due."""
         self._due_s.clear()
         self._published.clear()
 
     def due(self, status: Status, now_s: float) -> list[Message]:
         """Messages of a status that are due at a time, in the order of the table.
 
-        What does not fit a payload costs its topic alone, and is noted in `unfit`.
+        Content that does not fit a payload stops its topic alone; `unfit` has the error.
         """
         messages = []
         for topic in TOPICS:
@@ -197,6 +197,6 @@ class Publication:
         return messages
 
     def _next_s(self, name: str, period_s: float, now_s: float) -> float:
-        """The next time of a topic; late statuses do not shift it, and nothing is caught up."""
+        """Next time of a topic; late statuses do not shift it, missed periods do not return."""
         next_s = self._due_s.get(name, now_s) + period_s
         return next_s if next_s > now_s else now_s + period_s

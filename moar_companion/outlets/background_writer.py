@@ -13,13 +13,13 @@ _LAST_WRITE_S = 2.0
 """Longest wait at the end of the program for unwritten data."""
 
 Batches: TypeAlias = Iterator[list[tuple[Any, ...]]]
-"""Data handed over since the last batch, in order; never empty. They end with `close`."""
+"""Data received since the last batch, in order; never empty. They end with `close`."""
 
 
 class BackgroundWriter:
-    """Runs `write` in a thread of its own, which a program that ends does not wait for.
+    """Runs `write` in a thread of its own, which does not delay the end of the program.
 
-    period_s: data handed over within it is one batch. most_bytes: limit of the waiting data.
+    period_s: data given within it are one batch. most_bytes: limit of the waiting data.
     """
 
     def __init__(
@@ -33,7 +33,7 @@ class BackgroundWriter:
         self._period_s = period_s
         self._most_bytes = most_bytes
         self._waiting: SimpleQueue[tuple[int, tuple[Any, ...]] | None] = SimpleQueue()
-        # Each is counted by one thread alone, so that neither waits for the other.
+        # One thread alone counts each, so that neither waits for the other.
         self._taken_bytes = self._written_bytes = 0
         self._closing = threading.Event()
         self._thread = threading.Thread(

@@ -28,7 +28,7 @@ _STYLE = {
 
 @contextmanager
 def page_style() -> Iterator[None]:
-    """Context with one style for drawing and saving, whatever the user has set."""
+    """Context with one style for drawing and saving, independent of the user's settings."""
     with style.context(["default", _STYLE], after_reset=True), warnings.catch_warnings():
         # A name in a script that the font does not have is drawn as boxes.
         warnings.filterwarnings("ignore", message="Glyph .* missing from")

@@ -109,7 +109,7 @@ class FlightStory:
 
     @property
     def landing_legs_m(self) -> list[list[PlanePoint]]:
-        """For each place where one ended, the last planned escape route, from its last cell."""
+        """The last planned escape route of each place where one ended, from its last cell."""
         legs: dict[PlanePoint, list[PlanePoint]] = {}
         for plan in self.plans:
             if plan.states < len(plan.points_m):

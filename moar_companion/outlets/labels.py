@@ -48,9 +48,9 @@ def label(axes: Any, point_m: PlanePoint, text: str, *, bold: bool = False) -> N
 
 
 def place_labels(axes: Any, path_m: FloatArray | None = None) -> None:
-    """Move the names on axes apart from each other, from the path (n, 2) and from markers.
+    """Moves the names on axes apart from each other, from the path (n, 2) and from markers.
 
-    A name for which there is no room is left out.
+    A name without room is left out.
     """
     figure = axes.figure
     figure.draw_without_rendering()

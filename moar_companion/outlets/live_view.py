@@ -1,7 +1,7 @@
 """The live view: a status as a page for the terminal, or as one line of text.
 
-Input: the dict of `companion/status.py`, as it comes out of the view socket. Pure; the page is a
-rich renderable that fits itself to the width and height it is drawn in, from 80 x 24 up.
+Input: the dict of `companion/status.py`, as the view socket sends it. Pure; the page is a rich
+renderable that fits itself to the width and height it is drawn in, from 80 x 24 up.
 """
 
 from __future__ import annotations
@@ -298,7 +298,7 @@ def _signed(refused: Mapping[str, Mapping[str, int]]) -> Text:
 
 
 def _perception(seen: Status) -> Text:
-    """Number of seen obstacles, and how the sensor works."""
+    """Number of seen obstacles, and the state of the sensor."""
     words = Text(f"{len(seen['conductors'])} conductors, {seen['solids']} other obstacles; ")
     age_s = seen["scan_age_s"]
     if age_s is None:

@@ -82,8 +82,9 @@ class _Lines:
     """The stream of a handler, whose lock lets one thread at a time write."""
 
     def __init__(self) -> None:
-        # Not by its buffer: a thread blocked in it makes the interpreter abort at exit. Nor by its
-        # number alone: without a stderr, a link or a file may have that number.
+        # Writing by its buffer is not possible: a thread blocked in it makes the interpreter abort
+        # at exit. Writing by its number alone is not possible: without a stderr, a link or a file
+        # may have that number.
         stderr = sys.__stderr__
         descriptor = os.open(os.devnull, os.O_WRONLY) if stderr is None else stderr.fileno()
         self._writer = BackgroundWriter(

@@ -1,7 +1,7 @@
 """One .mcap: JSON messages on channels with schemas, whole at any moment up to its last flush.
 
-A flush ends a chunk, which any reader of MCAP can read without what follows. A file that was not
-closed has no index: readers scan it from its beginning.
+A flush ends a chunk, which any reader of MCAP can read without the rest. A file that was not closed
+has no index: readers scan it from its beginning.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
-"""The picture of a flight by sight: what stands there, what was told, and what was seen when.
+"""The picture of a flight with perception: obstacles as true, in the site file, and seen.
 
-Input: the decisions that the recorder wrote, the true site and the told one, and the path that was
-flown. Output: one figure; colours are times, of sightings as of the places flown to.
+Input: the decisions that the recorder wrote, the true site and the site of the file, and the flown
+path. Output: one figure; colours are times, of sightings and of the places flown to.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from .site_axes import View, draw_colour_bars, set_up_plane, view_of
 
 _COLOURS = colormaps["plasma"]
 _LATEST = 0.92
-"""End of the colours that is used: what follows is hard to see on white."""
+"""End of the used colours: later ones have little contrast on white."""
 _ADDED = "#c2185b"
 _TOLD = "#1565c0"
 _STILL_M = 0.2
-"""Steps of a place in half a second that are less are noise."""
+"""Smallest step of a place in half a second that is not noise."""
 _NAME_SHARE, _LINE_SHARE = 0.1, 0.07
 """Length of a name and height of a line, as parts of the panel of first sights."""
 _SAME_M = 2.0
-"""A sighting this near to an obstacle is of that one."""
+"""Greatest distance of a sighting from its obstacle."""
 
 # The page, in inches.
 _LEFT, _WIDTH, _RIGHT = 0.7, 9.6, 1.15
@@ -47,7 +47,7 @@ _BOTTOM, _BELOW_HEIGHT, _BETWEEN, _TOP = 0.55, 2.1, 0.75, 0.75
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirstSight:
-    """A conductor that was seen. position_m: where it was seen last; from_m: the aircraft then."""
+    """A seen conductor. position_m: its last seen place; from_m: the aircraft at that time."""
 
     time_s: float
     name: str
@@ -62,9 +62,9 @@ class FirstSight:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SeenStory:
-    """What a companion saw in a flight; times in seconds since its first record.
+    """Perception of a companion in a flight; times in seconds since its first record.
 
-    solids: outlines as each was reported, in order. places: of the aircraft, as it was told.
+    solids: outlines as each was reported, in order. places: recorded places of the aircraft.
     """
 
     conductors: tuple[FirstSight, ...]
@@ -163,7 +163,7 @@ def draw_perceived(
 
 
 def _at(places: list[tuple[float, PlanePoint]], time_s: float) -> PlanePoint:
-    """The aircraft's place at a time: the last one told; NaN before the first."""
+    """The aircraft's place at a time: the last recorded one; NaN before the first."""
     return next((place for told_s, place in reversed(places) if told_s <= time_s + 0.5),
                 (math.nan, math.nan))  # fmt: skip
 
@@ -241,7 +241,7 @@ def _explain_true(axes: Any, added: tuple[str, ...]) -> None:
 
 
 def _draw_sightings(axes: Any, story: SeenStory, true: Site, norm: Normalize) -> None:
-    """From how far away each conductor was seen first, over time; the mission's states above."""
+    """Distance at which each conductor was first seen, over time; the mission's states above."""
     begin_s = float(norm.vmin or 0.0) - 1.0
     end_s = max([begin_s + 2.0, *(time_s for time_s, _ in story.moves)])
     _draw_first_sights(axes, story, true, norm, end_s - begin_s)

@@ -118,7 +118,7 @@ def _pair(point: Any) -> PlanePoint:
 
 
 def _region(plan: Plan, site: Site, vehicle: Vehicle, maps: Maps) -> GoalRegion | None:
-    """The goal region; None for an inspection, or where a failed plan sees no landing point."""
+    """The goal region; None for an inspection, or where no landing point is visible."""
     if plan.mission is Mission.INSPECTION:
         return None
     try:

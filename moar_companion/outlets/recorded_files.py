@@ -1,7 +1,7 @@
-"""Recordings in a directory: their names, and which of them make room for new ones.
+"""Recordings in a directory: their names, and the removal of old ones.
 
 Only files that the recorder has named are removed, the oldest first: those of earlier flights, then
-earlier parts of this one. The order is that of the names, for a host's clock may be wrong.
+earlier parts of this one. The order is that of the names, since a host's clock may be wrong.
 """
 
 from __future__ import annotations

@@ -1,13 +1,13 @@
-"""The recorder: what a flight was, in files that are kept after it.
+"""The recorder: files of a flight, kept after the flight.
 
     FOLDER/flight_20261121T114500Z/flight.tlog      packets of both directions, for ground stations
     FOLDER/flight_20261121T114500Z/decisions.jsonl  one JSON object a line: time_s, kind, data
     FOLDER/flight_20261121T114500Z/flight.mcap      all of it, for Foxglove and for exact replay
 
-A .tlog is a sequence of 8 bytes big-endian microseconds since 1970 and one raw packet. The
-machine's times are turned into wall-clock times by the offset at the start, so that all files
-agree even when the host's clock is set in flight. A long recording goes on in a next part, in
-`flight-2.tlog` and so on; the oldest recordings make room (`recorded_files`).
+A .tlog is a sequence of 8 bytes big-endian microseconds since 1970 and one raw packet. The offset
+at the start turns the machine's times into wall-clock times. All files therefore agree even when
+the host's clock is set in flight. A long recording continues in a next part, in `flight-2.tlog` and
+so on; the oldest recordings are removed when space is needed (`recorded_files`).
 
 A thread encodes and writes, so that a slow disk delays nothing else. A disk that is full, or too
 slow for long, ends the recording and not the flight: the recording has no gaps.
@@ -33,7 +33,8 @@ from .mcap_file import McapFile, TimedMessage
 from .recorded_files import make_room, part_name
 
 _PERIOD_S = 0.4
-"""A killed process loses two of these at most: data of a stream may wait for its next portion."""
+"""Period of writes; a killed process loses two of them at most: data of a stream may wait for its
+next portion."""
 _MOST_BYTES = 8 * 1024 * 1024
 """Limit of the data that waits for the disk: more than a minute of a link at 921600 baud."""
 _CYCLE_BYTES = 1024
@@ -77,7 +78,7 @@ class McapSource(Protocol[Item]):
         """Messages that each part begins with."""
 
     def messages(self, items: list[Item], *, last: bool) -> Iterable[TimedMessage]:
-        """Messages of what was handed over. last: nothing follows."""
+        """Messages of the given data. last: no data follow."""
 
 
 class Recorder(Generic[Item]):
@@ -204,7 +205,7 @@ class _Part(Generic[Item]):
         return max(self._packets_bytes, 0 if self._file is None else self._file.tell())
 
     def write(self, batch: list[tuple[Any, ...]], *, last: bool = False) -> None:
-        """Writes a batch to all files. last: nothing follows."""
+        """Writes a batch to all files. last: no data follow."""
         self._packets.writelines(stamped for stamped, *_ in batch)
         self._packets_bytes += sum(len(stamped) for stamped, *_ in batch)
         self._decisions.writelines(lines for _, lines, *_ in batch)

@@ -1,7 +1,8 @@
 """The picture of a replay: the four indices over time, below events and flight modes.
 
-From top to bottom: events, flight modes, the mission's states where there are any, one panel for
-each index, and the clearance where a site is known. Unknown values are hatched, never drawn as 0.
+From top to bottom: events, flight modes, the mission's states where there are any, and one panel
+for each index. Where a site is known, the clearance follows. Unknown values are hatched, never
+drawn as 0.
 """
 
 from __future__ import annotations
@@ -67,7 +68,7 @@ _PAD = 0.004
 """Distance between a line and its text, as part of the time axis."""
 _LANES = 12
 _SAMPLE_S = 0.5
-"""Between samples: a span begins up to this after its event."""
+"""Greatest time from an event to the sample at which its span begins."""
 _MIN_NAMED_RISK = 0.55
 """A greatest index below this needs no reason: as a rule it is the initial estimate."""
 

@@ -13,7 +13,7 @@ from typing import Any
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReplayEvent:
-    """An event; `kind` is one word, `text` for people."""
+    """An event; `kind` is one word, `text` is for readers."""
 
     time_s: float
     kind: str

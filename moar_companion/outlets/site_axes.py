@@ -1,7 +1,7 @@
 """The plane of a site over its safety map, on any axes (paper, Fig. 1, 3 and 9).
 
-Inputs: a site and its maps. `view_of` selects the part to show, `draw_plane` draws it; areas,
-names at the border and colour bars are drawn with the helpers below, here and in `plan_marks`.
+Inputs: a site and its maps. `view_of` selects the part to show, and `draw_plane` draws it. The
+helpers below, here and in `plan_marks`, draw areas, names at the border and colour bars.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The picture of a survey: plan view, side view and cross-section, and what was left out."""
+"""The picture of a survey: plan view, side view, cross-section, and points left out."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ _CLASSES = {  # LAS 1.4
 }
 _RED = "#a3271b"
 _STANDING = ("#d9dbdf", "#8d9096")
-"""Face and rim of what stands in the plane."""
-_MARKS = {  # of what is drawn on a map: legend, marker, colour
+"""Face and rim of obstacles in the plane."""
+_MARKS = {  # of map features: legend, marker, colour
     "conductor": ("conductor", "o", "#2c6fb3"),
     "tower": ("tower, obstacle", "s", "#6d6f75"),
     "obstacle": ("tower, obstacle", "s", "#6d6f75"),
@@ -79,7 +79,7 @@ def draw_survey(
 
 
 def _draw_plan(axes: Any, survey: SurveyView, along: tuple[float, float]) -> None:
-    """The plan view, true to scale. along: middle and length of what is shown along the line."""
+    """The plan view, true to scale. along: middle and length of the view along the line."""
     low_x, high_x = survey.document["workspace"]["x_m"]
     box = axes.get_position()
     width_in, height_in = (
@@ -208,7 +208,7 @@ def _draw_wires(axes: Any, document: dict[str, Any]) -> None:
             continue
         labelled.add(bundle)
         right = at[0] >= 0.0
-        covered = any(  # by a target: the text goes below
+        covered = any(  # by a target: the text is placed below
             (x >= at[0]) == right and abs(z - at[1]) < 1.0 for x, z in targets
         )
         offset = (14 if right else -14, -12 if covered else 0)
@@ -216,7 +216,7 @@ def _draw_wires(axes: Any, document: dict[str, Any]) -> None:
 
 
 def legend_of(survey: SurveyView) -> list[Any]:
-    """The legend: what is in this picture, and nothing else."""
+    """The legend of the objects in this picture."""
     document = survey.document
 
     def dot(label: str, marker: str, colour: str, size: float = 4.0) -> Line2D:

@@ -21,9 +21,9 @@ def _no_classes() -> npt.NDArray[np.uint8]:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurveyMark:
-    """Something that a survey names. points_m: as of SurveyView.
+    """A feature of a survey. points_m: as of SurveyView.
 
-    left_out_m: its distance from the plane where it is no part of the site for that.
+    left_out_m: its distance from the plane if it is left out for that; otherwise None.
     """
 
     kind: str
@@ -34,11 +34,11 @@ class SurveyMark:
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SurveyView:
-    """What was surveyed, and the site made of it.
+    """A survey, and the site made from it.
 
-    document: of the site file; points_m: (n, 3) along the line to the right of x, across it and
-    up, from the site's origin, with their LAS classes; plane_m: (k, 2) x and z of those near the
-    plane, with theirs; left_out_m: (j, 2) points that are no obstacle of the site.
+    document: of the site file; points_m: (n, 3) along the line to the right of x, across it and up,
+    from the site's origin, with their LAS classes; plane_m: (k, 2) x and z of those near the plane,
+    with theirs; left_out_m: (j, 2) points that are no obstacle of the site.
     """
 
     document: dict[str, Any]

@@ -1,1 +1,1 @@
-"""Points of a lidar to conductors, towers, vegetation and ground; without I/O."""
+"""Points of a lidar in; conductors, towers, vegetation and ground out. Without I/O."""

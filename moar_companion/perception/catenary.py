@@ -1,4 +1,4 @@
-"""One conductor of one span as a curve: a catenary, laid along a horizontal direction.
+"""One conductor of one span as a curve: a catenary along a horizontal direction.
 
 The curve has coordinates along its direction (`along`), to the left of it (`lateral`) and up. Wind
 swings a conductor out of the vertical plane, so the lateral position is a parabola.
@@ -20,15 +20,15 @@ _STRAIGHT_PER_M = 1e-7
 """Curvature below which a catenary is computed as a line: 1 mm of sag over 280 m."""
 _ITERATIONS = 12
 _LEAST_VERTICAL, _GREATEST_VERTICAL = (-np.inf, -2.0, -0.05), (np.inf, 2.0, 0.05)
-"""Limits of height, slope and curvature, which keep the iteration from running away."""
+"""Limits of height, slope and curvature; without them the iteration diverges."""
 _TUKEY = 4.685
 """Tuning constant of Tukey's biweight: 95 % efficiency on normal errors."""
 
 _RAYLEIGH_MEDIAN = 1.1774
 """Median distance from a centre in the plane, of deviation 1 along each axis."""
 _TWO_CENTRES = 3.2
-"""Distance of two halves' medians over their deviation: 2.3 of one normal distribution, 2.7 of a
-uniform one; two wires have more."""
+"""Least distance of the medians of two halves over their deviation, for two wires. One normal
+distribution has 2.3, a uniform one 2.7."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
@@ -46,11 +46,11 @@ class Catenary:
     vertical: FloatArray
     covariance: FloatArray
     extent_m: tuple[float, float]
-    """Least and greatest s that measured points reach."""
+    """Least and greatest s of the measured points."""
 
     @property
     def length_m(self) -> float:
-        """Horizontal length that measured points reach over."""
+        """Horizontal length that the measured points cover."""
         return self.extent_m[1] - self.extent_m[0]
 
     @property
@@ -83,7 +83,7 @@ class Catenary:
         )
 
     def near(self, coordinates_m: FloatArray, radius_m: float, reach_m: float) -> BoolArray:
-        """(n,) whether within a radius of the curve, up to `reach_m` beyond its ends."""
+        """Mask (n,) of points within a radius of the curve, up to `reach_m` beyond its ends."""
         low, high = self.extent_m
         near = (coordinates_m[:, 0] >= low - reach_m) & (coordinates_m[:, 0] <= high + reach_m)
         inside = np.flatnonzero(near)
@@ -92,12 +92,12 @@ class Catenary:
         return near
 
     def slope(self, along_m: FloatArray) -> FloatArray:
-        """dz/ds."""
+        """Slope dz/ds of the curve."""
         _, slope, curvature = self.vertical
         return np.asarray(np.sinh(curvature * along_m + math.asinh(slope)))
 
     def points_at(self, along_m: FloatArray) -> FloatArray:
-        """(n, 3) points of the curve."""
+        """Points (n, 3) of the curve."""
         lateral = np.polynomial.polynomial.polyval(along_m, self.lateral)
         horizontal = np.outer(along_m, self.direction) + np.outer(lateral, self.left)
         return np.asarray(
@@ -112,9 +112,9 @@ class Catenary:
         return jacobian @ self.covariance @ jacobian.T
 
     def crossing(self, point_m: FloatArray, normal: FloatArray) -> float:
-        """The s at which the curve crosses the vertical plane through a point, (2,) its normal.
+        """Coordinate s where the curve crosses the vertical plane through a point; normal: (2,).
 
-        Swing bends the curve by degrees at most: a few steps of Newton's method meet the plane.
+        Wind turns the curve by a few degrees at most: a few steps of Newton's method converge.
         """
         along_m = 0.0
         for _ in range(4):
@@ -130,8 +130,8 @@ class Catenary:
 def fit(points_m: FloatArray, direction: FloatArray, *, scale_m: float | None = None) -> Catenary:
     """The catenary through (n, 3) points, n at least 4, robust to a minority of outliers.
 
-    Iteratively reweighted least squares with Tukey's biweight; `scale_m` is the standard deviation
-    of good points, else estimated from the median of the residuals.
+    Iteratively reweighted least squares with Tukey's biweight. `scale_m` is the standard deviation
+    of good points; without it, the median of the residuals gives the estimate.
     """
     direction = _fitted_direction(points_m, direction)
     origin = np.median(points_m, axis=0)
@@ -147,7 +147,7 @@ def fit(points_m: FloatArray, direction: FloatArray, *, scale_m: float | None = 
     along = coordinates[:, 0]
     half_length = max(float(np.ptp(along)) / 2.0, 1.0)
     powers = np.column_stack((np.ones_like(along), along, along**2))
-    # A short piece does not tell a curvature: it is drawn to a straight line.
+    # A short piece does not determine the curvature: the prior pulls it to a straight line.
     prior = np.diag([0.0, 0.0, (half_length**2 / 50.0) ** 2])
     weights: FloatArray = np.ones(len(along))
     lateral: FloatArray = np.zeros(3)
@@ -194,8 +194,8 @@ def wires_of(
 ) -> tuple[Catenary, tuple[Catenary, ...], float]:
     """The curve fitted again, its sub-conductors, and the deviation of points from these.
 
-    A bundle's points lie about two centres (four: two by two) along the first axis of their
-    residuals.
+    The points of a bundle lie about two centres along the first axis of their residuals; those of a
+    bundle of four lie two by two.
     """
     curve = fit(points_m, curve.direction)
     residuals = curve.residuals(curve.coordinates(points_m))
@@ -221,7 +221,7 @@ def wires_of(
 
 
 def _fitted_direction(points_m: FloatArray, direction: FloatArray) -> FloatArray:
-    """The horizontal direction of the points, on the side of the given one."""
+    """Horizontal direction of the points, on the side of the given direction."""
     offset = points_m[:, :2] - np.median(points_m[:, :2], axis=0)
     along = offset @ direction
     across = offset @ np.array([-direction[1], direction[0]])

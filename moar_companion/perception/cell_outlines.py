@@ -1,6 +1,7 @@
-"""Outlines of cells of a grid, as vertices of simple polygons that cover exactly them.
+"""Outlines of cells of a grid, as simple polygons that cover exactly these cells.
 
-What encloses free space is cut, so that no polygon fills it: an aircraft may be inside.
+A part that encloses free space is cut, so that no polygon covers the free space: an aircraft may be
+inside.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ def parts_of(
 ) -> Iterator[tuple[BoolArray, list[Corner]]]:
     """Parts of cells (x, z), and the outline of each, counterclockwise in units of cells.
 
-    A part is connected by edges. One that encloses a hole of more cells than `most_hole_cells` is
-    cut through it, one with more vertices through its middle; smaller holes are filled.
+    The cells of a part share edges. A part around a hole of more than `most_hole_cells` cells is
+    cut through the hole. A part with too many vertices is cut through its middle. Smaller holes are
+    filled.
     """
     labels, _ = ndimage.label(cells)
     for label, box in enumerate(ndimage.find_objects(labels), 1):
@@ -33,7 +35,7 @@ def parts_of(
 
 
 def straightened(outline: list[Corner]) -> list[Corner]:
-    """Without vertices inside a straight edge."""
+    """The outline without vertices inside a straight edge."""
     kept: list[Corner] = []
     for vertex in outline:
         if len(kept) >= 2 and any(
@@ -48,7 +50,7 @@ def straightened(outline: list[Corner]) -> list[Corner]:
 def _cut(
     cells: BoolArray, most_hole_cells: int, most_vertices: int
 ) -> Iterator[tuple[BoolArray, list[Corner]]]:
-    """Parts of cells that are connected by edges."""
+    """Parts of cells that share edges."""
     filled = ndimage.binary_fill_holes(cells)
     holes, count = ndimage.label(filled & ~cells)
     sizes = np.bincount(holes.ravel(), minlength=count + 1)[1:]
@@ -69,9 +71,9 @@ def _cut(
 
 
 def _traced(cells: BoolArray) -> list[Corner]:
-    """The boundary, the cells at its left.
+    """The boundary, with the cells at its left.
 
-    Without holes, a set of cells that is connected by edges touches itself at no corner.
+    Without holes, a part whose cells share edges touches itself at no corner.
     """
     padded = np.pad(cells, 1)
     following: dict[tuple[int, int], tuple[int, int]] = {}

@@ -1,4 +1,4 @@
-"""Conductors from scan to scan: sightings at one place, and what is not seen although looked at."""
+"""Tracks of conductors from scan to scan: confirmed by sightings, removed after repeated misses."""
 
 from __future__ import annotations
 
@@ -18,31 +18,33 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 GATE_M = 0.5
-"""A sighting within this distance of a track is of the same conductor."""
+"""Greatest distance of a sighting from its track."""
 _SAME_M = 0.25
-"""A second sighting this near in one scan is of the same wire, whose echoes scatter."""
+"""Distance within which a second sighting in one scan is of the same wire, whose echoes scatter."""
 CONFIRMED_BY = 5
-"""Number of sightings."""
+"""Number of sightings that confirm a track."""
 _BESIDE_M = 1.0
-"""A conductor that is not seen while one so near is seen counts as missed: the keep-out of that one
-covers it, should it hang there after all."""
+"""Distance within which a seen conductor makes an unseen one count as missed. The keep-out of the
+seen conductor covers the unseen one, if that still hangs there."""
 _TENTATIVE_S = 1.0
-"""Without a sighting for so long, what is not confirmed is forgotten."""
+"""Time without a sighting after which an unconfirmed track is removed."""
 _MISSED = 20
-"""So many scans in a row that must show a confirmed conductor and do not: it is not there."""
+"""Number of scans without a sighting, though the conductor must be visible, after which its track
+is removed."""
 _SIGHTING_M = 0.05
 """Standard deviation of one sighting."""
 _DRIFT_M = 0.02
-"""By which a conductor or the aircraft's position moves from scan to scan."""
+"""Standard deviation of the change from scan to scan, of a conductor or of the aircraft's
+position."""
 _OWN_M = 0.3
-"""Echoes this near to the line of a conductor are its own."""
+"""Greatest distance of a conductor's own echoes from its line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Track:
-    """x_m, z_m: where the conductor crosses the plane; slope: of x and z per metre of y.
+    """A conductor. x_m, z_m: its crossing of the plane; slope: of x and z per metre of y.
 
-    range_m: the greatest at which it was seen: within that it must be visible.
+    range_m: greatest range of a sighting; within it the conductor must be visible.
     """
 
     number: int
@@ -61,9 +63,9 @@ class _Track:
 
 
 class ConductorTracks:
-    """Conductors are confirmed when they are seen often. Confirmed ones are remembered out of view.
+    """Tracks that repeated sightings confirm. Confirmed tracks are kept while out of view.
 
-    Numbers, and so the names, are given at the confirmation, in this order.
+    A track takes its number, and so its name, when it is confirmed.
     """
 
     def __init__(self) -> None:
@@ -71,7 +73,7 @@ class ConductorTracks:
         self._confirmed = 0
 
     def step(self, seen: Iterable[ConductorSighting], time_s: float, rays: PlaneRays) -> None:
-        """Takes the sightings of a scan; rays: what it measured in the plane."""
+        """Takes the sightings of a scan, and the rays that it measured in the plane."""
         self._tracks = [
             track
             for track in self._tracks
@@ -92,7 +94,8 @@ class ConductorTracks:
                 self._tracks[nearest] = self._corrected(self._tracks[nearest], sighting, time_s)
             matched.append(nearest)
         before_m = rays.nearest_m(rays.inside)
-        # Where an estimate has wandered, a wire seen beside its place stands in front of that.
+        # After drift of the position estimate, a wire has its sighting beside its track. The
+        # sighting then hides the place of the track.
         others = [index for index in matched if self._tracks[index].confirmed]
         for index in free:
             track = self._tracks[index]
@@ -102,7 +105,7 @@ class ConductorTracks:
         self._tracks = [track for track in self._tracks if track.missed < _MISSED]
 
     def own(self, points_m: FloatArray, time_s: float) -> BoolArray:
-        """Points (n, 3) on conductors that are confirmed, or seen in the scan of this time."""
+        """Mask of points (n, 3) on conductors that are confirmed, or seen at this time."""
         own = np.zeros(len(points_m), dtype=bool)
         for track in self._tracks:
             if track.confirmed or track.seen_s == time_s:
@@ -124,7 +127,7 @@ class ConductorTracks:
 
     @property
     def conductors(self) -> tuple[SeenConductor, ...]:
-        """The confirmed ones, in the order of their confirmation."""
+        """Confirmed conductors, in the order of their confirmation."""
         return tuple(
             SeenConductor(
                 name=f"seen-{track.number}",
@@ -142,7 +145,7 @@ class ConductorTracks:
         return math.hypot(track.x_m - x_m, track.z_m - z_m)
 
     def _corrected(self, track: _Track, sighting: ConductorSighting, time_s: float) -> _Track:
-        """Kalman's step of a place that hardly moves."""
+        """Kalman update of a place that is almost constant."""
         x, z = sighting.crossing_m()
         variance = track.deviation_m**2 + _DRIFT_M**2
         gain = variance / (variance + _SIGHTING_M**2)
@@ -187,9 +190,9 @@ def _slope(sighting: ConductorSighting) -> tuple[float, float]:
 
 
 def _missed(track: _Track, rays: PlaneRays, before_m: FloatArray) -> bool:
-    """The scan must show the conductor, and measured nothing there nor in front of it.
+    """Returns True if the scan must show the conductor, and has no echo there or in front of it.
 
-    before_m: the nearest that was measured, by direction.
+    before_m: least measured distance by direction.
     """
     x, z = track.x_m - rays.centre_m[0], track.z_m - rays.centre_m[1]
     distance = math.hypot(x, z)

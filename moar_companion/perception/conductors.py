@@ -1,9 +1,9 @@
 """Power-line conductors in a point cloud: RANSAC for lines, a catenary grown along each.
 
-As in the paper (Section V-A), lines come from RANSAC. It runs sequentially: the line with the most
-support is extended to a catenary as far as points lie on it, its points are taken out, and the
-search goes on until no line has support. What is found must hang free, as conductors do: hedges,
-roofs and fences have points close beneath.
+As in the paper (Section V-A), RANSAC finds lines, one after the other. The line with the most
+support is extended to a catenary as far as points lie on it. Its points are removed, and the search
+continues until no line has support. A conductor must hang free: hedges, roofs and fences have
+points close beneath.
 """
 
 from __future__ import annotations
@@ -24,33 +24,34 @@ IntArray = npt.NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DetectorSettings:
-    """What counts as a conductor."""
+    """Thresholds of the search for conductors."""
 
     seed: int = 0
     least_height_m: float = 4.0
-    """Above the ground: no conductor hangs lower (EN 50341: 5 m and more)."""
+    """Least height above the ground; conductors hang higher (EN 50341: 5 m and more)."""
     voxel_m: float = 0.3
-    """Points of the search are thinned to one per voxel; all points are assigned in the end."""
+    """Voxel of the search, one point each; at the end all points are assigned."""
     neighbourhood_m: float = 3.0
     """Radius within which a conductor is a straight line of at least five points."""
     max_width: float = 0.35
-    """Width over length of a neighbourhood that counts as a line."""
+    """Greatest width over length of a neighbourhood that counts as a line."""
     max_slope_deg: float = 35.0
     window_m: float = 10.0
     """Half the length of RANSAC's lines."""
     seed_radius_m: float = 0.35
     bundle_radius_m: float = 0.5
-    """Around the curve: bundles of two to four have 0.2 to 0.35 m."""
+    """Radius about the curve; bundles of two to four have 0.2 to 0.35 m."""
     gap_m: float = 15.0
-    """A conductor goes on after a gap without points of at most this length."""
+    """Greatest gap without points within one conductor."""
     sparse_gap_m: float = 60.0
-    """The same for a wire that hangs along one that was found: it is known to go on."""
+    """Greatest gap of a wire that hangs along a conductor that was found."""
     least_points: int = 10
     least_length_m: float = 10.0
     max_sigma_m: float = 0.35
-    """Of points from their wire; of a bundle whose wires cannot be told apart, its radius."""
+    """Greatest deviation of points from their wire, or from the centre of an unresolved bundle."""
     least_confidence: float = 0.25
-    """Lone points in a line by chance reach 0.17: ten over 150 m, among twice as many others."""
+    """Least confidence. Points in a line by chance reach 0.17: ten over 150 m, among twice as many
+    others."""
     hypotheses: int = 96
 
 
@@ -59,13 +60,13 @@ class DetectedConductor:
     """A conductor of one span, a bundle or a single wire."""
 
     curve: Catenary
-    """Of the bundle's centre."""
+    """Curve of the bundle's centre."""
     wires: tuple[Catenary, ...]
-    """One per sub-conductor that can be told apart; the curve itself of a single wire."""
+    """One curve per resolved sub-conductor; for a single wire the curve itself."""
     inliers: IntArray
     """Indices of its points in the cloud."""
     sigma_m: float
-    """Standard deviation of its points from their wires, perpendicular."""
+    """Standard deviation of its points from their wires, perpendicular to these."""
     covered: float
     """Share of its length with points, by windows of the median spacing or of 2 m."""
     clear: float
@@ -73,23 +74,23 @@ class DetectedConductor:
 
     @property
     def confidence(self) -> float:
-        """How far it is to be trusted, 0 to 1: covered by points, and free of others."""
+        """Confidence, 0 to 1: coverage times the share of own points; less below 30 points."""
         return self.covered * self.clear * min(1.0, len(self.inliers) / 30.0)
 
 
 def find_conductors(
     points_m: FloatArray, height_m: FloatArray, settings: DetectorSettings
 ) -> tuple[DetectedConductor, ...]:
-    """The conductors in (n, 3) points, x east, y north, z up, in metres; best supported first.
+    """Conductors in (n, 3) points, x east, y north, z up, in metres; best supported first.
 
-    height_m: (n,) of the points above the ground.
+    height_m: (n,) height of the points above the ground.
     """
     high = np.flatnonzero(height_m >= settings.least_height_m)
     return _Search(points_m, high, settings).run()
 
 
 class _Search:
-    """The state of one search: which points are still free."""
+    """State of one search: the points that belong to no conductor yet."""
 
     def __init__(self, points_m: FloatArray, high: IntArray, settings: DetectorSettings) -> None:
         self._settings = settings
@@ -162,7 +163,7 @@ class _Search:
         chosen = self._random.choice(len(candidates), size=self._settings.hypotheses, replace=True)
         first = points[chosen]
         along = directions[candidates[chosen]]
-        # The second point of each: one in the window, as far along the first's direction.
+        # Second point of each pair: one in the window, as far along the direction of the first.
         best, support = None, self._settings.least_points // 2 - 1
         tree = KDTree(points)
         for at, way, near in zip(
@@ -244,7 +245,7 @@ class _Search:
         return not sags_upwards and self._hangs_free(curve)
 
     def _hangs_free(self, curve: Catenary) -> bool:
-        """Points close around are few along most of the curve."""
+        """Returns True if few other points lie close around, along most of the curve."""
         coordinates = curve.coordinates(self._points_m)
         near = coordinates[curve.near(coordinates, 1.5, 0.0)]
         distance = np.hypot(*curve.residuals(near).T)
@@ -256,7 +257,7 @@ class _Search:
         return float(crowded.mean()) < 0.4
 
     def _parallel(self, curves: list[Catenary]) -> list[Catenary]:
-        """Sparse wires that hang along found ones, as earth wires do: their shape, shifted."""
+        """Sparse wires parallel to found conductors, as earth wires are: their shape, shifted."""
         found: list[Catenary] = []
         for curve in sorted(curves, key=lambda curve: -curve.length_m):
             for candidate in self._shifted(curve):
@@ -273,14 +274,14 @@ class _Search:
         return found
 
     def _beside(self, curve: Catenary, points: IntArray) -> IntArray:
-        """Those along a curve: where it ends, nothing tells that a wire beside it goes on."""
+        """Points beside a curve; beyond its ends nothing shows that a parallel wire continues."""
         along = curve.coordinates(self._points_m[points])[:, 0]
         low, high = curve.extent_m
         reach_m = self._settings.gap_m
         return points[(along >= low - reach_m) & (along <= high + reach_m)]
 
     def _shifted(self, curve: Catenary) -> Iterator[IntArray]:
-        """Free points near the curve after a shift across and up; of each shift with support."""
+        """Free points near the curve after a shift across and up, for each shift with support."""
         coordinates = curve.coordinates(self._points_m)
         low, high = curve.extent_m
         within = self._free & (coordinates[:, 0] >= low) & (coordinates[:, 0] <= high)
@@ -294,7 +295,7 @@ class _Search:
             tree = KDTree(offset)
             chosen = self._random.choice(len(free), size=min(64, len(free)), replace=False)
             near = tree.query_ball_point(offset[chosen], 1.0)
-            # Support is length that is covered: a tree is many points over a short piece.
+            # Support is the covered length: a tree has many points over a short piece.
             support = [
                 len(np.unique((coordinates[free[each], 0] // 5.0).astype(int))) for each in near
             ]
@@ -307,7 +308,7 @@ class _Search:
     # --- from curves to conductors
 
     def _merged(self, curves: list[Catenary]) -> list[Catenary]:
-        """Pieces of one conductor of one span joined."""
+        """The curves, with the pieces of one conductor of one span joined."""
         pieces = sorted(curves, key=lambda curve: -curve.length_m)
         merged: list[Catenary] = []
         for piece in pieces:

@@ -12,17 +12,17 @@ FloatArray = npt.NDArray[np.float64]
 
 _CELL_M = 2.0
 _OPENING_M = 18.0
-"""Wider than roofs and tree crowns without a point of ground beneath them."""
+"""Window wider than roofs and tree crowns without a point of ground beneath them."""
 _MAX_CELLS = 4_000_000
 
 
 def ground_height_m(points_m: FloatArray) -> FloatArray:
-    """(n,) height of the ground beneath each of (n, 3) points.
+    """Height (n,) of the ground beneath each of (n, 3) points.
 
-    The lowest point of each cell of 2 m (coarser for clouds of many kilometres), without what
-    stands alone above its surroundings: a morphological opening over 18 m, as ground filters
-    begin (Zhang et al. 2003, doi:10.1109/TGRS.2003.810682). Cells without points take the height
-    of the nearest.
+    The lowest point of each cell of 2 m (coarser for clouds of many kilometres), after a
+    morphological opening over 18 m. The opening removes objects on the ground, as ground filters
+    begin (Zhang et al. 2003, doi:10.1109/TGRS.2003.810682). Cells without points take the height of
+    the nearest cell.
     """
     low = points_m[:, :2].min(axis=0)
     extent = np.ptp(points_m[:, :2], axis=0)
@@ -36,6 +36,6 @@ def ground_height_m(points_m: FloatArray) -> FloatArray:
         nearest = ndimage.distance_transform_edt(empty, return_distances=False, return_indices=True)
         lowest = lowest[tuple(nearest)]
     size = max(3, round(_OPENING_M / cell_m) | 1)
-    # A lone low point (an echo from below the ground) would sink its surroundings.
+    # A single low point (an echo from below the ground) would lower the ground around it.
     level = ndimage.grey_opening(ndimage.median_filter(lowest, 3), (size, size))
     return np.asarray(level[cells[:, 0], cells[:, 1]])

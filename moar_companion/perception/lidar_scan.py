@@ -1,4 +1,4 @@
-"""One turn of a lidar, whichever sensor it is of."""
+"""One turn of a lidar, in one form for all sensors."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ FloatArray = npt.NDArray[np.float64]
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class Scan:
-    """One turn. points_m: (n, 3), x where the azimuth is 0, y left, z the axis of its rotation.
+    """One turn. points_m: (n, 3), x at azimuth 0, y to the left, z the axis of rotation.
 
     time_s: (n,) on the receiver's clock; ring: (n,) number of the laser, by elevation. beams:
-    number that were sent; those without an echo have no point.
+    number of beams sent; a beam without an echo has no point.
     """
 
     points_m: FloatArray

@@ -1,4 +1,4 @@
-"""Live perception: packets and poses in, a report of what stands around the aircraft out.
+"""Live perception: packets and poses in, a report of conductors and obstacles out.
 
 Inputs: data packets of a lidar or measured points, positions and attitudes, each with its time.
 Output: `PerceptionReport`. No clock, no I/O: the same inputs give the same reports.
@@ -29,31 +29,30 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 _LATE_S = 0.3
-"""A scan whose poses have not come by then is dropped."""
+"""Longest wait of a scan for its poses; after it the scan is dropped."""
 _REPORT_S = 0.2
-"""Reports follow at least this often, so that the health is told."""
+"""Longest time between reports, which carry the sensor's health."""
 _HULL_M = 1.0
-"""Nearer echoes are of the aircraft itself, or of a cover."""
+"""Least range; nearer echoes are of the hull, or of a cover."""
 _SCAN_SECTORS, _POINT_SECTORS = 720, 72
-"""Directions of 0.5° and, as OBSTACLE_DISTANCE has them, 5°."""
+"""Directions of 0.5° for a scan, and of 5° for points, as in OBSTACLE_DISTANCE."""
 _SET_S = 0.1
-"""Single points are gathered for so long, then taken in as one set."""
+"""Time over which single points are collected to one set."""
 _REACH_M = 40.0
-"""Farther points are no obstacles yet: few, of the ground as well."""
+"""Greatest range of an obstacle; few points are farther, on the ground too."""
 _GROUND_CLEAR_M = 0.7
-"""Points this near to the ground are of the ground, or lie on it."""
+"""Height above the ground up to which a point is of the ground, or lies on it."""
 _GROUND_COLUMNS, _COLUMN_M = 8, 2.0
-"""The lowest points are ground where they extend over so many columns: a beam in the air is less
-long."""
+"""Least number of columns with lowest points that are ground; a beam in the air is shorter."""
 _RELEASED_M = 0.3
 _AIRCRAFT = SensorMount(roll_pitch_yaw_deg=(0.0, 0.0, 0.0))
 _ACROSS = np.array([0.0, 1.0, 0.0])
 
 
 class LivePerception:
-    """One sensor on one aircraft at one site.
+    """Perception of one sensor on one aircraft at one site.
 
-    late: number of scans that were dropped because poses did not reach.
+    late: number of scans and sets that were dropped for lack of poses.
     """
 
     def __init__(self, settings: Perception, site: Site, description: str = "") -> None:
@@ -97,7 +96,7 @@ class LivePerception:
         self._poses.note_attitude(time_s, attitude)
 
     def shift(self, step_m: Vector) -> None:
-        """The position estimate has jumped by a step: what was seen moves with it."""
+        """Moves what was seen by a jump of the position estimate."""
         self._poses.shift(step_m)
         self._tracks.shift(step_m)
         self._occupancy.shift(step_m[0], step_m[2])
@@ -118,14 +117,14 @@ class LivePerception:
     def note_points(self, points_m: npt.ArrayLike, time_s: float) -> None:
         """Takes points (n, 3) on obstacles, in the aircraft's frame (x forward, y left, z up).
 
-        A message that has measured nothing within its range is an empty set.
+        A message without a distance within its range is an empty set.
         """
         self._points.append((time_s, np.asarray(points_m, float).reshape(-1, 3)))
         if self._settings.sensor is Sensor.MAVLINK:
             self._received_s = time_s
 
     def step(self, now_s: float) -> PerceptionReport | None:
-        """Processes what is due; a report when something was, or when 0.2 s have passed."""
+        """Processes what is due; returns a report after a scan or set, or after 0.2 s."""
         processed = self._take_scans(now_s)
         processed = self._take_points(now_s) or processed
         if not processed and now_s - self._reported_s < _REPORT_S:
@@ -161,7 +160,7 @@ class LivePerception:
         return processed
 
     def _take(self, scan: Scan, time_s: float) -> bool:
-        """One scan, when poses reach."""
+        """Processes one scan, once poses reach its times."""
         placed = points_in_site(scan.points_m, scan.time_s, self._poses, self._settings.mount)
         if placed is None:
             return False
@@ -178,7 +177,7 @@ class LivePerception:
         known = {conductor.name for conductor in self._tracks.conductors}
         self._tracks.step(found, time_s, rays)
         new = [each.position_m for each in self._tracks.conductors if each.name not in known]
-        # Its first echoes, before it was confirmed, were taken for something solid.
+        # Earlier scans counted its first echoes as a solid obstacle.
         self._occupancy.release(new, _RELEASED_M)
         solid = near & ~_ground(points, distance) & ~self._tracks.own(points, time_s)
         self._occupancy.add(rays, points, solid, time_s, beams=scan.beams, echoes=2)
@@ -201,7 +200,7 @@ class LivePerception:
         return True
 
     def _take_set(self, points_m: FloatArray, times_s: FloatArray) -> bool:
-        """One set of points in the aircraft's frame, when poses reach."""
+        """Processes one set of points in the aircraft's frame, once poses reach its times."""
         placed = points_in_site(points_m, times_s, self._poses, _AIRCRAFT)
         if placed is None:
             return False
@@ -217,7 +216,7 @@ class LivePerception:
 def _ground(points_m: FloatArray, distance_m: FloatArray) -> BoolArray:
     """Points (n, 3) of the ground; none where the lowest points are no ground.
 
-    The height error of the aircraft forbids a comparison with the height of the site's ground.
+    The aircraft's height error is too great for a comparison with the height of the site's ground.
     """
     ground = np.zeros(len(points_m), dtype=bool)
     near = np.flatnonzero(distance_m < _REACH_M)
@@ -231,7 +230,7 @@ def _ground(points_m: FloatArray, distance_m: FloatArray) -> BoolArray:
     if len(column) < _GROUND_COLUMNS:
         return ground
     lowest = lowest[column]
-    # The median slope between columns: a filter of the ground sinks it at the upper end of a slope.
+    # The median slope between columns is used; a ground filter lowers the upper end of a slope.
     left, right = np.triu_indices(len(column), 1)
     slopes = (lowest[right] - lowest[left]) / (column[right] - column[left])
     points[:, 2] -= float(np.median(slopes)) / _COLUMN_M * points[:, 0]

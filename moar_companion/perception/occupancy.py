@@ -1,8 +1,8 @@
-"""Rolling occupancy of the plane of the site: what is there now, as polygons.
+"""Rolling occupancy of the plane of the site: present obstacles, as polygons.
 
-A cell gains evidence with each scan that has echoes in it, and loses it with each that measured
-beyond it. Rays that stay within the slab about the plane clear up to what they measured, never what
-is behind a return; a ray without an echo clears nothing, since it may be covered.
+A cell gains evidence with each scan that has echoes in it, and loses evidence with each scan that
+measured beyond it. Rays within the slab about the plane clear cells up to the measured distance,
+never behind a return. A ray without an echo clears nothing: the sensor may be covered.
 """
 
 from __future__ import annotations
@@ -23,31 +23,35 @@ BoolArray = npt.NDArray[np.bool_]
 _Cell = TypeVar("_Cell", bound=np.generic)
 
 _BORDER_M = 3.0
-"""Around workspace, start and landing places."""
+"""Border around workspace, start and landing places."""
 _MOST_CELLS = 40_000
-"""Larger planes have larger cells: all are looked at in each scan."""
+"""Greatest number of cells, since each scan updates all; larger planes have larger cells."""
 _LEAST_SHARE = 0.03
-"""Of the rays through a cell that end in it. Heavy rain has 0.006 at a cell of 0.3 m."""
+"""Least share of the rays through a cell that end in it. Heavy rain has 0.006 at a cell of 0.3
+m."""
 _SPREAD_M = 5.0
-"""Up to here the beams of a lidar stay within the slab; beyond, as many fewer as it is farther."""
+"""Distance up to which the beams of a lidar stay within the slab; beyond it their number falls as
+1/distance."""
 _LEAST_PASSING = 3
 _OCCUPIED, _GREATEST = 2.5, 5.0
-"""Evidence, in scans with echoes: occupied from here on, and kept at most."""
+"""Evidence, in scans with echoes, from which a cell is occupied; and its maximum."""
 _PASSED = 0.3
-"""Evidence that a scan takes which measured beyond: leaves hit by a quarter of the scans stay."""
+"""Evidence that a scan removes when it measured beyond; leaves hit by a quarter of the scans
+stay."""
 _DECAY_PER_S = 1.0
-"""Of a cell that is not occupied: single wrong echoes do not add up."""
+"""Decay of a cell that is not occupied, so that single wrong echoes do not add up."""
 _REMEMBERED_S = 60.0
-"""Without an echo for so long an obstacle is forgotten: twice what a visit of a target takes."""
+"""Time without an echo after which an obstacle is removed: twice the visit of a target."""
 _GONE_S, _EDGES_S = 1.0, 5.0
-"""Between two changes of polygons where something has gone, and where an edge moves by a cell."""
+"""Least time between two changes of polygons: after a removal, and after an edge moved by a
+cell."""
 _FILLED_M = 1.0
-"""Holes of this size are filled: no aircraft is in them."""
+"""Width of holes that are filled; no aircraft fits inside."""
 _AROUND = np.ones((3, 3), dtype=bool)
 
 
 class Occupancy:
-    """Evidence of cells (x, z). They move with what they hold when the position estimate jumps."""
+    """Evidence of cells (x, z). The cells move with jumps of the position estimate."""
 
     def __init__(self, site: Site) -> None:
         corners = [site.workspace.lower_m, site.workspace.upper_m, site.start_m]
@@ -68,7 +72,7 @@ class Occupancy:
         ]
         self._x_m, self._z_m = np.meshgrid(*middles, indexing="ij")
         self._offset_m = np.zeros(2)
-        """From the grid to the site: the sum of the jumps, at most half a cell."""
+        """Offset from the grid to the site: the sum of the jumps, at most half a cell."""
         self._evidence = np.zeros(self._shape)
         self._hit_s = np.full(self._shape, -math.inf)
         self._occupied = np.zeros(self._shape, dtype=bool)
@@ -92,13 +96,13 @@ class Occupancy:
     ) -> None:
         """Takes the points (n, 3) of a scan, of which `solid` (n,) are of obstacles.
 
-        beams: number of those that were sent, where it is known. echoes: number in a cell below
-        which they count as wrong.
+        beams: number of beams sent, where known. echoes: number in a cell below which echoes count
+        as wrong.
         """
         elapsed_s = 0.0 if self._time_s is None else max(time_s - self._time_s, 0.0)
         self._time_s = time_s
         cells = ((points_m[:, [0, 2]] - self._offset_m - self._lower_m) / self._cell_m).astype(int)
-        # Below 0 towards 0: the border is wider than a cell.
+        # Truncation rounds negative indices towards 0; the border is wider than a cell.
         within = solid & rays.inside & ((cells > 0) & (cells < self._shape)).all(axis=1)
         flat = cells[within, 0] * self._shape[1] + cells[within, 1]
         hits = np.bincount(flat, minlength=self._evidence.size).reshape(self._shape)
@@ -128,7 +132,7 @@ class Occupancy:
         self._show(time_s)
 
     def release(self, points_m: list[tuple[float, float]], within_m: float) -> None:
-        """Clears the cells about places that turned out to be no solid obstacles."""
+        """Clears the cells about places that are no solid obstacles but conductors."""
         for x, z in points_m:
             away = np.hypot(self._x_m + self._offset_m[0] - x, self._z_m + self._offset_m[1] - z)
             near = away < within_m + self._cell_m
@@ -136,7 +140,7 @@ class Occupancy:
             self._occupied[near] = False
 
     def shift(self, x_m: float, z_m: float) -> None:
-        """Moves everything, by whole cells and the rest as an offset of the grid."""
+        """Moves all cells by a whole number of cells; the rest becomes the offset of the grid."""
         self._offset_m += (x_m, z_m)
         whole = np.round(self._offset_m / self._cell_m).astype(int)
         self._offset_m -= whole * self._cell_m
@@ -150,7 +154,7 @@ class Occupancy:
 
     @property
     def polygons(self) -> tuple[Polygon, ...]:
-        """Outlines of what is occupied; the same as long as its cells are the same."""
+        """Outlines of occupied cells; unchanged as long as the cells are."""
         return tuple(
             Polygon(
                 name=f"seen-solid-{number}",
@@ -162,9 +166,9 @@ class Occupancy:
         )
 
     def _show(self, time_s: float) -> None:
-        """A cell at the edge of what is occupied stays shown: its evidence comes and goes.
+        """Updates the shown cells. A cell at an occupied edge stays shown: its evidence fluctuates.
 
-        What is beside something shown, or has gone, is drawn later: each change makes new maps.
+        New cells beside shown ones, and removals, wait: each change makes new maps.
         """
         beside = ndimage.binary_dilation(self._occupied, _AROUND)
         shown = self._occupied | (self._shown & beside)
@@ -178,7 +182,7 @@ class Occupancy:
             self._name_parts()
 
     def _name_parts(self) -> None:
-        """Each part takes the number that most of its cells had, the largest part first."""
+        """Gives each part the number that most of its cells had, the largest part first."""
         closed = ndimage.binary_closing(np.pad(self._shown, 1), _AROUND)[1:-1, 1:-1]
         parts = sorted(
             parts_of(closed, int((_FILLED_M / self._cell_m) ** 2)), key=lambda part: -part[0].sum()
@@ -204,7 +208,7 @@ class Occupancy:
 
 
 def _moved(cells: npt.NDArray[_Cell], by: tuple[int, int], empty: float) -> npt.NDArray[_Cell]:
-    """Cells moved by whole numbers; what comes in is empty."""
+    """The cells moved by whole numbers; cells from outside the grid are empty."""
     moved = np.full_like(cells, empty)
     into, out_of = [], []
     for step, extent in zip(by, cells.shape, strict=True):

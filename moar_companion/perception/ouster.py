@@ -1,9 +1,9 @@
-"""Ouster data packets to scans, by ouster-sdk; whatever is no data packet is counted.
+"""Ouster data packets to scans, by ouster-sdk; all other packets are counted.
 
-The SDK decodes the packets and computes the points. It does not put the turns together here: its
-batcher drops all packets of a sensor whose turn numbers began anew, after a restart, and gives a
-turn only with the fourth packet of the next. A turn is complete with its last missing column, or
-with the first packet of another turn; columns that were lost have no points.
+The SDK decodes the packets and computes the points. This module assembles the turns. The SDK's
+batcher drops all packets of a sensor that restarted its turn numbers, and gives a turn only with
+the fourth packet of the next. A turn is complete with its last missing column, or with the first
+packet of another turn. Lost columns have no points.
 
 Packets: Ouster Firmware User Manual, "Lidar Data Packet Format".
 """
@@ -20,15 +20,16 @@ from .lidar_scan import FloatArray, Scan
 _LIDAR_PACKET = 1
 """Packet type of the data packets; packets of the LEGACY profile have none."""
 _LONGEST_PACKET_NS = 1_000_000_000
-"""Greatest time from a packet's first column to its last."""
+"""Greatest time from the first column of a packet to the last."""
 _CLOCK_STEP_S = 0.5
-"""Difference of two packets' delays that only a step of the sensor's clock explains."""
+"""Least difference of two packets' delays that means a step of the sensor's clock."""
 
 
 class OusterStream:
     """Packets of one sensor, in order of arrival.
 
-    metadata: the sensor's description, the content of its .json. Raises ValueError if it is none.
+    metadata: the sensor's description, the content of its .json. Raises ValueError if it is
+    invalid.
     """
 
     def __init__(self, metadata: str) -> None:
@@ -42,9 +43,9 @@ class OusterStream:
             raise ValueError(f"is no description of an Ouster: {_one_line(error)}") from None
         self.packets = 0
         self.refused = {"truncated": 0, "foreign": 0, "damaged": 0}
-        """Number of packets that are shorter, of another kind or sensor, or broken."""
+        """Number of refused packets: too short, of another kind or sensor, or damaged."""
         self.port: int = info.config.udp_port_lidar or 0
-        """UDP port to which the sensor sends data; 0: the description does not have it."""
+        """UDP port to which the sensor sends data; 0 if the description lacks it."""
         self._headers = core.ColHeader
         self._serial = int(info.sn)
         self._typed = info.format.udp_profile_lidar != core.UDPProfileLidar.LEGACY
@@ -60,7 +61,7 @@ class OusterStream:
         """Number of the last turn that was given."""
 
     def receive(self, packet: bytes, now_s: float) -> Scan | None:
-        """Takes a packet; the scan that it completes, if any."""
+        """Takes a packet; returns the scan that it completes, if any."""
         fault = self._fault(packet)
         if fault is not None:
             self.refused[fault] += 1
@@ -149,7 +150,7 @@ class OusterStream:
         self._finished = turn.number
         delay_s = turn.delay_s
         if turn.seen.any() and np.ptp(delay_s[turn.seen]) < _CLOCK_STEP_S:
-            # The least delayed packet shows the difference of the two clocks best.
+            # The packet with the least delay shows the difference of the two clocks best.
             delay_s = np.full_like(delay_s, delay_s[turn.seen].min())
         points: list[FloatArray] = []
         beams: list[tuple[npt.NDArray[np.int64], npt.NDArray[np.int64]]] = []
@@ -167,7 +168,7 @@ class OusterStream:
 
 
 class _Turn:
-    """What has arrived of one turn, by column. delay_s: the receiver's clock less the sensor's."""
+    """Received columns of one turn. delay_s: the receiver's clock minus the sensor's."""
 
     __slots__ = ("delay_s", "number", "range_mm", "seen", "stamp_s")
 

@@ -18,11 +18,11 @@ class PacketStream(Protocol):
     """Number of packets that were left out, by reason."""
 
     def receive(self, packet: bytes, now_s: float) -> Scan | None:
-        """Takes a packet; the scan that it completes, if any."""
+        """Takes a packet; returns the scan that it completes, if any."""
 
 
 def packet_stream(settings: Perception, description: str) -> PacketStream | None:
-    """Stream of the sensor in use; None where it sends no packets of its own.
+    """Stream of the configured sensor; None if the sensor sends no packets of its own.
 
     description: content of the sensor's metadata file.
     """

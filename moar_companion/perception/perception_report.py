@@ -1,4 +1,4 @@
-"""What the sensor has seen so far, as the companion takes it. Values."""
+"""Reports of the perception to the companion. Values."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ..site import PlanePoint, Polygon
 class SeenConductor:
     """A confirmed conductor in the plane of the site, tracked from scan to scan.
 
-    name: the same as long as it is tracked, `seen-1`. deviation_m: standard deviation of its place.
-    seen_s: time of the last scan that had it.
+    name: constant while the conductor is tracked, as `seen-1`. deviation_m: standard deviation of
+    its place. seen_s: time of the last scan with a sighting.
     """
 
     name: str
@@ -24,13 +24,13 @@ class SeenConductor:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SensorHealth:
-    """How the sensor works.
+    """State of the sensor.
 
     scan_s: time of the last point of the newest whole scan; None before the first. received_s: time
     of the newest packet; None before the first. returns: share of that scan's beams with an echo
-    farther than 1 m; nearer ones are of the hull or of a cover. refused: packets that were damaged
-    or foreign, so far. late: scans that were dropped so far, since no poses of their times came.
-    A sensor that measures single points has 1 as returns.
+    farther than 1 m; nearer echoes are of the hull or of a cover. refused: number of damaged
+    packets and of packets of another sensor. late: number of scans and sets that were dropped for
+    lack of poses. A sensor that measures single points has 1 as returns.
     """
 
     scan_s: float | None = None
@@ -42,10 +42,10 @@ class SensorHealth:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PerceptionReport:
-    """Everything that is seen now. time_s: of the report, on the companion's clock.
+    """Present conductors and obstacles. time_s: of the report, on the companion's clock.
 
-    began_s: time of the first report of the same process: another one has not seen what it saw.
-    solids: other obstacles in the plane, ground left out, without keep-outs.
+    began_s: time of the first report of the same process; a restarted process has lost earlier
+    tracks. solids: other obstacles in the plane without the ground and without keep-outs.
     """
 
     time_s: float

@@ -1,4 +1,4 @@
-"""What rays of a sensor measured in the plane of the site: how far it is free, by direction."""
+"""Rays of a sensor in the plane of the site: the free distance by direction."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ IntArray = npt.NDArray[np.intp]
 BoolArray = npt.NDArray[np.bool_]
 
 SLAB_M = 2.5
-"""Half the thickness of the plane: what is farther beside it is not met, as wide as a large
-aircraft with its errors."""
+"""Half the thickness of the plane, for a large aircraft with its errors. The aircraft does not meet
+obstacles beside the slab."""
 _REACH_M = 60.0
 
 
@@ -22,9 +22,9 @@ _REACH_M = 60.0
 class PlaneRays:
     """Rays from one place in the plane, by their direction in it.
 
-    centre_m: (2,) of the sensor. sector: (n,) number of the direction; sectors: of a full turn.
-    distance_m: (n,) in the plane to what was measured. reach_m: (n,) how far the ray stays within
-    the slab, at most the distance. inside: (n,) points within the slab.
+    centre_m: (2,) of the sensor. sector: (n,) number of the direction; sectors: number in a full
+    turn. distance_m: (n,) measured, in the plane. reach_m: (n,) length of the ray within the slab,
+    at most the distance. inside: (n,) points within the slab.
     """
 
     centre_m: FloatArray
@@ -54,7 +54,7 @@ class PlaneRays:
         )
 
     def passing(self, step_m: float, before_m: float) -> IntArray:
-        """(sectors, k) number of rays that reach beyond k steps, and `before_m` more."""
+        """Number (sectors, k) of rays that reach beyond k steps, and `before_m` more."""
         count = math.ceil(_REACH_M / step_m)
         steps = np.clip((self.reach_m - before_m) / step_m, 0.0, count - 1).astype(np.intp)
         ends = np.bincount(self.sector * count + steps, minlength=self.sectors * count)
@@ -62,7 +62,7 @@ class PlaneRays:
         return np.asarray(upto[:, -1:] - upto)
 
     def nearest_m(self, among: BoolArray) -> FloatArray:
-        """(sectors,) least distance of some of the points; infinite without one."""
+        """Least distance (sectors,) of some of the points; infinite without one."""
         found = np.full(self.sectors, np.inf)
         np.minimum.at(found, self.sector[among], self.distance_m[among])
         return found

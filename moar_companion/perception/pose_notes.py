@@ -1,4 +1,4 @@
-"""What the companion tells the perception: the aircraft's pose as it was reported. Values."""
+"""Poses of the aircraft and measured points, as sent from companion to perception. Values."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ from ..types import Vector
 class PositionNote:
     """LOCAL_POSITION_NED in the site's frame, at its time on the companion's clock.
 
-    jumped_m: sum of all jumps of the estimate so far; what was seen moves with them. As a sum it
-    survives notes that are lost.
+    jumped_m: sum of all jumps of the estimate so far; tracks and cells move with it. A sum stays
+    right after lost notes.
     """
 
     time_s: float

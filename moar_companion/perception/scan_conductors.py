@@ -1,9 +1,9 @@
 """Conductors in single scans of a lidar whose scan plane stands across the line.
 
 Every laser crosses every conductor: a conductor is a row of narrow echoes, one or two beams wide,
-on a line along the axis of rotation. Narrow echoes are looked for ring by ring; lines through them
-by RANSAC, as in the paper. What is seen again and again at one place is a conductor:
-`conductor_tracks`.
+on a line along the axis of rotation. Narrow echoes are found ring by ring, and lines through them
+by RANSAC, as in the paper. `conductor_tracks` confirms repeated sightings at one place as a
+conductor.
 """
 
 from __future__ import annotations
@@ -20,34 +20,33 @@ IntArray = npt.NDArray[np.int64]
 BoolArray = npt.NDArray[np.bool_]
 
 _GAP_RAD = math.radians(0.7)
-"""Beams of one echo follow within this angle: three steps at 600 rpm."""
+"""Greatest angle between beams of one echo: three steps at 600 rpm."""
 _STEP_M = 0.3
-"""Ranges of one echo differ by less."""
+"""Greatest difference in range between neighbouring beams of one echo."""
 _NARROW_M = 0.25
-"""Greatest width of an echo of a wire or a twin bundle's half; wider ones are no conductor."""
+"""Greatest width of an echo of a wire or of half a twin bundle."""
 _LEAST_RANGE_M, _GREATEST_RANGE_M = 1.0, 40.0
 _MOST_ECHOES = 1000
 _RUN_SHARES = (0.1, 0.25)
-"""Two echoes that a line is laid through are apart by so much of their range: 6° to 14°."""
+"""Least and greatest distance of two echoes that define a line, per range: 6° to 14°."""
 _NEAR_M = 3.0
-"""Nearer than this, a line that is turned by the greatest angle may be missed."""
+"""Range below which the search may miss a line that is turned by the greatest angle."""
 _TRIES = 4
-"""Lines through each echo."""
+"""Number of lines tried through each echo."""
 _LEAST_SUPPORT = 4
-"""Partners of an echo on a line that is looked at more closely."""
+"""Least number of an echo's partners on a line that is then fitted."""
 _LEAST_ALONE = 0.35
-"""Share of its partners nearby that lie on the line, which a bundle of four still has."""
+"""Least share of the partners nearby that lie on the line; a bundle of four has more."""
 _TURNED_RAD = math.radians(17.0)
-"""By which a conductor may be turned from the axis: 15° of the line, and its slope."""
+"""Greatest angle between a conductor and the axis: 15° of the line, and its slope."""
 _RADIUS_M = 0.12
-"""Echoes of one conductor lie within this distance of its line."""
+"""Greatest distance of echoes of one conductor from its line."""
 _AROUND_M = 0.6
 _LEAST_RINGS = 6
 _RING_SHARE = 0.6
-"""Of the rings between the first and the last that see it."""
+"""Least share of the rings between the first and the last with an echo."""
 _LEAST_CLEAR = 0.6
-"""Share of the echoes around that lie on the line, or on one parallel to it: leaves are
-everywhere."""
+"""Least share of the echoes nearby on the line or a parallel one; leaves scatter around it."""
 _PARALLEL = 0.05
 
 
@@ -61,7 +60,7 @@ class ConductorSighting:
     range_m: float
 
     def crossing_m(self, along_m: float = 0.0) -> tuple[float, float]:
-        """Place (x, z) where it crosses the plane y = `along_m` of the site."""
+        """Crossing (x, z) of the line with the plane y = `along_m` of the site."""
         run_m = (along_m - self.point_m[1]) / self.direction[1]
         place_m = self.point_m + run_m * self.direction
         return float(place_m[0]), float(place_m[2])
@@ -72,7 +71,7 @@ def narrow_echoes(
 ) -> tuple[FloatArray, IntArray]:
     """Middles (k, 3) of echoes that are narrow, and their rings (k,).
 
-    points_m: (n, 3) of one scan; sensor_m: (n, 3) where each was measured from.
+    points_m: (n, 3) of one scan; sensor_m: (n, 3) place of the sensor at each.
     """
     offset = points_m - sensor_m
     ranges = _length(offset)
@@ -88,7 +87,7 @@ def narrow_echoes(
     starts = np.flatnonzero(begins)
     ends = np.append(starts[1:], len(group)) - 1
     width = _length(offset[ends] - offset[starts])
-    # An echo beside a nearer one may be the rest of something wide that this hides.
+    # An echo beside a nearer one may be part of a wide object that the nearer one hides.
     nearest = np.minimum.reduceat(ranges, starts)
     before = np.concatenate(([np.inf], np.where(apart, np.inf, ranges[:-1])))[starts]
     after = np.concatenate((np.where(apart, np.inf, ranges[1:]), [np.inf]))[ends]
@@ -122,7 +121,7 @@ def sightings(
         echoes_m, ring = echoes_m[kept], ring[kept]
     if len(echoes_m) < _LEAST_RINGS:
         return []
-    # Columns: along the axis, and two across.
+    # Columns: one along the axis, two across.
     aside = np.cross(axis, np.eye(3)[np.argmin(abs(axis))])
     aside /= np.linalg.norm(aside)
     frame = np.column_stack((axis, aside, np.cross(axis, aside)))
@@ -142,7 +141,7 @@ class _Line:
     on: BoolArray
 
     def distance_m(self, places: FloatArray) -> FloatArray:
-        """(k,) across, at the same place along."""
+        """Distance (k,) across the line, at the same place along it."""
         run = places[:, 0] - self.at[0]
         first = places[:, 1] - self.at[1] - self.slope[0] * run
         second = places[:, 2] - self.at[2] - self.slope[1] * run
@@ -150,9 +149,9 @@ class _Line:
 
 
 def _lines(places: FloatArray, ring: IntArray, random: np.random.Generator) -> list[_Line]:
-    """RANSAC: lines through an echo and a partner that have echoes of enough rings; disjoint.
+    """RANSAC: disjoint lines through an echo and a partner, with echoes of enough rings.
 
-    places: (k, 3) along, and twice across, from the sensor.
+    places: (k, 3), one column along and two across, from the sensor.
     """
     first, second = _partners(places)
     support, slope = _best_lines(places, first, second, random)
@@ -189,10 +188,7 @@ def _partners(places: FloatArray) -> tuple[IntArray, IntArray]:
 def _best_lines(
     places: FloatArray, first: IntArray, second: IntArray, random: np.random.Generator
 ) -> tuple[IntArray, FloatArray]:
-    """(k,) greatest number of an echo's partners on one line through it, and the slope (k, 2).
-
-    0 where most partners nearby are off the line.
-    """
+    """Greatest number (k,) of an echo's partners on one line through it, and the slope (k, 2)."""
     count = np.bincount(first, minlength=len(places))
     begin = np.cumsum(count) - count
     run, *aside = (places[second] - places[first]).T
@@ -231,7 +227,7 @@ def _refined(
 
 
 def _has_rings(seen_by: IntArray) -> bool:
-    """Echoes of enough rings, and of most between the first and the last."""
+    """Returns True for echoes of enough rings, and of most between the first and the last."""
     rings = np.unique(seen_by)
     if len(rings) < _LEAST_RINGS:
         return False
@@ -239,7 +235,7 @@ def _has_rings(seen_by: IntArray) -> bool:
 
 
 def _is_clear(line: _Line, lines: list[_Line], places: FloatArray) -> bool:
-    """Echoes around are its own, or those of conductors beside it."""
+    """Returns True if most echoes around are its own, or those of parallel lines."""
     run = places[:, 0]
     beside = (run >= run[line.on].min()) & (run <= run[line.on].max())
     around = beside & (line.distance_m(places) < _AROUND_M)

@@ -1,6 +1,6 @@
 """Points of a scan in the frame of the site, each with the pose at its own time.
 
-The sensor turns in 0.1 s, in which an aircraft flies a metre and tilts by degrees: every point is
+The sensor turns in 0.1 s, in which an aircraft flies a metre and tilts by degrees. Every point is
 placed with the pose interpolated at its time stamp (motion compensation).
 """
 
@@ -19,9 +19,9 @@ FloatArray = npt.NDArray[np.float64]
 
 _KEPT_S = 2.0
 _GREATEST_GAP_S = 0.5
-"""Between two poses there is no interpolation over more than this."""
+"""Longest time between two poses for interpolation."""
 _SLOTS = 256
-"""Poses are computed for this many instants of a scan, 0.4 ms apart: a millimetre of flight."""
+"""Number of pose instants of a scan, 0.4 ms apart: a millimetre of flight."""
 
 
 def mount_rotation(mount: SensorMount) -> Rotation:
@@ -42,18 +42,18 @@ def attitude_in_site(
 
 
 class PoseHistory:
-    """Poses of the last seconds: positions in the site's frame, and attitudes, each on its own."""
+    """Positions in the site's frame and attitudes of the last seconds, each with its time."""
 
     def __init__(self) -> None:
         self._positions: deque[tuple[float, FloatArray]] = deque()
         self._attitudes: deque[tuple[float, FloatArray]] = deque()
 
     def note_position(self, time_s: float, position_m: npt.ArrayLike) -> None:
-        """position_m: (3,); one that is not newer than the last is left out."""
+        """Takes a position (3,); drops one that is not newer than the last."""
         _append(self._positions, time_s, np.asarray(position_m, float))
 
     def note_attitude(self, time_s: float, attitude: Rotation) -> None:
-        """attitude: from the aircraft (x forward, y left, z up) to the site."""
+        """Takes an attitude: from the aircraft (x forward, y left, z up) to the site."""
         _append(self._attitudes, time_s, attitude.as_quat())
 
     def shift(self, step_m: npt.ArrayLike) -> None:
@@ -63,7 +63,7 @@ class PoseHistory:
 
     @property
     def until_s(self) -> float:
-        """Time up to which both position and attitude are there."""
+        """Time up to which both positions and attitudes are available."""
         if not self._positions or not self._attitudes:
             return -math.inf
         return min(self._positions[-1][0], self._attitudes[-1][0])
@@ -71,7 +71,7 @@ class PoseHistory:
     def at(self, time_s: FloatArray, *, late_s: float) -> tuple[FloatArray, Rotation] | None:
         """Positions (n, 3) and attitudes at times (n,); None where poses do not reach.
 
-        late_s: a time up to this far after the last pose, or before the first, takes that pose.
+        late_s: times up to this long after the last pose, or before the first, take that pose.
         """
         first_s, last_s = float(time_s.min()), float(time_s.max())
         positions = _around(self._positions, first_s, last_s, late_s)
@@ -118,7 +118,7 @@ def points_in_site(
     *,
     late_s: float = 0.01,
 ) -> tuple[FloatArray, FloatArray] | None:
-    """(n, 3) points of a scan in the site's frame, and the places (n, 3) of the sensor for each.
+    """Points (n, 3) of a scan, and places (n, 3) of the sensor at each, in the site's frame.
 
     None where the poses do not reach.
     """

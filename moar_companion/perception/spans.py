@@ -1,4 +1,4 @@
-"""Conductors put in order: spans, circuits and earth wires; and what the other points are."""
+"""Order of conductors by spans, circuits and earth wires, and classes of all points."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _SAME_DIRECTION_DEG = 8.0
 _LINE_WIDTH_M = 40.0
 _CROSS_ARM_ANGLE_RAD = math.radians(45.0)
 _LONGEST_CROSS_ARM_M = 40.0
-"""As wide as the widest towers (waist-type, one circuit: 38 to 40 m)."""
+"""Width of the widest towers (waist-type, one circuit: 38 to 40 m)."""
 _CROSS_ARM_REACH_M = 8.0
 _PHASES = 3
 _GROUND_M = 0.5
@@ -45,23 +45,24 @@ class Span:
     """Conductors between the same two towers."""
 
     circuits: tuple[tuple[DetectedConductor, ...], ...]
-    """Phase conductors, three a circuit where they divide so; lowest first, from right to left."""
+    """Phase conductors, in circuits of three where the number allows; lowest first, right to
+    left."""
     earth_wires: tuple[DetectedConductor, ...]
 
     @property
     def conductors(self) -> tuple[DetectedConductor, ...]:
-        """All, phase conductors first."""
+        """All conductors, phase conductors first."""
         return tuple(each for circuit in self.circuits for each in circuit) + self.earth_wires
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class PowerLine:
-    """What a point cloud shows of a power line. classes: (n,) PointClass of each point."""
+    """Power line in a point cloud. classes: (n,) PointClass of each point."""
 
     spans: tuple[Span, ...]
     classes: npt.NDArray[np.uint8]
     height_m: FloatArray
-    """(n,) above the ground."""
+    """Height (n,) of the points above the ground."""
 
 
 def find_power_line(points_m: FloatArray, settings: DetectorSettings | None = None) -> PowerLine:
@@ -82,7 +83,7 @@ def find_power_line(points_m: FloatArray, settings: DetectorSettings | None = No
 
 
 def _is_cross_arm(conductor: DetectedConductor, lines: tuple[DetectedConductor, ...]) -> bool:
-    """A short line at the end of a longer conductor, across it: part of the tower."""
+    """Returns True for a short line across the end of a longer conductor: part of the tower."""
     curve = conductor.curve
     samples = curve.points_at(np.linspace(*curve.extent_m, 9))
     for other in lines:
@@ -109,7 +110,7 @@ def _same_span(found: tuple[DetectedConductor, ...]) -> list[list[DetectedConduc
 
 
 def _beside(longer: Catenary, shorter: Catenary) -> bool:
-    """Parallel, at most a line's width apart, and for the greater part side by side."""
+    """Returns True if parallel, at most a line's width apart, and mostly side by side."""
     if abs(longer.direction @ shorter.direction) < math.cos(math.radians(_SAME_DIRECTION_DEG)):
         return False
     ends = longer.coordinates(shorter.points_at(np.array(shorter.extent_m)))
@@ -136,7 +137,7 @@ def _span(members: list[DetectedConductor]) -> Span:
 
 
 def _places(members: list[DetectedConductor]) -> FloatArray:
-    """(n, 2) lateral position and height, each in the middle of what all have in common."""
+    """Lateral position and height (n, 2) of each in the middle of the first."""
     axis = members[0].curve
     middle = axis.points_at(np.array([np.mean(axis.extent_m)]))[0]
     at = [
@@ -147,9 +148,9 @@ def _places(members: list[DetectedConductor]) -> FloatArray:
 
 
 def _earth_wires(members: list[DetectedConductor], places: FloatArray) -> set[int]:
-    """Wires above all others near them, that are thinner: single beside bundles, or sparser.
+    """Indices of thin wires above all others near them: single beside bundles, or sparser.
 
-    Where the rest is no multiple of three phases, those that stand above all others.
+    If the rest is no multiple of three phases, the wires that hang above all others.
     """
     if len(members) <= _PHASES:
         return set()
@@ -200,7 +201,7 @@ def _mark_towers(
     classes: npt.NDArray[np.int_],
     found: tuple[DetectedConductor, ...],
 ) -> None:
-    """Mark what stands at the ends of conductors, and reaches up to the lowest of them."""
+    """Marks objects at the ends of conductors, as high as the lowest of these, as towers."""
     ends = [
         (end, conductor.curve)
         for conductor in found
@@ -214,7 +215,7 @@ def _mark_towers(
     cells = ((points_m[rest, :2] - low) / _TOWER_CELL_M).astype(np.intp)
     top = np.full(cells.max(axis=0) + 1, -np.inf)
     np.maximum.at(top, (cells[:, 0], cells[:, 1]), points_m[rest, 2])
-    # Trees around a tower's foot are lower than the conductors' ends, and no part of it.
+    # Trees around a tower's foot are lower than the conductors' ends, and not part of the tower.
     near = np.zeros(top.shape, dtype=bool)
     reach = int(_TOWER_REACH_M / _TOWER_CELL_M)
     for column, row in ((places[:, :2] - low) / _TOWER_CELL_M).astype(np.intp):

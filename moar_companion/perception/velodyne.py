@@ -1,4 +1,4 @@
-"""Velodyne data packets to scans, by velodyne-decoder; whatever is no data packet is counted.
+"""Velodyne data packets to scans, by velodyne-decoder; all other packets are counted.
 
 Packets: VLP-16 User Manual 63-9243 Rev. E, section 9.3: 1,206 bytes, twelve blocks that begin with
 0xFFEE, then time, return mode and model. A scan is one turn.
@@ -16,7 +16,7 @@ from .lidar_scan import Scan
 
 PACKET_BYTES = 1206
 _POSITION_BYTES = 512
-"""Of a packet with time and position of a GPS, on another port."""
+"""Length of a packet with time and position of a GPS, on another port."""
 _BLOCKS, _BLOCK_BYTES = 12, 100
 _FLAG = b"\xff\xee"
 _FULL_TURN = 36_000
@@ -24,7 +24,7 @@ _RETURN_MODES = (0x37, 0x38, 0x39)
 _MODELS = {0x21: "HDL32E", 0x22: "VLP16", 0x24: "PuckHiRes", 0x28: "VLP32C"}
 _DUAL_RETURN = 0x39
 _PACKET_BEAMS = 384
-"""Half of them where each beam has two returns."""
+"""Beams per packet; half as many where each beam has two returns."""
 _HOUR_S = 3600.0
 
 
@@ -34,13 +34,13 @@ class VelodyneStream:
     def __init__(self) -> None:
         self.packets = 0
         self.refused = {"truncated": 0, "foreign": 0, "damaged": 0}
-        """Number of packets that are shorter, of another kind, or broken."""
+        """Number of refused packets: too short, of another kind, or damaged."""
         self._decoder: Any = None
         self._model: int | None = None
         self._beams = 0
 
     def receive(self, packet: bytes, now_s: float) -> Scan | None:
-        """Takes a packet; the scan that it completes, if any."""
+        """Takes a packet; returns the scan that it completes, if any."""
         fault = self._fault(packet)
         if fault is not None:
             self.refused[fault] += 1
@@ -78,9 +78,9 @@ def _decoder(model: int) -> Any:
 
 
 def _scan(stamp: Any, rows: npt.NDArray[np.float32], beams: int) -> Scan:
-    """rows: x, y, z, intensity, time, column, ring, return type.
+    """The scan of rows: x, y, z, intensity, time, column, ring, return type.
 
-    Times are relative to the stamp; the sensor's clock begins anew each hour.
+    Times are relative to the stamp; the sensor's clock restarts each hour.
     """
     offset_s = (rows[:, 4].astype(float) + _HOUR_S / 2.0) % _HOUR_S - _HOUR_S / 2.0
     return Scan(

@@ -56,7 +56,7 @@ class Field(NamedTuple):
     """Data of the plane (`continuous`); samples are `spacing_m` apart, or closer.
 
     values:        (nx, nz, 2)  SC and v_sat in the cells' centres
-    free:          (nx, nz)     0 occupied, 1 free, 2 free and clear of all wherever in the cell
+    free:          (nx, nz)     0 occupied, 1 free, 2 free and clear of all in the whole cell
     elevation_mps: (5,)         v_max from straight down to straight up
     """
 

@@ -2,10 +2,10 @@
 
 Inputs: base weights, and the optimum for any weights. Output: a `Calibration` (`adaptation`).
 
-On the line of weights from time and energy alone over the base weights to safety alone, a path's J
-is linear in k_S, and the least J over all paths concave. Two optima of different weights are
-neighbours if at the k_S at which both cost the same nothing costs less; else the optimum there lies
-between them. The widest gap is divided first. n points take 2 n - 1 plans.
+The line of weights leads from time and energy alone over the base weights to safety alone. On it, a
+path's J is linear in k_S, and the least J over all paths concave. Two optima of different weights
+are neighbours if no path costs less at the k_S at which both cost the same. Otherwise the optimum
+there is between them. The widest gap is divided first. n points take 2 n - 1 plans.
 """
 
 from __future__ import annotations

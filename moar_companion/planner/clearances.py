@@ -34,7 +34,7 @@ class Clearances:
 
     @classmethod
     def over(cls, grid: Grid, obstacles: tuple[Obstacle, ...], *known: Clearances) -> Clearances:
-        """The clearances on a grid, repaired from the first known ones that are of this grid."""
+        """The clearances on a grid, repaired from the first known ones on this grid."""
         before = next((item for item in known if item.grid == grid), None)
         if before is None:
             nothing = np.empty(grid.shape), np.full(grid.shape, -1, dtype=np.int32)

@@ -1,7 +1,8 @@
 """Comparison of two paths: the rest of a plan against a new one, and the distance of their lines.
 
-Inputs: plans of one site. Outputs: the rest of a plan under a newer request's weights, which makes
-its J comparable with that of the newer plan; the distance between two paths, and their clearances.
+Inputs: plans of one site. Outputs: the rest of a plan under a newer request's weights; the distance
+between two paths, and their clearances. Under these weights J of the rest is comparable with J of
+the newer plan.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from .solver import walked
 _SAME_CLEARANCE_M = 0.005
 """A difference that a text with two digits does not show."""
 _SAME_PATH_M = 0.05
-"""The same for one digit."""
+"""A difference that a text with one digit does not show."""
 _MOST_SHOWN_M = 9_999.0
 """Greatest distance in a text."""
 

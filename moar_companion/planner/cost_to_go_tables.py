@@ -1,8 +1,8 @@
 """Builds tables: a goal's exact costs to go over all weights, coarse at first, then refined.
 
-Inputs: a graph, a goal, the weights that the mission starts from. Output: a `CostToGoTable`,
-whole at any time. Refined first is the triangle of weights in which the two bounds are farthest
-apart, on average over a sample of states; gaps that risks can lead into from the mission's weights
+Inputs: a graph, a goal, the weights that the mission starts from. Output: a `CostToGoTable`, whole
+at any time. The triangle of weights with the greatest gap between the two bounds is refined first,
+by the average over a sample of states. Gaps that risks can lead into from the mission's weights
 count more.
 """
 
@@ -22,7 +22,7 @@ from .path_cost_kernels import policy_sums
 from .solver import CostToGoTable, Goal, Solver
 
 _SAMPLES = 256
-"""States whose bounds are compared."""
+"""Number of states in the comparison of bounds."""
 _LIKELY = 2.0
 """Factor of a gap that risks may lead into."""
 _ALIKE = 0.05

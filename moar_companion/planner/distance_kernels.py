@@ -1,9 +1,8 @@
 """The compiled loops over all cells: distances to obstacles, and the steps between cells.
 
-Scalar loops: operations on whole rows, and array fills, take much longer to compile.
-
-Obstacles come as rings of vertices, one behind the other: of ring k those from `first[k]` to
-`first[k + 1]`. A ring of one vertex is a point, a disc with its radius; of two, a segment.
+Scalar loops: operations on whole rows, and array fills, take much longer to compile. Obstacles come
+as rings of vertices, one after the other: ring k has those from `first[k]` to `first[k + 1]`. A
+ring of one vertex is a point, a disc with its radius; of two, a segment.
 """
 
 from __future__ import annotations
@@ -37,8 +36,8 @@ def nearest_rings(
 
     Each (nx, nz), infinite without obstacles, and followed by the ring that it belongs to, or -1.
     now: index now of each earlier ring, or -1; is_new: 1 for each ring that was not there before.
-    Earlier rings are evaluated again only in a column's rows whose ring is gone, or is -1, and in
-    rows between such.
+    Earlier rings are evaluated again only in a column's rows with a removed ring, or with -1, and
+    in rows between such.
     """
     shape = (len(x_m), len(z_m))
     distance_m, room_m = np.empty(shape), np.empty(shape)

@@ -1,11 +1,14 @@
 """Legs from a place where no path can begin to a free cell: the escape leg and the recovery leg.
 
 A gust, a low take-off, a pilot or a new obstacle can bring the vehicle to such a place.
+
 The escape leg is the shortest straight one to a free cell along which the clearance never decreases
-(planner page, "Starts in flight"), and that enters no keep-out; to an obstacle in whose keep-out it
-begins it comes no nearer. The recovery leg leads a vehicle that is outside the workspace or too low
-back: first straight up to the minimum altitude, then by the shortest straight one to a free cell;
-every keep-out is kept. Both may begin outside the autopilot's fence, and never lead out of it.
+(planner page, "Starts in flight"). It enters no keep-out. If it begins in a keep-out, it comes no
+nearer to that obstacle.
+
+The recovery leg leads back a vehicle that is outside the workspace or too low: first straight up to
+the minimum altitude, then by the shortest straight leg to a free cell. It enters no keep-out. Both
+may begin outside the autopilot's fence, and never lead out of it.
 """
 
 from __future__ import annotations

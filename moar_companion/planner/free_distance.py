@@ -81,7 +81,7 @@ class FreeDistance:
         return free
 
     def leads_inwards(self, places_m: FloatArray, directions: FloatArray) -> BoolArray:
-        """Mask (n,) of places (n, 2) in a keep-out whose direction (n, 2) leads no farther out."""
+        """Mask (n,) of places (n, 2) in a keep-out, with directions (n, 2) not farther out."""
         here = self._cells(places_m)
         inside: BoolArray = self.blocked[here].view(np.bool_)
         if not inside.any():
@@ -97,7 +97,7 @@ class FreeDistance:
         return x, z
 
     def nearest(self, place_m: PlanePoint) -> str:
-        """The name of the obstacle whose keep-out is the nearest to a place."""
+        """Name of the obstacle with the keep-out nearest to a place."""
         place = np.array([place_m])
         return min(
             self.clearances.obstacles,

@@ -1,7 +1,7 @@
 """Cells and moves: the discrete state and action spaces of the paper (Section IV-B).
 
 A grid defines the places of its cells; the moves define their ends, their lengths and the cells
-that a diagonal passes between. Both are written for any number of dimensions: the search only uses
+that a diagonal passes between. Both are written for any number of dimensions. The search only uses
 flat cell indices of a grid padded by one cell all round, and a table of moves.
 """
 

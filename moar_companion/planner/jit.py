@@ -1,9 +1,9 @@
 """The jit policy of the project, and the types of its kernels.
 
-Each kernel has one signature. It is made ready at its first call, or before (`compiling`): nothing
-is compiled in flight, and code without kernels does not wait for the compiler's import. `nogil` (a
+Each kernel has one signature. It is compiled or loaded at its first call, or before (`compiling`).
+No kernel is compiled in flight, and code without kernels does not import the compiler. `nogil` (a
 plan never delays the streaming loop), `cache` (compiled once per machine), no `fastmath` (costs are
-compared with an oracle). A kernel and the kernels it calls stand in one file: the cache checks a
+compared with an oracle). A kernel and the kernels it calls are in one file: the cache checks a
 kernel's own file alone. Constants and layouts of named tuples may come from other files: the name
 in the cache depends on them.
 """
@@ -70,7 +70,7 @@ class Kernel:
 
     def __init__(self, function: Any, answer: Type, arguments: tuple[Type, ...]) -> None:
         self.is_helper = function.__name__.startswith("_")
-        """True: only kernels call it, whose machine code contains it."""
+        """True: only kernels call it, and their machine code contains it."""
         function.__qualname__ += f"_{_taken_in(function, arguments)}"
         self.py_func = function
         self._answer = answer
@@ -154,7 +154,7 @@ def jit(answer: Type, *arguments: Type) -> Callable[[_Function], _Function]:
 
 @cache
 def _numba() -> Any:
-    """The compiler, whose import takes longer than all other imports together."""
+    """The compiler; its import takes longer than all other imports together."""
     import numba  # noqa: PLC0415
 
     _load_without_blas()

@@ -82,7 +82,7 @@ def build_maps(
     hull = Clearances.over(
         grid, geometry.hull(site.obstacles), *(() if before is None else (before.hull,))
     )
-    # From the true position, nearer by up to the margin (zero for a site that is only planned).
+    # Distance from the true position, nearer by up to the margin (zero without a flight).
     nearest = obstacle - site.margin.total_m
     collision, insertion, damage = (
         distance_cost(distance, vehicle.safety)

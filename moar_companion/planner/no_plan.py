@@ -19,7 +19,7 @@ _WORDS = {
 def reason_of(
     status: PlanStatus, what: str, point_m: tuple[float, ...] | None, site: Site, maps: Maps
 ) -> str:
-    """Returns the reason: what, at which point, and the rule that excludes it.
+    """Returns the reason: the subject, its point, and the rule that excludes it.
 
     what: the start, the goal or a target. point_m: (x, z); None for a goal of several cells.
     """

@@ -1,4 +1,4 @@
-"""The compiled walks along paths: their states and costs."""
+"""The compiled loops along paths: their states and costs."""
 
 from __future__ import annotations
 

@@ -144,7 +144,7 @@ class PlanRequest:
             )
 
     def adapted(self, rule: Adaptation) -> PlanRequest:
-        """The request with the weights that a rule makes of its risks."""
+        """The request with the weights that a rule derives from its risks."""
         return replace(self, adaptation=rule, weights=rule.weights(self.risk))
 
 

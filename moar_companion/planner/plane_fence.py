@@ -116,7 +116,7 @@ class PlaneFence:
 
 
 def _ahead(values: FloatArray, directions: FloatArray, interval: Interval) -> FloatArray:
-    """Distance that values may go on in directions within an interval."""
+    """Distance in directions over which values stay within an interval."""
     low, high = interval
     left = np.where(directions > 0.0, high - values, values - low)
     speed = np.abs(directions)

@@ -103,7 +103,7 @@ class Planner:
         if mission is Mission.INSPECTION:
             target = self._target(target).name
         key = (mission, target)
-        # Read once: if obstacles change meanwhile, the new table goes to dropped tables.
+        # Read once: if obstacles change meanwhile, the new table is stored with dropped tables.
         tables = self._tables
         goal = self._goal(key)
         count, corners = self._shares
@@ -287,7 +287,7 @@ class Planner:
 
         Raises ValueError for a plan without a path, or one made before the obstacles changed.
         """
-        # Imported here: no flight needs it, so that no start waits for its kernels.
+        # Imported here: no flight needs it, so that no start loads its kernels.
         from .refinement import Refiner  # noqa: PLC0415
 
         if plan.status is not PlanStatus.FOUND or plan.maps is not self.maps:

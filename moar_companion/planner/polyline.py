@@ -1,9 +1,9 @@
 """The compiled loops over straight legs: their cost, their obstacles, cheaper paths.
 
-J of a path of straight legs (planner page, Metrics): a leg is sampled at equal distances; SC and
+J of a path of straight legs (planner page, Metrics): a leg is sampled at equal distances. SC and
 v_sat are interpolated bilinearly between the cells' centres, v_max linearly over the leg's
-elevation; costs of distance and time are summed by trapezoids, the velocity's change from sample to
-sample and, as a vector, from leg to leg.
+elevation. Trapezoids sum the costs of distance and time. The velocity's change is summed from
+sample to sample and, as a vector, from leg to leg.
 """
 
 from __future__ import annotations
@@ -352,7 +352,7 @@ def _moved(path: Path, size: int, at: int, step_m: float, terms: Terms) -> bool:
 
 @jit(TERMS, TERMS, F8)
 def _sampled(terms: Terms, spacing_m: float) -> Terms:
-    """The same terms with samples at another distance."""
+    """Cost terms with samples at another distance."""
     field = terms.field
     coarser = Field(
         field.values, field.free, field.elevation_mps,

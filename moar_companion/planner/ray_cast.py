@@ -1,4 +1,4 @@
-"""The compiled walk of rays through the cells of a plane."""
+"""The compiled tracing of rays through the cells of a plane."""
 
 from __future__ import annotations
 

@@ -109,7 +109,7 @@ def landing_leg(
     """
     index, corners = region.corners[cell]
     if from_m is not None:
-        # Without an outer edge, the checked leg continues from the centre.
+        # Without an outer edge the checked leg continues from the centre.
         corners = np.stack([from_m, *corners[-2:]])
     points = [corners[0]]
     for start, end in itertools.pairwise(corners):
@@ -174,9 +174,9 @@ def _leg_room_m(site: Site, vehicle: Vehicle, start_m: FloatArray, end_m: FloatA
 def _visible_cells(
     site: Site, vehicle: Vehicle, maps: Maps, landing_m: PlanePoint
 ) -> tuple[IntArray, FloatArray]:
-    """The free cells (n, 2) that see a landing point, and their legs (n, 2 or 3 points, 2).
+    """The free cells (n, 2) with a view of a landing point, and their legs (n, 2 or 3 points, 2).
 
-    A leg begins at the cell's centre. A cell in a corner of the workspace may come twice.
+    A leg begins at the cell's centre. A cell in a corner of the workspace may occur twice.
     """
     grid = maps.grid
     above = np.array([landing_m[0], landing_m[1] + vehicle.guidance.landing_height_m])

@@ -1,6 +1,6 @@
 """Map jobs: maps of a site whose obstacles have changed in flight, made in the planner's thread.
 
-A job leaves the machine as a value, and its answer enters the machine as another, as plan jobs do.
+A job leaves the machine as a value, and its answer enters the machine as another, as for plan jobs.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ _LARGE = 0.5
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapJob:
-    """A site as it is seen now, with the number that its answer carries.
+    """A site with its present obstacles, and the number that its answer carries.
 
-    slack_m: distance by which a target is moved out of what keeps it from being reached.
+    slack_m: greatest distance by which a blocked target is moved.
     """
 
     job_id: int
@@ -33,14 +33,14 @@ class MapJob:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapAnswer:
-    """The maps of a job; None: the planner has failed. Targets of their site may have moved."""
+    """The maps of a job; None: the planner has failed. Targets of the site may have moved."""
 
     job_id: int
     site_maps: SiteMaps | None
 
 
 def answer_map_job(planners: PlannerSet, job: MapJob) -> MapAnswer:
-    """Makes the maps; from now on the planners plan on them."""
+    """Makes the maps; from now on the planners use them."""
     site = job.site
     planners.set_site(site)
     maps = planners.exact.maps
@@ -52,9 +52,10 @@ def answer_map_job(planners: PlannerSet, job: MapJob) -> MapAnswer:
 
 
 def _moved(target: Target, maps: Maps, slack_m: float) -> Target:
-    """The target, at the nearest free cell within `slack_m` where its own is not free.
+    """The target, moved to the nearest free cell within `slack_m` where its own is not free.
 
-    It then looks at where it was. Cells of small regions, as between conductors, are left out.
+    The moved target looks at the original place. Cells of small regions, as between conductors, are
+    left out.
     """
     grid, free = maps.grid, ~maps.occupied
     cell = grid.cell_of(target.position_m)

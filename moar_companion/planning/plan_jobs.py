@@ -46,9 +46,9 @@ _MOST_POCKETS = 8
 class PlanJob:
     """A request with the number that its answer carries.
 
-    origin_m: from where the weights are calibrated; None for the request's own start.
-    widening_m: obstacle inflation beyond keep-outs. fence: of the autopilot, as far as it cuts the
-    site. failsafes: of the autopilot; places from where one would hit an obstacle cost more.
+    origin_m: start of the calibration of weights; None for the request's own start. widening_m:
+    obstacle inflation beyond keep-outs. fence: of the autopilot, as far as it cuts the site.
+    failsafes: of the autopilot; cells from which a failsafe would hit an obstacle cost more.
     narrowed_m: part of the margin that an active escape route omits.
     """
 
@@ -66,10 +66,9 @@ class PlanAnswer:
     """The plan of a job, or the reason why there is none.
 
     escape_m: corners of the escape or recovery leg from the start, the plan's first point last; ()
-    where the plan begins at the start.
-    reach: to obstacles with the plan's inflation; None: no inflation.
-    too_wide: a plan exists without inflation. failed: the planner has not answered.
-    narrowed_m: part of the margin that the plan omits, since none keeps the whole margin.
+    where the plan begins at the start. reach: to obstacles with the plan's inflation; None: no
+    inflation. too_wide: a plan exists without inflation. failed: the planner gave no answer.
+    narrowed_m: part of the margin that the plan omits, since no plan keeps the whole margin.
     would_collide: rejected; an offboard loss or link failsafe on this path would hit an obstacle.
     detail: the reason as a whole sentence, where that is too long for a pilot's text.
     """
@@ -89,13 +88,14 @@ class PlanAnswer:
 def answer_job(planners: PlannerSet, job: PlanJob) -> PlanAnswer:
     """Plans; where the start permits no plan, plans from the end of the escape leg.
 
-    An escape route that the margin blocks is planned with less of it; the position error is kept.
+    An escape route that the margin blocks is planned with a smaller margin; the position error is
+    kept.
     """
     planners.expose(job.failsafes)
     job = _calibrated(planners.exact, job)
     cell = planners.exact.maps.grid.cell_of(job.request.start_m)
     if job.narrowed_m and cell is not None and planners.exact.maps.occupied[cell]:
-        # Inside the margin the flight goes on, and does not turn to leave the margin.
+        # Inside the margin an active route continues, and needs no leg out of the margin.
         going_on = _narrowed(planners, job, job.narrowed_m)
         if going_on is not None and not going_on.escape_m:
             return going_on
@@ -108,7 +108,7 @@ def answer_job(planners: PlannerSet, job: PlanJob) -> PlanAnswer:
         narrower = _narrowed(planners, job, part * tracking_m)
         if narrower is not None:
             return narrower
-    # Within the fence first: a fence that only forces a detour is not the cause.
+    # The search within the fence comes first: a fence that only forces a detour is not the cause.
     if job.widening_m and _answer(planners.widened_by(0.0, job.fence), job).plan is not None:
         return replace(answer, too_wide=True)
     crowded = _crowded(planners.exact, answer, job) if inspects else None
@@ -120,7 +120,7 @@ def answer_job(planners: PlannerSet, job: PlanJob) -> PlanAnswer:
 
 
 def _calibrated(exact: Planner, job: PlanJob) -> PlanJob:
-    """The job with calibrated weights, where its rule wants them and the goal's table is complete.
+    """The job with calibrated weights, if its rule needs them and the goal's table is complete.
 
     Without the table the first plan would be late; a later plan of the flight is calibrated.
     """
@@ -140,7 +140,7 @@ def _narrowed(planners: PlannerSet, job: PlanJob, narrowed_m: float) -> PlanAnsw
 
 
 def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer | None:
-    """The answer that the margin, or a part of it, blocks a target; None if it does not."""
+    """Answer that the margin, or a part of it, blocks a target; None otherwise."""
     part = blocking_part(exact, lambda freer: _answer(freer, job).plan is not None, job.fence)
     if part is None:
         return None
@@ -152,7 +152,7 @@ def _crowded(exact: Planner, answer: PlanAnswer, job: PlanJob) -> PlanAnswer | N
 
 
 def _fenced_off(answer: PlanAnswer, plan: Plan, fence: PlaneFence) -> PlanAnswer:
-    """The answer that only the fence blocks a plan."""
+    """Answer that only the fence blocks a plan."""
     goal_m = plan.waypoints.position_m[-1:]
     crossed = fence.crossed(goal_m) or fence.crossed(plan.waypoints.position_m)
     crossed = crossed or fence.bounds[0].name
@@ -226,7 +226,7 @@ def too_far(outside_m: float, vehicle: Vehicle) -> str:
 
 
 def _words(planner: Planner, request: PlanRequest, status: PlanStatus, *, begins: bool) -> str:
-    """Reason why there is no plan, for people: about aircraft, target by name, or path.
+    """Reason why there is no plan, as a text: about aircraft, target by name, or path.
 
     begins: the plan was to begin at the aircraft.
     """
@@ -246,7 +246,7 @@ def _words(planner: Planner, request: PlanRequest, status: PlanStatus, *, begins
 
 
 def _words_of_start(planner: Planner, start_m: PlanePoint) -> str | None:
-    """Reason why no plan can begin at a place, with a manual direction; None where one can.
+    """Reason why no plan can begin at a place, with a manual direction; None where a plan can.
 
     The direction is towards the workspace, or away from the nearest obstacle.
     """
@@ -276,7 +276,7 @@ def _words_of_start(planner: Planner, start_m: PlanePoint) -> str | None:
 def preparations(planner: Planner) -> list[Callable[[], None]]:
     """Calls that precompute the data of the site's goals, one call for each goal.
 
-    The first target and the escape routes come first; no more than can be kept.
+    The first target and the escape routes come first; the number is limited by the cache.
     """
     site = planner.site
     targets = [(Mission.INSPECTION, target.name) for target in site.targets]

@@ -1,8 +1,8 @@
 """Planners of a site: one for keep-outs as they are, others for changes in flight.
 
-Changes are wider obstacles or a fence of the autopilot. For the planning worker alone: a changed
-planner is built at its first request. It has no tables: an inflation may end before they are made,
-and a plan takes a millisecond.
+Changes are wider obstacles or a fence of the autopilot. Only the planning worker uses this set. A
+changed planner is built at its first request. It has no tables: an inflation may end before they
+are complete, and a plan takes a millisecond.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from ..site import Site
 _MOST = 4
 """Changed planners kept: enough for the position's uncertainties within a flight."""
 _MOST_CELLS = 1_000_000
-"""Limit on the cells of these together, 0.2 kB each; of a greater site one is kept."""
+"""Limit on the total cells of these, 0.2 kB each; of a greater site one planner is kept."""
 
 
 class PlannerSet:
@@ -34,7 +34,7 @@ class PlannerSet:
         self._failsafes = NO_FAILSAFES
 
     def expose(self, failsafes: Failsafes) -> None:
-        """Sets the autopilot's own failsafes; maps change when these differ from before."""
+        """Sets the failsafes of the autopilot; a change of these changes the maps."""
         if failsafes == self._failsafes:
             return
         self._failsafes = failsafes

@@ -8,7 +8,7 @@ from .model import PowerModel
 CELL_V = (3.0, 4.4)
 """Voltage range of an intact lithium cell."""
 _FLIGHT_VOLTAGE_MIN_V = 5.0
-"""Least voltage of a flight battery. Below, USB powers the autopilot, which then reports a full
+"""Least voltage of a flight battery. Below it USB powers the autopilot, which then reports a full
 battery; two empty cells have 6 V."""
 
 
@@ -31,7 +31,7 @@ def cell_v(battery: Battery, model: PowerModel, mean_current_a: float | None) ->
 
 
 def misread(telemetry: Telemetry, cells: int | None) -> str | None:
-    """Text of a mismatch for people; None if all batteries fit, or none reports.
+    """Text of a mismatch for operators; None if all batteries fit, or none reports.
 
     With the wrong number an empty battery appears full, or a full one empty.
     """

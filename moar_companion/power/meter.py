@@ -7,9 +7,9 @@ a minute in the air suffices for all. Sources, in this order:
     charge    the flight between two steps of the charge that the autopilot reports
 
 A charge that falls clearly faster than by the current has precedence. Every drain counts, clamped
-at a limit: ignoring one would promise flight time that does not exist. The energy left is that of
-the emptiest battery: packs in parallel empty alike, and if two differ one has failed. A battery
-that no longer reports is counted down by the energy flown. Inputs: telemetry and time.
+at a limit: without it the forecast would have too much flight time. The energy left is that of the
+emptiest battery: packs in parallel empty alike, and if two differ one has failed. A battery that no
+longer reports is counted down by the energy flown. Inputs: telemetry and time.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ _CELL_FULL_V = 4.05
 """Full lithium-polymer cell under load; PX4's BAT1_V_CHARGED."""
 _MEASURING_S = 10.0
 """Measuring time at which the measured factor and the prior count alike. By then the current has
-settled, and a step of the charge, at most 2 s late, is known to a fifth: as well as the file."""
+settled. A step of the charge, at most 2 s late, is known to a fifth: as well as the file."""
 _FORGETTING_S = 120.0
 """Time constant of the mean: longer than a leg, so that it covers all phases; shorter than a
 battery. While the power is far above the mean, _MEASURING_S replaces it."""
@@ -53,8 +53,8 @@ such steps in a row than _MOST_SUDDEN are no corrections, and count."""
 _MOST_SUDDEN = 2
 """Limit of corrections in a row; the second may be a step that follows a late one."""
 _AT_ODDS = 2.0
-"""Ratio of two measures at which the greater has precedence: a gauge may assume another capacity or
-follow a voltage, but differs by less unless a battery fails."""
+"""Ratio of two measures at which the greater has precedence. A gauge may assume another capacity or
+follow a voltage, but without a battery failure it differs by less."""
 _SWAPPED = 0.05
 """Rise of the charge that means another battery; smaller rises are noise, as of a charge that the
 autopilot derives from a voltage."""
@@ -81,7 +81,7 @@ class _Pack:
 
     heard_s: time of that report. most: greatest charge that its voltage allows. told: charge that
     the autopilot reported, the least of a noisy one; None if only a voltage gives it. marks: the
-    steps down of `told`.
+    decreases of `told`.
     """
 
     heard_s: float
@@ -115,9 +115,9 @@ class Meter:
     flown_wh: float = 0.0
     """Energy flown in the air, in Wh of the file."""
     recent_wh: float = 0.0
-    """The same while the current was known, with exponential forgetting; of one flight."""
+    """Energy flown while the current was known, with exponential forgetting; of one flight."""
     drawn_wh: float = 0.0
-    """Energy drawn by the current, likewise."""
+    """Energy drawn by the current in this time, with the same forgetting."""
     mean_current_a: Mapping[int, float] = field(default_factory=dict)
     packs: Mapping[int, _Pack] = field(default_factory=dict)
     """Batteries whose charge was ever known."""
@@ -157,7 +157,7 @@ def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel)
     landed = telemetry.landed
     flies, gone = meter.flies if landed is None else in_the_air(telemetry), set[int]()
     if on_the_ground(telemetry):
-        gone = meter.packs.keys() - telemetry.batteries.keys()  # taken out
+        gone = meter.packs.keys() - telemetry.batteries.keys()  # removed battery
         meter = replace(meter, prior=meter.factor, recent_wh=0.0, drawn_wh=0.0)
     flight_w = _flight_w(telemetry.local_position, now_s, model) if flies else 0.0
     flown_wh = meter.flown_wh + flight_w * elapsed_s / S_PER_H

@@ -83,7 +83,7 @@ class PowerModel:
         return float(self._power_w(level_mps, up_mps, min, max))
 
     def _power_w(self, level_mps: Any, up_mps: Any, least: Any, most: Any) -> Any:
-        """The same, also for arrays (n,). least, most: elementwise minimum and maximum."""
+        """Power at level and upward speeds (n,). least, most: elementwise minimum and maximum."""
         level, up = level_mps / self.cruise_mps, up_mps / self.climb_mps
         down = -up_mps / self.descent_mps
         return (

@@ -85,7 +85,7 @@ class Sight:
 def aircraft_findings(
     sight: Sight, vehicle: Vehicle, site: Site | None, limits: Supervision
 ) -> list[Finding]:
-    """Returns all findings on the aircraft but those on its parameters."""
+    """Returns all findings on the aircraft except those on its parameters."""
     batteries = battery_findings(sight.telemetry, vehicle.risk)
     return [
         *_identity(sight, vehicle),

@@ -38,7 +38,7 @@ WAIT_S = 10.0
 _LOOK_S = 6.0
 """Six heartbeats, three battery messages, enough packets for a loss of some percent."""
 _LONGEST_LOOK_S = 20.0
-"""Data that has not come by then is unknown."""
+"""Time after which data that has not arrived counts as unknown."""
 _RISK_PERIOD_S = 0.1
 _VERSION_PERIOD_S = 1.0
 
@@ -292,7 +292,7 @@ class Preflight:
         return failsafe_findings(self._planner, told, self._limits, self._power)
 
     def _all_told(self) -> bool:
-        """True if nothing that was requested may still come."""
+        """True if no requested data may still come."""
         session = self._session
         assert session.autopilot is not None
         requests = session.requests

@@ -8,7 +8,7 @@ from ..telemetry import Battery, Telemetry
 from .findings import Finding, Level
 
 _USB_V = 5.5
-"""Below this, no flight battery feeds the autopilot."""
+"""Voltage below which no flight battery supplies the autopilot."""
 _HIGH_CHARGE = 0.8
 _HIGH_CELL_V = 4.0
 """Voltage of a lithium-polymer cell at rest at about that charge."""
@@ -44,7 +44,8 @@ def _tells(battery: Battery) -> bool:
 def _silent(subject: str, *, beside: bool) -> Finding:
     """Returns the finding of a battery without data; beside: another battery has data.
 
-    That other one may feed all, as where a monitor is set up for a pack that is not fitted.
+    The other battery may supply the aircraft alone, as where a monitor is set up for a pack that is
+    not fitted.
     """
     return Finding(
         level=Level.WARNING if beside else Level.NO_GO,
@@ -103,7 +104,7 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
 
 
 def _charged(subject: str, text: str, risk: float, least: Level) -> Finding:
-    """Returns the finding of a battery that is read right, by the risk of its charge."""
+    """Returns the finding of a battery with correct readings, by the risk of its charge."""
     level = max(least, Level.of_risk(risk))
     remedy = CHARGE if level >= Level.WARNING else ""
     return Finding(level=level, subject=subject, text=text, remedy=remedy)

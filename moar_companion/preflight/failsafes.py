@@ -28,9 +28,9 @@ LOSS_SUBJECT = "companion failure"
 def failsafe_findings(
     planner: Planner, failsafes: Failsafes, limits: Supervision, power: PowerModel
 ) -> list[Finding]:
-    """Returns a finding for each trigger whose action would hit something, or one if none would.
+    """Returns a finding for each trigger with an unsafe action, or one finding if all are safe.
 
-    `loss_findings` judges the loss of the companion.
+    Unsafe: the action would hit an obstacle. `loss_findings` judges the loss of the companion.
     """
     ways = [
         (target, way)
@@ -64,7 +64,7 @@ def failsafe_findings(
 
 
 def _level(item: FailsafeAction, limits: Supervision) -> Level:
-    """No-go if nothing protects, or as configured; a note if no parameter helps."""
+    """No-go without any protection, or as configured; a note if no parameter helps."""
     if item.action is Action.FALL:
         return Level.NO_GO
     if item.trigger in LINKS and limits.failsafe_action is LossCheck.REFUSE:

@@ -28,8 +28,8 @@ def fence_findings(
 ) -> list[Finding]:
     """Returns all findings on the autopilot's fence.
 
-    planner: of the site, without the fence; None without a site. home_m: in the site's frame,
-    None if unknown. told: the autopilot has reported which areas were uploaded to it.
+    planner: of the site, without the fence; None without a site. home_m: in the site's frame, None
+    if unknown. told: True if the autopilot has reported its uploaded areas.
     """
     found = [_summary(fence)]
     if not told:

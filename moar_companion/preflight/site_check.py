@@ -1,6 +1,6 @@
 """Check of site and vehicle before the flight: values in, findings out. Pure.
 
-Beyond errors that make a file unreadable: places where nothing can be flown, missing routes, cells
+Beyond errors that make a file unreadable: places without a possible flight, missing routes, cells
 too coarse for their keep-outs, missions that cannot be ordered.
 """
 
@@ -25,7 +25,7 @@ from .findings import Finding, Level
 from .site_routes import SiteRoute, place_problem, too_near, unseen, ways_of
 
 _LARGE_BYTES = 500_000_000
-"""More than this is a burden on a companion computer of 4 GB."""
+"""Number of cells that is too many for a companion computer of 4 GB."""
 _LOST_SHARE = 0.5
 """Fraction of a required clearance that may be lost on the way between two cells."""
 _ENDURANCE_SHARE = 0.8

@@ -32,7 +32,7 @@ _STEP_S = 0.1
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class SiteRoute:
-    """One route of a mission from rest; name: for readers who know its target."""
+    """One route of a mission from rest; name: without the target, which the reader has."""
 
     name: str
     mission: Mission
@@ -73,7 +73,7 @@ class SiteRoute:
         return lag or loss_objection(loss, planner.maps.reach, rests_m, home_m)
 
     def _flight(self, planner: Planner, loss: OffboardLoss) -> tuple[PathFollower, Pose]:
-        """Returns a flight that has not begun, and its pose."""
+        """Returns a flight that has not begun, and the pose at its start."""
         x_m, z_m = self.start_m
         pose = Pose(position_m=(x_m, 0.0, z_m), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
         site, vehicle, maps = planner.site, planner.vehicle, planner.maps

@@ -1,1 +1,1 @@
-"""Content of a flight's .mcap: the machine's calls, exact, and channels for people. No I/O."""
+"""Content of a flight's .mcap: exact calls of the machine, and channels for viewers. No I/O."""

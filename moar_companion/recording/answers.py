@@ -1,8 +1,8 @@
 """Answers of the planner to JSON and back.
 
-An answer is kept with the path that was found, not planned anew: which of two equal paths it is
-depends on the tables that were ready at that moment, and its times on the computer. What follows
-from site, vehicle and job is not kept: maps, graph, reach and landing leg are made again.
+An answer is kept with its path, and a replay does not plan again. Which of two equal paths the
+planner returns depends on the tables at that moment, and the times depend on the computer. Data
+that follow from site, vehicle and job are computed again: maps, graph, reach and landing leg.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ _PLAIN = tuple(item.name for item in fields(PlanAnswer) if item.name not in {"pl
 
 
 def answer_encoded(answer: PlanAnswer) -> dict[str, Any]:
-    """An answer fit for JSON."""
+    """The answer in a form for JSON."""
     plan = answer.plan
     data = {name: encoded(getattr(answer, name)) for name in _PLAIN}
     data["reach"] = answer.reach is not None
@@ -38,7 +38,7 @@ def answer_encoded(answer: PlanAnswer) -> dict[str, Any]:
 
 
 def answer_decoded(planners: PlannerSet, job: PlanJob, data: dict[str, Any]) -> PlanAnswer:
-    """The answer to a job, on maps as the planner had them then."""
+    """The answer to a job, on the maps that the planner had then."""
     plan, reach = data["plan"], None
     values = {name: data[name] for name in _PLAIN}
     values["escape_m"] = tuple((x_m, z_m) for x_m, z_m in data["escape_m"])

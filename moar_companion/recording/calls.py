@@ -1,8 +1,8 @@
-"""The machine with a log of its calls: everything that enters it, in order, and what it answers.
+"""The machine with a log of its calls: all inputs, in order, and the results.
 
 A call is a method's name, its arguments and its result; the first one, `start`, is the
 construction. The same calls on a new machine give the same results, byte for byte: the machine has
-no clock, no random numbers and no files. `replay.exact` does that.
+no clock, no random numbers and no files. `replay.exact` replays them.
 """
 
 from __future__ import annotations
@@ -52,7 +52,7 @@ OUTPUTS = (
     "pose_notes",
     "decisions",
 )
-"""Calls whose results are compared; those, too, change the machine: they empty its queues."""
+"""Calls whose results are compared; they change the machine, too: they empty its queues."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -69,7 +69,7 @@ class Call:
 class Start:
     """Construction of a machine. site: of its ground; None: without a planner, or not yet.
 
-    Of signed links the start of their time stamps; their key is never kept.
+    Of signed links: the start of their time stamps, never the key.
     """
 
     config: CompanionConfig
@@ -96,7 +96,7 @@ class RecordedCompanion(Companion):
     ) -> None:
         super().__init__(config, vehicle, site_maps, before=before, signing=signing)
         self._within = False
-        """True within a logged call, whose own calls follow from it."""
+        """True within a logged call; the calls inside it are not logged."""
         start = Start(
             config=config,
             vehicle=vehicle,
@@ -141,7 +141,7 @@ for _name in (*INPUTS, *OUTPUTS):
 
 
 def call_encoded(call: Call) -> list[Any]:
-    """A call fit for JSON: method, arguments, options, result."""
+    """A call in a form for JSON: method, arguments, options, result."""
     return [
         call.method,
         [_argument(item) for item in call.arguments],
@@ -159,7 +159,7 @@ def _argument(value: Any) -> Any:
 
 
 def arguments_decoded(method: str, data: list[Any]) -> tuple[Any, ...]:
-    """Arguments of a call but answers and ground, which need a planner; they stay as they are."""
+    """Arguments of a call; answers and ground need a planner and stay encoded."""
     return tuple(
         decoded(kind, item) for kind, item in zip(_ARGUMENTS.get(method, ()), data, strict=False)
     )

@@ -1,4 +1,4 @@
-"""A cycle of the machine as messages of an .mcap: exact calls, and what people look at.
+"""A cycle of the machine as messages of an .mcap: exact calls, and channels for viewers.
 
 The site's frame is Foxglove's: x along the plane, y to its left, z up; its name is `site`.
 """
@@ -62,7 +62,7 @@ class Cycle:
 
 
 class CycleSampler:
-    """Takes a cycle from the machine; the state as often as people look at it."""
+    """Takes a cycle from the machine, and its state at the rate of the viewers."""
 
     def __init__(self) -> None:
         self._pose_due_s = self._status_due_s = -math.inf
@@ -100,7 +100,7 @@ class Channels:
         self._setpoints = Codec(system_id=1, component_id=1, wanted={_SETPOINT})
 
     def latched(self, now_s: float) -> Iterator[Message]:
-        """Messages that each file begins with: site and map, once these are known."""
+        """Messages at the start of each file: site and map, once these are known."""
         if self._site_maps is not None:
             wall_s = now_s + self._offset_s
             yield "/site", wall_s, _scene(self._site_maps.site, wall_s)

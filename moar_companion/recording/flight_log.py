@@ -12,7 +12,7 @@ from .secrets import Blanking
 
 
 class FlightLog:
-    """Blanks keys, and makes the messages. clock_offset_s: wall clock minus the machine's clock."""
+    """Blanks keys, makes the messages. clock_offset_s: wall clock minus the machine's clock."""
 
     def __init__(self, clock_offset_s: float) -> None:
         self._blanking = Blanking()
@@ -30,12 +30,12 @@ class FlightLog:
         return made_with()
 
     def latched(self) -> Iterator[tuple[str, int, bytes]]:
-        """Messages that each part begins with."""
+        """Messages at the start of each part."""
         for topic, wall_s, content in self._channels.latched(self._now_s):
             yield topic, nanoseconds_of(wall_s), encoded_message(content)
 
     def messages(self, items: list[Cycle], *, last: bool) -> Iterator[tuple[str, int, bytes]]:
-        """Messages of these cycles, or of those before them that have waited. last: all."""
+        """Messages of these cycles, and of earlier cycles that waited. last: all."""
         for cycle in self._blanking.ready(items, last=last):
             self._now_s = cycle.now_s
             for topic, wall_s, content in self._channels.messages(cycle):

@@ -1,9 +1,9 @@
 """JSON schemas of the channels of an .mcap.
 
-Foxglove reads each field by one type: a value that may be missing (null) has the type that it has
-when it is there, and what has no fixed fields is left out. Names with `foxglove.` are its own
-schemas (https://docs.foxglove.dev/docs/visualization/message-schemas), which its 3D, Map and Log
-panels know by their names.
+Foxglove reads each field by one type. A value that may be null has the type of its other values; a
+value without fixed fields is left out. Names with `foxglove.` are schemas of Foxglove
+(https://docs.foxglove.dev/docs/visualization/message-schemas), which its 3D, Map and Log panels
+display.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ def _schema(shape: Shape) -> dict[str, Any]:
 
 
 def shape_of(hint: Any) -> Shape:
-    """The shape of a dataclass, by its annotations; of a mapping by key none of its fields."""
+    """Shape of a dataclass, by its annotations; a mapping by key has none of its fields."""
     arguments = [kind for kind in typing.get_args(hint) if kind is not type(None)]
     origin = typing.get_origin(hint)
     if origin in {typing.Union, types.UnionType}:
@@ -244,7 +244,7 @@ STATUS: dict[str, Shape] = {
     },
     "age_s": dict.fromkeys(_SOURCES, _N),
 }
-"""Sections of the status (`companion/status`), a channel each."""
+"""Sections of the status (`companion/status`), one channel each."""
 
 CALLS = "/machine/calls"
 CHANNELS: dict[str, str] = {

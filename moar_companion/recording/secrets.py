@@ -1,8 +1,8 @@
-"""Keys in received bytes: SETUP_SIGNING and AUTH_KEY, blanked before anything is recorded.
+"""Keys in received bytes: SETUP_SIGNING and AUTH_KEY are blanked before recording.
 
 A blanked packet has the same length and the right checksum, so that a replay counts it as the
-machine did. Its signature, where it has one, is not made again. On a stream the packet may come in
-pieces: cycles wait, for one batch, until the last piece is there.
+machine did. Its signature, if it has one, is not made again. On a stream the packet may arrive in
+pieces: cycles wait, for one batch, for the last piece.
 """
 
 from __future__ import annotations
@@ -24,17 +24,17 @@ _Place = tuple[int, int, int]
 
 
 class Blanking:
-    """Takes batches of cycles, and returns those whose bytes have no key any more."""
+    """Takes batches of cycles, and returns those without keys in their bytes."""
 
     def __init__(self) -> None:
         self._waiting: list[Cycle] = []
 
     def ready(self, cycles: list[Cycle], *, last: bool = False) -> list[Cycle]:
-        """The cycles to be recorded now, in order. last: all of them."""
+        """Cycles that can be recorded now, in order. last: all of them."""
         held, cycles = len(self._waiting), [*self._waiting, *cycles]
         streams: dict[Any, list[tuple[_Place, bytes]]] = {}
         for place, link, data, address in _portions(cycles):
-            # A datagram has whole packets; all else of a link is one stream.
+            # A datagram has whole packets; the other bytes of a link are one stream.
             key = link if address is None else (link, place)
             streams.setdefault(key, []).append((place, data))
         changed: dict[_Place, bytes] = {}
@@ -59,9 +59,9 @@ class Blanking:
 
 
 def blanked(data: bytes, *, final: bool) -> tuple[bytes, int]:
-    """Bytes without keys, and where a packet begins whose end is not there yet (else: the end).
+    """Bytes without keys, and the start of an incomplete packet (otherwise the end).
 
-    final: nothing follows; then a key that is cut short is blanked as far as it goes.
+    final: no bytes follow; a key that is cut short is then blanked to the end.
     """
     blank, end = bytearray(data), len(data)
     for marker in _MARKERS.finditer(data):

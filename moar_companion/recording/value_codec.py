@@ -1,8 +1,8 @@
 """Values to JSON and back without loss: the dataclasses that enter and leave the machine.
 
-A float is its shortest decimal that reads back as the same number (`repr`), one that is not finite
-the text `inf`, `-inf` or `nan`. Bytes are hexadecimal, an enumeration is its value, a dataclass a
-mapping of its fields. `decoded` needs the type: a dataclass, or what its annotations are made of.
+A float is its shortest decimal that reads back as the same number (`repr`); one that is not finite
+is the text `inf`, `-inf` or `nan`. Bytes are hexadecimal, an enumeration is its value, a dataclass
+a mapping of its fields. `decoded` needs the type: a dataclass, or a type of its annotations.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _UNIONS = (typing.Union, types.UnionType)
 
 
 def encoded(value: Any) -> Any:
-    """A value fit for JSON. Raises TypeError for one that is no value, as a function or a key."""
+    """A value in a form for JSON. Raises TypeError for other objects, as a function or a key."""
     if isinstance(value, enum.Enum):
         return value.value
     if value is None or isinstance(value, (bool, str)):
@@ -50,7 +50,7 @@ def encoded(value: Any) -> Any:
 
 
 def decoded(hint: Any, data: Any) -> Any:
-    """The value of a type that `encoded` made data of. Raises ValueError or TypeError for other."""
+    """The value of a type from the data of `encoded`. Raises ValueError or TypeError otherwise."""
     origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin is Annotated:
         return decoded(arguments[0], data)

@@ -41,8 +41,8 @@ from ..telemetry import (
 from ..types import AutopilotKind, GeodeticPoint
 
 _ALIVE_S = 0.5
-"""Age from which the mode is taken as told again: the log has its changes, and the autopilot lives
-while it logs."""
+"""Age from which the mode counts as reported again: the log has its changes, and a log entry shows
+that the autopilot runs."""
 _GLITCH = 1 << 14
 """nav_filter_status: GPS glitching (AP_NavEKF/AP_Nav_Common.h); the first ten bits are those of
 EKF_STATUS_REPORT."""
@@ -98,7 +98,7 @@ class DataflashListener:
     # Status
 
     def _note_status(self, now_s: float) -> list[Said]:
-        """Tells mode and armed state, as a heartbeat would."""
+        """Sets mode and armed state, as a heartbeat would."""
         mode, kind = self._mode, self._type
         status = AutopilotStatus(
             received_s=now_s,
@@ -337,6 +337,6 @@ _TABLE: dict[str, tuple[str, _Reader]] = {
 }
 _READERS = {name: entry[1] for name, entry in _TABLE.items()}
 MESSAGES = frozenset(_TABLE)
-"""Messages that are read."""
+"""Messages that the listener reads."""
 INPUT_OF = {name: entry[0] for name, entry in _TABLE.items()}
 """Input of each message; empty for those of none."""

@@ -20,10 +20,10 @@ _SAME_TEXT_S = 10.0
 """Minimum time between two events with the same text."""
 _FIX_3D = 3
 _POWERED_V = 5.0
-"""Below this voltage USB feeds the autopilot, and its battery report is meaningless."""
+"""Voltage below which USB supplies the autopilot, and its battery report is meaningless."""
 _RISK_HIGH, _RISK_LOW = 0.6, 0.3
-"""An index is reported when it becomes high, and again only after it was low. High is above the
-value of an index without inputs."""
+"""Index reports begin at a high value, and repeat only after a low one. High is above the value of
+an index without inputs."""
 _MISSION_WORD = "MOAR: "
 """Prefix of the companion's texts, which begin or end with a state: `holding`, `at target A`."""
 
@@ -56,7 +56,7 @@ class EventLog:
             self.events.append(ReplayEvent(time_s=self.now_s, kind=kind, text=text))
 
     def watch_link(self, telemetry: Telemetry) -> None:
-        """Adds an event when the autopilot falls silent or is received again."""
+        """Adds an event when the autopilot becomes silent or is received again."""
         if telemetry.link is None:
             return
         silent = self.now_s - telemetry.link.received_s > SILENCE_S

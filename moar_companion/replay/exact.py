@@ -5,7 +5,7 @@ the recorded and the recomputed value. Plans are taken as they were recorded. Si
 key, which no recording has.
 
 Floating point is the same on one kind of processor with the same versions of Python, numpy and
-numba; elsewhere the last digits of a number may differ.
+numba. With others the last digits of a number may differ.
 """
 
 from __future__ import annotations
@@ -45,7 +45,7 @@ ANSWERS = {
     "contingency_answered": "contingency_jobs",
     "maps_answered": "map_jobs",
 }
-"""Method that takes an answer, and method that asked for it."""
+"""Method that takes an answer, and method that requested it."""
 _NOTHING = "nothing"
 
 
@@ -60,7 +60,7 @@ class Difference:
 
 
 class ExactReplay:
-    """A machine that is fed a recording. key: of the signed links, where the recording has some."""
+    """A machine with the calls of a recording. key: of the signed links, if it has any."""
 
     def __init__(self, key: SigningKey | None = None) -> None:
         self._key = key
@@ -69,14 +69,14 @@ class ExactReplay:
         self.planners: PlannerSet | None = None
         """Planners of the site, for recorded answers."""
         self.jobs: dict[str, dict[int, Any]] = {name: {} for name in ANSWERS.values()}
-        """Jobs that wait for their answers, by the method that asked them and by number."""
+        """Jobs that wait for their answers, by the requesting method and by number."""
         self.time_s = 0.0
         """Time of the last cycle."""
         self.compared: Counter[str] = Counter()
         """Number of compared answers, by kind."""
 
     def feed(self, call: list[Any]) -> Iterator[Difference]:
-        """Carries out a recorded call; yields how its answers differ.
+        """Carries out a recorded call; yields the differences of its answers.
 
         Raises InputError for a call that cannot be carried out.
         """
@@ -86,7 +86,7 @@ class ExactReplay:
             yield from self._compared(_NAMES[method], recorded, result)
 
     def carried_out(self, method: str, data: list[Any], options: dict[str, Any]) -> Any:
-        """The result of a call, fit for JSON. An answer to a job that was not asked is left out."""
+        """The result of a call in a form for JSON, without answers to jobs not requested."""
         if method == START:
             self._start(arguments_decoded(method, data)[0])
             return None
@@ -133,7 +133,7 @@ class ExactReplay:
         return SiteMaps(site=site, maps=planner.maps)
 
     def _answer(self, method: str, data: dict[str, Any]) -> PlanAnswer | MapAnswer | None:
-        """A recorded answer; None to a job that was not asked this time, which is a difference."""
+        """A recorded answer; None for a job not requested this time, which is a difference."""
         job = self.jobs[ANSWERS[method]].pop(data["job_id"], None)
         if job is None or self.planners is None:
             return None

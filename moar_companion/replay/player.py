@@ -32,7 +32,7 @@ if TYPE_CHECKING:
     from ..risk.drag_fit import DragFlight
 
 RISK_PERIOD_S = 0.1
-"""Period of the risk estimate, as in flight."""
+"""Period of the risk estimate, equal to that in flight."""
 SAMPLE_PERIOD_S = 0.5
 """Period of samples: as often as the service reports its indices."""
 _LATE_S = 1.0
@@ -173,13 +173,13 @@ class Player(Generic[Packet_contra]):
             self._ticks += ticks
 
     def _assess(self, now_s: float, ticks: int) -> None:
-        """Runs a cycle that stands for `ticks` of them: the known data is the same in all."""
+        """Runs one cycle in place of `ticks` cycles with the same known data."""
         self._listener.tick(now_s)
         telemetry = self._listener.telemetry
         self._events.watch_link(telemetry)
         judged = telemetry
         if not self._listener.leans:
-            # A plane banks, a rover tilts with the ground: wind does not cause their lean.
+            # A plane banks, a rover tilts with the ground: their lean has other causes than wind.
             judged = replace(telemetry, attitude=None, motors=None, motor_speeds=None)
         if self._drag is not None:
             self._drag.hear(judged)
@@ -238,7 +238,7 @@ class Player(Generic[Packet_contra]):
 
 
 class _Clock:
-    """Converts the recorder's clock to time since the start, which never goes back."""
+    """Converts the recorder's clock to time since the start, which never decreases."""
 
     def __init__(self) -> None:
         self._begin_s: float | None = None

@@ -22,13 +22,13 @@ _EVACUATION_PERIOD_S = 2.0
 _POSITION_MAX_AGE_S = 2.0
 """GLOBAL_POSITION_INT comes at 1 Hz or more, even on a slow link: 2 periods."""
 _NEAR_M = 10_000.0
-"""Farther from the site, its plane is no valid frame."""
+"""Greatest distance from the site at which its plane is a valid frame."""
 
 
 class SitePosition:
     """Locates the aircraft on a planner's site, which is the one that was flown: with its margin.
 
-    Raises InputError for a site whose landing points for an evacuation cannot be seen.
+    Raises InputError for a site with landing points for an evacuation that are not visible.
     """
 
     def __init__(self, planner: Planner) -> None:

@@ -47,7 +47,7 @@ def samples(
 
 
 class UlogListener:
-    """Reads a log's samples as the companion reads its autopilot, like `PassiveListener`."""
+    """Reads a log's samples as the companion reads its autopilot, as `PassiveListener` does."""
 
     def __init__(self) -> None:
         self.telemetry = Telemetry()

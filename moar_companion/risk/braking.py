@@ -22,7 +22,7 @@ GRAVITY_MPS2 = 9.80665
 
 WINDOW_S = 1.5
 """Window of the means. In calm flights of the fake autopilots at 3 m/s the estimated wind is at
-most 0.8, 0.5, 0.4 m/s with 1, 1.5, 2 s; the delay after a step of the wind is as long."""
+most 0.8, 0.5, 0.4 m/s with 1, 1.5, 2 s. The delay after a step of the wind equals the window."""
 WINDOW_MIN_S = 1.0
 """Least span of a window before its mean counts."""
 SETTLING_S = 3.0
@@ -35,7 +35,7 @@ _GAP_S = 1.0
 _JUMP_MPS2 = 20.0
 """Acceleration beyond any multirotor's: the estimator has reset its velocity."""
 _JUMP_S = 0.1
-"""Least time over which velocities are compared: packets come in bursts."""
+"""Least time over which velocities are compared: packets arrive in bursts."""
 _TILT_COSINE_MIN = 0.5
 """Cosine of 60 deg: no multirotor holds its height beyond, and the tangent grows without bound."""
 _LIFT_MIN, _LIFT_MAX = 0.3, 2.0

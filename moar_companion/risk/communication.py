@@ -1,10 +1,10 @@
 """Communication risk CR (paper, Section IV-C (b)): the links from the ground to the aircraft.
 
-Inputs: the telemetry radio's margin at both ends, its broken packets and its transmit buffer; the
-pilot's transmitter; the age of the ground station's last heartbeat; and the companion's own link to
-the autopilot: packets lost on it both ways, its data rate and its silence. A good link to the
-autopilot does not prove a link to the ground: without any other input the number of known ways to
-the ground is 0, and decides.
+Inputs from the ground: the telemetry radio's margin at both ends, its broken packets and its
+transmit buffer; the pilot's transmitter; the age of the ground station's last heartbeat. Inputs of
+the companion's own link to the autopilot: packets lost both ways, its data rate and its silence. A
+good link to the autopilot does not prove a link to the ground. Without any other input the number
+of known links to the ground is 0, and decides.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _SILENCE_MAX_AGE_S = math.inf
 _WINDOW_S = 3.0
 """Window of the packet counts: some hundred packets on a usual link, three of a radio."""
 _SAMPLE_S = 0.5
-"""Time between two remembered counts, so that the window has six of them."""
+"""Time between two stored counts, so that the window has six of them."""
 _PACKETS_MIN = 20
 """Least packets for a loss rate: one lost in 20 is 5 %."""
 _USUAL_RATE_S = 120.0
@@ -104,7 +104,8 @@ def inputs(
         "s",
         model.ground_station_age_s.fraction,
     )
-    # Signals and heartbeats count: a free buffer or continuing channels prove no link to a person.
+    # Signals and heartbeats count: a free buffer or continuing channels prove no link to an
+    # operator.
     ways = (radio[:2], remote[:2], (ground,))
     known_ways = heard(link, now_s, _LINK_MAX_AGE_S).says(
         "known ways to the ground",
@@ -232,7 +233,7 @@ def _loss(
     window: tuple[LinkStatistics, ...] | tuple[LinkNode, ...],
     latest: LinkStatistics | LinkNode | None,
 ) -> float | None:
-    """Fraction of packets lost since the oldest remembered count."""
+    """Fraction of packets lost since the oldest stored count."""
     if latest is None or not window:
         return None
     received = latest.packets_received - window[0].packets_received
@@ -242,7 +243,7 @@ def _loss(
 
 
 def _rate_hz(window: tuple[LinkStatistics, ...], latest: LinkStatistics) -> float | None:
-    """Packets of streams a second since the oldest remembered count."""
+    """Packets of streams a second since the oldest stored count."""
     if not window:
         return None
     elapsed_s = latest.received_s - window[0].received_s
@@ -266,7 +267,7 @@ def _rate_to_usual(memory: CommunicationMemory, link: LinkStatistics | None) -> 
 
 
 def _errors_hz(window: tuple[Radio, ...], radio: Radio | None) -> float | None:
-    """Broken packets a second since the oldest remembered count."""
+    """Broken packets a second since the oldest stored count."""
     if radio is None or not window:
         return None
     elapsed_s = radio.received_s - window[0].received_s

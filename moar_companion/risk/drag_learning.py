@@ -113,10 +113,10 @@ class DragLearning:
 
 
 def apart_from_own_motion(air: Braking, learning: DragLearning, model: RiskModel) -> Level:
-    """Deceleration less the part that a drag other than the model's causes by the own motion.
+    """Deceleration without the part that a drag other than the model's causes by the own motion.
 
-    Among the possible drags the one is taken that brings the result nearest to the expected one: by
-    the model's drag and c, which a hover gives within seconds. So a hover's deceleration stays
+    The selected drag is the possible one that brings the result nearest to the expected one: by the
+    model's drag and c, which a hover gives within seconds. So a hover's deceleration stays
     unchanged, and the wind that it gave stays, too.
     """
     (north, east), (b_north, b_east) = air.velocity_ne_mps, air.deceleration_ne_mps2

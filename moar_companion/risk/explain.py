@@ -48,7 +48,7 @@ class WeightsReason:
         return cls(rule=rule, adjusted=adjusted, by_risk=by_risk)
 
     def words(self) -> str:
-        """Text for people: `k_S 0.33 -> 0.45 (wind +0.13), k_T ...`; a rule other than Eq. 9."""
+        """Text: `k_S 0.33 -> 0.45 (wind +0.13), k_T ...`; a rule other than Eq. 9."""
         words = ", ".join(self._words_of(weight, symbol) for weight, symbol in _SYMBOLS.items())
         if self.rule.kind is AdaptationKind.PAPER:
             return words

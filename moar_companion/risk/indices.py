@@ -35,7 +35,7 @@ from .receivers import RECEIVER_ACCURACY
 from .wind import WindMemory
 
 RISE_S = 0.5
-"""Time constant upwards: a single bad packet at 10 Hz moves an index by 18 % of the distance, a
+"""Time constant upwards: a single bad packet at 10 Hz moves an index by 18 % of the distance. A
 fault raises it within a second."""
 FALL_S = 5.0
 """Time constant downwards: longer than the lulls between gusts and the gaps of a fading radio, so
@@ -51,8 +51,8 @@ class IndexReport(NamedTuple):
     """An index as measured now: value is the worst risk of its known inputs, None without any.
 
     worst: input that decides the value. target: value to which the index moves. told: last report
-    of the input that decides the target, with its present age; None if no input does. held: True if
-    that input's risk is unknown now and its last report is held. ever_known: True once any input
+    of the input that decides the target, with its present age; None if no input decides. held: True
+    if that input's risk is unknown now and its last report is held. ever_known: True once any input
     was known. A named tuple for speed: forty are made a second.
     """
 

@@ -16,7 +16,7 @@ _OF = "of "
 
 
 def read(value: float | None, unit: str) -> str:
-    """Text of a value for people: angles in degrees, fractions in percent, counts unchanged."""
+    """Value as a text: angles in degrees, fractions in percent, counts unchanged."""
     if value is None:
         return "unknown"
     if unit == "":
@@ -57,7 +57,7 @@ class InputReport(NamedTuple):
 
     @property
     def reading(self) -> str:
-        """Text of the value for people."""
+        """The value as a text."""
         return read(self.value, self.unit)
 
     @property

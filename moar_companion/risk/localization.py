@@ -28,7 +28,7 @@ ESTIMATOR_HEIGHT_ACCURACY = "estimator height accuracy"
 ODOMETRY_ACCURACY = "odometry accuracy"
 ODOMETRY_HEIGHT_ACCURACY = "odometry height accuracy"
 _RESETS_S = 10.0
-"""Time for which a reset counts: as long as the supervisor remembers a jump."""
+"""Time for which a reset counts: the same as the supervisor's for a jump."""
 _CLOCK_BACK_S = 1.0
 """Least step back of the autopilot's clock that means a restart: packets overtake by less."""
 _FIELD_MAX_AGE_S = 3.0
@@ -123,7 +123,7 @@ def remember(
     position, boot_s = telemetry.local_position, memory.boot_s
     if position is not None and math.isfinite(position.boot_s):
         boot_s = position.boot_s
-    restarted = boot_s < memory.boot_s - _CLOCK_BACK_S  # then the counter begins anew
+    restarted = boot_s < memory.boot_s - _CLOCK_BACK_S  # then the counter restarts
     return LocalizationMemory(
         receivers=(first.read(telemetry.gnss), second.read(telemetry.second_gnss)),
         resets=_resets(None if restarted else memory.resets, telemetry.odometry),

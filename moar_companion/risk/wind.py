@@ -1,8 +1,9 @@
 """Wind risk WR (paper, Section IV-C (a)): wind speed and the reserve against it.
 
 Inputs: the autopilot's wind estimate; the wind that explains the lean of a multirotor, and its
-variation; the lean that this wind requires in a hover, against the tilt limit; the greatest motor
-output against its range, as a mean over a short time; the distance of the aircraft to the setpoint.
+variation; the lean that this wind requires in a hover, against the tilt limit. Further inputs: the
+greatest motor output against its range, as a mean over a short time; the distance of the aircraft
+to the setpoint.
 
 Many autopilots report no wind on a multirotor by default, or only after half a minute; the lean is
 always available. `braking` gives the deceleration by the air, `drag` the airspeed: the wind is the

@@ -1,7 +1,7 @@
 """Checks of the autopilot and the ground station: identity, mode, reception. Pure.
 
-Inputs: `CheckInputs`, limits, time; outputs: texts, None where all is well. `link_age` has the
-ages of the link, `autopilot_failsafe` the failsafes.
+Inputs: `CheckInputs`, limits, time; outputs: texts, None without a fault. `link_age` has the ages
+of the link, `autopilot_failsafe` the failsafes.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ def mode_left(seen: CheckInputs, *, landing: bool) -> str | None:
 
 
 def ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
-    """Text for a ground station that was received once and is silent for too long."""
+    """Text for a ground station that was received once and has sent nothing for too long."""
     heard = telemetry.ground_station
     if heard is None or now_s - heard.received_s <= limits.ground_link_lost_s:
         return None

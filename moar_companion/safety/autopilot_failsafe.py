@@ -1,7 +1,7 @@
 """Autopilot failsafes: the ones that are reported, and the one that has taken the mode. Pure.
 
-ArduPilot reports system_status 5 for any failsafe, also where its action is none and GUIDED goes
-on (ArduCopter 4.6.3, Copter::any_failsafe_triggered). The mode decides about control.
+ArduPilot reports system_status 5 for any failsafe, also for one without an action in which GUIDED
+continues (ArduCopter 4.6.3, Copter::any_failsafe_triggered). The mode decides about control.
 """
 
 from __future__ import annotations
@@ -82,7 +82,7 @@ def battery_failsafe(telemetry: Telemetry) -> str | None:
 def holding_failsafe(telemetry: Telemetry, *, escaping: bool) -> str | None:
     """Reason to hold because of another failsafe, or one of unknown cause; None: there is none.
 
-    escaping: an exit or evacuation is flown. It goes on, unless the position is in doubt.
+    escaping: an exit or evacuation is flown. It continues, unless the position is in doubt.
     """
     found = reported(telemetry)
     if found is None:

@@ -15,8 +15,8 @@ from .condition_types import Causes
 from .file_faults import FileFault
 
 WAY_MAX_AGE_S = 15.0
-"""Escape routes are replanned about every 2 s; 15 s of flight correspond to a battery's longest
-silence."""
+"""Maximum age of escape routes, which are replanned about every 2 s; 15 s of flight correspond to
+the longest interval of a battery's reports."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -106,8 +106,8 @@ class CheckInputs:
     """Reason to leave before an autopilot failsafe acts; None if there is none."""
     host: Host = field(default_factory=Host)
     sensing: Perception = field(default_factory=Perception)
-    """Settings of the sensor that looks for obstacles; its kind is None without one."""
+    """Settings of the sensor that measures obstacles; its kind is None without one."""
     sensor_health: SensorHealth = field(default_factory=SensorHealth)
     unmapped_s: float | None = None
-    """Time for which something has been seen that the maps do not have; None: they have all."""
+    """Time for which the maps have lacked an obstacle; None: they have all."""
     faults: Causes = field(default_factory=Causes)

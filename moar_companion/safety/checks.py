@@ -1,9 +1,9 @@
 """The checks of one cycle: telemetry, flight and computer against the limits. Pure.
 
 Inputs: observations, limits, time; output: the supervisor's `Causes`, as texts with the value. A
-required measurement that is missing is a cause. A reported value counts until the next one,
-whatever its age: only a measurement ends a cause. The checks are in `position_checks`,
-`autopilot_checks` and `energy_checks`; those of the companion itself are here.
+required measurement that is missing is a cause. A reported value counts until the next one, at any
+age: only a measurement ends a cause. The checks are in `position_checks`, `autopilot_checks` and
+`energy_checks`; those of the companion itself are here.
 """
 
 from __future__ import annotations

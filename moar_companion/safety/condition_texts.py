@@ -1,8 +1,8 @@
 """Texts of all conditions, as pilots read them: the second table of configs/README.md.
 
-A text stands without its details in parentheses, which pilots do not receive. Braces hold an
-example of what varies, and after a bar the longest that the code makes of it. Names are cut to the
-room that is left: their longest value fills it.
+A text appears without its details in parentheses, which pilots do not receive. Braces hold an
+example of what varies, and after a bar the longest value. Names are cut to the available room:
+their longest value fills it.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ _GATE = (
     "NED setpoint speed jump {3.1|99999} m/s",
 )
 _BATTERY_MISREAD = "battery {0|255}: {16.0 V|655.3 V}, not {12|100}S"
-"""Made before control only: the answer to an order."""
+"""Texts before control only: the answer to an order."""
 
 TEXTS: dict[str, tuple[str, ...]] = {
     "loop_stall": ("control loop stalled {0.6|9999} s",),
@@ -192,7 +192,7 @@ TEXTS: dict[str, tuple[str, ...]] = {
 
 
 def action_words(row: Condition, text: str) -> str:
-    """The action in a text of a condition; empty where the flight goes on."""
+    """The action in a text of a condition; empty where the flight continues."""
     if text == _BATTERY_MISREAD:
         return "rejected"
     if row.action is Action.RELEASE:

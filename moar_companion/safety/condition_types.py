@@ -26,7 +26,7 @@ class Action(enum.IntEnum):
 
     @property
     def words(self) -> str:
-        """Text for operators; empty where the flight goes on."""
+        """Text for operators; empty where the flight continues."""
         return _WORDS.get(self, "")
 
 

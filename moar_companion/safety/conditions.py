@@ -1,7 +1,7 @@
 """The supervisor's table: every condition against a flight, and its action.
 
-For each: its start, the time that its cause lasts before it acts, how it clears, and who may
-override it; a pilot always may, by taking the mode. `supervisor` applies the table,
+For each: its start, the time that its cause lasts before it acts, its end, and the operators who
+may override it. A pilot always may, by taking the mode. `supervisor` applies the table,
 `conditions_doc` shows it.
 """
 

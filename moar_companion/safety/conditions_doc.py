@@ -1,4 +1,4 @@
-"""The tables of conditions and texts in the manual, written anew into the page that is named.
+"""The tables of conditions and texts in the manual, written to the page in the argument.
 
 python -m moar_companion.safety.conditions_doc configs/README.md
 """

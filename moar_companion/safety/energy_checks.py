@@ -1,6 +1,6 @@
-"""Checks of wind, batteries and the flight time that is left. Pure.
+"""Checks of wind, batteries and the remaining flight time. Pure.
 
-Inputs: `CheckInputs`, limits, time; outputs: texts with the value, None where all is well.
+Inputs: `CheckInputs`, limits, time; outputs: texts with the value, None without a fault.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from ..types import Mission
 from .check_inputs import CheckInputs, EscapeRoute
 
 _SATURATED_OFF_M = 1.5
-"""Beyond this error, with tilt or motors at their limits, the aircraft cannot return. In calm air
+"""Error beyond which the aircraft cannot return, with tilt or motors at their limits. In calm air
 PX4 strays by 1.15 m."""
 _CRITICAL = 3
 _FAILED = 5
 """MAV_BATTERY_CHARGE_STATE: critical, emergency, failed."""
 _NONE_LEFT_S = 0.5
-"""A shorter time would be shown as 0 s."""
+"""Least time in a text; a shorter one would appear as 0 s."""
 _SOON_S = 60.0
 """Lead time of the warning before the aircraft has to leave."""
 
@@ -37,7 +37,7 @@ def wind(seen: CheckInputs, limit_mps: float) -> str | None:
 
 
 def control_saturated(seen: CheckInputs) -> str | None:
-    """Text for an aircraft that the wind carries off, or holds at its limits."""
+    """Text for an aircraft that the wind moves off, or holds at its limits."""
     if seen.drifted_m is not None:
         return f"wind too strong, drifting {max(1.0, seen.drifted_m):.0f} m"
     off_m = seen.error_m

@@ -25,7 +25,7 @@ _DOWN = frozenset({Action.LAND, Action.DESCEND, Action.FALL})
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Hit:
-    """Obstacle on a path. index: of the first place whose path hits it."""
+    """Obstacle on a path. index: of the first place with a path that hits it."""
 
     obstacle: str
     index: int
@@ -133,7 +133,7 @@ def paths(
 def first_hit(reach: FreeDistance, ways: list[Path], *, from_within: bool = False) -> Hit | None:
     """First obstacle on these paths, and the index of its place; None without one.
 
-    from_within: includes an obstacle whose keep-out contains the start, unless the path leaves it.
+    from_within: includes an obstacle with the start inside its keep-out, unless the path leaves it.
     """
     for starts_m, ends_m in ways:
         free_m, length_m, starts, direction, there = _looked_along(

@@ -1,6 +1,6 @@
 """Faults of the files that the service writes, as reported to operators. Pure.
 
-Inputs: faults from the shell, in `Host`. Outputs: texts for people.
+Inputs: faults from the service, in `Host`. Outputs: texts for operators.
 """
 
 from __future__ import annotations

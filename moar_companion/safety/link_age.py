@@ -10,7 +10,7 @@ from ..telemetry import LinkStatistics, Telemetry
 
 
 def silence(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
-    """Returns the reason when no packet of the autopilot has come for too long; else None."""
+    """Returns the reason when no packet of the autopilot arrived for too long; None otherwise."""
     autopilot = telemetry.autopilot
     if autopilot is None:
         return "no heartbeat is received"

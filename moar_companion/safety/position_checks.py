@@ -1,6 +1,6 @@
 """Checks of the position: its age, its accuracy, and the aircraft's place in the site. Pure.
 
-Inputs: `CheckInputs`, limits, time; outputs: texts with the value, None where all is well.
+Inputs: `CheckInputs`, limits, time; outputs: texts with the value, None without a fault.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from . import link_age
 from .check_inputs import CheckInputs
 
 _READ_LATE_S = 0.2
-"""Above this wait for reading, data is late because of the companion, not the network."""
+"""Wait for reading above which late data is caused by the companion, not by the network."""
 ATTITUDE_TIMEOUT_S = 1.0
 """ATTITUDE comes at 100 Hz, at 10 Hz on a slow link."""
 _HOVER_MPS = 1.0
-"""A hold is offered only to an aircraft that is nearly at rest: one that gets the mode in full
-flight would swing back to the hold. ArduPilot may be in GUIDED already, flying elsewhere."""
+"""Greatest speed at which a hold is offered: an aircraft in full flight would return to the hold
+once it gets the mode. ArduPilot may be in GUIDED already, on another flight."""
 _OFF_M = 0.5
 """In recordings of flights the local position, by its origin, is near the global one: within 0.11 m
 (PX4) or 0.03 m (ArduPilot), height included. After receiver recovery PX4 reported
@@ -102,7 +102,7 @@ def obstacle(seen: CheckInputs) -> str | None:
 def off_plane(seen: CheckInputs, limits: Supervision) -> str | None:
     """Text for an aircraft beside the plane before control, with side and distance."""
     if seen.pose is None or seen.in_control:
-        return None  # the flight goes on, and the escape route stays open
+        return None  # the flight continues, and the escape route stays open
     beside_m, limit_m = seen.pose.position_m[1], limits.plane_tolerance_m
     if abs(beside_m) <= limit_m:
         return None

@@ -1,8 +1,8 @@
 """The setpoint gate: the last check of a setpoint before it is sent.
 
-Pure: the setpoint and the maps in, a reason to refuse it out. A setpoint lies in a free cell of
-the workspace, near the plane; or in the corridor of a leg that was checked when it was made. From
-its predecessor it moves no faster and changes its speed no harder than the vehicle may.
+Pure: the setpoint and the maps in, a reason to refuse it out. A setpoint is in a free cell of the
+workspace, near the plane; or in the corridor of a leg that was checked when it was made. From its
+predecessor it moves no faster, and changes its speed no harder, than the vehicle may.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _TOLERANCE_MPS = 0.05
 """Speed that the rounding of corners adds."""
 _HARDER = 4.0
 """Factor on the planned acceleration: a setpoint brakes twice as hard for an aircraft that falls
-behind, while it may turn and begin or end to move over from elsewhere."""
+behind. At the same time it may turn, and begin or end to move over from another place."""
 _SMALL_CORNER = 0.15
 """Arcs are made of straights: fraction of the speed that turns from one to the next."""
 
@@ -51,10 +51,10 @@ def refusal(
     position_m, velocity_mps: (x, y, z) in the site's frame. yaw_rad: the heading. cell: of the
     position, None outside the workspace. room_m: from the hull in each cell to the nearest
     keep-out. widened_m: inflation of keep-outs for a setpoint that moves; a hold in free space
-    needs no better position. Below 0 it takes from the margin of keep-outs. margin_m: part of
-    keep-outs for the errors of a flight: coming to rest there is better than flying on.
-    corridors_m: the checked legs that may be flown now, by their points: through what is not
-    free, or too near. ways_back_m: those of them that begin beside the plane.
+    needs no better position. Below 0 it reduces the margin of keep-outs. margin_m: part of
+    keep-outs for the errors of a flight; inside it a stop is safer than further flight.
+    corridors_m: the checked legs that may be flown now, by their points; they lead through cells
+    that are not free, or too near. ways_back_m: those of them that begin beside the plane.
     """
     if not all(math.isfinite(value) for value in (*position_m, *velocity_mps, yaw_rad)):
         return "setpoint not finite"
@@ -90,10 +90,10 @@ def motion_refusal(
 ) -> str | None:
     """Reason why a setpoint must not be sent, by its motion; None if it may be sent.
 
-    before, after: position and velocity of the setpoint that was sent `elapsed_s` ago, None for
-    the first one, and of this one. greatest_mps: the vehicle's speed; least_mps: speed of a
-    setpoint that moves over to its path. blown_to_m: position of an aircraft that takes its
-    setpoint along: to there, at rest, the setpoint may move at any speed.
+    before, after: position and velocity of the setpoint that was sent `elapsed_s` ago, None for the
+    first one, and of this one. greatest_mps: the vehicle's speed; least_mps: speed of a setpoint
+    that moves over to its path. blown_to_m: position of an aircraft that wind moves; at rest, the
+    setpoint may move to there at any speed.
     """
     if blown_to_m is not None and before is not None and not any(after[1]):
         nearer = math.dist(after[0], blown_to_m) <= math.dist(before[0], blown_to_m)

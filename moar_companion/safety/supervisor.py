@@ -1,4 +1,4 @@
-"""The supervisor: decides what may be flown now. A pure step machine above the mission.
+"""The supervisor: selects the permitted action. A pure step machine above the mission.
 
 Inputs: the causes of this instant and the time; output: a ruling, the gravest action of all the
 conditions that act, with their reasons.
@@ -18,7 +18,7 @@ from .conditions import CONDITIONS
 class Watch:
     """State of a condition: times since which its cause lasts, and is over.
 
-    A cause that flickers lasts: one that has not acted clears only when it has been over for the
+    A cause with breaks lasts: one that has not acted clears only when it has been over for the
     shorter of the condition's two times.
     """
 

@@ -72,7 +72,7 @@ more bytes arrive. 4 MB of queued datagrams are read in 30 ms."""
 _LOOK_PERIOD_S = 1.0
 """Period of the checks of the autopilot's status and the computer's free resources."""
 _CLOCK_SET_S = 0.5
-"""A greater step of the wall clock was set by somebody: a clock that is adjusted drifts less."""
+"""Least step of the wall clock that counts as set; a clock that is adjusted drifts less."""
 
 _logger = logging.getLogger(__name__)
 
@@ -154,8 +154,8 @@ class Service:
         for number in (signal.SIGINT, signal.SIGTERM):
             loop.add_signal_handler(number, stopped.set)
         sys.setswitchinterval(_SWITCH_INTERVAL_S)
-        # Host names are looked up, and serial ports opened, in flight, too. One thread for each
-        # link is enough: no link has two of these at a time.
+        # Host names are resolved, and serial ports opened, in flight, too. One thread for each link
+        # is enough: no link has two of these at a time.
         loop.set_default_executor(started_pool("links", len(self._config.links)))
         async with contextlib.AsyncExitStack() as stack:
             stack.callback(self._worker.close)
@@ -211,7 +211,7 @@ class Service:
         """Takes the planner when it is ready; reports its progress until then."""
         planner, progress = self._worker.new_planner(), self._worker.new_progress()
         if planner is not None:
-            # So do the compiler's objects: a collection over them stops all threads for 0.2 s.
+            # A collection over the objects of planner and compiler stops all threads for 0.2 s.
             gc.freeze()
             self._companion.take_ground(SiteMaps(site=planner.site, maps=planner.maps))
             _logger.info("planner ready")
@@ -271,7 +271,7 @@ class Service:
                 await self._catch_up()
 
     def _follow_wall_clock(self, now_s: float) -> None:
-        """Takes the wall clock for the status when it was set: at the start it may be years off."""
+        """Takes the wall clock for the status when it was set: at the start it may be far off."""
         offset_s = time.time() - now_s
         if self._speed == 1.0 and abs(offset_s - self._clock_offset_s) > _CLOCK_SET_S:
             self._clock_offset_s = offset_s
@@ -316,7 +316,7 @@ class Service:
                 self._companion.perceived(report)
 
     def _send(self, now_s: float) -> bool:
-        """Sends the output of the cycle at `now_s`; True if it was young enough to fly by."""
+        """Sends the output of the cycle at `now_s`; True if it was young enough for flight."""
         late = self._is_late(now_s)
         control = [] if late else self._companion.control_to_send()
         outgoing = [packet for packet in control if self._send_in_time(now_s, *packet)]
@@ -378,7 +378,7 @@ class Service:
     def _open_mqtt(self, stack: contextlib.AsyncExitStack) -> MqttPublisher | None:
         if self._config.mqtt.url is None:
             return None
-        # Its library is read by those who use it.
+        # Only a service with MQTT imports its library.
         from .mqtt_publisher import open_publisher  # noqa: PLC0415
 
         publisher = open_publisher(self._config)

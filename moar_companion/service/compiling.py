@@ -31,7 +31,8 @@ Told = Callable[[int, int], None]
 def make_ready(tell: Told, stopped: threading.Event) -> bool:
     """Loads all kernels; other processes first compile those that are not in the cache.
 
-    tell: called during a compilation. Returns False when `stopped` was set before the end.
+    tell: called with the progress of a compilation. Returns False when `stopped` was set before the
+    end.
     """
     kernels = [kernel for kernel in KERNELS if not kernel.is_helper]
     # Without a cache, kernels compiled by other processes are lost.
@@ -69,7 +70,7 @@ def _shares(kernels: Sequence[Kernel], count: int) -> Iterator[list[str]]:
 def _compilers(kernels: Sequence[Kernel]) -> Iterator[list[subprocess.Popen[bytes]]]:
     """One process for each permitted processor, at low priority; killed at the end.
 
-    Fewer, or none, where the system has no memory for them: the rest is compiled here.
+    Fewer, or none, where the system has no memory for them: this process then compiles the rest.
     """
     isolated = ["-I"] if sys.flags.isolated else []
     running: list[subprocess.Popen[bytes]] = []

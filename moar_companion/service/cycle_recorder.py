@@ -1,4 +1,4 @@
-"""The recording of the service: each cycle's packets, decisions and calls, handed to its writer."""
+"""The recording of the service: each cycle's packets, decisions and calls, for its writer."""
 
 from __future__ import annotations
 
@@ -68,13 +68,13 @@ class CycleRecorder:
 
     @property
     def ended(self) -> OSError | None:
-        """Fault that has ended the recording; None while it goes on."""
+        """Fault that has ended the recording; None while the recording continues."""
         return None if self._recorder is None else self._recorder.ended
 
     def record(
         self, now_s: float, sent: list[tuple[str, bytes]], decisions: list[Decision]
     ) -> None:
-        """Hands the cycle at `now_s` over."""
+        """Passes the cycle at `now_s` to the writer."""
         companion, recorder, cycle = self._companion, self._recorder, None
         heard = companion.packets_heard()
         calls = companion.calls() if isinstance(companion, RecordedCompanion) else []

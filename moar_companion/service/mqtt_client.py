@@ -1,8 +1,8 @@
-"""A connection to an MQTT broker, in a thread of its own that connects anew whenever it is lost.
+"""A connection to an MQTT broker, in a thread of its own that reconnects after each loss.
 
-The only module with aiomqtt. The thread has its own event loop: a broker that is away, slow or
-hostile costs the control loop nothing. Nothing is queued here: messages are made when they can be
-sent, so that the newest wins, and one batch of at most a message per topic is under way.
+The only module with aiomqtt. The thread has its own event loop: a broker that is absent, slow or
+hostile does not delay the control loop. There is no queue: messages are made when they can be sent,
+so that the newest is sent. One batch of at most a message per topic is on its way at a time.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from ..mqtt.topics import Message
 from .mqtt_settings import Broker
 
 _LOOK_S = 0.1
-"""Period of the look for messages to be sent."""
+"""Period of the search for messages to be sent."""
 _KEEPALIVE_S = 15
 """The broker publishes the last will after 1.5 times this silence."""
 _TIMEOUT_S = 10.0
@@ -44,7 +44,7 @@ _quiet.setLevel(logging.CRITICAL)
 
 
 class Traffic(Protocol):
-    """Messages sent and received; called in the client's thread, but for nothing else."""
+    """Messages sent and received; called in the client's thread only."""
 
     will: Message | None
     """Published by the broker when the connection is lost."""
@@ -55,7 +55,7 @@ class Traffic(Protocol):
         """Messages of a new connection, sent before all others."""
 
     def outgoing(self) -> Sequence[Message]:
-        """Messages to be sent now; a new call comes when they are sent."""
+        """Messages to be sent now; the next call follows when they are sent."""
 
     def received(self, topic: str, payload: bytes, *, retained: bool) -> None:
         """Takes a received message."""
@@ -92,7 +92,7 @@ class MqttClient:
     def _run(self) -> None:
         backoff = Backoff()
         while not self._closing.is_set():
-            # A loop per connection: nothing of a failed one is left.
+            # One loop per connection: a failed connection leaves no state.
             try:
                 reason = asyncio.run(self._connection())
             except OSError as error:  # no descriptor for a loop
@@ -108,7 +108,7 @@ class MqttClient:
             self._closing.wait(backoff.pause_s(random.random(), connected_s))  # noqa: S311
 
     async def _connection(self) -> str:
-        """Connects and carries messages until `close`; returns why the connection has ended.
+        """Connects and carries messages until `close`; returns the reason for the connection's end.
 
         An error that is raised would keep its frames, and a socket, until a garbage collection.
         """
@@ -137,7 +137,7 @@ class MqttClient:
         try:
             await self._carry(client)
         finally:
-            # aiomqtt leaves it open where the broker takes a connection and does not greet.
+            # aiomqtt leaves it open where the broker accepts the connection and does not answer.
             left = client._client.socket()  # noqa: SLF001
             if left is not None:
                 left.close()
@@ -162,7 +162,7 @@ class MqttClient:
 
 
 async def _subscribe(client: aiomqtt.Client, subscriptions: Sequence[tuple[str, int]]) -> None:
-    """Subscribes; a topic that the broker refuses is told, since all others work."""
+    """Subscribes; logs a topic that the broker refuses, since all others work."""
     for topic, qos in subscriptions:
         codes = await client.subscribe(topic, qos)
         if any(getattr(code, "is_failure", False) for code in codes):
@@ -170,7 +170,7 @@ async def _subscribe(client: aiomqtt.Client, subscriptions: Sequence[tuple[str, 
 
 
 async def _publish(client: aiomqtt.Client, messages: Sequence[Message]) -> None:
-    """Publishes a batch; returns when all are sent, and acknowledged where that is asked for."""
+    """Publishes a batch; returns when all are sent, and acknowledged where that is required."""
     await asyncio.gather(
         *(
             client.publish(item.topic, item.payload, qos=item.qos, retain=item.retain)
@@ -208,7 +208,7 @@ def _words(error: Exception) -> str:
 
 
 class _DaemonThreads(ThreadPoolExecutor):
-    """A thread for each call, which neither the loop nor the program waits for at its end.
+    """A thread for each call; neither the loop nor the end of the program waits for it.
 
     aiomqtt connects in one: a name server or a broker that does not answer may hold it for long.
     """
@@ -225,4 +225,4 @@ def _run(future: Future[Any], call: Callable[[], Any]) -> None:
         future.set_result(call())
     except BaseException as error:  # noqa: BLE001 - the future has it
         future.set_exception(error)
-        del future  # else the error, its frames and the future keep one another, and a socket
+        del future  # otherwise the error, its frames and the future keep one another, and a socket

@@ -1,7 +1,7 @@
 """Orders over MQTT, between the client's thread, which checks them, and the control loop.
 
-To the loop they are packets of a link, judged as those of a ground station; answers are published.
-Both directions are bounded: a flood of orders is refused in the thread.
+The loop receives them as packets of a link, judged as those of a ground station; answers are
+published. Both directions are bounded: a flood of orders is refused in the thread.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from ..mqtt.payloads import Order, Reply
 from ..mqtt.topics import ORDER, REPLY, Message, topic_name
 
 _MOST_WAITING = 8
-"""Orders for the next cycle: more than an operator gives in 20 ms."""
+"""Maximum number of orders for the next cycle: more than an operator gives in 20 ms."""
 _MOST_REPLIES = 64
 
 _logger = logging.getLogger(__name__)
@@ -86,7 +86,7 @@ class MqttOrders:
         self._packets.append(data)
 
     def answer(self) -> None:
-        """Replies to what the packets of this cycle answer."""
+        """Replies to the orders that the packets of this cycle answer."""
         packets, self._packets = self._packets, []
         for answer in self._link.answers(packets):
             self._reply(answer.order_id, answer.result, answer.reason)

@@ -1,7 +1,7 @@
 """Publications of the service over MQTT, from the status of its last cycles.
 
-The control loop hands over a status and returns at once; the client's thread makes messages of the
-newest one when the broker takes them. Statuses in between are never sent.
+The control loop stores a status and returns at once. The client's thread makes messages of the
+newest status when the broker takes them. Statuses in between are never sent.
 """
 
 from __future__ import annotations
@@ -60,7 +60,7 @@ class MqttPublisher:
         self._failed = False
 
     def look(self, now_s: float, status_now: Callable[[], dict[str, Any]]) -> None:
-        """Hands over answers, and a status when one is due and there is a connection."""
+        """Stores answers, and a status when one is due and there is a connection."""
         if self.orders is not None:
             self.orders.answer()
         if now_s < self._due_s or not self._client.connected or self._failed:
@@ -73,7 +73,7 @@ class MqttPublisher:
             _logger.error("MQTT ended: %s: %s", type(error).__name__, error)  # noqa: TRY400
 
     def close(self) -> None:
-        """Tells that the companion goes offline; waits a limited time."""
+        """Publishes that the companion is offline; waits a limited time."""
         self._client.close()
 
 
@@ -93,7 +93,7 @@ class _Traffic:
         self.will: Message | None = online_message(vehicle, Online(online=False))
 
     def connected(self) -> Sequence[Message]:
-        """The birth message; all topics are due again, with the next status."""
+        """The birth message of MQTT; all topics are due again, with the next status."""
         self._publication.start_anew()
         self.status = self._taken = None
         version = None
@@ -121,5 +121,5 @@ class _Traffic:
             self._orders.receive(payload, retained=retained)
 
     def last_messages(self) -> Sequence[Message]:
-        """The same as the last will, which a broker does not send after a disconnection."""
+        """Messages equal to the last will, which a broker does not send after a disconnection."""
         return [online_message(self._vehicle, Online(online=False, since_s=time.time()))]

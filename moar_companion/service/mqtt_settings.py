@@ -86,7 +86,7 @@ def _context(settings: Mqtt, names: SettingNames) -> ssl.SSLContext:
             problem = place.refused(error).problem
             raise names.refused("key_file", problem) from error
         try:
-            # Without a password: else OpenSSL would ask for one on the terminal.
+            # An empty password keeps OpenSSL from asking for one on the terminal.
             context.load_cert_chain(settings.certificate_file, settings.key_file, password="")
         except (OSError, ssl.SSLError, ValueError) as error:
             problem = _unusable(settings.certificate_file, error)

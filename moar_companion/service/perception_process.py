@@ -1,7 +1,8 @@
-"""The service's end of the perception: it starts the process, feeds it, and takes its reports.
+"""Client of the perception process: starts it, sends it notes, and takes its reports.
 
-The loop never waits for the process: notes that it does not take in time are dropped, and a process
-that has ended is started again by a thread. Without reports the supervisor holds the flight.
+The control loop never waits for the process: notes that the process does not take in time are
+dropped. A thread restarts a process that has ended. Without reports the supervisor holds the
+flight.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from .priority import put_behind
 _DECODERS = {Sensor.VELODYNE: ("velodyne_decoder", "lidar"), Sensor.OUSTER: ("ouster", "ouster")}
 """Module of each sensor's decoder, and the extra that installs it."""
 _WORKER = f"{__package__}.perception_worker"
-"""Module of the process: what it imports, the service does not need."""
+"""Module of the process; the service does not need its imports."""
 MESSAGE_BYTES = 180_000
 """Longest message: the kernel's send buffer has 208 kB."""
 _AGAIN_S = 1.0
@@ -42,7 +43,7 @@ _logger = logging.getLogger(__name__)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Setup:
-    """Everything that the process needs to begin. description: content of the metadata file."""
+    """Input of the process at its start. description: content of the metadata file."""
 
     settings: Perception
     site: Site
@@ -51,7 +52,7 @@ class Setup:
 
 
 class PerceptionProcess:
-    """The process. source: of the settings, for errors.
+    """The perception process. source: of the settings, for errors.
 
     Raises InputError for settings that cannot be used, LinkError for a port that cannot be opened.
     """
@@ -62,11 +63,12 @@ class PerceptionProcess:
         description = tried(settings, source)
         setup = Setup(settings=settings, site=site, description=description, speed=speed)
         self._setup = json.dumps(encoded(setup)).encode()
-        # The process's end stays open here, too: one that ends loses neither notes nor reports.
+        # The socket end of the process stays open here, too: a restart loses no notes and no
+        # reports.
         self._channel, self._other_end = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         self._channel.setblocking(False)
         self._solids: tuple[Polygon, ...] = ()
-        """Solids of the last report; one that has the same comes without."""
+        """Solids of the last report; a report with the same solids omits them."""
         self._closing = threading.Event()
         self._process: subprocess.Popen[bytes] | None = None
         self._thread = threading.Thread(target=self._keep_running, name="perception", daemon=True)
@@ -74,12 +76,12 @@ class PerceptionProcess:
 
     @property
     def process_id(self) -> int | None:
-        """The process; None while none runs."""
+        """Process id; None while no process runs."""
         process = self._process
         return None if process is None or process.poll() is not None else process.pid
 
     def send(self, notes: list[PoseNote]) -> None:
-        """Hands notes over; drops them when the process is behind."""
+        """Sends notes; drops them while the process is behind."""
         if not notes:
             return
         try:
@@ -116,7 +118,7 @@ class PerceptionProcess:
             process.wait()
 
     def _keep_running(self) -> None:
-        """Runs in the thread: one process after the other."""
+        """Runs in the thread: restarts the process after each end."""
         isolated = ["-I"] if sys.flags.isolated else []
         end = self._other_end.fileno()
         command = [sys.executable, *isolated, "-m", _WORKER, str(end)]
@@ -143,9 +145,9 @@ class PerceptionProcess:
 def start_perception(
     config: CompanionConfig, site: Site | None, speed: float
 ) -> PerceptionProcess | None:
-    """Starts the process that the configuration asks for; None without a sensor.
+    """Starts the process of the configured sensor; None without a sensor.
 
-    Raises InputError without a site, and as PerceptionProcess.
+    Raises InputError without a site, and the errors of PerceptionProcess.
     """
     if config.perception.sensor is None:
         return None
@@ -156,7 +158,7 @@ def start_perception(
 
 
 def tried(settings: Perception, source: str, *, port: bool = True) -> str:
-    """Tries the settings; the content of the sensor's metadata file, empty without one.
+    """Checks the settings; returns the content of the sensor's metadata file, empty without one.
 
     port: False leaves out the port, which a running service has open.
 
@@ -186,7 +188,7 @@ def _read_json(file: Path) -> str:
 
 
 def _try_port(settings: Perception) -> None:
-    """Raises LinkError where the process could not receive the sensor's packets."""
+    """Raises LinkError if the process cannot receive the sensor's packets."""
     if settings.data_port is None:
         return
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as trial:

@@ -1,7 +1,8 @@
-"""The process in which packets of the sensor become reports, off the control path.
+"""Process that turns packets of the sensor into reports, outside the control loop.
 
 `python -m moar_companion.service.perception_worker DESCRIPTOR`: its setup comes as JSON on standard
-input. Notes of poses come on the socket, reports go back; it ends when the service's end is closed.
+input. Notes of poses arrive on the socket, and reports leave on it. The process ends when the
+service closes its end.
 """
 
 from __future__ import annotations
@@ -31,7 +32,7 @@ _logger = logging.getLogger(__name__)
 
 
 def apply(perception: LivePerception, note: PoseNote) -> None:
-    """Hands a note to the perception."""
+    """Applies a note to the perception."""
     match note:
         case PositionNote():
             perception.note_position(note.time_s, note.position_m, note.jumped_m)
@@ -47,7 +48,7 @@ class _Worker:
         self._setup = setup
         self._channel = channel
         self._solids: list[Any] | None = None
-        """Solids of the last report, as sent: they seldom change."""
+        """Solids of the last report, as sent; they seldom change."""
         self._ended = asyncio.Event()
 
     async def run(self) -> None:
@@ -94,7 +95,7 @@ class _Worker:
             self._channel.send(message)
             self._solids = solids
         except BlockingIOError:
-            pass  # The service is behind: the next report has everything, too.
+            pass  # the service is behind: the next report has everything, too
         except BrokenPipeError:
             self._ended.set()
 

@@ -29,7 +29,7 @@ _logger = logging.getLogger(__name__)
 
 
 class Work(enum.Enum):
-    """What an answer is of."""
+    """Kind of job that an answer belongs to."""
 
     PLAN = "plan"
     CONTINGENCY = "contingency plan"
@@ -169,6 +169,6 @@ class PlannerWorker:
         self._answers.put((kind, answer))
         begun = self._failsafes is not None or kind is Work.PLAN
         if job.failsafes != self._failsafes and begun:
-            # Exposed cells cost more in all plans: the tables were dropped, and are made anew.
+            # Exposed cells cost more in all plans: the tables were dropped, and are made again.
             self._failsafes = job.failsafes
             self._prepare()

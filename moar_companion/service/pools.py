@@ -1,4 +1,4 @@
-"""Pools whose threads start at construction: none has to be started in flight."""
+"""Pools that start their threads at construction: none has to be started in flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Priority of the service's threads over other programs, and of child processes behind them."""
+"""Priority of the service's threads above other programs, and of child processes below them."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ import os
 from collections.abc import Iterator
 
 NICE = -10
-"""Nice value of the systemd unit: beside three busy processes on one core nine times their
-share; at 0 it is a quarter of the core, in slices."""
+"""Nice value of the systemd unit. Beside three busy processes on one core it gives nine times their
+share; 0 gives a quarter of the core, in slices."""
 _USUAL = 0
 _REAL_TIME = 1
 """Priority of 1 to 99: ahead of all threads without one. A nice value counts within a session or

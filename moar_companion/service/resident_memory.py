@@ -1,4 +1,4 @@
-"""Resident memory of the process: releases what glibc and LLVM keep without need. Linux.
+"""Resident memory of the process: releases unused memory of glibc and LLVM. Linux.
 
     before the threads start    limit_arenas: few arenas, large arrays go back to the system
     once all kernels are loaded release_compiler: LLVM's code and data, of which none is used again
@@ -20,8 +20,9 @@ _MMAP_THRESHOLD = -3
 _MOST_ARENAS = 2
 """By default each thread has its own, which reserves 64 MB of address space."""
 _LARGE_BYTES = 2**20
-"""Larger arrays (tables, solvers) are mapped one by one. By default glibc raises this to the
-largest that was freed, up to 32 MB: the next tables would lie in an arena, and leave holes."""
+"""Size from which arrays (tables, solvers) are mapped one by one. By default glibc raises this
+to the largest that was freed, up to 32 MB. The next tables would then be in an arena, and leave
+holes."""
 _MADV_DONTNEED = 4
 _COMPILER = "libllvmlite.so"
 _MAPPING = re.compile(r"([0-9a-f]+)-([0-9a-f]+) (\S+) .*?(\S*)$")

@@ -34,13 +34,13 @@ _LEAST_AHEAD_UNITS = 2 * UNITS_PER_S
 """With less lead than this the file is written again."""
 
 _SET_SINCE_S = 1_767_225_600
-"""2026-01-01 UTC, in seconds since 1970. A clock that tells less was never set: this software is
-younger."""
+"""2026-01-01 UTC, in seconds since 1970. An earlier time means that the clock was never set: this
+software is younger."""
 _BELIEVED_AHEAD_S = 5 * 365 * 86400
-"""A clock that is not set may begin with the date of the system's image; none is so old. What is
-kept and farther ahead was told by a clock that was wrong."""
+"""Greatest possible lead of a stored time stamp. A clock that is not set may begin at the date of
+the system's image, which is younger. A greater lead comes from a wrong clock."""
 _DOUBTED_AHEAD_S = 60.0
-"""So far behind what is kept new senders are refused."""
+"""Lag behind the stored time stamp from which new senders are refused."""
 
 _Timestamp = Annotated[int, Field(ge=0, le=LATEST_TIMESTAMP)]
 
@@ -73,7 +73,7 @@ class SigningClock:
         self._writer = BackgroundWriter("signing", self._write_loop)
 
     def keep(self, timestamps: Mapping[str, int], references: Mapping[str, int]) -> None:
-        """Queues them for writing when the file's lead over our time stamps is used up."""
+        """Queues the time stamps for writing when the file's lead over them is used up."""
         if all(
             timestamp + _LEAST_AHEAD_UNITS <= self._saved.get(link, 0)
             for link, timestamp in timestamps.items()

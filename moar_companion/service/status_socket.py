@@ -1,8 +1,8 @@
 """The view socket: the status as JSON lines to clients of a Unix socket.
 
-Read-only: nothing is ever read from a client. A slow client misses whole lines, so that the
-control loop never waits and memory does not grow. Clients beyond the limit are refused. A fault
-here ends the view and not the flight.
+Read-only: no data are read from a client. A slow client misses whole lines, so that the control
+loop never waits and memory does not grow. Clients beyond the limit are refused. A fault here ends
+the view and not the flight.
 """
 
 from __future__ import annotations
@@ -123,7 +123,7 @@ class _Readers:
         except BlockingIOError:
             return
         except OSError as error:
-            # The client keeps waiting, and its request would start the loop at once again.
+            # The client keeps waiting, and its request would start the loop again at once.
             self._warn(f"no reader accepted: {error.strerror}")
             self._loop.remove_reader(self._listener)
             self._accept_later = self._loop.call_later(_RETRY_S, self._listen)

@@ -1,4 +1,4 @@
-"""The service manager's notification socket (systemd, sd_notify(3)); silent if there is none."""
+"""The service manager's notification socket (systemd, sd_notify(3)); no action without one."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _FED_PER_TIMEOUT = 2.0
 
 
 def notify(state: str) -> None:
-    """Sends a state to the service manager, e.g. `READY=1`; does nothing without one."""
+    """Sends a state to the service manager, e.g. `READY=1`; no action without one."""
     address = os.environ.get("NOTIFY_SOCKET", "")
     if not address:
         return

@@ -1,1 +1,1 @@
-"""Surveys to site files, and sites back on a map; without I/O."""
+"""Surveys to site files, and sites to map features; without I/O."""

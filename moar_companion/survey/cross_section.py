@@ -1,7 +1,8 @@
-"""A site from a point cloud: the plane across the line at a target, and what stands in it.
+"""A site from a point cloud: the plane across the line at a target, and its obstacles.
 
-Inputs: points in metres (x east, y north, z up) whose origin is the target on the map, and what
-`perception` found in them. Output: the document of a site file, and the cross-section as drawn.
+Inputs: points in metres (x east, y north, z up) whose origin is the target on the map, and the
+conductors and classes that `perception` found. Outputs: the document of a site file, and the
+cross-section for a picture.
 """
 
 from __future__ import annotations
@@ -25,15 +26,15 @@ FloatArray = npt.NDArray[np.float64]
 _BESIDE_M = 60.0
 """Conductors within this distance of the target belong to its line."""
 _BEYOND_END_M = 3.0
-"""A conductor crosses the plane also this far beyond its last point."""
+"""Distance beyond its last point within which a conductor still crosses the plane."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class CrossSection:
-    """The plane that was laid, in the frame of the points.
+    """The plane of the site, in the frame of the points.
 
-    origin_m: (3,) x = 0, z = 0 of the site; across: (2,) unit vector of +x; plane_m: (n, 2) x and
-    z of points near the plane, classes: (n,) of these; left_out_m: (k, 2) lone points.
+    origin_m: (3,) x = 0, z = 0 of the site; across: (2,) unit vector of +x; plane_m: (n, 2) x and z
+    of points near the plane, classes: (n,) of these; left_out_m: (k, 2) lone points.
     """
 
     document: Document
@@ -43,11 +44,11 @@ class CrossSection:
     classes: npt.NDArray[np.uint8]
     left_out_m: FloatArray
     conductors: dict[str, DetectedConductor]
-    """Those that cross the plane, by name; the names of a bundle's wires have a letter more."""
+    """Conductors that cross the plane, by name; the wires of a bundle have one more letter."""
     notes: tuple[str, ...]
 
     def turned(self, points_m: FloatArray) -> FloatArray:
-        """(n, 3) along the line to the right of x, across it and up from the site's origin."""
+        """Points (n, 3) along the line to the right of x, across it and up, from the origin."""
         offset = points_m - self.origin_m
         along = np.array([self.across[1], -self.across[0]])
         return np.column_stack((offset[:, :2] @ along, offset[:, :2] @ self.across, offset[:, 2]))
@@ -62,8 +63,8 @@ def site_of_cloud(
 ) -> CrossSection:
     """The site at the points' origin, whose place on the map is `at` (its altitude: of z = 0).
 
-    target_height_m: z of the conductor that is inspected; else the lowest phase conductor's.
-    Raises SurveyError where no conductor crosses.
+    target_height_m: z of the inspected conductor; None: that of the lowest phase conductor. Raises
+    SurveyError where no conductor crosses.
     """
     direction, crossing = _crossing(line)
     across = np.array([direction[1], -direction[0]])
@@ -136,7 +137,7 @@ def site_of_cloud(
 
 
 def _crossing(line: PowerLine) -> tuple[FloatArray, list[tuple[DetectedConductor, FloatArray]]]:
-    """Direction of the line at the origin, and each conductor with its point in the plane there."""
+    """Direction of the line at the origin, and each conductor with its crossing of the plane."""
     conductors = [each for span in line.spans for each in span.conductors]
     here = np.zeros(3)
     if not conductors:
@@ -207,7 +208,7 @@ def _ground(
 def _names(
     line: PowerLine, crossing: list[tuple[DetectedConductor, FloatArray]], across: FloatArray
 ) -> dict[str, DetectedConductor]:
-    """Conductors that cross the plane by name: circuits from left to right, then earth wires."""
+    """Conductors that cross the plane, by name: circuits from left to right, then earth wires."""
     order = {id(each): place for each, place in crossing}
     circuits = [
         members
@@ -231,7 +232,7 @@ def _named(
     across: FloatArray,
     options: SiteOptions,
 ) -> Iterator[tuple[str, Document]]:
-    """Wires as in a site file, by name; those of a bundle are a, b and so on."""
+    """Wires as in a site file, by name; those of a bundle have the letters a, b and so on."""
     normal = np.array([-across[1], across[0]])
     for name, conductor in conductors.items():
         wires = conductor.wires
@@ -259,9 +260,9 @@ def _target(
     surface: Surface,
     hanging_m: FloatArray,
 ) -> tuple[float, str, Document]:
-    """The conductor nearest to the place asked for, seen from the side on which most is free.
+    """The conductor nearest to the given place, seen from the side with the most free space.
 
-    Its x, the name of its bundle, and the target as in a site file.
+    Returns its x, the name of its bundle, and the target as in a site file.
 
     Without a height: the lowest phase conductor of those that are nearest across.
     """
@@ -277,7 +278,7 @@ def _target(
         )
     bundle = [each for each in named.values() if _bundle(each) == _bundle(nearest)]
     wires = [(each["x_m"], each["z_m"]) for each in named.values() if each not in bundle]
-    # What lies closer to the bundle than a spacer is its own.
+    # A point closer to the bundle than a spacer belongs to the bundle.
     here = np.array([nearest["x_m"], nearest["z_m"]])
     hanging_m = hanging_m[np.hypot(*(hanging_m - here).T) > 1.0]
     others = np.vstack((np.full((1, 2), math.inf), np.array(wires).reshape(-1, 2), hanging_m))
@@ -288,7 +289,7 @@ def _target(
         x, z = wire["x_m"] + towards_x * distance, wire["z_m"] + towards_z * distance
         above_ground = z - max(surface.top_at(x, 2.0), MIN_ALTITUDE_M)
         clearance = min(float(np.hypot(others[:, 0] - x, others[:, 1] - z).min()), above_ground)
-        # A picture is taken from beside; from above or below only where no side is free.
+        # A camera looks from beside; from above or below only where no side is free.
         preferred = clearance > options.standoff_m and towards_x != 0.0
         views.append(((preferred, clearance), side, wire))
     _, side, wire = max(views, key=lambda view: view[0])
@@ -304,7 +305,7 @@ def _bundle(entry: Document) -> str:
 
 
 def _frame(at: GeodeticPoint, origin_m: FloatArray, across: FloatArray) -> SiteFrame:
-    """The site's frame: `at` is the points' origin on the map."""
+    """Frame of the site; `at` is the points' origin on the map."""
     map_frame = SiteFrame(origin=at, azimuth_deg=90.0)  # x east, y north
     azimuth_deg = math.degrees(math.atan2(across[0], across[1])) % 360.0
     x, y, z = (float(each) for each in origin_m)

@@ -1,8 +1,8 @@
 """A site from features on a map, and the features and waypoints of a site.
 
-A conductor is given by points along it. The plane stands across the conductors at the first
-target; where a conductor has no point in the plane, its height there is that of the straight line
-between its two neighbouring points, and its keep-out grows by the sag that may hang below that.
+A conductor is given by points along it. The plane stands across the conductors at the first target.
+Where a conductor has no point in the plane, its height is that of the straight line between its two
+neighbouring points. Its keep-out grows by the sag that may hang below this line.
 """
 
 from __future__ import annotations
@@ -31,28 +31,29 @@ FloatArray = npt.NDArray[np.float64]
 _LEAST_CONSTANT_M = 500.0
 """Catenary constant of the slackest line (315 kV of Hydro-Québec: 699)."""
 _LONGEST_M = 60.0
-"""Of a conductor between its points at both sides of the plane: 0.9 m of sag."""
+"""Greatest distance of a conductor's points on both sides of the plane: 0.9 m of sag."""
 _IN_PLANE_M = 5.0
 _AT_POINT_M = 0.01
-"""A point of a conductor this near to the plane is in it: no sag is unknown."""
+"""Distance from the plane within which a point of a conductor is in it, without unknown sag."""
 _STRAIGHT_RAD = 0.01
-"""Turn up to which a path goes straight on."""
+"""Greatest turn that counts as straight."""
 _ACCEPTANCE_M = 0.5
-"""Of a corner of a mission; the autopilot's own (2 m and more) would cut it."""
+"""Acceptance radius at a corner of a mission; the autopilot's default (2 m and more) cuts the
+corner."""
 _DRAWN_M = 5.0
 """Half the length of a conductor as drawn on the map."""
 
 
 @dataclass(frozen=True, kw_only=True, eq=False)
 class DrawnSite:
-    """The document of a site file, and the features as they lie about its plane."""
+    """The document of a site file, and the features with their places about its plane."""
 
     document: Document
     marks: tuple[SurveyMark, ...]
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Features that are no part of the site, each with its distance from the plane."""
+        """Features outside the site, each with its distance from the plane."""
         return tuple(
             f"{each.kind} {each.name}, {each.left_out_m:.0f} m from the plane"
             for each in self.marks
@@ -63,7 +64,7 @@ class DrawnSite:
 def site_of_features(
     features: tuple[MapFeature, ...], source: str, options: SiteOptions
 ) -> DrawnSite:
-    """The site; raises InputError that names the feature."""
+    """The site; raises InputError that names the faulty feature."""
     of = {kind: [each for each in features if each.kind == kind] for kind in KINDS}
     if not of["target"] or not of["conductor"]:
         kind = "target" if not of["target"] else "conductor"
@@ -167,7 +168,7 @@ def _metres(frame: SiteFrame, point: GeodeticPoint) -> tuple[float, float, float
 
 
 def _direction(conductors: list[MapFeature], source: str, metres: Any) -> FloatArray:
-    """The mean horizontal direction, of the piece of each that is nearest to the target."""
+    """Mean horizontal direction of the conductors, each by its piece nearest to the target."""
     total = np.zeros(2)
     for conductor in conductors:
         points = metres(conductor)[:, :2]
@@ -194,7 +195,7 @@ def _plane(
 def _in_plane(
     conductor: MapFeature, points_m: FloatArray, across: FloatArray, along: FloatArray, source: str
 ) -> tuple[float, float, float]:
-    """x, z where the conductor crosses the plane, and the sag that may hang below."""
+    """Crossing x, z of the conductor with the plane, and the sag that may hang below."""
     beside = points_m[:, :2] @ along
     order = np.argsort(beside)
     beside, points_m = beside[order], points_m[order]
@@ -222,12 +223,12 @@ def _in_plane(
 
 
 def _rounded_up_m(length_m: float) -> float:
-    """To centimetres; what is a whole number of them but for its last digits stays."""
+    """The length rounded up to centimetres, after removal of rounding errors."""
     return math.ceil(round(length_m * 100.0, 6)) / 100.0
 
 
 def _top(solid: MapFeature, points_m: FloatArray, source: str) -> FloatArray:
-    """The highest point of a tower or obstacle."""
+    """Highest point of a tower or obstacle."""
     if solid.radius_m is None or solid.radius_m <= 0.0:
         raise InputError(source, solid.name, "has no radius_m: must have half its width, in m")
     return np.asarray(points_m[int(np.argmax(points_m[:, 2]))])
@@ -294,7 +295,7 @@ def features_of_site(site: Site, plans: Iterable[Plan]) -> tuple[MapFeature, ...
 
 
 def path_name(plan: Plan) -> str:
-    """The mission, and its target if one was asked for."""
+    """Name of the path: the mission, and the target if one was given."""
     target = plan.request.target
     return plan.mission.value if target is None else f"{plan.mission.value} {target}"
 
@@ -304,7 +305,7 @@ def _waypoints_m(plan: Plan) -> list[tuple[float, float]]:
 
 
 def _corners_m(plan: Plan) -> list[tuple[float, float]]:
-    """Both ends of a path, and the waypoints at which it turns."""
+    """Ends of a path, and the waypoints at which it turns."""
     at = _waypoints_m(plan)
     inner = [
         here
@@ -329,7 +330,8 @@ def qgc_plan_of(
     """A mission of QGroundControl (.plan, version 1) with the corners of the paths.
 
     MAV_CMD_DO_CHANGE_SPEED, then MAV_CMD_NAV_WAYPOINT in MAV_FRAME_GLOBAL, heights above mean sea
-    level; at each target it waits for its dwell. Nothing takes off or lands.
+    level. At each target the aircraft waits for the dwell. The mission has no takeoff and no
+    landing.
     """
     items: list[dict[str, Any]] = [_qgc_speed(speed_mps)]
     for plan in plans:
@@ -341,7 +343,7 @@ def qgc_plan_of(
         )
         for number, (x, z) in enumerate(waypoints, 1):
             if len(items) > 1 and number == 1:
-                continue  # where the path before ended
+                continue  # end of the path before
             place = site.frame.to_geodetic((x, 0.0, z))
             hold_s = dwell_s if number == len(waypoints) else 0.0
             items.append(_qgc_item(place, hold_s, len(items) + 1))

@@ -1,7 +1,7 @@
-"""Points that someone drew or surveyed on a map: KML, GeoJSON and CSV, and back.
+"""Points that were drawn or surveyed on a map: KML, GeoJSON and CSV, and back.
 
-A feature has a kind, a name and points. The kind is the property or column `kind`; in KML also the
-folder's name or the first word of the placemark's ("conductor left-lower").
+A feature has a kind, a name and points. The kind is the property or column `kind`. In KML it is
+also the folder's name, or the first word of the placemark's ("conductor left-lower").
 """
 
 from __future__ import annotations
@@ -23,16 +23,16 @@ KINDS = (
 )  # fmt: skip
 """outline: of an obstacle in the plane; ground: a point at z = 0; exit, evacuation: landing."""
 LENGTHS = ("radius_m", "keep_out_m")
-"""What a feature may tell besides its points."""
+"""Optional properties of a feature."""
 _COLUMNS = ("kind", "name", "latitude_deg", "longitude_deg", "altitude_amsl_m")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MapFeature:
-    """Something on the map: its points in order.
+    """A feature of a map: its points in order.
 
     radius_m: of a conductor, half the width of a tower; keep_out_m: of an obstacle in the site
-    file. None where the map does not tell it.
+    file. None where the map lacks the value.
     """
 
     kind: str
@@ -43,7 +43,7 @@ class MapFeature:
 
 
 def features_of(text: str, source: str, ending: str) -> tuple[MapFeature, ...]:
-    """The features in a file's text; raises InputError that names the feature."""
+    """Features in a file's text; raises InputError that names the faulty feature."""
     readers = {".csv": _of_csv, ".geojson": _of_geojson, ".json": _of_geojson, ".kml": _of_kml}
     found: dict[tuple[str, str], MapFeature] = {}
     for feature in readers[ending](text, source):
@@ -62,7 +62,7 @@ def features_of(text: str, source: str, ending: str) -> tuple[MapFeature, ...]:
 
 
 def _joined(before: MapFeature, after: MapFeature) -> MapFeature:
-    """One feature of two pieces: the greater of their lengths holds for both."""
+    """One feature of two pieces, with the greater of their lengths."""
     lengths: dict[str, Any] = {}
     for name in LENGTHS:
         told = [value for each in (before, after) if (value := getattr(each, name)) is not None]
@@ -119,7 +119,7 @@ def _of_geojson(text: str, source: str) -> Iterator[MapFeature]:
 
 
 def _member(feature: Any, key: str) -> dict[str, Any]:
-    """An object within a feature; an empty one where there is none."""
+    """An object within a feature; an empty one where it is missing."""
     value = feature.get(key) if isinstance(feature, dict) else None
     return value if isinstance(value, dict) else {}
 
@@ -130,7 +130,7 @@ def _of_kml(text: str, source: str) -> Iterator[MapFeature]:
     except ET.ParseError as error:
         raise InputError(source, "", f"is no KML: {error}") from None
     for element in root.iter():
-        element.tag = element.tag.rpartition("}")[2]  # whichever namespace, or none
+        element.tag = element.tag.rpartition("}")[2]  # in any namespace
     yield from _of_folder(root, source, "")
 
 
@@ -170,7 +170,7 @@ def _of_placemark(element: ET.Element, source: str, folder: str) -> MapFeature:
 
 
 def _swapped(values: Any, source: str, where: str) -> GeodeticPoint:
-    """A point of longitude, latitude and height."""
+    """The point with this longitude, latitude and height."""
     if not isinstance(values, list) or len(values) < 3:
         raise InputError(
             source, where, f"has {values!r}, must have longitude, latitude and height (AMSL)"
@@ -194,7 +194,7 @@ def _point(values: list[Any], source: str, where: str) -> GeodeticPoint:
 
 
 def _lengths(given: Mapping[str, Any], source: str, where: str) -> dict[str, float]:
-    """The lengths that a feature tells; an empty one is not told."""
+    """Lengths of a feature; an empty text counts as missing."""
     lengths = {
         name: _number(given[name], source, f"{where}{name}")
         for name in LENGTHS
@@ -240,7 +240,7 @@ def geojson_of(features: tuple[MapFeature, ...]) -> str:
 
 
 def kml_of(name: str, features: tuple[MapFeature, ...]) -> str:
-    """KML 2.2, a folder per kind, heights above mean sea level."""
+    """KML 2.2, one folder per kind, heights above mean sea level."""
     root = ET.Element("kml", xmlns="http://www.opengis.net/kml/2.2")
     document = ET.SubElement(root, "Document")
     ET.SubElement(document, "name").text = name

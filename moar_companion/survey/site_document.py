@@ -1,4 +1,4 @@
-"""The document of a site file: what all surveys lay out alike, and its text."""
+"""The document of a site file, in the same form for all surveys, and its text."""
 
 from __future__ import annotations
 
@@ -17,27 +17,27 @@ POLYGON_KEEP_OUT_M = 0.3
 
 
 class SurveyError(Exception):
-    """A survey that no site can be made of; the text says why."""
+    """A survey without a usable site; the text has the reason."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class SiteOptions:
-    """How a site is laid out."""
+    """Options of the site's layout."""
 
     name: str = "surveyed site"
     standoff_m: float = 4.0
     resolution_m: float = 0.3
     slab_m: float = 3.0
-    """Points up to this far from the plane stand in it."""
+    """Greatest distance from the plane of points that stand in it."""
     margin_m: float = 12.0
     """Workspace beside the outer conductors."""
     headroom_m: float = 8.0
     """Workspace above the highest conductor."""
     radius_m: float = 0.02
-    """Of a wire: no scan tells it."""
+    """Radius of a wire, which no scan shows."""
     keep_out_m: float = 0.5
-    """Beyond three standard deviations of a conductor's place: sag changes with current and
-    temperature, and the survey's own position is known to decimetres."""
+    """Keep-out beyond three standard deviations of a conductor's place. Sag changes with current
+    and temperature, and the survey's own position has an error of decimetres."""
 
 
 def site_document(
@@ -51,7 +51,7 @@ def site_document(
     targets: Document,
     landing: Mapping[str, list[Document]],
 ) -> Document:
-    """The document; x_m, z_m: the workspace."""
+    """The document of a site file; x_m, z_m: the workspace."""
     return {
         "name": options.name,
         "frame": {
@@ -76,14 +76,14 @@ def site_document(
 
 
 def place(x_m: float, z_m: float) -> Document:
-    """A point of the plane as in the file."""
+    """A point of the plane, as in the file."""
     return {"x_m": round(float(x_m), 2), "z_m": round(float(z_m), 2)}
 
 
 def polygon(
     name: str, vertices: Iterable[tuple[float, float]], keep_out_m: float | None = None
 ) -> Document:
-    """An obstacle of this outline; without a keep-out of its own, that of all outlines."""
+    """An obstacle of this outline; without a keep-out of its own it takes that of all outlines."""
     rounded = [[round(float(x), 2), round(float(z), 2)] for x, z in vertices]
     kept_m = POLYGON_KEEP_OUT_M if keep_out_m is None else keep_out_m
     return {"polygon": {"name": name, "vertices_m": rounded, "keep_out_m": kept_m}}

@@ -1,7 +1,7 @@
-"""What stands in the plane of a site and is no conductor: ground, vegetation, towers.
+"""Obstacles in the plane of a site besides conductors: ground, vegetation, towers.
 
 Inputs: points near the plane (x, z) with their classes. Outputs: the surface of the ground and of
-what stands on it, landing places on it, and polygons.
+objects on it, landing places, and polygons.
 """
 
 from __future__ import annotations
@@ -20,10 +20,10 @@ FloatArray = npt.NDArray[np.float64]
 BoolArray = npt.NDArray[np.bool_]
 
 LANDING_REACH_M = 25.0
-"""Landing places are looked for this far beside the workspace."""
+"""Greatest distance of a landing place beside the workspace."""
 _CELL_M = 0.5
 _FLOATING_GAP_M = 5.0
-"""What hangs this far above anything else stands apart; else it is filled down to the ground."""
+"""Least gap below a point that hangs; a point with a smaller gap is filled down to the ground."""
 _LONE_M = 2.0
 _LATTICE_M = 2.0
 """Half the width of holes in a tower that are filled."""
@@ -33,7 +33,7 @@ _LANDING_HEIGHT_M = 2.5
 
 
 class Surface:
-    """The highest of ground and what stands on it, in columns of the plane."""
+    """Highest points of ground and of objects on it, in columns of the plane."""
 
     def __init__(
         self, plane_m: FloatArray, classes: npt.NDArray[np.uint8], low_x: float, high_x: float
@@ -47,7 +47,7 @@ class Surface:
         ground = standing & (classes == PointClass.GROUND)
         self.ground_m = _filled(_highest(columns[ground], plane_m[ground, 1], count))
         self.stands = np.zeros(len(plane_m), dtype=bool)
-        """Points that stand on the ground, not hang above it."""
+        """Points that stand on the ground instead of hanging above it."""
         tops = self.ground_m.copy()
         order = np.flatnonzero(standing)
         order = order[np.argsort(plane_m[order, 1])]
@@ -60,11 +60,11 @@ class Surface:
         self.tops_m = tops
 
     def top_at(self, x_m: float, reach_m: float) -> float:
-        """The highest top within a distance of x."""
+        """Highest top within a distance of x."""
         return float(self.tops_m[abs(self._x_m - x_m) <= reach_m].max())
 
     def runs(self, low_x: float, high_x: float, above_m: float) -> Iterator[FloatArray]:
-        """(n, 2) left edges and tops of neighbouring columns that reach above a height."""
+        """Left edges and tops (n, 2) of neighbouring columns that reach above a height."""
         inside = (self._x_m > low_x) & (self._x_m < high_x) & (self.tops_m > above_m)
         labels, count = ndimage.label(inside)
         for label in range(1, count + 1):
@@ -72,7 +72,7 @@ class Surface:
             yield np.column_stack((self._x_m[run] - _CELL_M / 2.0, self.tops_m[run]))
 
     def landing(self, edge_m: float, towards: float) -> tuple[float, float] | None:
-        """The nearest even place without anything on it or before it, a hover above it."""
+        """Nearest even place with free space on it and before it, at hover height above it."""
         for distance in np.arange(4.0, LANDING_REACH_M, _CELL_M):
             x = edge_m + towards * distance
             patch = abs(self._x_m - x) <= 2.5
@@ -94,7 +94,7 @@ def _highest(columns: npt.NDArray[np.intp], z_m: FloatArray, count: int) -> Floa
 
 
 def _filled(tops_m: FloatArray) -> FloatArray:
-    """Columns without points at the higher of the known ones at both sides."""
+    """Tops with columns without points at the higher of the known ones at both sides."""
     known = np.flatnonzero(np.isfinite(tops_m))
     if not len(known):
         return np.zeros_like(tops_m)
@@ -113,7 +113,7 @@ def polygons_of(
     low_z: float,
     high_z: float,
 ) -> tuple[list[Document], FloatArray]:
-    """What is no conductor, as polygons; and the lone points that were left out."""
+    """Obstacles besides conductors, as polygons; and the lone points that were left out."""
     shapes: list[tuple[str, list[tuple[float, float]]]] = []
     for run in surface.runs(low_x, high_x, _ABOVE_GROUND_M):
         top = np.ceil(run[:, 1] * 10.0) / 10.0
@@ -135,7 +135,7 @@ def polygons_of(
         cells = ((part - low) / _CELL_M).astype(np.intp)
         occupied = np.zeros(shape, dtype=bool)
         occupied[cells[:, 0], cells[:, 1]] = True
-        if kind == "tower":  # a lattice has holes that nobody flies through
+        if kind == "tower":  # no aircraft fits the holes of a lattice
             occupied = ndimage.binary_closing(occupied, iterations=round(_LATTICE_M / _CELL_M))
         for _, outline in parts_of(ndimage.binary_dilation(occupied), _MOST_HOLE_CELLS):
             corners = [(low[0] + x * _CELL_M, low[1] + z * _CELL_M) for x, z in outline]
@@ -149,7 +149,7 @@ def polygons_of(
 
 
 def _alone(places: FloatArray) -> BoolArray:
-    """Points without another within 2 m."""
+    """Mask of points without another within 2 m."""
     distance = np.full(len(places), np.inf)
     for index, place in enumerate(places):
         offset = np.hypot(*(places - place).T)

@@ -1,4 +1,4 @@
-"""ArduPilot's manner, as measured on ArduCopter 4.6.3."""
+"""Behaviour of ArduPilot, as measured on ArduCopter 4.6.3."""
 
 from typing import Final
 

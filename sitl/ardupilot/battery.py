@@ -2,7 +2,7 @@
 
 A level counts once the voltage was below it for BATT_LOW_TIMER, and stays until BATTERY_RESET or a
 restart. The remaining charge is computed from the consumed charge, not from the voltage; a charge
-that was replaced in flight is taken as known.
+that was replaced in flight counts as known.
 """
 
 from enum import IntEnum

@@ -31,7 +31,7 @@ _EKF_ALWAYS: Final = 3
 
 @dataclass(slots=True, kw_only=True)
 class Failsafes:
-    """Active failsafes; each clears when its cause is gone. `BatteryMonitor` has the battery's."""
+    """Active failsafes; each ends with its cause. `BatteryMonitor` has the battery's."""
 
     radio: bool = False
     ground_station: bool = False

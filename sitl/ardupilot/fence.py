@@ -1,6 +1,6 @@
 """ArduCopter's own fence: heights, a circle around home, and uploaded areas.
 
-As in the source of ArduCopter 4.6: a breach is reported once, and again 20 m farther out; it does
+As in the source of ArduCopter 4.6: a breach is reported once, and again 20 m farther out. It does
 not change HEARTBEAT.system_status, and any mode can be selected after it. The least height counts
 once it was exceeded by FENCE_MARGIN, and not in a landing. FENCE_AUTOENABLE counts as 3 does: the
 fence is active while armed.
@@ -27,7 +27,7 @@ _ACTIONS: Final = {2: Mode.LAND, 3: Mode.SMART_RTL, 4: Mode.BRAKE, 5: Mode.SMART
 _PERIOD_S: Final = 0.3
 _BACKUP_M: Final = 20.0
 _GIVE_UP_M: Final = 100.0
-"""Farther outside than this the vehicle lands, whatever FENCE_ACTION is."""
+"""Distance outside from which the vehicle lands, for any FENCE_ACTION."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -46,7 +46,7 @@ class Fence:
         self._parameters = parameters
         self._areas = areas or FenceAreas()
         self._switched: bool | None = None
-        """On or off by a command, whatever the parameters are; None: never switched."""
+        """On or off by a command, independent of the parameters; None: never switched."""
         self._floor_on = False
         """True: the least height counts."""
         self._backup_m: dict[int, float] = {}

@@ -1,8 +1,8 @@
 """GUIDED's target: SET_POSITION_TARGET_LOCAL_NED as ArduPilot takes it.
 
-Inputs: messages with their arrival time. Outputs: the target. Measured on ArduCopter 4.6.3:
-an ignored bit of one axis ignores all three; combinations and frames that it cannot fly stop the
-vehicle; a NaN position crashes the process; nothing is ever acknowledged.
+Inputs: messages with their arrival time. Outputs: the target. Measured on ArduCopter 4.6.3: an
+ignored bit of one axis ignores all three. Combinations and frames that it cannot fly stop the
+vehicle. A NaN position crashes the process. No setpoint is acknowledged.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Messages to ArduPilot, each handed to the part that answers it."""
+"""Messages to ArduPilot, each passed to the part that answers it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass

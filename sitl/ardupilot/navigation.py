@@ -1,4 +1,4 @@
-"""ArduPilot's estimator as seen from outside: origin, position, home, flags, wind.
+"""ArduPilot's estimator by its messages: origin, position, home, flags, wind.
 
 Inputs: the world's estimate and the time since the start. Outputs: the local frame about the EKF
 origin, and the known values over time. Times as measured on ArduCopter 4.6.3; those of the start
@@ -19,7 +19,7 @@ from sitl.world import TICK_S, World
 _SETTLED_AFTER_S: Final = 18.0
 _ORIGIN_AFTER_S: Final = 20.0
 _START_FLAGS: Final = ((5.5, 0x0400), (5.9, 0x0000))
-"""Flags until so many seconds after the start: not initialised, not aligned."""
+"""Time after the start with these flags: not initialised, not aligned."""
 _BEFORE_GPS_FLAGS: Final = 0x00A7
 _GOOD_FLAGS: Final = 0x033F
 _COASTING_FLAGS: Final = 0x0025

@@ -1,4 +1,4 @@
-"""ArduPilot's parameters that matter here.
+"""Simulated parameters of ArduPilot.
 
 Values travel as their number. Names, types and defaults read from ArduCopter 4.6.3; GPS and radio
 are healthy by default in its simulation, and so they are here.

@@ -1,9 +1,10 @@
 """The GPS receiver as ArduPilot shows it, five times a second.
 
 The receiver's data come from the world's estimator. Measured on ArduCopter 4.6.3 in its own
-simulator: it is found 9.8 s after the start; without a fix, accuracy and time stay at their last
-good values while the position goes on; a silent receiver's last data are repeated for 4 s, and
-its health is lost after 8 s; under jamming satellites and accuracy jump while the dilution stays.
+simulator: the receiver is found 9.8 s after the start. Without a fix, accuracy and time stay at
+their last good values while the position changes. A silent receiver's last data are repeated for 4
+s, and its health is lost after 8 s. Under jamming satellites and accuracy jump while the dilution
+stays.
 """
 
 from dataclasses import replace

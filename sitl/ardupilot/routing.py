@@ -1,8 +1,8 @@
 """ArduPilot's routing between links, after its MAVLink_routing, as measured on ArduCopter 4.6.3.
 
-It learns on which link each system and component was received. A heartbeat goes to all other links,
-a message without a target to all links on which a sender was received, an addressed one to the
-links of its addressee. The autopilot takes a message with its system that no link takes.
+It stores the link on which each system and component was received. A heartbeat is sent to all other
+links. A message without a target is sent to all links on which a sender was received, an addressed
+one to the links of its addressee. The autopilot takes a message with its system that no link takes.
 """
 
 from typing import Any, Final

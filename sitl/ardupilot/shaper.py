@@ -4,7 +4,7 @@
     acceleration wish  = sqrt_controller(velocity wish - velocity), limited in size and in jerk
 
 After AP_Math/control.cpp (shape_pos_vel_accel). With 2.5 m/s^2 and 5 m/s^3 its gain is 1 per
-second: a constant position with velocity v settles v times 1 s beyond it, and a jump of 30 m is
+second. A constant position with velocity v settles v times 1 s beyond it, and a jump of 30 m is
 flown at 6.7 m/s, as measured on ArduCopter 4.6.3.
 
 Vectors are complex numbers: north and east, or down alone.

@@ -1,8 +1,8 @@
 """Rates of the messages on one link: only requested messages are sent.
 
 As measured on ArduCopter 4.6.3: SET_MESSAGE_INTERVAL is accepted for every message it can stream,
-whether or not there is such data; for the others it is denied. Rates were exact from 0.5 to
-200 Hz there; here the clock ticks at 100 Hz, and no message goes out more often.
+with or without such data; for the others it is denied. Rates were exact from 0.5 to 200 Hz there;
+here the clock ticks at 100 Hz, and no message is sent more often.
 """
 
 from typing import Final

@@ -130,7 +130,7 @@ class ArduPilotManner:
         return self.commander.landed_state
 
     def reboot(self) -> None:
-        """Restart: time_boot_ms goes back, disarmed; parameters and the world stay."""
+        """Restart: time_boot_ms restarts, disarmed; parameters and the world stay."""
         self._world.quad.demand.spinning = False
         self._boot(self._world.now_us)
 
@@ -340,7 +340,7 @@ class ArduPilotManner:
         booting = self.commander.system_status == _BOOTING
         for link, schedule in self._schedules.items():
             names = schedule.due(now_us)
-            # While it boots every heartbeat goes out twice; a new mode is reported at once.
+            # During the boot every heartbeat is sent twice; a new mode is reported at once.
             if booting if "HEARTBEAT" in names else self.commander.mode_changed:
                 names.append("HEARTBEAT")
             if self.navigation.home_changed:

@@ -1,1 +1,1 @@
-"""The demonstration: an operator's script, the two processes it needs, the judge of a flight."""
+"""The demonstration: an operator's script, its two processes, the judge of a flight."""

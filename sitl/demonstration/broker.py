@@ -20,12 +20,12 @@ import yaml
 from .processes import Process
 
 _START_S = 20.0
-"""amqtt is imported in a second, on a busy machine in ten."""
+"""Import time of amqtt: a second, on a busy machine ten."""
 _POLL_S = 0.05
 
 
 class BrokerError(Exception):
-    """There is no broker, or it does not start; one line."""
+    """A missing broker, or one that does not start; one line."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -50,7 +50,7 @@ def broker_name() -> str:
 
 
 def _mosquitto() -> str | None:
-    """Debian has it in /usr/sbin, which is on no user's path."""
+    """Debian has it in /usr/sbin, which no user's path includes."""
     return shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin:/usr/local/sbin")
 
 
@@ -65,7 +65,7 @@ def free_tcp_port() -> int:
 def running_broker(
     folder: Path, port: int, *, certificates: Certificates | None = None
 ) -> Iterator[Process]:
-    """A broker on a port of this machine, for anybody there, once it listens.
+    """A broker on a port of this machine, for any client there, once it listens.
 
     folder: for its configuration and its log. certificates: with TLS; clients without a certificate
     of the same authority are then refused (by amqtt: those with a wrong one). Raises BrokerError.

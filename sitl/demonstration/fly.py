@@ -1,9 +1,9 @@
 """Fly the demonstration: `sitl/fly`, or `python -m sitl.demonstration`.
 
 Starts the fake autopilot (with --real one that the user has built) and the companion service as two
-processes that know of each other only by MAVLink, plays the operator, and judges the flight by the
-truth log. Exit status 0 when the aircraft was at every target, landed at each landing point that is
-asked for, touched nothing, and left the workspace by its landing legs alone.
+processes, connected only by MAVLink. Plays the operator, and judges the flight by the truth log.
+Exit status 0 when the aircraft was at every target, landed at each requested landing point, touched
+nothing, and left the workspace by its landing legs alone.
 """
 
 from __future__ import annotations
@@ -51,10 +51,10 @@ _VEHICLE_FILE = "vehicle.yaml"
 """Its name in the flight's folder."""
 _SITE = "315kv_double_circuit.yaml"
 _WAYS_OUT = {Mission.EXIT: EXIT, Mission.EVACUATION: EVACUATION}
-"""The first for which a site has landing points is flown, unless another is asked for."""
+"""The first mission for which a site has landing points is flown, unless another is requested."""
 _ALL = "all"
 _TOUR = "tour.yaml"
-"""The scenario of a user's own site, and of a flight by sight."""
+"""The scenario of a user's own site, and of a flight with perception."""
 _ABOVE_M = 0.5
 """Least distance of the take-off's end above the least height."""
 _PERCEIVED = "perceived.png"
@@ -79,7 +79,7 @@ class Settings:
     real: Path | None
     """PX4's build folder or ArduCopter's program; None: the fake."""
     perceive: bool
-    """The service is told rough places alone, and a lidar sees what is there."""
+    """The service's site has rough places alone, and a lidar measures the true obstacles."""
 
 
 def main(arguments: list[str] | None = None) -> int:
@@ -278,7 +278,7 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
 
 @contextlib.contextmanager
 def _mqtt(settings: Settings, port: int, screen: Screen) -> Iterator[None]:
-    """A broker and a reader of all that is published to it, for the whole flight."""
+    """A broker and a reader of all its messages, for the whole flight."""
     reader = MqttReader(settings.out / "mqtt.jsonl")
     with contextlib.closing(reader), running_broker(settings.out, port):
         reader.start(port)

@@ -20,9 +20,10 @@ from moar_companion.site import Conductor, Obstacle, PlanePoint, Site
 _LEG_TOLERANCE_M = 2.0
 """Maximum distance from the landing leg, in wind, outside the workspace."""
 _THERE_M = 3.0
-"""At a target or a landing point; PX4 strays 2.55 m from where it is sent."""
+"""Distance at a target or a landing point; PX4 strays 2.55 m from its setpoint."""
 _GROUND_M = 0.0
-"""PX4's own simulator stands centimetres below it, even when it first reports flight."""
+"""Height of the ground; PX4's own simulator stands centimetres below it, even when it first reports
+flight."""
 _OFF_PLANE_M = 3.0
 """Distance beside the plane that is still workspace, for the judge."""
 
@@ -43,7 +44,7 @@ class Verdict:
 
     faults: tuple[str, ...]
     least_clearance_m: float
-    """Between the aircraft's hull and the nearest obstacle."""
+    """Distance between the aircraft's hull and the nearest obstacle."""
 
 
 def read_truth(path: Path, site: Site) -> list[FlightTruth]:

@@ -1,4 +1,4 @@
-"""Operator's actions that differ between PX4 and ArduPilot; everything else is the same."""
+"""Operator's actions that differ between PX4 and ArduPilot; all other actions are the same."""
 
 from __future__ import annotations
 
@@ -20,13 +20,14 @@ class Manner:
     """Its custom_mode in the heartbeat."""
     land: tuple[int, ...]
     takes_off_in_given_mode: bool
-    """True: armed in it, the aircraft climbs to a height above home; else above the sea."""
+    """True: armed in it, the aircraft climbs to a height above home; otherwise above the sea."""
     ready_timeout_s: float
     """Time from its start until it may be armed."""
     cells: int
     """Cells of its simulated battery."""
     parameters: tuple[str, ...]
-    """Required before a flight by the manual: else its return would lead through conductors."""
+    """Parameters that the manual requires before a flight: without them the return leads through
+    conductors."""
     parameters_bytewise: bool
     """Integers travel as the bytes of a float."""
     requested: tuple[int, ...]

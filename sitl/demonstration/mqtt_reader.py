@@ -1,4 +1,4 @@
-"""A reader of an MQTT broker that knows nothing of the companion: paho, as any ground system."""
+"""A reader of an MQTT broker without the companion's code: paho, as any ground system."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class MqttReader:
         self._lines.close()
 
     def summary(self) -> str:
-        """One line of what was read."""
+        """One line of a message."""
         topics, total = len(self._counts), sum(self._counts.values())
         unreadable = f", {self._unreadable} UNREADABLE" if self._unreadable else ""
         size_kb = self._bytes / 1e3

@@ -18,11 +18,11 @@ _ANSWER_TIMEOUT_S: Final = 5.0
 """In real time: the duration of a plan does not depend on the simulator's speed."""
 _RESENT_S: Final = 1.5
 _MOST_SENT: Final = 4
-"""As MAVLink's command protocol requires, where a link loses commands or answers."""
+"""Repeats as MAVLink's command protocol requires, where a link loses commands or answers."""
 _COMPILING_S: Final = 600.0
 _AGAIN_S: Final = 3.0
-"""In real time, too: longest compilation of the planner at the companion's first start, and
-the period of the orders meanwhile; the companion reports its reason at most every 2 s."""
+"""Longest compilation of the planner at the companion's first start, in real time too, and the
+period of the orders meanwhile. The companion reports its reason at most every 2 s."""
 _POLL_S: Final = 0.05
 _COMPANION: Final = mavlink.MAV_COMP_ID_PATHPLANNER
 _INTERVAL_US: Final = 250_000
@@ -42,7 +42,7 @@ class OperatorError(Exception):
 
 
 class Operator:
-    """A ground station (255/190) on a UDP port. Reads while it waits; never sleeps otherwise.
+    """A ground station (255/190) on a UDP port. Reads while it waits; has no other pauses.
 
     Its seconds are those of the simulator, `speed` of them in a real one. `meanwhile` is called
     while it waits.
@@ -71,7 +71,7 @@ class Operator:
         self.armed = False
         self.custom_mode = 0
         self._healthy = False
-        # Where the autopilot does not report it, its own checks include it.
+        # If the autopilot does not report it, the autopilot's own checks include it.
         self._position_known = mavlink.MAVLINK_MSG_ID_EKF_STATUS_REPORT not in manner.requested
         self.landed_state = 0
         self.battery_percent: int | None = None
@@ -83,7 +83,7 @@ class Operator:
         self.home_altitude_m: float | None = None
 
     def wait_for(self, what: str, condition: Callable[[], bool], timeout_s: float) -> None:
-        """Read until a condition holds; OperatorError, naming it, when it does not in time."""
+        """Read until a condition holds; OperatorError with its name after the time."""
         if not self.wait_until(condition, timeout_s):
             raise OperatorError(f"{what}: not within {timeout_s:g} s")
 
@@ -113,7 +113,7 @@ class Operator:
         return time.monotonic() * self._speed
 
     def read(self) -> None:
-        """Take received data, waiting a moment for it; send the heartbeat when it is due."""
+        """Take received data, after a short wait; send the heartbeat when it is due."""
         now_s = self._now_s()
         if self._peer is not None and now_s >= self._heartbeat_due_s:
             self._heartbeat_due_s = now_s + _HEARTBEAT_S

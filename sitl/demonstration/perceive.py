@@ -1,9 +1,9 @@
-"""A flight that is told nothing but rough places: what truly stands there, and what is told.
+"""A flight with a rough site file: the true obstacles, and the rough places of the file.
 
 The conductors of a site file become wires across its plane, its polygons solids in it. Two
-obstacles that no file has are added: a crane's jib across the straight way to the first target, and
-a thin cable, which is seen only near. The lidar sees all of it, the service's site file has none of
-it, and the judge judges by all of it.
+obstacles that no file has are added. One is a crane's jib across the straight path to the first
+target, the other a thin cable, which is visible only nearby. The lidar and the judge have all
+obstacles, the service's site file has none.
 """
 
 from __future__ import annotations
@@ -39,34 +39,36 @@ ADDED = ("crane", "cable")
 TOLD = "site.yaml"
 """Name of the service's site file in the flight's folder."""
 _ROUGH_M = 0.5
-"""Places of targets are told in steps of this."""
+"""Step of the places of targets in the rough file."""
 _HALF_SPAN_M, _SAG_M = 150.0, 8.0
 _LEAST_WIRE_M = 0.015
 _DEPTH_M = 6.0
-"""Of towers along the line; the plane is in the middle."""
+"""Distance of towers along the line; the plane is in the middle."""
 _JIB_M = (0.4, 0.3)
 """Half the width and height of the crane's jib where it crosses the plane."""
 _CABLE_M = 0.015
 """Diameter of the cable: it is seen from 11 m."""
 _CABLE_STEPS = 9
-"""Places of the cable, one metre apart, on each side of the last target."""
+"""Number of places of the cable, one metre apart, on each side of the last target."""
 _OFFSETS_M = tuple(sign * 0.5 * step for step in range(7) for sign in ((1, -1) if step else (1,)))
 _SHARES = (0.5, 0.45, 0.55, 0.4, 0.6, 0.35, 0.65, 0.3, 0.7)
 _KEEP_OUT_M = 0.25
-"""Of what is seen; as that of the shipped sites' conductors, between which there is little room."""
+"""Keep-out of seen obstacles, as of the shipped sites' conductors, between which there is little
+room."""
 _SLACKS_M = (0.6, 0.5, 0.4, 0.3)
-"""Room of the remaining way beside what is kept: seen obstacles are broader than true ones."""
+"""Room of the remaining path beside the kept distances: seen obstacles are broader than true
+ones."""
 _INSIDE_M = 1.2
-"""That way keeps as far from the sides of the workspace, which an aircraft must not leave."""
+"""Distance of that path from the sides of the workspace, which an aircraft must not leave."""
 _AWAY_M = 10.0
-"""Trees and a house stand so far beyond all that is flown to."""
+"""Distance of trees and a house from all places of the flight."""
 _SPEAKER = "MOAR: "
 _SAID = f"{_SPEAKER}wire "
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Perceiving:
-    """Files of one flight. site: what truly stands there."""
+    """Files of one flight. site: the true obstacles."""
 
     site: Site
     told: Path
@@ -83,7 +85,7 @@ class Perceiving:
         }
 
     def arguments(self) -> tuple[str, ...]:
-        """Of the fake autopilot."""
+        """Arguments of the fake autopilot."""
         return ("--lidar", f"127.0.0.1:{self.port}", "--lidar-scene", str(self.scene))
 
     def sender(self) -> LidarSender:
@@ -133,7 +135,7 @@ def told_document(site: Site) -> dict[str, Any]:
 
 
 def lidar_scene(site: Site) -> PlacedScene:
-    """What the lidar sees: the site's obstacles, and trees and a house beyond it."""
+    """Scene of the lidar: the site's obstacles, and trees and a house beyond it."""
     origin = site.frame.origin
     xs = [
         site.workspace.lower_m[0],
@@ -171,10 +173,11 @@ def lidar_scene(site: Site) -> PlacedScene:
 
 
 def added_obstacles(site: Site, vehicle: Vehicle) -> tuple[Obstacle, ...]:
-    """The jib of a crane across the straight way to the first target, and a cable.
+    """The jib of a crane across the straight path to the first target, and a cable.
 
-    From the first of fixed places for each, all targets and a landing point can still be reached,
-    with the most room that such places leave; without one for the cable there is no cable.
+    From the first of fixed places for each with which all targets and a landing point can be
+    reached, with the most room that such places leave. Without a place for the cable there is no
+    cable.
     """
     for slack_m in _SLACKS_M:
         for jib in _jibs(site, vehicle):
@@ -189,7 +192,7 @@ def added_obstacles(site: Site, vehicle: Vehicle) -> tuple[Obstacle, ...]:
 
 
 def _jibs(site: Site, vehicle: Vehicle) -> Iterator[Polygon]:
-    """Jibs that bar the straight way, from its middle outwards."""
+    """Jibs that bar the straight path, from its middle outwards."""
     (x_m, z_m), (end_x_m, end_z_m) = site.start_m, _rough(site.targets[0].position_m)
     along_m = (end_x_m - x_m, end_z_m - z_m)
     length_m = math.hypot(*along_m)
@@ -205,7 +208,7 @@ def _jibs(site: Site, vehicle: Vehicle) -> Iterator[Polygon]:
 
 
 def _cables(site: Site, kept_m: float) -> Iterator[Conductor]:
-    """Cables that are not yet seen from the start, from the last target outwards.
+    """Cables that are not visible from the start, from the last target outwards.
 
     They keep their distance from all targets.
     """
@@ -224,7 +227,7 @@ def _cables(site: Site, kept_m: float) -> Iterator[Conductor]:
 
 
 class Sightings:
-    """Lines about what was seen, each once, of texts that the companion has said."""
+    """Lines about sightings, each once, from texts of the companion."""
 
     def __init__(self) -> None:
         self._told: set[str] = set()
@@ -237,14 +240,14 @@ class Sightings:
 
 
 def _kept_m(vehicle: Vehicle) -> float:
-    """Distance of the aircraft from what it has seen."""
+    """Distance of the aircraft from the seen obstacle."""
     return vehicle.radius_m + _KEEP_OUT_M + margin_of(vehicle, Supervision()).total_m
 
 
 def _leaves_a_way(
     site: Site, vehicle: Vehicle, added: tuple[Obstacle, ...], slack_m: float
 ) -> bool:
-    """True if all is reached, well inside the workspace, whether seen as it is or broader."""
+    """True if paths reach all places, well inside the workspace, also with broader obstacles."""
     for wider_m in (0.0, slack_m):
         planner = _sighted(site, vehicle, added, wider_m)
         plans = [
@@ -260,7 +263,7 @@ def _leaves_a_way(
 
 
 def _sighted(site: Site, vehicle: Vehicle, added: tuple[Obstacle, ...], slack_m: float) -> Planner:
-    """The planner when everything has been seen, its targets moved as in flight."""
+    """The planner with all obstacles seen, its targets moved as in flight."""
     seen = tuple(
         replace(item, keep_out_m=_KEEP_OUT_M + slack_m) for item in (*site.obstacles, *added)
     )
@@ -292,7 +295,7 @@ def _jib(x_m: float, z_m: float) -> Polygon:
 
 
 def _wire(conductor: Conductor) -> Wire:
-    """A wire whose lowest point is in the plane."""
+    """A wire with its lowest point in the plane."""
     x_m, z_m = conductor.position_m
     return Wire(
         start_m=(x_m, -_HALF_SPAN_M, z_m + _SAG_M),

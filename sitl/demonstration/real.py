@@ -25,7 +25,7 @@ _PX4_MODEL: Final = "sihsim_quadx"
 _PX4_LINKS: Final = "etc/init.d-posix/px4-rc.mavlink"
 _PX4_START: Final = "etc/init.d-posix/rcS"
 _PX4_SYSTEM_ID: Final = "param set MAV_SYS_ID $((px4_instance+1))"
-"""Line of the start-up script; whatever the instance, the aircraft is system 1."""
+"""Line of the start-up script; the aircraft of any instance is system 1."""
 _COPTER_DEFAULTS: Final = "Tools/autotest/default_params/copter.parm"
 """From the root of ArduPilot's sources; the program is in build/sitl/bin."""
 _FIRST_INSTANCE, _LAST_INSTANCE = 40, 250
@@ -39,7 +39,7 @@ PARAMETERS: Final[Mapping[str, Mapping[str, float]]] = {
 
 
 class RealError(Exception):
-    """A path that is no autopilot, or one that cannot be started; one line."""
+    """A path without an autopilot, or an autopilot that cannot be started; one line."""
 
 
 def autopilot_at(path: Path) -> str:
@@ -57,7 +57,7 @@ def autopilot_at(path: Path) -> str:
 class RealOptions:
     """A run. folder: its own, made when missing; truth: the log of the true state.
 
-    lidar: makes the one that the aircraft carries.
+    lidar: makes the lidar that the aircraft carries.
     """
 
     path: Path

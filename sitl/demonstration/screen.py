@@ -39,7 +39,7 @@ class Screen:
 
 
 class LiveScreen(Screen):
-    """The live view; the lines stand below it, and are printed again when it ends."""
+    """The live view; the lines are below it, and are printed again when it ends."""
 
     def __init__(self, live: Live, socket: Path) -> None:
         self._live = live
@@ -72,7 +72,7 @@ class LiveScreen(Screen):
             self._statuses = None
 
     def tell_again(self) -> None:
-        """Print all lines, where they stay."""
+        """Print all lines permanently."""
         for text in self._said:
             say(text)
 
@@ -89,7 +89,7 @@ class LiveScreen(Screen):
 
 @contextlib.contextmanager
 def open_screen(socket: Path, *, live: bool) -> Iterator[Screen]:
-    """The screen of a flight whose service serves its view on a socket."""
+    """The screen of a flight; its service serves the view on a socket."""
     console = Console()
     if not live or not console.is_terminal or console.is_dumb_terminal:
         yield Screen()

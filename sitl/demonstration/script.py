@@ -1,6 +1,6 @@
 """The operator's script: take-off, inspection of every target, and each landing point in turn.
 
-From a landing point the next one is flown to after a take-off of its own.
+From a landing point the flight to the next begins with a take-off of its own.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ _LONGEST_TURN_S: Final = 30.0
 _STREAM_FIRST_S: Final = 1.5
 """PX4 accepts OFFBOARD once a stream has run for a second."""
 _START_S: Final = 30.0
-"""Within which both processes are heard; real seconds, as they do not start faster."""
+"""Time within which both processes are received; real seconds, as they do not start faster."""
 _LONGEST_TO_TARGET_S: Final = 300.0
 _LONGEST_HOLD_S: Final = 60.0
 _LONGEST_EXIT_S: Final = 300.0
@@ -50,11 +50,10 @@ class LandingPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Script:
-    """Flights, step by step; each may raise OperatorError. say: tells the user.
+    """Flights, step by step; each may raise OperatorError. say: prints to the user.
 
-    height_m: of the first take-off. heading_deg: to which the aircraft is turned after it; None: it
-    keeps its own. dwells_s: of each target. battery_falls: in the scenario; the
-    first exit then waits for that.
+    height_m: of the first take-off. heading_deg: of the turn after it; None: no turn. dwells_s: of
+    each target. battery_falls: in the scenario; the first exit then waits for that.
     """
 
     operator: Operator

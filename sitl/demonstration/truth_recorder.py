@@ -1,4 +1,4 @@
-"""The true state of a real autopilot's simulator: recorded, and given to who looks at it.
+"""The true state of a real autopilot's simulator: recorded, and passed to a reader.
 
 It is written in the form of the fake autopilot's truth log.
 """
@@ -25,7 +25,7 @@ _ON_GROUND: Final = int(mavlink.MAV_LANDED_STATE_ON_GROUND)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TruePose:
-    """Where the aircraft truly is. attitude_rad: roll, pitch, yaw."""
+    """True pose of the aircraft. attitude_rad: roll, pitch, yaw."""
 
     time_s: float
     latitude_deg: float
@@ -60,7 +60,7 @@ def true_pose(message: Any, time_s: float) -> TruePose:
 
 
 class TruthRecorder:
-    """Writes each true state that the simulator sends, and hands it to `look` in its own thread.
+    """Writes each true state that the simulator sends, and calls `look` with it in its own thread.
 
     Times are of a clock that runs `speed` times as fast as real time.
     """
@@ -68,7 +68,7 @@ class TruthRecorder:
     def __init__(
         self, port: int, path: Path, *, speed: float, ask: bool, look: Look | None = None
     ) -> None:
-        """Listen; ask: the autopilot sends requested messages alone."""
+        """Listen; ask: the autopilot sends only requested messages."""
         self._speed, self._ask, self._look = speed, ask, look
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", port))

@@ -1,6 +1,6 @@
 """A scenario's wind and battery on a real autopilot's simulator, if that simulates them.
 
-The fake autopilot plays its scenario itself; here the operator plays it by parameters.
+The fake autopilot applies its scenario itself; here the operator applies it by parameters.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Weather:
 
     @property
     def left_out(self) -> tuple[str, ...]:
-        """Names of the conditions that this simulator cannot play."""
+        """Names of the conditions that this simulator does not support."""
         named = {name for change in self.scenario.changes for name in change.targets}
         cannot = set(_WIND) if self.autopilot == "px4" else set()
         return tuple(sorted((named - _PLAYED) | (named & cannot)))

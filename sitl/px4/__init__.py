@@ -1,4 +1,4 @@
-"""The manner of PX4 v1.17, as measured on PX4 v1.17.0 with its built-in simulation."""
+"""Behaviour of PX4 v1.17, as measured on PX4 v1.17.0 with its built-in simulation."""
 
 from typing import Final
 

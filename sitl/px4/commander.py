@@ -1,9 +1,9 @@
 """PX4's commander: arming, modes, failsafes, landing detection.
 
 Inputs: requests and the state of vehicle, stream, battery, position. Outputs: the mode that is
-flown, the armed state, and texts. `intended` is the user's request, `mode` the flown mode: they
-differ while a failsafe acts, and the intended mode resumes by itself when its cause is gone
-(measured on PX4 v1.17.0).
+flown, the armed state, and texts. `intended` is the user's request, `mode` the flown mode. They
+differ while a failsafe acts, and the intended mode resumes by itself when the cause ends (measured
+on PX4 v1.17.0).
 """
 
 from dataclasses import dataclass
@@ -99,7 +99,7 @@ class Commander:
 
     @property
     def sticks_present(self) -> bool:
-        """True while a pilot's input comes in."""
+        """True while a pilot's input arrives."""
         return self._parts.sticks.present(
             self._parts.world.now_us, self._parts.parameters.value("COM_RC_LOSS_T")
         )
@@ -318,7 +318,7 @@ class Commander:
             parts.voice.event(say.PILOT_TOOK_OVER, 0x66)
 
     def _overrule(self) -> None:
-        """Let a mode that is chosen be flown whatever battery and links ask for now."""
+        """Fly a selected mode, in spite of the present demands of battery and links."""
         self._overridden = max(self._overridden, self.charge)
         self._links.overrule()
 

@@ -1,4 +1,4 @@
-"""Peers whose loss PX4 reports after a time without a heartbeat, with its texts.
+"""Peers with a loss report of PX4 after a time without a heartbeat, and its texts.
 
 Texts and severities are those of PX4 v1.17.0's Commander::dataLinkCheck.
 """

@@ -37,7 +37,7 @@ class Charge(IntEnum):
 
 
 class Cause(IntEnum):
-    """Cause: the numbers of PX4's events; those below 0 it tells without a cause."""
+    """Cause: the numbers of PX4's events; PX4 reports those below 0 without a cause."""
 
     OFFBOARD_LOST = -1
     POSITION_LOST = -2
@@ -128,7 +128,7 @@ def _offboard(flags: Flags) -> Action | None:
 
 
 def _link(flags: Flags, cause: Cause) -> Action | None:
-    """Return what a lost link asks for; what lands or returns does not begin to return."""
+    """Return the action for a lost link; LAND and RTL do not change to RTL."""
     lost, number = {
         Cause.STICKS_LOST: (flags.sticks_lost, flags.sticks_action),
         Cause.GROUND_STATION_LOST: (flags.ground_station_lost, flags.ground_station_action),

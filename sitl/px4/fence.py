@@ -1,9 +1,9 @@
 """PX4's geofence: a circle and a height about home, and uploaded areas.
 
-As in the source of v1.17 (`navigator/geofence.cpp`, `failsafe.cpp`: a hold, a return and a landing
-last until the mode is changed), and as recorded (r_fence): 0.1 s after the breach the failsafe's
-mode with system_status 5; a mode that is ordered outside is flown for 3.1 s, then overruled, LAND
-too. Texts are sent twice, 2.1 s apart.
+As in the source of v1.17 (`navigator/geofence.cpp`, `failsafe.cpp`): a hold, a return and a landing
+last until the mode is changed. As recorded (r_fence): 0.1 s after the breach the failsafe's mode
+with system_status 5. A mode that is ordered outside is flown for 3.1 s, then overruled, LAND too.
+Texts are sent twice, 2.1 s apart.
 """
 
 from typing import Final

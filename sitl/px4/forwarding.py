@@ -1,6 +1,6 @@
 """PX4's forwarding between links, as measured on PX4 v1.17.0.
 
-Only between links that both forward, only to a link on which a sender was received, and addressed
+Only between links that both forward, and only to a link on which a sender was received. Addressed
 messages only to a link on which the addressee was received.
 """
 

@@ -1,4 +1,4 @@
-"""Messages to PX4, each handed to the part that answers it."""
+"""Messages to PX4, each passed to the part that answers it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -63,7 +63,7 @@ class Inbox:
         }
 
     def take(self, link: str, message: Any) -> None:
-        """Handle one message that came on a link."""
+        """Handle one message that arrived on a link."""
         handler = self._handlers.get(message.get_type())
         if handler is not None:
             handler(link, message)

@@ -1,7 +1,8 @@
 """Lost links as causes of PX4's failsafes: the pilot's sticks and the ground station.
 
-After PX4 v1.17.0's Failsafe::checkStateAndMode: what a loss asks for goes on when the link is back,
-until a mode is chosen; a mode that was chosen meanwhile is flown until the link is lost anew.
+After PX4 v1.17.0's Failsafe::checkStateAndMode: the action for a loss continues when the link is
+back, until a mode is selected. A mode that was selected meanwhile is flown until the next loss of
+the link.
 """
 
 from typing import Final
@@ -19,12 +20,12 @@ class LinkLoss:
     """One link: `due` from its loss until a mode is chosen."""
 
     def __init__(self) -> None:
-        """Nothing is lost."""
+        """Start with the link present."""
         self.due = False
         self._overruled = False
 
     def step(self, *, lost: bool) -> None:
-        """Look at the link; lost: and no exception is made of it."""
+        """Update the link; lost: and no exception applies."""
         if not lost:
             self._overruled = False
         elif not self._overruled:
@@ -40,7 +41,7 @@ class LinkLosses:
     """Both links of an armed vehicle."""
 
     def __init__(self, parameters: Parameters) -> None:
-        """Nothing is lost."""
+        """Start with both links present."""
         self._parameters = parameters
         self.sticks = LinkLoss()
         self.ground_station = LinkLoss()
@@ -52,7 +53,7 @@ class LinkLosses:
         self._needs_sticks = False
 
     def step(self, intended: Mode, *, sticks: bool, ground_station: bool) -> None:
-        """Look at both, by the mode that is intended; True: the link is there."""
+        """Update both links, by the intended mode. sticks, ground_station: True if present."""
         value = self._parameters.value
         bit = _EXCEPTED.get(intended, 0)
         self._needs_sticks = self._needs_sticks or sticks

@@ -105,5 +105,5 @@ class OffboardStream:
         self.last_us = now_us
 
     def alive(self, now_us: int, timeout_s: float) -> bool:
-        """Return True if a setpoint came within the time-out (COM_OF_LOSS_T)."""
+        """Return True if a setpoint arrived within the time-out (COM_OF_LOSS_T)."""
         return self.last_us is not None and now_us - self.last_us <= timeout_s * 1e6

@@ -1,8 +1,7 @@
-"""PX4's parameters that matter here.
+"""Simulated parameters of PX4.
 
-Values travel in PX4's bytewise encoding. Defaults read from PX4 v1.17.0, but for MAV_1_FORWARD:
-both links of its simulation forward, while the second telemetry port of a real board (value 0)
-does not.
+Values travel in PX4's bytewise encoding. Defaults read from PX4 v1.17.0, except MAV_1_FORWARD: both
+links of its simulation forward, while the second telemetry port of a real board (value 0) does not.
 """
 
 from collections.abc import Mapping

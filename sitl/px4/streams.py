@@ -1,9 +1,9 @@
 """Rates of the messages on each link.
 
 Intervals in microseconds, as measured on PX4 v1.17.0: the onboard profile for companions, the
-normal profile for ground stations. SET_MESSAGE_INTERVAL is accepted for every name in `KNOWN`,
-even where there is no data to send, and fails for the others. A slow link stretches all intervals
-but the heartbeat's, those of requested messages, too.
+normal profile for ground stations. SET_MESSAGE_INTERVAL is accepted for every name in `KNOWN`, even
+where there is no data to send, and fails for the others. A slow link stretches all intervals except
+the heartbeat's, those of requested messages, too.
 """
 
 from typing import Final
@@ -50,7 +50,7 @@ _FIXED: Final = frozenset({"HEARTBEAT", "PING", "CURRENT_EVENT_SEQUENCE"})
 KNOWN: Final = frozenset({*ONBOARD, *NORMAL, *ON_REQUEST}) - _FIXED
 _FRAME_BYTES: Final = 12
 _LEAST_SHARE: Final = 0.05
-"""Least share of the rates, however slow the link."""
+"""Least share of the rates, for any slow link."""
 _ESC_STATUS_ID: Final = 291
 _RAW_RPM_ID: Final = 339
 IDS: Final = {layout(name).msgid: name for name in (KNOWN | _FIXED) - {"ESC_STATUS", "RAW_RPM"}} | {
@@ -110,7 +110,7 @@ class Schedule:
         return True
 
     def unlimited(self, name: str) -> bool:
-        """Return True if a message goes out with every new datum."""
+        """Return True if a message is sent with every new datum."""
         return name in self._unlimited and name not in self.intervals
 
     def sent(self, kind: Layout) -> None:

@@ -18,12 +18,13 @@ _PWM_OFF: Final = 900
 _PWM_MIN: Final = 1000
 _WIND_TIME_S: Final = 17.0
 _WIND_FIRST_S: Final = 0.8
-"""As recorded: two thirds of the wind 2 s after the start, but half of it 11 s after it stopped."""
+"""Time constants as recorded: two thirds of the wind 2 s after the start, but half of it 11 s after
+it stopped."""
 _IMU: Final = 0x03F
 _MAGNETOMETER: Final = 0x1C0
 """Bits of HIGHRES_IMU.fields_updated: the field is new in every fourth message, as recorded."""
 _AT_REST: Final = 0x0080
-"""Bit of ESTIMATOR_STATUS.flags: position and velocity are taken for constant."""
+"""Bit of ESTIMATOR_STATUS.flags: position and velocity count as constant."""
 _ODOMETRY_NAN: Final = (NAN,) * 21
 
 

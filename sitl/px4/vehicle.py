@@ -140,7 +140,7 @@ class Px4Manner:
         return self.commander.landed_state
 
     def reboot(self) -> None:
-        """Restart: time_boot_ms goes back, HOLD, disarmed; parameters and the world stay."""
+        """Restart: time_boot_ms restarts, HOLD, disarmed; parameters and the world stay."""
         self._world.quad.demand.spinning = False
         self._boot()
 

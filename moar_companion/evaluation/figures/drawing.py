@@ -52,7 +52,7 @@ class Picture:
 
 
 def new_figure(width_in: float, height_in: float) -> Any:
-    """An empty white figure without a screen, which arranges its axes."""
+    """An empty white figure without a screen; it arranges its axes itself."""
     figure: Any = Figure(figsize=(width_in, height_in), facecolor="white", layout="constrained")
     FigureCanvasAgg(figure)
     return figure
@@ -114,7 +114,7 @@ def paint(axes: Any, cells: BoolArray, colour: str, extent: tuple[float, ...]) -
 
 
 def draw_conductors(axes: Any, site: Site, colour: str = "black") -> None:
-    """Draws the conductors in the window as discs that can be seen."""
+    """Draws the conductors in the window as discs of visible size."""
     points = [item.position_m for item in site.obstacles if isinstance(item, Conductor)]
     axes.plot(
         *np.array(points).T, "o", color=colour, markeredgecolor="white", markersize=5.5, zorder=8
@@ -163,7 +163,7 @@ def draw_coloured_paths(
         autolim=False,
     )
     at = [int(each) for each in distance.argmin(axis=0)]
-    # Of the same path several lines lie on each other: each later one is thinner.
+    # Several lines of the same path overlap: each later line is thinner.
     widths = itertools.count(0)
     drawn: dict[int, int] = {}
     for corner, colour in zip(at, names, strict=True):

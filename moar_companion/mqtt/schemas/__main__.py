@@ -1,4 +1,4 @@
-"""Writes the schemas anew."""
+"""Writes the schemas to their files."""
 
 from __future__ import annotations
 

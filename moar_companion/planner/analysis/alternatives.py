@@ -41,6 +41,6 @@ def same_path(plan: Plan, other: Plan) -> bool:
 
 
 def risk_words(risk: RiskIndices) -> str:
-    """The indices that are not 0, for people: `wind 1, battery 0.5`."""
+    """The indices that are not 0, as a text: `wind 1, battery 0.5`."""
     told = [f"{name} {value:g}" for name, value in risk.as_dict().items() if value]
     return ", ".join(told) or "no risk"

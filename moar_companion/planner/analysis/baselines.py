@@ -1,8 +1,8 @@
 """The paper's three planners to compare with (Section V-A): shortest, Voronoi and envelope.
 
-Inputs: a planner, whose grid, moves and goals they share, and a request. Output: a `Baseline`,
-whose metrics come from the same code as a plan's. The planner page, "Baselines", decides what the
-paper leaves open. Baselines ignore weights and speeds: they compare path lengths.
+Inputs: a planner, for its grid, moves and goals, and a request. Output: a `Baseline`, with metrics
+from the same code as a plan's. The planner page, "Baselines", defines what the paper leaves open.
+Baselines ignore weights and speeds: they compare path lengths.
 """
 
 from __future__ import annotations
@@ -111,7 +111,7 @@ def baseline(
 
 
 def voronoi_cells(site: Site, maps: Maps) -> BoolArray:
-    """Free cells whose two nearest obstacles are equally far but for a cell's size, (nx, nz).
+    """Free cells with two nearest obstacles equally far, within a cell's size, (nx, nz).
 
     Every obstacle is one site, the border of the workspace is another.
     """
@@ -200,8 +200,8 @@ def _along(
     members = cells[piece[cells] == piece[cells[np.argmin(both)]]]
     nearest = from_start[members] <= from_start[members].min() + TOLERANCE
     length, previous = _search(on_roadmap, members[nearest])
-    # Cell 0 is padding. From it a step leads to every cell of the roadmap, the longer the farther
-    # that is along the roadmap, by so little that it only chooses among equal connectors.
+    # Cell 0 is padding. From it a step leads to every cell of the roadmap. Steps to cells farther
+    # along the roadmap are longer, by so little that they only choose among equal connectors.
     onto = (_TIE * (1.0 + length[members]), (np.zeros_like(members), members))
     connector, onwards = _search((anywhere + coo_array(onto, shape=anywhere.shape)).tocsr(), _PAD)
     joined = goals[np.isfinite(connector[goals])]

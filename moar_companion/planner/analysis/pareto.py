@@ -1,8 +1,8 @@
 """The whole trade-off of one planning problem: its supported Pareto front, and its sensitivity.
 
 Inputs: a planner and a request. Outputs: every sum of safety, time and energy that is the optimum
-of J for some weights, with the weights for which it is; and how far weights and risk indices can
-move before the path changes. Exact, as plans are.
+of J for some weights, with these weights. Further outputs: the changes of weights and of risk
+indices at which the path changes. Exact, as plans are.
 """
 
 from __future__ import annotations
@@ -54,8 +54,8 @@ def pareto_front(planner: Planner, request: PlanRequest) -> list[Supported]:
 
     J is the least of `weights . sums` over the front, so the plans known at any time bound it from
     above: by a roof of facets over the triangle of weights. Where J meets the roof at all corners
-    of its facets it is the roof, as J is concave and each facet is flat. Where it does not, the
-    plan there is new and cuts off that corner.
+    of its facets, J equals the roof: J is concave and each facet is flat. At a corner where J is
+    lower, the plan there is new and cuts off that corner.
     """
     facets: list[Supported] = []
     corners = [*_EXTREMES]
