@@ -136,12 +136,7 @@ def test_an_exit_that_is_ordered_again_at_the_border_does_not_turn_back(manner, 
 @pytest.mark.parametrize(
     ("manner", "how", "low"),
     sampled(
-        [
-            (PX4, "takeover", False),
-            (PX4, "crash", True),
-            (ARDUPILOT, "takeover", True),
-            (ARDUPILOT, "crash", False),
-        ],
+        [(PX4, "crash", True), (ARDUPILOT, "takeover", False)],
         list(itertools.product(Manner, ("takeover", "crash"), (False, True))),
     ),
 )
@@ -152,11 +147,19 @@ def test_outside_on_the_landing_leg_an_inspection_leads_back_in(manner, how, low
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("how", "mission"), [("takeover", EVACUATION), ("crash", EVACUATION), ("crash", EXIT)]
-)
-@pytest.mark.parametrize(
-    ("manner", "low"),
-    sampled([(PX4, True), (ARDUPILOT, False)], list(itertools.product(Manner, (False, True)))),
+    ("manner", "low", "how", "mission"),
+    sampled(
+        [
+            (PX4, True, "takeover", EVACUATION),
+            (ARDUPILOT, False, "crash", EVACUATION),
+            (ARDUPILOT, True, "crash", EXIT),
+        ],
+        [
+            (manner, low, how, mission)
+            for manner, low in itertools.product(Manner, (False, True))
+            for how, mission in (("takeover", EVACUATION), ("crash", EVACUATION), ("crash", EXIT))
+        ],
+    ),
 )
 def test_outside_on_the_landing_leg_another_escape_route_is_flown(manner, how, mission, low):
     flight = left(manner, how, low=low)
