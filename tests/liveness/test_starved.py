@@ -15,9 +15,12 @@ from tests.real_time import real_time
 
 from .tap import OLDEST_S, clock_s
 
-pytestmark = pytest.mark.skipif(
-    len(os.sched_getaffinity(0)) < 2, reason="one processor: the autopilot would starve, too"
-)
+pytestmark = [
+    pytest.mark.alone,
+    pytest.mark.skipif(
+        len(os.sched_getaffinity(0)) < 2, reason="one processor: the autopilot would starve, too"
+    ),
+]
 
 BUSY = "while True: pass"
 LOST_S = 0.5

@@ -102,6 +102,7 @@ def test_ardupilot_is_flown_as_well(tmp_path):
 
 
 @real_time
+@pytest.mark.alone
 @pytest.mark.parametrize("autopilot", sampled(["px4"], ["px4", "ardupilot"]))
 def test_told_rough_places_alone_it_sees_what_is_there_and_flies_round_it(tmp_path, autopilot):
     flown = fly("--perceive", "--autopilot", autopilot, "--out", str(tmp_path))
