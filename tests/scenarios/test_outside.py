@@ -105,7 +105,6 @@ def flown(flight, order, until):
     ("manner", "order", "low"),
     [
         *itertools.product(Manner, ("exit", "continue"), (False,)),
-        pytest.param(PX4, "exit", True, marks=pytest.mark.slow),
         pytest.param(ARDUPILOT, "continue", True, marks=pytest.mark.slow),
     ],
 )
@@ -179,7 +178,7 @@ def test_after_a_crash_without_a_state_file_there_is_nothing_to_continue(manner)
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("manner", "low"),
-    sampled([(PX4, False), (ARDUPILOT, True)], list(itertools.product(Manner, (False, True)))),
+    sampled([(ARDUPILOT, True)], list(itertools.product(Manner, (False, True)))),
 )
 def test_above_the_landing_point_the_next_inspection_is_flown(manner, low):
     flight = on_the_leg(manner, low)
@@ -206,7 +205,6 @@ def test_above_the_landing_point_a_second_exit_stays_there(manner):
         *itertools.product(
             (ARDUPILOT,), ((27.0, 0.0), (15.0, 0.0), (33.0, 0.0)), (INSPECTION, EXIT)
         ),
-        pytest.param(PX4, (15.0, 0.0), EXIT, marks=pytest.mark.slow),
         pytest.param(PX4, (33.0, 0.0), INSPECTION, marks=pytest.mark.slow),
     ],
 )
