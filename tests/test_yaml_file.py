@@ -174,13 +174,13 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return tmp_path_factory.mktemp("fuzz")
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(content=st.binary(max_size=200), file=st.sampled_from(sorted(FILES)))
 def test_no_bytes_raise_anything_else(content: bytes, file: str, folder: Path) -> None:
     refused_or_loaded(file, content, folder)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(
     text=st.text(alphabet="name: x_m[]{},-?*&!|>'\"#%@\n\t 01.e~<é\u2028", max_size=60),
     file=st.sampled_from(sorted(FILES)),
@@ -199,7 +199,7 @@ VALUES = st.recursive(
 )
 
 
-@settings(max_examples=200, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(data=st.data(), value=VALUES, file=st.sampled_from(sorted(FILES)))
 def test_no_structure_raises_anything_else(
     data: st.DataObject, value: Any, file: str, folder: Path
@@ -210,7 +210,7 @@ def test_no_structure_raises_anything_else(
     refused_or_loaded(file, yaml.safe_dump(content, allow_unicode=True).encode(), folder)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=50, deadline=None)
 @given(
     data=st.data(),
     value=st.floats(allow_nan=False, allow_infinity=False) | st.integers(-3, 300),

@@ -1,4 +1,4 @@
-"""The operator's command, as a process, against a companion of raw pymavlink."""
+"""The operator's command against a companion of raw pymavlink."""
 
 from __future__ import annotations
 
@@ -101,10 +101,15 @@ def started(*arguments):
     return companion("command", *arguments)
 
 
-def ordered(*arguments):
-    with started(*arguments) as process:
-        out, err = process.communicate(timeout=60)
-    return SimpleNamespace(status=process.returncode, out=out, err=err)
+@pytest.fixture
+def ordered(capfd):
+    """The command in this process: its status and what it says."""
+
+    def run(*arguments):
+        status = cli.main(["command", *arguments])
+        return SimpleNamespace(status=status, **capfd.readouterr()._asdict())
+
+    return run
 
 
 @pytest.mark.parametrize(
@@ -122,7 +127,7 @@ def ordered(*arguments):
         (["continue"], PAUSE_CONTINUE, (1, -1)),
     ],
 )
-def test_an_order_is_one_command_to_the_companion(arguments, command, parameters):
+def test_an_order_is_one_command_to_the_companion(ordered, arguments, command, parameters):
     with Aircraft(always(acknowledgement(ACCEPTED, command=command))) as aircraft:
         done = ordered(*arguments, "--connect", aircraft.url)
     assert (done.status, done.out, done.err) == (0, f"{arguments[0]}: ACCEPTED\n", "")
@@ -132,7 +137,7 @@ def test_an_order_is_one_command_to_the_companion(arguments, command, parameters
     assert (sent.command, sent.param1, sent.param2, sent.confirmation) == (command, *parameters, 0)
 
 
-def test_a_denial_is_told_with_its_reason_put_together_from_chunks():
+def test_a_denial_is_told_with_its_reason_put_together_from_chunks(ordered):
     reason = "MOAR: a text of another version that is longer than one chunk, denied"
     answer = always(
         acknowledgement(DENIED),
@@ -154,7 +159,7 @@ def test_a_denial_is_told_with_its_reason_put_together_from_chunks():
         (CANCELLED, "cancelled"),
     ],
 )
-def test_all_that_is_not_accepted_is_status_1_and_waits_for_its_reason(result, word):
+def test_all_that_is_not_accepted_is_status_1_and_waits_for_its_reason(ordered, result, word):
     said = f"MOAR: so it is, {word.rpartition(' ')[2]}"
     why = text(said)
     with Aircraft(always(text("MOAR idle"), acknowledgement(result), why)) as aircraft:
@@ -168,14 +173,14 @@ def test_all_that_is_not_accepted_is_status_1_and_waits_for_its_reason(result, w
     ("result", "told"),
     [(UNSUPPORTED, "UNSUPPORTED"), (77, "REFUSED, result 77")],
 )
-def test_a_refusal_without_a_reason_says_so_though_nobody_knows_its_number(result, told):
+def test_a_refusal_without_a_reason_says_so_though_nobody_knows_its_number(ordered, result, told):
     with Aircraft(always(acknowledgement(result))) as aircraft:
         done = ordered("hold", "--connect", aircraft.url)
     assert (done.status, done.err) == (1, "")
     assert done.out == f"hold: {told}\n(no reason was received)\n"
 
 
-def test_while_it_is_planned_progress_is_told_once_and_renews_the_patience():
+def test_while_it_is_planned_progress_is_told_once_and_renews_the_patience(ordered):
     def answer(command):
         if command.confirmation == 0:
             return [text("MOAR planning inspection"), acknowledgement(IN_PROGRESS)]
@@ -194,7 +199,7 @@ def test_while_it_is_planned_progress_is_told_once_and_renews_the_patience():
     ]
 
 
-def test_a_lost_order_is_repeated_as_such():
+def test_a_lost_order_is_repeated_as_such(ordered):
     def answer(command):
         return [acknowledgement(ACCEPTED)] if command.confirmation == 2 else []
 
@@ -204,7 +209,7 @@ def test_a_lost_order_is_repeated_as_such():
     assert [sent.confirmation for sent in aircraft.commands] == [0, 1, 2]
 
 
-def test_what_others_are_answered_and_what_others_say_is_not_ours():
+def test_what_others_are_answered_and_what_others_say_is_not_ours(ordered):
     def answer(command):
         if command.confirmation:
             return [acknowledgement(ACCEPTED)]
@@ -220,14 +225,14 @@ def test_what_others_are_answered_and_what_others_say_is_not_ours():
     assert (done.status, done.out, done.err) == (0, "hold: ACCEPTED\n", "")
 
 
-def test_no_answer_is_one_line():
+def test_no_answer_is_one_line(ordered):
     with Aircraft() as aircraft:
         done = ordered("hold", "--connect", aircraft.url, "--timeout", "2")
     assert (done.status, done.out) == (1, "")
     assert done.err == "moar-companion: hold: the companion has not answered for 2 s\n"
 
 
-def test_without_a_companion_it_says_who_is_heard():
+def test_without_a_companion_it_says_who_is_heard(ordered):
     with Aircraft(components=(AUTOPILOT,)) as aircraft:
         done = ordered("hold", "--connect", aircraft.url, "--timeout", "2")
     assert (done.status, done.out, aircraft.commands) == (1, "", [])
@@ -237,14 +242,14 @@ def test_without_a_companion_it_says_who_is_heard():
     )
 
 
-def test_where_nothing_is_heard_it_says_so():
+def test_where_nothing_is_heard_it_says_so(ordered):
     with Aircraft(components=()) as aircraft:
         done = ordered("status", "--connect", aircraft.url, "--timeout", "0.5")
     assert (done.status, done.out) == (1, "")
     assert done.err.endswith("for 0.5 s: nothing is received\n")
 
 
-def test_status_shows_what_the_companion_says_of_itself():
+def test_status_shows_what_the_companion_says_of_itself(ordered):
     says = [
         (COMPANION, mavlink.MAVLink_named_value_float_message(0, name.encode(), value))
         for name, value in [
@@ -270,7 +275,7 @@ def test_status_shows_what_the_companion_says_of_itself():
     ]
 
 
-def test_control_characters_of_a_text_do_not_reach_the_terminal():
+def test_control_characters_of_a_text_do_not_reach_the_terminal(ordered):
     answer = always(text("MOAR \x1b[2Jready\n"), acknowledgement(ACCEPTED))
     with Aircraft(answer) as aircraft:
         done = ordered("inspection", "--connect", aircraft.url)
@@ -286,7 +291,7 @@ def test_an_interrupt_ends_it_without_a_word():
     assert (process.returncode, out, err) == (1, "", "")
 
 
-def test_a_port_in_use_is_one_line_and_status_1():
+def test_a_port_in_use_is_one_line_and_status_1(ordered):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
@@ -297,7 +302,7 @@ def test_a_port_in_use_is_one_line_and_status_1():
     )
 
 
-def test_a_missing_device_is_one_line_and_status_1():
+def test_a_missing_device_is_one_line_and_status_1(ordered):
     done = ordered("hold", "--connect", "serial:/dev/no-such-device:57600")
     assert (done.status, done.out) == (1, "")
     assert done.err == (
@@ -306,7 +311,7 @@ def test_a_missing_device_is_one_line_and_status_1():
     )
 
 
-def test_a_tcp_peer_that_is_not_there_is_named():
+def test_a_tcp_peer_that_is_not_there_is_named(ordered):
     with socket.socket() as unheard:
         unheard.bind(("127.0.0.1", 0))
         url = f"tcp:127.0.0.1:{unheard.getsockname()[1]}"

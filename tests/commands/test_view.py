@@ -12,6 +12,7 @@ import time
 
 import pytest
 
+from moar_companion import cli
 from moar_companion.config import shipped_configs
 from tests.processes import companion
 
@@ -82,13 +83,17 @@ def other_program(says=b"", *, stays=True):
             thread.join()
 
 
-def view(*arguments):
-    with companion("view", *arguments) as running:
-        output, errors = running.communicate(timeout=PATIENCE_S)
-        return running.returncode, output, errors
+@pytest.fixture
+def view(capfd):
+    """The command in this process: its status and what it says."""
+
+    def run(*arguments):
+        return cli.main(["view", *arguments]), *capfd.readouterr()
+
+    return run
 
 
-def test_once_prints_one_page_of_plain_text(served):
+def test_once_prints_one_page_of_plain_text(view, served):
     status, page, errors = view(served, "--once")
     assert (status, errors) == (0, "")
     assert "\x1b" not in page
@@ -156,7 +161,7 @@ def test_on_a_terminal_it_draws_pages_until_q_is_typed_and_gives_the_terminal_ba
     assert shown.rindex(left) > shown.index(entered)
 
 
-def test_under_systemd_the_view_is_in_its_runtime_directory(folder):
+def test_under_systemd_the_view_is_in_its_runtime_directory(view, folder):
     (folder / "run").mkdir()
     with service(folder, environment={"RUNTIME_DIRECTORY": "run"}) as running:
         status, _, errors = view("run/view.sock", "--once")
@@ -172,18 +177,7 @@ def test_without_either_there_is_no_view(folder):
         assert "view.sock" not in names
 
 
-def test_a_folder_that_is_missing_ends_the_service_with_one_line(folder):
-    missing = folder / "missing" / "view.sock"
-    with companion(*configured(folder, missing), "--connect", "udpout:127.0.0.1:9") as running:
-        _, errors = running.communicate(timeout=PATIENCE_S)
-        assert running.returncode == 2
-        assert errors == (
-            f"moar-companion: {folder / 'companion.yaml'}: view.socket: is {str(missing)!r}, must "
-            "be a free name in a folder that can be written: No such file or directory\n"
-        )
-
-
-def test_a_second_service_leaves_the_view_to_the_first(served, folder):
+def test_a_second_service_leaves_the_view_to_the_first(view, served, folder):
     with service(folder, *configured(folder, served)) as second:
         second.terminate()
         _, errors = second.communicate(timeout=PATIENCE_S)
@@ -200,7 +194,7 @@ def test_a_second_service_leaves_the_view_to_the_first(served, folder):
         ("x" * 200, "AF_UNIX path too long"),
     ],
 )
-def test_where_nobody_serves_it_says_so_in_one_line(path, reason):
+def test_where_nobody_serves_it_says_so_in_one_line(view, path, reason):
     status, output, errors = view(path)
     assert (status, output, errors) == (1, "", f"moar-companion: {path}: {reason}\n")
 
@@ -219,7 +213,7 @@ def test_where_nobody_serves_it_says_so_in_one_line(path, reason):
     ],
     ids=["text", "a list", "no text", "no end", "deep", "null", "other keys"],
 )
-def test_another_program_on_the_socket_is_told_from_a_service(says):
+def test_another_program_on_the_socket_is_told_from_a_service(view, says):
     with other_program(says):
         status, output, errors = view("view.sock")
     assert (status, output) == (1, "")
@@ -227,7 +221,7 @@ def test_another_program_on_the_socket_is_told_from_a_service(says):
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_service_that_ends_before_it_has_spoken():
+def test_a_service_that_ends_before_it_has_spoken(view):
     with other_program(b'{"mission"', stays=False):
         status, _, errors = view("view.sock", "--once")
     assert (status, errors) == (1, "moar-companion: view.sock: the service has ended\n")
@@ -236,7 +230,7 @@ def test_a_service_that_ends_before_it_has_spoken():
 @pytest.mark.parametrize(
     "arguments", [("--once", "--json"), ("",), ("a.sock", "b.sock"), ("--twice",)]
 )
-def test_a_wrong_command_line_is_one_line_and_status_2(arguments):
+def test_a_wrong_command_line_is_one_line_and_status_2(view, arguments):
     status, output, errors = view(*arguments)
     assert (status, output) == (2, "")
     assert len(errors.splitlines()) == 1

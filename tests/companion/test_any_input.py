@@ -26,6 +26,7 @@ from moar_companion.config import Authority
 from moar_companion.planner.planner import Planner
 from moar_companion.safety.condition_types import Action
 from moar_companion.site import Conductor
+from tests.thorough import sampled
 
 from ..mavlink.peer import Peer
 from .desk import (
@@ -440,4 +441,4 @@ def test_no_sequence_of_inputs_makes_it_send_what_it_must_not():
 
 @pytest.mark.slow
 def test_no_long_search_finds_one_either():
-    check(60)
+    check(sampled(15, 60))

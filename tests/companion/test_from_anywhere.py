@@ -26,6 +26,7 @@ from moar_companion.planning.planner_set import PlannerSet
 from moar_companion.site import Site
 from moar_companion.text_format import pilot_text
 from moar_companion.types import Mission, RiskIndices
+from tests.thorough import sampled
 from tests.vehicles import named_vehicle
 
 from ..flights.judging import clearances_m
@@ -86,7 +87,7 @@ def judge_leg(planner, start_m, corners_m, fence):
 @pytest.mark.parametrize("kind", KINDS)
 @pytest.mark.parametrize("name", SITES)
 @pytest.mark.parametrize("fence", [None, FENCE])
-@settings(deadline=None, max_examples=60, derandomize=True, database=None)
+@settings(deadline=None, max_examples=sampled(25, 60), derandomize=True, database=None)
 @given(
     x_m=st.floats(-70.0, 100.0),
     z_m=st.one_of(st.floats(0.1, 2.5), st.floats(0.1, 30.0)),

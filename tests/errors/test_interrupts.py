@@ -23,6 +23,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import shipped_configs
+from tests.thorough import sampled
 
 ROOT = Path(__file__).parents[2]
 SITE = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
@@ -90,7 +91,7 @@ COMPANION, SIMULATOR, FLY = (
     "sitl.demonstration.__main__",
 )
 DONE, ENDED = 0, 1
-LONG = (0.0, 0.1, 0.4, 0.8, 1.1, 1.7)
+LONG = sampled((0.1, 0.8), (0.0, 0.1, 0.4, 0.8, 1.1, 1.7))
 PROGRAMS = {
     # title: module, arguments, moments of tests/run, signals
     "plan": (COMPANION, plan, (0.0, 0.6), [signal.SIGINT]),

@@ -67,13 +67,14 @@ def test_a_figure_is_a_png_and_an_svg_and_the_same_each_time(results):
 
 @pytest.mark.slow
 def test_every_figure_of_all_experiments_can_be_drawn():
+    # Those of the maps: tests/commands/test_evaluate.
     whole = made(SWEPT, SWEPT[:1])
     drawn = [
         function(*arguments)
-        for name in ("maps", "sensitivity", "adaptability", "tests", "flight")
+        for name in ("sensitivity", "adaptability", "tests", "flight")
         for function, arguments in experiments.drawings(name, whole)
     ]
-    assert len({picture.name for picture in drawn}) == len(drawn) == 10
+    assert len({picture.name for picture in drawn}) == len(drawn) == 7
     for picture in drawn:
         assert np.ptp(image.imread(io.BytesIO(picture.png))[..., :3]) > 0.5
 

@@ -9,11 +9,15 @@ import random
 import signal
 import time
 
+import pytest
+
 from moar_companion.commands.replay_mcap import McapRecording, replay_exactly
 from tests.real_time import real_time
 
 from .rig import COMPANION, HOLD, PAUSE_CONTINUE
 from .tap import clock_s
+
+pytestmark = pytest.mark.xdist_group("crashes")
 
 
 @real_time
@@ -83,7 +87,7 @@ def test_killed_at_any_moment_its_memory_is_whole_or_absent(rig):
     folder = rig.service.state.parent
     moments = random.Random(7)
     remembered = set()
-    for waits in [False, True] * 6:
+    for waits in [False, True] * 4:
         rig.operator.companion_heard = False
         rig.service.start()
         moment_s = 30.0 if waits else moments.uniform(0.0, 2.0 * start_s)

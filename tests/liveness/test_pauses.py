@@ -12,6 +12,8 @@ from tests.real_time import real_time
 
 from .tap import OLDEST_S, clock_s
 
+pytestmark = pytest.mark.xdist_group("pauses")
+
 LET_GO_S = 0.5
 """supervision.position_timeout_s"""
 
@@ -27,9 +29,7 @@ def longest_pause_s(rig):
 
 
 @real_time
-@pytest.mark.parametrize(
-    ("pause_s", "goes_on"), [(0.1, True), (0.3, True), (1.0, False), (3.0, False)]
-)
+@pytest.mark.parametrize(("pause_s", "goes_on"), [(0.3, True), (1.0, False), (3.0, False)])
 def test_after_a_pause_nothing_old_is_sent(rig, pause_s, goes_on):
     rig.fly()
     before = rig.tap.setpoints[-1]

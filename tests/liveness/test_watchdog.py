@@ -15,6 +15,8 @@ from .manager import Manager
 from .rig import COMPANION, HOLD, PAUSE_CONTINUE, Service, free_ports
 from .tap import OLDEST_S, clock_s
 
+pytestmark = pytest.mark.xdist_group("watchdog")
+
 TIMEOUT_S = 0.8
 
 

@@ -16,6 +16,7 @@ from moar_companion.types import Mission
 from moar_companion.vehicle import Vehicle
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import EXIT, INSPECTION
+from tests.thorough import sampled
 from tests.vehicles import named_vehicle
 
 CONFIGS = shipped_configs()
@@ -71,7 +72,9 @@ def seconds(text):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("site", ["315kv_double_circuit", "120kv_single_circuit"])
+@pytest.mark.parametrize(
+    "site", sampled(["315kv_double_circuit"], ["315kv_double_circuit", "120kv_single_circuit"])
+)
 def test_the_times_are_those_of_a_flight(site):
     flight = Lockstep(site=site, vehicle="x500")
     everything = found(flight.site, flight.vehicle)

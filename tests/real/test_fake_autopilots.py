@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import itertools
+
 import pytest
 
 from tests.real_time import real_time
+from tests.thorough import sampled
 
 from .figures import flown
 from .kinds import KINDS
@@ -12,8 +15,13 @@ from .scenarios import SCENARIOS
 
 
 @real_time
-@pytest.mark.parametrize("name", ["fake-px4", "fake-ardupilot"])
-@pytest.mark.parametrize("scenario", ["nominal", "takeover_by_mode"])
+@pytest.mark.parametrize(
+    ("scenario", "name"),
+    sampled(
+        [("nominal", "fake-px4"), ("takeover_by_mode", "fake-ardupilot")],
+        list(itertools.product(("nominal", "takeover_by_mode"), ("fake-px4", "fake-ardupilot"))),
+    ),
+)
 def test_a_fake_autopilot_flies(scenario, name, tmp_path):
     row = flown(KINDS[name], SCENARIOS[scenario], tmp_path)
     assert row.faults == []

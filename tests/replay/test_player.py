@@ -32,6 +32,7 @@ from moar_companion.vehicle import Vehicle
 from tests.mavlink.conftest import SHARED
 from tests.mavlink.messages import message_of
 from tests.mavlink.peer import Peer
+from tests.thorough import sampled
 
 from .recordings import RECORDED
 
@@ -434,7 +435,7 @@ RECORDINGS = {
 @pytest.mark.slow
 @pytest.mark.recordings
 @pytest.mark.skipif(not RECORDINGS, reason="no recordings beside the checkout")
-@pytest.mark.parametrize("name", RECORDED)
+@pytest.mark.parametrize("name", sampled(list(RECORDED)[::3], list(RECORDED)))
 def test_a_recording_is_played_as_it_was_flown_and_can_be_drawn(name):
     data, recorded = RECORDINGS[name].read_bytes(), RECORDED[name]
     replay = played(gzip.decompress(data) if name.endswith(".gz") else data)

@@ -7,15 +7,14 @@ from tests.flights.lockstep import Lockstep
 from tests.flights.operator import EVACUATION, INSPECTION
 
 
-def replayed(flight, companion, *, pieces=None):
+def replayed(flight, companion, *, pieces):
     """Sent packets of a fresh companion that is fed a recorded flight's inputs."""
     sent = []
     for call in flight.calls:
         if call.method == "receive":
             link, data, time_s = call.arguments
-            size = pieces or len(data)
-            for begin in range(0, len(data), size):
-                companion.receive(link, data[begin : begin + size], time_s)
+            for begin in range(0, len(data), pieces):
+                companion.receive(link, data[begin : begin + pieces], time_s)
         elif call.method == "data_to_send":
             sent += [data for _, data in companion.data_to_send()]
         elif call.method != START:
@@ -27,14 +26,13 @@ def test_a_recorded_flight_is_sent_again_byte_for_byte_however_its_bytes_are_spl
     flight = Lockstep(vehicle="x500")
     flight.begin(INSPECTION)
     flight.autopilot.conditions.wind_mps = 6.0
-    flight.run(8.0)
-    flight.operator.mission(EVACUATION)
     flight.run(4.0)
-    flight.operator.pause()
+    flight.operator.mission(EVACUATION)
     flight.run(2.0)
-    assert len(flight.setpoints) > 500
+    flight.operator.pause()
+    flight.run(1.0)
+    assert len(flight.setpoints) > 300
     sent = [data for _, data in flight.to_autopilot]
-    assert replayed(flight, flight.new_companion()) == sent
     assert replayed(flight, flight.new_companion(), pieces=7) == sent
 
 
@@ -42,7 +40,7 @@ def test_the_same_flight_twice_is_the_same_flight():
     def flown():
         flight = Lockstep(vehicle="x500", options={"seed": 7})
         flight.begin(INSPECTION)
-        flight.run(5.0)
+        flight.run(1.0)
         return flight
 
     one, two = flown(), flown()

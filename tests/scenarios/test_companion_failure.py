@@ -11,6 +11,7 @@ from dataclasses import dataclass, field
 import pytest
 
 from moar_companion.config import LossCheck, Supervision
+from tests.thorough import sampled
 
 from ..copies import copy_of
 from ..flights.judging import clearances_m, in_plane, true_places
@@ -129,17 +130,21 @@ def test_wherever_it_fails_on_an_inspection_nothing_is_touched(name):
     assert sweep.count > 5
 
 
-EVERY_S = 0.2
+EVERY_S = sampled(1.0, 0.2)
 FLOWN = [
+    ("PX4 holds after 2 s", "120kv_single_circuit", 0.0),
+    ("PX4 lands after 0.5 s", "315kv_double_circuit", 6.0),
+    ("PX4 returns after 1 s", "120kv_single_circuit", 0.0),
+    ("ArduPilot holds after 3 s", "315kv_double_circuit", 6.0),
+]
+MORE = [
     ("PX4 holds after 0.5 s", "315kv_double_circuit", 6.0),
     ("PX4 holds after 1 s", "120kv_single_circuit", 0.0),
+    ("PX4 holds after 2 s", "315kv_double_circuit", 6.0),
+    ("PX4 lands after 0.5 s", "120kv_single_circuit", 0.0),
+    ("PX4 returns after 1 s", "315kv_double_circuit", 6.0),
     ("ArduPilot holds after 0.5 s", "315kv_double_circuit", 0.0),
     ("ArduPilot holds after 3 s", "120kv_single_circuit", 6.0),
-    *(
-        (name, site, wind_mps)
-        for name in ("PX4 holds after 2 s", "PX4 lands after 0.5 s", "PX4 returns after 1 s")
-        for site, wind_mps in (("315kv_double_circuit", 6.0), ("120kv_single_circuit", 0.0))
-    ),
 ]
 
 
@@ -149,11 +154,11 @@ def test_nor_where_the_autopilot_brakes_softly(name):
     sweep = failures(name, every_s=EVERY_S, vehicle="x500")
     assert sweep.fly(INSPECTION, 0)
     assert sweep.fly(EXIT)
-    assert sweep.count > 50
+    assert sweep.count * EVERY_S > 10.0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("name", "site", "wind_mps"), FLOWN)
+@pytest.mark.parametrize(("name", "site", "wind_mps"), sampled(FLOWN, FLOWN + MORE))
 def test_wherever_it_fails_on_any_mission_that_is_accepted(name, site, wind_mps):
     out = failures(name, every_s=EVERY_S, site=site, vehicle="x500", wind_mps=wind_mps)
     out.fly(INSPECTION, 0)

@@ -7,6 +7,7 @@ altitude, inside or outside, an order climbs first.
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import replace
 from itertools import pairwise
 
@@ -14,6 +15,7 @@ import pytest
 
 from moar_companion.config import shipped_configs
 from moar_companion.site import Site
+from tests.thorough import sampled
 
 from ..copies import flown_once
 from ..flights.judging import (
@@ -31,9 +33,9 @@ from ..flights.operator import (
     TEMPORARILY_REJECTED,
     Manner,
 )
-from .marks import ARDUPILOT_FIRST, BOTH
+from .marks import BOTH
 
-LOW = pytest.mark.parametrize("low", [False, pytest.param(True, marks=pytest.mark.slow)])
+PX4, ARDUPILOT = Manner.PX4, Manner.ARDUPILOT
 RIGHT_M = 30.0
 """Where the workspace ends."""
 
@@ -99,9 +101,13 @@ def flown(flight, order, until):
     return least_m
 
 
-@BOTH
-@LOW
-@pytest.mark.parametrize("order", ["exit", "continue"])
+@pytest.mark.parametrize(
+    ("manner", "order", "low"),
+    [
+        *itertools.product(Manner, ("exit", "continue"), (False,)),
+        pytest.param(ARDUPILOT, "continue", True, marks=pytest.mark.slow),
+    ],
+)
 def test_after_a_takeover_on_the_landing_leg_the_rest_of_it_is_flown(manner, order, low):
     flight = left(manner, "takeover", low=low)
     operator = flight.operator
@@ -126,19 +132,33 @@ def test_an_exit_that_is_ordered_again_at_the_border_does_not_turn_back(manner, 
 
 
 @pytest.mark.slow
-@BOTH
-@pytest.mark.parametrize("low", [False, True])
-@pytest.mark.parametrize("how", ["takeover", "crash"])
+@pytest.mark.parametrize(
+    ("manner", "how", "low"),
+    sampled(
+        [(PX4, "crash", True), (ARDUPILOT, "takeover", False)],
+        list(itertools.product(Manner, ("takeover", "crash"), (False, True))),
+    ),
+)
 def test_outside_on_the_landing_leg_an_inspection_leads_back_in(manner, how, low):
     flight = left(manner, how, low=low)
     flown(flight, lambda: flight.operator.mission(INSPECTION), "at_target")
 
 
 @pytest.mark.slow
-@BOTH
-@LOW
 @pytest.mark.parametrize(
-    ("how", "mission"), [("takeover", EVACUATION), ("crash", EVACUATION), ("crash", EXIT)]
+    ("manner", "low", "how", "mission"),
+    sampled(
+        [
+            (PX4, True, "takeover", EVACUATION),
+            (ARDUPILOT, False, "crash", EVACUATION),
+            (ARDUPILOT, True, "crash", EXIT),
+        ],
+        [
+            (manner, low, how, mission)
+            for manner, low in itertools.product(Manner, (False, True))
+            for how, mission in (("takeover", EVACUATION), ("crash", EVACUATION), ("crash", EXIT))
+        ],
+    ),
 )
 def test_outside_on_the_landing_leg_another_escape_route_is_flown(manner, how, mission, low):
     flight = left(manner, how, low=low)
@@ -156,8 +176,10 @@ def test_after_a_crash_without_a_state_file_there_is_nothing_to_continue(manner)
 
 
 @pytest.mark.slow
-@BOTH
-@LOW
+@pytest.mark.parametrize(
+    ("manner", "low"),
+    sampled([(ARDUPILOT, True)], list(itertools.product(Manner, (False, True)))),
+)
 def test_above_the_landing_point_the_next_inspection_is_flown(manner, low):
     flight = on_the_leg(manner, low)
     flight.run_until_state("holding", 60.0)
@@ -177,9 +199,15 @@ def test_above_the_landing_point_a_second_exit_stays_there(manner):
     assert least_m > RIGHT_M + 9.0
 
 
-@ARDUPILOT_FIRST
-@pytest.mark.parametrize("start_m", [(27.0, 0.0), (15.0, 0.0), (33.0, 0.0)])
-@pytest.mark.parametrize("mission", [INSPECTION, EXIT])
+@pytest.mark.parametrize(
+    ("manner", "start_m", "mission"),
+    [
+        *itertools.product(
+            (ARDUPILOT,), ((27.0, 0.0), (15.0, 0.0), (33.0, 0.0)), (INSPECTION, EXIT)
+        ),
+        pytest.param(PX4, (33.0, 0.0), INSPECTION, marks=pytest.mark.slow),
+    ],
+)
 def test_from_below_the_least_altitude_it_climbs_first(manner, start_m, mission):
     flight = Lockstep(manner=manner, start_m=start_m, site=site_above(4.0))
     flight.take_off(2.5)

@@ -9,6 +9,7 @@ import pytest
 from moar_companion.companion.status import LatestDecisions
 from moar_companion.mavlink.signing import SigningRefusal
 from sitl.wire import packets
+from tests.thorough import sampled
 
 from ..flights.lockstep import COMPANION_LINK, hovering
 from ..flights.operator import EXIT, INSPECTION, RELEASE, Manner
@@ -17,7 +18,7 @@ from ..mavlink.signed import OTHER_SECRET, SECRET, SignedPeer, found_in
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("manner", Manner)
+@pytest.mark.parametrize("manner", sampled([Manner.ARDUPILOT], list(Manner)))
 def test_an_inspection_is_flown_on_signed_links_and_nothing_tells_the_key(manner):
     flight = hovering(manner=manner, secret=SECRET)
     flight.begin(INSPECTION, 0)

@@ -8,6 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from sitl.wire import packet_header, packets
+from tests.thorough import sampled
 
 from ..flights.lockstep import Lockstep
 from ..flights.operator import Manner
@@ -89,7 +90,7 @@ def test_what_is_not_read_comes_once_a_second_until_somebody_shares_the_link(man
 
 
 @pytest.mark.slow
-@BOTH
+@pytest.mark.parametrize("manner", sampled([Manner.PX4], list(Manner)))
 def test_where_a_ground_station_is_heard_nothing_is_asked_down(manner):
     flight = Wire(manner)
     flight.operator.silent = False
@@ -106,7 +107,7 @@ class SerialWire(Wire):
 
 
 @pytest.mark.slow
-@BOTH
+@pytest.mark.parametrize("manner", sampled([Manner.ARDUPILOT], list(Manner)))
 def test_on_a_serial_port_a_forwarded_ground_station_keeps_nothing_from_being_asked_down(manner):
     flight = SerialWire(manner)
     flight.operator.silent = False

@@ -12,6 +12,7 @@ import pytest
 from pymavlink.dialects.v20 import all as mavlink
 
 from moar_companion.config import shipped_configs
+from tests.one_line import one_line
 from tests.processes import companion
 from tests.stopped import stopped_pipe
 
@@ -78,15 +79,10 @@ def test_without_a_site_it_serves_telemetry_and_risk_only():
             seen |= {message.get_type() for message in messages(item.recv(4096))}
 
 
-def test_a_port_in_use_is_one_line_and_status_1():
-    with (
-        listener() as (_, port),
-        companion("--connect", f"udp:127.0.0.1:{port}", "--site", SITE) as running,
-    ):
-        _, errors = running.communicate(timeout=30)
-        assert running.returncode == 1
-        assert len(errors.splitlines()) == 1
-        assert str(port) in errors
+def test_a_port_in_use_is_one_line_and_status_1(capsys):
+    with listener() as (_, port):
+        line = one_line(["--connect", f"udp:127.0.0.1:{port}", "--site", SITE], 1, capsys)
+    assert str(port) in line
 
 
 @pytest.mark.parametrize(
@@ -99,12 +95,8 @@ def test_a_port_in_use_is_one_line_and_status_1():
         (("--vehicle", str(SITE)), str(SITE)),
     ],
 )
-def test_bad_input_is_one_line_that_names_it_and_status_2(arguments, named):
-    with companion(*arguments) as running:
-        _, errors = running.communicate(timeout=30)
-        assert running.returncode == 2
-        assert len(errors.splitlines()) == 1
-        assert named in errors
+def test_bad_input_is_one_line_that_names_it_and_status_2(arguments, named, capsys):
+    assert named in one_line(arguments, 2, capsys)
 
 
 def test_it_records_from_the_first_heartbeat(tmp_path):

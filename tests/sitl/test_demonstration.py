@@ -24,6 +24,7 @@ from sitl.demonstration.flight_folder import gather, link_latest
 from sitl.demonstration.judge import read_truth
 from sitl.python_version import complaint
 from tests.real_time import real_time
+from tests.thorough import sampled
 
 ROOT = Path(__file__).parents[2]
 
@@ -101,7 +102,8 @@ def test_ardupilot_is_flown_as_well(tmp_path):
 
 
 @real_time
-@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+@pytest.mark.alone
+@pytest.mark.parametrize("autopilot", sampled(["px4"], ["px4", "ardupilot"]))
 def test_told_rough_places_alone_it_sees_what_is_there_and_flies_round_it(tmp_path, autopilot):
     flown = fly("--perceive", "--autopilot", autopilot, "--out", str(tmp_path))
     assert flown.returncode == 0, flown.stdout + flown.stderr
@@ -238,7 +240,7 @@ def test_the_take_off_ends_at_the_start_of_the_site(tmp_path):
 
 
 @real_time
-@pytest.mark.parametrize("autopilot", ["px4", "ardupilot"])
+@pytest.mark.parametrize("autopilot", sampled(["px4"], ["px4", "ardupilot"]))
 def test_a_site_whose_workspace_begins_high_up_is_flown(tmp_path, autopilot):
     site = tmp_path / "site.yaml"
     site.write_text(HIGH)

@@ -18,6 +18,7 @@ from sitl.demonstration.script import Script
 from tests.flights.judging import assert_nothing_was_touched, in_plane
 from tests.flights.lockstep import Lockstep
 from tests.flights.operator import Manner
+from tests.thorough import sampled
 
 
 class Pilot(Operator):
@@ -125,7 +126,7 @@ THREE_LANDINGS = {"exit": ((40.0, 2.5), (44.0, 2.5)), "evacuation": ((-10.0, 2.5
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("manner", Manner)
+@pytest.mark.parametrize("manner", sampled([Manner.ARDUPILOT], list(Manner)))
 def test_every_target_and_every_landing_point_of_a_site_is_flown(manner):
     before = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
     more = replace(before.targets[0], name="upper", position_m=(26.5, 16.0), look_at_m=None)
