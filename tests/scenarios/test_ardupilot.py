@@ -11,13 +11,14 @@ from pymavlink.dialects.v20 import all as mavlink
 from moar_companion.config import Authority
 
 from ..copies import flown_once
+from ..flights.aircraft import STEP_S
 from ..flights.judging import (
     assert_nothing_was_touched,
     assert_setpoints_keep_to_free_space,
     setpoint_places,
     true_places,
 )
-from ..flights.lockstep import STEP_S, Lockstep, hovering
+from ..flights.lockstep import Lockstep, hovering
 from ..flights.operator import EXIT, INSPECTION, RELEASE, TEMPORARILY_REJECTED, Manner
 
 DO_SET_MODE = 176

@@ -64,7 +64,7 @@ def test_beside_a_wall_an_estimate_that_errs_beyond_what_is_told_touches_nothing
         told_m.append(flight.companion.risk.indices.localization)
     assert flight.state in {"at_target", "holding"}
     assert max(errors_m) > error_m, max(errors_m)
-    assert max(told_m) < 0.2
+    assert max(told_m[5:]) < 0.2  # unknown is a risk of its own at first
     assert_nothing_was_touched(flight)
 
 

@@ -161,7 +161,7 @@ def test_in_flight_from_inspection_to_evacuation(manner):
 
 @pytest.mark.parametrize("manner", Manner)
 def test_missions_switched_again_and_again_leave_no_jump(manner):
-    flight = hovering(manner=manner, vehicle="x500")
+    flight = Lockstep(manner=manner, vehicle="x500")
     flight.begin(INSPECTION)
     for mission in (EVACUATION, INSPECTION, EXIT, INSPECTION, EVACUATION, INSPECTION) * 2:
         flight.run(1.3)
