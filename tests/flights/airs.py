@@ -11,7 +11,8 @@ from sitl.manners import KINDS
 from sitl.quadrotor import Airframe
 
 from ..copies import flown_once
-from .lockstep import STEP_S, Lockstep
+from .aircraft import STEP_S
+from .lockstep import Lockstep
 from .operator import Manner
 
 SAMPLE_STEPS = 5

@@ -80,6 +80,7 @@ def local_place(site, manner, origin, message):
     return in_plane(site, *place, altitude_m - message.z)
 
 
+@functools.cache
 def shape(obstacle):
     if isinstance(obstacle, Conductor):
         return Point(obstacle.position_m).buffer(obstacle.radius_m, quad_segs=32)

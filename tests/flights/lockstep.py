@@ -1,12 +1,11 @@
 """A flight in lockstep: the companion machine and the fake autopilot in one process.
 
 Time is moved by the loop; nothing sleeps. Plans are made at once and handed over after a set
-delay, as a planner thread would. An operator (a ground station, 255/190) speaks raw MAVLink.
+delay, as a planner thread would.
 """
 
 from __future__ import annotations
 
-import copy
 import math
 from dataclasses import dataclass, replace
 from typing import Any
@@ -29,16 +28,16 @@ from moar_companion.recording.calls import Call, RecordedCompanion
 from moar_companion.site import Site
 from moar_companion.types import AutopilotKind
 from moar_companion.vehicle import Vehicle
-from sitl.autopilot import DEFAULT_LINKS, FakeAutopilot, Options, Truth
+from sitl.autopilot import Options, Truth
 from sitl.lidar_scene import PlacedScene
 from sitl.manners import KINDS
-from sitl.signing import SignOptions
 from sitl.wire import packet_header, packets
 from tests.vehicles import named_vehicle
 
 from ..copies import flown_once
+from .aircraft import Aircraft, in_the_air
 from .lidar_on_board import LidarOnBoard
-from .operator import Manner, Operator
+from .operator import Manner
 
 COMPANION_LINK = "udp:127.0.0.1:14540"
 PARAMETERS = {
@@ -46,8 +45,9 @@ PARAMETERS = {
     Manner.ARDUPILOT: {"GUID_TIMEOUT": 0.5},
 }
 """Parameters that the manual asks for, as far as they matter to a flight without a pilot."""
-STEP_S = 0.02
 PLAN_DELAY_S = 0.04
+HEARD_S = 4.0
+"""After its start the companion has heard all that it asks for."""
 
 
 def as_simulated(vehicle: Vehicle, manner: Manner) -> Vehicle:
@@ -77,8 +77,8 @@ class Setpoint:
     """The local frame's: latitude and longitude in degrees, altitude AMSL in metres."""
 
 
-class Lockstep:
-    """Both machines and the bytes between them."""
+class Lockstep(Aircraft):
+    """The companion and its planner beside the aircraft, and the bytes between them."""
 
     link_url = COMPANION_LINK
 
@@ -121,12 +121,8 @@ class Lockstep:
         x_m, y_m = (self.site.start_m[0], 0.0) if start_m is None else start_m
         options = dict(options or {})
         parameters = {**PARAMETERS[manner], **options.pop("parameters", {})}
-        if secret is not None:
-            signed = SignOptions(key=secret)
-            options["links"] = tuple(replace(link, signing=signed) for link in DEFAULT_LINKS)
-        self._secret = secret
         home = self.site.frame.to_geodetic((x_m, y_m, 0.0))
-        self.autopilot = FakeAutopilot(
+        super().__init__(
             Options(
                 autopilot=manner.value,
                 latitude_deg=home.latitude_deg,
@@ -134,16 +130,14 @@ class Lockstep:
                 altitude_amsl_m=home.altitude_amsl_m,
                 parameters=parameters,
                 **options,
-            )
+            ),
+            secret=secret,
         )
+        self._secret = secret
         self.companion = self.new_companion()
         self.lidar = lidar_scene and LidarOnBoard(
             lidar_scene, self.config.perception, site, seed=self.autopilot.options.seed
         )
-        self.operator = Operator(self.autopilot, manner)
-        if secret is not None:
-            self.operator.sign(secret)
-        self.now_s = 0.0
         self.decisions: list[Decision] = []
         self.truths: list[Truth] = []
         self.to_autopilot: list[tuple[float, bytes]] = []
@@ -165,22 +159,10 @@ class Lockstep:
         self._position: Any = None
         self._jobs: list[tuple[float, PlanJob | MapJob]] = []
 
-    def __deepcopy__(self, memo):
-        """To be moved on by itself; what never changes, and what is past, is the same."""
-        site_maps = (
-            self.site,
-            self.flown_site,
-            self.vehicle,
-            self.planner.maps,
-            self.planner,
-            self.planners,
-        )
-        memo |= {id(item): item for item in (self.config, *site_maps, *self.operator.heard)}
-        twin = memo[id(self)] = copy.copy(self)
-        for name, value in vars(self).items():
-            past = isinstance(value, list)
-            setattr(twin, name, list(value) if past else copy.deepcopy(value, memo))
-        return twin
+    def _constants(self) -> list:
+        planner, planners = self.planner, self.planners
+        site_maps = (self.site, self.flown_site, self.vehicle, planner.maps, planner, planners)
+        return [*super()._constants(), self.config, *site_maps]
 
     def new_companion(self, before: MissionSnapshot | None = None) -> RecordedCompanion:
         """A companion that knows nothing yet but what the one before it remembered."""
@@ -201,8 +183,8 @@ class Lockstep:
         return self.companion.status.state.value
 
     @property
-    def truth(self) -> Truth:
-        return self.autopilot.truth
+    def status(self) -> str:
+        return f"state {self.state}, {super().status}"
 
     @property
     def last_setpoint_s(self) -> float:
@@ -210,14 +192,10 @@ class Lockstep:
         return self.setpoints[-1].time_s if self.setpoints else -math.inf
 
     def step(self) -> None:
-        self.now_s += STEP_S
+        said = self.move()
         now_s = self.now_s
-        self.operator.tick(now_s)
-        self.autopilot.step(now_s)
-        for link, data in self.autopilot.data_to_send():
-            if link == "gcs":
-                self.operator.receive(data)
-            elif not self.cut and not self.deaf:
+        if not self.cut and not self.deaf:
+            for data in said:
                 self.hear(data)
         while self._jobs and self._jobs[0][0] <= now_s:
             self._do(self._jobs.pop(0)[1])
@@ -278,21 +256,6 @@ class Lockstep:
                     )
                 )
 
-    def run(self, seconds: float) -> None:
-        for _ in range(round(seconds / STEP_S)):
-            self.step()
-
-    def run_until(self, condition, timeout_s: float) -> None:
-        """Runs until a condition holds; fails when it does not within the time."""
-        end_s = self.now_s + timeout_s
-        while not condition():
-            if self.now_s >= end_s:
-                raise AssertionError(
-                    f"not within {timeout_s:g} s: state {self.state}, "
-                    f"mode {self.autopilot.truth.mode}, texts {self.operator.texts()[-5:]}"
-                )
-            self.step()
-
     def run_until_state(self, state: str, timeout_s: float) -> None:
         self.run_until(lambda: self.state == state, timeout_s)
 
@@ -310,38 +273,18 @@ class Lockstep:
         self.operator.mission(mission, index)
         self.give_mode()
 
-    def land(self) -> None:
-        """The operator gives LAND; until it stands there, disarmed."""
-        self.operator.mode("land")
-        self.run_until(lambda: self.truth.on_ground and not self.truth.armed, 60.0)
-        self.run(1.0)
+    def start_in_the_air(self, height_m: float = 3.0) -> None:
+        """Instead of a take-off: the companion starts beside an aircraft that hovers.
 
-    def take_off(self, height_m: float = 3.0) -> None:
-        """Boot, arm, take off and hover, as an operator would."""
-        if self.operator.manner is Manner.PX4:
-            self.run(8.0)
-            self.operator.take_off(height_m)
-            self.run(0.1)
-            self.operator.arm()
-            hovering_in = "hold"
-        else:
-            self.run_until(lambda: self.operator.said("EKF3 IMU0 is using GPS"), 60.0)
-            self.operator.mode("ours")
-            self.run(0.1)
-            self.operator.arm()
-            self.run(2.5)
-            self.operator.take_off(height_m)
-            self.autopilot.move_sticks()
-            hovering_in = "ours"
-        self.run_until(
-            lambda: (
-                self.truth.landed_state == 2
-                and self.operator.in_mode(hovering_in)
-                and abs(self.truth.velocity_ned_mps[2]) < 0.1
-            ),
-            30.0,
-        )
-        self.run(0.5)  # until the companion has heard it, too
+        Parameters are set there: the take-off is flown once, whatever they are.
+        """
+        options = self.autopilot.options
+        aircraft = in_the_air(replace(options, parameters={}), self._secret, height_m)
+        self.now_s, self.autopilot = aircraft.now_s, aircraft.autopilot
+        self.operator = aircraft.operator
+        for name, value in options.parameters.items():
+            self.autopilot.set_parameter(name, value)
+        self.run(HEARD_S)
 
     def give_mode(self) -> None:
         """The operator gives our mode: PX4 takes it once a setpoint is streamed."""
@@ -354,7 +297,7 @@ class Lockstep:
 
 @flown_once
 def hovering(**options) -> Lockstep:
-    """In the air and hovering, as after `take_off`."""
+    """In the air and hovering, ready for an order."""
     flight = Lockstep(**options)
-    flight.take_off()
+    flight.start_in_the_air()
     return flight

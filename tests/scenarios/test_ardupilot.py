@@ -11,13 +11,14 @@ from pymavlink.dialects.v20 import all as mavlink
 from moar_companion.config import Authority
 
 from ..copies import flown_once
+from ..flights.aircraft import STEP_S
 from ..flights.judging import (
     assert_nothing_was_touched,
     assert_setpoints_keep_to_free_space,
     setpoint_places,
     true_places,
 )
-from ..flights.lockstep import STEP_S, Lockstep, hovering
+from ..flights.lockstep import Lockstep, hovering
 from ..flights.operator import EXIT, INSPECTION, RELEASE, TEMPORARILY_REJECTED, Manner
 
 DO_SET_MODE = 176
@@ -63,7 +64,9 @@ def moved_m(flight, since_s):
 
 def test_nothing_is_streamed_until_it_is_in_the_air_and_the_take_off_is_not_cancelled():
     flight = Lockstep(vehicle="x500", manner=Manner.ARDUPILOT)
-    flight.run_until(lambda: flight.operator.said("EKF3 IMU0 is using GPS"), 60.0)
+    while not flight.operator.said("EKF3 IMU0 is using GPS"):
+        flight.move()
+    flight.run(4.0)
     flight.operator.mode("ours")
     flight.run(0.1)
     flight.operator.arm()
@@ -74,7 +77,8 @@ def test_nothing_is_streamed_until_it_is_in_the_air_and_the_take_off_is_not_canc
         flight.run(0.3)
     assert set(flight.operator.answers()) == {TEMPORARILY_REJECTED}
     assert not flight.setpoints
-    flight.run(8.0)
+    flight.run_until(lambda: flight.truth.position_ned_m[2] < -2.7, 8.0)
+    flight.run(2.0)
     assert flight.truth.position_ned_m[2] == pytest.approx(-3.0, abs=0.5)
 
 
@@ -143,7 +147,7 @@ def test_an_orderly_silence_leaves_the_aircraft_where_it_was():
     flight = in_flight()
     released, speed_mps = flight.now_s, speed_of(flight)
     flight.operator.mission(RELEASE)
-    flight.run(20.0)
+    flight.run(10.0)
     assert flight.operator.in_mode("ours")  # GUIDED holds, without a word
     last = flight.setpoints[-1].message
     assert (last.vx, last.vy, last.vz) == (0.0, 0.0, 0.0)
@@ -162,7 +166,7 @@ def test_a_companion_that_fails_is_flown_on_for_guid_timeout(timeout_s, farthest
     assert speed_mps > 0.3
     died = flight.now_s
     flight.cut = True
-    flight.run(20.0)
+    flight.run(10.0)
     gone_m = moved_m(flight, died)
     assert gone_m < farthest * speed_mps + 1.0
     if timeout_s == 3.0:

@@ -53,7 +53,7 @@ def states_since(flight, time_s):
 
 def test_a_low_battery_without_an_action_does_not_end_the_escape_route():
     """Out of the inner position: flown to its end, in status 5."""
-    flight = guided(options={"parameters": WARNS})
+    flight = guided(options={"parameters": WARNS}, start_m=(15.0, 0.0))
     flight.begin(INSPECTION, 1)
     flight.run_until_state("at_target", 120.0)
     flight.operator.mission(EVACUATION)

@@ -54,6 +54,10 @@ def refused(flight, mission, index=-1):
     return next(text for text in reversed(flight.operator.texts()) if "denied" in text)
 
 
+def height_m(flight):
+    return true_places(flight)[-1][2]
+
+
 def highest_m(flight):
     return max(z for _, _, z in true_places(flight))
 
@@ -95,8 +99,16 @@ def test_a_target_outside_the_circle_is_denied_and_one_inside_is_flown(manner):
     assert_nothing_was_touched(flight)
 
 
-def past_two_conductors_m(manner, parameters):
-    """Height of the flight past two conductors: above both it is safer than between them."""
+@pytest.mark.parametrize(
+    ("manner", "parameters", "lowest_m", "highest_m"),
+    [
+        (Manner.PX4, {}, 9.5, 20.0),
+        (Manner.PX4, CEILING[Manner.PX4](9.2), 2.0, 6.5),
+        (Manner.ARDUPILOT, CEILING[Manner.ARDUPILOT](9.2), 2.0, 6.5),
+    ],
+)
+def test_under_a_ceiling_another_way_is_flown(manner, parameters, lowest_m, highest_m):
+    """Past two conductors: above both it is safer than between them."""
     base = Lockstep().site
     conductors = tuple(
         replace(base.obstacles[0], name=name, position_m=(15.0, z_m), keep_out_m=0.0)
@@ -109,20 +121,16 @@ def past_two_conductors_m(manner, parameters):
         vehicle=EXACT,
         manner=manner,
         options={"parameters": parameters},
+        start_m=(19.0, 0.0),
         supervision=Supervision(position_uncertainty_m=0.9),
     )
-    flight.take_off(7.0)
+    flight.start_in_the_air(7.0)
     flight.operator.mission(INSPECTION, 0)
     flight.give_mode()
-    flight.run_until_state("at_target", 90.0)
+    flight.run_until(lambda: true_places(flight)[-1][0] < 14.0, 60.0)
     assert_nothing_was_touched(flight)
-    return max(z for x, _, z in true_places(flight) if abs(x - 15.0) < 1.0)
-
-
-@BOTH
-def test_under_a_ceiling_another_way_is_flown(manner):
-    assert past_two_conductors_m(manner, {}) > 9.5
-    assert past_two_conductors_m(manner, CEILING[manner](9.2)) < 6.5
+    passed_m = max(z for x, _, z in true_places(flight) if abs(x - 15.0) < 1.0)
+    assert lowest_m < passed_m < highest_m
 
 
 @BOTH
@@ -133,7 +141,8 @@ def test_a_fence_lowered_in_flight_is_kept(manner):
     flight.run(3.0)
     name, limit_m = NAMES[manner][1], 9.0
     flight.operator.set_parameter(name, limit_m)
-    flight.run(25.0)
+    flight.run_until_state("holding", 25.0)
+    flight.run(3.0)
     assert flight.operator.in_mode("ours")
     assert any(f"path past {name} 9 m" in text for text in flight.operator.texts())
     assert highest_m(flight) < limit_m
@@ -152,32 +161,27 @@ def polygon(flight, corners_m, command=POLYGON_INCLUSION):
 
 
 @BOTH
-def test_an_uploaded_polygon_counts_although_nobody_tells_of_it(manner):
+def test_uploaded_areas_count_although_nobody_tells_of_them(manner):
+    """A polygon first; then one that lets all through, and a circle around the exit's landing."""
     parameters = {} if manner is Manner.PX4 else {"FENCE_ENABLE": 1, "FENCE_TYPE": 4}
     flight = fenced(manner, parameters)
     flight.operator.upload_fence(polygon(flight, [(15, -20), (35, -20), (35, 20), (15, 20)]))
     flight.run(11.0)
     assert refused(flight, EXIT) == "MOAR: fence inclusion polygon 1, denied"
-    flight.operator.upload_fence(polygon(flight, [(5, -9), (60, -9), (60, 9), (5, 9)]))
-    flight.run(11.0)
-    flight.operator.mission(EXIT)
-    flight.give_mode()
-    flight.run_until_state("landing_leg", 40.0)
-    assert flight.operator.answers()[-1] == ACCEPTED
-
-
-@BOTH
-def test_an_excluded_circle_at_the_exit_leads_the_evacuation_elsewhere_or_nowhere(manner):
-    parameters = {} if manner is Manner.PX4 else {"FENCE_ENABLE": 1, "FENCE_TYPE": 4}
-    flight = fenced(manner, parameters)
+    wide = polygon(flight, [(-20, -9), (60, -9), (60, 9), (-20, 9)])
     place = flight.site.frame.to_geodetic((41.0, 0.0, 0.0))
-    flight.operator.upload_fence([(CIRCLE_EXCLUSION, 5.0, place.latitude_deg, place.longitude_deg)])
+    circle = (CIRCLE_EXCLUSION, 5.0, place.latitude_deg, place.longitude_deg)
+    flight.operator.upload_fence([circle, *wide])
     flight.run(11.0)
     assert refused(flight, EXIT) == "MOAR: fence exclusion circle 1, denied"
+    # The evacuation leads to its other landing point, at -10 m.
     flight.operator.mission(EVACUATION)
     flight.give_mode()
-    flight.run_until_state("landing_leg", 90.0)
-    assert min(x for x, _, _ in true_places(flight)) < 1.0
+    assert flight.operator.answers()[-1] == ACCEPTED
+    plan = [item.data["plan"] for item in flight.decisions if item.kind == "plan"][-1]
+    assert plan["waypoints"][-1]["x_m"] == pytest.approx(-10.0)
+    flight.run(8.0)
+    assert true_places(flight)[-1][0] < HOME_X_M - 1.0
     assert_nothing_was_touched(flight)
 
 
@@ -190,14 +194,14 @@ def test_an_aircraft_outside_is_led_in():
     """The fence has no action; it is drawn in behind the aircraft."""
     flight = fenced(Manner.PX4, {"GF_MAX_HOR_DIST": 100.0, "GF_ACTION": 1})
     flight.begin(INSPECTION, 0)
-    flight.run_until_state("at_target", 60.0)
+    flight.run_until(lambda: height_m(flight) > 8.5, 60.0)
     flight.operator.set_parameter("GF_MAX_VER_DIST", 8.0)
-    flight.run(8.0)
-    assert highest_m(flight) > 8.0
+    flight.run(5.0)
+    assert height_m(flight) > 8.0
     assert any("outside GF_MAX_VER_DIST 8 m" in text for text in flight.operator.texts())
     flight.operator.mission(EXIT)
-    flight.run_until_state("landing_leg", 60.0)
-    assert true_places(flight)[-1][2] < 6.5 + 0.5
+    flight.run_until(lambda: height_m(flight) < 6.5 + 0.5, 60.0)
+    assert flight.state == "flying"
     assert_nothing_was_touched(flight)
 
 

@@ -12,8 +12,9 @@ from pymavlink.dialects.v20 import all as mavlink
 from sitl.wire import packet_header, packets
 
 from ..copies import flown_once
+from ..flights.aircraft import STEP_S
 from ..flights.judging import assert_nothing_was_touched
-from ..flights.lockstep import STEP_S, hovering
+from ..flights.lockstep import hovering
 from ..flights.operator import INSPECTION, TEMPORARILY_REJECTED, Manner
 from .marks import BOTH
 
@@ -117,7 +118,7 @@ def jumps(flight):
 
 def told(flight, cause):
     """The texts that tell the pilot this cause of a hold with its distance and limit."""
-    words = rf"MOAR: {cause} [\d.]+ m > [\d.]+, holding"
+    words = rf"MOAR: {cause} ([\d.]+ m > [\d.]+|over [\d.]+ m), holding"
     return [text for text in flight.operator.texts() if re.fullmatch(words, text)]
 
 

@@ -43,7 +43,7 @@ def test_a_flight_that_is_flown_twice_has_the_same_trace(flight):
 def test_a_setpoint_that_differs_is_found_with_its_time_and_nothing_else_is(flight):
     changed = copy_of(flight)
     changed.setpoints = list(changed.setpoints)
-    index = max(i for i, item in enumerate(changed.setpoints) if item.time_s < 18.99)
+    index = max(i for i, item in enumerate(changed.setpoints) if item.time_s < 22.99)
     item = changed.setpoints[index]
     message = copy.copy(item.message)
     message.x += 0.5
@@ -51,7 +51,7 @@ def test_a_setpoint_that_differs_is_found_with_its_time_and_nothing_else_is(flig
     changed.setpoints[index] = replace(item, message=message)
     differences = found(flight, changed)
     assert set(differences) == {"setpoints"}
-    assert "setpoints differ from second 18 on" in differences["setpoints"]
+    assert "setpoints differ from second 22 on" in differences["setpoints"]
     assert f"was at {item.time_s:.2f} s: x {item.message.x:.2f} " in differences["setpoints"]
     assert f"is at {item.time_s:.2f} s: x {message.x:.2f} " in differences["setpoints"]
 
@@ -87,7 +87,7 @@ def test_words_that_differ_are_told_apart_from_decisions(flight):
     changed, time_s = changed_decision(flight, "condition", reason="in other words")
     differences = found(flight, changed)
     assert set(differences) == {"texts"}
-    assert f"is at {time_s} s: condition: in other words" in differences["texts"]
+    assert f"is at {time_s:.2f} s: condition: in other words" in differences["texts"]
 
 
 def test_a_condition_that_was_renamed_on_purpose_is_no_difference(flight):

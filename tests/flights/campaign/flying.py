@@ -18,7 +18,8 @@ from sitl.manners import KINDS as AUTOPILOTS
 from sitl.quadrotor import GRAVITY_MPS2
 from sitl.wire import packets as cut
 
-from ..lockstep import COMPANION_LINK, STEP_S, Lockstep
+from ..aircraft import STEP_S
+from ..lockstep import COMPANION_LINK, Lockstep
 from ..operator import Manner
 from . import packets
 from .drawing import Draw, draw

@@ -12,7 +12,8 @@ from sitl.autopilot import Truth
 from sitl.geodesy import Geodetic, TrueFrame
 from tests.vehicles import named_vehicle
 
-from ..lockstep import STEP_S, Lockstep
+from ..aircraft import STEP_S
+from ..lockstep import Lockstep
 from ..operator import INSPECTION
 from .drawing import Draw, draw
 from .judging import clearance_m

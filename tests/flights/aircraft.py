@@ -1,0 +1,120 @@
+"""The fake autopilot and its operator (a ground station, 255/190), in steps of one clock."""
+
+from __future__ import annotations
+
+import copy
+from dataclasses import replace
+
+from sitl.autopilot import DEFAULT_LINKS, FakeAutopilot, Options, Truth
+from sitl.signing import SignOptions
+
+from ..copies import flown_once
+from .operator import Manner, Operator
+
+STEP_S = 0.02
+
+
+class Aircraft:
+    """Both machines and the bytes between them. secret: with which all links are signed."""
+
+    def __init__(self, options: Options, *, secret: bytes | None = None) -> None:
+        if secret is not None:
+            signed = SignOptions(key=secret)
+            options = replace(
+                options, links=tuple(replace(link, signing=signed) for link in DEFAULT_LINKS)
+            )
+        self.autopilot = FakeAutopilot(options)
+        self.operator = Operator(self.autopilot, Manner(options.autopilot))
+        if secret is not None:
+            self.operator.sign(secret)
+        self.now_s = 0.0
+
+    def __deepcopy__(self, memo):
+        """To be moved on by itself; what never changes, and what is past, is the same."""
+        memo |= {id(item): item for item in self._constants()}
+        twin = memo[id(self)] = copy.copy(self)
+        for name, value in vars(self).items():
+            past = isinstance(value, list)
+            setattr(twin, name, list(value) if past else copy.deepcopy(value, memo))
+        return twin
+
+    def _constants(self) -> list:
+        return [self.autopilot.options, *self.operator.heard]
+
+    @property
+    def truth(self) -> Truth:
+        return self.autopilot.truth
+
+    @property
+    def status(self) -> str:
+        """For the message of a test that fails."""
+        return f"mode {self.truth.mode}, texts {self.operator.texts()[-5:]}"
+
+    def move(self) -> list[bytes]:
+        """A step of time; what the autopilot has said to the companion."""
+        self.now_s += STEP_S
+        self.operator.tick(self.now_s)
+        self.autopilot.step(self.now_s)
+        said = []
+        for link, data in self.autopilot.data_to_send():
+            if link == "gcs":
+                self.operator.receive(data)
+            else:
+                said.append(data)
+        return said
+
+    def step(self) -> None:
+        self.move()
+
+    def run(self, seconds: float) -> None:
+        for _ in range(round(seconds / STEP_S)):
+            self.step()
+
+    def run_until(self, condition, timeout_s: float) -> None:
+        """Runs until a condition holds; fails when it does not within the time."""
+        end_s = self.now_s + timeout_s
+        while not condition():
+            if self.now_s >= end_s:
+                raise AssertionError(f"not within {timeout_s:g} s: {self.status}")
+            self.step()
+
+    def land(self) -> None:
+        """The operator gives LAND; until it stands there, disarmed."""
+        self.operator.mode("land")
+        self.run_until(lambda: self.truth.on_ground and not self.truth.armed, 60.0)
+        self.run(1.0)
+
+    def take_off(self, height_m: float = 3.0) -> None:
+        """Boot, arm, take off and hover, as an operator would."""
+        if self.operator.manner is Manner.PX4:
+            self.run(8.0)
+            self.operator.take_off(height_m)
+            self.run(0.1)
+            self.operator.arm()
+            hovering_in = "hold"
+        else:
+            self.run_until(lambda: self.operator.said("EKF3 IMU0 is using GPS"), 60.0)
+            self.operator.mode("ours")
+            self.run(0.1)
+            self.operator.arm()
+            self.run(2.5)
+            self.operator.take_off(height_m)
+            self.autopilot.move_sticks()
+            hovering_in = "ours"
+        self.run_until(
+            lambda: (
+                self.truth.landed_state == 2
+                and self.operator.in_mode(hovering_in)
+                and abs(self.truth.velocity_ned_mps[2]) < 0.1
+            ),
+            30.0,
+        )
+        self.run(0.5)  # until a companion has heard it, too
+
+
+@flown_once
+def in_the_air(options: Options, secret: bytes | None, height_m: float) -> Aircraft:
+    """Hovering after `take_off`; nothing is there but the operator."""
+    aircraft = Aircraft(options, secret=secret)
+    aircraft.take_off(height_m)
+    return aircraft
