@@ -7,7 +7,9 @@ from hypothesis import settings
 
 from tests.real_time import inconclusive, witness  # noqa: F401 - a fixture of all tests
 
-settings.register_profile("repeatable", derandomize=True, database=None, deadline=None)
+settings.register_profile(
+    "repeatable", max_examples=50, derandomize=True, database=None, deadline=None
+)
 settings.load_profile("repeatable")
 
 
