@@ -23,7 +23,7 @@ from .desk import AUTO_HOLD, CRITICAL, EXIT, INSPECTION, POSCTL, RELEASE, Desk
 PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 LAND = 0x06040000
 LONG_S = {"mode_unconfirmed": 3.5}
-"""Longer than any of these takes; all others at most 1.6 s."""
+"""Longer than any of these takes; all others at most 2.2 s."""
 
 
 def second_autopilot(desk):
@@ -82,7 +82,7 @@ def place(setpoint):
 
 def silent(desk, way=None):
     """The setpoints until nothing is streamed any more, for good."""
-    desk.run(LONG_S.get(way, 1.6))
+    desk.run(LONG_S.get(way, 2.2))
     count = len(desk.setpoints())
     desk.run(0.5)
     assert len(desk.setpoints()) == count
