@@ -23,7 +23,7 @@ from moar_companion.types import Mission, Weights
 from .problems import conductor, make_site, make_vehicle, polygon, random_problem
 
 seeds = st.integers(min_value=0, max_value=10**6)
-properties = settings(deadline=None, max_examples=30, derandomize=True, database=None)
+properties = settings(deadline=None, max_examples=80, derandomize=True, database=None)
 NEAR_M = 1e-7
 ALWAYS_3_MPS = {"speeds": (3.0,) * 5, "min_speed": 3.0}
 """Whatever the direction, and however near an obstacle is."""
