@@ -11,7 +11,7 @@ LINKS = (LinkConfig(url=LINK), LinkConfig(url=OPERATOR_LINK, role=LinkRole.OPERA
 
 
 def hovering(**options):
-    return Desk(links=LINKS, **options).run(1.2)
+    return Desk(links=LINKS, **options).come_to("idle")
 
 
 def carried_out(desk):

@@ -539,10 +539,10 @@ class Desk:
 
         Flown once by the desks that are alike.
         """
-        if self._count or self.heard or self.planner is not usual_planner():
+        if self._count or self.heard:
             return self._come_to(state, mission).run(then_s)
         told = {name: value for name, value in vars(self).items() if name not in _MACHINES}
-        alike = repr((state, mission, then_s, told))
+        alike = (self.planner, repr((state, mission, then_s, told)))
         if alike not in _came:
             twin = copy_of(self)
             _came[alike] = (

@@ -17,6 +17,7 @@ from moar_companion.planner.planner import Planner
 from moar_companion.site import Conductor
 from moar_companion.types import Mission
 
+from ..copies import flown_once
 from .desk import (
     ACCEPTED,
     AUTO_HOLD,
@@ -57,10 +58,14 @@ def along_m(desk):
     return desk.position_ned_m[1]
 
 
+def on_its_leg(**options):
+    desk = Desk(planner=planner(), height_m=5.0, east_m=2.0, **options).set(accuracy_m=WELL_M)
+    return desk.come_to("landing_leg", EXIT, then_s=2.0)
+
+
 @pytest.fixture
 def desk():
-    desk = Desk(planner=planner(), height_m=5.0, east_m=2.0).set(accuracy_m=WELL_M)
-    return desk.come_to("landing_leg", EXIT, then_s=2.0)
+    return on_its_leg()
 
 
 def room_m(desk):
@@ -81,19 +86,18 @@ def test_too_narrow_for_a_moment_it_goes_on_along_the_leg(desk, battery_percent)
     desk.set(accuracy_m=WELL_M).run_until("landing_leg", 4.0).run(2.5)
     assert moving(desk, 1.0) == 1.0
     assert along_m(desk) > place_m
-    desk.run_until("holding", 30.0)
-    assert desk.companion.status.task.done
 
 
-@pytest.mark.parametrize("battery_percent", [90, 15])
-def test_where_it_stays_too_narrow_it_leaves_by_a_way_with_more_room(desk, battery_percent):
+@pytest.mark.parametrize(("battery_percent", "flown_to"), [(90, "landing_leg"), (15, "holding")])
+def test_where_it_stays_too_narrow_it_leaves_by_a_way_with_more_room(
+    desk, battery_percent, flown_to
+):
     desk.set(battery_percent=battery_percent).run(4.5).set(accuracy_m=TOO_NARROW_M)
     desk.run_until("flying", 5.0)  # by an escape leg, away from the pole
     assert desk.jobs[-1].widening_m >= 0.95
     desk.run_until("landing_leg", 30.0)
     assert room_m(desk) >= 0.95
-    desk.run_until("holding", 30.0)
-    assert desk.companion.status.task.done
+    desk.run_until(flown_to, 30.0)
 
 
 @pytest.mark.parametrize("end", ["taken back", "denied"])
@@ -110,8 +114,7 @@ def test_an_order_that_has_stopped_it_and_comes_to_nothing_lets_it_go_on(desk, e
     desk.run(1.0)
     assert desk.answers()[-1] == (CANCELLED if end == "taken back" else DENIED)
     assert moving(desk, 1.0) == 1.0
-    desk.run_until("holding", 60.0)
-    assert desk.companion.status.task.done
+    assert desk.state == "landing_leg"
     assert desk.companion.status.task.mission is Mission.EXIT
 
 
@@ -138,12 +141,12 @@ def test_a_reset_out_of_the_legs_corridor_is_a_hold_from_which_an_exit_is_flown(
     assert math.dist(desk.position_ned_m, place_m) < 0.3
     desk.order(EXIT).run(2.0)
     assert desk.answers()[-1] == ACCEPTED
-    desk.run_until("holding", 120.0)
-    assert desk.companion.status.task.done
+    desk.run_until("landing_leg", 60.0)
 
 
-@pytest.mark.parametrize("behind_m", [0.0, 0.5])
-@pytest.mark.parametrize("order", [EXIT, INSPECTION, EVACUATION])
+@pytest.mark.parametrize(
+    ("order", "behind_m"), [(EXIT, 0.0), (EXIT, 0.5), (INSPECTION, 0.5), (EVACUATION, 0.5)]
+)
 def test_an_order_after_a_jump_off_the_leg_is_flown(desk, order, behind_m):
     """Not accepted and then held."""
     desk.fall_behind(behind_m, 0.0, 0.0).set(reset_counter=1).run(0.2)
@@ -168,13 +171,15 @@ def test_a_hold_on_the_leg_is_continued_along_it(desk, seconds):
     assert moving(desk, 0.5) == 1.0
 
 
-def taken_over(desk, *moved_ned_m):
+@flown_once
+def taken_over(*moved_ned_m):
     """By the pilot, 2 m past the border, who moves it."""
+    desk = on_its_leg()
     while along_m(desk) < 5.0:
         desk.step()
     desk.say_heartbeat(AUTO_HOLD).run(1.0).drift(*moved_ned_m).run(1.0)
     assert desk.state == "overridden"
-    return len(desk.jobs)
+    return desk
 
 
 def given_back(desk):
@@ -182,13 +187,10 @@ def given_back(desk):
     return desk.run_until("landing_leg", 60.0)
 
 
-@pytest.mark.parametrize("order", ["exit", "continue"])
-@pytest.mark.parametrize("beside_m", [0.0, 1.2])
-def test_what_a_pilot_has_interrupted_on_the_leg_is_gone_on_with_from_near_it(
-    desk, order, beside_m
-):
-    asked = taken_over(desk, 0.0, 0.0, -beside_m)
-    place_m = along_m(desk)
+@pytest.mark.parametrize(("order", "beside_m"), [("exit", 1.2), ("continue", 0.0)])
+def test_what_a_pilot_has_interrupted_on_the_leg_is_gone_on_with_from_near_it(order, beside_m):
+    desk = taken_over(0.0, 0.0, -beside_m)
+    asked, place_m = len(desk.jobs), along_m(desk)
     if order == "exit":
         desk.order(EXIT)
     else:
@@ -200,13 +202,12 @@ def test_what_a_pilot_has_interrupted_on_the_leg_is_gone_on_with_from_near_it(
     assert desk.companion.status.task.done
 
 
-@pytest.mark.parametrize("behind_m", [0.3, 0.6])
-@pytest.mark.parametrize("battery_percent", [90, 8])
+@pytest.mark.parametrize(("battery_percent", "behind_m"), [(90, 0.3), (90, 0.6), (8, 0.6)])
 def test_a_leg_that_was_taken_up_is_gone_on_with_by_an_aircraft_that_is_held_beside_its_setpoint(
-    desk, behind_m, battery_percent
+    battery_percent, behind_m
 ):
     """Also by the escape route of a critical battery, which no operator orders."""
-    taken_over(desk, 0.0, 0.0, -0.9)
+    desk = taken_over(0.0, 0.0, -0.9)
     desk.order(EXIT).run_until("ready", 2.0).run(1.1).say_heartbeat(OFFBOARD).run(0.5)
     desk.pause().run(1.0).fall_behind(behind_m, 0.0, 0.0).run(1.0)
     if battery_percent == 90:
@@ -219,15 +220,17 @@ def test_a_leg_that_was_taken_up_is_gone_on_with_by_an_aircraft_that_is_held_bes
     assert moving(desk, 1.0) == 1.0
 
 
-def test_from_farther_off_the_leg_it_comes_back_and_leaves_anew(desk):
-    asked = taken_over(desk, 0.0, 0.0, -3.0)
+def test_from_farther_off_the_leg_it_comes_back_and_leaves_anew():
+    desk = taken_over(0.0, 0.0, -3.0)
+    asked = len(desk.jobs)
     desk.order(EXIT).run_until("ready", 2.0)
     assert len(desk.jobs) > asked
     assert desk.answered[-1][1].escape_m
 
 
-def test_an_order_that_is_denied_meanwhile_does_not_lose_the_leg(desk):
-    asked = taken_over(desk, 0.0, 0.0, 0.0)
+def test_an_order_that_is_denied_meanwhile_does_not_lose_the_leg():
+    desk = taken_over(0.0, 0.0, 0.0)
+    asked = len(desk.jobs)
     desk.plan_delay_s = None
     desk.order(INSPECTION).run(0.1)
     desk.answer_plan(plan=None, reason="no free path").run(1.0)
@@ -236,8 +239,9 @@ def test_an_order_that_is_denied_meanwhile_does_not_lose_the_leg(desk):
     assert len(desk.jobs) == asked + 1
 
 
-def test_a_continue_that_is_denied_can_be_given_again_from_nearer_the_leg(desk):
-    asked = taken_over(desk, 0.0, 0.0, -3.0)
+def test_a_continue_that_is_denied_can_be_given_again_from_nearer_the_leg():
+    desk = taken_over(0.0, 0.0, -3.0)
+    asked = len(desk.jobs)
     desk.plan_delay_s = None
     desk.go_on().run(0.1)
     desk.answer_plan(plan=None, reason="no free path").run(1.0)
@@ -250,8 +254,7 @@ def test_a_continue_that_is_denied_can_be_given_again_from_nearer_the_leg(desk):
 
 
 def test_under_engage_a_pilot_who_orders_the_rest_of_the_leg_is_told_to_give_the_mode():
-    desk = Desk(planner=planner(), height_m=5.0, east_m=2.0, authority=Authority.ENGAGE)
-    desk.set(accuracy_m=WELL_M).come_to("landing_leg", EXIT, then_s=2.0)
+    desk = on_its_leg(authority=Authority.ENGAGE)
     desk.say_heartbeat(AUTO_HOLD).run(3.0)
     assert desk.state == "overridden"
     desk.order(EXIT).run(1.0)

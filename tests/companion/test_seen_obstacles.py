@@ -28,6 +28,7 @@ from tests.companion.desk import (
     OFFBOARD,
     PAUSE_CONTINUE,
     POSCTL,
+    STEP_S,
     USER_1,
     Desk,
     usual_planner,
@@ -58,7 +59,7 @@ class Watched(Desk):
         self.began_s = 0.0
         self.notes = []
 
-    def step(self, seconds=0.02):
+    def step(self, seconds=STEP_S):
         if self._count % 5 == 0 and self.works:
             self.companion.perceived(
                 PerceptionReport(
@@ -95,10 +96,6 @@ class Watched(Desk):
         points_m, _ = self.companion._executor.routes.flight.path.rest()
         return points_m[:, ::2]
 
-    def run_to_target(self, seconds=90.0):
-        self.run_until("at_target", seconds)
-        return self
-
 
 @pytest.fixture(scope="module")
 def flight():
@@ -119,6 +116,11 @@ def ahead(desk, by_m=6.0):
     return points_m[np.argmax(far_m >= by_m)]
 
 
+def nearest_m(desk, place_m, seconds):
+    """Least distance of the aircraft from a place in the plane in the next seconds."""
+    return min(math.dist(desk.step().place_m[::2], place_m) for _ in range(round(seconds / STEP_S)))
+
+
 def test_a_conductor_in_the_path_moves_the_path_before_the_aircraft_comes_to_it(desk):
     x_m, z_m = ahead(desk)
     desk.conductors = (conductor(x_m, z_m),)
@@ -126,10 +128,10 @@ def test_a_conductor_in_the_path_moves_the_path_before_the_aircraft_comes_to_it(
     assert desk.state == "flying"
     assert np.hypot(*(desk.ahead_m - (x_m, z_m)).T).min() > 1.4
     least_m = math.inf
-    while desk.state == "flying":
+    while desk.place_m[0] > x_m - 2.0:
         desk.step()
         least_m = min(least_m, math.dist(desk.place_m[::2], (x_m, z_m)))
-    assert desk.state == "at_target"
+    assert desk.state == "flying"
     kept_m = desk.vehicle.radius_m + SETTINGS.keep_out_m + desk.site.margin.total_m
     assert least_m > kept_m - 0.3
 
@@ -145,9 +147,10 @@ def test_an_obstacle_just_ahead_is_braked_for_and_left_by_another_path(desk):
     desk.run(1.0)
     start_m = desk.place_m
     assert math.dist(start_m[::2], (x_m, z_m)) > desk.vehicle.radius_m
-    nearest = min(math.dist(d.place_m[::2], (x_m, z_m)) for d in (desk.step() for _ in range(500)))
-    assert nearest >= math.dist(start_m[::2], (x_m, z_m)) - 0.3
-    desk.run_to_target()
+    began_m = math.dist(start_m[::2], (x_m, z_m))
+    assert nearest_m(desk, (x_m, z_m), 10.0) >= began_m - 0.3
+    assert desk.state == "flying"
+    assert desk.place_m[0] < x_m - 1.0
 
 
 def test_where_no_plan_leads_round_it_holds_and_goes_on_when_the_obstacle_is_gone(desk):
@@ -159,7 +162,7 @@ def test_where_no_plan_leads_round_it_holds_and_goes_on_when_the_obstacle_is_gon
     desk.solids = ()
     desk.run(4.0)
     assert desk.state == "flying"
-    desk.run_to_target()
+    assert desk.ahead_m[-1][0] < 19.0
 
 
 def test_a_sensor_that_is_lost_holds_and_its_return_resumes(desk):
@@ -233,11 +236,12 @@ def test_each_of_several_conductors_seen_at_once_is_told(desk):
     assert sum("MOAR: wire" in text for text in desk.texts()) == 4
 
 
-def test_a_target_in_a_seen_keep_out_is_moved_and_still_looked_at(desk):
+def test_a_target_in_a_seen_keep_out_is_moved_and_still_looked_at():
+    desk = Watched(height_m=9.0, east_m=-10.0).fly(0.5)
     target = desk.site.target("splice-inner")
     x_m, z_m = target.position_m
     desk.conductors = (conductor(x_m + 0.6, z_m),)
-    desk.run_to_target()
+    desk.run_until("at_target", 90.0)
     end_x_m, _, end_z_m = desk.place_m
     moved_m = math.dist((end_x_m, end_z_m), target.position_m)
     assert 0.4 < moved_m < SETTINGS.target_slack_m + 0.3
@@ -402,16 +406,16 @@ def copied(flight):
     return twin
 
 
-@pytest.mark.parametrize("by_m", [2.0, 3.0, 5.0])
+LONG_S = 12.0
+"""In this it would have flown past what is seen on its leg."""
+
+
+@pytest.mark.parametrize("by_m", [2.0, 5.0])
 def test_a_landing_leg_is_not_flown_through_what_is_seen_on_it(on_leg, by_m):
     desk = copied(on_leg)
     x_m, z_m = ahead(desk, by_m)
     desk.conductors = (conductor(x_m, z_m),)
-    least_m = math.inf
-    for _ in range(1500):
-        desk.step()
-        least_m = min(least_m, math.dist(desk.place_m[::2], (x_m, z_m)))
-    assert least_m > desk.vehicle.radius_m + 0.3
+    assert nearest_m(desk, (x_m, z_m), LONG_S) > desk.vehicle.radius_m + 0.3
 
 
 def test_a_leg_on_which_it_was_held_is_not_resumed_through_what_was_seen_meanwhile(on_leg):
@@ -422,11 +426,7 @@ def test_a_leg_on_which_it_was_held_is_not_resumed_through_what_was_seen_meanwhi
     desk.conductors = (conductor(x_m, z_m),)
     desk.run(1.0)
     desk.hear(desk.operator.command(PAUSE_CONTINUE, 1))
-    least_m = math.inf
-    for _ in range(1500):
-        desk.step()
-        least_m = min(least_m, math.dist(desk.place_m[::2], (x_m, z_m)))
-    assert least_m > desk.vehicle.radius_m + 0.3
+    assert nearest_m(desk, (x_m, z_m), LONG_S) > desk.vehicle.radius_m + 0.3
 
 
 def test_a_second_wall_after_an_exit_over_the_first_holds_again(desk):
@@ -447,17 +447,13 @@ def test_a_planner_that_is_silent_does_not_let_it_fly_on_into_what_is_seen(desk)
     desk.plan_delay_s = None
     x_m, z_m = ahead(desk, 3.0)
     desk.conductors = (conductor(x_m, z_m),)
-    least_m = math.inf
-    for _ in range(500):
-        desk.step()
-        least_m = min(least_m, math.dist(desk.place_m[::2], (x_m, z_m)))
-    assert least_m >= desk.vehicle.radius_m + SETTINGS.keep_out_m + 0.02
+    assert nearest_m(desk, (x_m, z_m), 10.0) >= desk.vehicle.radius_m + SETTINGS.keep_out_m + 0.02
 
 
 def test_what_was_seen_far_away_and_has_gone_lets_nothing_nearer_to_the_file(desk):
     limits = desk.companion._executor.routes.limits
 
-    def nearest_m():
+    def passable_m():
         (known,) = (item for item in desk.site.obstacles if item.name == "left-middle")
         x_m, z_m = known.position_m
         for off_m in np.arange(0.3, 4.0, 0.05):
@@ -468,9 +464,9 @@ def test_what_was_seen_far_away_and_has_gone_lets_nothing_nearer_to_the_file(des
                 return off_m
         raise AssertionError
 
-    before_m = nearest_m()
+    before_m = passable_m()
     desk.conductors = (conductor(3.0, 18.5),)
     desk.run(0.5)
     desk.conductors = ()
     desk.run(0.5)
-    assert nearest_m() == before_m
+    assert passable_m() == before_m

@@ -44,12 +44,12 @@ def test_a_hold_that_crosses_a_critical_battery_holds_until_it_is_led_out(desk, 
     assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("holding", [ACCEPTED])
     desk.run(2.0)
     assert (desk.state, flown(desk)) == ("flying", Mission.EVACUATION)
-    desk.pause().run(10.0)  # now he knows
+    desk.pause().run(4.0)  # now he knows
     assert desk.state == "holding"
 
 
 def test_a_hold_overrides_what_it_is_ordered_for(desk):
-    act(desk.set(charge_state=3), "battery_critical").run(0.6).pause().run(10.0)
+    act(desk.set(charge_state=3), "battery_critical").run(0.6).pause().run(4.0)
     assert desk.state == "holding"
 
 

@@ -129,10 +129,8 @@ def test_the_battery_at_the_point_of_no_return_leads_it_out_by_itself():
     assert desk.companion.status.task.mission is Mission.EXIT
     assert desk.said(" s <= 60, exiting")
     assert desk.companion.risk.indices.battery > 0.95
-    desk.set(battery_percent=60).run(20.0)
-    assert (
-        desk.companion.status.task.mission is Mission.EXIT
-    )  # an escape route that was begun is flown
+    desk.set(battery_percent=60).run(8.0)  # an escape route that was begun is flown
+    assert desk.companion.status.task.mission is Mission.EXIT
 
 
 def test_past_it_no_inspection_is_begun_and_an_escape_route_is():
@@ -270,12 +268,12 @@ def test_an_escape_route_that_is_planned_no_more_counts_on(planner):
     else:
         answer = desk.companion.contingency_answered
         desk.companion.contingency_answered = lambda given: answer(replace(given, plan=None))
-    desk.run(30.0)
+    desk.run(15.0)
     away_m = math.dist(desk.companion.pose.position_m, begins_m)
     assert away_m > 2.0
     back_s = away_m / desk.vehicle.speed.horizontal_mps
     assert outlook(desk).exit.duration_s == pytest.approx(way_s + back_s, abs=2.5)
-    assert outlook(desk).exit.age_s == pytest.approx(30.0, abs=3.0)
+    assert outlook(desk).exit.age_s == pytest.approx(15.0, abs=3.0)
     assert left_after_exit(desk).known
     assert any("escape route" in item.reason for item in desk.companion.ruling.conditions)
     desk.set(battery_percent=6).run(6.0)
@@ -291,7 +289,7 @@ def test_an_exit_that_takes_too_much_gives_way_to_an_evacuation():
     assert outlook(desk).exit.left_s < 60.0 < outlook(desk).evacuation.left_s
     assert desk.companion.status.task.mission is Mission.EVACUATION
     assert desk.said("exit leaves no flight time, evacuating")
-    desk.run(20.0)
+    desk.run(8.0)
     assert desk.companion.status.task.mission is Mission.EVACUATION
 
 

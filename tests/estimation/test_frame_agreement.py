@@ -123,7 +123,7 @@ def test_a_hold_for_a_disagreement_is_not_ended_by_silence(end):
     desk = fly(Desk().come_to("flying"), 2.0, 0.0)
     fly(desk, 2.0, 45.0)
     assert desk.said("global position off 45")
-    fly(desk, 30.0)
+    fly(desk, 10.0)
     assert desk.state == "holding"
     began_s = desk.now_s
     if end == "agrees":

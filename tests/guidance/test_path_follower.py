@@ -107,7 +107,7 @@ def test_at_every_tick_of_a_flight_that_turns_back_it_can_be_braked(vehicle, mis
         place = flown.pose_of(braked).position_m
         braked.brake()
         assert flown.pose_of(braked).position_m == pytest.approx(place, abs=1e-9)
-        if tick % 20 == 0:
+        if tick % 40 == 0:
             for _ in range(1000):
                 flown.advanced(braked)
             rest = flown.pose_of(braked).position_m

