@@ -33,8 +33,7 @@ class SetpointRefusal:
 class SetpointStreamer:
     """Checks every setpoint, sends it, and keeps the last one.
 
-    margin: that of the flown site (`error_margin.flown_site`). sudden_m: depth in a keep-out at
-    which it may rest before an obstacle that was seen late.
+    sudden_m: depth in a keep-out at which it may rest before an obstacle that was seen late.
     """
 
     def __init__(
@@ -72,7 +71,8 @@ class SetpointStreamer:
         that setpoint was accepted, and would fly on otherwise.
         """
         # Inside the margin a setpoint is only narrow: a small jump of the estimate may cause it.
-        misplaced = self._place_refusal(setpoint, flight, -self._margin.total_m)
+        margin_m = flight.path.volume.site.margin.total_m
+        misplaced = self._place_refusal(setpoint, flight, -margin_m)
         reason = misplaced or self._motion_refusal(setpoint, flight, plane, now_s)
         narrow = not reason and bool(self._place_refusal(setpoint, flight, self.widened_m))
         if misplaced is not None and flight.seen_late:
@@ -82,7 +82,7 @@ class SetpointStreamer:
             reason = (
                 f"no room here, uncertainty {distance(known_m)} m"
                 if self.widened_m
-                else f"no room here, margin {distance(self._margin.total_m)} m"
+                else f"no room here, margin {distance(margin_m)} m"
             )
         if reason is None:
             self._pass(setpoint, plane.position_to_ned(setpoint.position_m), plane, now_s)

@@ -93,7 +93,12 @@ class Anywhere:
     """A flight that lets a setpoint be anywhere, or nowhere: `reason`."""
 
     blown_to_m, reason, seen_late = None, None, False
-    path = SimpleNamespace(volume=SimpleNamespace(keeps_clear=lambda _place_m: True))
+    path = SimpleNamespace(
+        volume=SimpleNamespace(
+            site=SimpleNamespace(margin=Margin(position_m=0.9)),
+            keeps_clear=lambda _place_m: True,
+        )
+    )
 
     def refusal(self, *_):
         return self.reason

@@ -258,7 +258,7 @@ def test_a_fence_that_is_tightened_behind_the_aircraft_holds_it_until_it_is_wide
 def test_towards_a_fence_that_is_drawn_nearer_it_slows_down():
     desk = flown_with_a_fence(GF_ACTION=2.0)
     flight = desk.companion._executor.routes.flight
-    rest_m, _ = flight.rest()
+    rest_m, _ = flight.path.rest()
     ahead_m = float(rest_m[:, 2].max())
     before = flight._reference.trajectory.speed_mps.copy()
     bound = Bound(name="near", z_m=(0.0, ahead_m - 0.2))
