@@ -1,7 +1,7 @@
-"""The same examples every time, and none remembered; what real time asks of the machine.
+"""The same examples every time, and none remembered; whose branches are counted; real time.
 
-Counting branches makes Python code 2.7 times slower: long flights and searches are not counted, nor
-of the companion's tests any case but the first.
+Counting branches makes Python code 2.7 times slower. It is done in the tests of the packages
+without I/O alone: not in their long flights, and in most folders only in the first case of a test.
 """
 
 from __future__ import annotations
@@ -16,8 +16,23 @@ from tests.real_time import inconclusive, witness  # noqa: F401 - a fixture of a
 settings.register_profile(
     "repeatable", max_examples=50, derandomize=True, database=None, deadline=None
 )
+settings.register_profile("quick", settings.get_profile("repeatable"), max_examples=10)
 settings.load_profile("repeatable")
 
+_EVERY_CASE = {"mavlink", "planning", "preflight", "safety", "survey"}
+_FIRST_CASES = {
+    "autopilots",
+    "companion",
+    "contingency",
+    "estimation",
+    "guidance",
+    "mission",
+    "perception",
+    "planner",
+    "power",
+    "risk",
+}
+"""Folders of the packages without I/O."""
 _UNCOUNTED = {
     "companion/test_any_input.py",
     "companion/test_ardupilot.py",
@@ -39,13 +54,11 @@ _counted = set()
 
 def _is_counted(item):
     folder, file = item.path.parts[-2:]
-    if f"{folder}/{file}" in _UNCOUNTED:
+    if f"{folder}/{file}" in _UNCOUNTED or item.get_closest_marker("slow"):
         return False
-    if folder == "companion":
-        first = item.function not in _counted
-        _counted.add(item.function)
-        return first
-    return True
+    first = item.function not in _counted
+    _counted.add(item.function)
+    return folder in _EVERY_CASE or (first and folder in _FIRST_CASES)
 
 
 @pytest.hookimpl(wrapper=True)
