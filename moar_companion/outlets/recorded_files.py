@@ -30,15 +30,18 @@ def make_room(
     """Removes the oldest recordings until all have at most `most_bytes`.
 
     kept: files that stay. short_bytes: to be removed at least, if there is as much. Raises OSError
-    if the directory cannot be read.
+    if the directory cannot be read; recordings that a person removes meanwhile do not count.
     """
-    files = [
-        (folder.name, int(name[1] or 1), path, path.stat().st_size)
-        for folder in directory.iterdir()
-        if _FLIGHT.fullmatch(folder.name) and folder.is_dir() and not folder.is_symlink()
-        for path in folder.iterdir()
-        if (name := _FILE.fullmatch(path.name)) and path.is_file()
-    ]
+    files: list[tuple[str, int, Path, int]] = []
+    for folder in directory.iterdir():
+        if not _FLIGHT.fullmatch(folder.name) or folder.is_symlink():
+            continue
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError):
+            files += [
+                (folder.name, int(name[1] or 1), path, path.stat().st_size)
+                for path in folder.iterdir()
+                if (name := _FILE.fullmatch(path.name)) and path.is_file()
+            ]
     over_bytes = max(sum(size for *_, size in files) - most_bytes, short_bytes)
     for _, _, path, size in sorted(files):
         if over_bytes <= 0.0:

@@ -162,6 +162,8 @@ class Recorder(Generic[Item]):
                 elif _free_bytes(self.folder) < self._limits.floor_bytes:
                     self._keep_room(part)
             part.write([], last=True)
+        except FileNotFoundError:
+            self._end(FileNotFoundError(errno.ENOENT, "the folder is gone"))
         except OSError as error:
             self._end(error)
         except Exception as error:  # noqa: BLE001 - the flight goes on without a recording
@@ -240,4 +242,4 @@ def _check_kept(file: BinaryIO) -> None:
     """Raises FileNotFoundError for a file that was deleted while it is open."""
     kept = os.fstat(file.fileno())
     if stat.S_ISREG(kept.st_mode) and not kept.st_nlink:
-        raise FileNotFoundError(errno.ENOENT, "the folder is gone")
+        raise FileNotFoundError

@@ -1,5 +1,8 @@
 """Which recordings make room for new ones."""
 
+import shutil
+from pathlib import Path
+
 from moar_companion.outlets.recorded_files import make_room, part_name
 
 
@@ -39,6 +42,21 @@ def test_as_much_goes_as_the_disk_is_short_of(tmp_path):
     recorded(tmp_path, 3, "flight.tlog", size=100)
     make_room(tmp_path, [], float("inf"), 150.0)
     assert [path.split("/")[0][:15] for path in left(tmp_path)] == ["flight_20261103"]
+
+
+def test_a_flight_that_a_person_removes_meanwhile_does_not_count(tmp_path, monkeypatch):
+    old = recorded(tmp_path, 1, "flight.tlog")
+    recorded(tmp_path, 2, "flight.tlog")
+    listed = Path.iterdir
+
+    def removed_first(folder):
+        if folder == old:
+            shutil.rmtree(old)
+        return listed(folder)
+
+    monkeypatch.setattr(Path, "iterdir", removed_first)
+    make_room(tmp_path, [], 50.0, 0.0)
+    assert left(tmp_path) == []
 
 
 def test_files_of_others_stay(tmp_path):
