@@ -50,8 +50,8 @@ def sight_speed_mps(vehicle: Vehicle, config: CompanionConfig) -> float:
     kept_m = vehicle.radius_m + settings.keep_out_m + margin_of(vehicle, config.supervision).total_m
     room_m = max(0.0, settings.sight_m - kept_m)
     coasted_mps = vehicle.guidance.acceleration_mps2 * _REACTION_S
-    way = 2.0 * vehicle.guidance.acceleration_mps2 * room_m
-    return math.sqrt(coasted_mps**2 + way) - coasted_mps
+    gained_m2ps2 = 2.0 * vehicle.guidance.acceleration_mps2 * room_m
+    return math.sqrt(coasted_mps**2 + gained_m2ps2) - coasted_mps
 
 
 def sighted(vehicle: Vehicle, config: CompanionConfig) -> Vehicle:

@@ -226,12 +226,12 @@ class Radio:
 class RemoteControl:
     """RC_CHANNELS: signal strength of the pilot's transmitter, fraction in [0, 1].
 
-    ever_told: True once this message or an earlier one has reported a signal strength.
+    ever_reported: True once this message or an earlier one has reported a signal strength.
     """
 
     received_s: float
     rssi: float | None
-    ever_told: bool = False
+    ever_reported: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -256,7 +256,7 @@ class MotorSpeeds:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Heard:
+class PeerHeartbeat:
     """Time of the last HEARTBEAT of a peer."""
 
     received_s: float
@@ -386,7 +386,7 @@ class Telemetry:
     motor_min_us: float | None = None
     motor_max_us: float | None = None
     """The range of the motor outputs, where parameters report it."""
-    ground_station: Heard | None = None
+    ground_station: PeerHeartbeat | None = None
     link: LinkStatistics | None = None
     link_node: LinkNode | None = None
     firmware: Firmware | None = None

@@ -64,9 +64,9 @@ class Link:
         """Start without a sender. link_id: of its signatures."""
         self.name = options.name
         self.profile = options.profile
-        self.heard: set[tuple[int, int]] = set()
-        self.heard_systems: set[int] = set()
-        self.ground_station_heard = False
+        self.senders: set[tuple[int, int]] = set()
+        self.sender_systems: set[int] = set()
+        self.ground_station_received = False
         self.out: list[bytes] = []
         self.sent = 0
         self.received = 0
@@ -92,10 +92,10 @@ class Link:
                 continue
             self.received += 1
             _, system, component = packet_header(message.get_msgbuf())
-            self.heard.add((system, component))
-            self.heard_systems.add(system)
+            self.senders.add((system, component))
+            self.sender_systems.add(system)
             if message.get_type() == "HEARTBEAT" and message.type == mavlink.MAV_TYPE_GCS:
-                self.ground_station_heard = True
+                self.ground_station_received = True
             messages.append(message)
         return messages
 

@@ -151,9 +151,9 @@ def test_answers_to_orders_end_with_their_verdict():
 
 
 def test_no_text_of_a_pilot_is_written_elsewhere():
-    """Reports are made of named texts: no `say(…, "literal")`."""
+    """Reports are made of named texts: no `send_text(…, "literal")`."""
     found = subprocess.run(
-        ["grep", "-rnE", r"reports\.say\([A-Za-z.]+, f?\"", str(SOURCES)],
+        ["grep", "-rnE", r"reports\.send_text\([A-Za-z.]+, f?\"", str(SOURCES)],
         capture_output=True,
         text=True,
         check=False,

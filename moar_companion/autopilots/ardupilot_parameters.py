@@ -21,10 +21,10 @@ from .parameter_rules import (
     excepted,
     excepts_us,
     follows_setpoints,
+    shown,
     speed_limits,
     switch,
     time_on_last_setpoint,
-    told,
     where_zero,
 )
 
@@ -217,14 +217,14 @@ RULES = (
     *(
         Rule(
             parameter=name,
-            judge=told("mAh"),
+            judge=shown("mAh"),
             meaning=f"the charge of a {stage} battery; 0 is none",
         )
         for name, stage in (("BATT_LOW_MAH", "low"), ("BATT_CRT_MAH", "critical"))
     ),
     Rule(
         parameter="RTL_ALT",
-        judge=told("m", scale=0.01),
+        judge=shown("m", scale=0.01),
         meaning="the height above home to which every return climbs first",
         unknown=Level.NOTE,
     ),

@@ -31,7 +31,7 @@ _LONGEST_S = 5.0
 class OffboardLoss:
     """Flight after an offboard loss. The stopping distance is a v + b v^2.
 
-    way_s, way_s2pm: a and b. unreported: parameters that the autopilot never reported.
+    stopping_s, stopping_s2pm: a and b. unreported: parameters that the autopilot never reported.
     """
 
     kind: AutopilotKind
@@ -42,8 +42,8 @@ class OffboardLoss:
     """Setting that prevents the objections, for texts."""
     timeout_s: float | None
     """Time for which the autopilot moves the setpoint on; None: the setpoint stands."""
-    way_s: float
-    way_s2pm: float
+    stopping_s: float
+    stopping_s2pm: float
     follows_mps2: float | None = None
     """Acceleration limit of the autopilot when it follows setpoints; None: no limit of its own."""
     follows_parameters: tuple[str, ...] = ()
@@ -51,18 +51,18 @@ class OffboardLoss:
     follows_unit_mps2: float = 1.0
     home: ReturnHeight | None = None
     """Route of a return to home; None for a return to another place, or another action."""
-    unknown_way: str = ""
+    unknown_return: str = ""
     """Cause of a return to another place, for texts."""
     unreported: tuple[str, ...] = ()
 
-    def way_m(self, speed_mps: FloatArray) -> FloatArray:
+    def stopping_m(self, speed_mps: FloatArray) -> FloatArray:
         """Stopping distance beyond the last setpoint, at speeds (n,): (n,)."""
-        return self.way_s * speed_mps + self.way_s2pm * speed_mps**2
+        return self.stopping_s * speed_mps + self.stopping_s2pm * speed_mps**2
 
     def speed_mps(self, free_m: FloatArray) -> FloatArray:
         """Greatest speeds (n,) with stopping distances within (n,)."""
-        half = 0.5 * self.way_s / self.way_s2pm
-        return np.asarray(np.sqrt(half**2 + free_m / self.way_s2pm) - half)
+        half = 0.5 * self.stopping_s / self.stopping_s2pm
+        return np.asarray(np.sqrt(half**2 + free_m / self.stopping_s2pm) - half)
 
     @property
     def assumption(self) -> str | None:
@@ -93,7 +93,7 @@ class OffboardLoss:
             fly_on = f"it would fly on for {self.timeout_s:.3g} s"
             return f"{fly_on} (on offboard loss; {self.remedy})"
         if self.action is Action.RETURN and self.home is None:
-            why = f"{self.unknown_way}; "
+            why = f"{self.unknown_return}; "
             return self._against(f"{self.action.value} by an unknown way", why=why)
         return self._against(self.action.value) if self.action is Action.FALL else None
 

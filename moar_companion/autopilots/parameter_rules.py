@@ -59,7 +59,7 @@ class Case:
     """Offboard loss by these parameters, with defaults for those that were not reported."""
     objection: Level
     """Level of an objection to an offboard loss in flight, as configured."""
-    ground_station_heard: bool
+    ground_station_received: bool
     speeds_mps: tuple[float, float, float]
     """Greatest speeds of the vehicle level, upwards and downwards."""
     max_speed_mps: float
@@ -176,7 +176,7 @@ def speed_limits(
     )
 
 
-def told(unit: str, scale: float = 1.0) -> Judge:
+def shown(unit: str, scale: float = 1.0) -> Judge:
     """Judges any value as a note."""
     return lambda value, _: (Level.NOTE, f"{value * scale:g} {unit}")
 
@@ -184,8 +184,8 @@ def told(unit: str, scale: float = 1.0) -> Judge:
 def time_on_last_setpoint(value: float, case: Case) -> Verdict:
     """Judges the seconds without new setpoints, with the stopping distance."""
     speed_mps, loss = case.max_speed_mps, case.loss
-    way_m = float(loss.way_m(np.array(speed_mps)))
-    words = f"{value:g} s, and up to {way_m:.1f} m at {speed_mps:g} m/s until it rests"
+    stopping_m = float(loss.stopping_m(np.array(speed_mps)))
+    words = f"{value:g} s, and up to {stopping_m:.1f} m at {speed_mps:g} m/s until it rests"
     if loss.objection_anywhere is not None and loss.timeout_s is not None:
         return case.objection, words
     return (Level.OK if value <= _SHORT_S else Level.WARNING), words

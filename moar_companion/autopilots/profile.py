@@ -180,18 +180,18 @@ class Profile:
 
         A parameter that was never reported has the autopilot's default, and is in `unreported`.
         """
-        told = _values(self.loss_defaults, parameters)
-        return None if told is None or self.read_loss is None else self.read_loss(*told)
+        reported = _values(self.loss_defaults, parameters)
+        return None if reported is None or self.read_loss is None else self.read_loss(*reported)
 
     def failsafes(self, parameters: Parameters) -> Failsafes | None:
         """Failsafe actions; None while a parameter is awaited, or if unknown.
 
         A parameter that was never reported has the autopilot's default, and is in `unreported`.
         """
-        told = _values(self.failsafe_defaults, parameters)
-        if told is None or self.read_failsafes is None:
+        reported = _values(self.failsafe_defaults, parameters)
+        if reported is None or self.read_failsafes is None:
             return None
-        values, unreported = told
+        values, unreported = reported
         return Failsafes(actions=tuple(self.read_failsafes(values)), unreported=unreported)
 
     def fence(
@@ -217,5 +217,5 @@ def _values(
     """Values with the defaults for those never reported, and their names; None: some awaited."""
     if not defaults.keys() <= parameters.keys():
         return None
-    told = {name: value for name in defaults if (value := parameters[name]) is not None}
-    return {**defaults, **told}, tuple(name for name in defaults if name not in told)
+    reported = {name: value for name in defaults if (value := parameters[name]) is not None}
+    return {**defaults, **reported}, tuple(name for name in defaults if name not in reported)

@@ -218,10 +218,10 @@ def _loss(value: Mapping[str, float], unreported: tuple[str, ...]) -> OffboardLo
         action=_loss_action(value),
         remedy="set COM_OBL_RC_ACT 5",
         timeout_s=None,
-        way_s=_OVERSHOOT / gain_per_s,
-        way_s2pm=_SWITCH_S2PM + 0.5 / brakes_mps2 - 0.5 / _HARD_MPS2,
+        stopping_s=_OVERSHOOT / gain_per_s,
+        stopping_s2pm=_SWITCH_S2PM + 0.5 / brakes_mps2 - 0.5 / _HARD_MPS2,
         home=Return.of(value),
-        unknown_way="RTL_TYPE is not 0",
+        unknown_return="RTL_TYPE is not 0",
         unreported=unreported,
     )
 

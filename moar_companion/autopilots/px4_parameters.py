@@ -20,15 +20,15 @@ from .parameter_rules import (
     choice,
     excepted,
     excepts_us,
+    shown,
     speed_limits,
     switch,
     time_on_last_setpoint,
-    told,
 )
 
 
 def _forwarding(value: float, case: Case) -> Verdict:
-    if not value and case.ground_station_heard:
+    if not value and case.ground_station_received:
         return Level.OK, "0, and a ground station is heard all the same"
     return (Level.OK if value else Level.WARNING), f"{value:g}"
 
@@ -42,7 +42,7 @@ def _critical_battery(value: float, case: Case) -> Verdict:
 _THEREFORE = {Action.RETURN: f", {CLIMBS}", Action.FALL: ": it falls"}
 
 
-def _dead_companion(value: float, case: Case) -> Verdict:
+def _companion_loss(value: float, case: Case) -> Verdict:
     action = case.loss.action
     word = _OFFBOARD_LOSS.get(int(value), "not known here, taken for a return")
     level = Level.WARNING if action is Action.RETURN else Level.OK
@@ -79,7 +79,7 @@ RULES = (
     ),
     Rule(
         parameter="COM_OBL_RC_ACT",
-        judge=_dead_companion,
+        judge=_companion_loss,
         meaning="what PX4 does after a companion failure",
         remedy="set 5 (hold)",
         unknown=Level.NO_GO,
@@ -198,7 +198,7 @@ RULES = (
     ),
     Rule(
         parameter="RTL_RETURN_ALT",
-        judge=told("m"),
+        judge=shown("m"),
         meaning="the height above home to which every return climbs first",
         unknown=Level.NOTE,
     ),

@@ -21,7 +21,7 @@ from ..errors import InputError, LinkError
 from ..service.mqtt_settings import SettingNames, read_broker, read_order_key
 from ..service.signing_clock import load_signing
 from .options import add_file
-from .outputs import say
+from .outputs import print_text
 from .service import add_config, link_problems, merged
 
 if TYPE_CHECKING:
@@ -72,23 +72,23 @@ def run(arguments: argparse.Namespace) -> int:
     errors: list[InputError] = []
     config, vehicle, site, signing = _read(arguments, errors)
     if errors or config is None or vehicle is None:
-        _tell("Files", _unusable(errors))
+        _report("Files", _unusable(errors))
         first, more = errors[0], len(errors) - 1
-        say(f"NO-GO: {_counted(len(errors), 'finding')}\n")
+        print_text(f"NO-GO: {_counted(len(errors), 'finding')}\n")
         problem = first.problem + (f" (and {more} more)" if more else "")
         raise InputError(first.source, first.key, problem)
     from .service_check import service_findings  # noqa: PLC0415
 
     found = service_findings(config, vehicle, site, ports=not arguments.files)
-    _tell("Files", found)
+    _report("Files", found)
     planner = None if site is None else _planner(site, vehicle, config)
     if planner is not None:
-        found += _tell(f"Site {planner.site.name}", _looked_at(planner))
+        found += _report(f"Site {planner.site.name}", _looked_at(planner))
     seen = False
     if not arguments.files:
         aircraft, seen = _aircraft(config, vehicle, planner, signing)
         found += aircraft
-    say(_summary(found, files=arguments.files, seen=seen) + "\n")
+    print_text(_summary(found, files=arguments.files, seen=seen) + "\n")
     stopped = worst(found) is Level.NO_GO or not (seen or arguments.files)
     return 1 if stopped else 0
 
@@ -100,13 +100,13 @@ def _aircraft(
     from ..preflight.aircraft_check import Preflight  # noqa: PLC0415
 
     urls = [link.url for link in config.links]
-    say(f"Aircraft on {', '.join(urls)}\n")
+    print_text(f"Aircraft on {', '.join(urls)}\n")
     preflight = Preflight(config, vehicle, planner, signing=signing)
     try:
         asyncio.run(_listen(preflight, urls))
     except LinkError as error:
-        return _tell("", [_unopened(error)]), False
-    return _tell("", preflight.findings()), preflight.found
+        return _report("", [_unopened(error)]), False
+    return _report("", preflight.findings()), preflight.found
 
 
 def _read(
@@ -208,7 +208,7 @@ def _unopened(error: LinkError) -> Finding:
     )
 
 
-def _tell(heading: str, findings: list[Finding]) -> list[Finding]:
+def _report(heading: str, findings: list[Finding]) -> list[Finding]:
     """Prints and returns findings: in columns and colours on a terminal, else a line each."""
     from rich.console import Console  # noqa: PLC0415
     from rich.table import Table  # noqa: PLC0415
@@ -216,7 +216,7 @@ def _tell(heading: str, findings: list[Finding]) -> list[Finding]:
 
     console = Console()
     if heading:
-        say(f"{heading}\n")
+        print_text(f"{heading}\n")
     if console.is_terminal:
         table = Table.grid(padding=(0, 2))
         for finding in findings:
@@ -228,7 +228,7 @@ def _tell(heading: str, findings: list[Finding]) -> list[Finding]:
         console.print(table)
     else:
         lines = (f"  {item.level!s:{_LEVEL_WIDTH}}  {item}\n" for item in findings)
-        say("".join(lines))
+        print_text("".join(lines))
     return findings
 
 

@@ -103,7 +103,7 @@ def run(arguments: argparse.Namespace) -> int:
     with contextlib.closing(GroundStation(address)) as operator:
         operator.find_companion(arguments.timeout)
         if order == _STATUS:
-            _say(_status(operator))
+            _print_line(_status(operator))
             return 0
         return _give(operator, order, index, arguments.timeout)
 
@@ -154,17 +154,17 @@ def _give(operator: GroundStation, order: str, index: int, timeout_s: float) -> 
     """Sends the order, prints the answer and, if refused, the reason; returns the exit status."""
     result = _answer(operator, order, index, timeout_s)
     name = _RESULTS.get(result, f"REFUSED, result {result}")
-    _say(f"{order}: {name}")
+    _print_line(f"{order}: {name}")
     if result == CommandResult.ACCEPTED:
         return 0
     verdict = f", {name.lower().rpartition('_')[2]}"
-    for said in operator.listen(_REASON_S):
-        if said.text is not None:
-            _say(said.text)
-            if said.text.endswith(verdict):
+    for event in operator.listen(_REASON_S):
+        if event.text is not None:
+            _print_line(event.text)
+            if event.text.endswith(verdict):
                 break
     else:
-        _say("(no reason was received)")
+        _print_line("(no reason was received)")
     return 1
 
 
@@ -179,17 +179,17 @@ def _answer(operator: GroundStation, order: str, index: int, timeout_s: float) -
     while time.monotonic() < until_s:
         operator.send_command(command, param1, index, confirmation=confirmation)
         confirmation = min(confirmation + 1, 255)
-        for said in operator.listen(_REPEAT_S):
-            if said.text is not None:
-                _say(said.text)
-            if not operator.is_answer(said, command):
+        for event in operator.listen(_REPEAT_S):
+            if event.text is not None:
+                _print_line(event.text)
+            if not operator.is_answer(event, command):
                 continue
-            result: int = said.fields["result"]
+            result: int = event.fields["result"]
             if result != CommandResult.IN_PROGRESS:
                 return result
             until_s = time.monotonic() + timeout_s
             if not in_progress:
-                _say(f"{order}: {_RESULTS[result]}")
+                _print_line(f"{order}: {_RESULTS[result]}")
             in_progress = True
     raise LinkError(f"{order}: the companion has not answered for {timeout_s:g} s")
 
@@ -202,13 +202,13 @@ def _status(operator: GroundStation) -> str:
     beats: dict[int, Mapping[str, Any]] = {}
     values: dict[str, float | None] = {}
     texts: dict[str, None] = {}
-    for said in operator.listen(_LISTEN_S):
-        if said.name == "HEARTBEAT":
-            beats[said.component] = said.fields
-        elif said.component == COMPANION and said.name == "NAMED_VALUE_FLOAT":
-            values[said.fields["name"]] = said.fields["value"]
-        elif said.text is not None:
-            texts[said.text] = None
+    for event in operator.listen(_LISTEN_S):
+        if event.name == "HEARTBEAT":
+            beats[event.component] = event.fields
+        elif event.component == COMPANION and event.name == "NAMED_VALUE_FLOAT":
+            values[event.fields["name"]] = event.fields["value"]
+        elif event.text is not None:
+            texts[event.text] = None
     companion, autopilot = beats.get(COMPANION), beats.get(_AUTOPILOT)
     known = f"system {operator.system_id}, component {COMPANION}"
     lines = (
@@ -249,6 +249,6 @@ def _value(value: float | None) -> str:
     return f"{value:.2f}" if value is not None and math.isfinite(value) else "unknown"
 
 
-def _say(line: str) -> None:
+def _print_line(line: str) -> None:
     sys.stdout.write(f"{line}\n")
     sys.stdout.flush()

@@ -20,7 +20,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .options import file_name, refused, require
-from .outputs import replacing, say
+from .outputs import print_text, replacing
 from .task_pool import run_tasks, task_pool
 
 if TYPE_CHECKING:
@@ -126,7 +126,7 @@ def _write(results: Results, pictures: dict[str, list[Picture]], folder: Path) -
     for name, columns in experiments.columns(results).items():
         with replacing(str(folder / f"{name}.parquet")) as stream:
             _write_parquet(columns, stream)
-    say(f"{experiments.summary(results)}report: {folder / 'report.html'}\n")
+    print_text(f"{experiments.summary(results)}report: {folder / 'report.html'}\n")
 
 
 def _write_parquet(columns: dict[str, Any], stream: IO[bytes]) -> None:

@@ -18,7 +18,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from ..errors import LinkError
-from ..mavlink.statustext import HeardTexts
+from ..mavlink.statustext import ReceivedTexts
 from ..mavlink.urls import LinkAddress, LinkKind
 
 COMPANION = 195
@@ -30,7 +30,7 @@ _POLL_S = 0.05
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Said:
+class ReceivedEvent:
     """A message from the companion's system."""
 
     name: str
@@ -51,8 +51,8 @@ class GroundStation:
         self.system_id = 0
         """The aircraft's system id; 0 until the companion is found."""
         self._address = address
-        self._heard: queue.SimpleQueue[Any] = queue.SimpleQueue()
-        self._texts = HeardTexts()
+        self._received: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._texts = ReceivedTexts()
         self._complaint = ""
         self._plugin: Any = mavlink_direct
         self._direct: Any = None
@@ -79,22 +79,24 @@ class GroundStation:
         """Waits for the first companion; LinkError with the systems received when none appears."""
         until_s = time.monotonic() + timeout_s
         while True:
-            heard = {item: item.component_ids() for item in self._mavsdk.get_systems()}
-            for system, components in heard.items():
+            received = {item: item.component_ids() for item in self._mavsdk.get_systems()}
+            for system, components in received.items():
                 if COMPANION in components:
                     self.system_id = system.get_system_id()
                     self._direct = self._plugin.MavlinkDirect(system)
                     for name in _HEARD:
-                        self._direct.subscribe_message(name, lambda said, _: self._heard.put(said))
+                        self._direct.subscribe_message(
+                            name, lambda event, _: self._received.put(event)
+                        )
                     return
             if time.monotonic() >= until_s:
-                raise LinkError(self._nobody(heard, timeout_s))
+                raise LinkError(self._none_found(received, timeout_s))
             time.sleep(_POLL_S)
 
-    def _nobody(self, heard: Mapping[Any, list[int]], timeout_s: float) -> str:
+    def _none_found(self, received: Mapping[Any, list[int]], timeout_s: float) -> str:
         others = "; ".join(
             f"system {system.get_system_id()} with components {', '.join(map(str, components))}"
-            for system, components in heard.items()
+            for system, components in received.items()
         )
         return (
             f"no companion (component {COMPANION}) received on {self._address} "
@@ -123,28 +125,30 @@ class GroundStation:
         except self._plugin.MavlinkDirectError as error:
             raise self._failed(error.result.name) from error
 
-    def listen(self, seconds: float) -> Iterator[Said]:
+    def listen(self, seconds: float) -> Iterator[ReceivedEvent]:
         """Messages received from the companion's system within a time."""
         until_s = time.monotonic() + seconds
         while (left_s := until_s - time.monotonic()) > 0.0:
             try:
-                message = self._heard.get(timeout=left_s)
+                message = self._received.get(timeout=left_s)
             except queue.Empty:
                 return
             fields = json.loads(message.fields_json)
             name, component = message.message_name, message.component_id
             if component == COMPANION and name == "STATUSTEXT":
-                for text in self._texts.hear(SimpleNamespace(**fields)):
-                    yield Said(name=name, component=component, fields=fields, text=text.text)
+                for text in self._texts.handle(SimpleNamespace(**fields)):
+                    yield ReceivedEvent(
+                        name=name, component=component, fields=fields, text=text.text
+                    )
             else:
-                yield Said(name=name, component=component, fields=fields)
+                yield ReceivedEvent(name=name, component=component, fields=fields)
 
-    def is_answer(self, said: Said, command: int) -> bool:
+    def is_answer(self, event: ReceivedEvent, command: int) -> bool:
         """Returns True for the companion's acknowledgement of a command of this ground station."""
-        fields = said.fields
+        fields = event.fields
         return (
-            said.name == "COMMAND_ACK"
-            and said.component == COMPANION
+            event.name == "COMMAND_ACK"
+            and event.component == COMPANION
             and fields["command"] == command
             and (fields["target_system"], fields["target_component"]) == self._ids
         )

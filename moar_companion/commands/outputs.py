@@ -102,7 +102,7 @@ def write_output(
     return None
 
 
-def say(text: str) -> None:
+def print_text(text: str) -> None:
     """Writes text to stdout at once; an OSError names stdout, except BrokenPipeError."""
     if sys.stdout is None:
         raise OSError("stdout is closed")

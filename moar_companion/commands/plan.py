@@ -20,7 +20,7 @@ from ..adaptation import Adaptation, AdaptationKind
 from ..errors import InputError
 from ..types import Mission, RiskIndices, Weights
 from .options import add_file, file_name, numbers, refused, require, risk_indices
-from .outputs import STDOUT, check_outputs, say, write_output
+from .outputs import STDOUT, check_outputs, print_text, write_output
 from .plan_summary import summary
 
 if TYPE_CHECKING:
@@ -212,9 +212,9 @@ def run(arguments: argparse.Namespace) -> int:
         write_output("--pareto-plot", arguments.pareto_plot, draw_trade_off),
     ]
     if arguments.json == STDOUT:
-        say(_text(document))
+        print_text(_text(document))
     else:
-        say(summary(plan, refined, explanation, others))
+        print_text(summary(plan, refined, explanation, others))
     problems = [failure for failure in failures if failure]
     if problems:
         raise OSError("; ".join(problems))
@@ -358,7 +358,7 @@ def _explained(planner: Planner, plan: Plan, rule: Adaptation) -> dict[str, Any]
 def _document(plan: Plan, explanation: dict[str, Any], others: Sequence[Plan]) -> dict[str, Any]:
     document = plan.to_dict() | ({"explanation": explanation} if explanation else {})
     if others:
-        told = ("risk", "weights", "status", "cost", "states", "waypoints", "metrics")
+        keys = ("risk", "weights", "status", "cost", "states", "waypoints", "metrics")
         plans = [other.to_dict() for other in others]
-        document["alternatives"] = [{key: plan[key] for key in told} for plan in plans]
+        document["alternatives"] = [{key: plan[key] for key in keys} for plan in plans]
     return document

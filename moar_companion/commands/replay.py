@@ -20,7 +20,7 @@ from typing import IO, TYPE_CHECKING
 
 from ..errors import InputError
 from .options import add_file, file_name, refused, require
-from .outputs import STDOUT, check_outputs, say, write_output
+from .outputs import STDOUT, check_outputs, print_text, write_output
 
 if TYPE_CHECKING:
     from ..mavlink.dataflash import Row
@@ -99,9 +99,9 @@ def run(arguments: argparse.Namespace) -> int:
         write_output("--plot", arguments.plot, draw),
     ]
     if drag is not None:
-        say(_drag_lines(arguments.recording, drag))
+        print_text(_drag_lines(arguments.recording, drag))
     else:
-        say(_json(replay) if arguments.json == STDOUT else summary(replay))
+        print_text(_json(replay) if arguments.json == STDOUT else summary(replay))
     problems = [failure for failure in failures if failure]
     if problems:
         raise OSError("; ".join(problems))
@@ -153,13 +153,13 @@ def _place_lines(replay: Replay) -> list[str]:
     known = [
         (place.clearance_m, time_s) for time_s, place in places if place.clearance_m is not None
     ]
-    ways = [place.evacuation_s for _, place in places if place.evacuation_s is not None]
+    evacuations_s = [place.evacuation_s for _, place in places if place.evacuation_s is not None]
     lines = []
     if known:
         least_m, time_s = min(known)
         lines.append(f"  clearance      {least_m:.2f} m at least, at {time_s:.1f} s")
-    if ways:
-        lines.append(f"  evacuation     {max(ways):.1f} s at most")
+    if evacuations_s:
+        lines.append(f"  evacuation     {max(evacuations_s):.1f} s at most")
     return lines
 
 

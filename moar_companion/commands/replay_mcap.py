@@ -22,7 +22,7 @@ from ..outlets.recorded_files import part_name
 from ..recording.calls import arguments_decoded
 from ..recording.flight_log import made_with
 from ..recording.schemas import CALLS
-from .outputs import say
+from .outputs import print_text
 
 if TYPE_CHECKING:
     from ..mavlink.signing import SigningKey
@@ -119,16 +119,16 @@ def replay_exactly(path: str, key: SigningKey | None) -> int:
         began_s = replay.time_s if began_s is None else began_s
     compared = ", ".join(f"{number} {kind}s" for kind, number in replay.compared.items())
     cut = "; not closed, replayed to its last whole second" if recording.cut_short else ""
-    say(f"{path}: {cycles} cycles, {replay.time_s - (began_s or 0.0):.1f} s{cut}\n")
-    say(f"  compared: {compared}\n")
+    print_text(f"{path}: {cycles} cycles, {replay.time_s - (began_s or 0.0):.1f} s{cut}\n")
+    print_text(f"  compared: {compared}\n")
     for item in differences:
-        say(
+        print_text(
             f"  {item.time_s - (began_s or 0.0):10.2f} s  {item.what}\n"
             f"      recorded    {item.recorded}\n"
             f"      recomputed  {item.recomputed}\n"
         )
     if counts and recording.made_with != made_with():
-        say(f"  recorded by {recording.made_with}, recomputed by {made_with()}\n")
-    told = "; ".join(f"{what}: {number}" for what, number in counts.most_common())
-    say(f"  {counts.total()} differences: {told}\n" if counts else "  no difference\n")
+        print_text(f"  recorded by {recording.made_with}, recomputed by {made_with()}\n")
+    numbers = "; ".join(f"{what}: {number}" for what, number in counts.most_common())
+    print_text(f"  {counts.total()} differences: {numbers}\n" if counts else "  no difference\n")
     return int(bool(counts))

@@ -10,7 +10,7 @@ from typing import IO, TYPE_CHECKING, Any
 
 from ..errors import InputError
 from .options import add_file, file_name, number, numbers, refused, require
-from .outputs import check_outputs, say, write_output
+from .outputs import check_outputs, print_text, write_output
 
 if TYPE_CHECKING:
     from ..planner.plan_values import Plan
@@ -146,7 +146,9 @@ def _from_cloud(arguments: argparse.Namespace) -> int:
         f"{frame['origin']['longitude_deg']:.6f}, x to {frame['azimuth_deg']:.0f} deg\n"
     )
     notes = "".join(f"note: {note}\n" for note in (*section.notes, *height_notes(cloud)))
-    say(f"{len(section.conductors)} conductors cross the plane:\n{rows}{plane}{notes}{_next(out)}")
+    print_text(
+        f"{len(section.conductors)} conductors cross the plane:\n{rows}{plane}{notes}{_next(out)}"
+    )
     return _finished(failures, out)
 
 
@@ -189,7 +191,7 @@ def _from_map(arguments: argparse.Namespace) -> int:
         f"{len(drawn.document[key])} {key if len(drawn.document[key]) != 1 else key[:-1]}"
         for key in ("obstacles", "targets")
     )
-    say("".join(f"{line}\n" for line in (counts, *left_out)) + _next(out))
+    print_text("".join(f"{line}\n" for line in (counts, *left_out)) + _next(out))
     return _finished(failures, out)
 
 
@@ -222,7 +224,7 @@ def _show(arguments: argparse.Namespace) -> int:
         write_output(option, path, partial(_write_text, texts[option]))
         for option, path in outputs.items()
     ]
-    say(
+    print_text(
         "".join(f"{path_name(plan)}: {len(plan.states)} waypoints\n" for plan in plans)
         + "".join(f"no path: {reason}\n" for reason in missing)
     )

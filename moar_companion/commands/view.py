@@ -145,35 +145,35 @@ def _write_json(statuses: Statuses) -> NoReturn:
     """Writes a line for every status."""
     while True:
         for status in statuses.read():
-            _say(json.dumps(status))
+            _print_line(json.dumps(status))
 
 
 def _write_lines(statuses: Statuses) -> NoReturn:
     """Writes each `_LINE_PERIOD_S` the last status in short, or that the service is silent."""
-    status, heard_s = statuses.first(), time.monotonic()
+    status, received_s = statuses.first(), time.monotonic()
     while True:
-        _say(silence_of(time.monotonic() - heard_s) or line_of(status))
+        _print_line(silence_of(time.monotonic() - received_s) or line_of(status))
         due_s = time.monotonic() + _LINE_PERIOD_S
         while (left_s := due_s - time.monotonic()) > 0.0:
-            if statuses.waiting(left_s) and (heard := statuses.read()):
-                status, heard_s = heard[-1], time.monotonic()
+            if statuses.waiting(left_s) and (received := statuses.read()):
+                status, received_s = received[-1], time.monotonic()
 
 
-def _say(line: str) -> None:
+def _print_line(line: str) -> None:
     sys.stdout.write(f"{line}\n")
     sys.stdout.flush()
 
 
 def _watch(statuses: Statuses, console: Console) -> None:
     """Shows the page until q is typed."""
-    status, heard_s = statuses.first(), time.monotonic()
+    status, received_s = statuses.first(), time.monotonic()
     with keyboard() as keys, Live(console=console, screen=True, auto_refresh=False) as live:
         while True:
-            silent_s = time.monotonic() - heard_s
+            silent_s = time.monotonic() - received_s
             live.update(LiveView(status, notes=["q: end"], silent_s=silent_s), refresh=True)
             ready, _, _ = select.select([statuses.fileno(), *keys], [], [], _TICK_S)
-            if statuses.fileno() in ready and (heard := statuses.read()):
-                status, heard_s = heard[-1], time.monotonic()
+            if statuses.fileno() in ready and (received := statuses.read()):
+                status, received_s = received[-1], time.monotonic()
             if quit_typed(keys, ready):
                 return
 

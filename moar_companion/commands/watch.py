@@ -23,7 +23,7 @@ from ..outlets.fleet_view import FleetView, lines_of
 from ..service.mqtt_client import MqttClient
 from ..service.mqtt_settings import SettingNames, read_broker
 from .options import add_file
-from .outputs import say
+from .outputs import print_text
 from .view import keyboard, quit_typed
 
 _DRAW_S = 0.5
@@ -113,8 +113,8 @@ class _Traffic:
         """The fleet with all messages received until now."""
         with contextlib.suppress(Empty):
             while True:
-                topic, payload, heard_s, retained = self._waiting.get_nowait()
-                self.fleet.take(topic, payload, heard_s, retained=retained)
+                topic, payload, received_s, retained = self._waiting.get_nowait()
+                self.fleet.take(topic, payload, received_s, retained=retained)
         return self.fleet
 
 
@@ -156,4 +156,4 @@ def _write_lines(client: MqttClient, traffic: _Traffic) -> None:
         lines = list(lines_of(rows, now_s=time.monotonic(), wall_s=time.time()))
         if not client.connected or not lines:
             lines.insert(0, client.state)
-        say("".join(f"{line}\n" for line in lines))
+        print_text("".join(f"{line}\n" for line in lines))

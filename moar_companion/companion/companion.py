@@ -100,7 +100,7 @@ class Companion:
         self._followed_s: float | None = None
         """Start time of the last cycle whose output was sent in time."""
         self._risk_due_s = -math.inf
-        self._told: tuple[object, ...] = ()
+        self._reported: tuple[object, ...] = ()
         """Reports of position accuracy in the last cycle."""
         self._report_due_s = -math.inf
 
@@ -174,8 +174,8 @@ class Companion:
     @property
     def outlook(self) -> Outlook | None:
         """Battery energy left, and demand of the remaining flight; None without a site."""
-        ways = self._executor.risk_monitor.contingencies
-        return None if ways is None else ways.outlook(self.risk.meter)
+        contingencies = self._executor.risk_monitor.contingencies
+        return None if contingencies is None else contingencies.outlook(self.risk.meter)
 
     @property
     def perception_report(self) -> PerceptionReport | None:
@@ -222,7 +222,7 @@ class Companion:
         for time_s, link, data, address in self._intake.selected(arrived, precedence, now_s):
             self.receive(link, data, time_s, address)
         for words in self._intake.texts(now_s):
-            self._reports.say(Severity.WARNING, words, now_s, action="dropped")
+            self._reports.send_text(Severity.WARNING, words, now_s, action="dropped")
 
     def await_planner(self, compiling: str = "") -> None:
         """Notes that the planner is in preparation; until `take_ground` telemetry and risk only.
@@ -313,24 +313,29 @@ class Companion:
 
     def _accuracy_changed(self) -> bool:
         """True if a report of position accuracy is new: it must count for the next setpoint."""
-        telemetry, before = self.telemetry, self._told
-        self._told = telemetry.gnss, telemetry.second_gnss, telemetry.estimator, telemetry.odometry
-        return self._told != before
+        telemetry, before = self.telemetry, self._reported
+        self._reported = (
+            telemetry.gnss,
+            telemetry.second_gnss,
+            telemetry.estimator,
+            telemetry.odometry,
+        )
+        return self._reported != before
 
     def _transition(self, now_s: float) -> None:
         """Steps the mission machine: with the planner's answer, the ruling, and orders."""
         self._executor.transition(now_s)
-        self._tell(now_s)
+        self._report(now_s)
         unread = self._executor.routes.limits.not_ready_reason is not None
         unknown = self._session.autopilot is None or unread
         for command in self._orders.due(now_s, unknown=unknown and self._site_maps is not None):
             self._executor.order(command, now_s)
             self._start_report.note_order(command)
-        self._orders.tell_progress(now_s)
+        self._orders.report_progress(now_s)
 
-    def _tell(self, now_s: float) -> None:
+    def _report(self, now_s: float) -> None:
         """Reports file faults, a restart, and a wrong number of cells."""
-        self._reports.tell_file_faults(self._executor.host.file_faults, self.telemetry, now_s)
+        self._reports.report_file_faults(self._executor.host.file_faults, self.telemetry, now_s)
         if self._orders.planner_awaited:
             return
         may_continue = not self._executor.status_changed and self.status.task is not None
@@ -339,7 +344,7 @@ class Companion:
             pack = self._start_report.pack_text(self.telemetry, self._vehicle.risk.cells)
             texts += [] if pack is None else [pack]
         for text in texts:
-            self._reports.say(Severity.WARNING, text, now_s)
+            self._reports.send_text(Severity.WARNING, text, now_s)
 
     # Out
 
@@ -367,9 +372,9 @@ class Companion:
         """The addresses to which a listening link sends; empty for other links."""
         return self._session.peers(link)
 
-    def packets_heard(self) -> list[tuple[float, bytes]]:
+    def received_packets(self) -> list[tuple[float, bytes]]:
         """Whole packets received since the last call, with their times, for the record."""
-        return self._session.packets_heard()
+        return self._session.received_packets()
 
     def plan_jobs(self) -> list[PlanJob]:
         """Planning jobs since the last call. Only the newest one's answer is awaited."""
@@ -377,8 +382,8 @@ class Companion:
 
     def contingency_jobs(self) -> list[PlanJob]:
         """Planning jobs for escape routes since the last call; lower priority than `plan_jobs`."""
-        ways = self._executor.risk_monitor.contingencies
-        return [] if ways is None else ways.jobs()
+        contingencies = self._executor.risk_monitor.contingencies
+        return [] if contingencies is None else contingencies.jobs()
 
     def map_jobs(self) -> list[MapJob]:
         """Jobs for maps with other obstacles since the last call; one at a time."""
@@ -399,7 +404,7 @@ class Companion:
             case CommandCancelled(command=command):
                 self._executor.withdraw(command.number)
             case DeniedCommand(reason=reason):
-                self._orders.tell_why(event, Verdict.DENIED, reason, now_s)
+                self._orders.report_reason(event, Verdict.DENIED, reason, now_s)
             case AutopilotFound(autopilot=autopilot):
                 self._orders.await_autopilot(now_s)
                 self._session.requests.want_all_of(profile(autopilot.kind))
@@ -408,7 +413,7 @@ class Companion:
             case AutopilotRestarted():
                 self._executor.faults.note_restart()
             case _:
-                self._reports.tell_event(event, now_s)
+                self._reports.report_event(event, now_s)
 
     def _notice_pause(self, now_s: float) -> None:
         """Notes a fault when the last output sent in time is too old: control has ended."""
@@ -425,5 +430,5 @@ class Companion:
         if now_s < self._report_due_s:
             return
         self._report_due_s = now_s + _REPORT_PERIOD_S
-        self._reports.tell_values(state, self.risk.indices, self.weights, self.pose, now_s)
-        self._reports.tell_refusals(self._session.signing, now_s)
+        self._reports.report_values(state, self.risk.indices, self.weights, self.pose, now_s)
+        self._reports.report_refusals(self._session.signing, now_s)

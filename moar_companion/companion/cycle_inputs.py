@@ -119,7 +119,7 @@ class CycleInputs:
         return Situation(
             ruling=ruling,
             mode_ours=self.mode_ours,
-            mode_heard_s=-math.inf if autopilot is None else autopilot.received_s,
+            mode_received_s=-math.inf if autopilot is None else autopilot.received_s,
             on_leg=flight is not None and flight.on_leg,
             arrived=self._routes.arrived(pose, now_s),
             dwell_s=self._dwell_s(status),
@@ -133,8 +133,8 @@ class CycleInputs:
         flight, pose = self._routes.flight, self._pose_tracker.pose
         site_maps = self._routes.limits.site_maps
         telemetry, risk = self._session.telemetry, self._risk_monitor.risk
-        ways = self._risk_monitor.contingencies
-        escape_route = None if ways is None else ways.escape_route(risk.meter)
+        contingencies = self._risk_monitor.contingencies
+        escape_route = None if contingencies is None else contingencies.escape_route(risk.meter)
         room_m = None
         if site_maps is not None and pose is not None:
             room_m = site_maps.room_m(pose, self._vehicle.radius_m)

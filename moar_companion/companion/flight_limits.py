@@ -125,7 +125,7 @@ class FlightLimits:
         )
         plane = self._fences.plane
         if self._fences.assumption and self._fences.assumption != assumption:
-            self._reports.say(Severity.WARNING, self._fences.assumption, now_s)
+            self._reports.send_text(Severity.WARNING, self._fences.assumption, now_s)
         if self.site_maps is None or plane == before:
             return
         height_m = self._vehicle.guidance.landing_height_m

@@ -41,7 +41,7 @@ class Intake:
     def __init__(self) -> None:
         self.dropped: Counter[str] = Counter()
         """Dropped datagrams by link, since the last text."""
-        self._told_s = -math.inf
+        self._reported_s = -math.inf
         self._read_s = math.inf
         """Time of the last cycle that read; infinite before the first one."""
 
@@ -86,11 +86,11 @@ class Intake:
 
     def texts(self, now_s: float) -> list[str]:
         """Texts to report now, all links in one: `812 datagrams too many (udp:...)`."""
-        if not self.dropped or now_s - self._told_s < _PERIOD_S:
+        if not self.dropped or now_s - self._reported_s < _PERIOD_S:
             return []
         count, links = sum(self.dropped.values()), ", ".join(sorted(self.dropped))
         self.dropped.clear()
-        self._told_s = now_s
+        self._reported_s = now_s
         return [
             pilot_texts.DATAGRAMS_DROPPED(large_count=count, plural=plural(count), detail=links)
         ]

@@ -22,8 +22,8 @@ from ..mission.values import (
     Effect,
     MissionStatus,
     OverrideConditions,
-    Say,
     Seek,
+    SendText,
     Situation,
     Step,
     Task,
@@ -149,7 +149,7 @@ class MissionExecutor:
             limit_s = self._inputs.exposure_limit_s(self.status)
             note = watch.note(limit_s, self.status.since_s, now_s)
             if note is not None and not escapes(self.status):
-                self._reports.say(Severity.NOTICE, note, now_s)
+                self._reports.send_text(Severity.NOTICE, note, now_s)
 
     def assess_risk(self, now_s: float) -> None:
         """Updates the risk indices from telemetry and the remaining flight."""
@@ -249,7 +249,7 @@ class MissionExecutor:
         telemetry = self._session.telemetry
         known = self.status.known if self.status.order_id is not None else ()
         station = telemetry.ground_station
-        self._safety_monitor.tell(station, now_s, streaming=engaged, known=known)
+        self._safety_monitor.report(station, now_s, streaming=engaged, known=known)
         at_end = self.routes.arrived(self._pose_tracker.pose, now_s)
         self.mode_requester.act(self.status, telemetry, at_end=at_end, now_s=now_s)
 
@@ -294,8 +294,8 @@ class MissionExecutor:
                 self.status, reason, now_s, waits=waits, failed=answer.failed
             )
             self._carry_out(step, now_s)
-        elif not no_room and not self.routes.note_no_way_round():
-            self._reports.say(Severity.NOTICE, reason, now_s, action="path kept")
+        elif not no_room and not self.routes.note_no_detour():
+            self._reports.send_text(Severity.NOTICE, reason, now_s, action="path kept")
             if self.routes.braked:
                 self._carry_out(state_machine.blocked(self.status, now_s), now_s)
 
@@ -337,11 +337,11 @@ class MissionExecutor:
                 self._seek(task, now_s)
             case Answer(order_id, verdict, reason):
                 self._orders.answer(order_id, verdict, reason, now_s)
-            case Say(text, action, serious, news, condition):
+            case SendText(text, action, serious, is_new, condition):
                 severity = Severity.WARNING if serious else Severity.NOTICE
-                self._reports.say(severity, text, now_s, action=action, news=news)
+                self._reports.send_text(severity, text, now_s, action=action, is_new=is_new)
                 if condition:
-                    self._safety_monitor.note_told(condition)
+                    self._safety_monitor.note_reported(condition)
             case Do.BRAKE:
                 self.routes.brake()
             case OverrideConditions(known):

@@ -85,15 +85,17 @@ class ModeRequester:
         fit = autopilot is not None and not took_mode(autopilot) and not autopilot.homeward
         self._in_mode = autopilot.mode if may and fit and autopilot is not None else None
         if self._allowed and self._in_mode is None:
-            self._tell_waiting(autopilot, now_s)
+            self._report_waiting(autopilot, now_s)
 
-    def _tell_waiting(self, autopilot: AutopilotStatus | None, now_s: float) -> None:
+    def _report_waiting(self, autopilot: AutopilotStatus | None, now_s: float) -> None:
         """Reports that our mode is not requested: the operator must select it."""
         if autopilot is None or autopilot.ours:
             return
         own = profile(autopilot.kind).own_mode
         reason = pilot_texts.MODE_KEPT(mode=autopilot.mode)
-        self._reports.say(Severity.WARNING, reason, now_s, action=f"waiting for {own}", news=True)
+        self._reports.send_text(
+            Severity.WARNING, reason, now_s, action=f"waiting for {own}", is_new=True
+        )
 
     def note_landing(self) -> None:
         """Notes that the mission ends above its landing point: LAND is due."""
@@ -153,7 +155,7 @@ class ModeRequester:
             self._landing_asked_s = now_s if self._session.request_land() else None
             return
         self._landing_due = False
-        self._reports.say(Severity.WARNING, pilot_texts.NO_LANDING(), now_s)
+        self._reports.send_text(Severity.WARNING, pilot_texts.NO_LANDING(), now_s)
 
     def _may_take(self, status: MissionStatus, autopilot: AutopilotStatus, now_s: float) -> bool:
         """True if our mode is to be requested now: once for an order, again without an answer."""
@@ -173,6 +175,6 @@ class ModeRequester:
         if answered or not fit or (self._requests == _MOST_REQUESTS and not waits):
             self._in_mode = None
             if not answered:
-                self._tell_waiting(autopilot, now_s)
+                self._report_waiting(autopilot, now_s)
             return False
         return not waits

@@ -66,7 +66,7 @@ class OffboardLossCheck:
             return
         if self.loss != before:
             if self.loss.assumption:
-                self._reports.say(Severity.WARNING, self.loss.assumption, now_s)
+                self._reports.send_text(Severity.WARNING, self.loss.assumption, now_s)
             if flight is not None:
                 flight.learn_loss(self.loss)
         elif not home_moved(home_m, self._home_m):
@@ -87,7 +87,7 @@ class OffboardLossCheck:
         if objection is not None and self._refuses(flight.mission):
             self.objection = objection
         elif objection is not None:
-            self._reports.say(Severity.WARNING, objection, now_s)
+            self._reports.send_text(Severity.WARNING, objection, now_s)
 
     def reconsider(self, flight: PathFollower | None) -> None:
         """Repeats the check after less inflation or other failsafes: offboard loss alone counts.
@@ -125,7 +125,7 @@ class OffboardLossCheck:
                     self.objection = by_itself
                 return replace(answer, plan=None, reason=by_itself, would_collide=True)
             if by_itself is not None:
-                self._reports.say(Severity.NOTICE, by_itself, now_s)
+                self._reports.send_text(Severity.NOTICE, by_itself, now_s)
         if objection is None:
             return answer
         if self._refuses(plan.mission):
@@ -135,7 +135,7 @@ class OffboardLossCheck:
                 self.objection = objection
             return replace(answer, plan=None, reason=objection, would_collide=True)
         if awaited.first:
-            self._reports.say(Severity.WARNING, objection, now_s)
+            self._reports.send_text(Severity.WARNING, objection, now_s)
         return answer
 
     def _by_itself(

@@ -82,13 +82,13 @@ class OperatorCommands:
         """
         self.planner_awaited = True
         if compiling and not self._compiling:
-            self._reports.say(Severity.INFO, compiling, now_s)
+            self._reports.send_text(Severity.INFO, compiling, now_s)
         self._compiling = compiling
 
     def planner_ready(self, now_s: float) -> None:
         """Notes that the planner is ready."""
         if self._compiling:
-            self._reports.say(Severity.INFO, pilot_texts.PLANNER_READY(), now_s)
+            self._reports.send_text(Severity.INFO, pilot_texts.PLANNER_READY(), now_s)
         self.planner_awaited, self._compiling = False, ""
 
     def await_autopilot(self, now_s: float) -> None:
@@ -130,14 +130,16 @@ class OperatorCommands:
         self._session.answer(command, _RESULTS[verdict])
         self._reports.record("answer", now_s, verdict=verdict.value, reason=reason)
         if reason:
-            self.tell_why(command, verdict, reason, now_s)
+            self.report_reason(command, verdict, reason, now_s)
 
-    def tell_why(self, command: Command, verdict: Verdict, reason: str, now_s: float) -> None:
+    def report_reason(self, command: Command, verdict: Verdict, reason: str, now_s: float) -> None:
         """Sends the reason as a text to the sender's link: an acknowledgement carries none."""
         action, link = verdict.value.rpartition(" ")[2], command.sender.link
-        self._reports.say(Severity.WARNING, reason, now_s, action=action, news=True, link=link)
+        self._reports.send_text(
+            Severity.WARNING, reason, now_s, action=action, is_new=True, link=link
+        )
 
-    def tell_progress(self, now_s: float) -> None:
+    def report_progress(self, now_s: float) -> None:
         """Answers IN_PROGRESS once to each order that has waited for long."""
         for command in self._session.commands.without_answer(now_s):
             self._session.answer(command, CommandResult.IN_PROGRESS)

@@ -21,7 +21,7 @@ from ..vehicle import Vehicle
 from .plan_requests import Awaited
 from .reports import Reports
 
-_TOLD_EVERY_S = 10.0
+_REPORT_PERIOD_S = 10.0
 """Minimum time between two texts about a path that a risk has moved; the record has all."""
 _RISK_MOVED = 0.05
 """Minimum change of a risk since the last path to be reported as the reason for a move."""
@@ -33,7 +33,7 @@ class PlanReports:
     def __init__(self, vehicle: Vehicle, reports: Reports) -> None:
         self._vehicle = vehicle
         self._reports = reports
-        self._told_s = -math.inf
+        self._reported_s = -math.inf
         self._flown_risk = RiskIndices()
         """Risk indices of the active path's plan."""
 
@@ -69,18 +69,18 @@ class PlanReports:
         if (
             difference is not None
             and abs(after[name] - before[name]) >= _RISK_MOVED
-            and now_s - self._told_s >= _TOLD_EVERY_S
+            and now_s - self._reported_s >= _REPORT_PERIOD_S
         ):
-            self._told_s = now_s
+            self._reported_s = now_s
             reason = pilot_texts.PATH_MOVED(
                 risk=name,
                 fraction=f"{after[name]:.2f}",
                 path=difference.gist(),
                 detail=f"was {before[name]:.2f}",
             )
-            self._reports.say(Severity.INFO, reason, now_s)
+            self._reports.send_text(Severity.INFO, reason, now_s)
 
-    def tell_narrow(self, plan: Plan, site: Site, now_s: float) -> None:
+    def report_narrow(self, plan: Plan, site: Site, now_s: float) -> None:
         """Reports the clearance of an escape route that keeps less than the margin."""
         nearest = narrowest(site, self._vehicle, plan.waypoints.position_m)
         if nearest is not None:
@@ -89,4 +89,4 @@ class PlanReports:
                 low_m=distance(clearance_m), obstacle=name, least_m=limit_text(needed_m)
             )
             action = "exiting" if plan.mission is Mission.EXIT else "evacuating"
-            self._reports.say(Severity.WARNING, reason, now_s, action=action)
+            self._reports.send_text(Severity.WARNING, reason, now_s, action=action)

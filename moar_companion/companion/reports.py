@@ -39,14 +39,14 @@ class Reports:
         self._file_faults = FileFaultTexts()
         self._refusals = SigningReport()
 
-    def say(
+    def send_text(
         self,
         severity: Severity,
         reason: str,
         now_s: float,
         *,
         action: str = "",
-        news: bool = False,
+        is_new: bool = False,
         link: str | None = None,
     ) -> None:
         """Sends a STATUSTEXT of a reason and the companion's action; records the whole reason.
@@ -54,42 +54,42 @@ class Reports:
         link: the only link that receives it; None: all links.
         """
         text = pilot_text(reason, action)
-        self._session.send_text(severity, text, now_s, news=news, link=link)
+        self._session.send_text(severity, text, now_s, is_new=is_new, link=link)
         self.record("text", now_s, text=text, reason=reason)
 
-    def tell_event(self, event: Event, now_s: float) -> None:
+    def report_event(self, event: Event, now_s: float) -> None:
         """Reports an event of the session to the operators."""
         match event:
             case CommandAnswered(result=result) if result != CommandResult.ACCEPTED:
-                self.say(Severity.WARNING, pilot_texts.MODE_REFUSED(), now_s)
+                self.send_text(Severity.WARNING, pilot_texts.MODE_REFUSED(), now_s)
             case AutopilotElsewhere(link=link, address=(host, port, *_)):
                 detail = f"port {port}, on {link}"
                 text = pilot_texts.AUTOPILOT_ELSEWHERE(host=host, detail=detail)
-                self.say(Severity.WARNING, text, now_s, action="ignored")
+                self.send_text(Severity.WARNING, text, now_s, action="ignored")
             case PeerRefused(link=link, address=(host, port, *_), system_id=system_id):
                 detail = f"{host}:{port} on {link}; commands.systems"
                 text = pilot_texts.SYSTEM_MAY_NOT(id=system_id, detail=detail)
-                self.say(Severity.NOTICE, text, now_s, action="not served")
+                self.send_text(Severity.NOTICE, text, now_s, action="not served")
             case AutopilotConflict(autopilot=autopilot, other=other, reason=reason):
                 text = f"{reason} ({autopilot}, {other})"
-                self.say(Severity.ERROR, text, now_s, action="no control")
+                self.send_text(Severity.ERROR, text, now_s, action="no control")
 
-    def tell_file_faults(
+    def report_file_faults(
         self, faults: Iterable[FileFault], telemetry: Telemetry, now_s: float
     ) -> None:
         """Reports file faults of the service, and their ends."""
         for fault, over in self._file_faults.texts(faults, telemetry):
             severity = Severity.NOTICE if over else Severity.WARNING
             action = "over" if over else fault.action
-            self.say(severity, fault.reason, now_s, action=action, news=True)
+            self.send_text(severity, fault.reason, now_s, action=action, is_new=True)
 
-    def tell_refusals(self, signing: SignedLinks, now_s: float) -> None:
+    def report_refusals(self, signing: SignedLinks, now_s: float) -> None:
         """Reports packets that signed links have refused."""
         refused, behind_s = signing.packets_refused, signing.behind_s
         for words in self._refusals.texts(refused, behind_s, now_s, ahead_s=signing.ahead_s):
-            self.say(Severity.WARNING, words, now_s)
+            self.send_text(Severity.WARNING, words, now_s)
 
-    def tell_values(
+    def report_values(
         self,
         state: MissionState,
         risk: RiskIndices,

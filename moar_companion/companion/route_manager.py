@@ -62,7 +62,7 @@ class RouteManager:
         self._resumed_s = -math.inf
         """Time of the last resumption along a landing leg."""
         self._plan_reports = PlanReports(vehicle, reports)
-        self._no_way_round = False
+        self._no_detour = False
         """True after a search without a plan around the barred path."""
         self.inflation = PlanInflation(vehicle, config.supervision, margin)
         """Obstacle inflation of plans."""
@@ -82,23 +82,23 @@ class RouteManager:
     def learn_maps(self, site_maps: SiteMaps, now_s: float) -> None:
         """Takes maps of the site with other obstacles."""
         self.limits.learn_maps(site_maps, self.flight, now_s)
-        self._no_way_round = False
+        self._no_detour = False
 
     @property
     def barred(self) -> str | None:
         """Reason to hold: the maps bar the path ahead, and no plan leads round; None without it."""
         obstacle = None
-        if self._no_way_round and self.flight is not None:
+        if self._no_detour and self.flight is not None:
             obstacle = self.flight.barred_by
         if obstacle is None:
             return None
         return _NO_WAY_ROUND + short_name(obstacle, reason_chars("holding") - len(_NO_WAY_ROUND))
 
-    def note_no_way_round(self) -> bool:
+    def note_no_detour(self) -> bool:
         """Notes a search that found no plan; brakes and returns True if the maps bar the path."""
         if self.flight is None or self.flight.barred_by is None:
             return False
-        self._no_way_round = True
+        self._no_detour = True
         self.flight.brake()
         return True
 
@@ -211,7 +211,7 @@ class RouteManager:
         )
         if adoption is not Adoption.TOO_LATE:
             self.limits.offboard_loss.objection = None
-            self._no_way_round = False
+            self._no_detour = False
         if adoption is Adoption.NEW_PATH:
             self._plan_reports.explain(awaited, plan, flown, estimate, now_s)
         if (
@@ -219,7 +219,7 @@ class RouteManager:
             and adoption is Adoption.NEW_PATH
             and self.limits.site_maps is not None
         ):
-            self._plan_reports.tell_narrow(plan, self.limits.site_maps.site, now_s)
+            self._plan_reports.report_narrow(plan, self.limits.site_maps.site, now_s)
         if awaited.first and adoption is not Adoption.TOO_LATE:
             self._near_path_s = self._under_way_s = now_s
         return adoption
@@ -359,7 +359,7 @@ class RouteManager:
 
     def end(self) -> None:
         """Ends the flight."""
-        self._no_way_round = False
+        self._no_detour = False
         if self.flight is not None and self.flight.mission is not None:
             self._left = self.flight if self.flight.on_leg else None
         self.flight = None

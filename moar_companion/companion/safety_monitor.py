@@ -13,7 +13,7 @@ from ..safety.checks import causes
 from ..safety.condition_types import Action, Override
 from ..safety.conditions import conditions
 from ..safety.supervisor import Acting, Ruling
-from ..telemetry import Heard
+from ..telemetry import PeerHeartbeat
 from .reports import Reports
 
 _LISTENS_AFTER_S = 1.0
@@ -25,15 +25,15 @@ class _Audience:
 
     def __init__(self, lost_s: float) -> None:
         self._lost_s = lost_s
-        self._heard_s: dict[int, float] = {}
+        self._received_s: dict[int, float] = {}
         self._due_s = math.inf
 
-    def has_grown(self, heard: Heard | None, now_s: float) -> bool:
+    def has_grown(self, received: PeerHeartbeat | None, now_s: float) -> bool:
         """True once for each new ground station, when it is ready for texts."""
-        if heard is not None:
-            before_s = self._heard_s.get(heard.system_id, -math.inf)
-            self._heard_s[heard.system_id] = heard.received_s
-            if heard.received_s - before_s > self._lost_s:
+        if received is not None:
+            before_s = self._received_s.get(received.system_id, -math.inf)
+            self._received_s[received.system_id] = received.received_s
+            if received.received_s - before_s > self._lost_s:
                 self._due_s = now_s + _LISTENS_AFTER_S
         if now_s < self._due_s:
             return False
@@ -52,7 +52,7 @@ class SafetyMonitor:
         self._watches = supervisor.HEALTHY
         self._ruling = Ruling()
         self._recorded: dict[str, str] = {}
-        self._told: dict[str, bool] = {}
+        self._reported: dict[str, bool] = {}
         """Names of the reported conditions; True if the mission reported one by its action."""
         self._audience = _Audience(limits.ground_link_lost_s)
 
@@ -72,13 +72,13 @@ class SafetyMonitor:
         self._watches = supervisor.overridden(self._watches, self._table, known=known)
         self._ruling = supervisor.ruling(self._watches, self._table)
 
-    def note_told(self, name: str) -> None:
+    def note_reported(self, name: str) -> None:
         """Notes that the mission has reported this condition, by its action."""
-        self._told[name] = True
+        self._reported[name] = True
 
-    def tell(
+    def report(
         self,
-        station: Heard | None,
+        station: PeerHeartbeat | None,
         now_s: float,
         *,
         streaming: bool,
@@ -110,21 +110,25 @@ class SafetyMonitor:
                 continue
             self._reports.record("condition", now_s, name=name, began=False, reason=reason)
             # Another condition may have begun for the same reason.
-            if not self._told.get(name, True) and reason not in reasons:
-                self._reports.say(Severity.NOTICE, reason, now_s, action="over")
+            if not self._reported.get(name, True) and reason not in reasons:
+                self._reports.send_text(Severity.NOTICE, reason, now_s, action="over")
         self._recorded = {name: item.reason for name, item in acting.items()}
-        self._told = {name: told for name, told in self._told.items() if name in acting}
+        self._reported = {
+            name: reported for name, reported in self._reported.items() if name in acting
+        }
         if missed or not streaming:
-            self._told = {}
+            self._reported = {}
         if not streaming:
             return
         for name, item in acting.items():
-            if name in self._told or _before_control(item) or _is_past(item):
+            if name in self._reported or _before_control(item) or _is_past(item):
                 continue
-            self._told[name] = False
+            self._reported[name] = False
             leads = item.condition.action is ruling.action is not Action.CONTINUE
             action = ruling.action.words if leads else ""
-            self._reports.say(Severity.WARNING, item.reason, now_s, action=action, news=missed)
+            self._reports.send_text(
+                Severity.WARNING, item.reason, now_s, action=action, is_new=missed
+            )
 
 
 def _is_past(item: Acting) -> bool:

@@ -68,7 +68,7 @@ class SeenObstacles:
         self._proximity: Proximity | None = None
         self._jumped_m: Vector = (0.0, 0.0, 0.0)
         """Sum of the jumps of the estimate."""
-        self._told_m: dict[tuple[str, str], float] = {}
+        self._reported_m: dict[tuple[str, str], float] = {}
         """Last reported distance, by names in the file and as seen; 0 for an unknown conductor."""
 
     @property
@@ -153,7 +153,7 @@ class SeenObstacles:
             return None
         self._unmapped_s = None
         for severity, text in self._texts:
-            self._reports.say(severity, text, now_s, action="avoided")
+            self._reports.send_text(severity, text, now_s, action="avoided")
         self._texts.clear()
         return answer.site_maps
 
@@ -165,7 +165,7 @@ class SeenObstacles:
         self._looked_at = report
         if before is not None and report.began_s != before.began_s:
             self._before = self._seen or self._before
-            self._told_m.clear()
+            self._reported_m.clear()
         if on_ground:
             self._before = ()
         if report.health.scan_s is None:
@@ -244,20 +244,20 @@ class SeenObstacles:
         )
 
     def _note_unknown(self, seen: SeenConductor) -> None:
-        if ("", seen.name) in self._told_m:
+        if ("", seen.name) in self._reported_m:
             return
-        self._told_m["", seen.name] = 0.0
+        self._reported_m["", seen.name] = 0.0
         x_m, z_m = seen.position_m
         number = seen.name.rpartition("-")[2]
         text = pilot_texts.CONDUCTOR_SEEN(wire=number, x_m=f"{x_m:.1f}", z_m=f"{z_m:.1f}")
         self._texts.append((Severity.NOTICE, text))
 
     def _note_moved(self, name: str, seen: str, off_m: float) -> None:
-        told_m = self._told_m.get((name, seen))
-        if told_m is None and off_m <= self.settings.moved_m:
+        reported_m = self._reported_m.get((name, seen))
+        if reported_m is None and off_m <= self.settings.moved_m:
             return
-        if told_m is not None and abs(off_m - told_m) <= self.settings.moved_m:
+        if reported_m is not None and abs(off_m - reported_m) <= self.settings.moved_m:
             return
-        self._told_m[name, seen] = off_m
+        self._reported_m[name, seen] = off_m
         text = pilot_texts.CONDUCTOR_MOVED(m=distance(off_m), obstacle=name)
         self._texts.append((Severity.WARNING, text))

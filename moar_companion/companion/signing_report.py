@@ -22,8 +22,8 @@ class SigningReport:
     """Counts reported so far, and the times of the reports."""
 
     def __init__(self) -> None:
-        self._told = dict.fromkeys(SigningRefusal, 0)
-        self._told_s = dict.fromkeys(SigningRefusal, -math.inf)
+        self._reported = dict.fromkeys(SigningRefusal, 0)
+        self._reported_s = dict.fromkeys(SigningRefusal, -math.inf)
 
     def texts(
         self,
@@ -41,8 +41,8 @@ class SigningReport:
         texts = []
         for reason in SigningRefusal:
             count = sum(counts[reason] for counts in refused.values())
-            if count > self._told[reason] and now_s - self._told_s[reason] >= _PERIOD_S:
-                number = count - self._told[reason]
+            if count > self._reported[reason] and now_s - self._reported_s[reason] >= _PERIOD_S:
+                number = count - self._reported[reason]
                 words = pilot_texts.PACKETS_REFUSED(
                     large_count=number, plural=plural(number), refusal=reason.value
                 )
@@ -52,7 +52,7 @@ class SigningReport:
                     if ahead_s > _AHEAD_S:
                         words = f"{_ahead(ahead_s)} ({_REMEDY}; {slowest})"
                 texts.append(words)
-                self._told[reason], self._told_s[reason] = count, now_s
+                self._reported[reason], self._reported_s[reason] = count, now_s
         return texts
 
 

@@ -24,9 +24,9 @@ class StartReport:
     def __init__(self, before: MissionSnapshot | None) -> None:
         self.before = before
         """Memory of the previous process, without a task that was released since."""
-        self._heard_s: float | None = None
-        self._told = False
-        self._pack_told = False
+        self._received_s: float | None = None
+        self._reported = False
+        self._pack_reported = False
 
     def note_order(self, command: Command) -> None:
         """Takes an executed order: a release drops the task.
@@ -39,14 +39,14 @@ class StartReport:
     def texts(self, telemetry: Telemetry, now_s: float, *, may_continue: bool) -> list[str]:
         """Texts to report now. may_continue: the operator can order the rest of the task."""
         autopilot, before = telemetry.autopilot, self.before
-        if self._told or autopilot is None:
+        if self._reported or autopilot is None:
             return []
-        if self._heard_s is None:
-            self._heard_s = now_s
+        if self._received_s is None:
+            self._received_s = now_s
         flying = airborne(telemetry, now_s)
-        if not (flying or grounded(telemetry)) and now_s - self._heard_s < _PATIENCE_S:
+        if not (flying or grounded(telemetry)) and now_s - self._received_s < _PATIENCE_S:
             return []
-        self._told = True
+        self._reported = True
         texts = []
         if before is not None and (before.streamed or flying):
             texts.append(pilot_texts.RESTARTED(before=before.words(now_s)))
@@ -58,6 +58,6 @@ class StartReport:
 
     def pack_text(self, telemetry: Telemetry, cells: int | None) -> str | None:
         """Text to report now of a pack with another number of cells; None if there is none."""
-        words = None if self._pack_told else misread(telemetry, cells)
-        self._pack_told = self._pack_told or words is not None
+        words = None if self._pack_reported else misread(telemetry, cells)
+        self._pack_reported = self._pack_reported or words is not None
         return words

@@ -327,5 +327,6 @@ def _ages_s(telemetry: Telemetry, now_s: float) -> dict[str, float | None]:
         telemetry.batteries.values(), key=lambda battery: battery.received_s, default=None
     )
     return {
-        name: None if heard is None else now_s - heard.received_s for name, heard in latest.items()
+        name: None if received is None else now_s - received.received_s
+        for name, received in latest.items()
     }

@@ -24,7 +24,7 @@ _OUTSIDE = frozenset({"autopilot_fence", "outside_workspace", "off_path"})
 """Conditions that a recovery leg ends, and that therefore do not prevent it."""
 _AGAIN_S = 5.0
 """Time between two searches for a recovery leg."""
-_TOLD_AGAIN = 2.0
+_REPORT_AGAIN = 2.0
 """A drift is reported again when it has grown by this factor."""
 
 
@@ -33,7 +33,7 @@ class WindRecovery:
 
     def __init__(self, reports: Reports) -> None:
         self._reports = reports
-        self._told_m: float | None = None
+        self._reported_m: float | None = None
         self._due_s = -math.inf
 
     def act(
@@ -47,9 +47,9 @@ class WindRecovery:
     ) -> None:
         """Runs one cycle: reports a growing drift, begins a recovery leg, or ends it."""
         if flight is None or pose is None or status.state not in IN_CONTROL:
-            self._told_m = None
+            self._reported_m = None
             return
-        self._tell_drift(flight, pose, now_s)
+        self._report_drift(flight, pose, now_s)
         if status.state is not MissionState.HOLDING or status.sought is not None:
             return
         held = any(
@@ -65,18 +65,20 @@ class WindRecovery:
             return
         self._due_s = now_s + _AGAIN_S
         if flight.come_back(widened_m):
-            self._reports.say(Severity.WARNING, flight.why_it_returns, now_s, action="returning")
+            self._reports.send_text(
+                Severity.WARNING, flight.why_it_returns, now_s, action="returning"
+            )
         else:
             reason = pilot_texts.NO_WAY_BACK(m=distance(flight.path.outside_m))
-            self._reports.say(Severity.WARNING, reason, now_s)
+            self._reports.send_text(Severity.WARNING, reason, now_s)
 
-    def _tell_drift(self, flight: PathFollower, pose: Pose, now_s: float) -> None:
+    def _report_drift(self, flight: PathFollower, pose: Pose, now_s: float) -> None:
         drifted_m = flight.drifted_m(pose)
         if drifted_m is None:
-            self._told_m = None
-        elif self._told_m is None:
-            self._told_m = drifted_m  # the condition reports it
-        elif drifted_m >= _TOLD_AGAIN * self._told_m:
-            self._told_m = drifted_m
+            self._reported_m = None
+        elif self._reported_m is None:
+            self._reported_m = drifted_m  # the condition reports it
+        elif drifted_m >= _REPORT_AGAIN * self._reported_m:
+            self._reported_m = drifted_m
             reason = pilot_texts.BLOWN_OFF(outside_m=f"{drifted_m:.0f}")
-            self._reports.say(Severity.WARNING, reason, now_s)
+            self._reports.send_text(Severity.WARNING, reason, now_s)

@@ -43,7 +43,7 @@ _ANSWER_TIMEOUT_S = 5.0
 """Timeout of an answer, as for active plans; then the next plan is requested."""
 _FASTEST_MPS = 100.0
 """A velocity estimate above this is wrong: then the plan begins at rest."""
-_WAYS_OUT = (Mission.EXIT, Mission.EVACUATION)
+_ESCAPE_MISSIONS = (Mission.EXIT, Mission.EVACUATION)
 _FLOWN = frozenset({MissionState.FLYING, MissionState.AT_TARGET, MissionState.LANDING_LEG})
 
 
@@ -95,13 +95,13 @@ class ContingencyPlanner:
         self._site = site
         self._vehicle = vehicle
         self._power = power
-        self._outwards = [mission for mission in _WAYS_OUT if site.landing_m.get(mission)]
+        self._outwards = [mission for mission in _ESCAPE_MISSIONS if site.landing_m.get(mission)]
         self._next_job_id = 1
         self._jobs: list[PlanJob] = []
         self._asked: _Asked | None = None
         self._queue: list[_Question] = []
         self._due_s = -math.inf
-        self._ways: dict[_Question, RouteCost | None] = {}
+        self._routes: dict[_Question, RouteCost | None] = {}
         """Routes of the last answers, of those with a plan; None where no answer had one."""
         self._starts: dict[_Question, Vector] = {}
         """Start points of the routes."""
@@ -130,9 +130,9 @@ class ContingencyPlanner:
         self._in_wind = replace(self._vehicle, risk=scene.model)
         self._failsafes = scene.failsafes.of(BATTERY)
         questions = tuple(self._questions(scene))
-        self._ways = {
-            question: way
-            for question, way in self._ways.items()
+        self._routes = {
+            question: route
+            for question, route in self._routes.items()
             if question.origin is None or question in questions
         }
         self._ask_next(scene, questions, now_s)
@@ -151,20 +151,20 @@ class ContingencyPlanner:
     def end(self) -> None:
         """Clears all routes on the ground."""
         self._asked, self.demands, self._finish, self.better = None, None, None, None
-        self._queue, self._ways, self._out, self._due_s = [], {}, {}, -math.inf
+        self._queue, self._routes, self._out, self._due_s = [], {}, {}, -math.inf
         self._flown, self._wind_mps = None, None
 
     def outlook(self, meter: Meter) -> Outlook:
         """Energy left, and demand of each route."""
 
-        def outcome(way: RouteCost | None) -> Outcome | None:
-            if way is None:
+        def outcome(route: RouteCost | None) -> Outcome | None:
+            if route is None:
                 return None
             return Outcome(
-                duration_s=way.duration_s,
-                energy_wh=meter.factor * way.energy_wh,
-                left_s=meter.left_after_s(self._power, way.energy_wh),
-                age_s=self._now_s - way.asked_s,
+                duration_s=route.duration_s,
+                energy_wh=meter.factor * route.energy_wh,
+                left_s=meter.left_after_s(self._power, route.energy_wh),
+                age_s=self._now_s - route.asked_s,
             )
 
         return Outlook(
@@ -180,8 +180,8 @@ class ContingencyPlanner:
 
     def escape_route(self, meter: Meter) -> EscapeRoute | None:
         """The better escape route, and the flight time left after it; None while unknown."""
-        way = None if self.better is None else self._out.get(self.better)
-        if self.better is None or way is None:
+        route = None if self.better is None else self._out.get(self.better)
+        if self.better is None or route is None:
             return None
         exit_instead = self._flown is Mission.EXIT and self.better is not Mission.EXIT
         flown = self._out[Mission.EXIT] if exit_instead else None
@@ -190,11 +190,11 @@ class ContingencyPlanner:
             flown_left_s = None
         return EscapeRoute(
             mission=self.better,
-            left_s=meter.left_after_s(self._power, way.energy_wh),
+            left_s=meter.left_after_s(self._power, route.energy_wh),
             reserve_s=self._power.reserve_s,
-            age_s=self._now_s - way.asked_s,
+            age_s=self._now_s - route.asked_s,
             flown_left_s=flown_left_s,
-            exposed_s=way.exposed_s,
+            exposed_s=route.exposed_s,
         )
 
     def jobs(self) -> list[PlanJob]:
@@ -208,11 +208,11 @@ class ContingencyPlanner:
         if asked is None or asked.job.job_id != answer.job_id or volume is None:
             return
         self._asked = None
-        way = self._measured(asked, answer, volume)
-        if way is None:
-            self._ways.setdefault(asked.question, None)
+        route = self._measured(asked, answer, volume)
+        if route is None:
+            self._routes.setdefault(asked.question, None)
         else:
-            self._ways[asked.question], self._starts[asked.question] = way, asked.start_m
+            self._routes[asked.question], self._starts[asked.question] = route, asked.start_m
 
     def _questions(self, scene: ContingencyInputs) -> Iterator[_Question]:
         """Routes to be planned: the escape routes first."""
@@ -272,12 +272,16 @@ class ContingencyPlanner:
         trajectory = volume.widened(answer.reach).trajectory(path)
         speed_mps = math.hypot(*asked.job.request.velocity_mps)
         rest = trajectory.rest(0.0, speed_mps, self._vehicle.guidance.acceleration_mps2)
-        way = self._exposed(self._way(*rest, asked.asked_s), *rest, volume)
+        route = self._exposed(self._route_cost(*rest, asked.asked_s), *rest, volume)
         return (
-            way if asked.question.mission is Mission.INSPECTION else way.then(self._landing(volume))
+            route
+            if asked.question.mission is Mission.INSPECTION
+            else route.then(self._landing(volume))
         )
 
-    def _way(self, position_m: FloatArray, duration_s: FloatArray, asked_s: float) -> RouteCost:
+    def _route_cost(
+        self, position_m: FloatArray, duration_s: FloatArray, asked_s: float
+    ) -> RouteCost:
         """Route through points (n, 3) in times (n - 1,), longer where the wind slows the flight."""
         if self._wind_mps is not None:
             steps_m = np.diff(position_m, axis=0)
@@ -290,14 +294,14 @@ class ContingencyPlanner:
         )
 
     def _exposed(
-        self, way: RouteCost, position_m: FloatArray, duration_s: FloatArray, volume: FlightVolume
+        self, route: RouteCost, position_m: FloatArray, duration_s: FloatArray, volume: FlightVolume
     ) -> RouteCost:
         """The route with its exposed time, by its points (n, 3) and the times (n - 1,) between."""
         if not self._failsafes.actions:
-            return way
+            return route
         exposed = exposed_places(self._failsafes, volume.maps.reach, position_m[:, ::2])
         last = int(np.flatnonzero(exposed)[-1]) if exposed.any() else 0
-        return replace(way, exposed_s=float(duration_s[:last].sum()))
+        return replace(route, exposed_s=float(duration_s[:last].sum()))
 
     def _landing(self, volume: FlightVolume) -> RouteCost:
         height_m, kind = self._vehicle.guidance.landing_height_m, volume.loss.kind
@@ -309,14 +313,14 @@ class ContingencyPlanner:
 
     def _escape_routes(self, here_m: Vector) -> dict[Mission, RouteCost | None]:
         """The escape routes from here: flight back to their starts, then as last planned."""
-        ways: dict[Mission, RouteCost | None] = {}
-        for mission in _WAYS_OUT:
+        routes: dict[Mission, RouteCost | None] = {}
+        for mission in _ESCAPE_MISSIONS:
             question = _Question(None, mission)
-            way = self._ways.get(question)
-            if way is not None:
-                way = self._straight(here_m, self._starts[question]).then(way)
-            ways[mission] = way
-        return ways
+            route = self._routes.get(question)
+            if route is not None:
+                route = self._straight(here_m, self._starts[question]).then(route)
+            routes[mission] = route
+        return routes
 
     def _straight(self, here_m: Vector, there_m: Vector) -> RouteCost:
         """The straight route from here to there, at full speed."""
@@ -325,7 +329,7 @@ class ContingencyPlanner:
         upward_mps = power.climb_mps if up_m > 0.0 else power.descent_mps
         seconds = max(math.hypot(x_m, y_m) / power.cruise_mps, abs(up_m) / upward_mps)
         ends, duration_s = np.array([here_m, there_m]), np.array([seconds])
-        return self._way(ends, duration_s, self._now_s)
+        return self._route_cost(ends, duration_s, self._now_s)
 
     def _sum_up(self, scene: ContingencyInputs) -> None:
         status, task, flight = scene.status, scene.status.task, scene.flight
@@ -372,7 +376,7 @@ class ContingencyPlanner:
         if flight.braked and not flight.on_leg and not task.flown:
             return None
         position_m, duration_s = flight.path.rest()
-        rest = self._way(position_m, duration_s / pace, self._now_s)
+        rest = self._route_cost(position_m, duration_s / pace, self._now_s)
         rest = self._exposed(rest, position_m, duration_s / pace, scene.volume)
         return self._rest(task, rest, self._landing(scene.volume), pace)
 
@@ -380,7 +384,7 @@ class ContingencyPlanner:
         self, task: Task, rest: RouteCost, landing: RouteCost, pace: float
     ) -> RouteCost | None:
         """A task's rest, from the rest of the active plan; None where a part is unknown."""
-        if task.mission in _WAYS_OUT:
+        if task.mission in _ESCAPE_MISSIONS:
             return rest.then(landing)
         if task.done:
             return None
@@ -390,14 +394,14 @@ class ContingencyPlanner:
             dwell_wh = self._power.hover_wh(dwell_s)
             total = total.then(replace(rest, duration_s=dwell_s, energy_wh=dwell_wh))
         for stop, following in itertools.pairwise(task.stops):
-            way = self._ways.get(_Question(stop, Mission.INSPECTION, following))
-            if way is None:
+            route = self._routes.get(_Question(stop, Mission.INSPECTION, following))
+            if route is None:
                 return None
-            total = total.then(way.paced(pace))
+            total = total.then(route.paced(pace))
         behind = [_Question(task.stops[-1], mission) for mission in self._outwards]
-        if any(question not in self._ways for question in behind):
+        if any(question not in self._routes for question in behind):
             return None
-        out = {question.mission: self._ways[question] for question in behind}
+        out = {question.mission: self._routes[question] for question in behind}
         best = better_of(out, None)
-        way = None if best is None else out[best]
-        return None if way is None else total.then(way)
+        route = None if best is None else out[best]
+        return None if route is None else total.then(route)

@@ -11,7 +11,7 @@ import numpy as np
 from ..planner.grid import FloatArray
 from ..risk.braking import GRAVITY_MPS2
 from ..risk.drag import Level, air_velocity_mps
-from ..safety.check_inputs import WAY_MAX_AGE_S
+from ..safety.check_inputs import ROUTE_MAX_AGE_S
 from ..types import Mission
 from ..vehicle import Vehicle
 
@@ -84,17 +84,17 @@ class Outlook:
     better: Mission | None
 
 
-def better_of(ways: Mapping[Mission, RouteCost | None], before: Mission | None) -> Mission | None:
+def better_of(routes: Mapping[Mission, RouteCost | None], before: Mission | None) -> Mission | None:
     """Returns the escape route that takes less; the present one, unless another takes clearly less.
 
     A route that was not found again for long, while another was, does not count.
     """
-    known = {mission: way for mission, way in ways.items() if way is not None}
+    known = {mission: route for mission, route in routes.items() if route is not None}
     if not known:
         return None
-    since_s = max(way.asked_s for way in known.values()) - WAY_MAX_AGE_S
+    since_s = max(route.asked_s for route in known.values()) - ROUTE_MAX_AGE_S
     energies_wh = {
-        mission: way.energy_wh for mission, way in known.items() if way.asked_s >= since_s
+        mission: route.energy_wh for mission, route in known.items() if route.asked_s >= since_s
     }
     least = min(energies_wh, key=lambda mission: energies_wh[mission])
     if before in energies_wh and energies_wh[least] > _CLEARLY_LESS * energies_wh[before]:
@@ -102,9 +102,9 @@ def better_of(ways: Mapping[Mission, RouteCost | None], before: Mission | None) 
     return least
 
 
-def energy_wh_of(way: RouteCost | None) -> float | None:
+def energy_wh_of(route: RouteCost | None) -> float | None:
     """Energy of a route, if it is known."""
-    return None if way is None else way.energy_wh
+    return None if route is None else route.energy_wh
 
 
 def least_in_wind_s(steps_m: FloatArray, wind_mps: Level, vehicle: Vehicle) -> FloatArray:

@@ -40,7 +40,7 @@ class SiteFence:
     def __init__(self, site: Site | None, margin_m: float) -> None:
         self._site = site
         self._margin_m = margin_m
-        self._told: tuple[object, ...] = ()
+        self._reported: tuple[object, ...] = ()
         self._home_m: Vector | None = None
         """Home of the last fence calculation."""
         self._placed: Fence | None = None
@@ -68,14 +68,14 @@ class SiteFence:
         """
         if self._site is None or items is None:
             return
-        told = (
+        reported = (
             kind,
             items,
             enabled,
             *(parameters.get(name, "") for name in profile(kind).fence_parameters),
         )
-        before, self._told = self._told, told
-        if told == before and not home_moved(home_m, self._home_m, _HOME_MOVES_M):
+        before, self._reported = self._reported, reported
+        if reported == before and not home_moved(home_m, self._home_m, _HOME_MOVES_M):
             return
         fence = profile(kind).fence(parameters, items, enabled=enabled)
         if fence is None:

@@ -221,8 +221,10 @@ def summary(results: Results) -> str:
     ]
     if results.flight is not None:
         for name, values in flight.compared(results.flight).items():
-            told = zip(flight.COMPARED, values, strict=True)
-            lines.append(f"flight, {name}: " + ", ".join(f"{what} {text(it)}" for what, it in told))
+            shown = zip(flight.COMPARED, values, strict=True)
+            lines.append(
+                f"flight, {name}: " + ", ".join(f"{what} {text(it)}" for what, it in shown)
+            )
     return "".join(f"{line}\n" for line in lines)
 
 

@@ -93,7 +93,7 @@ class FlightVolume:
         """Possible stop points (n, 2) if the setpoint stream ends at `from_m` or later."""
         ahead = trajectory.distance_m >= min(from_m, trajectory.length_m)
         places, speed_mps = trajectory.position_m[ahead], trajectory.speed_mps[ahead]
-        beyond = trajectory.direction[ahead] * self.loss.way_m(speed_mps)[:, None]
+        beyond = trajectory.direction[ahead] * self.loss.stopping_m(speed_mps)[:, None]
         return np.concatenate([places, places + beyond])[:, ::2]
 
     def speed_cap_mps(self, position_m: FloatArray, direction: FloatArray) -> FloatArray:
@@ -103,15 +103,15 @@ class FlightVolume:
         leads lower, it stops no lower than the leg. A path leads through cell centres. Half a cell
         is therefore always free, and no cap is 0.
         """
-        places, ways = position_m[:, ::2], direction[:, ::2]
-        farthest_m = float(self.loss.way_m(np.array(self.vehicle.speed.max_mps)))
+        places, directions = position_m[:, ::2], direction[:, ::2]
+        farthest_m = float(self.loss.stopping_m(np.array(self.vehicle.speed.max_mps)))
         reach = self.maps.reach if self.reach is None else self.reach
-        free_m = reach.free_m(places, ways, farthest_m)
+        free_m = reach.free_m(places, directions, farthest_m)
         if self.fence is not None:
-            np.minimum(free_m, self.fence.free_m(places, ways), out=free_m)
-        sinks = ways[:, 1] < 0.0
+            np.minimum(free_m, self.fence.free_m(places, directions), out=free_m)
+        sinks = directions[:, 1] < 0.0
         down_m = places[sinks, 1] - self._lowest_m(places)[sinks]
-        free_m[sinks] = np.minimum(free_m[sinks], down_m / -ways[sinks, 1])
+        free_m[sinks] = np.minimum(free_m[sinks], down_m / -directions[sinks, 1])
         return self.loss.speed_mps(np.maximum(free_m, 0.5 * self.maps.grid.resolution_m))
 
     def _lowest_m(self, places_m: FloatArray) -> FloatArray:
@@ -250,7 +250,7 @@ class FlightVolume:
         room_m = float(obstacle_room_m(self.site, np.array([x_m, z_m])))
         return room_m >= self.vehicle.radius_m - within_m
 
-    def way_back(self, place_m: Vector, widened_m: float) -> CheckedLeg | None:
+    def entry_leg(self, place_m: Vector, widened_m: float) -> CheckedLeg | None:
         """Recovery leg from outside the workspace; inside, the straight leg back to the plane."""
         x_m, y_m, z_m = place_m
         if abs(y_m) > self.vehicle.guidance.recovery_m:
@@ -264,7 +264,7 @@ class FlightVolume:
             if not corners_m:
                 return None
             points_m += [(x_m, 0.0, z_m) for x_m, z_m in corners_m]
-        return CheckedLeg(points_m=tuple(points_m), room_m=math.inf, leads_in=True)
+        return CheckedLeg(points_m=tuple(points_m), room_m=math.inf, is_entry=True)
 
     def strays(self, pose: Pose, legs: tuple[CheckedLeg, ...]) -> str | None:
         """Text for an aircraft that is too low, or outside the workspace or plane; None: it is not.
@@ -315,7 +315,7 @@ class FlightVolume:
                 crossed is not None
                 and not brakes
                 and not any(
-                    leg.leads_in
+                    leg.is_entry
                     and distance_m(setpoint.position_m, leg.points_m) <= self.corridor_width_m
                     for leg in legs
                 )
@@ -342,7 +342,7 @@ class FlightVolume:
             margin_m=self.site.margin.total_m + sudden_m,
             min_altitude_m=self.site.workspace.min_altitude_m,
             corridors_m=tuple(leg.points_m for leg in legs),
-            ways_back_m=tuple(leg.points_m for leg in legs if leg.begins_beside),
+            entry_legs_m=tuple(leg.points_m for leg in legs if leg.begins_beside),
             corridor_width_m=self.corridor_width_m,
             plane_tolerance_m=plane_tolerance_m,
         )

@@ -112,7 +112,7 @@ class FlownPath:
         ):
             return None
         approach = CheckedLeg(
-            points_m=(pose.position_m, vector(place_m)), room_m=math.inf, leads_in=True
+            points_m=(pose.position_m, vector(place_m)), room_m=math.inf, is_entry=True
         )
         reference = replace(
             Reference.start(trajectory, pose.position_m),
@@ -138,7 +138,7 @@ class FlownPath:
 
     def recovery(self, widened_m: float) -> FlownPath | None:
         """Returns the recovery leg from the setpoint; None if there is none."""
-        leg = self.volume.way_back(self.place_m, widened_m)
+        leg = self.volume.entry_leg(self.place_m, widened_m)
         if leg is None:
             return None
         points_m = np.array(leg.points_m)
@@ -183,7 +183,7 @@ class FlownPath:
             ahead &= trajectory.distance_m <= end_m
         places_m = trajectory.position_m[ahead]
         crossed, width_m = self.volume.leaves_fence(places_m), self.volume.corridor_width_m
-        inwards = [leg for leg in self.legs if leg.leads_in]
+        inwards = [leg for leg in self.legs if leg.is_entry]
         if crossed is None or not inwards:
             return crossed
         from_legs_m = [distances_m(places_m, leg.points_m) for leg in inwards]

@@ -26,13 +26,13 @@ _BESIDE_M = 1.0
 class CheckedLeg:
     """A leg through cells that are not free. room_m: from the hull on it to the nearest keep-out.
 
-    leads_in: an escape or recovery leg, which may begin outside the autopilot's fence. barred: by
+    is_entry: an escape or recovery leg, which may begin outside the autopilot's fence. barred: by
     an obstacle that was seen after the leg was checked.
     """
 
     points_m: Corridor
     room_m: float
-    leads_in: bool = False
+    is_entry: bool = False
     barred: bool = False
 
     @property
@@ -96,8 +96,8 @@ def checked_legs(
     legs = []
     begins = len(approach_m(points[0])) + len(escape_m)
     if begins > 1:
-        way = tuple(points[:begins])
-        legs.append(CheckedLeg(points_m=way, room_m=math.inf, leads_in=True))
+        entry = tuple(points[:begins])
+        legs.append(CheckedLeg(points_m=entry, room_m=math.inf, is_entry=True))
     if plan.landing_leg is not None:
         landing = tuple(points[-1 - len(plan.landing_leg.points_m) :])
         legs.append(CheckedLeg(points_m=landing, room_m=plan.landing_leg.room_m))

@@ -131,30 +131,30 @@ class AutopilotRequests:
 
     # In
 
-    def hear(
+    def handle(
         self, message: Message, autopilot: Autopilot, ours: tuple[int, int], now_s: float
     ) -> None:
         """Takes a message of the autopilot on its link. ours: the companion's ids."""
         message_id = message.get_msgId()
-        self._rates.hear(message_id)
-        self._round_trips.hear(message, now_s)
+        self._rates.count(message_id)
+        self._round_trips.handle(message, now_s)
         if message_id == _PARAM_VALUE:
-            self._parameters.hear(message, autopilot.kind)
+            self._parameters.handle(message, autopilot.kind)
         elif message_id in fence_download.MESSAGE_IDS:
-            self._hear_fence(message, autopilot, ours, now_s)
+            self._handle_fence(message, autopilot, ours, now_s)
 
-    def _hear_fence(
+    def _handle_fence(
         self, message: Message, autopilot: Autopilot, ours: tuple[int, int], now_s: float
     ) -> None:
         if self._fence is None or (message.target_system, message.target_component) != ours:
             return
-        end = self._fence.hear(message, autopilot.ids, now_s)
+        end = self._fence.handle(message, autopilot.ids, now_s)
         if end is not None:
             self._outbox.send(autopilot.link, end)
 
-    def hear_unused(self, message_id: int, link: str, now_s: float) -> None:
+    def count_unused(self, message_id: int, link: str, now_s: float) -> None:
         """Counts an unread message of the autopilot on its link."""
-        self._rates.hear_unused(message_id, link, now_s)
+        self._rates.count_unused(message_id, link, now_s)
 
     def answered(self, message: Message) -> None:
         """Takes a COMMAND_ACK of the autopilot, addressed to the companion or to all."""

@@ -92,7 +92,7 @@ class _Source:
         self._last: int | None = None
         self._seen = 0
 
-    def hear(self, sequence: int) -> None:
+    def count(self, sequence: int) -> None:
         """Counts a packet; packets missing before it count as lost until they arrive late."""
         if self._last is None:
             self._last = sequence
@@ -261,7 +261,7 @@ class Codec:
             return True
         if source is None:
             source = self._new_source(system_id, component_id)
-        source.hear(sequence)
+        source.count(sequence)
         if message_class is not None or self._signing is not None:
             self.sound_sources.add((system_id, component_id))
         if message_class is None:

@@ -22,13 +22,13 @@ _FIX_3D = 3
 
 def read(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     """Telemetry with the failsafe that a text begins or ends."""
-    text, told = message.text, telemetry.failsafes_reported
+    text, reported = message.text, telemetry.failsafes_reported
     rows = profile_of(telemetry).failsafe_texts
     begun = {row.failsafe: now_s for row in rows if row.begins.match(text)}
     ended = {row.failsafe for row in rows if row.ends == text}
-    left = {failsafe: sign_s for failsafe, sign_s in told.items() if failsafe not in ended}
+    left = {failsafe: sign_s for failsafe, sign_s in reported.items() if failsafe not in ended}
     after = {**left, **begun}
-    return telemetry if after == told else replace(telemetry, failsafes_reported=after)
+    return telemetry if after == reported else replace(telemetry, failsafes_reported=after)
 
 
 def lasting(telemetry: Telemetry, now_s: float) -> dict[Failsafe, float]:

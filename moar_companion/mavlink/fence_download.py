@@ -53,7 +53,7 @@ class FenceDownload:
         """Starts a new download at once, after a restart of the autopilot."""
         self._end(-math.inf)
 
-    def hear(self, message: Message, target: tuple[int, int], now_s: float) -> Message | None:
+    def handle(self, message: Message, target: tuple[int, int], now_s: float) -> Message | None:
         """Takes an answer of the autopilot; returns the MISSION_ACK after the last item, or None.
 
         target: the autopilot's system and component.

@@ -69,9 +69,9 @@ class AutopilotConflict:
 class _Other:
     """Record of a second autopilot. cause: text of the reason for no control."""
 
-    heard_s: float
+    received_s: float
     cause: str
-    told: bool
+    reported: bool
 
 
 class Identity:
@@ -79,15 +79,15 @@ class Identity:
 
     def __init__(self) -> None:
         self.autopilot: Autopilot | None = None
-        self.heard_s: float | None = None
+        self.received_s: float | None = None
         """Time of the autopilot's last packet, of any kind, on its link."""
         self._others: dict[tuple[int, AutopilotKind] | str, _Other] = {}
         """Other autopilots by ids; one with the autopilot's own ids by its distinguishing sign."""
-        self._told_s = -math.inf
+        self._reported_s = -math.inf
         """Time of the last report of a conflict."""
         self._booting = False
 
-    def hear(
+    def handle(
         self, message: Message, *, link: str, now_s: float
     ) -> AutopilotFound | AutopilotRestarted | AutopilotConflict | None:
         """Takes a HEARTBEAT from a link with the role autopilot."""
@@ -96,7 +96,7 @@ class Identity:
         kind = translate.autopilot_kind(message)
         if kind is None:
             return None
-        heard = Autopilot(
+        received = Autopilot(
             system_id=message.get_srcSystem(),
             component_id=message.get_srcComponent(),
             kind=kind,
@@ -104,23 +104,23 @@ class Identity:
         )
         booting = message.system_status == mavlink.MAV_STATE_BOOT
         known = self.autopilot
-        key = (heard.system_id, heard.kind)
+        key = (received.system_id, received.kind)
         other = known is not None and key != (known.system_id, known.kind)
         if known is None or (other and self._is_gone(now_s) and not self._others.keys() - {key}):
-            self.autopilot = heard
-            self.heard_s = now_s
+            self.autopilot = received
+            self.received_s = now_s
             self._booting = booting
             self._others.clear()
-            self._told_s = -math.inf
-            return AutopilotFound(autopilot=heard)
+            self._reported_s = -math.inf
+            return AutopilotFound(autopilot=received)
         if other:
-            words = pilot_texts.TWO_AUTOPILOTS(id=known.system_id, other_id=heard.system_id)
-            return self._note(key, heard, words, "two autopilots are received", now_s)
+            words = pilot_texts.TWO_AUTOPILOTS(id=known.system_id, other_id=received.system_id)
+            return self._note(key, received, words, "two autopilots are received", now_s)
         if link != known.link:
-            if self.heard_s is not None and now_s - self.heard_s <= _LINK_TIMEOUT_S:
+            if self.received_s is not None and now_s - self.received_s <= _LINK_TIMEOUT_S:
                 return None
             self.autopilot = replace(known, link=link)
-        self.heard_s = now_s
+        self.received_s = now_s
         restarted = booting and not self._booting
         self._booting = booting
         return AutopilotRestarted(autopilot=self.autopilot or known) if restarted else None
@@ -142,28 +142,30 @@ class Identity:
     ) -> AutopilotConflict | None:
         """Records another autopilot; returns the conflict if it is to be reported."""
         known, others, before = self.autopilot, self._others, self._others.get(key)
-        told = before is not None and before.told
-        tells = known is not None and not told and now_s - self._told_s >= _CONFLICT_PERIOD_S
+        reported = before is not None and before.reported
+        reports_it = (
+            known is not None and not reported and now_s - self._reported_s >= _CONFLICT_PERIOD_S
+        )
         if before is None and len(others) >= _MOST_OTHERS:
-            del others[min(others, key=lambda other: others[other].heard_s)]
-        others[key] = _Other(heard_s=now_s, cause=cause, told=told or tells)
-        if known is None or not tells:
+            del others[min(others, key=lambda other: others[other].received_s)]
+        others[key] = _Other(received_s=now_s, cause=cause, reported=reported or reports_it)
+        if known is None or not reports_it:
             return None
-        self._told_s = now_s
+        self._reported_s = now_s
         return AutopilotConflict(autopilot=known, other=other, reason=reason)
 
     def _is_gone(self, now_s: float) -> bool:
         """True once the autopilot has been silent for so long that another may replace it."""
-        return self.heard_s is not None and now_s - self.heard_s > _CONFLICT_TIMEOUT_S
+        return self.received_s is not None and now_s - self.received_s > _CONFLICT_TIMEOUT_S
 
     def alive(self, now_s: float) -> bool:
         """True while the autopilot's last packet is at most three heartbeat periods old."""
-        return self.heard_s is not None and now_s - self.heard_s <= _LINK_TIMEOUT_S
+        return self.received_s is not None and now_s - self.received_s <= _LINK_TIMEOUT_S
 
     def forget_silent(self, now_s: float) -> None:
         """Ends a conflict when the other autopilot has been silent for 10 s."""
         for key, other in list(self._others.items()):
-            if now_s - other.heard_s > _CONFLICT_TIMEOUT_S:
+            if now_s - other.received_s > _CONFLICT_TIMEOUT_S:
                 del self._others[key]
 
     @property

@@ -158,26 +158,26 @@ class _Stream:
 class _UnusedStream(_Stream):
     """One unread message: lowered once, and restored once if the link has another reader."""
 
-    __slots__ = ("given_back", "heard_hz")
+    __slots__ = ("given_back", "received_hz")
 
     def __init__(self, now_s: float) -> None:
         super().__init__(_UNUSED_HZ, float("inf"), now_s)
         self.window_s = _UNUSED_WINDOW_S
         self.window_end_s = now_s + self.window_s
-        self.heard_hz = 0.0
+        self.received_hz = 0.0
         self.given_back = False
 
     def judge(self, now_s: float) -> None:
         """Updates `low` at the end of a window: True if the rate is not the wanted one."""
         if now_s < self.window_end_s:
             return
-        heard_hz = self.count / self.window_s
+        received_hz = self.count / self.window_s
         if not self.asked_down:
-            self.heard_hz = heard_hz
+            self.received_hz = received_hz
         if self.given_back:
-            self.low = heard_hz < _ENOUGH * self.rate_hz
+            self.low = received_hz < _ENOUGH * self.rate_hz
         else:
-            self.low = heard_hz > _UNUSED_MOST_HZ
+            self.low = received_hz > _UNUSED_MOST_HZ
         if self.requests and not self.low:
             # Success, although the answer was lost; a later change by another component stays.
             self.settled = True
@@ -195,7 +195,7 @@ class _UnusedStream(_Stream):
         """Restores the rate before lowering, if the message was lowered."""
         if self.asked_down and not self.given_back:
             self.given_back = self.low = True
-            self.rate_hz = self.heard_hz
+            self.rate_hz = self.received_hz
             self.requests = 0
             self.settled = False
 
@@ -238,13 +238,13 @@ class MessageRates:
         self._asked = []
         self._sent_s = now_s - _SPACING_S
 
-    def hear(self, message_id: int) -> None:
+    def count(self, message_id: int) -> None:
         """Counts a message of the autopilot."""
         stream = self._streams.get(message_id)
         if stream is not None:
             stream.count += 1
 
-    def hear_unused(self, message_id: int, link: str, now_s: float) -> None:
+    def count_unused(self, message_id: int, link: str, now_s: float) -> None:
         """Counts an unread message of the autopilot on its link."""
         stream = self._unused.get((link, message_id))
         if stream is None:
@@ -277,8 +277,8 @@ class MessageRates:
         link: the autopilot's. shared: True if the link may have another reader.
         """
         streams: dict[int, _Stream] = {**self._streams}
-        for (heard_on, message_id), unused in self._unused.items():
-            if heard_on == link and message_id not in streams:
+        for (received_on, message_id), unused in self._unused.items():
+            if received_on == link and message_id not in streams:
                 if shared:
                     unused.give_back()
                 if unused.given_back or not shared:

@@ -97,6 +97,6 @@ class OrderLink:
 
 
 def _reason(texts: list[str], result: CommandResult) -> str:
-    """The text that ends in the result's word, as `OperatorCommands.tell_why` writes it."""
+    """The text that ends in the result's word, as `OperatorCommands.report_reason` writes it."""
     word = result.name.rpartition("_")[2].lower()
     return next((text for text in reversed(texts) if text.endswith(f", {word}")), "")

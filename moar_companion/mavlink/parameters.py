@@ -66,7 +66,7 @@ class ParameterRequests:
         self._asked = dict.fromkeys([*self._values, *self._asked], (0, -math.inf))
         self._values = {}
 
-    def hear(self, message: Message, kind: AutopilotKind) -> None:
+    def handle(self, message: Message, kind: AutopilotKind) -> None:
         """Takes a PARAM_VALUE of the autopilot; ignores parameters that were not requested."""
         name = message.param_id
         if name in self._asked or name in self._values:

@@ -24,7 +24,7 @@ from .commands import (
 from .dialect import LINK_NODE_STATUS_ID, Message, mavlink
 from .identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
 from .modes import is_multirotor
-from .statustext import HeardText, HeardTexts
+from .statustext import ReceivedText, ReceivedTexts
 from .telemetry_receiver import ModeLeft, TelemetryReceiver
 from .translate_status import RADIO_IDS
 
@@ -70,22 +70,29 @@ class Input:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TextSaid:
+class TextReceived:
     """STATUSTEXT of the autopilot or, with `ours`, of the companion."""
 
     ours: bool
-    heard: HeardText
+    received: ReceivedText
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class AnswerSaid:
+class AnswerReceived:
     """COMMAND_ACK of the companion to an order."""
 
     command: int
     result: CommandResult
 
 
-Said = AutopilotFound | AutopilotRestarted | AutopilotConflict | Command | TextSaid | AnswerSaid
+ListenerEvent = (
+    AutopilotFound
+    | AutopilotRestarted
+    | AutopilotConflict
+    | Command
+    | TextReceived
+    | AnswerReceived
+)
 
 
 class PassiveListener:
@@ -99,7 +106,7 @@ class PassiveListener:
             wanted=telemetry_receiver.MESSAGE_IDS | _COMMANDS | {_STATUSTEXT, _COMMAND_ACK},
         )
         self._listener = TelemetryReceiver()
-        self._texts = {False: HeardTexts(), True: HeardTexts()}
+        self._texts = {False: ReceivedTexts(), True: ReceivedTexts()}
         self.inputs = {name: Input() for name in ("autopilot", "ground_station", *_INPUTS)}
         """Count and last time of the messages of each telemetry source."""
         self.vehicle_type: str | None = None
@@ -123,12 +130,12 @@ class PassiveListener:
         """Packet counts by system and component id, in the order of their first packets."""
         return {source: self._codec.statistics(*source) for source in self._codec.sources}
 
-    def hear(self, packet: bytes, now_s: float) -> list[Said]:
+    def handle(self, packet: bytes, now_s: float) -> list[ListenerEvent]:
         """Takes a packet of any content; returns its events. Never raises."""
-        said: list[Said] = []
+        events: list[ListenerEvent] = []
         for message in self._codec.receive(packet):
-            said += self._hear(message, now_s)
-        return said
+            events += self._handle(message, now_s)
+        return events
 
     def tick(self, now_s: float) -> None:
         """Updates the packet counts; drops a second autopilot that is silent."""
@@ -138,11 +145,13 @@ class PassiveListener:
             counted = self._codec.statistics(autopilot.system_id, autopilot.component_id)
             self._listener.count_packets(counted)
 
-    def _hear(self, message: Message, now_s: float) -> list[Said]:
+    def _handle(self, message: Message, now_s: float) -> list[ListenerEvent]:
         before = self._listener.telemetry
-        event = self._listener.hear(message, link=_LINK, role=LinkRole.AUTOPILOT, now_s=now_s)
+        event = self._listener.handle(message, link=_LINK, role=LinkRole.AUTOPILOT, now_s=now_s)
         # The mode is in the telemetry.
-        said: list[Said] = [] if event is None or isinstance(event, ModeLeft) else [event]
+        events: list[ListenerEvent] = (
+            [] if event is None or isinstance(event, ModeLeft) else [event]
+        )
         message_id = message.get_msgId()
         if self._listener.telemetry is not before and message_id in _INPUT_OF:
             self._count(_INPUT_OF[message_id], now_s)
@@ -154,23 +163,25 @@ class PassiveListener:
                 self.leans = message.type == mavlink.MAV_TYPE_GENERIC or is_multirotor(message.type)
                 self.vehicle_type = type_in_words(message.type)
         elif message_id == _STATUSTEXT:
-            said += self._hear_text(message)
+            events += self._handle_text(message)
         elif message_id in _COMMANDS:
-            said += self._hear_order(message)
+            events += self._handle_order(message)
         elif message_id == _COMMAND_ACK and self._is_ours(message) and message.command in _ORDERS:
-            said += _answer(message)
-        return said
+            events += _answer(message)
+        return events
 
     def _count(self, name: str, now_s: float) -> None:
         self.inputs[name] = Input(messages=self.inputs[name].messages + 1, last_s=now_s)
 
-    def _hear_text(self, message: Message) -> list[Said]:
+    def _handle_text(self, message: Message) -> list[ListenerEvent]:
         ours = self._is_ours(message)
         if not ours and not self._listener.is_autopilots(message, _LINK):
             return []
-        return [TextSaid(ours=ours, heard=text) for text in self._texts[ours].hear(message)]
+        return [
+            TextReceived(ours=ours, received=text) for text in self._texts[ours].handle(message)
+        ]
 
-    def _hear_order(self, message: Message) -> list[Said]:
+    def _handle_order(self, message: Message) -> list[ListenerEvent]:
         """Returns an order to the companion; no repeats with a confirmation above 0."""
         autopilot = self._listener.autopilot
         if autopilot is None or message.command not in _ORDERS or _is_repeat(message):
@@ -194,12 +205,12 @@ def _is_repeat(message: Message) -> bool:
     return message.get_msgId() == _COMMAND_LONG and bool(message.confirmation > 0)
 
 
-def _answer(message: Message) -> list[Said]:
+def _answer(message: Message) -> list[ListenerEvent]:
     try:
         result = CommandResult(message.result)
     except ValueError:
         return []
-    return [AnswerSaid(command=message.command, result=result)]
+    return [AnswerReceived(command=message.command, result=result)]
 
 
 def type_in_words(vehicle_type: int) -> str:

@@ -68,8 +68,8 @@ class _Peer:
         self.first_s = self.last_s = now_s
 
     def may_leave(self, now_s: float) -> bool:
-        heard_for_s = self.last_s - self.first_s
-        return now_s - self.last_s > min(max(_SILENT_S, heard_for_s), _PEER_TIMEOUT_S)
+        received_for_s = self.last_s - self.first_s
+        return now_s - self.last_s > min(max(_SILENT_S, received_for_s), _PEER_TIMEOUT_S)
 
 
 class Peers:

@@ -279,8 +279,8 @@ class ReceivedCommands:
 
     def _is_doubled(self, link: str, packet: bytes, now_s: float) -> bool:
         """Returns True if this link just received the same packet, sequence number included."""
-        heard_s = self._packets.get((link, packet))
-        if heard_s is not None and now_s - heard_s <= _DOUBLED_S:
+        received_s = self._packets.get((link, packet))
+        if received_s is not None and now_s - received_s <= _DOUBLED_S:
             return True
         self._packets.pop((link, packet), None)
         if len(self._packets) >= _MAX_REMEMBERED:

@@ -164,7 +164,7 @@ class Session:
         events, self._events = self._events, []
         return events
 
-    def packets_heard(self) -> list[tuple[float, bytes]]:
+    def received_packets(self) -> list[tuple[float, bytes]]:
         """Whole packets of all links since the last call, with their times, for a record.
 
         Without packets with a secret and those with the autopilot's ids from a foreign address.
@@ -222,7 +222,7 @@ class Session:
                 peers.is_forged(address, codec.sound_sources, autopilot.ids, now_s)
             for source, message_id in codec.unwanted:
                 if source == autopilot.ids:
-                    self.requests.hear_unused(message_id, link, now_s)
+                    self.requests.count_unused(message_id, link, now_s)
         sources = {source for source in codec.sound_sources if not forged or source != known}
         peers.admit(address, sources, partial(self._may_be_peer, link), now_s)
         self._events += peers.events_received()
@@ -246,7 +246,7 @@ class Session:
     def _receive_message(self, link: str, message: Message, now_s: float) -> None:
         if _source(message) == self._ids:
             return
-        event = self._receiver.hear(message, link=link, role=self._roles[link], now_s=now_s)
+        event = self._receiver.handle(message, link=link, role=self._roles[link], now_s=now_s)
         if isinstance(event, AutopilotFound):
             self._system_id = event.autopilot.system_id
             for codec in self._codecs.values():
@@ -263,7 +263,7 @@ class Session:
             self.requests.unidentified = (link, _source(message))
         message_id, autopilot = message.get_msgId(), self.autopilot
         if autopilot is not None and self._receiver.is_autopilots(message, link):
-            self.requests.hear(message, autopilot, self._ids, now_s)
+            self.requests.handle(message, autopilot, self._ids, now_s)
             if message_id == _COMMAND_ACK:
                 self._receive_acknowledgement(message, now_s)
         if message_id in _COMMANDS:
@@ -375,14 +375,14 @@ class Session:
         text: str,
         now_s: float,
         *,
-        news: bool = False,
+        is_new: bool = False,
         link: str | None = None,
     ) -> None:
-        """Queues a STATUSTEXT in chunks; the same text not within 10 s, unless it is news.
+        """Queues a STATUSTEXT in chunks; the same text not within 10 s, unless it is new.
 
         link: the only link; None: all links.
         """
-        for message in self._texts.messages(severity, text, now_s, news=news, link=link):
+        for message in self._texts.messages(severity, text, now_s, is_new=is_new, link=link):
             if link is None:
                 self._outbox.send_to_all(message)
             else:

@@ -35,7 +35,7 @@ class Severity(enum.IntEnum):
 
 
 class StatusTexts:
-    """Texts to STATUSTEXT messages; repeats within 10 s are dropped, unless they are news.
+    """Texts to STATUSTEXT messages; repeats within 10 s are dropped, unless they are new.
 
     Texts that differ in measured values only are repeats.
     """
@@ -51,21 +51,21 @@ class StatusTexts:
         text: str,
         now_s: float,
         *,
-        news: bool = False,
+        is_new: bool = False,
         link: str | None = None,
     ) -> list[Message]:
         """Returns the chunks of a text; none if the same was sent within the last 10 s.
 
-        link: the only link; None: all. Repeats are detected for each link by itself. news: the text
-        reports a change or answers a sender, for example that a held mission resumes. News is sent
-        again, unless the same text was the last one and less than a second ago.
+        link: the only link; None: all. Repeats are detected for each link by itself. is_new: the
+        text reports a change or answers a sender, for example that a held mission resumes. Such a
+        text is sent again, unless it was the last one and less than a second ago.
 
         Up to 50 characters are one message with id 0; more are chunks of 50 with an id and a
         chunk_seq, the last with a NUL. Characters outside ASCII become question marks.
         """
         self._forget_old(now_s)
         same = (link, _VALUE.sub("#", text))
-        if same in self._sent_s and not (news and self._is_news(same, now_s)):
+        if same in self._sent_s and not (is_new and self._is_due(same, now_s)):
             return []
         self._sent_s.pop(same, None)
         self._sent_s[same] = now_s
@@ -87,20 +87,20 @@ class StatusTexts:
                 return
             del self._sent_s[oldest]
 
-    def _is_news(self, same: tuple[str | None, str], now_s: float) -> bool:
+    def _is_due(self, same: tuple[str | None, str], now_s: float) -> bool:
         last = next(reversed(self._sent_s))
         return same != last or now_s - self._sent_s[same] >= _NEWS_REPEAT_S
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class HeardText:
+class ReceivedText:
     """Whole text of one sender. severity: name of its MAV_SEVERITY."""
 
     severity: str
     text: str
 
 
-class HeardTexts:
+class ReceivedTexts:
     """STATUSTEXT messages to texts: joins the chunks of one sender."""
 
     def __init__(self) -> None:
@@ -108,7 +108,7 @@ class HeardTexts:
         self._severity = 0
         self._chunks: list[str] = []
 
-    def hear(self, message: Message) -> list[HeardText]:
+    def handle(self, message: Message) -> list[ReceivedText]:
         """Returns the texts that this chunk completes; a text without its end ends at the next."""
         done = []
         if self._chunks and message.id != self._text_id:
@@ -119,12 +119,12 @@ class HeardTexts:
             done += self.rest()
         return done
 
-    def rest(self) -> list[HeardText]:
+    def rest(self) -> list[ReceivedText]:
         """Returns the received part of an incomplete text."""
         shown = "".join(char if char.isprintable() else " " for char in "".join(self._chunks))
         text = " ".join(shown.split())
         self._chunks = []
-        return [HeardText(severity=_severity_word(self._severity), text=text)] if text else []
+        return [ReceivedText(severity=_severity_word(self._severity), text=text)] if text else []
 
 
 def _severity_word(severity: int) -> str:

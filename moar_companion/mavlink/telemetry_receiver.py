@@ -71,7 +71,7 @@ class TelemetryReceiver:
         source = (message.get_srcSystem(), message.get_srcComponent())
         return autopilot is not None and link == autopilot.link and source == autopilot.ids
 
-    def hear(self, message: Message, *, link: str, role: LinkRole, now_s: float) -> Shown | None:
+    def handle(self, message: Message, *, link: str, role: LinkRole, now_s: float) -> Shown | None:
         """Takes a message of any sender on a link with this role; returns its autopilot event."""
         event: Shown | None = None
         message_id = message.get_msgId()
@@ -79,7 +79,7 @@ class TelemetryReceiver:
             if translate.is_ground_station(message):
                 self.telemetry = translate.update(self.telemetry, message, now_s)
             elif role is LinkRole.AUTOPILOT:
-                event = self.identity.hear(message, link=link, now_s=now_s)
+                event = self.identity.handle(message, link=link, now_s=now_s)
                 if isinstance(event, AutopilotFound):
                     self._forget()
         if self.is_autopilots(message, link):
@@ -88,7 +88,7 @@ class TelemetryReceiver:
                 self._forget()
             before = self.telemetry.autopilot
             if not self._order.is_late(message, now_s):
-                self._packet_s = self.identity.heard_s = now_s
+                self._packet_s = self.identity.received_s = now_s
                 self.telemetry = translate.update(self.telemetry, message, now_s)
             after = self.telemetry.autopilot
             if event is None and before and before.ours and after and not after.ours:

@@ -56,7 +56,7 @@ class TimesyncRtt:
             "TIMESYNC", tc1=0, ts1=stamp, target_system=target[0], target_component=target[1]
         )
 
-    def hear(self, message: Message, now_s: float) -> None:
+    def handle(self, message: Message, now_s: float) -> None:
         """Takes a message of the autopilot; answers arrive in the order of their requests."""
         if message.get_msgId() != _TIMESYNC or message.tc1 == 0:
             return

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 from ..autopilots import kind_of
-from ..telemetry import AutopilotStatus, Heard, Telemetry
+from ..telemetry import AutopilotStatus, PeerHeartbeat, Telemetry
 from ..types import AutopilotKind
 from . import (
     failsafe_texts,
@@ -90,8 +90,8 @@ def boot_time_s(message: Message) -> float | None:
 
 def _heartbeat(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
     if is_ground_station(message):
-        heard = Heard(received_s=now_s, system_id=message.get_srcSystem())
-        return replace(telemetry, ground_station=heard)
+        received = PeerHeartbeat(received_s=now_s, system_id=message.get_srcSystem())
+        return replace(telemetry, ground_station=received)
     kind = autopilot_kind(message)
     if kind is None:
         return telemetry

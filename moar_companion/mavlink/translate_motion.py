@@ -135,10 +135,10 @@ def _wind_cov(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry
         return replace(telemetry, wind=None)
     # Multirotor estimators do not estimate vertical wind.
     velocity = (north, east, down if math.isfinite(down) else 0.0)
-    return wind_told(telemetry, now_s, velocity, message.var_horiz)
+    return with_wind(telemetry, now_s, velocity, message.var_horiz)
 
 
-def wind_told(
+def with_wind(
     telemetry: Telemetry, now_s: float, velocity_ned_mps: Vector, variance_m2ps2: float
 ) -> Telemetry:
     """Telemetry with PX4's wind.
@@ -146,13 +146,13 @@ def wind_told(
     variance_m2ps2: sum of the variances north and east; 0: unknown. Zero wind without a variance is
     no estimate.
     """
-    told = math.isfinite(variance_m2ps2) and variance_m2ps2 > 0.0
-    if not told and not any(velocity_ned_mps[:2]):
+    reported = math.isfinite(variance_m2ps2) and variance_m2ps2 > 0.0
+    if not reported and not any(velocity_ned_mps[:2]):
         return replace(telemetry, wind=None)
     wind = Wind(
         received_s=now_s,
         velocity_ned_mps=velocity_ned_mps,
-        deviation_mps=math.sqrt(0.5 * variance_m2ps2) if told else None,
+        deviation_mps=math.sqrt(0.5 * variance_m2ps2) if reported else None,
     )
     return replace(telemetry, wind=wind)
 

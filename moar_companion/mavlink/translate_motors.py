@@ -72,18 +72,20 @@ def motor_outputs(telemetry: Telemetry, pulses_us: Iterable[float], now_s: float
     count = None if telemetry.autopilot is None else telemetry.autopilot.motors
     in_use = tuple(pulse for pulse in pulses_us if pulse > 0 and pulse != unused_us)[:count]
     before = None if telemetry.motors is None else telemetry.motors.least_us
-    told = in_use if before is None else (before, *in_use)
-    motors = MotorOutputs(received_s=now_s, pulse_us=in_use, least_us=min(told, default=None))
+    reported = in_use if before is None else (before, *in_use)
+    motors = MotorOutputs(received_s=now_s, pulse_us=in_use, least_us=min(reported, default=None))
     return replace(telemetry, motors=motors)
 
 
 def _esc_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    first, told = message.index, tuple(abs(rpm) for rpm in message.rpm)
-    if first % len(told) or first >= _MOST_MOTORS:
+    first, reported = message.index, tuple(abs(rpm) for rpm in message.rpm)
+    if first % len(reported) or first >= _MOST_MOTORS:
         return telemetry
     known = () if telemetry.motor_speeds is None else telemetry.motor_speeds.rpm
     before = (*known[:first], *[0] * (first - len(known)))
-    speeds = MotorSpeeds(received_s=now_s, rpm=(*before, *told, *known[first + len(told) :]))
+    speeds = MotorSpeeds(
+        received_s=now_s, rpm=(*before, *reported, *known[first + len(reported) :])
+    )
     return replace(telemetry, motor_speeds=speeds)
 
 

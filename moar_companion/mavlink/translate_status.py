@@ -77,14 +77,14 @@ def _battery_status(telemetry: Telemetry, message: Message, now_s: float) -> Tel
         if value not in {0, _UNKNOWN_U16}
     ]
     voltage_mv = sum(entries_mv)
-    told_each = len(entries_mv) > 1 and max(entries_mv) <= _MOST_CELL_MV
+    reports_cells = len(entries_mv) > 1 and max(entries_mv) <= _MOST_CELL_MV
     battery = Battery(
         received_s=now_s,
         remaining=_percent(message.battery_remaining),
         voltage_v=voltage_mv * 1e-3 if voltage_mv else None,
         current_a=_current_a(message.current_battery),
         charge_state=message.charge_state or None,
-        cells=len(entries_mv) if told_each else None,
+        cells=len(entries_mv) if reports_cells else None,
     )
     batteries = {**telemetry.batteries, message.id: battery}
     zero = batteries.get(0)
@@ -297,7 +297,7 @@ def horizontal_position_ok(flags: int, glitch: int) -> bool:
 
 
 def _radio_status(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    return radio_told(
+    return with_radio(
         telemetry,
         now_s,
         here=(message.rssi, message.noise),
@@ -307,7 +307,7 @@ def _radio_status(telemetry: Telemetry, message: Message, now_s: float) -> Telem
     )
 
 
-def radio_told(
+def with_radio(
     telemetry: Telemetry,
     now_s: float,
     *,
@@ -348,17 +348,19 @@ def _link_node_status(telemetry: Telemetry, message: Message, now_s: float) -> T
 
 
 def _rc_channels(telemetry: Telemetry, message: Message, now_s: float) -> Telemetry:
-    told = telemetry.remote_control is not None and telemetry.remote_control.ever_told
+    reported = telemetry.remote_control is not None and telemetry.remote_control.ever_reported
     rssi_max = profile_of(telemetry).rssi_max
     rssi: float | None = message.rssi / rssi_max
     if message.rssi > rssi_max:
         rssi = None
-    elif message.rssi in {0, _UNKNOWN_U8} and not told:
+    elif message.rssi in {0, _UNKNOWN_U8} and not reported:
         # Autopilots without a signal strength report one of these. Only after another value do
         # they mean no or full signal.
         rssi = None
-    heard = RemoteControl(received_s=now_s, rssi=rssi, ever_told=told or rssi is not None)
-    return replace(telemetry, remote_control=heard)
+    received = RemoteControl(
+        received_s=now_s, rssi=rssi, ever_reported=reported or rssi is not None
+    )
+    return replace(telemetry, remote_control=received)
 
 
 TRANSLATORS: dict[int, Callable[[Telemetry, Message, float], Telemetry]] = {

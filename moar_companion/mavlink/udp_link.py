@@ -20,7 +20,7 @@ from .urls import LinkAddress, LinkKind
 _DATAGRAM_BYTES = 65536
 _MOST_DATAGRAMS = 512
 """Limit of datagrams read in one call, so that other tasks of the loop run in between."""
-_TELL_AGAIN_S = 10.0
+_REPORT_AGAIN_S = 10.0
 _RECEIVE_BYTES = 4 * 2**20
 _LEAST_RECEIVE_BYTES = 2**20
 """Receive buffer for datagrams that arrive while the process waits. The kernel counts 832 bytes for
@@ -56,7 +56,7 @@ class _Udp:
         self._read_s = clock_s()
         """Time up to which all arrived datagrams have been read."""
         self._dropped = 0
-        self._tell_again_s = -math.inf
+        self._report_again_s = -math.inf
         asyncio.get_running_loop().add_reader(own, self._readable)
 
     def close(self) -> None:
@@ -103,9 +103,9 @@ class _Udp:
     def _note_dropped(self, count: int) -> None:
         """Takes the kernel's count of dropped datagrams since the socket was opened."""
         now_s = clock_s()
-        if count != self._dropped and now_s >= self._tell_again_s:
+        if count != self._dropped and now_s >= self._report_again_s:
             lost, self._dropped = (count - self._dropped) & 0xFFFFFFFF, count
-            self._tell_again_s = now_s + _TELL_AGAIN_S
+            self._report_again_s = now_s + _REPORT_AGAIN_S
             _logger.warning("%s: %d datagrams lost, read too late", self._address, lost)
 
     def _fail(self, error: OSError) -> None:

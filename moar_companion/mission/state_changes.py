@@ -10,7 +10,7 @@ from dataclasses import replace
 
 from .. import pilot_texts
 from ..mission_states import IN_CONTROL, STREAMING, MissionState
-from .values import Answer, Do, Effect, MissionStatus, Say, Step, Task, Verdict
+from .values import Answer, Do, Effect, MissionStatus, SendText, Step, Task, Verdict
 
 _INTERRUPTED = IN_CONTROL - {MissionState.HOLDING}
 """Flights that may be resumed after a pilot's takeover; a hold by an operator may not."""
@@ -21,7 +21,7 @@ def enter(
 ) -> Step:
     """Enters a state and reports it; drops the awaited plan, unless kept."""
     after = entered(status, state, now_s, keep_sought=keep_sought)
-    return after, (Say(state_words(state, status.task)),)
+    return after, (SendText(state_words(state, status.task)),)
 
 
 def entered(
@@ -49,8 +49,8 @@ def end_stream(
     interrupted = status.task if taken_over else None
     last = (Do.SEND_LAST_SETPOINT,) if last_setpoint and status.state in STREAMING else ()
     silent = MissionStatus(state=state, since_s=now_s, task=interrupted)
-    say = Say(reason, state.words, serious=state is not MissionState.IDLE)
-    return silent, (*last, *answer_failed(status, reason), say)
+    text = SendText(reason, state.words, serious=state is not MissionState.IDLE)
+    return silent, (*last, *answer_failed(status, reason), text)
 
 
 def state_words(state: MissionState, task: Task | None) -> str:

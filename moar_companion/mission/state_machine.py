@@ -26,15 +26,15 @@ from .state_changes import (
     enter,
     entered,
 )
-from .supervised import WAYS_OUT, heeds, suits, supervised
+from .supervised import ESCAPE_MISSIONS, heeds, suits, supervised
 from .values import (
     Answer,
     Do,
     MissionStatus,
     Order,
     OverrideConditions,
-    Say,
     Seek,
+    SendText,
     Situation,
     Step,
     Task,
@@ -50,13 +50,13 @@ _CROSSED_S = 0.5
 """Time after an event within which an order counts as sent before its operator received the
 event."""
 
-_DONE = Say(pilot_texts.EVERY_TARGET_DONE(), MissionState.HOLDING.words)
-_ARRIVED = Say(pilot_texts.ABOVE_LANDING_POINT(), MissionState.HOLDING.words)
+_DONE = SendText(pilot_texts.EVERY_TARGET_DONE(), MissionState.HOLDING.words)
+_ARRIVED = SendText(pilot_texts.ABOVE_LANDING_POINT(), MissionState.HOLDING.words)
 
 _AGAIN_S = 2.0
 """Time until the next search for an escape route without a path; the situation may have changed."""
 
-_OUTWARD = tuple(Task(mission=way) for way in WAYS_OUT[Action.EXIT])
+_OUTWARD = tuple(Task(mission=mission) for mission in ESCAPE_MISSIONS[Action.EXIT])
 
 
 def restarted(rest: Task | None) -> MissionStatus:
@@ -99,7 +99,7 @@ def command(
     if order is Order.HOLD and status.state is MissionState.READY:
         # The mode may have been given and not yet received: the stream must not end.
         ready = replace(status, hold_ordered=True, sought=None)
-        return ready, (*overtaken, Do.BRAKE, done, Say(pilot_texts.READY_TO_HOLD()))
+        return ready, (*overtaken, Do.BRAKE, done, SendText(pilot_texts.READY_TO_HOLD()))
     if status.state in STREAMING or status.state is MissionState.PLANNING:
         rest = MissionState.IDLE if order is Order.HOLD else MissionState.RELEASED
         reason = pilot_texts.ON_COMMAND(order=order.value)
@@ -166,13 +166,13 @@ def unplanned(
     if status.order_id is not None:
         return replace(status, sought=None, order_id=None), answers
     if sought.mission is not Mission.INSPECTION and not waits:
-        say = Say(reason, f"no {sought.mission.value}", serious=True, news=False)
+        text = SendText(reason, f"no {sought.mission.value}", serious=True, is_new=False)
         inspects = status.task is not None and status.task.mission is Mission.INSPECTION
-        vain = _OUTWARD if failed and inspects else (sought,)
-        return replace(status, sought=None).without(*vain, now_s=now_s), (say,)
+        failed_tasks = _OUTWARD if failed and inspects else (sought,)
+        return replace(status, sought=None).without(*failed_tasks, now_s=now_s), (text,)
     held = entered(status, MissionState.HOLDING, now_s)
-    say = Say(reason, MissionState.HOLDING.words, serious=True)
-    return replace(held, task=sought, resumes=waits), (say,)
+    text = SendText(reason, MissionState.HOLDING.words, serious=True)
+    return replace(held, task=sought, resumes=waits), (text,)
 
 
 def blocked(status: MissionStatus, now_s: float) -> Step:
@@ -203,7 +203,7 @@ def tick(
     paths_changed: a search that found no path may find one now.
     """
     state, ruling = status.state, world.ruling
-    rested = status.sought is None and now_s - status.no_way_s >= _AGAIN_S
+    rested = status.sought is None and now_s - status.no_path_s >= _AGAIN_S
     if status.no_path and (paths_changed or rested):
         status = replace(status, no_path=frozenset())
     if status.order_id is not None:
@@ -252,7 +252,7 @@ def _onward(status: MissionStatus, world: Situation, ready_timeout_s: float, now
             given = MissionState.HOLDING if status.hold_ordered else MissionState.FLYING
             return enter(replace(status, hold_ordered=False), given, now_s, keep_sought=True)
         # Only a mode received after the deadline counts: it may have been given before that.
-        late = world.mode_heard_s - status.since_s >= ready_timeout_s
+        late = world.mode_received_s - status.since_s >= ready_timeout_s
         if late or world.astray:
             reason = pilot_texts.MODE_NOT_GIVEN() if late else pilot_texts.PLACE_LEFT()
             idle, effects = end_stream(status, MissionState.IDLE, reason, now_s, last_setpoint=True)
@@ -309,13 +309,13 @@ def _sought(
     if crossed and order_id is not None:
         return answer_rejected(status, order_id, pilot_texts.JUST_RELEASED())
     known = _known(world, now_s)
-    news = world.ruling.apart_from(known)
-    if order_id is not None and news.action >= Action.HOLD and not suits(task, news.action):
-        return answer_rejected(status, order_id, f"{news.reason} (just begun)")
+    newer = world.ruling.apart_from(known)
+    if order_id is not None and newer.action >= Action.HOLD and not suits(task, newer.action):
+        return answer_rejected(status, order_id, f"{newer.reason} (just begun)")
     effects = answer_cancelled(status)
     if status.state not in STREAMING:
         status = replace(status, state=MissionState.PLANNING, since_s=now_s)
-        effects = (*effects, Say(pilot_texts.PLANNING(mission=task.mission.value)))
+        effects = (*effects, SendText(pilot_texts.PLANNING(mission=task.mission.value)))
     sought = replace(status, sought=task, order_id=order_id, known=known)
     return sought, (*effects, Seek(task))
 

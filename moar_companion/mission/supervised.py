@@ -13,16 +13,16 @@ from ..safety.condition_types import Action
 from ..safety.supervisor import Ruling
 from ..types import Mission
 from .state_changes import answer_failed, entered
-from .values import Do, MissionStatus, Say, Seek, Step, Task
+from .values import Do, MissionStatus, Seek, SendText, Step, Task
 
 _HELD_S = 1.0
 """Minimum hold before a flight resumes by itself: as long as any condition that holds."""
-WAYS_OUT = {
+ESCAPE_MISSIONS = {
     Action.EXIT: (Mission.EXIT, Mission.EVACUATION),
     Action.EVACUATION: (Mission.EVACUATION,),
 }
 """Missions for the supervisor's actions, in the order of the search for a plan."""
-_LEADS_OUT = {Mission.EXIT: "exiting", Mission.EVACUATION: "evacuating"}
+_ACTION_TEXTS = {Mission.EXIT: "exiting", Mission.EVACUATION: "evacuating"}
 """Texts for the companion's action in these missions."""
 
 
@@ -30,17 +30,17 @@ def supervised(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: b
     """Applies the supervisor's action to a flight in control; None if there is nothing to do."""
     if ruling.action is Action.HOLD:
         return _braked(status, ruling, now_s, resumes=True)
-    if ruling.action in WAYS_OUT:
-        return _led_out(status, ruling, now_s, on_leg=on_leg)
+    if ruling.action in ESCAPE_MISSIONS:
+        return _escape(status, ruling, now_s, on_leg=on_leg)
     task = status.task
     if not status.resumes or status.sought is not None or task is None or task in status.no_path:
         return None
     if now_s - status.since_s < _HELD_S:
         return None
-    say = Say(
-        pilot_texts.RESUMING(mission=task.mission.value), news=status.no_way_s < status.since_s
+    text = SendText(
+        pilot_texts.RESUMING(mission=task.mission.value), is_new=status.no_path_s < status.since_s
     )
-    return replace(status, sought=task), (say, Seek(task))
+    return replace(status, sought=task), (text, Seek(task))
 
 
 def heeds(status: MissionStatus, action: Action) -> bool:
@@ -51,7 +51,7 @@ def heeds(status: MissionStatus, action: Action) -> bool:
 
 def suits(task: Task, action: Action) -> bool:
     """True if a task is the escape that an action requires, or a graver one."""
-    return not task.flown and task.mission in WAYS_OUT.get(action, ())
+    return not task.flown and task.mission in ESCAPE_MISSIONS.get(action, ())
 
 
 def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, resumes: bool) -> Step:
@@ -68,11 +68,11 @@ def _braked(status: MissionStatus, ruling: Ruling, now_s: float, *, resumes: boo
     status = replace(status, resumes=resumes, hold_ordered=False)
     held = entered(status, MissionState.HOLDING, now_s)
     action = MissionState.HOLDING.words
-    say = Say(ruling.reason, action, serious=True, condition=ruling.name)
-    return held, (*failed, Do.BRAKE, say)
+    text = SendText(ruling.reason, action, serious=True, condition=ruling.name)
+    return held, (*failed, Do.BRAKE, text)
 
 
-def _led_out(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool) -> Step | None:
+def _escape(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: bool) -> Step | None:
     """Searches for the required escape route, if it is not flown already, or the next best.
 
     Without one, an active escape continues; any other flight holds. A landing leg is flown to its
@@ -85,22 +85,22 @@ def _led_out(status: MissionStatus, ruling: Ruling, now_s: float, *, on_leg: boo
     lands = status.state is MissionState.LANDING_LEG and status.sought is None
     if (lands or heeds(status, ruling.action)) and not stands:
         return None
-    ways = [
-        way
-        for mission in (*WAYS_OUT[ruling.action], Mission.EXIT)  # instead of a hold
-        for way in (task, Task(mission=mission))
-        if way.mission is mission and way not in status.no_path
+    choices = [
+        choice
+        for mission in (*ESCAPE_MISSIONS[ruling.action], Mission.EXIT)  # instead of a hold
+        for choice in (task, Task(mission=mission))
+        if choice.mission is mission and choice not in status.no_path
     ]
     if on_leg and task.mission is not Mission.INSPECTION and task not in status.no_path:
-        ways.insert(0, task)
-    if not ways:
+        choices.insert(0, task)
+    if not choices:
         if task.mission is not Mission.INSPECTION and not holds:
             return None
         return _braked(status, ruling, now_s, resumes=False)
-    wanted = ways[0]
+    wanted = choices[0]
     if status.order_id is None and wanted == (status.sought or (None if holds else task)):
         return None
     sought = replace(status, sought=wanted, order_id=None, resumes=False)
-    action = _LEADS_OUT[wanted.mission]
-    say = Say(ruling.reason, action, serious=True, news=False, condition=ruling.name)
-    return sought, (*answer_failed(status, ruling.reason), say, Seek(wanted))
+    action = _ACTION_TEXTS[wanted.mission]
+    text = SendText(ruling.reason, action, serious=True, is_new=False, condition=ruling.name)
+    return sought, (*answer_failed(status, ruling.reason), text, Seek(wanted))

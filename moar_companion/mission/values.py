@@ -77,13 +77,17 @@ class MissionStatus:
     """While holding: the supervisor holds, not an operator. Resumes when no condition acts."""
     no_path: frozenset[Task] = frozenset()
     """Tasks not searched as escape for a while: no path found from here, or the planner failed."""
-    no_way_s: float = -math.inf
+    no_path_s: float = -math.inf
     """Time when that was last found."""
 
     def without(self, *tasks: Task, now_s: float) -> MissionStatus:
         """Returns the status without these tasks as escape routes for a while."""
-        vain = self.no_path.union(tasks)
-        return self if vain == self.no_path else replace(self, no_path=vain, no_way_s=now_s)
+        failed_tasks = self.no_path.union(tasks)
+        return (
+            self
+            if failed_tasks == self.no_path
+            else replace(self, no_path=failed_tasks, no_path_s=now_s)
+        )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -94,7 +98,7 @@ class Situation:
     """Supervisor's ruling on the flight."""
     mode_ours: bool
     """True if the autopilot is in the mode in which it follows our setpoints."""
-    mode_heard_s: float
+    mode_received_s: float
     """Time when its mode was last received; it may have changed since."""
     on_leg: bool = False
     """True if the reference has entered the landing leg."""
@@ -123,13 +127,13 @@ class Answer:
 
 
 @dataclass(frozen=True, slots=True)
-class Say:
+class SendText:
     """Effect: send a text to operators. action: the companion's action on it."""
 
     text: str
     action: str = ""
     serious: bool = False
-    news: bool = True
+    is_new: bool = True
     """True if a repetition soon after is worth sending."""
     condition: str = ""
     """Name of the condition that it reports."""
@@ -151,5 +155,5 @@ class Do(enum.Enum):
     LAND = "ask for the landing, where the configuration allows"
 
 
-Effect = Seek | Answer | Say | OverrideConditions | Do
+Effect = Seek | Answer | SendText | OverrideConditions | Do
 Step = tuple[MissionStatus, tuple[Effect, ...]]

@@ -28,21 +28,21 @@ _NAME = re.compile(VEHICLE_NAME)
 class Row:
     """Last state of a vehicle.
 
-    online: None until a birth or will is received. heard_s: receiver's clock at the last message
-    that was not retained; told_s: latest `time_s` of all messages. payloads: by topic.
+    online: None until a birth or will is received. received_s: receiver's clock at the last message
+    that was not retained; reported_s: latest `time_s` of all messages. payloads: by topic.
     """
 
     vehicle: str
     online: bool | None = None
-    heard_s: float | None = None
-    told_s: float | None = None
+    received_s: float | None = None
+    reported_s: float | None = None
     payloads: dict[str, Any] = field(default_factory=dict)
 
     def age_s(self, now_s: float, wall_s: float) -> float | None:
         """Age of the newest message; for retained messages by the vehicle's own clock."""
-        if self.heard_s is not None:
-            return now_s - self.heard_s
-        return None if self.told_s is None else max(0.0, wall_s - self.told_s)
+        if self.received_s is not None:
+            return now_s - self.received_s
+        return None if self.reported_s is None else max(0.0, wall_s - self.reported_s)
 
 
 class Fleet:
@@ -78,14 +78,14 @@ class Fleet:
         )
 
 
-def _updated(row: Row, name: str, content: payloads.Part, heard_s: float | None) -> Row:
+def _updated(row: Row, name: str, content: payloads.Part, received_s: float | None) -> Row:
     if isinstance(content, payloads.Online):
         # The broker sends a last will: the will does not make the vehicle's own messages newer.
         return replace(row, online=content.online)
-    told_s = getattr(content, "time_s", None)
+    reported_s = getattr(content, "time_s", None)
     return replace(
         row,
-        heard_s=heard_s if heard_s is not None else row.heard_s,
-        told_s=max(filter(None, (row.told_s, told_s)), default=None),
+        received_s=received_s if received_s is not None else row.received_s,
+        reported_s=max(filter(None, (row.reported_s, reported_s)), default=None),
         payloads={**row.payloads, name: content},
     )

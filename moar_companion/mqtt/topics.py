@@ -78,11 +78,11 @@ def _risk(status: Status) -> Mapping[str, Any]:
 
 
 def _risk_inputs(status: Status) -> Mapping[str, Any]:
-    heard = {
+    received = {
         name: [item for item in index["inputs"] if item["age_s"] is not None]
         for name, index in status["risk"].items()
     }
-    return {"inputs": heard}
+    return {"inputs": received}
 
 
 def _weights(status: Status) -> Mapping[str, Any]:
@@ -180,10 +180,10 @@ class Publication:
                 self.unfit[topic.name] = error_words(error)
                 continue
             if topic.period_s is None:
-                told = payload.model_dump(exclude={"time_s"})
-                if told == self._published.get(topic.name):
+                values = payload.model_dump(exclude={"time_s"})
+                if values == self._published.get(topic.name):
                     continue
-                self._published[topic.name] = told
+                self._published[topic.name] = values
             else:
                 self._due_s[topic.name] = self._next_s(topic.name, topic.period_s, now_s)
             messages.append(

@@ -140,9 +140,9 @@ def _mission(status: Status) -> Iterator[Row]:
         words.append(f" for {_duration(mission['for_s'])}")
     yield "mission", words
     if mission["text"] is not None:
-        said = Text(_clean(mission["text"]))
-        said.append(f"   {_duration(mission['text_age_s'])} ago", "dim")
-        yield "last text", said
+        last = Text(_clean(mission["text"]))
+        last.append(f"   {_duration(mission['text_age_s'])} ago", "dim")
+        yield "last text", last
 
 
 def _aircraft(status: Status) -> Iterator[Row]:
@@ -201,13 +201,13 @@ def _inputs(index: Status) -> RenderableType:
     table.add_column(width=10, justify="right", no_wrap=True)
     table.add_column(width=12, no_wrap=True)
     for item in index["inputs"]:
-        heard, known = item["age_s"] is not None, item["risk"] is not None
+        received, known = item["age_s"] is not None, item["risk"] is not None
         table.add_row(
             "",
             Text(f"{item['risk']:.2f}" if known else _UNKNOWN, "" if known else "magenta"),
             _clean(item["name"]),
-            item["reading"] if heard else "",
-            f"{_duration(item['age_s'])} ago" if heard else "no data",
+            item["reading"] if received else "",
+            f"{_duration(item['age_s'])} ago" if received else "no data",
             style="" if item["name"] == index["worst"] else "dim",
         )
     return table
@@ -257,8 +257,8 @@ def _work(status: Status, *, full: bool) -> Iterator[Row]:
     if status.get("perception"):
         yield "seen", _perception(status["perception"])
     shown = ages if full else {name: ages[name] for name in _VITAL}
-    heard_ago = [_age(name, age_s) for name, age_s in shown.items()]
-    yield "received, s ago", Columns(heard_ago) if full else Text("  ").join(heard_ago)
+    received_ago = [_age(name, age_s) for name, age_s in shown.items()]
+    yield "received, s ago", Columns(received_ago) if full else Text("  ").join(received_ago)
     if status["recorder"] is not None:
         yield "record", Text(_clean(status["recorder"]))
 

@@ -32,7 +32,7 @@ _COLOURS = colormaps["plasma"]
 _LATEST = 0.92
 """End of the used colours: later ones have little contrast on white."""
 _ADDED = "#c2185b"
-_TOLD = "#1565c0"
+_GIVEN = "#1565c0"
 _STILL_M = 0.2
 """Smallest step of a place in half a second that is not noise."""
 _NAME_SHARE, _LINE_SHARE = 0.1, 0.07
@@ -64,7 +64,7 @@ class FirstSight:
 class SeenStory:
     """Perception of a companion in a flight; times in seconds since its first record.
 
-    solids: outlines as each was reported, in order. places: recorded places of the aircraft.
+    solids: outlines as each was given, in order. places: recorded places of the aircraft.
     """
 
     conductors: tuple[FirstSight, ...]
@@ -130,7 +130,7 @@ def draw_perceived(
     story: SeenStory,
     flown_m: list[PlanePoint],
     true: Site,
-    told: Site,
+    given: Site,
     vehicle: Vehicle,
     file: str | PathLike[str],
     *,
@@ -141,7 +141,7 @@ def draw_perceived(
     added: names of the obstacles of the true site that no survey has.
     """
     seen_m = [each.position_m for each in story.conductors]
-    landing = [point for points in told.landing_m.values() for point in points]
+    landing = [point for points in given.landing_m.values() for point in points]
     view = view_of(true, vehicle, [*flown_m, *landing, *seen_m])
     plane_in = _WIDTH * (view[3] - view[2]) / (view[1] - view[0])
     below_in = _BOTTOM + _BELOW_HEIGHT + _BETWEEN
@@ -153,18 +153,18 @@ def draw_perceived(
         page.title(
             _LEFT,
             f"{true.name}: what was seen when",
-            f"told: no obstacle, {len(told.targets)} rough places. Colour: seconds since the start,"
-            " of first sightings as of the places flown to",
+            f"given: no obstacle, {len(given.targets)} rough places. Colour: seconds from the"
+            " start, of first sightings as of the places flown to",
         )
         plane = page.panel(_LEFT, below_in, _WIDTH, plane_in)
-        _draw_plane(plane, story, flown_m, true, told, view, norm, added)
+        _draw_plane(plane, story, flown_m, true, given, view, norm, added)
         _draw_sightings(page.panel(_LEFT, _BOTTOM, _WIDTH, _BELOW_HEIGHT), story, true, norm)
         page.figure.savefig(file, format="png", dpi=DPI)
 
 
 def _at(places: list[tuple[float, PlanePoint]], time_s: float) -> PlanePoint:
     """The aircraft's place at a time: the last recorded one; NaN before the first."""
-    return next((place for told_s, place in reversed(places) if told_s <= time_s + 0.5),
+    return next((place for reported_s, place in reversed(places) if reported_s <= time_s + 0.5),
                 (math.nan, math.nan))  # fmt: skip
 
 
@@ -173,18 +173,18 @@ def _draw_plane(
     story: SeenStory,
     flown_m: list[PlanePoint],
     true: Site,
-    told: Site,
+    given: Site,
     view: View,
     norm: Normalize,
     added: tuple[str, ...],
 ) -> None:
     set_up_plane(axes, view)
-    space = told.workspace
+    space = given.workspace
     width_m, height_m = (high - low for low, high in zip(space.lower_m, space.upper_m, strict=True))
     axes.add_patch(
         Rectangle(
             space.lower_m, width_m, height_m,
-            facecolor="white", edgecolor=_TOLD, lw=1.2, label="told: workspace", zorder=1,
+            facecolor="white", edgecolor=_GIVEN, lw=1.2, label="given: workspace", zorder=1,
         )
     )  # fmt: skip
     for time_s, outline in sorted(story.solids, key=lambda each: -each[0]):
@@ -206,12 +206,12 @@ def _draw_plane(
         times, places = zip(*story.moves, strict=True)
         axes.scatter(
             *np.array(places).T, c=times, cmap=_COLOURS, norm=norm, s=14.0, zorder=5,
-            label="flown, as told",
+            label="flown, as given",
         )  # fmt: skip
-    for target in told.targets:
-        axes.plot(*target.position_m, "*", ms=13, color=_TOLD, mec="white", zorder=7)
+    for target in given.targets:
+        axes.plot(*target.position_m, "*", ms=13, color=_GIVEN, mec="white", zorder=7)
         label(axes, target.position_m, target.name)
-    axes.plot([], [], "*", ms=13, color=_TOLD, mec="white", label="told: rough target")
+    axes.plot([], [], "*", ms=13, color=_GIVEN, mec="white", label="given: rough target")
     place_labels(axes)
     draw_colour_bars(axes, [(ScalarMappable(norm, _COLOURS), "seen, flown at (s)")])
     axes.legend(loc="upper left", framealpha=0.9, fontsize=8.0)

@@ -166,12 +166,12 @@ class _Search:
         # Second point of each pair: one in the window, as far along the direction of the first.
         best, support = None, self._settings.least_points // 2 - 1
         tree = KDTree(points)
-        for at, way, near in zip(
+        for at, tangent, near in zip(
             first, along, tree.query_ball_point(first, self._settings.window_m), strict=True
         ):
             around = points[near]
             offset = around - at
-            length = offset @ way
+            length = offset @ tangent
             distance = np.sqrt(np.maximum((offset**2).sum(axis=1) - length**2, 0.0))
             partners = np.flatnonzero(
                 (abs(length) > 2.0) & (distance < np.maximum(0.2 * abs(length), 0.5))

@@ -77,8 +77,8 @@ def narrow_echoes(
     ranges = _length(offset)
     order = np.lexsort((time_s, ring))
     offset, ranges, ring = offset[order], ranges[order], ring[order]
-    ways = offset / np.maximum(ranges, 1e-6)[:, None]
-    turned = _length(ways[1:] - ways[:-1])
+    beams = offset / np.maximum(ranges, 1e-6)[:, None]
+    turned = _length(beams[1:] - beams[:-1])
     apart = (ring[1:] != ring[:-1]) | (turned > _GAP_RAD)
     stepped = abs(np.diff(ranges)) > _STEP_M
     begins = np.concatenate(([True], apart | stepped))
@@ -249,13 +249,13 @@ def _is_clear(line: _Line, lines: list[_Line], places: FloatArray) -> bool:
 def _sighting(
     line: _Line, ring: IntArray, frame: FloatArray, sensor_m: FloatArray
 ) -> ConductorSighting:
-    way = frame @ np.append(1.0, line.slope)
-    way /= np.linalg.norm(way)
+    axis = frame @ np.append(1.0, line.slope)
+    axis /= np.linalg.norm(axis)
     at = frame @ line.at
-    nearest = at - way * float(at @ way)
+    nearest = at - axis * float(at @ axis)
     return ConductorSighting(
         point_m=nearest + sensor_m,
-        direction=way,
+        direction=axis,
         rings=len(np.unique(ring[line.on])),
         range_m=float(np.linalg.norm(nearest)),
     )

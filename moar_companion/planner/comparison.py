@@ -48,10 +48,10 @@ class PathDifference:
         before_m, after_m = self.mean_clearance_m
         if self.greatest_m < _SAME_PATH_M:
             return "path stays"
-        way = ""
+        side = ""
         if abs(after_m - before_m) >= _SAME_CLEARANCE_M:
-            way = " outward" if after_m > before_m else " inward"
-        return f"path {distance(min(self.greatest_m, _MOST_SHOWN_M))} m{way or ' moved'}"
+            side = " outward" if after_m > before_m else " inward"
+        return f"path {distance(min(self.greatest_m, _MOST_SHOWN_M))} m{side or ' moved'}"
 
     def words(self) -> str:
         """Text: the gist, the mean distance, and the clearances before and after."""

@@ -36,7 +36,7 @@ _BATCH = 64
 """Number of legs checked together, the shortest first."""
 
 
-def way_in(
+def entry_corners(
     site: Site,
     vehicle: Vehicle,
     maps: Maps,

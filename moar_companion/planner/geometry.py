@@ -73,9 +73,9 @@ def hull_vertices_m(obstacles: tuple[Obstacle, ...]) -> FloatArray:
     """
     points = sorted({point for obstacle in obstacles for point in _outline(obstacle)})
     corners: list[PlanePoint] = []
-    for way in (points, points[::-1]):
+    for order in (points, points[::-1]):
         chain: list[PlanePoint] = []
-        for point in way:
+        for point in order:
             while len(chain) > 1 and not _turns_left(chain[-2], chain[-1], point):
                 chain.pop()
             chain.append(point)

@@ -105,10 +105,10 @@ def path_sums(
         here, there = points_m[at], points_m[at + 1]
         if here[0] == there[0] and here[1] == there[1]:
             continue
-        way, duration, within, first_x, first_z, last_x, last_z = leg_sums(
+        weighted_m, duration, within, first_x, first_z, last_x, last_z = leg_sums(
             here[0], here[1], there[0], there[1], field
         )
-        safety += way
+        safety += weighted_m
         seconds += duration
         change += within + np.sqrt((first_x - vx) ** 2 + (first_z - vz) ** 2)
         vx, vz = last_x, last_z

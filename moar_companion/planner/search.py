@@ -124,8 +124,8 @@ def _open(
         for row in range(len(steps.pace)):
             bound_s = 0.0
             for axis in range(3):
-                way = steps.place[cell, axis] - steps.place[start, axis]
-                bound_s += steps.pace[row, axis] * way
+                distance = steps.place[cell, axis] - steps.place[start, axis]
+                bound_s += steps.pace[row, axis] * distance
             least_s = max(least_s, bound_s)
     for move in range(label.shape[1]):
         label[cell, move] = np.inf

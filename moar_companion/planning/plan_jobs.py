@@ -18,7 +18,7 @@ from .. import pilot_texts
 from ..autopilots.failsafe_actions import NO_FAILSAFES, Failsafes
 from ..errors import InputError
 from ..planner.blocking_margin import blocking_part
-from ..planner.escape import pocket, way_in
+from ..planner.escape import entry_corners, pocket
 from ..planner.free_distance import FreeDistance
 from ..planner.plan_values import Plan, PlanRequest, PlanStatus
 from ..planner.plane_fence import PlaneFence
@@ -176,7 +176,7 @@ def _answer(planner: Planner, job: PlanJob) -> PlanAnswer:
         far_m = planner.site.workspace.outside_m(start_m)
         if far_m > planner.vehicle.guidance.recovery_m:
             return PlanAnswer(job_id=job.job_id, plan=None, reason=too_far(far_m, planner.vehicle))
-        plan, escape_m = _led_in(planner, request, start_m)
+        plan, escape_m = _plan_with_entry(planner, request, start_m)
     except InputError as error:
         reason = f"{error.problem} ({error})"
         if request.mission is not Mission.INSPECTION:
@@ -194,7 +194,7 @@ def _answer(planner: Planner, job: PlanJob) -> PlanAnswer:
     )
 
 
-def _led_in(
+def _plan_with_entry(
     planner: Planner, request: PlanRequest, start_m: PlanePoint
 ) -> tuple[Plan, tuple[PlanePoint, ...]]:
     """The plan, and the corners of the leg to its start; () where it begins at the request's start.
@@ -208,7 +208,7 @@ def _led_in(
     if cell is None or maps.occupied[cell] or (low_m is not None and start_m[1] < low_m):
         barred = np.zeros_like(maps.occupied)
         for _ in range(_MOST_POCKETS):
-            corners_m = way_in(planner.site, planner.vehicle, maps, start_m, barred)
+            corners_m = entry_corners(planner.site, planner.vehicle, maps, start_m, barred)
             if not corners_m:
                 break
             escape_m = corners_m

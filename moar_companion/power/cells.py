@@ -40,10 +40,10 @@ def misread(telemetry: Telemetry, cells: int | None) -> str | None:
     for number, battery in sorted(telemetry.batteries.items()):
         if battery.voltage_v is None or not is_powered(battery):
             continue
-        told = battery.cells
+        reported = battery.cells
         least_v, most_v = CELL_V
         fits = least_v <= battery.voltage_v / cells <= most_v
-        if not fits or told not in (None, cells):
-            has = f"{told}S" if fits else f"{battery.voltage_v:.1f} V"
+        if not fits or reported not in (None, cells):
+            has = f"{reported}S" if fits else f"{battery.voltage_v:.1f} V"
             return f"battery {number}: {has}, not {cells}S (risk.cells of the vehicle file)"
     return None

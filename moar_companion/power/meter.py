@@ -79,15 +79,15 @@ class _Mark:
 class _Pack:
     """A battery by its last reported charge, less the charge flown since.
 
-    heard_s: time of that report. most: greatest charge that its voltage allows. told: charge that
-    the autopilot reported, the least of a noisy one; None if only a voltage gives it. marks: the
-    decreases of `told`.
+    received_s: time of that report. most: greatest charge that its voltage allows. reported: charge
+    that the autopilot reported, the least of a noisy one; None if only a voltage gives it. marks:
+    decreases of `reported`.
     """
 
-    heard_s: float
+    received_s: float
     charge: float
     most: float
-    told: float | None = None
+    reported: float | None = None
     marks: tuple[_Mark, ...] = ()
 
     @property
@@ -121,7 +121,7 @@ class Meter:
     mean_current_a: Mapping[int, float] = field(default_factory=dict)
     packs: Mapping[int, _Pack] = field(default_factory=dict)
     """Batteries whose charge was ever known."""
-    heard_s: float | None = None
+    received_s: float | None = None
     """Time of the last report of the emptiest battery's charge."""
 
     def flight_s(self, model: PowerModel) -> float | None:
@@ -168,14 +168,16 @@ def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel)
     used_w = max(meter.factor * flight_w, min(drawn_w or 0.0, _GREATEST_RATIO * flight_w))
     used = used_w * elapsed_s / S_PER_H / model.capacity_wh
     packs = {
-        number: _Pack(pack.heard_s, pack.charge - used, pack.most - used, pack.told, pack.marks)
+        number: _Pack(
+            pack.received_s, pack.charge - used, pack.most - used, pack.reported, pack.marks
+        )
         for number, pack in meter.packs.items()
         if number not in gone
     }
     for number, battery in batteries.items():
         counts = flies and number in currents and model.capacity_known
         mean_a = currents.get(number)
-        pack = _heard(packs.get(number), battery, model, mean_a, flown_wh, counts=counts)
+        pack = _received(packs.get(number), battery, model, mean_a, flown_wh, counts=counts)
         if pack is not None:
             packs[number] = pack
     emptiest = min(packs.values(), key=lambda pack: pack.left, default=None)
@@ -194,7 +196,7 @@ def metered(meter: Meter, telemetry: Telemetry, now_s: float, model: PowerModel)
         drawn_wh=drawn_wh,
         mean_current_a=currents,
         packs=packs,
-        heard_s=None if emptiest is None else emptiest.heard_s,
+        received_s=None if emptiest is None else emptiest.received_s,
     )
 
 
@@ -233,7 +235,7 @@ def _mean_currents(
     return after
 
 
-def _heard(
+def _received(
     pack: _Pack | None,
     battery: Battery,
     model: PowerModel,
@@ -246,20 +248,20 @@ def _heard(
 
     counts: True if a charge known only by voltage is counted down instead of read again.
     """
-    if pack is not None and pack.heard_s == battery.received_s:
+    if pack is not None and pack.received_s == battery.received_s:
         return pack
     volts = cell_v(battery, model, mean_current_a)
     most = math.inf if pack is None else pack.most
     if volts is not None:
         most = 1.0 - model.cell_voltage_v.fraction(volts)
-    told = battery.remaining
-    if told is not None:
-        least, marks = _steps(pack, told, flown_wh, model)
-        return _Pack(battery.received_s, told, most, least, marks)
-    if pack is not None and pack.told is not None:
+    reported = battery.remaining
+    if reported is not None:
+        least, marks = _steps(pack, reported, flown_wh, model)
+        return _Pack(battery.received_s, reported, most, least, marks)
+    if pack is not None and pack.reported is not None:
         return replace(pack, most=most)
     if pack is not None and counts:
-        return replace(pack, heard_s=battery.received_s, most=most)
+        return replace(pack, received_s=battery.received_s, most=most)
     charge = _by_voltage(battery, model)
     return pack if charge is None else _Pack(battery.received_s, charge, most)
 
@@ -272,26 +274,26 @@ def _by_voltage(battery: Battery, model: PowerModel) -> float | None:
 
 
 def _steps(
-    pack: _Pack | None, told: float, flown_wh: float, model: PowerModel
+    pack: _Pack | None, reported: float, flown_wh: float, model: PowerModel
 ) -> tuple[float, tuple[_Mark, ...]]:
     """Least reported charge and the steps down to it, without those of another battery."""
-    if pack is None or pack.told is None or told > pack.told + _SWAPPED:
-        return told, ()
-    if told >= pack.told:
-        return pack.told, pack.marks
-    mark, marks = _Mark(told, flown_wh), pack.marks
+    if pack is None or pack.reported is None or reported > pack.reported + _SWAPPED:
+        return reported, ()
+    if reported >= pack.reported:
+        return pack.reported, pack.marks
+    mark, marks = _Mark(reported, flown_wh), pack.marks
     if marks:
         last, first = marks[-1], marks[0]
         measured = 1.0
         if last.flown_wh > first.flown_wh:
             used_wh = (first.charge - last.charge) * model.capacity_wh
             measured = max(1.0, used_wh / (last.flown_wh - first.flown_wh))
-        used_wh = (last.charge - told) * model.capacity_wh
+        used_wh = (last.charge - reported) * model.capacity_wh
         sudden = used_wh > _SUDDEN_RATIO * measured * (flown_wh - last.flown_wh)
         if sudden and last.sudden < _MOST_SUDDEN:
-            return told, (replace(mark, sudden=last.sudden + 1),)
+            return reported, (replace(mark, sudden=last.sudden + 1),)
     oldest_wh = flown_wh - model.hover_wh(_MARKS_S)
-    return told, (*(old for old in marks[1 - _MOST_MARKS :] if old.flown_wh >= oldest_wh), mark)
+    return reported, (*(old for old in marks[1 - _MOST_MARKS :] if old.flown_wh >= oldest_wh), mark)
 
 
 def _drawn_w(batteries: Mapping[int, Battery], currents: Mapping[int, float]) -> float | None:
@@ -331,11 +333,11 @@ def _measured(
     if drawn_w is not None and by_current:
         if not recent_wh:
             prior = meter.factor
-        believed_w = min(drawn_w, _GREATEST_RATIO * flight_w)
-        more = believed_w * recent_wh > _AT_ODDS * flight_w * used_wh
+        estimated_w = min(drawn_w, _GREATEST_RATIO * flight_w)
+        more = estimated_w * recent_wh > _AT_ODDS * flight_w * used_wh
         kept = math.exp(-elapsed_s / (_MEASURING_S if more else _FORGETTING_S))
         recent_wh = kept * recent_wh + flight_w * elapsed_s / S_PER_H
-        used_wh = kept * used_wh + believed_w * elapsed_s / S_PER_H
+        used_wh = kept * used_wh + estimated_w * elapsed_s / S_PER_H
     measures = [(used_wh, recent_wh, used_wh, "current")]
     if not by_current or by_charge[0] * recent_wh > _AT_ODDS * used_wh * by_charge[1]:
         measures.append((*by_charge, "charge"))

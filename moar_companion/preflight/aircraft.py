@@ -368,9 +368,12 @@ def _people(sight: Sight) -> Iterator[Finding]:
         )
 
 
-def _person(risk: RiskEstimate, subject: str, heard: str | None, remedy: str) -> Finding:
-    """Checks a link for take-over by its inputs of the communication risk. heard: its text."""
-    if heard is None:
+def _person(risk: RiskEstimate, subject: str, text: str | None, remedy: str) -> Finding:
+    """Checks a link for take-over by its inputs of the communication risk.
+
+    text: of the link; None if it was not received.
+    """
+    if text is None:
         return Finding(level=Level.WARNING, subject=subject, text="not received", remedy=remedy)
     bad = [
         item.phrase
@@ -379,4 +382,4 @@ def _person(risk: RiskEstimate, subject: str, heard: str | None, remedy: str) ->
     ]
     if bad:
         return Finding(level=Level.WARNING, subject=subject, text=", ".join(bad), remedy=remedy)
-    return Finding(level=Level.OK, subject=subject, text=heard)
+    return Finding(level=Level.OK, subject=subject, text=text)

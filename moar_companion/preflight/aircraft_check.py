@@ -71,7 +71,7 @@ def parameter_findings(
     vehicle: Vehicle,
     policy: LossCheck,
     *,
-    ground_station_heard: bool,
+    ground_station_received: bool,
 ) -> list[Finding]:
     """Returns one finding for each rule of the autopilot. policy: on an unsafe offboard loss."""
     loss = autopilot.offboard_loss(autopilot.with_silence(parameters))
@@ -82,7 +82,7 @@ def parameter_findings(
         parameters=parameters,
         loss=loss,
         objection=objection_level(policy),
-        ground_station_heard=ground_station_heard,
+        ground_station_received=ground_station_received,
         speeds_mps=(speed.horizontal_mps, speed.up_mps, speed.down_mps),
         max_speed_mps=speed.max_mps,
         acceleration_mps2=vehicle.guidance.acceleration_mps2,
@@ -142,7 +142,7 @@ class Preflight:
         self._risk = RiskEstimate.unknown(vehicle.risk)
         self._others: list[Autopilot] = []
         self._positions = self._attitudes = Arrivals()
-        self._bytes_heard = 0
+        self._received_bytes = 0
         self._began_s: float | None = None
         self._found_s: float | None = None
         self._risk_due_s = self._version_due_s = -math.inf
@@ -162,7 +162,7 @@ class Preflight:
     def receive(self, link: str, data: bytes, now_s: float, address: Address | None = None) -> None:
         """Takes bytes from a link, split anywhere. address: their sender on a listening link."""
         before = self._session.telemetry
-        self._bytes_heard += len(data)
+        self._received_bytes += len(data)
         self._session.receive(link, data, now_s, address)
         after = self._session.telemetry
         if after.local_position not in (None, before.local_position):
@@ -204,7 +204,7 @@ class Preflight:
             self._version_due_s = now_s + _VERSION_PERIOD_S
             session.requests.request_version()
         looked_s = now_s - self._found_s
-        self._done = looked_s >= (_LOOK_S if self._all_told() else _LONGEST_LOOK_S)
+        self._done = looked_s >= (_LOOK_S if self._is_complete() else _LONGEST_LOOK_S)
 
     def data_to_send(self) -> list[tuple[str, bytes]]:
         """Returns the packets since the last call, in order, each with its link's name."""
@@ -240,7 +240,7 @@ class Preflight:
                 parameters,
                 self._vehicle,
                 self._limits.loss_action,
-                ground_station_heard=session.telemetry.ground_station is not None,
+                ground_station_received=session.telemetry.ground_station is not None,
             ),
             *self._fence(known),
             held_wind_finding(autopilot.kind, parameters, self._vehicle, self._limits),
@@ -274,7 +274,7 @@ class Preflight:
             fence,
             self._pose_tracker.home_m,
             self._limits.fence_margin_m,
-            told=items is not None,
+            reported=items is not None,
         )
 
     def _offboard_loss(self, autopilot: Profile) -> list[Finding]:
@@ -285,19 +285,19 @@ class Preflight:
         return loss_findings(self._planner, loss, home_m, self._limits.loss_action)
 
     def _failsafes(self, autopilot: Profile) -> list[Finding]:
-        told = autopilot.failsafes(autopilot.with_silence(self._session.requests.parameters))
-        if self._planner is None or told is None:
+        reported = autopilot.failsafes(autopilot.with_silence(self._session.requests.parameters))
+        if self._planner is None or reported is None:
             return []
-        told = replace(told, home_m=self._pose_tracker.home_m)
-        return failsafe_findings(self._planner, told, self._limits, self._power)
+        reported = replace(reported, home_m=self._pose_tracker.home_m)
+        return failsafe_findings(self._planner, reported, self._limits, self._power)
 
-    def _all_told(self) -> bool:
+    def _is_complete(self) -> bool:
         """True if no requested data may still come."""
         session = self._session
         assert session.autopilot is not None
         requests = session.requests
-        fence_told = requests.fence_items is not None or requests.fence_silent
-        known = session.telemetry.firmware is not None and fence_told
+        fence_known = requests.fence_items is not None or requests.fence_silent
+        known = session.telemetry.firmware is not None and fence_known
         return known and all(
             name in requests.parameters for name in _parameters(profile(session.autopilot.kind))
         )
@@ -329,15 +329,15 @@ class Preflight:
     def _silence(self) -> Finding:
         """Returns the finding of a missing autopilot, with hints at the cause."""
         links = ", ".join(self._asked_links)
-        if self._bytes_heard == 0:
+        if self._received_bytes == 0:
             remedy = (
                 "is it running, and is this the port that it sends to (on a serial line: the "
                 "right device, TX and RX crossed, MAVLink set up on that port)?"
             )
         else:
             remedy = (
-                f"{self._bytes_heard} bytes came, but no autopilot's heartbeat: is the baud rate "
-                "right, is it MAVLink, is it an autopilot that sends?"
+                f"{self._received_bytes} bytes came, but no heartbeat of an autopilot: is the baud "
+                "rate right, is it MAVLink, is it an autopilot that sends?"
             )
         return Finding(
             level=Level.NO_GO,

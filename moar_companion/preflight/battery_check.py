@@ -28,16 +28,16 @@ def battery_findings(telemetry: Telemetry, model: RiskModel) -> list[Finding]:
             )
         ]
     batteries = sorted(telemetry.batteries.items())
-    beside = any(_tells(battery) for _, battery in batteries)
+    beside = any(_reports_voltage(battery) for _, battery in batteries)
     return [
         _battery(f"battery {number}", battery, model)
-        if _tells(battery)
+        if _reports_voltage(battery)
         else _silent(f"battery {number}", beside=beside)
         for number, battery in batteries
     ]
 
 
-def _tells(battery: Battery) -> bool:
+def _reports_voltage(battery: Battery) -> bool:
     return battery.remaining is not None or battery.voltage_v is not None
 
 
@@ -57,7 +57,7 @@ def _silent(subject: str, *, beside: bool) -> Finding:
 
 def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
     remaining, voltage_v, cells = battery.remaining, battery.voltage_v, model.cells
-    told = battery.cells
+    reported = battery.cells
     charge = "charge unknown" if remaining is None else f"{remaining:.0%}"
     risk = 0.0 if remaining is None else model.battery_remaining.fraction(remaining)
     if voltage_v is None:
@@ -71,14 +71,14 @@ def _battery(subject: str, battery: Battery, model: RiskModel) -> Finding:
             remedy="connect the flight battery",
         )
     if cells is None:
-        why = "" if told is None else f", which is {told}"
+        why = "" if reported is None else f", which is {reported}"
         text = f"{text}; the voltage is not judged without risk.cells in the vehicle file{why}"
         return _charged(subject, text, risk, Level.NOTE)
-    if told is not None and told != cells:
+    if reported is not None and reported != cells:
         return Finding(
             level=Level.NO_GO,
             subject=subject,
-            text=f"{text}: it tells the voltages of {told} cells, and the vehicle file says "
+            text=f"{text}: it tells the voltages of {reported} cells, and the vehicle file says "
             f"{cells}",
             remedy="correct risk.cells there: with the wrong number an empty battery looks full, "
             "or a full one empty",

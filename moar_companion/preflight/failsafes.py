@@ -19,7 +19,7 @@ from ..safety.failsafe_exposure import moving
 from ..safety.failsafe_paths import exposed_places, failsafe_hit
 from ..types import Mission, Vector
 from .findings import Finding, Level
-from .site_routes import SiteRoute, ways_of
+from .site_routes import SiteRoute, routes_of
 
 SUBJECT = "failsafe"
 LOSS_SUBJECT = "companion failure"
@@ -32,11 +32,11 @@ def failsafe_findings(
 
     Unsafe: the action would hit an obstacle. `loss_findings` judges the loss of the companion.
     """
-    ways = [
-        (target, way)
-        for target, of_target in ways_of(planner).items()
-        for way in of_target
-        if way.plan.status is PlanStatus.FOUND
+    routes = [
+        (target, route)
+        for target, of_target in routes_of(planner).items()
+        for route in of_target
+        if route.plan.status is PlanStatus.FOUND
     ]
     found = [
         Finding(
@@ -48,9 +48,9 @@ def failsafe_findings(
         )
         for item in moving(failsafes, LINKS).actions
         if item.trigger is not Trigger.COMPANION_LOSS
-        and (words := _hits(planner, replace(failsafes, actions=(item,)), ways))
+        and (words := _hits(planner, replace(failsafes, actions=(item,)), routes))
     ]
-    if ways and not found:
+    if routes and not found:
         text = "no action of the autopilot's own would hit anything on any way of this site"
         found = [Finding(level=Level.OK, subject=SUBJECT, text=text)]
     returns = any(item.action is Action.RETURN for item in failsafes.actions)
@@ -83,18 +83,18 @@ def _protection(item: FailsafeAction, limits: Supervision, power: PowerModel) ->
     return f"; the companion leaves {limits.exposure_reserve_s:g} s before"
 
 
-def _hits(planner: Planner, failsafe: Failsafes, ways: list[tuple[str, SiteRoute]]) -> str:
+def _hits(planner: Planner, failsafe: Failsafes, routes: list[tuple[str, SiteRoute]]) -> str:
     """Text about the collisions on each route; empty if there are none."""
     reach, found = planner.maps.reach, []
-    for target, way in ways:
-        waypoints = way.plan.waypoints
+    for target, route in routes:
+        waypoints = route.plan.waypoints
         places_m, time_s = waypoints.position_m, waypoints.time_s
         hit = failsafe_hit(failsafe, reach, places_m, drifting=True)
         if hit is None:
             continue
         exposed = exposed_places(failsafe, reach, places_m, drifting=True)
         from_share = float(time_s[np.argmax(exposed)]) / max(1e-9, float(time_s[-1]))
-        name = f"to {target}" if way.name.startswith("from ") else f"{way.name} from {target}"
+        name = f"to {target}" if route.name.startswith("from ") else f"{route.name} from {target}"
         found.append(f"{hit[1].obstacle} from {from_share:.0%} of the plan {name}")
     drift_m = max(item.drift_m for item in failsafe.actions)
     drifting = f"drifting up to {drift_m:g} m " if drift_m else ""
@@ -112,21 +112,21 @@ def loss_findings(
 ) -> list[Finding]:
     """Returns a finding for each collision, or one if there is none. home_m: site's frame."""
     objections: dict[tuple[Level, str], list[str]] = {}
-    all_ways = ways_of(planner)
-    for target, ways in all_ways.items():
-        for way in ways:
-            objection = way.objection(planner, loss, home_m)
+    routes_by_target = routes_of(planner)
+    for target, routes in routes_by_target.items():
+        for route in routes:
+            objection = route.objection(planner, loss, home_m)
             if objection is None:
                 continue
-            inspects = way.mission is Mission.INSPECTION
-            name = f"to {target}" if inspects else f"{way.name} from {target}"
-            level = objection_level(policy, way.mission)
+            inspects = route.mission is Mission.INSPECTION
+            name = f"to {target}" if inspects else f"{route.name} from {target}"
+            level = objection_level(policy, route.mission)
             objections.setdefault((level, objection), []).append(name)
     found = [
         Finding(level=level, subject=LOSS_SUBJECT, text=f"{objection} ({', '.join(names)})")
         for (level, objection), names in objections.items()
     ]
-    if all_ways and not found:
+    if routes_by_target and not found:
         text = f"the autopilot would {loss.action.value}, and hit nothing on any way of this site"
         found = [Finding(level=Level.OK, subject=LOSS_SUBJECT, text=text)]
     if loss.assumption is not None:

@@ -17,22 +17,22 @@ from ..planner.planner import Planner
 from ..site import PlanePoint
 from ..types import Mission, Vector
 from .findings import Finding, Level
-from .site_routes import unseen, ways_of
+from .site_routes import routes_of, unseen
 
 SUBJECT = "fence"
 _WIDEN = "widen the autopilot's fence, or move it"
 
 
 def fence_findings(
-    planner: Planner | None, fence: Fence, home_m: Vector | None, margin_m: float, *, told: bool
+    planner: Planner | None, fence: Fence, home_m: Vector | None, margin_m: float, *, reported: bool
 ) -> list[Finding]:
     """Returns all findings on the autopilot's fence.
 
     planner: of the site, without the fence; None without a site. home_m: in the site's frame, None
-    if unknown. told: True if the autopilot has reported its uploaded areas.
+    if unknown. reported: True if the autopilot has reported its uploaded areas.
     """
     found = [_summary(fence)]
-    if not told:
+    if not reported:
         found.append(
             Finding(
                 level=Level.WARNING,
@@ -107,16 +107,16 @@ def _outside(planner: Planner, fence: PlaneFence) -> Iterator[Finding]:
             crossed = fence.crossed(above) or ", ".join(bound.name for bound in fence.bounds)
             text = f"{_shown(point)} cannot be reached inside {crossed}"
             yield _finding(Level.NO_GO, f"landing {mission.value} {index}", text, fence)
-    inside = ways_of(inner)
-    for target, ways in ways_of(planner).items():
-        kept = {way.name: way.plan.status for way in inside.get(target, ())}
-        for way in ways:
-            if way.plan.status is not PlanStatus.FOUND or way.name not in kept:
+    inside = routes_of(inner)
+    for target, routes in routes_of(planner).items():
+        kept = {route.name: route.plan.status for route in inside.get(target, ())}
+        for route in routes:
+            if route.plan.status is not PlanStatus.FOUND or route.name not in kept:
                 continue
-            if kept[way.name] is not PlanStatus.FOUND:
+            if kept[route.name] is not PlanStatus.FOUND:
                 clear = False
-                crossed = fence.crossed(way.plan.waypoints.position_m)
-                text = f"{way.name}: no way inside {crossed}"
+                crossed = fence.crossed(route.plan.waypoints.position_m)
+                text = f"{route.name}: no way inside {crossed}"
                 yield _finding(Level.NO_GO, f"target {target}", text, fence)
     if clear:
         text = f"all targets and ways keep {fence.margin_m:g} m from it"

@@ -73,14 +73,14 @@ def _index(
     else:
         level = Level.of_risk(report.target)
         if report.held and report.cause is not None:
-            told = f"held at the last value: {estimate.last_known[name][report.cause].phrase}"
+            reported = f"held at the last value: {estimate.last_known[name][report.cause].phrase}"
         else:
-            told = ", ".join(
+            reported = ", ".join(
                 item.phrase
                 for item in report.inputs
                 if item.risk is not None and (item.risk or item.value)
             )
-        text = f"{report.target:.2f} ({told})"
+        text = f"{report.target:.2f} ({reported})"
     remedy = remedy if level >= Level.WARNING else ""
     return Finding(level=level, subject=f"{name} risk", text=text, remedy=remedy)
 

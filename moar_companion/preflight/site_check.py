@@ -22,7 +22,7 @@ from ..site import Conductor, Obstacle, PlanePoint
 from ..types import Mission
 from ..vehicle import Vehicle
 from .findings import Finding, Level
-from .site_routes import SiteRoute, place_problem, too_near, unseen, ways_of
+from .site_routes import SiteRoute, place_problem, routes_of, too_near, unseen
 
 _LARGE_BYTES = 500_000_000
 """Number of cells that is too many for a companion computer of 4 GB."""
@@ -165,7 +165,7 @@ def _targets(planner: Planner) -> Iterator[Finding]:
             text="none",
             remedy="add targets: else no inspection can be ordered",
         )
-    ways = ways_of(planner)
+    routes = routes_of(planner)
     visits_s = escape_route_s = 0.0
     for target in site.targets:
         subject, point = f"target {target.name}", target.position_m
@@ -178,22 +178,26 @@ def _targets(planner: Planner) -> Iterator[Finding]:
                 remedy="move it, or what is in its way",
             )
             continue
-        times_s = {way: way.flown_s(planner) for way in ways[target.name]}
-        yield _ways(subject, times_s)
+        times_s = {route: route.flown_s(planner) for route in routes[target.name]}
+        yield _routes(subject, times_s)
         visits_s += target.dwell_s + sum(
-            time_s for way, time_s in times_s.items() if way.mission is Mission.INSPECTION
+            time_s for route, time_s in times_s.items() if route.mission is Mission.INSPECTION
         )
         escape_route_s = max(
-            (time_s for way, time_s in times_s.items() if way.mission is not Mission.INSPECTION),
+            (
+                time_s
+                for route, time_s in times_s.items()
+                if route.mission is not Mission.INSPECTION
+            ),
             default=0.0,
         )
     if site.targets:
         yield _endurance(visits_s + escape_route_s, planner.vehicle)
 
 
-def _ways(subject: str, times_s: dict[SiteRoute, float]) -> Finding:
+def _routes(subject: str, times_s: dict[SiteRoute, float]) -> Finding:
     """Checks the routes to and from a target. times_s: flight time of each route."""
-    lost = [way.name for way in times_s if way.plan.status is not PlanStatus.FOUND]
+    lost = [route.name for route in times_s if route.plan.status is not PlanStatus.FOUND]
     if lost:
         return Finding(
             level=Level.NO_GO,
@@ -201,8 +205,8 @@ def _ways(subject: str, times_s: dict[SiteRoute, float]) -> Finding:
             text=f"no free path: {', '.join(lost)}",
             remedy="is it walled in? A lesser keep_out_m or a finer resolution_m may open a way",
         )
-    times = ", ".join(f"{way.name} {time_s:.0f} s" for way, time_s in times_s.items())
-    metrics = [way.plan.metrics for way in times_s if way.plan.metrics is not None]
+    times = ", ".join(f"{route.name} {time_s:.0f} s" for route, time_s in times_s.items())
+    metrics = [route.plan.metrics for route in times_s if route.plan.metrics is not None]
     least_m = min((item.min_clearance_m for item in metrics), default=math.inf)
     clear = "" if math.isinf(least_m) else f", {least_m:.1f} m from obstacles at least"
     return Finding(level=Level.OK, subject=subject, text=f"{times or 'no ways'}{clear}")

@@ -82,7 +82,7 @@ class SiteRoute:
         ), pose
 
 
-def ways_of(planner: Planner) -> dict[str, list[SiteRoute]]:
+def routes_of(planner: Planner) -> dict[str, list[SiteRoute]]:
     """By names of reachable targets: escape routes, and the route from the target before.
 
     The first target's is from the start, if the vehicle can be there.
@@ -90,7 +90,7 @@ def ways_of(planner: Planner) -> dict[str, list[SiteRoute]]:
     site = planner.site
     escape_routes = [mission for mission in site.landing_m if unseen(planner, mission) is None]
     before = None if place_problem(planner, site.start_m) else ("the start", site.start_m)
-    ways: dict[str, list[SiteRoute]] = {}
+    routes: dict[str, list[SiteRoute]] = {}
     for target in site.targets:
         place_m = target.position_m
         if place_problem(planner, place_m) is not None:
@@ -101,7 +101,7 @@ def ways_of(planner: Planner) -> dict[str, list[SiteRoute]]:
         if before is not None:
             name, start_m = before
             trips.append((f"from {name}", Mission.INSPECTION, start_m, target.name))
-        ways[target.name] = [
+        routes[target.name] = [
             SiteRoute(
                 name=name,
                 mission=mission,
@@ -111,7 +111,7 @@ def ways_of(planner: Planner) -> dict[str, list[SiteRoute]]:
             for name, mission, start_m, goal in trips
         ]
         before = (target.name, place_m)
-    return ways
+    return routes
 
 
 def unseen(planner: Planner, mission: Mission, index: int | None = None) -> str | None:

@@ -17,11 +17,11 @@ from ..mavlink.codec import SourceStatistics
 from ..mavlink.dataflash import Row
 from ..mavlink.identity import Autopilot, AutopilotFound
 from ..mavlink.modes import is_homeward, is_multirotor, is_ours, mode_name, motor_count
-from ..mavlink.passive_listener import Input, Said, TextSaid, type_in_words
-from ..mavlink.statustext import HeardText
-from ..mavlink.translate_motion import wind_told
+from ..mavlink.passive_listener import Input, ListenerEvent, TextReceived, type_in_words
+from ..mavlink.statustext import ReceivedText
+from ..mavlink.translate_motion import with_wind
 from ..mavlink.translate_motors import motor_outputs
-from ..mavlink.translate_status import horizontal_position_ok, innovation, radio_told
+from ..mavlink.translate_status import horizontal_position_ok, innovation, with_radio
 from ..telemetry import (
     Attitude,
     AutopilotStatus,
@@ -79,12 +79,12 @@ class DataflashListener:
     def tick(self, now_s: float) -> None:
         """Does nothing: a log has no packets to count."""
 
-    def hear(self, row: Row, now_s: float) -> list[Said]:
+    def handle(self, row: Row, now_s: float) -> list[ListenerEvent]:
         """Takes a message; returns the events in it."""
         name, fields = row
         before = self.telemetry
         try:
-            said = _READERS[name](self, fields, now_s) or []
+            events = _READERS[name](self, fields, now_s) or []
         except (KeyError, TypeError):  # fields of another version
             return []
         status = self.telemetry.autopilot
@@ -93,11 +93,11 @@ class DataflashListener:
         source = INPUT_OF[name]
         if source and self.telemetry is not before:
             self.inputs[source] = Input(messages=self.inputs[source].messages + 1, last_s=now_s)
-        return said
+        return events
 
     # Status
 
-    def _note_status(self, now_s: float) -> list[Said]:
+    def _note_status(self, now_s: float) -> list[ListenerEvent]:
         """Sets mode and armed state, as a heartbeat would."""
         mode, kind = self._mode, self._type
         status = AutopilotStatus(
@@ -123,43 +123,43 @@ class DataflashListener:
         found = Autopilot(system_id=1, component_id=1, kind=ARDUPILOT, link="log")
         return [AutopilotFound(autopilot=found)]
 
-    def read_mode(self, fields: dict[str, Any], now_s: float) -> list[Said]:
+    def read_mode(self, fields: dict[str, Any], now_s: float) -> list[ListenerEvent]:
         """Takes MODE."""
         self._mode = int(fields["ModeNum"])
         return self._note_status(now_s)
 
-    def read_armed(self, fields: dict[str, Any], now_s: float) -> list[Said]:
+    def read_armed(self, fields: dict[str, Any], now_s: float) -> list[ListenerEvent]:
         """Takes ARM."""
         self._armed = bool(fields["ArmState"])
         return self._note_status(now_s)
 
-    def read_event(self, fields: dict[str, Any], now_s: float) -> list[Said]:
+    def read_event(self, fields: dict[str, Any], now_s: float) -> list[ListenerEvent]:
         """Takes EV."""
         event = int(fields["Id"])
         landed = _EVENTS_LANDED.get(event)
         if landed is not None:
-            told = Landed(received_s=now_s, state=landed)
-            self.telemetry = replace(self.telemetry, landed=told)
+            reported = Landed(received_s=now_s, state=landed)
+            self.telemetry = replace(self.telemetry, landed=reported)
         if event not in _EVENTS_ARMED:
             return []
         self._armed = _EVENTS_ARMED[event]
         return self._note_status(now_s)
 
-    def read_error(self, fields: dict[str, Any], now_s: float) -> list[Said]:
+    def read_error(self, fields: dict[str, Any], now_s: float) -> list[ListenerEvent]:
         """Takes ERR."""
         subsystem, code = int(fields["Subsys"]), int(fields["ECode"])
         if subsystem in _FAILSAFES:
             (self._failing.add if code else self._failing.discard)(subsystem)
-        text = HeardText(severity="error", text=f"ERR subsystem {subsystem}, code {code}")
-        return [*self._note_status(now_s), TextSaid(ours=False, heard=text)]
+        text = ReceivedText(severity="error", text=f"ERR subsystem {subsystem}, code {code}")
+        return [*self._note_status(now_s), TextReceived(ours=False, received=text)]
 
-    def read_text(self, fields: dict[str, Any], _now_s: float) -> list[Said]:
+    def read_text(self, fields: dict[str, Any], _now_s: float) -> list[ListenerEvent]:
         """Takes MSG."""
         text = str(fields["Message"])
         for firmware, vehicle_type in _FIRMWARES.items():
             if text.startswith(firmware):
                 self._type = vehicle_type
-        return [TextSaid(ours=False, heard=HeardText(severity="info", text=text))]
+        return [TextReceived(ours=False, received=ReceivedText(severity="info", text=text))]
 
     def read_parameter(self, fields: dict[str, Any], _now_s: float) -> None:
         """Takes PARM."""
@@ -216,7 +216,7 @@ class DataflashListener:
         """Takes XKF2: the estimated wind; zero is no estimate."""
         if fields.get("C", 0) == self._core:
             wind = (fields["VWN"], fields["VWE"], 0.0)
-            self.telemetry = wind_told(self.telemetry, now_s, wind, 0.0)
+            self.telemetry = with_wind(self.telemetry, now_s, wind, 0.0)
 
     # Health
 
@@ -294,7 +294,7 @@ class DataflashListener:
 
     def read_radio(self, fields: dict[str, Any], now_s: float) -> None:
         """Takes RAD."""
-        self.telemetry = radio_told(
+        self.telemetry = with_radio(
             self.telemetry,
             now_s,
             here=(fields["RSSI"], fields["Noise"]),
@@ -310,7 +310,7 @@ def _point(fields: dict[str, Any]) -> GeodeticPoint:
     )
 
 
-_Reader = Callable[[DataflashListener, dict[str, Any], float], list[Said] | None]
+_Reader = Callable[[DataflashListener, dict[str, Any], float], list[ListenerEvent] | None]
 _TABLE: dict[str, tuple[str, _Reader]] = {
     "MODE": ("autopilot", DataflashListener.read_mode),
     "ARM": ("autopilot", DataflashListener.read_armed),

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ..mavlink.commands import Command, DeniedCommand, MissionCommand, PauseContinue
 from ..mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
-from ..mavlink.passive_listener import AnswerSaid, Said, TextSaid
+from ..mavlink.passive_listener import AnswerReceived, ListenerEvent, TextReceived
 from ..mission_states import MissionState
 from ..outlets.replay_report import ReplayEvent
 from ..risk.battery import WARNINGS
@@ -45,14 +45,14 @@ class EventLog:
         self._fix: bool | None = None
         self._had_fix = False
         self._battery_words: dict[int, str] = {}
-        self._told_s: dict[tuple[str, str], float] = {}
+        self._reported_s: dict[tuple[str, str], float] = {}
         self._high: set[str] = set()
 
-    def tell(self, kind: str, text: str, *, again_after_s: float = 0.0) -> None:
+    def report(self, kind: str, text: str, *, again_after_s: float = 0.0) -> None:
         """Adds an event, unless the same was added less than `again_after_s` ago."""
-        told_s = self._told_s.get((kind, text))
-        if told_s is None or self.now_s - told_s >= again_after_s:
-            self._told_s[kind, text] = self.now_s
+        reported_s = self._reported_s.get((kind, text))
+        if reported_s is None or self.now_s - reported_s >= again_after_s:
+            self._reported_s[kind, text] = self.now_s
             self.events.append(ReplayEvent(time_s=self.now_s, kind=kind, text=text))
 
     def watch_link(self, telemetry: Telemetry) -> None:
@@ -61,9 +61,9 @@ class EventLog:
             return
         silent = self.now_s - telemetry.link.received_s > SILENCE_S
         if silent and not self.silent:
-            self.tell("link", "the autopilot is not received")
+            self.report("link", "the autopilot is not received")
         elif self.silent and not silent:
-            self.tell("link", "the autopilot is received again")
+            self.report("link", "the autopilot is received again")
         self.silent = silent
 
     def watch_risk(self, name: str, value: float, report: IndexReport) -> None:
@@ -73,36 +73,38 @@ class EventLog:
                 self._high.remove(name)
         elif min(value, report.target) >= _RISK_HIGH and report.cause is not None:
             self._high.add(name)
-            self.tell("risk", rise_words(name, report))
+            self.report("risk", rise_words(name, report))
 
-    def take(self, said: Said) -> None:
+    def take(self, event: ListenerEvent) -> None:
         """Adds an event for a message that the listener received."""
-        if isinstance(said, AutopilotFound):
-            found = said.autopilot
-            self.tell("autopilot", f"{found.kind}, system {found.system_id}")
-        elif isinstance(said, AutopilotRestarted):
-            self.tell("autopilot", "restarted")
-        elif isinstance(said, AutopilotConflict):
-            other = said.other
-            self.tell("autopilot", f"a second one: {other.kind}, system {other.system_id}")
-        elif isinstance(said, TextSaid):
-            self._take_text(said)
-        elif isinstance(said, AnswerSaid):
-            answer = said.result.name.replace("_", " ").lower()
-            self.tell("answer", answer, again_after_s=_TWICE_S)
+        if isinstance(event, AutopilotFound):
+            found = event.autopilot
+            self.report("autopilot", f"{found.kind}, system {found.system_id}")
+        elif isinstance(event, AutopilotRestarted):
+            self.report("autopilot", "restarted")
+        elif isinstance(event, AutopilotConflict):
+            other = event.other
+            self.report("autopilot", f"a second one: {other.kind}, system {other.system_id}")
+        elif isinstance(event, TextReceived):
+            self._take_text(event)
+        elif isinstance(event, AnswerReceived):
+            answer = event.result.name.replace("_", " ").lower()
+            self.report("answer", answer, again_after_s=_TWICE_S)
         else:
-            sender = f"from {said.sender.system_id}/{said.sender.component_id}"
-            self.tell("order", f"{_order_words(said)} {sender}", again_after_s=_TWICE_S)
+            sender = f"from {event.sender.system_id}/{event.sender.component_id}"
+            self.report("order", f"{_order_words(event)} {sender}", again_after_s=_TWICE_S)
 
-    def _take_text(self, said: TextSaid) -> None:
-        text = said.heard.text
-        state = _mission_state(text) if said.ours else None
+    def _take_text(self, event: TextReceived) -> None:
+        text = event.received.text
+        state = _mission_state(text) if event.ours else None
         if state is not None:
             self.mission_state = state.value
-            self.tell("mission", text.removeprefix(_MISSION_WORD), again_after_s=_TWICE_S)
+            self.report("mission", text.removeprefix(_MISSION_WORD), again_after_s=_TWICE_S)
             return
-        speaker = "companion" if said.ours else "autopilot"
-        self.tell("text", f"{speaker} {said.heard.severity}: {text}", again_after_s=_SAME_TEXT_S)
+        speaker = "companion" if event.ours else "autopilot"
+        self.report(
+            "text", f"{speaker} {event.received.severity}: {text}", again_after_s=_SAME_TEXT_S
+        )
 
     def compare(self, before: Telemetry, after: Telemetry) -> None:
         """Adds events for the changes of telemetry by one message."""
@@ -117,18 +119,18 @@ class EventLog:
 
     def _compare_status(self, before: AutopilotStatus | None, after: AutopilotStatus) -> None:
         if before is None or before.mode != after.mode:
-            self.tell("mode", after.mode)
+            self.report("mode", after.mode)
         if after.armed != (before is not None and before.armed):
-            self.tell("armed", "armed" if after.armed else "disarmed")
+            self.report("armed", "armed" if after.armed else "disarmed")
         if after.failsafe != (before is not None and before.failsafe):
-            self.tell("failsafe", "failsafe" if after.failsafe else "failsafe over")
+            self.report("failsafe", "failsafe" if after.failsafe else "failsafe over")
 
     def _compare_fix(self, gnss: Gnss) -> None:
         fix = gnss.fix_type >= _FIX_3D
         if fix != self._fix:
             found = "3D fix again" if self._had_fix else "3D fix"
             lost = "3D fix lost" if self._had_fix else "no 3D fix"
-            self.tell("gps", found if fix else lost)
+            self.report("gps", found if fix else lost)
         self._fix = fix
         self._had_fix = self._had_fix or fix
 
@@ -144,7 +146,7 @@ class EventLog:
             low = self._battery_low
             word = f"at {low:.0%}" if battery.remaining <= low else ""
         if word != known:
-            self.tell("battery", f"battery {number} {word or 'no longer low'}")
+            self.report("battery", f"battery {number} {word or 'no longer low'}")
         self._battery_words[number] = word
 
 

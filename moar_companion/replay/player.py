@@ -16,7 +16,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from ..mavlink.codec import SourceStatistics
-from ..mavlink.passive_listener import Input, Said
+from ..mavlink.passive_listener import Input, ListenerEvent
 from ..outlets.replay_report import Replay, ReplayMeasure, ReplaySample
 from ..power import PowerModel
 from ..risk import RiskEstimate, update
@@ -68,7 +68,7 @@ class RecordingReader(Protocol[Packet_contra]):
     def sources(self) -> Mapping[tuple[int, int], SourceStatistics]:
         """Packets by system and component id."""
 
-    def hear(self, packet: Packet_contra, now_s: float, /) -> list[Said]:
+    def handle(self, packet: Packet_contra, now_s: float, /) -> list[ListenerEvent]:
         """Takes a packet; returns the events in it."""
 
     def tick(self, now_s: float, /) -> None:
@@ -107,15 +107,15 @@ class Player(Generic[Packet_contra]):
         self._assess_until(math.ceil(now_s / RISK_PERIOD_S - _ROUNDING))
         self._events.now_s = now_s
         if step:
-            self._events.tell("recording", step)
+            self._events.report("recording", step)
         if now_s - self._packet_s > SILENCE_S:
-            self._events.tell(
+            self._events.report(
                 "recording", f"nothing was recorded for {_duration(now_s - self._packet_s)}"
             )
         self._packet_s = now_s
         before = self._listener.telemetry
-        for said in self._listener.hear(packet, now_s):
-            self._events.take(said)
+        for event in self._listener.handle(packet, now_s):
+            self._events.take(event)
         after = self._listener.telemetry
         if after is not before:
             self._events.compare(before, after)
@@ -123,14 +123,14 @@ class Player(Generic[Packet_contra]):
     def note(self, text: str) -> None:
         """Adds an event of the recording itself, after its last packet."""
         self._assess_to_the_end()
-        self._events.tell("recording", text)
+        self._events.report("recording", text)
 
     def finish(self, recording: str) -> Replay:
         """Returns the whole replay, after the last packet; `recording` is its name."""
         self._assess_to_the_end()
         listener = self._listener
         if listener.autopilot is None:
-            self._events.tell("recording", "no autopilot's heartbeat: nothing is known")
+            self._events.report("recording", "no autopilot's heartbeat: nothing is known")
         return Replay(
             recording=recording,
             vehicle=self._vehicle.name,
@@ -182,7 +182,7 @@ class Player(Generic[Packet_contra]):
             # A plane banks, a rover tilts with the ground: their lean has other causes than wind.
             judged = replace(telemetry, attitude=None, motors=None, motor_speeds=None)
         if self._drag is not None:
-            self._drag.hear(judged)
+            self._drag.take(judged)
         self._risk = update(
             self._risk,
             judged,

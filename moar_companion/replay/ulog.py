@@ -12,8 +12,8 @@ from collections.abc import Iterator, Sequence
 from ..mavlink.codec import SourceStatistics
 from ..mavlink.identity import Autopilot, AutopilotFound
 from ..mavlink.modes import is_multirotor
-from ..mavlink.passive_listener import Input, Said, TextSaid, type_in_words
-from ..mavlink.statustext import HeardText
+from ..mavlink.passive_listener import Input, ListenerEvent, TextReceived, type_in_words
+from ..mavlink.statustext import ReceivedText
 from ..telemetry import Telemetry
 from ..types import AutopilotKind
 from .ulog_topics import ESTIMATOR, ESTIMATOR_SELECTOR, INPUT_OF, TOPICS, UlogSample, UlogTopic
@@ -36,13 +36,13 @@ def samples(
         for row, stamp_us in enumerate(topic.columns["timestamp"]):
             yield int(stamp_us), row, UlogSample(topic, row)
 
-    def said() -> Iterator[tuple[int, int, UlogSample]]:
+    def texts_by_time() -> Iterator[tuple[int, int, UlogSample]]:
         for number, (stamp_us, level, text) in enumerate(sorted(texts)):
             severity = _SEVERITIES[min(max(level, 0), len(_SEVERITIES) - 1)]
-            yield stamp_us, number, UlogSample(None, 0, HeardText(severity=severity, text=text))
+            yield stamp_us, number, UlogSample(None, 0, ReceivedText(severity=severity, text=text))
 
     sources = [rows(topic) for topic in topics if topic.name in TOPICS]
-    for stamp_us, _, sample in heapq.merge(*sources, said(), key=lambda item: item[:2]):
+    for stamp_us, _, sample in heapq.merge(*sources, texts_by_time(), key=lambda item: item[:2]):
         yield max(stamp_us, begin_us) * 1e-6, sample
 
 
@@ -61,10 +61,10 @@ class UlogListener:
     def tick(self, now_s: float) -> None:
         """Does nothing: a log has no packets to count."""
 
-    def hear(self, sample: UlogSample, now_s: float) -> list[Said]:
+    def handle(self, sample: UlogSample, now_s: float) -> list[ListenerEvent]:
         """Takes a sample; returns the events in it."""
-        if sample.heard is not None:
-            return [TextSaid(ours=False, heard=sample.heard)]
+        if sample.received is not None:
+            return [TextReceived(ours=False, received=sample.received)]
         assert sample.topic is not None
         name = sample.topic.name
         selected = sample.value("primary_instance") if name == ESTIMATOR_SELECTOR else None

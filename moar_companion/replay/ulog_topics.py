@@ -13,14 +13,14 @@ from dataclasses import dataclass, replace
 
 from ..autopilots import PX4
 from ..mavlink.modes import is_homeward, is_multirotor, is_ours, mode_name, motor_count
-from ..mavlink.statustext import HeardText
-from ..mavlink.translate_motion import wind_told
+from ..mavlink.statustext import ReceivedText
+from ..mavlink.translate_motion import with_wind
 from ..mavlink.translate_motors import motor_outputs
 from ..mavlink.translate_status import (
     ESTIMATOR_GPS_GLITCH,
     horizontal_position_ok,
     innovation,
-    radio_told,
+    with_radio,
 )
 from ..telemetry import (
     Attitude,
@@ -29,13 +29,13 @@ from ..telemetry import (
     Estimator,
     GlobalPosition,
     Gnss,
-    Heard,
     Home,
     Landed,
     LandedState,
     LocalOrigin,
     LocalPosition,
     MagneticField,
+    PeerHeartbeat,
     RemoteControl,
     Telemetry,
 )
@@ -88,7 +88,7 @@ class UlogSample:
 
     topic: UlogTopic | None
     row: int
-    heard: HeardText | None = None
+    received: ReceivedText | None = None
 
     def value(self, *names: str) -> float | None:
         """First of these fields in the log; None if it has none of them, or no number."""
@@ -262,7 +262,7 @@ def _wind(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
     if wind is None:
         return replace(telemetry, wind=None)
     variance_m2ps2 = 0.0 if north is None else north + (north if east is None else east)
-    return wind_told(telemetry, now_s, (wind[0], wind[1], 0.0), variance_m2ps2)
+    return with_wind(telemetry, now_s, (wind[0], wind[1], 0.0), variance_m2ps2)
 
 
 def _remote_control(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
@@ -275,7 +275,7 @@ def _remote_control(telemetry: Telemetry, sample: UlogSample, now_s: float) -> T
 
 
 def _radio(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:
-    return radio_told(
+    return with_radio(
         telemetry,
         now_s,
         here=(sample.whole("rssi"), sample.whole("noise")),
@@ -297,10 +297,10 @@ def _ground_station(telemetry: Telemetry, sample: UlogSample, now_s: float) -> T
         ages_s.append(0.0)
     if not ages_s:
         return telemetry
-    heard_s, last = now_s - max(0.0, min(ages_s)), telemetry.ground_station
-    if last is not None and last.received_s >= heard_s:
+    received_s, last = now_s - max(0.0, min(ages_s)), telemetry.ground_station
+    if last is not None and last.received_s >= received_s:
         return telemetry
-    return replace(telemetry, ground_station=Heard(received_s=heard_s, system_id=255))
+    return replace(telemetry, ground_station=PeerHeartbeat(received_s=received_s, system_id=255))
 
 
 def _motors(telemetry: Telemetry, sample: UlogSample, now_s: float) -> Telemetry:

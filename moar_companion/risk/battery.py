@@ -23,7 +23,7 @@ from ..power import (
 )
 from ..risk_model import RiskModel
 from ..telemetry import Battery, Telemetry
-from .input_reports import InputReport, heard, heard_at
+from .input_reports import InputReport, source_at, source_of
 
 POSITION_MAX_AGE_S = 0.5
 """Maximum age of LOCAL_POSITION_NED: 5 periods at 10 Hz or more."""
@@ -62,9 +62,9 @@ def inputs(
         for report in _battery(number, battery, now_s, model, meter, power, home_s)
     )
     needs = Demands() if demands is None else demands
-    told = heard_at(meter.heard_s, now_s, BATTERY_MAX_AGE_S)
+    source = source_at(meter.received_s, now_s, BATTERY_MAX_AGE_S)
     return each + tuple(
-        told.says(
+        source.input_report(
             f"flight time left after {name}",
             meter.left_after_s(power, need_wh),
             "s",
@@ -113,17 +113,19 @@ def _battery(
     only_ok = state == _STATE_OK and remaining is None and volts is None
     if only_ok or state not in (_STATE_OK, *WARNINGS):
         state = None  # "not low" alone does not give the remaining charge
-    told = heard(battery, now_s, BATTERY_MAX_AGE_S)
+    source = source_of(battery, now_s, BATTERY_MAX_AGE_S)
     title = f"{_TITLE}{number}"
     return (
-        told.says(
+        source.input_report(
             f"{title} remaining", remaining, "of its charge", model.battery_remaining.fraction
         ),
-        told.says(f"{title} cell voltage", volts, "V", model.cell_voltage_v.fraction),
-        told.says(
+        source.input_report(f"{title} cell voltage", volts, "V", model.cell_voltage_v.fraction),
+        source.input_report(
             f"{title} charge state", state, "", _warning, remark=WARNINGS.get(state or 0, "ok")
         ),
-        told.says(f"{title} flight time left at home", margin_s, "s", model.home_margin_s.fraction),
+        source.input_report(
+            f"{title} flight time left at home", margin_s, "s", model.home_margin_s.fraction
+        ),
     )
 
 

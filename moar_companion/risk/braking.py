@@ -54,7 +54,7 @@ class AirSample:
     """Time of the first sample after the last gap."""
     lean_sum_ne_mps: Level = (0.0, 0.0)
     """Integral of the lean."""
-    way_ned_m: Vector = (0.0, 0.0, 0.0)
+    travelled_ned_m: Vector = (0.0, 0.0, 0.0)
     """Integral of the velocity."""
 
 
@@ -67,7 +67,7 @@ class Braking:
     deceleration_ne_mps2: Level
 
 
-def tells_of_wind(telemetry: Telemetry) -> bool:
+def estimates_wind(telemetry: Telemetry) -> bool:
     """Returns True if lean and motor outputs show wind: the aircraft flies.
 
     In the landed state TAKEOFF the aircraft may still stand on its legs. Without a landed state
@@ -84,7 +84,7 @@ def extended(samples: tuple[AirSample, ...], telemetry: Telemetry) -> tuple[AirS
     The window ends at the latest attitude, so that without a new one it stays the same. It restarts
     after a gap and after a jump of the velocity.
     """
-    if not tells_of_wind(telemetry):
+    if not estimates_wind(telemetry):
         return ()
     latest = _sample(telemetry)
     if latest is None or (samples and latest.attitude_s <= samples[-1].attitude_s):
@@ -112,7 +112,7 @@ def braking(samples: tuple[AirSample, ...], drag_per_s: float) -> Braking | None
     if not settled or span_s < WINDOW_MIN_S or velocity_span_s < 0.5 * span_s:
         return None
     north, east, down = _rates(first.velocity_ned_mps, last.velocity_ned_mps, velocity_span_s)
-    v_north, v_east, v_down = _rates(first.way_ned_m, last.way_ned_m, span_s)
+    v_north, v_east, v_down = _rates(first.travelled_ned_m, last.travelled_ned_m, span_s)
     lift = 1.0 - (down + drag_per_s * v_down) / GRAVITY_MPS2
     scale = min(_LIFT_MAX, max(_LIFT_MIN, lift)) / span_s
     lean_north = scale * (last.lean_sum_ne_mps[0] - first.lean_sum_ne_mps[0])
@@ -191,7 +191,10 @@ def _summed(before: AirSample, latest: AirSample) -> AirSample:
     half_s = 0.5 * (latest.attitude_s - before.attitude_s)
     (lean_n, lean_e), (old_lean_n, old_lean_e) = latest.lean_ne_mps2, before.lean_ne_mps2
     (v_n, v_e, v_d), (old_n, old_e, old_d) = latest.velocity_ned_mps, before.velocity_ned_mps
-    (sum_n, sum_e), (way_n, way_e, way_d) = before.lean_sum_ne_mps, before.way_ned_m
+    (sum_n, sum_e), (travelled_n, travelled_e, travelled_d) = (
+        before.lean_sum_ne_mps,
+        before.travelled_ned_m,
+    )
     return AirSample(
         attitude_s=latest.attitude_s,
         velocity_s=latest.velocity_s,
@@ -202,9 +205,9 @@ def _summed(before: AirSample, latest: AirSample) -> AirSample:
             sum_n + half_s * (old_lean_n + lean_n),
             sum_e + half_s * (old_lean_e + lean_e),
         ),
-        way_ned_m=(
-            way_n + half_s * (old_n + v_n),
-            way_e + half_s * (old_e + v_e),
-            way_d + half_s * (old_d + v_d),
+        travelled_ned_m=(
+            travelled_n + half_s * (old_n + v_n),
+            travelled_e + half_s * (old_e + v_e),
+            travelled_d + half_s * (old_d + v_d),
         ),
     )

@@ -16,7 +16,7 @@ from typing import Protocol, TypeVar
 
 from ..risk_model import RiskModel
 from ..telemetry import LandedState, LinkNode, LinkStatistics, Radio, Telemetry
-from .input_reports import YES_OR_NO, InputReport, certain, heard
+from .input_reports import YES_OR_NO, InputReport, certain, source_of
 
 _RADIO_MAX_AGE_S = 3.0
 """Maximum age of RADIO_STATUS: 3 periods at about 1 Hz."""
@@ -98,7 +98,7 @@ def inputs(
     radio = _radio_inputs(telemetry, now_s, model, memory)
     remote = _remote_control_inputs(telemetry, now_s, model)
     station, link = telemetry.ground_station, telemetry.link
-    ground = heard(station, now_s, _SILENCE_MAX_AGE_S).says(
+    ground = source_of(station, now_s, _SILENCE_MAX_AGE_S).input_report(
         "ground station silence",
         None if station is None else max(0.0, now_s - station.received_s),
         "s",
@@ -106,10 +106,10 @@ def inputs(
     )
     # Signals and heartbeats count: a free buffer or continuing channels prove no link to an
     # operator.
-    ways = (radio[:2], remote[:2], (ground,))
-    known_ways = heard(link, now_s, _LINK_MAX_AGE_S).says(
+    links = (radio[:2], remote[:2], (ground,))
+    known_links = source_of(link, now_s, _LINK_MAX_AGE_S).input_report(
         "known ways to the ground",
-        sum(any(report.known for report in way) for way in ways),
+        sum(any(report.known for report in reports) for reports in links),
         "",
         lambda known: 0.0 if known else model.unknown,
     )
@@ -118,7 +118,7 @@ def inputs(
         *remote,
         ground,
         *_link_inputs(telemetry, now_s, model, memory),
-        known_ways,
+        known_links,
     )
 
 
@@ -126,27 +126,27 @@ def _radio_inputs(
     telemetry: Telemetry, now_s: float, model: RiskModel, memory: CommunicationMemory
 ) -> tuple[InputReport, ...]:
     radio = telemetry.radio
-    told = heard(radio, now_s, _RADIO_MAX_AGE_S)
+    source = source_of(radio, now_s, _RADIO_MAX_AGE_S)
     return (
-        told.says(
+        source.input_report(
             "radio margin here",
             None if radio is None else _margin(radio.rssi, radio.noise),
             "",
             model.radio_margin.fraction,
         ),
-        told.says(
+        source.input_report(
             "radio margin there",
             None if radio is None else _margin(radio.remote_rssi, radio.remote_noise),
             "",
             model.radio_margin.fraction,
         ),
-        told.says(
+        source.input_report(
             "radio receive errors",
             _errors_hz(memory.radio, radio),
             "/s",
             model.receive_errors_hz.fraction,
         ),
-        told.says(
+        source.input_report(
             "radio transmit buffer",
             None if radio is None else radio.transmit_buffer_percent,
             "%",
@@ -165,16 +165,16 @@ def _remote_control_inputs(
         # While the whole link is silent, the transmitter does not count as silent.
         silence_s = max(0.0, link.received_s - remote.received_s)
     return (
-        heard(remote, now_s, _REMOTE_CONTROL_MAX_AGE_S).says(
+        source_of(remote, now_s, _REMOTE_CONTROL_MAX_AGE_S).input_report(
             "remote control",
             None if remote is None else remote.rssi,
             "of full signal",
             model.rc_rssi.fraction,
         ),
-        heard(readiness, now_s, _REMOTE_CONTROL_MAX_AGE_S).says(
+        source_of(readiness, now_s, _REMOTE_CONTROL_MAX_AGE_S).input_report(
             "remote control lost", None if ok is None else float(not ok), YES_OR_NO, certain
         ),
-        heard(link, now_s, _LINK_MAX_AGE_S).says(
+        source_of(link, now_s, _LINK_MAX_AGE_S).input_report(
             "remote control silence", silence_s, "s", model.remote_control_age_s.fraction
         ),
     )
@@ -185,21 +185,21 @@ def _link_inputs(
 ) -> tuple[InputReport, ...]:
     """Inputs of the companion's own link to the autopilot."""
     link, node = telemetry.link, telemetry.link_node
-    told = heard(link, now_s, _LINK_MAX_AGE_S)
+    source = source_of(link, now_s, _LINK_MAX_AGE_S)
     return (
-        told.says(
+        source.input_report(
             "packet loss", _loss(memory.here, link), "of packets", model.packet_loss.fraction
         ),
-        heard(node, now_s, _LINK_MAX_AGE_S).says(
+        source_of(node, now_s, _LINK_MAX_AGE_S).input_report(
             "packet loss to the autopilot",
             _loss(memory.there, node),
             "of packets",
             model.packet_loss.fraction,
         ),
-        told.says(
+        source.input_report(
             "data rate", _rate_to_usual(memory, link), "of the usual", model.data_rate.fraction
         ),
-        heard(link, now_s, _SILENCE_MAX_AGE_S).says(
+        source_of(link, now_s, _SILENCE_MAX_AGE_S).input_report(
             "autopilot silence",
             None if link is None else max(0.0, now_s - link.received_s),
             "s",

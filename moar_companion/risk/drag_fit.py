@@ -61,7 +61,7 @@ class DragFlight:
         self._windows: list[Braking] = []
         self._model = RiskModel()
 
-    def hear(self, telemetry: Telemetry) -> None:
+    def take(self, telemetry: Telemetry) -> None:
         """Takes the telemetry after a packet, or every tenth of a second."""
         self._samples = extended(self._samples, telemetry)
         last_s = self._windows[-1].time_s if self._windows else -math.inf

@@ -85,9 +85,9 @@ class DragLearning:
         greatest = max(map(abs, (*air.velocity_ne_mps, *air.deceleration_ne_mps2)))
         if elapsed_s < _PERIOD_S or not greatest <= _GREATEST:
             return self
-        told = np.array(_linear_mps2(air, self.used(model)))
+        predicted = np.array(_linear_mps2(air, self.used(model)))
         if self.state is None or self.covariance is None:
-            wind = told - model.drag_per_s * np.array(air.velocity_ne_mps)
+            wind = predicted - model.drag_per_s * np.array(air.velocity_ne_mps)
             first = np.diag([_PRIOR_PER_S**2, 1.0, 1.0])
             state = np.array([model.drag_per_s, *wind])
             return replace(self, state=state, covariance=first, time_s=air.time_s)
@@ -96,12 +96,12 @@ class DragLearning:
         covariance = self.covariance + np.diag([0.0, walk, walk])
         north, east = air.velocity_ne_mps
         seen = np.array([[north, 1.0, 0.0], [east, 0.0, 1.0]])
-        off = told - seen @ self.state
+        off = predicted - seen @ self.state
         spread = seen @ covariance @ seen.T + noise * np.eye(2)
         gain = covariance @ seen.T @ np.linalg.inv(spread)
         state = self.state + gain @ off
         state[0] = min(GREATEST_PER_S, max(LEAST_PER_S, state[0]))
-        left = told - seen @ state
+        left = predicted - seen @ state
         part = min(1.0, elapsed_s / _NOISE_S)
         covariance = covariance - gain @ seen @ covariance
         return DragLearning(

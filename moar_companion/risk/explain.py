@@ -56,12 +56,12 @@ class WeightsReason:
 
     def _words_of(self, weight: str, symbol: str) -> str:
         base, adjusted = getattr(self.rule.base, weight), getattr(self.adjusted, weight)
-        told = [
+        reported = [
             f"{name} {changes[weight]:+.2f}"
             for name, changes in self.by_risk.items()
             if abs(changes[weight]) >= _TOLD
         ]
-        reason = f" ({', '.join(told)})" if told else ""
+        reason = f" ({', '.join(reported)})" if reported else ""
         return f"{symbol} {base:.2f} -> {adjusted:.2f}{reason}"
 
     def to_dict(self) -> dict[str, Any]:
@@ -86,15 +86,15 @@ def index_words(name: str, value: float, report: IndexReport) -> str:
         return f"{words}: no input raises it"
     if report.held:
         words += ", held at the last value"
-    if report.told is None:
+    if report.reported is None:
         nothing = "nothing is measured any more" if report.ever_known else "nothing was measured"
         return f"{words}: {nothing}"
-    return f"{words}: {input_words(report.told)}"
+    return f"{words}: {input_words(report.reported)}"
 
 
 def rise_words(name: str, report: IndexReport) -> str:
     """Text of an index's target and its cause: `wind to 0.71: wind from tilt 9.2 m/s`."""
-    why = "no input of it" if report.told is None else report.told.phrase
+    why = "no input of it" if report.reported is None else report.reported.phrase
     return f"{name} to {report.target:.2f}: {why}"
 
 
@@ -119,14 +119,14 @@ def index_dict(name: str, value: float, report: IndexReport) -> dict[str, Any]:
         "inputs": [
             {
                 "name": input_name,
-                "value": told,
+                "value": reported,
                 "unit": unit,
-                "reading": read(told, unit),
+                "reading": read(reported, unit),
                 "age_s": age_s,
                 "risk": risk,
                 "known": risk is not None,
             }
-            for input_name, told, unit, age_s, risk, _, _, _ in report.inputs
+            for input_name, reported, unit, age_s, risk, _, _, _ in report.inputs
         ],
     }
 

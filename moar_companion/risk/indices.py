@@ -50,24 +50,24 @@ _LEVEL = (*_ESTIMATOR, RECEIVER_ACCURACY)
 class IndexReport(NamedTuple):
     """An index as measured now: value is the worst risk of its known inputs, None without any.
 
-    worst: input that decides the value. target: value to which the index moves. told: last report
-    of the input that decides the target, with its present age; None if no input decides. held: True
-    if that input's risk is unknown now and its last report is held. ever_known: True once any input
-    was known. A named tuple for speed: forty are made a second.
+    worst: input that decides the value. target: value to which the index moves. reported: last
+    report of the input that decides the target, with its present age; None if no input decides.
+    held: True if that input's risk is unknown now and its last report is held. ever_known: True
+    once any input was known. A named tuple for speed: forty are made a second.
     """
 
     value: float | None = None
     worst: str | None = None
     inputs: tuple[InputReport, ...] = ()
     target: float = 0.0
-    told: InputReport | None = None
+    reported: InputReport | None = None
     held: bool = False
     ever_known: bool = False
 
     @property
     def cause(self) -> str | None:
         """Name of the input that decides the target; None if none does."""
-        return None if self.told is None else self.told.name
+        return None if self.reported is None else self.reported.name
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -107,10 +107,12 @@ class RiskEstimate:
         directions, across the plane, too. For height only the estimator counts (ArduPilot reports
         none): height is barometric, which the receiver's v_acc does not describe.
         """
-        told = self.last_known.get("localization", {})
+        reported = self.last_known.get("localization", {})
         level = _ESTIMATOR if self._known_now(_ESTIMATOR) else _LEVEL
         sources = (*level, ESTIMATOR_HEIGHT_ACCURACY, ODOMETRY_HEIGHT_ACCURACY)
-        return max((told[name].value or 0.0 for name in sources if name in told), default=None)
+        return max(
+            (reported[name].value or 0.0 for name in sources if name in reported), default=None
+        )
 
     @cached_property
     def position_accuracy_known(self) -> bool:
@@ -161,9 +163,11 @@ def update(
         "localization": localization.inputs(telemetry, now_s, model, memory_localization),
         "battery": battery.inputs(telemetry, now_s, model, meter, power, cruise_mps, demands),
     }
-    told_before = {name: estimate.last_known.get(name, {}) for name in inputs}
-    told_before["battery"] = battery.still_there(told_before["battery"], telemetry)
-    last_known = {name: _last_known(told_before[name], reports) for name, reports in inputs.items()}
+    reported_before = {name: estimate.last_known.get(name, {}) for name in inputs}
+    reported_before["battery"] = battery.still_there(reported_before["battery"], telemetry)
+    last_known = {
+        name: _last_known(reported_before[name], reports) for name, reports in inputs.items()
+    }
     before = estimate.indices.as_dict()
     report = {
         name: _report(reports, last_known[name], before[name], model.unknown, now_s)
@@ -209,16 +213,16 @@ def _report(
     cause = max(last_known.values(), key=_RISK_OF, default=None)
     target = unknown if cause is None else cause.risk or 0.0
     least = 0.0 if worst is not None else max(index, unknown)
-    told = cause if target >= least else None
-    held = told is not None and told not in reports
-    if held and told is not None and told.heard_s is not None:
-        told = told._replace(age_s=max(0.0, now_s - told.heard_s), risk=None)
+    reported = cause if target >= least else None
+    held = reported is not None and reported not in reports
+    if held and reported is not None and reported.received_s is not None:
+        reported = reported._replace(age_s=max(0.0, now_s - reported.received_s), risk=None)
     return IndexReport(
         value=None if worst is None else worst.risk,
         worst=None if worst is None else worst.name,
         inputs=reports,
         target=max(target, least),
-        told=told,
+        reported=reported,
         held=held,
         ever_known=cause is not None,
     )

@@ -37,7 +37,7 @@ class InputReport(NamedTuple):
     False if the input has no meaning now, as the tracking error while the companion does not fly
     the aircraft. Such an input is not missing: its last risk is dropped, and nothing is held.
     unit: also `YES_OR_NO`, and `of ...` for a fraction. remark: reliability or meaning of the
-    value. heard_s: time of the source's last message. A named tuple for speed: some hundreds are
+    value. received_s: time of the source's last message. A named tuple for speed: some hundreds are
     made a second.
     """
 
@@ -48,7 +48,7 @@ class InputReport(NamedTuple):
     risk: float | None
     applies: bool = True
     remark: str = ""
-    heard_s: float | None = None
+    received_s: float | None = None
 
     @property
     def known(self) -> bool:
@@ -77,9 +77,9 @@ class Source(NamedTuple):
 
     age_s: float | None
     fresh: bool
-    heard_s: float | None
+    received_s: float | None
 
-    def says(
+    def input_report(
         self,
         name: str,
         value: float | None,
@@ -90,16 +90,16 @@ class Source(NamedTuple):
         remark: str = "",
     ) -> InputReport:
         """Report of a value of this source; a value that is not finite is None."""
-        age_s, fresh, heard_s = self
+        age_s, fresh, received_s = self
         if value is not None and not math.isfinite(value):
             value = None
         counts = risk(value) if fresh and value is not None else None
         # Bypasses the class's own __new__, which doubles the time.
-        told = (name, value, unit, age_s, counts, applies, remark, heard_s)
-        return tuple.__new__(InputReport, told)
+        values = (name, value, unit, age_s, counts, applies, remark, received_s)
+        return tuple.__new__(InputReport, values)
 
 
-_NEVER = Source(None, fresh=False, heard_s=None)
+_NEVER = Source(None, fresh=False, received_s=None)
 
 
 class _Sample(Protocol):
@@ -107,12 +107,12 @@ class _Sample(Protocol):
     def received_s(self) -> float: ...
 
 
-def heard(sample: _Sample | None, now_s: float, max_age_s: float) -> Source:
+def source_of(sample: _Sample | None, now_s: float, max_age_s: float) -> Source:
     """Source of a sample, which counts for `max_age_s`."""
-    return heard_at(None if sample is None else sample.received_s, now_s, max_age_s)
+    return source_at(None if sample is None else sample.received_s, now_s, max_age_s)
 
 
-def heard_at(received_s: float | None, now_s: float, max_age_s: float) -> Source:
+def source_at(received_s: float | None, now_s: float, max_age_s: float) -> Source:
     """Source last received at `received_s`; None: never."""
     if received_s is None:
         return _NEVER

@@ -17,7 +17,7 @@ from dataclasses import dataclass, field, replace
 
 from ..risk_model import RiskModel
 from ..telemetry import LandedState, MagneticField, Odometry, Telemetry
-from .input_reports import YES_OR_NO, InputReport, certain, heard
+from .input_reports import YES_OR_NO, InputReport, certain, source_of
 from .receivers import Memories, ReceiverMemory, positive, receiver_inputs
 
 _ESTIMATOR_MAX_AGE_S = 3.0
@@ -55,30 +55,30 @@ class FieldMean:
     """
 
     since_s: float
-    heard_s: float
+    received_s: float
     mean_gauss: float
     grounded: bool = False
 
-    def read(self, heard: MagneticField, model: RiskModel) -> FieldMean:
+    def read(self, latest: MagneticField, model: RiskModel) -> FieldMean:
         """Mean updated by a measurement."""
-        elapsed_s = heard.received_s - self.heard_s
+        elapsed_s = latest.received_s - self.received_s
         if elapsed_s <= 0.0:
             return self
-        settled = not self.grounded and self.heard_s - self.since_s >= _FIELD_SETTLED_S
-        change = abs(heard.strength_gauss / self.mean_gauss - 1.0)
+        settled = not self.grounded and self.received_s - self.since_s >= _FIELD_SETTLED_S
+        change = abs(latest.strength_gauss / self.mean_gauss - 1.0)
         if settled and model.magnetic_change.fraction(change) > 0.0:
             elapsed_s *= _FIELD_CHANGED
-        known_s = self.heard_s - self.since_s + elapsed_s
+        known_s = self.received_s - self.since_s + elapsed_s
         share = elapsed_s / min(known_s, _FIELD_MEAN_S + elapsed_s)
-        mean_gauss = (1.0 - share) * self.mean_gauss + share * heard.strength_gauss
-        since_s = heard.received_s - known_s
-        return replace(self, since_s=since_s, heard_s=heard.received_s, mean_gauss=mean_gauss)
+        mean_gauss = (1.0 - share) * self.mean_gauss + share * latest.strength_gauss
+        since_s = latest.received_s - known_s
+        return replace(self, since_s=since_s, received_s=latest.received_s, mean_gauss=mean_gauss)
 
-    def change(self, heard: MagneticField) -> float | None:
+    def change(self, latest: MagneticField) -> float | None:
         """Difference of a measurement from the mean, as a fraction of it; None: too early."""
-        if self.heard_s - self.since_s < _FIELD_KNOWN_S:
+        if self.received_s - self.since_s < _FIELD_KNOWN_S:
             return None
-        return abs(heard.strength_gauss / self.mean_gauss - 1.0)
+        return abs(latest.strength_gauss / self.mean_gauss - 1.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -88,16 +88,16 @@ class Resets:
     counter: int
     changed_s: tuple[float, ...] = ()
 
-    def read(self, heard: Odometry) -> Resets:
+    def read(self, latest: Odometry) -> Resets:
         """Resets updated by an odometry message; several at once count as one."""
-        if heard.reset_counter == self.counter:
+        if latest.reset_counter == self.counter:
             return self
-        changed_s = (*self.changed_s, heard.received_s)
-        return Resets(counter=heard.reset_counter, changed_s=_recent(changed_s, heard.received_s))
+        changed_s = (*self.changed_s, latest.received_s)
+        return Resets(counter=latest.reset_counter, changed_s=_recent(changed_s, latest.received_s))
 
-    def count(self, heard: Odometry) -> int:
+    def count(self, latest: Odometry) -> int:
         """Number of recent resets at the time of this message."""
-        return len(_recent(self.changed_s, heard.received_s))
+        return len(_recent(self.changed_s, latest.received_s))
 
 
 def _recent(times_s: tuple[float, ...], now_s: float) -> tuple[float, ...]:
@@ -132,27 +132,27 @@ def remember(
     )
 
 
-def _resets(before: Resets | None, heard: Odometry | None) -> Resets | None:
-    if heard is None:  # counted resets stay
+def _resets(before: Resets | None, latest: Odometry | None) -> Resets | None:
+    if latest is None:  # counted resets stay
         return before
-    return Resets(counter=heard.reset_counter) if before is None else before.read(heard)
+    return Resets(counter=latest.reset_counter) if before is None else before.read(latest)
 
 
 def _field_mean(
     before: FieldMean | None, telemetry: Telemetry, model: RiskModel
 ) -> FieldMean | None:
-    heard, landed = telemetry.magnetic_field, telemetry.landed
-    if heard is None or not _FIELD_MIN_GAUSS < heard.strength_gauss < math.inf:
+    latest, landed = telemetry.magnetic_field, telemetry.landed
+    if latest is None or not _FIELD_MIN_GAUSS < latest.strength_gauss < math.inf:
         return before
     grounded = before is not None and before.grounded
     if landed is not None:
         grounded = landed.state is LandedState.ON_GROUND
     if before is not None and before.grounded is grounded:
-        return before.read(heard, model)
+        return before.read(latest, model)
     return FieldMean(
-        since_s=heard.received_s,
-        heard_s=heard.received_s,
-        mean_gauss=heard.strength_gauss,
+        since_s=latest.received_s,
+        received_s=latest.received_s,
+        mean_gauss=latest.strength_gauss,
         grounded=grounded,
     )
 
@@ -163,24 +163,24 @@ def inputs(
     """Normalised inputs of the localization risk; `memory` includes this telemetry."""
     estimator, odometry, resets = telemetry.estimator, telemetry.odometry, memory.resets
     magnetic, mean = telemetry.magnetic_field, memory.field_mean
-    estimated = heard(estimator, now_s, _ESTIMATOR_MAX_AGE_S)
-    tracked = heard(odometry, now_s, _ESTIMATOR_MAX_AGE_S)
+    estimated = source_of(estimator, now_s, _ESTIMATOR_MAX_AGE_S)
+    tracked = source_of(odometry, now_s, _ESTIMATOR_MAX_AGE_S)
     position = (
         *receiver_inputs(telemetry, memory.receivers, now_s, model),
-        estimated.says(
+        estimated.input_report(
             ESTIMATOR_ACCURACY,
             None if estimator is None else positive(estimator.horizontal_accuracy_m),
             "m",
             model.horizontal_accuracy_m.fraction,
         ),
-        estimated.says(
+        estimated.input_report(
             "estimator without position",
             None if estimator is None else float(not estimator.horizontal_position_ok),
             YES_OR_NO,
             certain,
         ),
         *(
-            estimated.says(
+            estimated.input_report(
                 f"{source} innovation",
                 None if estimator is None else getattr(estimator, f"{source}_innovation"),
                 "of what is accepted",
@@ -188,7 +188,7 @@ def inputs(
             )
             for source in ("velocity", "position", "height", "compass")
         ),
-        tracked.says(
+        tracked.input_report(
             ODOMETRY_ACCURACY,
             None if odometry is None else positive(odometry.horizontal_accuracy_m),
             "m",
@@ -199,25 +199,25 @@ def inputs(
     alone = not any(report.known for report in position)
     return (
         *position,
-        estimated.says(
+        estimated.input_report(
             ESTIMATOR_HEIGHT_ACCURACY,
             None if alone or estimator is None else positive(estimator.vertical_accuracy_m),
             "m",
             model.vertical_accuracy_m.fraction,
         ),
-        tracked.says(
+        tracked.input_report(
             ODOMETRY_HEIGHT_ACCURACY,
             None if alone or odometry is None else positive(odometry.vertical_accuracy_m),
             "m",
             model.vertical_accuracy_m.fraction,
         ),
-        tracked.says(
+        tracked.input_report(
             "position resets",
             None if alone or odometry is None or resets is None else resets.count(odometry),
             "",
             model.position_resets.fraction,
         ),
-        heard(magnetic, now_s, _FIELD_MAX_AGE_S).says(
+        source_of(magnetic, now_s, _FIELD_MAX_AGE_S).input_report(
             "magnetic field change",
             None if alone or magnetic is None or mean is None else mean.change(magnetic),
             "of its mean",

@@ -12,7 +12,7 @@ from typing import Any
 
 from ..risk_model import RiskModel
 from ..telemetry import Gnss, Telemetry
-from .input_reports import InputReport, certain, heard, heard_at
+from .input_reports import InputReport, certain, source_at, source_of
 
 _MAX_AGE_S = 3.0
 """Maximum age of GPS_RAW_INT: 5 to 8 Hz, at 1 Hz while PX4's receiver is silent: 3 periods."""
@@ -65,12 +65,12 @@ class ReceiverMemory:
 
     def _counting(self, gnss: Gnss, name: str) -> float | None:
         """Value of a measure that counts after the receiver's latest report."""
-        told = _told(gnss, name)
+        reported = _reported(gnss, name)
         before: float | None = None if self.known is None else getattr(self.known, name)
-        if told is None or before is None:
-            return before if told is None else told
+        if reported is None or before is None:
+            return before if reported is None else reported
         dark = name in _ACCURACIES and gnss.fix_type < _FIX_3D
-        return max(told, before) if dark else told
+        return max(reported, before) if dark else reported
 
     def stopped_s(self, gnss: Gnss) -> float | None:
         """Time for which the receiver has repeated this reading; None: it reports no time."""
@@ -106,7 +106,7 @@ def receiver_inputs(
     return (
         *_judged(gnss, memory, now_s, model),
         # The count includes silent receivers, so that it never grows stale.
-        heard_at(latest_s, now_s, math.inf).says(
+        source_at(latest_s, now_s, math.inf).input_report(
             "receivers lost",
             lost if len(receivers) > 1 else None,
             "",
@@ -117,8 +117,8 @@ def receiver_inputs(
 
 def _receivers(telemetry: Telemetry, memories: Memories) -> list[tuple[Gnss, ReceiverMemory]]:
     """Present receivers, in the autopilot's order."""
-    told = zip((telemetry.gnss, telemetry.second_gnss), memories, strict=True)
-    return [(gnss, memory) for gnss, memory in told if gnss is not None]
+    receivers = zip((telemetry.gnss, telemetry.second_gnss), memories, strict=True)
+    return [(gnss, memory) for gnss, memory in receivers if gnss is not None]
 
 
 def _candidates(telemetry: Telemetry, memories: Memories) -> list[tuple[Gnss, ReceiverMemory]]:
@@ -159,9 +159,9 @@ def _judged(
     gnss: Gnss | None, memory: ReceiverMemory, now_s: float, model: RiskModel
 ) -> tuple[InputReport, ...]:
     """Normalised inputs of one receiver."""
-    told = heard(gnss, now_s, _MAX_AGE_S)
+    source = source_of(gnss, now_s, _MAX_AGE_S)
     return (
-        told.says(
+        source.input_report(
             "fix type",
             None if gnss is None else gnss.fix_type,
             "",
@@ -169,15 +169,17 @@ def _judged(
             remark="" if gnss is None else _FIXES.get(gnss.fix_type, "3D"),
         ),
         *(
-            told.says(
+            source.input_report(
                 title,
-                None if gnss is None or _told(gnss, name) is None else _known(gnss, memory, name),
+                None
+                if gnss is None or _reported(gnss, name) is None
+                else _known(gnss, memory, name),
                 unit,
                 getattr(model, name).fraction,
             )
             for name, (title, unit) in _MEASURES.items()
         ),
-        told.says(
+        source.input_report(
             "receiver clock stopped",
             None if gnss is None else memory.stopped_s(gnss),
             "s",
@@ -187,10 +189,10 @@ def _judged(
 
 
 def _known(gnss: Gnss, memory: ReceiverMemory, name: str) -> float | None:
-    return _told(memory.known or gnss, name)
+    return _reported(memory.known or gnss, name)
 
 
-def _told(gnss: Gnss, name: str) -> float | None:
+def _reported(gnss: Gnss, name: str) -> float | None:
     value: float | None = getattr(gnss, name)
     return value if value is None or value > 0.0 or name == "satellites" else None
 

@@ -15,7 +15,7 @@ WINDOW_S = 0.8
 class Sample(NamedTuple):
     """A value, and the time of its reception."""
 
-    heard_s: float
+    received_s: float
     value: float
 
 
@@ -24,12 +24,12 @@ def then(samples: tuple[Sample, ...], latest: Sample, max_age_s: float) -> tuple
 
     The window restarts after a gap of more than `max_age_s`.
     """
-    if samples and latest.heard_s <= samples[-1].heard_s:
+    if samples and latest.received_s <= samples[-1].received_s:
         return samples
-    if not samples or latest.heard_s - samples[-1].heard_s > max_age_s:
+    if not samples or latest.received_s - samples[-1].received_s > max_age_s:
         return (latest,)
-    begin_s = latest.heard_s - WINDOW_S
-    standing = sum(sample.heard_s <= begin_s for sample in samples[1:])
+    begin_s = latest.received_s - WINDOW_S
+    standing = sum(sample.received_s <= begin_s for sample in samples[1:])
     return (*samples[standing:], latest)
 
 
@@ -37,12 +37,12 @@ def mean(samples: tuple[Sample, ...], now_s: float) -> float | None:
     """Mean over the last `WINDOW_S`, or since the first of the samples; None without any."""
     if not samples:
         return None
-    begin_s = max(samples[0].heard_s, now_s - WINDOW_S)
+    begin_s = max(samples[0].received_s, now_s - WINDOW_S)
     if now_s <= begin_s:
         return samples[-1].value
-    ends_s = [*(sample.heard_s for sample in samples[1:]), now_s]
+    ends_s = [*(sample.received_s for sample in samples[1:]), now_s]
     stood = (
-        value * max(0.0, end_s - max(begin_s, heard_s))
-        for (heard_s, value), end_s in zip(samples, ends_s, strict=True)
+        value * max(0.0, end_s - max(begin_s, received_s))
+        for (received_s, value), end_s in zip(samples, ends_s, strict=True)
     )
     return sum(stood) / (now_s - begin_s)

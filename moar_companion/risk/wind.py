@@ -17,10 +17,10 @@ from dataclasses import dataclass, field, replace
 
 from ..risk_model import Range, RiskModel
 from ..telemetry import Telemetry, Wind
-from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, AirSample, braking, extended, tells_of_wind
+from .braking import ATTITUDE_MAX_AGE_S, GRAVITY_MPS2, AirSample, braking, estimates_wind, extended
 from .drag import Level, air_velocity_mps, deceleration_mps2
 from .drag_learning import DragLearning, apart_from_own_motion
-from .input_reports import InputReport, heard, heard_at
+from .input_reports import InputReport, source_at, source_of
 from .sliding_mean import Sample, mean, then
 
 MOTOR_OUTPUT = "motor output"
@@ -76,7 +76,7 @@ class Spread:
             span_s=span_s,
         )
 
-    def told_by(self, before: RiskModel, after: RiskModel) -> Spread:
+    def with_model(self, before: RiskModel, after: RiskModel) -> Spread:
         """Spread of the same leans with another drag, so that learning it is no gust."""
         mean = air_velocity_mps(deceleration_mps2(self.mean_ne_mps, before), after)
         return replace(self, mean_ne_mps=mean)
@@ -134,7 +134,7 @@ def _with_air(memory: WindMemory, telemetry: Telemetry, model: RiskModel) -> Win
     spread = memory.spread
     if spread is None:
         spread = Spread(time_s=air.time_s, mean_ne_mps=wind)
-    spread = spread.then(air.time_s, wind).told_by(used, learning.used(model))
+    spread = spread.then(air.time_s, wind).with_model(used, learning.used(model))
     return WindMemory(samples=samples, wind_ne_mps=wind, spread=spread, learning=learning)
 
 
@@ -150,34 +150,34 @@ def inputs(
     tracking_error_m: from the setpoint to the aircraft, infinite if its position is unknown; None
     while the companion does not fly the aircraft.
     """
-    told, wind, spread = telemetry.wind, memory.wind_ne_mps, memory.spread
+    reported, wind, spread = telemetry.wind, memory.wind_ne_mps, memory.spread
     used = memory.learning.used(model)
     hover = None if wind is None else math.hypot(*deceleration_mps2(wind, used))
-    report = heard(told, now_s, WIND_MAX_AGE_S)
-    lean = heard_at(
+    report = source_of(reported, now_s, WIND_MAX_AGE_S)
+    lean = source_at(
         memory.samples[-1].attitude_s if memory.samples else None, now_s, ATTITUDE_MAX_AGE_S
     )
     others = (
-        report.says(
+        report.input_report(
             REPORTED,
-            None if told is None else _reported_mps(told),
+            None if reported is None else _reported_mps(reported),
             "m/s",
             model.wind_mps.fraction,
         ),
-        lean.says(
+        lean.input_report(
             FROM_TILT,
             None if wind is None else math.hypot(*wind),
             "m/s",
             model.wind_mps.fraction,
             remark=_drag_remark(memory.learning, model),
         ),
-        lean.says(
+        lean.input_report(
             "gusts",
             None if wind is None or spread is None else spread.deviation_mps,
             "m/s",
             model.gust_mps.fraction,
         ),
-        lean.says(
+        lean.input_report(
             "tilt in hover",
             None if hover is None else math.atan(hover / GRAVITY_MPS2),
             "rad",
@@ -226,15 +226,15 @@ def _effort(
     def trouble(output: float) -> float:
         return max(least, model.motor_fraction.fraction(output))
 
-    ours = heard_at(None if tracking_error_m is None else now_s, now_s, 0.0)
+    ours = source_at(None if tracking_error_m is None else now_s, now_s, 0.0)
     return (
-        heard(telemetry.motors, now_s, MOTORS_MAX_AGE_S).says(
+        source_of(telemetry.motors, now_s, MOTORS_MAX_AGE_S).input_report(
             MOTOR_OUTPUT, mean(memory.outputs, now_s), "of its range", trouble, remark=remark
         ),
-        heard(telemetry.motor_speeds, now_s, MOTORS_MAX_AGE_S).says(
+        source_of(telemetry.motor_speeds, now_s, MOTORS_MAX_AGE_S).input_report(
             "motor speed", mean(memory.motor_speeds, now_s), "of its range", trouble, remark=remark
         ),
-        ours.says(
+        ours.input_report(
             "tracking error",
             tracking_error_m,
             "m",
@@ -248,7 +248,7 @@ def _effort(
 def _output(telemetry: Telemetry, model: RiskModel) -> Sample | None:
     """Greatest output of a motor over its range; None if it does not depend on the wind."""
     motors, pulses = telemetry.motors, _pulse_range(telemetry, model)
-    if motors is None or not motors.pulse_us or pulses is None or not tells_of_wind(telemetry):
+    if motors is None or not motors.pulse_us or pulses is None or not estimates_wind(telemetry):
         return None
     output = pulses.share(max(motors.pulse_us))
     return Sample(motors.received_s, output) if output <= _OUTPUT_MAX else None
@@ -260,7 +260,7 @@ def _motor_speed(telemetry: Telemetry, model: RiskModel) -> Sample | None:
     if speeds is None or not any(speeds.rpm) or speed_range is None:
         return None
     share = speed_range.share(max(speeds.rpm))
-    return Sample(speeds.received_s, share) if tells_of_wind(telemetry) else None
+    return Sample(speeds.received_s, share) if estimates_wind(telemetry) else None
 
 
 def _pulse_range(telemetry: Telemetry, model: RiskModel) -> Range | None:

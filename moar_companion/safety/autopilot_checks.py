@@ -35,7 +35,7 @@ def mode_left(seen: CheckInputs, *, landing: bool) -> str | None:
 
 def ground_link(telemetry: Telemetry, limits: Supervision, now_s: float) -> str | None:
     """Text for a ground station that was received once and has sent nothing for too long."""
-    heard = telemetry.ground_station
-    if heard is None or now_s - heard.received_s <= limits.ground_link_lost_s:
+    received = telemetry.ground_station
+    if received is None or now_s - received.received_s <= limits.ground_link_lost_s:
         return None
-    return f"no ground station for {seconds(now_s - heard.received_s)} s"
+    return f"no ground station for {seconds(now_s - received.received_s)} s"

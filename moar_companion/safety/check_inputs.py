@@ -14,7 +14,7 @@ from ..types import AutopilotKind, Mission
 from .condition_types import Causes
 from .file_faults import FileFault
 
-WAY_MAX_AGE_S = 15.0
+ROUTE_MAX_AGE_S = 15.0
 """Maximum age of escape routes, which are replanned about every 2 s; 15 s of flight correspond to
 the longest interval of a battery's reports."""
 

@@ -16,7 +16,7 @@ from ..text_format import exceeds, limit_text, listed, reason_chars
 from ..types import Mission
 from . import autopilot_checks, energy_checks, link_age, position_checks
 from .autopilot_failsafe import battery_failsafe, holding_failsafe, taken_mode
-from .check_inputs import WAY_MAX_AGE_S, CheckInputs
+from .check_inputs import ROUTE_MAX_AGE_S, CheckInputs
 from .condition_types import Causes
 
 _MB = 1e6
@@ -114,7 +114,7 @@ def _unmonitored(seen: CheckInputs, now_s: float) -> str | None:
             ("ground station", seen.telemetry.ground_station is not None),
             (
                 "escape route",
-                seen.escape_route is not None and seen.escape_route.age_s <= WAY_MAX_AGE_S,
+                seen.escape_route is not None and seen.escape_route.age_s <= ROUTE_MAX_AGE_S,
             ),
         )
         if not known

@@ -51,7 +51,7 @@ def battery_critical(seen: CheckInputs) -> str | None:
     for number, battery in sorted(seen.telemetry.batteries.items()):
         state: float | None = battery.charge_state if is_powered(battery) else None
         if state is None:
-            state = _told_before(seen, number, "charge state")
+            state = _reported_before(seen, number, "charge state")
         if state is not None and _CRITICAL <= state <= _FAILED:
             return f"battery {number} is critical"
     return None
@@ -62,7 +62,7 @@ def battery_reserve(seen: CheckInputs, reserve: float) -> str | None:
     for number, battery in sorted(seen.telemetry.batteries.items()):
         remaining = battery.remaining if is_powered(battery) else None
         if remaining is None:
-            remaining = _told_before(seen, number, "remaining")
+            remaining = _reported_before(seen, number, "remaining")
         if remaining is not None and remaining <= reserve:
             return f"battery {number} at {remaining:.0%} <= {reserve:.0%}"
     return None
@@ -72,9 +72,9 @@ def battery_silent(seen: CheckInputs, now_s: float) -> str | None:
     """Text for a battery that does not report its charge any more."""
     for number, battery in sorted(seen.telemetry.batteries.items()):
         powered, age_s = is_powered(battery), now_s - battery.received_s
-        if powered and age_s > BATTERY_MAX_AGE_S and _tells(battery):
+        if powered and age_s > BATTERY_MAX_AGE_S and _reports_voltage(battery):
             return f"battery {number} is silent for {seconds(age_s)} s"
-        last = _told_before(seen, number, "remaining")
+        last = _reported_before(seen, number, "remaining")
         if last is not None and (battery.remaining is None or not powered):
             return f"battery {number} reports no charge (was {last:.0%})"
     return None
@@ -83,20 +83,20 @@ def battery_silent(seen: CheckInputs, now_s: float) -> str | None:
 def battery_monitored(seen: CheckInputs, now_s: float) -> bool:
     """True if a battery reports its charge, and none has ceased to."""
     batteries = seen.telemetry.batteries.values()
-    tells = any(is_powered(battery) and _tells(battery) for battery in batteries)
-    return tells and battery_silent(seen, now_s) is None
+    reports_it = any(is_powered(battery) and _reports_voltage(battery) for battery in batteries)
+    return reports_it and battery_silent(seen, now_s) is None
 
 
-def _told_before(seen: CheckInputs, number: int, what: str) -> float | None:
+def _reported_before(seen: CheckInputs, number: int, what: str) -> float | None:
     """Last reported value of a battery that the risk estimate keeps; None if there is none."""
     last = seen.risk.last_known.get("battery", {}).get(f"battery {number} {what}")
     return None if last is None else last.value
 
 
-def _tells(battery: Battery) -> bool:
+def _reports_voltage(battery: Battery) -> bool:
     """True if it reports its charge; a summary only repeats an earlier charge state."""
-    told = battery.charge_state is not None and not battery.summary
-    return battery.remaining is not None or told
+    reported = battery.charge_state is not None and not battery.summary
+    return battery.remaining is not None or reported
 
 
 def energy_left(seen: CheckInputs, mission: Mission) -> str | None:
@@ -105,23 +105,23 @@ def energy_left(seen: CheckInputs, mission: Mission) -> str | None:
     return seen.misread if words and seen.misread and not seen.in_control else words
 
 
-def _too_little_left(way: EscapeRoute | None, mission: Mission) -> str | None:
-    if way is None or way.mission is not mission:
+def _too_little_left(route: EscapeRoute | None, mission: Mission) -> str | None:
+    if route is None or route.mission is not mission:
         return None
-    if way.flown_left_s is not None:
-        return f"{_left(way.flown_left_s, Mission.EXIT)} (the {mission.value} takes less)"
-    if way.left_s is None or way.left_s > way.reserve_s:
+    if route.flown_left_s is not None:
+        return f"{_left(route.flown_left_s, Mission.EXIT)} (the {mission.value} takes less)"
+    if route.left_s is None or route.left_s > route.reserve_s:
         return None
-    words = _left(way.left_s, mission)
-    return f"{words} <= {seconds(way.reserve_s)}" if words.endswith(" s") else words
+    words = _left(route.left_s, mission)
+    return f"{words} <= {seconds(route.reserve_s)}" if words.endswith(" s") else words
 
 
-def energy_low_soon(way: EscapeRoute | None) -> str | None:
+def energy_low_soon(route: EscapeRoute | None) -> str | None:
     """Text where the better escape route is due within a minute."""
-    if way is None or way.left_s is None or not 0.0 < way.left_s - way.reserve_s <= _SOON_S:
+    if route is None or route.left_s is None or not 0.0 < route.left_s - route.reserve_s <= _SOON_S:
         return None
-    words = _left(way.left_s, way.mission)
-    return f"{words}, due at {seconds(way.reserve_s)}" if words.endswith(" s") else words
+    words = _left(route.left_s, route.mission)
+    return f"{words}, due at {seconds(route.reserve_s)}" if words.endswith(" s") else words
 
 
 def _left(left_s: float, mission: Mission) -> str:

@@ -62,11 +62,11 @@ class FailsafeExposure:
     def __init__(self, limits: Supervision, power: PowerModel) -> None:
         self._limits = limits
         self._power = power
-        self._told: tuple[object, ...] = ()
+        self._reported: tuple[object, ...] = ()
         self._all = NO_FAILSAFES
         self.known = False
         """True once all parameters were received, or requested often enough."""
-        self._heard: frozenset[Trigger] = frozenset()
+        self._received: frozenset[Trigger] = frozenset()
         self._exposed: tuple[Exposed, ...] = ()
         self._since_s: float | None = None
         self._seen_s = self._noted_s = -math.inf
@@ -86,20 +86,20 @@ class FailsafeExposure:
         telemetry: Telemetry,
     ) -> bool:
         """Takes parameters and home, (x, y, z) in the site's frame; returns True if any is new."""
-        heard = self._heard | heard_links(kind, telemetry)
+        received = self._received | received_links(kind, telemetry)
         names = profile(kind).failsafe_parameters
-        told = (kind, heard, *(parameters.get(name, "") for name in names))
+        reported = (kind, received, *(parameters.get(name, "") for name in names))
         before_m = self._all.home_m
         moved = home_moved(home_m, before_m)
-        if told == self._told and not moved:
+        if reported == self._reported and not moved:
             return False
-        self._told, self._heard = told, heard
+        self._reported, self._received = reported, received
         found = profile(kind).failsafes(parameters)
         self.known = found is not None
         if found is None:
             return False
         self._all = replace(found, home_m=home_m if moved else before_m)
-        self.failsafes = moving(self._all, heard)
+        self.failsafes = moving(self._all, received)
         return True
 
     def look(
@@ -220,7 +220,7 @@ class FailsafeExposure:
         return None
 
 
-def moving(failsafes: Failsafes, heard: frozenset[Trigger]) -> Failsafes:
+def moving(failsafes: Failsafes, received: frozenset[Trigger]) -> Failsafes:
     """Returns the failsafes that move the aircraft; RC loss only if RC was ever received.
 
     A ground station always counts: the autopilot may receive one that is not forwarded to us.
@@ -231,12 +231,12 @@ def moving(failsafes: Failsafes, heard: frozenset[Trigger]) -> Failsafes:
             item
             for item in failsafes.actions
             if item.action not in _STAYS
-            and (item.trigger in heard or item.trigger is not Trigger.RC_LOSS)
+            and (item.trigger in received or item.trigger is not Trigger.RC_LOSS)
         ),
     )
 
 
-def heard_links(kind: AutopilotKind, telemetry: Telemetry) -> frozenset[Trigger]:
+def received_links(kind: AutopilotKind, telemetry: Telemetry) -> frozenset[Trigger]:
     """The links that the autopilot is known to receive, by the trigger of their loss."""
     readiness, remote = telemetry.readiness, telemetry.remote_control
     if profile(kind).channels_without_receiver and readiness is not None:

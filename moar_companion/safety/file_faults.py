@@ -43,7 +43,7 @@ class FileFaultTexts:
     """
 
     def __init__(self) -> None:
-        self._told: dict[FileFault, int] = {}
+        self._reported: dict[FileFault, int] = {}
         """Number of kinds of receivers known at each fault's last report."""
 
     def texts(
@@ -53,9 +53,9 @@ class FileFaultTexts:
         listeners = (telemetry.autopilot is not None) + (telemetry.ground_station is not None)
         current = tuple(faults)
         for fault in current:
-            if self._told.get(fault, 0) < listeners:
-                self._told[fault] = listeners
+            if self._reported.get(fault, 0) < listeners:
+                self._reported[fault] = listeners
                 yield fault, False
-        for fault in [fault for fault in self._told if fault not in current]:
-            del self._told[fault]
+        for fault in [fault for fault in self._reported if fault not in current]:
+            del self._reported[fault]
             yield fault, True

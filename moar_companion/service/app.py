@@ -282,9 +282,9 @@ class Service:
 
     async def _catch_up(self) -> None:
         """Receives all queued bytes after a stall, so that the next cycle uses the newest."""
-        heard, end_s = -1, clock_s() + _LONGEST_CATCHING_UP_S
-        while heard < len(self._arrived) and clock_s() < end_s:
-            heard = len(self._arrived)
+        received, end_s = -1, clock_s() + _LONGEST_CATCHING_UP_S
+        while received < len(self._arrived) and clock_s() < end_s:
+            received = len(self._arrived)
             await asyncio.sleep(_CATCHING_UP_S)
 
     def _note_late_reading(self) -> None:

@@ -24,15 +24,15 @@ _LOOK_PERIOD_S = 0.2
 
 _logger = logging.getLogger(__name__)
 
-Told = Callable[[int, int], None]
+Progress = Callable[[int, int], None]
 """Callback with the number of compiled kernels, and of all kernels."""
 
 
-def make_ready(tell: Told, stopped: threading.Event) -> bool:
+def make_ready(report: Progress, stopped: threading.Event) -> bool:
     """Loads all kernels; other processes first compile those that are not in the cache.
 
-    tell: called with the progress of a compilation. Returns False when `stopped` was set before the
-    end.
+    report: called with the progress of a compilation. Returns False when `stopped` was set before
+    the end.
     """
     kernels = [kernel for kernel in KERNELS if not kernel.is_helper]
     # Without a cache, kernels compiled by other processes are lost.
@@ -41,7 +41,7 @@ def make_ready(tell: Told, stopped: threading.Event) -> bool:
         with _compilers(missing) as compilers:
             while any(compiler.poll() is None for compiler in compilers):
                 missing = [kernel for kernel in missing if not kernel.is_cached]
-                tell(len(kernels) - len(missing), len(kernels))
+                report(len(kernels) - len(missing), len(kernels))
                 if stopped.wait(_LOOK_PERIOD_S):
                     return False
     for kernel in kernels:

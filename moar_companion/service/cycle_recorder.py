@@ -76,7 +76,7 @@ class CycleRecorder:
     ) -> None:
         """Passes the cycle at `now_s` to the writer."""
         companion, recorder, cycle = self._companion, self._recorder, None
-        heard = companion.packets_heard()
+        received = companion.received_packets()
         calls = companion.calls() if isinstance(companion, RecordedCompanion) else []
         if recorder is None or recorder.ended is not None:
             return
@@ -84,7 +84,7 @@ class CycleRecorder:
             status = self._status() if self._sampler.status_is_due(now_s) else None
             cycle = self._sampler.cycle(companion, calls, status, now_s)
         recorder.write(
-            [*heard, *((now_s, data) for _, data in sent)],
+            [*received, *((now_s, data) for _, data in sent)],
             ((item.time_s, item.kind, item.data) for item in decisions),
             cycle,
             now_s,

@@ -39,7 +39,7 @@ class MqttOrders:
         self._replies: deque[Reply] = deque(maxlen=_MOST_REPLIES)
         self._packets: list[bytes] = []
         self._refusals = RateLimit(burst=10, rate_hz=1.0)
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
 
     # The client's thread
 
@@ -67,8 +67,12 @@ class MqttOrders:
         if not self._refusals.allows(None, clock_s()):
             return
         self._reply(nonce, CommandResult.DENIED, reason)
-        level = logging.DEBUG if reason in self._told or len(self._told) > 10 else logging.WARNING
-        self._told.add(reason)
+        level = (
+            logging.DEBUG
+            if reason in self._reported or len(self._reported) > 10
+            else logging.WARNING
+        )
+        self._reported.add(reason)
         _logger.log(level, "MQTT: an order was refused: %s", reason)
 
     # The control loop

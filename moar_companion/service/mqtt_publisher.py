@@ -88,7 +88,7 @@ class _Traffic:
         self._vehicle = vehicle
         self._publication = Publication(vehicle)
         self._taken: Status | None = None
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
         self.status: Status | None = None
         self.will: Message | None = online_message(vehicle, Online(online=False))
 
@@ -110,9 +110,9 @@ class _Traffic:
             return replies
         self._taken = status
         messages = self._publication.due(status, clock_s())
-        for topic in self._publication.unfit.keys() - self._told:
+        for topic in self._publication.unfit.keys() - self._reported:
             _logger.error("MQTT: %s not published: %s", topic, self._publication.unfit[topic])
-            self._told.add(topic)
+            self._reported.add(topic)
         return [*replies, *messages]
 
     def received(self, topic: str, payload: bytes, *, retained: bool) -> None:

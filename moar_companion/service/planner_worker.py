@@ -51,7 +51,7 @@ class PlannerWorker:
         self._ready: Future[Planner | None] | None = None
         self._progress: tuple[int, int] | None = None
         """Count of compiled kernels and their total, if some had to be compiled."""
-        self._told: tuple[int, int] | None = None
+        self._reported: tuple[int, int] | None = None
         self._ending = threading.Event()
 
     def begin(self, make_planner: Callable[[], Planner]) -> None:
@@ -81,9 +81,9 @@ class PlannerWorker:
     def new_progress(self) -> tuple[int, int] | None:
         """Returns count and total of compiled kernels when these have changed."""
         progress = self._progress
-        if self._ready is None or progress == self._told:
+        if self._ready is None or progress == self._reported:
             return None
-        self._told = progress
+        self._reported = progress
         return progress
 
     def plan(self, job: PlanJob) -> None:

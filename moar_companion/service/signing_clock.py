@@ -126,11 +126,11 @@ def load_signing(config: CompanionConfig, wall_s: float) -> Signing | None:
     file = None if folder is None else _kept(folder.path / _NAME)
     if folder is None or file is None:
         return Signing(key=key, wall_s=wall_s)
-    references = _believed(file.references, wall_s, folder.path / _NAME)
+    references = _estimated(file.references, wall_s, folder.path / _NAME)
     return Signing(key=key, wall_s=wall_s, kept=file.timestamps, references=references)
 
 
-def _believed(references: Mapping[str, int], wall_s: float, path: Path) -> dict[str, int]:
+def _estimated(references: Mapping[str, int], wall_s: float, path: Path) -> dict[str, int]:
     """Stored references that the wall clock does not prove wrong; logs those ahead of it."""
     now = timestamp_at(wall_s)
     ahead_s = (max(references.values(), default=0) - now) / UNITS_PER_S

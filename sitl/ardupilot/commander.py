@@ -7,8 +7,7 @@ mode that is flown, the armed state, and texts.
 from dataclasses import dataclass
 from typing import Final
 
-from sitl.ardupilot import failsafe
-from sitl.ardupilot import voice as say
+from sitl.ardupilot import failsafe, texts
 from sitl.ardupilot.battery import BatteryMonitor, Charge
 from sitl.ardupilot.failsafe import Failsafes
 from sitl.ardupilot.fence import Fence
@@ -48,7 +47,7 @@ class Parts:
     flight: Flight
     battery: BatteryMonitor
     fence: Fence
-    voice: say.Voice
+    text_sender: texts.TextSender
 
 
 class Commander:
@@ -72,7 +71,7 @@ class Commander:
         self._lane = 0
         self._was_known = False
         self._next_prearm_s = _PREARM_PERIOD_S
-        self._landing_told_until_us = 0
+        self._landing_reported_until_us = 0
         self.mode = self._mode_of_switch() or Mode.STABILIZE
         parts.flight.enter(self.mode, parts.navigation)
 
@@ -94,8 +93,8 @@ class Commander:
             return ON_GROUND
         if self._p.flight.taking_off:
             return TAKING_OFF
-        told = self._p.world.now_us < self._landing_told_until_us
-        return LANDING if self._p.flight.landing or told else IN_AIR
+        reported = self._p.world.now_us < self._landing_reported_until_us
+        return LANDING if self._p.flight.landing or reported else IN_AIR
 
     @property
     def refusals(self) -> list[str]:
@@ -125,7 +124,7 @@ class Commander:
         """Request a mode by its number; False when it is refused."""
         mode = requested(number)
         if mode is None:
-            self._p.voice.say(say.WARNING, f"No such mode {number}")
+            self._p.text_sender.send(texts.WARNING, f"No such mode {number}")
             return False
         why = None
         if mode is Mode.AUTO:
@@ -133,7 +132,7 @@ class Commander:
         elif self.armed and mode.value.needs_position and not self._p.navigation.position_ok:
             why = "requires position"
         if why is not None:
-            self._p.voice.say(say.WARNING, f"Mode change to {mode.title} failed: {why}")
+            self._p.text_sender.send(texts.WARNING, f"Mode change to {mode.title} failed: {why}")
             return False
         self._enter(mode)
         return True
@@ -145,7 +144,7 @@ class Commander:
         whys = self.refusals or ([] if self.mode.value.armable else ["Mode not armable"])
         if whys and not force:
             for why in whys:
-                self._p.voice.say(say.CRITICAL, f"Arm: {why}")
+                self._p.text_sender.send(texts.CRITICAL, f"Arm: {why}")
             return False
         self.armed = True
         self.landed = True
@@ -153,7 +152,7 @@ class Commander:
         self._lift_us = self._p.world.now_us + round(_LIFT_AFTER_ARMING_S * 1e6)
         if self._p.navigation.position_ok:
             self._p.navigation.set_home()
-        self._p.voice.say(say.INFO, "Arming motors")
+        self._p.text_sender.send(texts.INFO, "Arming motors")
         return True
 
     def disarm(self, *, force: bool = False) -> bool:
@@ -165,7 +164,7 @@ class Commander:
         self.armed = False
         self.landed = True
         self._p.flight.abandon_take_off()
-        self._p.voice.say(say.INFO, "Disarming motors")
+        self._p.text_sender.send(texts.INFO, "Disarming motors")
         if self._lane:
             self._use_lane(0)
         return True
@@ -180,12 +179,12 @@ class Commander:
         parts.flight.take_off(parts.navigation.home_ned_m()[2] - height_m, parts.navigation)
         return True
 
-    def hear_ground_station(self) -> None:
+    def handle_ground_station(self) -> None:
         """Note a heartbeat of the ground station."""
         self._ground_station_us = self._p.world.now_us
         if self.failsafes.ground_station:
             self.failsafes.ground_station = False
-            self._p.voice.say(say.WARNING, "GCS Failsafe Cleared")
+            self._p.text_sender.send(texts.WARNING, "GCS Failsafe Cleared")
 
     # Cycle
 
@@ -208,7 +207,7 @@ class Commander:
         if mode is self.mode:
             return
         if self._p.flight.landing:
-            self._landing_told_until_us = self._p.world.now_us + _LANDING_TOLD_US
+            self._landing_reported_until_us = self._p.world.now_us + _LANDING_TOLD_US
         self.mode = mode
         self.mode_changed = True
         self._p.flight.enter(mode, self._p.navigation, pause=pause)
@@ -227,16 +226,16 @@ class Commander:
     def _judge_radio(self) -> None:
         parts = self._p
         value = parts.parameters.value
-        heard = parts.sticks.present(parts.world.now_us, _RADIO_SILENT_S)
-        self._radio_silent_s = 0.0 if heard else self._radio_silent_s + TICK_S
+        received = parts.sticks.present(parts.world.now_us, _RADIO_SILENT_S)
+        self._radio_silent_s = 0.0 if received else self._radio_silent_s + TICK_S
         lost = self._radio_silent_s >= _RADIO_LOST_S
         if lost == self.failsafes.radio or (lost and not value("FS_THR_ENABLE")):
             return
         self.failsafes.radio = lost
         if not lost:
-            parts.voice.say(say.WARNING, "Radio Failsafe Cleared")
+            parts.text_sender.send(texts.WARNING, "Radio Failsafe Cleared")
             return
-        parts.voice.say(say.WARNING, "Radio Failsafe")
+        parts.text_sender.send(texts.WARNING, "Radio Failsafe")
         self._act(
             failsafe.on_radio(int(value("FS_THR_ENABLE")), int(value("FS_OPTIONS")), self.mode)
         )
@@ -250,7 +249,7 @@ class Commander:
         if parts.world.now_us - self._ground_station_us <= value("FS_GCS_TIMEOUT") * 1e6:
             return
         self.failsafes.ground_station = True
-        parts.voice.say(say.WARNING, "GCS Failsafe")
+        parts.text_sender.send(texts.WARNING, "GCS Failsafe")
         self._act(failsafe.on_ground_station(action, int(value("FS_OPTIONS")), self.mode))
 
     def _judge_battery(self) -> None:
@@ -263,12 +262,12 @@ class Commander:
             Charge.LOW: ("low", "BATT_FS_LOW_ACT"),
             Charge.CRITICAL: ("critical", "BATT_FS_CRT_ACT"),
         }[level]
-        parts.voice.say(
-            say.WARNING,
+        parts.text_sender.send(
+            texts.WARNING,
             f"Battery 1 is {word} {parts.world.battery.voltage_v:.2f}V"
             f" used {parts.battery.consumed_mah:.0f} mAh",
         )
-        parts.voice.say(say.WARNING, "Battery Failsafe")
+        parts.text_sender.send(texts.WARNING, "Battery Failsafe")
         self._act(failsafe.on_battery(int(value(name)), int(value("FS_OPTIONS")), self.mode))
 
     def _judge_estimator(self) -> None:
@@ -279,18 +278,18 @@ class Commander:
         if self.failsafes.estimator:
             if self._estimator_good_s >= _ESTIMATOR_GOOD_S:
                 self.failsafes.estimator = False
-                parts.voice.say(say.CRITICAL, "EKF Failsafe Cleared")
+                parts.text_sender.send(texts.CRITICAL, "EKF Failsafe Cleared")
             return
         action = int(parts.parameters.value("FS_EKF_ACTION"))
         if nav.position_ok or not (self._was_known and self.armed and action):
             return
         self.failsafes.estimator = True
-        parts.voice.say(say.CRITICAL, f"EKF3 lane switch {1 - self._lane}")
+        parts.text_sender.send(texts.CRITICAL, f"EKF3 lane switch {1 - self._lane}")
         self._use_lane(1 - self._lane)
-        parts.voice.say(say.CRITICAL, "EKF variance")
+        parts.text_sender.send(texts.CRITICAL, "EKF variance")
         mode = failsafe.on_estimator(action, self.mode)
         if mode is not None:
-            parts.voice.say(say.CRITICAL, f"EKF Failsafe: changed to {mode.title} Mode")
+            parts.text_sender.send(texts.CRITICAL, f"EKF Failsafe: changed to {mode.title} Mode")
             self._act(mode)
 
     def _judge_dead_reckoning(self) -> None:
@@ -301,26 +300,28 @@ class Commander:
         action = int(parts.parameters.value("FS_DR_ENABLE"))
         self.failsafes.dead_reckoning = lost and action > 0
         if self.failsafes.dead_reckoning:
-            parts.voice.say(say.CRITICAL, "Dead Reckoning started")
+            parts.text_sender.send(texts.CRITICAL, "Dead Reckoning started")
             self._act(failsafe.on_dead_reckoning(action, self.mode))
         elif action > 0:
-            parts.voice.say(say.CRITICAL, "Dead Reckoning stopped")
+            parts.text_sender.send(texts.CRITICAL, "Dead Reckoning stopped")
 
     def _use_lane(self, lane: int) -> None:
         self._lane = lane
-        self._p.voice.say(say.WARNING, f"EKF primary changed:{lane}")
+        self._p.text_sender.send(texts.WARNING, f"EKF primary changed:{lane}")
 
     def _judge_fence(self) -> None:
         parts = self._p
         nav = parts.navigation
         place = (nav.x, nav.y, nav.z)
         landing = parts.flight.landing or self.landed or not self.armed
-        news = parts.fence.step(TICK_S, *nav.from_home_m(place), nav.on_map(place), landing=landing)
-        if news is None or not self.armed:
+        change = parts.fence.step(
+            TICK_S, *nav.from_home_m(place), nav.on_map(place), landing=landing
+        )
+        if change is None or not self.armed:
             return
         if not self.landed:
-            parts.voice.say(say.NOTICE, news.text)
-        self._act(news.mode, pause=False)
+            parts.text_sender.send(texts.NOTICE, change.text)
+        self._act(change.mode, pause=False)
 
     def _mode_of_switch(self) -> Mode | None:
         return requested(int(self._p.parameters.value(f"FLTMODE{self._switch}")))
@@ -366,4 +367,4 @@ class Commander:
             return
         self._next_prearm_s = nav.since_boot_s + _PREARM_PERIOD_S
         for why in self.refusals:
-            self._p.voice.say(say.CRITICAL, f"PreArm: {why}")
+            self._p.text_sender.send(texts.CRITICAL, f"PreArm: {why}")

@@ -31,7 +31,7 @@ _GIVE_UP_M: Final = 100.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class News:
+class BreachChange:
     """Text to send, and the mode to fly now (FENCE_ACTION); None keeps the mode."""
 
     text: str
@@ -85,7 +85,7 @@ class Fence:
         on_map: tuple[float, float] | None = None,
         *,
         landing: bool = False,
-    ) -> News | None:
+    ) -> BreachChange | None:
         """Advance; None when nothing has changed."""
         value = self._parameters.value
         reached = height_m >= value("FENCE_ALT_MIN") + value("FENCE_MARGIN")
@@ -102,11 +102,11 @@ class Fence:
         self._backup_m |= {fence: outside[fence] + _BACKUP_M for fence in new}
         if new:
             names = " and ".join(_NAMES[fence] for fence in new)
-            return News(
+            return BreachChange(
                 text=f"{names} fence{'s' if len(new) > 1 else ''} breached",
                 mode=self._action(max(outside[fence] for fence in new)),
             )
-        return News(text="Fence breach cleared") if was_breached and not outside else None
+        return BreachChange(text="Fence breach cleared") if was_breached and not outside else None
 
     def _action(self, excess_m: float) -> Mode | None:
         action = int(self._parameters.value("FENCE_ACTION"))

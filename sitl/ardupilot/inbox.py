@@ -89,15 +89,15 @@ class Inbox:
             return _UNKNOWN_SIGNAL
         if self._signal is None:
             return 0
-        rssi, heard_us = self._signal
-        return rssi if self._r.world.now_us - heard_us <= _SIGNAL_KEPT_S * 1e6 else 0
+        rssi, received_us = self._signal
+        return rssi if self._r.world.now_us - received_us <= _SIGNAL_KEPT_S * 1e6 else 0
 
     def _from_ground_station(self, message: Any) -> bool:
         return source(message)[0] == self._r.parameters.value("SYSID_MYGCS")
 
     def _heartbeat(self, _: str, message: Any) -> None:
         if self._from_ground_station(message):
-            self._r.commander.hear_ground_station()
+            self._r.commander.handle_ground_station()
 
     def _command(self, link: str, message: Any) -> None:
         self._r.commands.run(read_command(link, message))
@@ -129,20 +129,20 @@ class Inbox:
         """Take channel 5, the flight mode switch."""
         if not self._from_ground_station(message):
             return
-        self._r.commander.hear_ground_station()
+        self._r.commander.handle_ground_station()
         if message.chan5_raw != _UNCHANGED_US:
             lasts_us = round(self._r.parameters.value("RC_OVERRIDE_TIME") * 1e6)
             self._r.sticks.override_switch(message.chan5_raw, self._r.world.now_us + lasts_us)
 
     def _radio_status(self, link: str, message: Any) -> None:
-        self._r.schedules[link].hear_radio(message.txbuf)
+        self._r.schedules[link].handle_radio(message.txbuf)
         self._signal = (message.rssi, self._r.world.now_us)
 
     def _parameter(self, link: str, message: Any) -> None:
         """A set is announced on all links."""
-        heard_by = self._r.router.links if message.get_type() == "PARAM_SET" else (link,)
+        received_by = self._r.router.links if message.get_type() == "PARAM_SET" else (link,)
         for payload in self._r.server.answer(link, message):
-            for name in heard_by:
+            for name in received_by:
                 self._send(name, "PARAM_VALUE", payload)
 
     def _mission(self, link: str, message: Any) -> None:

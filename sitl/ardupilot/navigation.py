@@ -8,7 +8,7 @@ are shortened in proportion by SIM_BOOT_S.
 import math
 from typing import Final
 
-from sitl.ardupilot import voice as say
+from sitl.ardupilot import texts
 from sitl.ardupilot.parameters import USES_GPS_AFTER_S
 from sitl.conditions import GPS_JAMMED
 from sitl.geodesy import FlatProjection
@@ -43,12 +43,12 @@ class Navigation:
     """Local position x, y, z (north, east, down of the EKF origin) as ArduPilot estimates it."""
 
     def __init__(
-        self, world: World, parameters: Parameters, voice: say.Voice, boot_us: int
+        self, world: World, parameters: Parameters, text_sender: texts.TextSender, boot_us: int
     ) -> None:
         """Start without an estimate."""
         self._world = world
         self._parameters = parameters
-        self._voice = voice
+        self._text_sender = text_sender
         self._boot_us = boot_us
         self._boot_scale = parameters.value("SIM_BOOT_S") / USES_GPS_AFTER_S
         self._projection: FlatProjection | None = None
@@ -93,10 +93,10 @@ class Navigation:
         known = self._uses_gps()
         if known and not self.position_known:
             for number in (0, 1):
-                self._voice.say(say.INFO, f"EKF3 IMU{number} is using GPS")
+                self._text_sender.send(texts.INFO, f"EKF3 IMU{number} is using GPS")
         elif self.position_known and not known:
             for number in (0, 1):
-                self._voice.say(say.WARNING, f"EKF3 IMU{number} stopped aiding")
+                self._text_sender.send(texts.WARNING, f"EKF3 IMU{number} stopped aiding")
         self.position_known = known
         if self._projection is not None:
             self.z = self._origin_altitude_m - estimator.altitude_m
@@ -205,8 +205,8 @@ class Navigation:
         self._origin_altitude_m = estimator.altitude_m
         self.set_home()
         for number in (0, 1):
-            self._voice.say(say.INFO, f"EKF3 IMU{number} origin set")
-        self._voice.say(say.INFO, f"Field Elevation Set: {estimator.altitude_m:.0f}m")
+            self._text_sender.send(texts.INFO, f"EKF3 IMU{number} origin set")
+        self._text_sender.send(texts.INFO, f"Field Elevation Set: {estimator.altitude_m:.0f}m")
 
     def _align_in_flight(self) -> None:
         """Report once per flight that the compass was aligned away from the ground."""
@@ -216,7 +216,7 @@ class Navigation:
             self._aligned_in_flight = True
             for number in (0, 1):
                 text = f"EKF3 IMU{number} MAG0 in-flight yaw alignment complete"
-                self._voice.say(say.INFO, text)
+                self._text_sender.send(texts.INFO, text)
 
     def _estimate_wind(self) -> None:
         """Follow the true wind with a lag; freeze for a while with the tilt at its limit."""

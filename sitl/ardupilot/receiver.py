@@ -29,7 +29,15 @@ _JAMMED_ACCURACY_M: Final = 20.0
 class Receiver:
     """Keeps the last data of the receiver, and the time of the last fix."""
 
-    __slots__ = ("_boot_us", "_detected_us", "_heard_us", "_next_us", "_world", "fix_us", "said")
+    __slots__ = (
+        "_boot_us",
+        "_detected_us",
+        "_next_us",
+        "_received_us",
+        "_world",
+        "fix_us",
+        "shown",
+    )
 
     def __init__(self, world: World, boot_us: int, boot_s: float) -> None:
         """Start without data; `boot_s` is the time of this start until GPS is used."""
@@ -38,43 +46,43 @@ class Receiver:
         self._boot_us = boot_us
         self._detected_us = boot_us + round(pace * _DETECTED_S * 1e6)
         self._next_us = boot_us + round(pace * _FIRST_FIX_S * 1e6)
-        self._heard_us: int | None = None
-        self.said: GpsFix | None = None
+        self._received_us: int | None = None
+        self.shown: GpsFix | None = None
         """The last data; `fix_type` 0 where there is no fix."""
         self.fix_us = 0
         """Time of the last fix, since the start; 0 before the first."""
 
     def step(self) -> None:
         """Read the receiver, if it is time."""
-        now_us, heard = self._world.now_us, self._world.estimator.fix
+        now_us, latest = self._world.now_us, self._world.estimator.fix
         if now_us < self._next_us:
             return
         self._next_us = now_us + _PERIOD_US
-        if heard is None or not heard.alive:
+        if latest is None or not latest.alive:
             return
-        self._heard_us = now_us
-        if self.said is not None and self._world.conditions.gps_mode == GPS_JAMMED:
-            self.said = self._jammed(self.said)
-        elif self.said is not None and not heard.fix_type:
-            self.said = replace(
-                self.said,
+        self._received_us = now_us
+        if self.shown is not None and self._world.conditions.gps_mode == GPS_JAMMED:
+            self.shown = self._jammed(self.shown)
+        elif self.shown is not None and not latest.fix_type:
+            self.shown = replace(
+                self.shown,
                 fix_type=0,
-                satellites=min(heard.satellites or 0, _SATELLITES_WITHOUT_FIX),
-                latitude_deg=heard.latitude_deg,
-                longitude_deg=heard.longitude_deg,
-                altitude_m=heard.altitude_m,
-                velocity_ned_mps=heard.velocity_ned_mps,
+                satellites=min(latest.satellites or 0, _SATELLITES_WITHOUT_FIX),
+                latitude_deg=latest.latitude_deg,
+                longitude_deg=latest.longitude_deg,
+                altitude_m=latest.altitude_m,
+                velocity_ned_mps=latest.velocity_ned_mps,
             )
         else:
-            self.said = _graded(heard)
-        if self.said.fix_type:
+            self.shown = _graded(latest)
+        if self.shown.fix_type:
             self.fix_us = (now_us - self._boot_us) // 1000 * 1000
 
-    def _jammed(self, said: GpsFix) -> GpsFix:
+    def _jammed(self, shown: GpsFix) -> GpsFix:
         generator = self._world.random
         satellites = generator.randint(0, 12)
         return replace(
-            said,
+            shown,
             fix_type=3 if satellites >= MIN_SATELLITES_FOR_FIX else 0,
             satellites=satellites,
             h_acc_m=generator.uniform(_BEST_ACCURACY_M, _JAMMED_ACCURACY_M),
@@ -97,16 +105,16 @@ class Receiver:
 
     @property
     def _silence_s(self) -> float:
-        if self._heard_us is None:
+        if self._received_us is None:
             return _HEALTHY_S
-        return (self._world.now_us - self._heard_us) / 1e6
+        return (self._world.now_us - self._received_us) / 1e6
 
 
-def _graded(heard: GpsFix) -> GpsFix:
+def _graded(latest: GpsFix) -> GpsFix:
     """Return the fix with the grades of ArduPilot's simulated receiver, never better than its."""
-    hdop, vdop = max(heard.hdop or 0.0, _BEST_HDOP), max(heard.vdop or 0.0, _BEST_VDOP)
+    hdop, vdop = max(latest.hdop or 0.0, _BEST_HDOP), max(latest.vdop or 0.0, _BEST_VDOP)
     return replace(
-        heard,
+        latest,
         hdop=hdop,
         vdop=vdop,
         h_acc_m=_BEST_ACCURACY_M * hdop / _BEST_HDOP,

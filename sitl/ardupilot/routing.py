@@ -31,10 +31,10 @@ def route(router: Router, link: Link, message: Any) -> bool:
 
     def wanted(other: Link) -> bool:
         if not system:
-            return bool(other.heard)
+            return bool(other.senders)
         if component and ours:
-            return (system, component) in other.heard
-        return system in other.heard_systems
+            return (system, component) in other.senders
+        return system in other.sender_systems
 
     forwarded = router.forward(link, message, wanted)
     return ours and (component in (0, AUTOPILOT_COMPONENT) or not forwarded)

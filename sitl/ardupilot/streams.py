@@ -81,7 +81,7 @@ class Schedule:
             for name in STREAMS[group]:
                 self._set(name, interval_us, now_us)
 
-    def hear_radio(self, txbuf_percent: int) -> None:
+    def handle_radio(self, txbuf_percent: int) -> None:
         """Slow down or speed up by the free buffer of a radio."""
         for below, change_us in _SLOWER:
             if txbuf_percent < below:

@@ -76,12 +76,12 @@ class MotionMessages(Builders):
 
     def step(self) -> None:
         """Follow the estimate; before the first one the receiver; keep the place after a loss."""
-        e, said = self._world.estimator, self.receiver.said
+        e, shown = self._world.estimator, self.receiver.shown
         if self._state.position_known:
             self._was_known = True
             self.place = (e.latitude_deg, e.longitude_deg, e.altitude_m)
-        elif said is not None and not self._was_known:
-            self.place = (said.latitude_deg, said.longitude_deg, said.altitude_m)
+        elif shown is not None and not self._was_known:
+            self.place = (shown.latitude_deg, shown.longitude_deg, shown.altitude_m)
 
     # Values of several messages
 
@@ -156,11 +156,11 @@ class MotionMessages(Builders):
         )  # fmt: skip
 
     def _ahrs2(self) -> bytes:
-        quad, said = self._world.quad, self.receiver.said
+        quad, shown = self._world.quad, self.receiver.shown
         latitude, longitude, altitude = (
             (0.0, 0.0, 0.0)
-            if said is None
-            else (said.latitude_deg, said.longitude_deg, said.altitude_m)
+            if shown is None
+            else (shown.latitude_deg, shown.longitude_deg, shown.altitude_m)
         )
         return self._pack(
             "AHRS2", roll=quad.roll + self._noise(0.0, 1e-3),
@@ -192,23 +192,23 @@ class MotionMessages(Builders):
 
     def _gps(self) -> bytes:
         receiver = self.receiver
-        said = receiver.said
-        if said is None or not receiver.speaks:
+        shown = receiver.shown
+        if shown is None or not receiver.speaks:
             return self._pack(
                 "GPS_RAW_INT", time_usec=receiver.fix_us, fix_type=int(receiver.detected), lat=0,
                 lon=0, alt=0, eph=65535, epv=65535, vel=0, cog=0, satellites_visible=0,
                 alt_ellipsoid=0, h_acc=0, v_acc=0, vel_acc=0, hdg_acc=0, yaw=0,
             )  # fmt: skip
-        vn, ve, _ = said.velocity_ned_mps
-        altitude_mm = round(said.altitude_m * 100) * 10
+        vn, ve, _ = shown.velocity_ned_mps
+        altitude_mm = round(shown.altitude_m * 100) * 10
         return self._pack(
-            "GPS_RAW_INT", time_usec=receiver.fix_us, fix_type=6 if said.fix_type else 1,
-            lat=round(said.latitude_deg * 1e7), lon=round(said.longitude_deg * 1e7),
-            alt=altitude_mm, eph=round((said.hdop or 0.0) * 100),
-            epv=round((said.vdop or 0.0) * 100),
+            "GPS_RAW_INT", time_usec=receiver.fix_us, fix_type=6 if shown.fix_type else 1,
+            lat=round(shown.latitude_deg * 1e7), lon=round(shown.longitude_deg * 1e7),
+            alt=altitude_mm, eph=round((shown.hdop or 0.0) * 100),
+            epv=round((shown.vdop or 0.0) * 100),
             vel=min(65534, round(math.hypot(vn, ve) * 100)), cog=heading_cdeg(math.atan2(ve, vn)),
-            satellites_visible=said.satellites or 0, alt_ellipsoid=altitude_mm,
-            h_acc=round(said.h_acc_m * 1000), v_acc=round(said.v_acc_m * 1000), vel_acc=0,
+            satellites_visible=shown.satellites or 0, alt_ellipsoid=altitude_mm,
+            h_acc=round(shown.h_acc_m * 1000), v_acc=round(shown.v_acc_m * 1000), vel_acc=0,
             hdg_acc=0, yaw=0,
         )  # fmt: skip
 

@@ -124,7 +124,7 @@ class StatusMessages(Builders):
 
     def _sys_status(self) -> bytes:
         state, receiver, monitored = self._state, self._motion.receiver, self._monitored
-        present = _PRESENT | (_GPS if receiver.said is not None else 0)
+        present = _PRESENT | (_GPS if receiver.shown is not None else 0)
         idle = 0  # neither enabled nor healthy
         if state.custom_mode == Mode.STABILIZE.number:
             idle |= _ALTITUDE_CONTROL
@@ -226,7 +226,7 @@ class StatusMessages(Builders):
         )  # fmt: skip
 
     def _system_time(self) -> bytes:
-        known = self._motion.receiver.said is not None
+        known = self._motion.receiver.shown is not None
         return self._pack(
             "SYSTEM_TIME", time_unix_usec=EPOCH_US + self._world.now_us if known else 0,
             time_boot_ms=self._ms,

@@ -20,7 +20,7 @@ from sitl.ardupilot.routing import route
 from sitl.ardupilot.state import GuidedTarget
 from sitl.ardupilot.streams import FIRST_PACKETS_US, IDS, Schedule
 from sitl.ardupilot.telemetry import Telemetry
-from sitl.ardupilot.voice import INFO, Voice
+from sitl.ardupilot.texts import INFO, TextSender
 from sitl.commands import ACCEPTED, DENIED, FAILED, Command, acknowledgement
 from sitl.control import PositionControl
 from sitl.fence_areas import FenceAreas
@@ -65,8 +65,8 @@ class ArduPilotManner:
         world, router, parameters = self._world, self._router, self.parameters
         self._boot_us = boot_us
         self.dead = False
-        self.voice = Voice(world, router, boot_us)
-        self.navigation = Navigation(world, parameters, self.voice, boot_us)
+        self.text_sender = TextSender(world, router, boot_us)
+        self.navigation = Navigation(world, parameters, self.text_sender, boot_us)
         self.control_loop = PositionControl(gains(parameters), world.quad, 0.0)
         self.flight = Flight(parameters, self.control_loop, world.quad, self._bias)
         self.battery = BatteryMonitor(world.battery, parameters)
@@ -80,7 +80,7 @@ class ArduPilotManner:
                 flight=self.flight,
                 battery=self.battery,
                 fence=self.fence,
-                voice=self.voice,
+                text_sender=self.text_sender,
             )
         )
         self.telemetry = Telemetry(world, self, parameters, boot_us)
@@ -280,7 +280,7 @@ class ArduPilotManner:
         """Set a message interval on a link; returns the result, and reports a denial."""
         result = self._schedules[link].set(msgid, interval_us, self._world.now_us)
         if result == DENIED:
-            self.voice.say(INFO, f"No ap_message for mavlink id ({msgid})")
+            self.text_sender.send(INFO, f"No ap_message for mavlink id ({msgid})")
         return result
 
     def send_interval(self, link: str, msgid: int) -> int:
@@ -330,12 +330,12 @@ class ArduPilotManner:
     def emit(self) -> None:
         """Send what is due; after the physics of each tick."""
         if self.running:
-            self._speak()
+            self._send_texts()
         self._radio.step()
 
-    def _speak(self) -> None:
+    def _send_texts(self) -> None:
         now_us = self._world.now_us
-        self.voice.step()
+        self.text_sender.step()
         made: dict[str, bytes | None] = {}
         booting = self.commander.system_status == _BOOTING
         for link, schedule in self._schedules.items():

@@ -38,10 +38,10 @@ from .manners import MANNERS
 from .mqtt_reader import MqttReader
 from .operator import EVACUATION, EXIT, Operator, OperatorError
 from .options import parser
-from .perceive import ADDED, TOLD, Perceiving, Sightings, prepare
+from .perceive import ADDED, GIVEN, Perceiving, Sightings, prepare
 from .processes import Process, free_ports, running
 from .real import RealError, RealOptions, autopilot_at, numbers_of, running_real
-from .screen import Screen, open_screen, say
+from .screen import Screen, open_screen, print_text
 from .script import LandingPoint, Script
 from .weather import Weather
 
@@ -50,7 +50,7 @@ _VEHICLE = "x500.yaml"
 _VEHICLE_FILE = "vehicle.yaml"
 """Its name in the flight's folder."""
 _SITE = "315kv_double_circuit.yaml"
-_WAYS_OUT = {Mission.EXIT: EXIT, Mission.EVACUATION: EVACUATION}
+_ESCAPE_COMMANDS = {Mission.EXIT: EXIT, Mission.EVACUATION: EVACUATION}
 """The first mission for which a site has landing points is flown, unless another is requested."""
 _ALL = "all"
 _TOUR = "tour.yaml"
@@ -89,7 +89,7 @@ def main(arguments: list[str] | None = None) -> int:
         site = Site.load(settings.site)
         Scenario.load(settings.scenario)
         _check(site, settings.site)
-        _ways_out(site, settings.landing)
+        _landing_choices(site, settings.landing)
         make_folder(settings.out)
         vehicle = _vehicle(settings, site)
         perceiving = None
@@ -131,31 +131,33 @@ def _check(site: Site, path: Path) -> None:
         raise InputError(str(path), "", "must have targets and landing points to be flown")
 
 
-def _ways_out(site: Site, wanted: str | None) -> list[tuple[Mission, int]]:
+def _landing_choices(site: Site, wanted: str | None) -> list[tuple[Mission, int]]:
     """The missions that end the flights and their landing points, -1 for any."""
-    ways = [way for way in _WAYS_OUT if site.landing_m.get(way)]
+    missions = [mission for mission in _ESCAPE_COMMANDS if site.landing_m.get(mission)]
     if wanted is None:
-        return [(ways[0], -1)]
+        return [(missions[0], -1)]
     if wanted == _ALL:
         places: dict[PlanePoint, tuple[Mission, int]] = {}
-        for way in ways:
-            for index, point in enumerate(site.landing_m[way]):
-                places.setdefault(point, (way, index))
+        for mission in missions:
+            for index, point in enumerate(site.landing_m[mission]):
+                places.setdefault(point, (mission, index))
         return list(places.values())
     name, _, number = wanted.partition(":")
-    chosen = next((way for way in ways if way.value == name), None)
+    chosen = next((mission for mission in missions if mission.value == name), None)
     points = () if chosen is None else site.landing_m[chosen]
     if chosen is not None and not number:
         return [(chosen, -1)]
     if chosen is None or not (number.isascii() and number.isdigit() and int(number) < len(points)):
-        allowed = [f"{way.value}[:N], N < {len(site.landing_m[way])}" for way in ways]
+        allowed = [
+            f"{mission.value}[:N], N < {len(site.landing_m[mission])}" for mission in missions
+        ]
         raise InputError("--landing", "", f"is {wanted!r}, must be {' or '.join([*allowed, _ALL])}")
     return [(chosen, int(number))]
 
 
-def _points(site: Site, way: Mission, index: int) -> tuple[PlanePoint, ...]:
+def _points(site: Site, mission: Mission, index: int) -> tuple[PlanePoint, ...]:
     """The landing points that an order allows."""
-    points = site.landing_m[way]
+    points = site.landing_m[mission]
     return points if index < 0 else (points[index],)
 
 
@@ -220,7 +222,7 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
         view = Path(stack.enter_context(tempfile.TemporaryDirectory())) / "view.sock"
         values = {
             "vehicle": _VEHICLE_FILE,
-            "site": str(settings.site if perceiving is None else perceiving.told),
+            "site": str(settings.site if perceiving is None else perceiving.given),
             "links": [{"url": f"udp:127.0.0.1:{companion_port}", "role": "autopilot"}],
             "recorder": {"directory": str(settings.out)},
             "view": {"socket": str(view)},
@@ -241,9 +243,9 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
             if weather is not None:
                 weather.play(operator)
             for line in seen.lines(operator.texts):
-                screen.say(line)
+                screen.print_text(line)
 
-        screen.say(f"recording to {settings.out}")
+        screen.print_text(f"recording to {settings.out}")
         operator = Operator(operator_port, manner, speed=settings.speed, meanwhile=meanwhile)
         stack.callback(operator.close)
         speed = str(settings.speed)
@@ -265,7 +267,7 @@ def _fly(settings: Settings, site: Site, perceiving: Perceiving | None) -> str |
             dwells_s=tuple(target.dwell_s for target in site.targets),
             landings=_landings(site, settings.landing, vehicle),
             battery_falls=_battery_falls(settings.scenario),
-            say=screen.say,
+            print_text=screen.print_text,
         )
         try:
             script.fly()
@@ -283,9 +285,9 @@ def _mqtt(settings: Settings, port: int, screen: Screen) -> Iterator[None]:
     with contextlib.closing(reader), running_broker(settings.out, port):
         reader.start(port)
         watch = f"moar-companion watch --mqtt mqtt://127.0.0.1:{port}"
-        screen.say(f"{broker_name()} on port {port}: {watch}")
+        screen.print_text(f"{broker_name()} on port {port}: {watch}")
         yield
-    screen.say(reader.summary())
+    screen.print_text(reader.summary())
 
 
 def _landings(site: Site, wanted: str | None, vehicle: Vehicle) -> tuple[LandingPoint, ...]:
@@ -293,12 +295,12 @@ def _landings(site: Site, wanted: str | None, vehicle: Vehicle) -> tuple[Landing
     above_m = vehicle.guidance.landing_height_m
     return tuple(
         LandingPoint(
-            name=way.value,
-            mission=_WAYS_OUT[way],
+            name=mission.value,
+            mission=_ESCAPE_COMMANDS[mission],
             index=index,
-            above_m=_points(site, way, index)[0][1] + above_m,
+            above_m=_points(site, mission, index)[0][1] + above_m,
         )
-        for way, index in _ways_out(site, wanted)
+        for mission, index in _landing_choices(site, wanted)
     )
 
 
@@ -366,7 +368,7 @@ def _weather(settings: Settings, screen: Screen) -> Weather | None:
     scenario = Scenario.load(settings.scenario)
     weather = Weather(scenario=scenario, autopilot=settings.autopilot, speed=settings.speed)
     if weather.left_out:
-        screen.say(f"the simulator cannot play {', '.join(weather.left_out)}")
+        screen.print_text(f"the simulator cannot play {', '.join(weather.left_out)}")
     return weather
 
 
@@ -374,27 +376,31 @@ def _report(settings: Settings, site: Site, vehicle: Vehicle, problem: str | Non
     """Judge the flight, draw it, and print the result; the exit status."""
     truth = settings.out / "truth.csv"
     if not gather(settings.out) or not truth.exists():
-        say(f"nothing was flown: {problem or 'no recording'}; see the logs in {settings.out}")
+        print_text(
+            f"nothing was flown: {problem or 'no recording'}; see the logs in {settings.out}"
+        )
         return 1
     story = FlightStory.read(settings.out / "decisions.jsonl")
     flight = read_truth(truth, site)
-    landings = [_points(site, *way) for way in _ways_out(site, settings.landing)]
+    landings = [_points(site, *mission) for mission in _landing_choices(site, settings.landing)]
     verdict = judge(flight, site, vehicle.radius_m, story.landing_legs_m, landings)
     picture = settings.out / "flight.png"
     flown = [(row.position_m[0], row.position_m[2]) for row in flight if not row.on_ground]
     draw_flight(story, flown, site, vehicle, build_maps(site, vehicle), picture)
     if settings.perceive:
-        say(f"picture {picture}")
+        print_text(f"picture {picture}")
         seen, picture = SeenStory.read(settings.out / "decisions.jsonl"), settings.out / _PERCEIVED
-        told = Site.load(settings.out / TOLD)
-        draw_perceived(seen, flown, site, told, vehicle, picture, added=ADDED)
+        given = Site.load(settings.out / GIVEN)
+        draw_perceived(seen, flown, site, given, vehicle, picture, added=ADDED)
     faults = [*([problem] if problem else []), *verdict.faults]
-    say(f"least clearance {verdict.least_clearance_m:.2f} m, {len(story.plans)} paths planned")
-    say(f"picture {picture}")
-    say(f"recording {settings.out / 'flight.tlog'}, {settings.out / 'flight.mcap'}")
+    print_text(
+        f"least clearance {verdict.least_clearance_m:.2f} m, {len(story.plans)} paths planned"
+    )
+    print_text(f"picture {picture}")
+    print_text(f"recording {settings.out / 'flight.tlog'}, {settings.out / 'flight.mcap'}")
     for fault in faults:
-        say(f"FAULT: {fault}")
+        print_text(f"FAULT: {fault}")
     if not settings.headless and not faults:
         webbrowser.open(picture.as_uri())
-    say("FAILED" if faults else "mission flown and landed")
+    print_text("FAILED" if faults else "mission flown and landed")
     return 1 if faults else 0

@@ -98,7 +98,7 @@ def judge(
         x_m = flown[0].position_m[0]
         legs.append(LineString([(x_m, _GROUND_M), (x_m, space.lower_m[1])]))
     legs += [LineString([*leg_m, (leg_m[-1][0], _GROUND_M)]) for leg_m in landing_legs_m]
-    legs += _ways_back(flight, workspace, landing_legs_m)
+    legs += _entry_legs(flight, workspace, landing_legs_m)
     least_m = math.inf
     for row in flown:
         place = Point(_place(row))
@@ -141,18 +141,18 @@ def _missed(
     return faults
 
 
-def _ways_back(
+def _entry_legs(
     flight: list[FlightTruth], workspace: BaseGeometry, landing_legs_m: list[list[PlanePoint]]
 ) -> list[LineString]:
     """From above each landing point straight to where the next flight entered the workspace."""
-    ways = []
+    legs_back = []
     for before, after in itertools.pairwise(_flights(flight)):
         entry = next((_place(row) for row in after if workspace.covers(Point(_place(row)))), None)
         if landing_legs_m and entry is not None:
             landed_x_m, _ = _place(before[-1])
             leg_m = min(landing_legs_m, key=lambda leg_m: abs(leg_m[-1][0] - landed_x_m))
-            ways.append(LineString([leg_m[-1], entry]))
-    return ways
+            legs_back.append(LineString([leg_m[-1], entry]))
+    return legs_back
 
 
 def _flights(flight: list[FlightTruth]) -> list[list[FlightTruth]]:

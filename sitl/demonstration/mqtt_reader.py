@@ -24,7 +24,7 @@ class MqttReader:
         self._bytes = self._unreadable = 0
         self._client = paho.Client(CallbackAPIVersion.VERSION2)
         self._client.on_connect = self._subscribe
-        self._client.on_message = self._hear
+        self._client.on_message = self._handle
 
     def start(self, port: int) -> None:
         """Connect, and read in a thread."""
@@ -49,7 +49,7 @@ class MqttReader:
     def _subscribe(self, client: paho.Client, *_: Any) -> None:
         client.subscribe(_TOPICS, qos=1)
 
-    def _hear(self, _client: paho.Client, _userdata: Any, message: paho.MQTTMessage) -> None:
+    def _handle(self, _client: paho.Client, _userdata: Any, message: paho.MQTTMessage) -> None:
         self._counts[message.topic] += 1
         self._bytes += len(message.payload)
         try:

@@ -66,8 +66,8 @@ class Operator:
         self._heartbeat_due_s = 0.0
         self._answers: dict[int, int] = {}
         self._parameters: dict[str, Any] = {}
-        self.autopilot_heard = False
-        self.companion_heard = False
+        self.autopilot_received = False
+        self.companion_received = False
         self.armed = False
         self.custom_mode = 0
         self._healthy = False
@@ -146,8 +146,8 @@ class Operator:
         )
         result = self._answers[number]
         if result != mavlink.MAV_RESULT_ACCEPTED:
-            said = f" ({self.texts[-1]})" if self.texts else ""
-            raise OperatorError(f"{name}: {_RESULTS.get(result, str(result))}{said}")
+            text = f" ({self.texts[-1]})" if self.texts else ""
+            raise OperatorError(f"{name}: {_RESULTS.get(result, str(result))}{text}")
 
     def set_parameter(self, name: str, value: float) -> None:
         """Set a parameter of the autopilot; OperatorError when there is none, or it is refused."""
@@ -161,12 +161,12 @@ class Operator:
         sent = value
         if whole and self._manner.parameters_bytewise:
             (sent,) = struct.unpack("<f", struct.pack("<i", round(value)))
-        told = self._parameter(
+        echoed = self._parameter(
             name,
             mavlink.MAVLink_param_set_message(1, 1, name.encode(), sent, known.param_type),
         )
         (wanted,) = struct.unpack("<f", struct.pack("<f", sent))
-        if struct.pack("<f", told.param_value) != struct.pack("<f", wanted):
+        if struct.pack("<f", echoed.param_value) != struct.pack("<f", wanted):
             raise OperatorError(f"{name}: {value:g} was refused")
 
     def _parameter(self, name: str, question: Any) -> Any:
@@ -239,9 +239,9 @@ class Operator:
         """Wait for the companion's planner, where the companion has reported its compilation."""
         if any("compiling planner" in text for text in self.texts):
             ready = "MOAR: the planner is ready"
-            self.wait_for(ready, lambda: self.said(ready), _COMPILING_S * self._speed)
+            self.wait_for(ready, lambda: self.has_received(ready), _COMPILING_S * self._speed)
 
-    def said(self, text: str) -> bool:
+    def has_received(self, text: str) -> bool:
         """Return True if the companion has sent a text that begins so."""
         return any(known.startswith(text) for known in self.texts)
 
@@ -260,9 +260,9 @@ class Operator:
         companion = message.get_srcComponent() == _COMPANION
         match message.get_type():
             case "HEARTBEAT" if companion:
-                self.companion_heard = True
+                self.companion_received = True
             case "HEARTBEAT" if message.get_srcComponent() == 1:
-                self.autopilot_heard = True
+                self.autopilot_received = True
                 self.armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
                 self.custom_mode = message.custom_mode
             case "STATUSTEXT" if companion:

@@ -36,7 +36,7 @@ from sitl.lidar_scene import PlacedScene
 from sitl.lidar_sender import LidarSender
 
 ADDED = ("crane", "cable")
-TOLD = "site.yaml"
+GIVEN = "site.yaml"
 """Name of the service's site file in the flight's folder."""
 _ROUGH_M = 0.5
 """Step of the places of targets in the rough file."""
@@ -71,7 +71,7 @@ class Perceiving:
     """Files of one flight. site: the true obstacles."""
 
     site: Site
-    told: Path
+    given: Path
     scene: Path
     port: int
 
@@ -96,17 +96,17 @@ class Perceiving:
 def prepare(folder: Path, site: Site, vehicle: Vehicle, port: int) -> Perceiving:
     """Writes the files; InputError where no obstacle can be added."""
     true = site.with_obstacles((*site.obstacles, *added_obstacles(site, vehicle)))
-    told, scene = folder / TOLD, folder / "scene.yaml"
-    told.write_text(yaml.safe_dump(told_document(site), sort_keys=False), encoding="utf-8")
+    given, scene = folder / GIVEN, folder / "scene.yaml"
+    given.write_text(yaml.safe_dump(given_document(site), sort_keys=False), encoding="utf-8")
     scene.write_text(lidar_scene(true).text(), encoding="utf-8")
-    return Perceiving(site=true, told=told, scene=scene, port=port)
+    return Perceiving(site=true, given=given, scene=scene, port=port)
 
 
-def told_document(site: Site) -> dict[str, Any]:
+def given_document(site: Site) -> dict[str, Any]:
     """The site file that the service gets: no obstacle, and rough places of the targets."""
     origin, space = site.frame.origin, site.workspace
     return {
-        "name": f"{site.name}, told roughly",
+        "name": f"{site.name}, given roughly",
         "frame": {
             "origin": {
                 "latitude_deg": origin.latitude_deg,
@@ -181,11 +181,11 @@ def added_obstacles(site: Site, vehicle: Vehicle) -> tuple[Obstacle, ...]:
     """
     for slack_m in _SLACKS_M:
         for jib in _jibs(site, vehicle):
-            if _leaves_a_way(site, vehicle, (jib,), slack_m):
+            if _leaves_a_path(site, vehicle, (jib,), slack_m):
                 cables = (
                     cable
                     for cable in _cables(site, _kept_m(vehicle) + slack_m)
-                    if _leaves_a_way(site, vehicle, (jib, cable), slack_m)
+                    if _leaves_a_path(site, vehicle, (jib, cable), slack_m)
                 )
                 return (jib, *itertools.islice(cables, 1))
     raise InputError("--perceive", "", f"{site.name} has no room for an obstacle on the way")
@@ -230,12 +230,12 @@ class Sightings:
     """Lines about sightings, each once, from texts of the companion."""
 
     def __init__(self) -> None:
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
 
     def lines(self, texts: Sequence[str]) -> list[str]:
         """The new ones among all texts so far."""
-        new = [text for text in texts if text.startswith(_SAID) and text not in self._told]
-        self._told.update(new)
+        new = [text for text in texts if text.startswith(_SAID) and text not in self._reported]
+        self._reported.update(new)
         return [f"seen: {text.removeprefix(_SPEAKER)}" for text in new]
 
 
@@ -244,7 +244,7 @@ def _kept_m(vehicle: Vehicle) -> float:
     return vehicle.radius_m + _KEEP_OUT_M + margin_of(vehicle, Supervision()).total_m
 
 
-def _leaves_a_way(
+def _leaves_a_path(
     site: Site, vehicle: Vehicle, added: tuple[Obstacle, ...], slack_m: float
 ) -> bool:
     """True if paths reach all places, well inside the workspace, also with broader obstacles."""
@@ -253,10 +253,10 @@ def _leaves_a_way(
         plans = [
             planner.plan(mission=Mission.INSPECTION, target=target.name) for target in site.targets
         ]
-        way_out = planner.plan(
-            mission=next(way for way, points in site.landing_m.items() if points)
+        escape = planner.plan(
+            mission=next(mission for mission, points in site.landing_m.items() if points)
         )
-        found = all(plan.status is PlanStatus.FOUND for plan in (*plans, way_out))
+        found = all(plan.status is PlanStatus.FOUND for plan in (*plans, escape))
         if not (found and all(_is_inside(plan, site.workspace) for plan in plans)):
             return False
     return True
@@ -270,8 +270,8 @@ def _sighted(site: Site, vehicle: Vehicle, added: tuple[Obstacle, ...], slack_m:
     targets = tuple(
         replace(target, position_m=_rough(target.position_m)) for target in site.targets
     )
-    told = replace(site.with_obstacles(seen), targets=targets)
-    flown = flown_site(told, vehicle, Supervision())
+    given = replace(site.with_obstacles(seen), targets=targets)
+    flown = flown_site(given, vehicle, Supervision())
     planners = PlannerSet(Planner(flown, vehicle))
     job = MapJob(job_id=1, site=flown, slack_m=Perception().target_slack_m)
     answer_map_job(planners, job)

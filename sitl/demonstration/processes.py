@@ -45,8 +45,8 @@ class Process:
         """One line that it has ended, with its last output; None while it runs."""
         if self._process.poll() is None:
             return None
-        said = self._log.read_text(encoding="utf-8", errors="replace").splitlines()
-        return f"the {self._name} ended: {said[-1] if said else f'{self._log.name} is empty'}"
+        lines = self._log.read_text(encoding="utf-8", errors="replace").splitlines()
+        return f"the {self._name} ended: {lines[-1] if lines else f'{self._log.name} is empty'}"
 
     def stop(self) -> None:
         """End it by SIGTERM, if necessary by SIGKILL."""

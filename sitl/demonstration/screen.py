@@ -21,7 +21,7 @@ _NOTES = 3
 """Lines of the script that the view shows."""
 
 
-def say(text: str) -> None:
+def print_text(text: str) -> None:
     """A line of plain text."""
     sys.stdout.write(f"{text}\n")
     sys.stdout.flush()
@@ -30,9 +30,9 @@ def say(text: str) -> None:
 class Screen:
     """Lines of plain text."""
 
-    def say(self, text: str) -> None:
+    def print_text(self, text: str) -> None:
         """Print a line for the user."""
-        say(text)
+        print_text(text)
 
     def refresh(self) -> None:
         """Show new statuses; made to be called often."""
@@ -44,14 +44,14 @@ class LiveScreen(Screen):
     def __init__(self, live: Live, socket: Path) -> None:
         self._live = live
         self._socket = socket
-        self._said: list[str] = []
+        self._lines: list[str] = []
         self._statuses: Statuses | None = None
         self._status: dict[str, Any] | None = None
         self._connect_s = 0.0
 
-    def say(self, text: str) -> None:
+    def print_text(self, text: str) -> None:
         """Show a line below the view."""
-        self._said.append(text)
+        self._lines.append(text)
         self._draw()
 
     def refresh(self) -> None:
@@ -71,10 +71,10 @@ class LiveScreen(Screen):
             self._statuses.close()
             self._statuses = None
 
-    def tell_again(self) -> None:
+    def report_again(self) -> None:
         """Print all lines permanently."""
-        for text in self._said:
-            say(text)
+        for text in self._lines:
+            print_text(text)
 
     def _connect(self) -> None:
         if time.monotonic() - self._connect_s >= _RETRY_S:
@@ -82,7 +82,7 @@ class LiveScreen(Screen):
             self._statuses = Statuses(str(self._socket))
 
     def _draw(self) -> None:
-        notes = self._said[-_NOTES:]
+        notes = self._lines[-_NOTES:]
         page = "\n".join(notes) if self._status is None else LiveView(self._status, notes=notes)
         self._live.update(page, refresh=True)
 
@@ -97,7 +97,7 @@ def open_screen(socket: Path, *, live: bool) -> Iterator[Screen]:
     with contextlib.ExitStack() as stack:
         view = Live(console=console, screen=True, auto_refresh=False)
         screen = LiveScreen(view, socket)
-        stack.callback(screen.tell_again)
+        stack.callback(screen.report_again)
         stack.enter_context(view)
         stack.callback(screen.close)
         yield screen

@@ -50,7 +50,7 @@ class LandingPoint:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Script:
-    """Flights, step by step; each may raise OperatorError. say: prints to the user.
+    """Flights, step by step; each may raise OperatorError. print_text: prints to the user.
 
     height_m: of the first take-off. heading_deg: of the turn after it; None: no turn. dwells_s: of
     each target. battery_falls: in the scenario; the first exit then waits for that.
@@ -65,7 +65,7 @@ class Script:
     dwells_s: tuple[float, ...]
     landings: tuple[LandingPoint, ...]
     battery_falls: bool
-    say: Callable[[str], None]
+    print_text: Callable[[str], None]
 
     def fly(self) -> None:
         """From two processes that have just been started to the last landing."""
@@ -76,7 +76,7 @@ class Script:
         self._inspect()
         operator, first = self.operator, self.landings[0]
         battery = f"battery at {operator.battery_percent} %, {operator.battery_v} V"
-        self.say(f"{battery}: order the {first.name}")
+        self.print_text(f"{battery}: order the {first.name}")
         operator.order(first.name, first.mission, first.index)
         self._land(first)
         for before, after in itertools.pairwise(self.landings):
@@ -87,17 +87,17 @@ class Script:
 
     def _start(self) -> None:
         operator, start_s = self.operator, _START_S * self.speed
-        self.say("waiting for autopilot and companion")
-        self._wait_for("the autopilot", lambda: operator.autopilot_heard, start_s)
+        self.print_text("waiting for autopilot and companion")
+        self._wait_for("the autopilot", lambda: operator.autopilot_received, start_s)
         operator.request_messages()
-        self._wait_for("the companion", lambda: operator.companion_heard, start_s)
+        self._wait_for("the companion", lambda: operator.companion_received, start_s)
         ready_s = max(start_s, self.manner.ready_timeout_s)
         self._wait_for("ready to arm", lambda: operator.ready_to_arm, ready_s)
         operator.wait_compiled()
 
     def _take_off(self, height_m: float) -> None:
         operator = self.operator
-        self.say("arm, take off")
+        self.print_text("arm, take off")
         operator.take_off(height_m)
         done_m, longest_s = height_m - _BELOW_M, 20.0 + _CLIMB_S_PER_M * height_m
         self._wait_for("in the air", lambda: operator.landed_state == _IN_AIR, 20.0)
@@ -106,7 +106,7 @@ class Script:
 
     def _turn(self, heading_deg: float) -> None:
         operator = self.operator
-        self.say(f"turn to {heading_deg:g} degrees")
+        self.print_text(f"turn to {heading_deg:g} degrees")
         operator.turn(heading_deg)
         self._wait_for(
             "turned",
@@ -117,25 +117,25 @@ class Script:
     def _begin(self, name: str, mission: int, index: int) -> None:
         """Order a mission and give the companion its mode."""
         operator = self.operator
-        self.say(f"order the {name}, give {self.manner.given_mode}")
+        self.print_text(f"order the {name}, give {self.manner.given_mode}")
         operator.order(name, mission, index)
         self._wait_until(lambda: False, _STREAM_FIRST_S)
         operator.give_mode()
-        self._wait_for("flying", lambda: operator.said(f"MOAR: flying {name}"), 5.0)
-        self.say("flying")
+        self._wait_for("flying", lambda: operator.has_received(f"MOAR: flying {name}"), 5.0)
+        self.print_text("flying")
 
     def _inspect(self) -> None:
         operator = self.operator
         self._begin("inspection", INSPECTION, -1)
         self._wait_for(
             "the end of the inspection",
-            lambda: operator.said("MOAR: every target is done") or self._battery_is_low(),
+            lambda: operator.has_received("MOAR: every target is done") or self._battery_is_low(),
             sum(self.dwells_s) + len(self.dwells_s) * _LONGEST_TO_TARGET_S,
         )
         if self._battery_is_low():
-            self.say("the battery is low before every target is done")
+            self.print_text("the battery is low before every target is done")
         elif self.battery_falls:
-            self.say("every target is done; holding until the battery falls")
+            self.print_text("every target is done; holding until the battery falls")
             self._wait_until(self._battery_is_low, _LONGEST_HOLD_S)
 
     def _land(self, landing: LandingPoint) -> None:
@@ -143,14 +143,14 @@ class Script:
         operator = self.operator
         self._wait_for(
             f"the end of the {landing.name}",
-            lambda: operator.said("MOAR: above the landing point"),
+            lambda: operator.has_received("MOAR: above the landing point"),
             _LONGEST_EXIT_S,
         )
-        self.say("above the landing point: LAND")
+        self.print_text("above the landing point: LAND")
         operator.land()
         longest_s = _LONGEST_LANDING_S + _CLIMB_S_PER_M * landing.above_m
         self._wait_for("landed and disarmed", lambda: not operator.armed, longest_s)
-        self.say("landed")
+        self.print_text("landed")
 
     def _battery_is_low(self) -> bool:
         percent = self.operator.battery_percent

@@ -76,7 +76,7 @@ class TruthRecorder:
         self._codec = mavlink.MAVLink(None, srcSystem=254, srcComponent=1)
         self._codec.robust_parsing = True
         self._armed, self._on_ground = False, True
-        self._asked_s = self._heard_s = 0.0
+        self._asked_s = self._received_s = 0.0
         self._start_s = time.monotonic()
         self._file = path.open("w", encoding="utf-8", buffering=1)
         self._file.write("time_s,latitude_deg,longitude_deg,altitude_amsl_m,armed,on_ground\n")
@@ -100,7 +100,7 @@ class TruthRecorder:
             for message in self._codec.parse_buffer(data) or []:
                 self._take(message)
             now_s = time.monotonic()
-            if self._ask and now_s - max(self._asked_s, self._heard_s) > _ASK_AGAIN_S:
+            if self._ask and now_s - max(self._asked_s, self._received_s) > _ASK_AGAIN_S:
                 self._asked_s = now_s
                 self._request(peer)
 
@@ -122,8 +122,8 @@ class TruthRecorder:
             case "EXTENDED_SYS_STATE":
                 self._on_ground = message.landed_state == _ON_GROUND
             case "HIL_STATE_QUATERNION" | "SIM_STATE":
-                self._heard_s = time.monotonic()
-                pose = true_pose(message, (self._heard_s - self._start_s) * self._speed)
+                self._received_s = time.monotonic()
+                pose = true_pose(message, (self._received_s - self._start_s) * self._speed)
                 self._write(pose)
                 if self._look is not None:
                     self._look(pose)

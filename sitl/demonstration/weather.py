@@ -32,7 +32,7 @@ class Weather:
     next_s: float = 0.0
     _start_s: float = field(default_factory=time.monotonic)
     _took_off_s: float | None = None
-    _told: dict[str, float] = field(default_factory=dict)
+    _sent: dict[str, float] = field(default_factory=dict)
     _playing: bool = False
 
     @property
@@ -45,7 +45,7 @@ class Weather:
     def play(self, operator: Operator) -> None:
         """Have the operator make the changes that are due; made to be called often."""
         real_s = time.monotonic()
-        if self._playing or real_s < self.next_s or not operator.autopilot_heard:
+        if self._playing or real_s < self.next_s or not operator.autopilot_received:
             return
         self.next_s = real_s + _PERIOD_S / self.speed
         now_s = (real_s - self._start_s) * self.speed
@@ -54,15 +54,15 @@ class Weather:
         self._playing = True  # the operator, while it waits for an answer, calls this again
         try:
             for name, value in self._conditions(now_s).items():
-                self._tell(operator, name, value)
+                self._send(operator, name, value)
         finally:
             self._playing = False
 
-    def _tell(self, operator: Operator, name: str, value: float) -> None:
+    def _send(self, operator: Operator, name: str, value: float) -> None:
         value = float(round(value, 1) if name == "wind_mps" else round(value))
-        if name in self.left_out or self._told.get(name) == value:
+        if name in self.left_out or self._sent.get(name) == value:
             return
-        self._told[name] = value
+        self._sent[name] = value
         if name == "battery_percent":
             set_battery(operator, self.autopilot, value)
         else:

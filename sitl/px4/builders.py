@@ -7,7 +7,7 @@ from sitl.control import PositionControl
 from sitl.parameters import Parameters
 from sitl.px4.commander import Commander
 from sitl.px4.navigation import Navigation
-from sitl.px4.voice import Voice
+from sitl.px4.texts import TextSender
 from sitl.sticks import Sticks
 from sitl.world import World
 
@@ -22,7 +22,7 @@ class Sources:
     commander: Commander
     parameters: Parameters
     sticks: Sticks
-    voice: Voice
+    text_sender: TextSender
     boot_us: int
 
 

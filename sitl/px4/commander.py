@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import Final
 
 from sitl.parameters import Parameters
-from sitl.px4 import voice as say
+from sitl.px4 import texts
 from sitl.px4.contact import Contact
 from sitl.px4.failsafe import Action, Charge, Flags, due
 from sitl.px4.fence import Geofence
@@ -44,7 +44,7 @@ class Parts:
     tasks: FlightTasks
     ramp: TakeoffRamp
     fence: Geofence
-    voice: say.Voice
+    text_sender: texts.TextSender
 
 
 class Commander:
@@ -64,18 +64,18 @@ class Commander:
         self._mode_after_disarming = Mode.HOLD
         self.companion = Contact(
             parts.world,
-            parts.voice,
+            parts.text_sender,
             parts.parameters,
             "COM_OBC_LOSS_T",
-            lost=(say.CRITICAL, "Connection to mission computer lost"),
+            lost=(texts.CRITICAL, "Connection to mission computer lost"),
             regained="Onboard controller regained",
         )
         self.ground_station = Contact(
             parts.world,
-            parts.voice,
+            parts.text_sender,
             parts.parameters,
             "COM_DL_LOSS_T",
-            lost=(say.INFO, "Connection to ground station lost"),
+            lost=(texts.INFO, "Connection to ground station lost"),
             regained="GCS connection regained",
         )
         self._overridden = Charge.OK
@@ -155,7 +155,7 @@ class Commander:
     def request_mode(self, mode: Mode) -> bool:
         """Request a mode; False when it is not available now (only while armed)."""
         if self.armed and not self.can_run(mode):
-            self._parts.voice.unavailable(mode)
+            self._parts.text_sender.unavailable(mode)
             return False
         self._mode_chosen = True
         self._intend(mode)
@@ -173,7 +173,9 @@ class Commander:
         if self.armed:
             return True
         if not self.can_arm:
-            parts.voice.say(say.CRITICAL, "Arming denied: Resolve system health failures first")
+            parts.text_sender.send(
+                texts.CRITICAL, "Arming denied: Resolve system health failures first"
+            )
             return False
         self.armed = True
         self.armed_us = parts.world.now_us
@@ -184,8 +186,8 @@ class Commander:
         self._links.arm()
         parts.navigation.set_home()
         self._enter(self.intended)
-        parts.voice.say(say.INFO, f"Armed by {by}")
-        parts.voice.event(say.ARMED, 0x66, b"\x04")
+        parts.text_sender.send(texts.INFO, f"Armed by {by}")
+        parts.text_sender.event(texts.ARMED, 0x66, b"\x04")
         return True
 
     def disarm(self, by: str, *, force: bool = False) -> bool:
@@ -194,7 +196,7 @@ class Commander:
         if not self.armed:
             return True
         if not self.landed and not force:
-            parts.voice.say(say.CRITICAL, "Disarming denied: not landed")
+            parts.text_sender.send(texts.CRITICAL, "Disarming denied: not landed")
             return False
         self.armed = False
         self.landed = True
@@ -206,8 +208,8 @@ class Commander:
         self._enter(self.intended)
         if parts.world.options.battery.refills_when_disarmed:
             parts.world.battery.refill()
-        parts.voice.say(say.INFO, f"Disarmed by {by}")
-        parts.voice.event(say.DISARMED, 0x66, b"\x04")
+        parts.text_sender.send(texts.INFO, f"Disarmed by {by}")
+        parts.text_sender.event(texts.DISARMED, 0x66, b"\x04")
         return True
 
     # Cycle
@@ -249,10 +251,10 @@ class Commander:
         parts.tasks.enter(mode, parts.navigation)
         if mode is Mode.RTL and self.armed:
             above = parts.tasks.return_altitude_m
-            parts.voice.return_start(parts.navigation.home_altitude_m + above, above)
+            parts.text_sender.return_start(parts.navigation.home_altitude_m + above, above)
             if parts.navigation.distance_to_home_m() < parts.parameters.value("NAV_ACC_RAD"):
-                parts.voice.say(say.INFO, "RTL: land at destination")
-                parts.voice.event(say.RETURN_LAND, 0x66)
+                parts.text_sender.send(texts.INFO, "RTL: land at destination")
+                parts.text_sender.event(texts.RETURN_LAND, 0x66)
 
     def _judge_battery(self) -> None:
         parts = self._parts
@@ -271,19 +273,19 @@ class Commander:
         self.charge = charge
         if worse:
             severity, text = {
-                Charge.LOW: (say.CRITICAL, "Low battery"),
-                Charge.CRITICAL: (say.CRITICAL, "Critical battery"),
-                Charge.EMERGENCY: (say.EMERGENCY, "Emergency battery level"),
+                Charge.LOW: (texts.CRITICAL, "Low battery"),
+                Charge.CRITICAL: (texts.CRITICAL, "Critical battery"),
+                Charge.EMERGENCY: (texts.EMERGENCY, "Emergency battery level"),
             }[charge]
-            parts.voice.say(severity, text)
-            number, levels = say.BATTERY[charge]
-            parts.voice.event(number, levels, bytes.fromhex("ffffffff0b"))
+            parts.text_sender.send(severity, text)
+            number, levels = texts.BATTERY[charge]
+            parts.text_sender.event(number, levels, bytes.fromhex("ffffffff0b"))
         else:
             self._overridden = min(self._overridden, charge)
 
     def _judge_fence(self, now_us: int) -> None:
         for text in self._parts.fence.step(now_us):
-            self._parts.voice.say(say.CRITICAL, text)
+            self._parts.text_sender.send(texts.CRITICAL, text)
 
     def _judge_health(self) -> None:
         nav = self._parts.navigation
@@ -292,7 +294,7 @@ class Commander:
         health = (nav.position_valid, self.stream_alive)
         if health != self._health:
             self._health = health
-            self._parts.voice.health(position=health[0], offboard=health[1])
+            self._parts.text_sender.health(position=health[0], offboard=health[1])
 
     def _pilot(self) -> None:
         parts = self._parts
@@ -314,8 +316,8 @@ class Commander:
             self._hold_until_us = None
             self._overrule()
             self._enter(mode)
-            parts.voice.say(say.INFO, "Pilot took over using sticks")
-            parts.voice.event(say.PILOT_TOOK_OVER, 0x66)
+            parts.text_sender.send(texts.INFO, "Pilot took over using sticks")
+            parts.text_sender.event(texts.PILOT_TOOK_OVER, 0x66)
 
     def _overrule(self) -> None:
         """Fly a selected mode, in spite of the present demands of battery and links."""
@@ -367,7 +369,7 @@ class Commander:
             else:
                 self._hold_until_us = None
         if mode is not self.mode or mode is not self._announced:
-            self._parts.voice.failsafe(
+            self._parts.text_sender.failsafe(
                 mode=mode,
                 intended=self.intended,
                 final=action.mode,
@@ -389,8 +391,8 @@ class Commander:
                 self.landed = False
                 self.took_off = True
                 self._contact_us = None
-                parts.voice.say(say.INFO, "Takeoff detected")
-                parts.voice.event(say.TAKEOFF_DETECTED, 0x66)
+                parts.text_sender.send(texts.INFO, "Takeoff detected")
+                parts.text_sender.event(texts.TAKEOFF_DETECTED, 0x66)
             return
         if quad.on_ground and quad.demand.thrust < _LOW_THRUST and not parts.ramp.active():
             if self._contact_us is None:
@@ -398,8 +400,8 @@ class Commander:
             elif now_us - self._contact_us >= parts.parameters.value("LNDMC_TRIG_TIME") * 1e6:
                 self.landed = True
                 self._landed_us = now_us
-                parts.voice.say(say.INFO, "Landing detected")
-                parts.voice.event(say.LANDING_DETECTED, 0x66)
+                parts.text_sender.send(texts.INFO, "Landing detected")
+                parts.text_sender.event(texts.LANDING_DETECTED, 0x66)
         else:
             self._contact_us = None
 

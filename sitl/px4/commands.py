@@ -20,7 +20,7 @@ from sitl.commands import (
     Host,
     number,
 )
-from sitl.px4 import voice as say
+from sitl.px4 import texts
 from sitl.px4.commander import Commander
 from sitl.px4.flight import FlightTasks
 from sitl.px4.modes import Mode, requested
@@ -43,7 +43,7 @@ class Commands(CommandTable):
         commander: Commander,
         tasks: FlightTasks,
         navigation: Navigation,
-        voice: say.Voice,
+        text_sender: texts.TextSender,
     ) -> None:
         """Connect the handlers."""
         super().__init__(
@@ -58,7 +58,7 @@ class Commands(CommandTable):
         self._commander = commander
         self._tasks = tasks
         self._nav = navigation
-        self._voice = voice
+        self._text_sender = text_sender
 
     def _set_mode(self, command: Command) -> int | None:
         if not int(number(command.p1)) & CUSTOM_MODE_BIT:
@@ -91,7 +91,7 @@ class Commands(CommandTable):
     def _land(self, _: Command) -> int:
         result = self._mode(Mode.LAND)
         if result == ACCEPTED:
-            self._voice.say(say.INFO, "Landing at current position")
+            self._text_sender.send(texts.INFO, "Landing at current position")
         return result
 
     def _take_off(self, command: Command) -> int:

@@ -4,7 +4,7 @@ Texts and severities are those of PX4 v1.17.0's Commander::dataLinkCheck.
 """
 
 from sitl.parameters import Parameters
-from sitl.px4.voice import INFO, Voice
+from sitl.px4.texts import INFO, TextSender
 from sitl.world import World
 
 
@@ -14,7 +14,7 @@ class Contact:
     def __init__(
         self,
         world: World,
-        voice: Voice,
+        text_sender: TextSender,
         parameters: Parameters,
         timeout: str,
         *,
@@ -23,31 +23,31 @@ class Contact:
     ) -> None:
         """Start without a heartbeat. timeout: a parameter in seconds; lost: severity and text."""
         self._world = world
-        self._voice = voice
+        self._text_sender = text_sender
         self._parameters = parameters
         self._timeout = timeout
-        self._words_lost = lost
-        self._words_regained = regained
-        self._heard_us: int | None = None
+        self._text_lost = lost
+        self._text_regained = regained
+        self._received_us: int | None = None
         self._lost = False
 
     @property
     def there(self) -> bool:
         """True while the station has been received and is not lost."""
-        return self._heard_us is not None and not self._lost
+        return self._received_us is not None and not self._lost
 
-    def hear(self) -> None:
+    def receive_heartbeat(self) -> None:
         """Note a heartbeat."""
-        self._heard_us = self._world.now_us
+        self._received_us = self._world.now_us
         if self._lost:
             self._lost = False
-            self._voice.say(INFO, self._words_regained)
+            self._text_sender.send(INFO, self._text_regained)
 
     def judge(self) -> None:
         """Report the loss, once."""
-        if self._heard_us is None or self._lost:
+        if self._received_us is None or self._lost:
             return
-        silent_us = self._world.now_us - self._heard_us
+        silent_us = self._world.now_us - self._received_us
         self._lost = silent_us > self._parameters.value(self._timeout) * 1e6
         if self._lost:
-            self._voice.say(*self._words_lost)
+            self._text_sender.send(*self._text_lost)

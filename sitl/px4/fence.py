@@ -32,7 +32,7 @@ class Geofence:
         self._areas = areas
         self.action = NONE
         self._due_us = 0
-        self._told_us: list[int] = []
+        self._reported_us: list[int] = []
         self._ordered_us: int | None = None
 
     def note_mode(self, now_us: int) -> None:
@@ -49,17 +49,17 @@ class Geofence:
         breaches = self._breaches()
         chosen = int(self._parameters.value("GF_ACTION"))
         if not breaches or chosen == NONE:
-            self._told_us, self._ordered_us = [], None
+            self._reported_us, self._ordered_us = [], None
             if chosen == NONE or self.action == WARN:
                 self.action = NONE
             return []
         if self._ordered_us is None or now_us - self._ordered_us >= _ORDERED_US:
             self.action = chosen
-        if len(self._told_us) == _TIMES or (
-            self._told_us and now_us - self._told_us[-1] < _AGAIN_US
+        if len(self._reported_us) == _TIMES or (
+            self._reported_us and now_us - self._reported_us[-1] < _AGAIN_US
         ):
             return []
-        self._told_us.append(now_us)
+        self._reported_us.append(now_us)
         return [f"Geofence: {words}" for words in breaches]
 
     def _breaches(self) -> list[str]:

@@ -20,12 +20,12 @@ def forward(router: Router, source: Link, message: Any, forwards: Callable[[Link
         return
 
     def wanted(link: Link) -> bool:
-        if not link.heard or not forwards(link):
+        if not link.senders or not forwards(link):
             return False
         if not system:
             return True
         if component:
-            return (system, component) in link.heard
-        return system in link.heard_systems
+            return (system, component) in link.senders
+        return system in link.sender_systems
 
     router.forward(source, message, wanted)

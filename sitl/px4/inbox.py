@@ -10,7 +10,7 @@ from sitl.commands import read_command, source, timesync_answer
 from sitl.fence_areas import FenceAreas, payload_fields
 from sitl.links import AUTOPILOT_COMPONENT, SYSTEM
 from sitl.parameter_server import ParameterServer
-from sitl.px4 import voice as say
+from sitl.px4 import texts
 from sitl.px4.commander import Commander
 from sitl.px4.commands import Commands
 from sitl.px4.offboard import OffboardStream, Refused, read_local_ned
@@ -34,7 +34,7 @@ class Receivers:
     sticks: Sticks
     server: ParameterServer
     areas: FenceAreas
-    voice: say.Voice
+    text_sender: texts.TextSender
     send: Send
 
 
@@ -70,9 +70,9 @@ class Inbox:
 
     def _heartbeat(self, _: str, message: Any) -> None:
         if message.type == mavlink.MAV_TYPE_GCS:
-            self._r.commander.ground_station.hear()
+            self._r.commander.ground_station.receive_heartbeat()
         elif message.type == mavlink.MAV_TYPE_ONBOARD_CONTROLLER:
-            self._r.commander.companion.hear()
+            self._r.commander.companion.receive_heartbeat()
 
     def _command(self, link: str, message: Any) -> None:
         if message.target_system == SYSTEM and message.target_component in (
@@ -87,7 +87,7 @@ class Inbox:
         try:
             setpoint = read_local_ned(message, self._r.world.quad.yaw)
         except Refused as refused:
-            self._r.voice.say(say.CRITICAL, str(refused))
+            self._r.text_sender.send(texts.CRITICAL, str(refused))
             return
         self._r.stream.take(setpoint, self._r.world.now_us)
 

@@ -168,7 +168,7 @@ class StatusMessages(Builders):
         )  # fmt: skip
 
     def _event_sequence(self) -> bytes:
-        return self._pack("CURRENT_EVENT_SEQUENCE", sequence=self._s.voice.sequence, flags=0)
+        return self._pack("CURRENT_EVENT_SEQUENCE", sequence=self._s.text_sender.sequence, flags=0)
 
     def _gnss_integrity(self) -> bytes | None:
         fix = self._s.navigation.estimator.fix

@@ -15,7 +15,7 @@ from sitl.fence_areas import FenceAreas
 from sitl.links import Link, Router
 from sitl.parameter_server import ParameterServer
 from sitl.parameters import Parameters
-from sitl.px4 import voice as say
+from sitl.px4 import texts
 from sitl.px4.builders import Sources
 from sitl.px4.commander import Commander, Parts
 from sitl.px4.commands import Commands
@@ -62,7 +62,7 @@ class Px4Manner:
         world, router = self._world, self._router
         self._boot_us = world.now_us
         self.navigation = Navigation(world, self._boot_us)
-        self.voice = say.Voice(world, router, self._boot_us)
+        self.text_sender = texts.TextSender(world, router, self._boot_us)
         self.stream = OffboardStream()
         self.control_loop = PositionControl(gains(self.parameters), world.quad, self._drift_radps)
         self.tasks = FlightTasks(self.parameters, self.control_loop, world.quad, self._bias)
@@ -77,7 +77,7 @@ class Px4Manner:
                 tasks=self.tasks,
                 ramp=self.ramp,
                 fence=Geofence(self.parameters, self.navigation, self.areas),
-                voice=self.voice,
+                text_sender=self.text_sender,
             )
         )
         self.telemetry = Telemetry(
@@ -88,11 +88,13 @@ class Px4Manner:
                 commander=self.commander,
                 parameters=self.parameters,
                 sticks=self.sticks,
-                voice=self.voice,
+                text_sender=self.text_sender,
                 boot_us=self._boot_us,
             )
         )
-        self.commands = Commands(self, self.commander, self.tasks, self.navigation, self.voice)
+        self.commands = Commands(
+            self, self.commander, self.tasks, self.navigation, self.text_sender
+        )
         self._server = ParameterServer(self.parameters, self.set_parameter)
         self._inbox = Inbox(
             Receivers(
@@ -104,7 +106,7 @@ class Px4Manner:
                 sticks=self.sticks,
                 server=self._server,
                 areas=self.areas,
-                voice=self.voice,
+                text_sender=self.text_sender,
                 send=self._send,
             )
         )
@@ -114,7 +116,7 @@ class Px4Manner:
         self._later: list[Callable[[], None]] = []
         self._fixes_sent = world.estimator.fix_number
         self._radio = Radio(world, router)
-        self._spoken = False
+        self._announced = False
         self._counters: dict[str, tuple[int, int, int]] = {}
 
     # Interface for the machine
@@ -273,7 +275,7 @@ class Px4Manner:
         self.telemetry.step(TICK_S)
         if not self.running:
             return
-        if not self._spoken:
+        if not self._announced:
             self._first_words()
         builders, layouts = self.telemetry.builders, self.telemetry.layouts
         new_fix = world.estimator.fix_number != self._fixes_sent
@@ -304,9 +306,9 @@ class Px4Manner:
         self._radio.step()
 
     def _first_words(self) -> None:
-        self._spoken = True
-        self.voice.muted = False
-        self.voice.event(say.LOG_FILE, 0x66, bytes.fromhex("ea070b1416112c"))
+        self._announced = True
+        self.text_sender.muted = False
+        self.text_sender.event(texts.LOG_FILE, 0x66, bytes.fromhex("ea070b1416112c"))
         for link in self._router.links.values():
             origin = self.telemetry.builders["GPS_GLOBAL_ORIGIN"]()
             if origin is not None:

@@ -40,8 +40,8 @@ def read_loss(value, unreported):
         action=Action.HOLD if value["MU_STAYS"] else Action.FALL,
         remedy="set MU_STAYS 1",
         timeout_s=None,
-        way_s=0.5,
-        way_s2pm=0.2,
+        stopping_s=0.5,
+        stopping_s2pm=0.2,
         unreported=unreported,
     )
 
@@ -120,7 +120,7 @@ def test_check_judges_it_by_its_rules_and_its_files_name_it(made_up, tmp_path):
     vehicle = Vehicle.load(file)
     assert vehicle.autopilot == MADE_UP
     (finding,) = parameter_findings(
-        made_up, {"MU_STAYS": 0.0}, vehicle, LossCheck.REFUSE, ground_station_heard=True
+        made_up, {"MU_STAYS": 0.0}, vehicle, LossCheck.REFUSE, ground_station_received=True
     )
     assert (finding.level, finding.text) == (Level.NO_GO, "0: whether it stays")
     assert wanted_rates_hz(MADE_UP)[mavlink.MAVLINK_MSG_ID_WIND_COV] == 3.0

@@ -45,23 +45,23 @@ def read(
     port: int, queue: multiprocessing.Queue[list[tuple[float, float, str]]], ended: Any
 ) -> None:
     """Everything that is published: when it was read, its delay, its vehicle."""
-    heard: list[tuple[float, float, str]] = []
+    received: list[tuple[float, float, str]] = []
 
-    def hear(_client: paho.Client, _userdata: object, message: paho.MQTTMessage) -> None:
+    def handle(_client: paho.Client, _userdata: object, message: paho.MQTTMessage) -> None:
         now_s = time.time()
         if not message.retain and b'"time_s"' in message.payload[:12]:
-            told_s = json.loads(message.payload)["time_s"]
-            heard.append((now_s, now_s - told_s, message.topic.split("/")[1]))
+            reported_s = json.loads(message.payload)["time_s"]
+            received.append((now_s, now_s - reported_s, message.topic.split("/")[1]))
 
     client = paho.Client(CallbackAPIVersion.VERSION2)
     client.on_connect = lambda client, *_: client.subscribe("moar/#", qos=1)
-    client.on_message = hear
+    client.on_message = handle
     client.reconnect_delay_set(1, 1)
     client.connect("127.0.0.1", port)
     client.loop_start()
     ended.wait()
     client.disconnect()
-    queue.put(heard)
+    queue.put(received)
 
 
 class Fleet(threading.Thread):
@@ -133,9 +133,9 @@ def slow_readers(port: int, count: int) -> Iterator[None]:
 
 
 def row(
-    name: str, heard: list[tuple[float, float, str]], span_s: tuple[float, float], cpu: str
+    name: str, received: list[tuple[float, float, str]], span_s: tuple[float, float], cpu: str
 ) -> str:
-    delays_ms = 1e3 * np.array([delay for at, delay, _ in heard if span_s[0] <= at < span_s[1]])
+    delays_ms = 1e3 * np.array([delay for at, delay, _ in received if span_s[0] <= at < span_s[1]])
     rate_hz = len(delays_ms) / (span_s[1] - span_s[0])
     median, p99, most = np.percentile(delays_ms, [50, 99, 100])
     return f"| {name} | {rate_hz:.0f} | {median:.0f} | {p99:.0f} | {most:.0f} | {cpu} |"
@@ -192,12 +192,12 @@ def main() -> None:
                 ("after the restart", (back_s, time.time()), f"{cpu:.1f} %, {memory_mb:.0f} MB")
             )
             ended.set()
-            heard = queue.get()
+            received = queue.get()
             reader.join()
-    rows = [row(name, heard, span_s, cpu) for name, span_s, cpu in spans]
+    rows = [row(name, received, span_s, cpu) for name, span_s, cpu in spans]
     sys.stdout.write("| | messages/s | delay p50, ms | p99 | greatest | broker: CPU, memory |\n")
     sys.stdout.write("|---|---|---|---|---|---|\n" + "\n".join(rows) + "\n\n")
-    back = {vehicle: at for at, _, vehicle in reversed(heard) if at >= started_s}
+    back = {vehicle: at for at, _, vehicle in reversed(received) if at >= started_s}
     later_s = np.array(list(back.values())) - started_s
     sys.stdout.write(
         f"restart: away for {started_s - stopped_s:.1f} s; all {len(back)} vehicles connected "

@@ -50,24 +50,24 @@ def fly() -> tuple[float, Stream]:
     flight.begin(INSPECTION)
     flight.run_until_state("holding", 300.0)
     speed = flight.now_s / (time.perf_counter() - began)
-    return speed, flight.heard
+    return speed, flight.received
 
 
 def risk_update_us(*, explained: bool) -> Callable[[], float]:
     """Mean time of an update in a healthy flight, all sources heard; with JSON and words of it."""
     flight = Flight.healthy()
     flight.fly(60.0)
-    heard = []
+    received = []
     for number in range(1, UPDATES + 1):
         now_s = flight.now_s + 0.1 * number
         told = {name: source(now_s) for name, source in flight.sources.items()}
-        heard.append((now_s, replace(flight.telemetry, **told)))
+        received.append((now_s, replace(flight.telemetry, **told)))
     power = PowerModel.of(VEHICLE)
 
     def measure() -> float:
         judged = flight.estimate
         began = time.process_time()
-        for now_s, telemetry in heard:
+        for now_s, telemetry in received:
             judged = update(
                 judged,
                 telemetry,
@@ -91,7 +91,7 @@ def messages_in(stream: Stream) -> int:
     session = Session(links={"serial": LinkRole.AUTOPILOT})
     for time_s, data in stream:
         session.receive("serial", data, time_s)
-        count += len(session.packets_heard())
+        count += len(session.received_packets())
     return count
 
 

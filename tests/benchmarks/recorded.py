@@ -64,7 +64,7 @@ class Recorded:
                 companion, now_s, clock_offset_s=OFFSET_S, recorder=self.recorder.folder
             )
         self.recorder.write(
-            [*companion.packets_heard(), *flight.to_autopilot[sent:]],
+            [*companion.received_packets(), *flight.to_autopilot[sent:]],
             ((item.time_s, item.kind, item.data) for item in decisions),
             self.sampler.cycle(companion, calls, status, now_s),
             now_s,

@@ -106,9 +106,11 @@ class Flight:
 
     def begin(self) -> None:
         operator = self.operator
-        operator.wait_for("ready", lambda: operator.ready_to_arm and operator.companion_heard, 60.0)
+        operator.wait_for(
+            "ready", lambda: operator.ready_to_arm and operator.companion_received, 60.0
+        )
         operator.wait_until(lambda: False, 3.0)
-        self.tell("planner ready")
+        self.report("planner ready")
         operator.take_off(height_m=3.0)
         operator.wait_for("take-off", lambda: operator.altitude_m > 2.3, 60.0)
         operator.wait_until(lambda: False, 3.0)
@@ -120,7 +122,7 @@ class Flight:
             self.operator.wait_until(lambda: False, 1.5)
             self.operator.give_mode()
 
-    def tell(self, what: str) -> float:
+    def report(self, what: str) -> float:
         memory = memory_mb(self.service.pid)
         files = sum(file.stat().st_size for file in self.folder.rglob("*") if file.is_file()) / 1e6
         figures = " | ".join(f"{value:.1f}" for value in (*memory, files))
@@ -158,7 +160,7 @@ def main() -> None:
                 continue
             looks += 1
             for flight in flights:
-                flight.rows.append((now_s, flight.tell(f"{now_s:.0f} s")))
+                flight.rows.append((now_s, flight.report(f"{now_s:.0f} s")))
                 if looks % LOOKS_PER_ORDER == 0:
                     flight.inspect()
         for flight in flights:

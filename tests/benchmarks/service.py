@@ -130,7 +130,7 @@ def free_port() -> int:
 
 def take_off(operator: Operator) -> None:
     """Boot, take off and give the mode for an inspection."""
-    operator.wait_for("ready", lambda: operator.ready_to_arm and operator.companion_heard, 40)
+    operator.wait_for("ready", lambda: operator.ready_to_arm and operator.companion_received, 40)
     operator.take_off(height_m=3.0)
     operator.wait_for("take-off", lambda: operator.altitude_m > 2.3, 30)
     operator.wait_until(lambda: False, 3)
@@ -169,7 +169,7 @@ def fly(seconds: float) -> list[str]:
         ) as service,
     ):
         take_off(operator)
-        operator.wait_for("flying", lambda: operator.said("MOAR: flying"), 5)
+        operator.wait_for("flying", lambda: operator.has_received("MOAR: flying"), 5)
         queue: multiprocessing.Queue[list[float]] = multiprocessing.Queue()
         timer = multiprocessing.Process(target=bare_timer, args=(seconds, queue))
         watched = psutil.Process(service.pid)

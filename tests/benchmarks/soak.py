@@ -60,7 +60,7 @@ def forget(flight: Lockstep) -> None:
         flight.to_autopilot,
         flight.calls,
         flight.states,
-        flight.operator.heard,
+        flight.operator.received,
     ):
         past.clear()
     del flight.setpoints[:-1]
@@ -85,7 +85,7 @@ def fly(minutes: float) -> list[tuple[float, float]]:
         flight.step()
         steps += 1
         if steps % STEPS_OF_CHATTER == 0:
-            flight.hear(chatter.message())
+            flight.handle(chatter.message())
         if flight.now_s >= forget_s:
             forget_s = flight.now_s + FORGET_S
             forget(flight)

@@ -174,14 +174,14 @@ def main() -> None:
     for code in given.code:
         for _ in range(given.repeats):
             if given.only in {None, "warm"}:
-                _tell(code, "first datagram, autopilot known", warm_s(code))
+                _report(code, "first datagram, autopilot known", warm_s(code))
             if given.only in {None, "cold"}:
-                _tell(code, "planner ready, empty cache", [cold_s(code)])
+                _report(code, "planner ready, empty cache", [cold_s(code)])
         if given.only in {None, "continue"}:
-            _tell(code, "`continue` accepted", continue_s(code, given.repeats))
+            _report(code, "`continue` accepted", continue_s(code, given.repeats))
 
 
-def _tell(code: Path, what: str, seconds: Sequence[float]) -> None:
+def _report(code: Path, what: str, seconds: Sequence[float]) -> None:
     sys.stdout.write(f"| {code.name} | {what} | {' | '.join(f'{it:.2f}' for it in seconds)} |\n")
     sys.stdout.flush()
 

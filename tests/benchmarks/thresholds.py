@@ -33,13 +33,13 @@ MARGINS = (-100, 10, 30, 60, 300)
 INNOVATIONS = ("velocity", "position", "height", "compass")
 
 
-def heard(path: Path) -> Iterator[Telemetry]:
+def received(path: Path) -> Iterator[Telemetry]:
     """The telemetry after every packet that changed it."""
     witness, before = PassiveListener(), Telemetry()
     begin_s = None
     for record in records(path):
         begin_s = record.time_s if begin_s is None else begin_s
-        witness.hear(record.packet, record.time_s - begin_s)
+        witness.handle(record.packet, record.time_s - begin_s)
         if witness.telemetry is not before:
             before = witness.telemetry
             yield before
@@ -50,7 +50,7 @@ def broken_packets(paths: list[Path]) -> dict[int, list[float]]:
     found: dict[int, list[float]] = defaultdict(list)
     for path in paths:
         before = None
-        for telemetry in heard(path):
+        for telemetry in received(path):
             radio = telemetry.radio
             if radio is None or radio is before:
                 continue
@@ -74,7 +74,7 @@ def in_flight(path: Path) -> dict[str, list[float]]:
     found: dict[str, list[float]] = defaultdict(list)
     memory = LocalizationMemory()
     estimator = magnetic = None
-    for telemetry in heard(path):
+    for telemetry in received(path):
         memory = remember(memory, telemetry)
         armed = telemetry.autopilot is not None and telemetry.autopilot.armed
         if telemetry.estimator is not estimator:

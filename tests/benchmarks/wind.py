@@ -88,7 +88,7 @@ def told_in(path: str, model: RiskModel) -> np.ndarray:
                 if item.name == FROM_TILT and item.known
             ]
             due_s += PERIOD_S
-        witness.hear(record.packet, now_s)
+        witness.take(record.packet, now_s)
     return np.array(told)
 
 
@@ -111,10 +111,10 @@ def recordings() -> list[str]:
 def followed_s(flight: AirFlight, wind_mps: float) -> float:
     """Sets a wind; until it is told, and stays so, within `CLOSE` or `NEAR_MPS`."""
     began_s, late_s = flight.now_s, 0.0
-    flight.told.clear()
+    flight.reported.clear()
     flight.wind(wind_mps)
     flight.run(10.0)
-    for told in flight.told:
+    for told in flight.reported:
         error = abs((told.tilt_mps or 0.0) - told.true_mps)
         if error > max(NEAR_MPS, CLOSE * told.true_mps):
             late_s = told.time_s - began_s
@@ -142,11 +142,11 @@ def errors() -> list[str]:
                 flight.wind(wind_mps)
                 flight.steer((0.0, 0.0))
                 flight.run(SETTLING_S)
-                flight.told.clear()
+                flight.reported.clear()
                 flight.run(5.0)
                 flight.fly_to((12.0, 0.0), 3.0)
                 flight.fly_to((0.0, 0.0), 3.0)
-                wind = np.array([told.tilt_mps for told in flight.told], dtype=float)
+                wind = np.array([told.tilt_mps for told in flight.reported], dtype=float)
                 error = wind - wind_mps
                 cells.append(f"{error.mean():+.1f} ({np.abs(error).max():.1f})")
             rows.append(f"| {manner.value} | {drag:.0%} | {' | '.join(cells)} |")
@@ -159,15 +159,15 @@ def calm() -> list[str]:
         for drag in DRAGS:
             flight = AirFlight(manner, drag=drag)
             flight.run(15.0)
-            rest = flight.told[-1].risk
-            flight.told.clear()
+            rest = flight.reported[-1].risk
+            flight.reported.clear()
             flight.manoeuvre()
-            wind = np.array([told.tilt_mps for told in flight.told], dtype=float)
-            fast = max(math.hypot(*told.velocity_ned_mps[:2]) for told in flight.told)
-            risk = max(told.risk for told in flight.told)
+            wind = np.array([told.tilt_mps for told in flight.reported], dtype=float)
+            fast = max(math.hypot(*told.velocity_ned_mps[:2]) for told in flight.reported)
+            risk = max(told.risk for told in flight.reported)
             fit = DragFlight()
             for telemetry in flight.telemetry:
-                fit.hear(telemetry)
+                fit.take(telemetry)
             found = fit.fit()
             frame = airframe_of(manner, drag)
             true, measured = (

@@ -180,7 +180,7 @@ def test_outputs_that_cannot_be_are_refused_before_anything_is_read(refused, tmp
 
 def recorded(flight, path):
     """Received packets of the companion in a lockstep flight, as a recording."""
-    rows = [(time_s, packet) for time_s, data in flight.heard for packet in packets(data)]
+    rows = [(time_s, packet) for time_s, data in flight.received for packet in packets(data)]
     path.write_bytes(
         b"".join(struct.pack(">Q", round(1e6 * (1e9 + time_s))) + data for time_s, data in rows)
     )

@@ -160,7 +160,7 @@ class Desk:
         self.velocity_ned_mps = (0.0, 0.0, 0.0)
         """As the autopilot tells it."""
         self.yaw_rad, self.yaw_rate_radps = 0.3, 0.0
-        """Told likewise: the nose does not follow the setpoints."""
+        """Progress likewise: the nose does not follow the setpoints."""
         self.armed, self.landed_state = True, 2
         self.estimate_off_ned_m = (0.0, 0.0, 0.0)
         """Distance of the estimator's frame from the one in which `position_ned_m` is."""
@@ -185,7 +185,7 @@ class Desk:
         self.mute = set()
         """Types of messages that the autopilot does not send."""
         self.now_s = 50.0
-        self.heard = []
+        self.received = []
         """(time, link, bytes) of everything the companion heard."""
         self.answered = []
         """(job, answer) of the planner."""
@@ -227,7 +227,7 @@ class Desk:
         self.boot_s += seconds
         self._in_the_air += [(self.now_s, data) for data in self._autopilot_says()]
         while self._in_the_air and self._in_the_air[0][0] <= self.now_s - self.late_s:
-            self.hear(self._in_the_air.popleft()[1])
+            self.handle(self._in_the_air.popleft()[1])
         while self._answers and self._answers[0][0] <= self.now_s:
             self._give(*self._answers.popleft()[1:])
         self.companion.tick(self.now_s)
@@ -268,12 +268,12 @@ class Desk:
             for message in self._codec.parse_buffer(data) or []:
                 self.sent.append((self.now_s, link, message))
                 if message.get_type() == "PARAM_REQUEST_READ":
-                    self.tell_parameter(message.param_id)
+                    self.report_parameter(message.param_id)
                 if message.get_type() == "MISSION_REQUEST_LIST":
                     count = mavlink.MAVLink_mission_count_message(
                         1, 195, self.fence_items, message.mission_type
                     )
-                    self.hear(self.autopilot.pack(count))
+                    self.handle(self.autopilot.pack(count))
                 asked = message.get_type() == "TIMESYNC" and message.tc1 == 0
                 if asked and "TIMESYNC" not in self.mute:
                     clock_ns = round(self.boot_s * 1e9)
@@ -406,8 +406,8 @@ class Desk:
 
     # What is done
 
-    def hear(self, data, link=LINK):
-        self.heard.append((self.now_s, link, data))
+    def handle(self, data, link=LINK):
+        self.received.append((self.now_s, link, data))
         self.companion.receive(link, data, self.now_s)
         return self
 
@@ -433,32 +433,32 @@ class Desk:
         return self.order(1.0, command=PAUSE_CONTINUE)
 
     def take_back(self):
-        return self.hear(
+        return self.handle(
             self.operator.pack(
                 create("COMMAND_CANCEL", command=USER_1, target_system=1, target_component=195)
             )
         )
 
     def order(self, mission, index=-1.0, *, command=USER_1, peer=None, target=(1, 195)):
-        return self.hear((peer or self.operator).command(command, mission, index, target=target))
+        return self.handle((peer or self.operator).command(command, mission, index, target=target))
 
-    def tell_parameter(self, name):
+    def report_parameter(self, name):
         """The autopilot's answer, or its word that somebody has set it."""
         if name in self.parameters:
             real = mavlink.MAV_PARAM_TYPE_REAL32
             told = mavlink.MAVLink_param_value_message(
                 name.encode(), self.parameters[name], real, 900, 0
             )
-            self.hear(self.autopilot.pack(told))
+            self.handle(self.autopilot.pack(told))
 
     def set_parameters(self, **values):
         """Somebody sets them, and the autopilot says so."""
         self.parameters.update(values)
         for name in values:
-            self.tell_parameter(name)
+            self.report_parameter(name)
         return self
 
-    def tell_home(self, x_m):
+    def report_home(self, x_m):
         """The autopilot's home is under this place of the plane from now on."""
         home = self.site.frame.to_geodetic((x_m, 0.0, 0.0))
         told = create(
@@ -474,12 +474,12 @@ class Desk:
             approach_y=0.0,
             approach_z=0.0,
         )
-        return self.hear(self.autopilot.pack(told))
+        return self.handle(self.autopilot.pack(told))
 
     def say_heartbeat(self, mode, status=ACTIVE):
         """The autopilot's mode, told at once."""
         self.mode, self.system_status = mode, status
-        return self.hear(self.autopilot.pack(self._heartbeat()))
+        return self.handle(self.autopilot.pack(self._heartbeat()))
 
     def drift(self, north_m, east_m, down_m, *, seconds=2.0):
         """The aircraft moves away without its setpoint, evenly."""
@@ -539,7 +539,7 @@ class Desk:
 
         Flown once by the desks that are alike.
         """
-        if self._count or self.heard:
+        if self._count or self.received:
             return self._come_to(state, mission).run(then_s)
         told = {name: value for name, value in vars(self).items() if name not in _MACHINES}
         alike = (self.planner, repr((state, mission, then_s, told)))

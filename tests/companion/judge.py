@@ -77,7 +77,7 @@ class Judge:
         self.authority = authority
         self.codec = mavlink.MAVLink(None)
         self.codec.robust_parsing = True
-        self.seen = {"heard": 0, "answered": 0, "sent": 0}
+        self.seen = {"received": 0, "answered": 0, "sent": 0}
         self.looked_s = desk.now_s
         # Of the autopilot.
         self.heartbeat = self.origin = self.position = None
@@ -105,9 +105,9 @@ class Judge:
         now_s = self.desk.now_s
         if now_s == self.looked_s:
             return
-        for time_s, _, data in self._fresh("heard"):
+        for time_s, _, data in self._fresh("received"):
             for message in self.codec.parse_buffer(data) or []:
-                self._hear(message, time_s)
+                self._handle(message, time_s)
         for job, answer in self._fresh("answered"):
             self._note_legs(job, answer)
         ended = self._ended(now_s)
@@ -144,11 +144,11 @@ class Judge:
 
     # What is heard
 
-    def _hear(self, message, now_s):
+    def _handle(self, message, now_s):
         source = (message.get_srcSystem(), message.get_srcComponent())
         kind = message.get_type()
         if kind in {"COMMAND_LONG", "COMMAND_INT"}:
-            self._hear_order(message, source, now_s)
+            self._handle_order(message, source, now_s)
         elif source != (1, 1):
             if kind == "HEARTBEAT" and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID:
                 self.foreign_s = now_s
@@ -190,7 +190,7 @@ class Judge:
                 self.jumps.append((now_s, moved_m))
         self.position, self.position_s = (message.time_boot_ms, place), now_s
 
-    def _hear_order(self, message, source, now_s):
+    def _handle_order(self, message, source, now_s):
         words = (source, message.command, message.param1, message.param2)
         moves = (
             message.command == USER_1 and message.param1 in {INSPECTION, EXIT, EVACUATION}

@@ -221,7 +221,7 @@ class AnyInput(RuleBasedStateMachine):
             self.desk.set(plan_delay_s=0.8)
             self._order(USER_1, INSPECTION)
             self._run(1.2)
-            self.desk.hear(self.operator.cancel(USER_1))
+            self.desk.handle(self.operator.cancel(USER_1))
         self.all_is_well_again_and_what_is_flown_goes_on()
 
     @happens(
@@ -241,7 +241,7 @@ class AnyInput(RuleBasedStateMachine):
         self._see_that_it_flies()
         self.desk.set_parameters(**what)
         if home_m is not None:
-            self.desk.tell_home(home_m)
+            self.desk.report_home(home_m)
         self._run(0.4)
 
     @happens(seconds=st.sampled_from([0.1, 0.6, 1.5, 3.0]))
@@ -256,14 +256,14 @@ class AnyInput(RuleBasedStateMachine):
     @happens(again=st.sampled_from(["by hand", "with a confirmation", "never"]))
     def the_last_order_comes_again_or_is_taken_back(self, again):
         if again == "never":
-            self.desk.hear(self.operator.cancel(self.last_order[0]))
+            self.desk.handle(self.operator.cancel(self.last_order[0]))
         else:
             self._repeat(again)
         self._run()
 
     def _repeat(self, again):
         confirmation = int(again == "with a confirmation")
-        self.desk.hear(self.operator.command(*self.last_order, confirmation=confirmation))
+        self.desk.handle(self.operator.command(*self.last_order, confirmation=confirmation))
 
     @happens(
         mode=st.sampled_from(["ours", "pilot", "hold", "return"]),
@@ -379,7 +379,7 @@ class AnyInput(RuleBasedStateMachine):
         said = mavlink.MAVLink_local_position_ned_message(
             round(self.desk.boot_s * 1000) + 1, *numbers
         )
-        self.desk.hear(self.desk.autopilot.pack(said))
+        self.desk.handle(self.desk.autopilot.pack(said))
         self._run()
 
     @happens(what=st.sampled_from(["it restarts", "the mode is refused"]))
@@ -389,7 +389,7 @@ class AnyInput(RuleBasedStateMachine):
             self.desk.boot_s = 1.0
         else:
             refused = mavlink.MAVLink_command_ack_message(DO_SET_MODE, TEMPORARILY_REJECTED)
-            self.desk.hear(self.desk.autopilot.pack(refused))
+            self.desk.handle(self.desk.autopilot.pack(refused))
         self._run()
 
     @happens(delay_s=st.sampled_from([None, 0.04, 0.6]))

@@ -54,7 +54,7 @@ def test_as_long_and_as_int_a_command_is_carried_out_once_and_answered_once(
 ):
     for pack in (Peer.command, Peer.command_int):
         desk = hovering()
-        desk.hear(pack(desk.operator, command, parameter, 0)).run(0.5)
+        desk.handle(pack(desk.operator, command, parameter, 0)).run(0.5)
         assert carried_out(desk) == [order]
         assert answers(desk) == [(LINK, (255, 190), command, result)]
         (said,) = desk.messages("COMMAND_ACK")
@@ -78,7 +78,7 @@ def test_as_long_and_as_int_a_command_is_carried_out_once_and_answered_once(
 )
 def test_bad_parameters_are_denied_with_one_text(pack, command, parameters):
     desk = Desk().run(1.2)
-    desk.hear(pack(desk.operator, command, *parameters)).run(0.5)
+    desk.handle(pack(desk.operator, command, *parameters)).run(0.5)
     assert results(desk) == [DENIED]
     assert len([text for text in desk.texts() if text.startswith("MOAR: ")]) == 1
     assert desk.state == "idle"
@@ -86,7 +86,7 @@ def test_bad_parameters_are_denied_with_one_text(pack, command, parameters):
 
 def test_parameters_that_mean_nothing_here_may_be_nan():
     desk = hovering()
-    desk.hear(desk.operator.command(USER_1, RELEASE, *[NAN] * 6)).run(0.1)
+    desk.handle(desk.operator.command(USER_1, RELEASE, *[NAN] * 6)).run(0.1)
     assert (carried_out(desk), results(desk)) == (["release"], [ACCEPTED])
 
 
@@ -116,14 +116,14 @@ def test_ours_is_answered_wherever_it_reaches_us_the_rest_only_when_it_names_us(
     words = (USER_1, RELEASE) if command == RELEASE else (command, NAN)
     for pack in (Peer.command, Peer.command_int):
         desk = hovering()
-        desk.hear(pack(desk.operator, *words, target=target)).run(0.5)
+        desk.handle(pack(desk.operator, *words, target=target)).run(0.5)
         assert results(desk) == ([] if result is None else [result])
         assert carried_out(desk) == (["release"] if result == ACCEPTED else [])
 
 
 def test_two_ground_stations_at_once_are_each_answered_and_their_orders_are_two():
     desk, tablet = hovering(), Peer(254, 25)
-    desk.hear(desk.operator.command(USER_1, RELEASE) + tablet.command(USER_1, RELEASE)).run(0.5)
+    desk.handle(desk.operator.command(USER_1, RELEASE) + tablet.command(USER_1, RELEASE)).run(0.5)
     assert carried_out(desk) == ["release", "release"]
     assert answers(desk) == [
         (LINK, (255, 190), USER_1, ACCEPTED),
@@ -134,8 +134,8 @@ def test_two_ground_stations_at_once_are_each_answered_and_their_orders_are_two(
 def test_over_two_links_an_order_is_carried_out_once_and_answered_on_both():
     desk = hovering(plan_delay_s=0.4)
     order = desk.operator.command(USER_1, INSPECTION, -1)
-    desk.hear(order).hear(order, OPERATOR_LINK).run(1.0)
-    desk.hear(desk.operator.command(USER_1, INSPECTION, -1), OPERATOR_LINK).run(0.5)
+    desk.handle(order).handle(order, OPERATOR_LINK).run(1.0)
+    desk.handle(desk.operator.command(USER_1, INSPECTION, -1), OPERATOR_LINK).run(0.5)
     assert len(carried_out(desk)) == len(desk.jobs) == 1
     assert answers(desk) == [
         (OPERATOR_LINK, (255, 190), USER_1, IN_PROGRESS),
@@ -153,7 +153,7 @@ def test_a_command_may_be_split_anywhere():
     size = len(desk.operator.command(USER_1, RELEASE))
     for place in range(1, size):
         packet = desk.operator.command(USER_1, RELEASE)
-        desk.hear(packet[:place]).hear(packet[place:]).step()
+        desk.handle(packet[:place]).handle(packet[place:]).step()
     assert carried_out(desk) == ["release"] * (size - 1)
     assert results(desk) == [ACCEPTED] * (size - 1)
 
@@ -161,7 +161,7 @@ def test_a_command_may_be_split_anywhere():
 def test_a_command_may_come_byte_by_byte_with_time_between():
     desk = hovering()
     for byte in desk.operator.command(USER_1, RELEASE):
-        desk.hear(bytes([byte]), OPERATOR_LINK).step()
+        desk.handle(bytes([byte]), OPERATOR_LINK).step()
     assert answers(desk) == [(OPERATOR_LINK, (255, 190), USER_1, ACCEPTED)]
 
 
@@ -171,9 +171,9 @@ def test_a_command_with_a_broken_byte_is_no_command_and_the_next_one_is():
         broken = bytearray(desk.operator.command(USER_1, RELEASE))
         broken[place] ^= 0x55
         before = len(answers(desk))
-        desk.hear(bytes(broken)).run(0.4)
+        desk.handle(bytes(broken)).run(0.4)
         assert len(answers(desk)) == before, place
-        desk.hear(desk.operator.command(USER_1, RELEASE)).step()
+        desk.handle(desk.operator.command(USER_1, RELEASE)).step()
         assert len(answers(desk)) == before + 1, place
 
 
@@ -257,7 +257,7 @@ def test_nothing_moves_twice_nothing_asked_stays_unanswered_and_nobody_else_is_t
         if arrival.lost:
             continue
         for _ in range(arrival.copies):
-            desk.hear(packet, link)
+            desk.handle(packet, link)
             for _ in range(arrival.steps):
                 desk.step()
         ours = target in {(1, 195), (0, 0), (1, 0)} and (command != ARM or target[1] == 195)

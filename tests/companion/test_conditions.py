@@ -177,7 +177,7 @@ def test_a_ground_station_that_falls_silent(action):
     desk = Desk(supervision=Supervision(ground_link_action=action)).come_to("flying", then_s=2.0)
     station = Peer(255, 190)
     beat = mavlink.MAVLink_heartbeat_message(mavlink.MAV_TYPE_GCS, 8, 0, 0, 4, 3)
-    desk.hear(station.pack(beat)).run(9.8)
+    desk.handle(station.pack(beat)).run(9.8)
     assert (desk.state, flown(desk)) == ("flying", "inspection")
     desk.run(1.0)
     expected = {
@@ -255,7 +255,7 @@ def ground_station(desk, *systems, seconds):
     """These are heard once a second."""
     for _ in range(round(seconds)):
         for system in systems:
-            desk.hear(Peer(system, 190).ground_heartbeat()).run(1.0 / len(systems))
+            desk.handle(Peer(system, 190).ground_heartbeat()).run(1.0 / len(systems))
 
 
 def test_a_ground_station_that_comes_later_is_told_what_it_has_missed():
@@ -318,7 +318,7 @@ def test_a_battery_stays_critical_when_only_a_summary_is_told_that_knows_nothing
     desk.mute = {"BATTERY_STATUS"}
     summary = mavlink.MAVLink_sys_status_message(0, 0, 0, 0, 15900, -1, 60, *[0] * 6)
     for _ in range(100):
-        desk.hear(desk.autopilot.pack(summary)).run(0.2)
+        desk.handle(desk.autopilot.pack(summary)).run(0.2)
     desk.order(INSPECTION).run(0.5)
     assert desk.answers()[-1] == TEMPORARILY_REJECTED
     assert desk.said("MOAR: battery 0 is critical, rejected")

@@ -27,7 +27,7 @@ LONG_S = {"mode_unconfirmed": 3.5}
 
 
 def second_autopilot(desk):
-    desk.hear(Peer(7, 1).heartbeat(autopilot=desk.kind))
+    desk.handle(Peer(7, 1).heartbeat(autopilot=desk.kind))
 
 
 def released(desk):

@@ -164,17 +164,19 @@ def test_a_setpoint_that_a_small_jump_puts_into_the_margin_waits_and_goes_on_by_
 
 
 @pytest.mark.parametrize(
-    ("file", "heard", "words"),
+    ("file", "received", "words"),
     [
         (autopilots.PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, "autopilot ardupilot, file px4"),
         (autopilots.ARDUPILOT, mavlink.MAV_AUTOPILOT_PX4, "autopilot px4, file ardupilot"),
     ],
 )
-def test_another_autopilot_than_the_vehicle_files_is_told_and_nothing_is_flown(file, heard, words):
+def test_another_autopilot_than_the_vehicle_files_is_told_and_nothing_is_flown(
+    file, received, words
+):
     """Its margin is not the one that is kept."""
     usual = usual_planner()
     other = Planner(usual.site, replace(usual.vehicle, autopilot=file))
-    desk = Desk(planner=other, autopilot=heard).run(1.2).order(EXIT).run(1.0)
+    desk = Desk(planner=other, autopilot=received).run(1.2).order(EXIT).run(1.0)
     assert desk.answers()[-1] in {TEMPORARILY_REJECTED, DENIED}
     assert desk.said(f"MOAR: {words}, rejected"), desk.texts()
     assert not desk.setpoints()

@@ -183,7 +183,7 @@ def test_a_mode_that_is_refused_is_told():
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=2.5)
     assert len(desk.mode_requests()) == 1
     refusal = mavlink.MAVLink_command_ack_message(DO_SET_MODE, DENIED, 0, 0, 1, 195)
-    desk.hear(desk.autopilot.pack(refusal)).run(5.0)
+    desk.handle(desk.autopilot.pack(refusal)).run(5.0)
     assert [t for t in desk.texts() if "refused" in t] == ["MOAR: the autopilot refused the mode"]
     assert desk.state == "ready"
     assert len(desk.mode_requests()) == 1
@@ -194,7 +194,7 @@ def test_a_mode_refused_over_and_over_is_told_once():
     desk = Desk(authority=Authority.ENGAGE).come_to("ready", then_s=2.5)
     for _ in range(3):
         refusal = mavlink.MAVLink_command_ack_message(DO_SET_MODE, DENIED, 0, 0, 1, 195)
-        desk.hear(desk.autopilot.pack(refusal)).run(0.1)
+        desk.handle(desk.autopilot.pack(refusal)).run(0.1)
     assert len([text for text in desk.texts() if "refused" in text]) == 1
 
 

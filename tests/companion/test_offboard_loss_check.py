@@ -63,7 +63,7 @@ def test_a_parameter_that_is_changed_counts_from_the_next_order_on():
     desk = Desk().come_to("ready")
     desk.order(RELEASE).run(0.6)
     desk.parameters["COM_OBL_RC_ACT"] = 0.0
-    desk.tell_parameter("COM_OBL_RC_ACT")
+    desk.report_parameter("COM_OBL_RC_ACT")
     desk.step().order(INSPECTION, 1.0).run(0.5)
     assert desk.answers()[-1] == DENIED
     assert desk.said("PX4 would hit right-middle, denied")
@@ -72,14 +72,14 @@ def test_a_parameter_that_is_changed_counts_from_the_next_order_on():
 def test_what_is_objected_to_in_flight_is_held_until_it_is_changed_back_or_ordered_otherwise():
     desk = Desk().come_to("flying", then_s=2.0)
     desk.parameters["COM_OBL_RC_ACT"] = 7.0
-    desk.tell_parameter("COM_OBL_RC_ACT")
+    desk.report_parameter("COM_OBL_RC_ACT")
     desk.run(2.0)
     assert desk.state == "holding"
     assert desk.said("MOAR: PX4 would stop its motors")
     desk.go_on().run(0.5)
     assert (desk.state, desk.answers(PAUSE_CONTINUE)) == ("holding", [DENIED])
     desk.parameters["COM_OBL_RC_ACT"] = 5.0
-    desk.tell_parameter("COM_OBL_RC_ACT")
+    desk.report_parameter("COM_OBL_RC_ACT")
     desk.run(2.0).go_on().run(0.5)
     assert desk.state == "flying"
 
@@ -90,7 +90,7 @@ def test_what_is_objected_to_in_flight_is_held_until_it_is_changed_back_or_order
 def test_what_need_not_be_refused_is_warned_about_in_flight(mission, policy):
     desk = Desk(supervision=Supervision(loss_action=policy)).come_to("flying", mission, then_s=2.0)
     desk.parameters["COM_OBL_RC_ACT"] = 7.0
-    desk.tell_parameter("COM_OBL_RC_ACT")
+    desk.report_parameter("COM_OBL_RC_ACT")
     desk.run(2.0)
     assert desk.state == "flying"
     assert desk.said("MOAR: PX4 would stop its motors")
@@ -125,25 +125,25 @@ def returning(**config):
     """Flying to the outer splice; without us it would return home at 12 m, which is behind it."""
     desk = Desk(**config).set(accuracy_m=0.3)
     desk.parameters.update(COM_OBL_RC_ACT=0.0, RTL_RETURN_ALT=12.0)
-    desk.run(1.0).tell_home(27.0).run(0.5).order(INSPECTION, 0.0).run_until("ready")
+    desk.run(1.0).report_home(27.0).run(0.5).order(INSPECTION, 0.0).run_until("ready")
     return desk.run(1.1).say_heartbeat(desk.ours).run_until("flying", 0.1).run(2.0)
 
 
 def test_a_home_that_moves_behind_the_conductors_in_flight_is_held():
     words = "MOAR: PX4 would hit right-middle, holding"
     desk = returning()
-    desk.tell_home(26.5).run(2.0)  # by so little that the way is the same
+    desk.report_home(26.5).run(2.0)  # by so little that the way is the same
     assert desk.state == "flying"
-    desk.tell_home(0.0).run(1.0)
+    desk.report_home(0.0).run(1.0)
     assert desk.state == "holding"
     assert desk.said(words)
-    desk.tell_home(27.0).run_until("flying", 4.0).run_until("at_target", 60.0)
+    desk.report_home(27.0).run_until("flying", 4.0).run_until("at_target", 60.0)
 
 
 def test_what_is_objected_to_for_how_wide_obstacles_are_is_over_when_they_are_less_wide():
     desk = Desk().set(accuracy_m=0.3)
     desk.parameters.update(COM_OBL_RC_ACT=0.0, RTL_RETURN_ALT=4.0)
-    desk.run(1.0).tell_home(24.5).run(0.5).order(INSPECTION, 0.0).run_until("ready")
+    desk.run(1.0).report_home(24.5).run(0.5).order(INSPECTION, 0.0).run_until("ready")
     desk.run(1.1).say_heartbeat(desk.ours).run_until("flying", 0.1).run(2.0)
     desk.set(accuracy_m=1.3).run_until("holding", 3.0)
     assert desk.said("MOAR: PX4 would hit right-middle, holding")
@@ -163,7 +163,7 @@ def test_it_goes_on_by_itself_though_a_change_before_was_not_enough():
 
 def test_where_that_is_only_warned_about_it_flies_on():
     desk = returning(supervision=Supervision(loss_action=LossCheck.WARN))
-    desk.tell_home(0.0).run(1.0)
+    desk.report_home(0.0).run(1.0)
     assert desk.state == "flying"
     assert desk.said("MOAR: PX4 would hit right-middle")
 
@@ -171,7 +171,7 @@ def test_where_that_is_only_warned_about_it_flies_on():
 def test_a_parameter_that_turns_bad_while_it_holds_is_told_at_once():
     desk = Desk().come_to("flying", then_s=2.0).pause().run(2.0)
     desk.parameters["COM_OBL_RC_ACT"] = 7.0
-    desk.tell_parameter("COM_OBL_RC_ACT")
+    desk.report_parameter("COM_OBL_RC_ACT")
     desk.run(0.1)
     assert desk.state == "holding"
     assert desk.said("MOAR: PX4 would stop its motors")
@@ -184,7 +184,7 @@ def test_where_it_stands_the_place_alone_counts():
     desk = Desk().come_to("flying", then_s=2.0)
     desk.order(INSPECTION, INNER).run(1.0).pause().run(2.0)
     desk.parameters["COM_OBL_RC_ACT"] = 4.0
-    desk.tell_parameter("COM_OBL_RC_ACT")
+    desk.report_parameter("COM_OBL_RC_ACT")
     desk.run(1.0)
     assert not desk.said("PX4 would")
     desk.go_on().run(0.5)
@@ -213,7 +213,9 @@ def test_a_plan_that_is_refused_on_the_way_leaves_the_one_that_is_flown_unless_i
 def watched(desk, seconds):
     """So many seconds with a ground station, whose loss the autopilot can notice."""
     for _ in range(round(seconds)):
-        desk.hear(desk.operator.pack(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))).run(1.0)
+        desk.handle(desk.operator.pack(mavlink.MAVLink_heartbeat_message(6, 8, 0, 0, 4, 3))).run(
+            1.0
+        )
     return desk
 
 

@@ -213,7 +213,7 @@ def test_an_open_order_fails_when_the_pilot_takes_over():
 
 def test_an_operators_own_link_is_answered_there():
     desk = hovering()
-    desk.hear(desk.operator.command(USER_1, INSPECTION, -1.0), OPERATOR_LINK).run(0.2)
+    desk.handle(desk.operator.command(USER_1, INSPECTION, -1.0), OPERATOR_LINK).run(0.2)
     acknowledged = [link for _, link, m in desk.sent if m.get_type() == "COMMAND_ACK"]
     assert acknowledged == [OPERATOR_LINK]
     texts = {link for _, link, m in desk.sent if m.get_type() == "STATUSTEXT"}

@@ -45,7 +45,7 @@ def desk(risks):
     safety = replace(usual.vehicle.safety, exposure=0.0)
     desk = Desk(planner=Planner(usual.site, replace(usual.vehicle, safety=safety)))
     desk.run(1.0)
-    desk.hear(desk.operator.command(USER_1, INSPECTION, INNER))
+    desk.handle(desk.operator.command(USER_1, INSPECTION, INNER))
     desk.run_until("ready")
     desk.set(mode=OFFBOARD)
     desk.run_until("flying")

@@ -26,7 +26,7 @@ from .desk import (
 SITE = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
 STARTED_S = 50.0
 REST = Task(mission=Mission.INSPECTION, stops=("splice-inner",))
-TOLD = "MOAR: restarted, was flying inspection"
+GIVEN = "MOAR: restarted, was flying inspection"
 
 
 def desk_after(state=MissionState.FLYING, task=REST, mode=OFFBOARD, **config):
@@ -43,7 +43,7 @@ def test_after_a_crash_nothing_is_streamed_though_the_mode_is_still_on(resume):
     desk = desk_after(resume=resume).run(10.0)
     assert (desk.state, desk.setpoints(), desk.mode_requests()) == ("idle", [], [])
     assert desk.texts() == [
-        TOLD,
+        GIVEN,
         "MOAR: order continue to fly the rest",
         "MOAR: OFFBOARD is on, waiting for an order",
     ]
@@ -110,7 +110,7 @@ def test_the_ground_ends_what_was_flown():
     desk = desk_after(mode=AUTO_HOLD)
     desk.armed, desk.landed_state = False, 1
     desk.run(1.2)
-    assert desk.texts() == [TOLD]
+    assert desk.texts() == [GIVEN]
     desk.armed, desk.landed_state = True, 2
     desk.run(1.2).go_on().run(0.2)
     assert desk.answers(PAUSE_CONTINUE) == [TEMPORARILY_REJECTED]

@@ -80,7 +80,7 @@ class Watched(Desk):
 
     def fly(self, seconds=2.0):
         self.run(1.0)
-        self.hear(self.operator.command(USER_1, INSPECTION, 1))
+        self.handle(self.operator.command(USER_1, INSPECTION, 1))
         self.run_until("ready")
         self.set(mode=OFFBOARD)
         self.run_until("flying")
@@ -170,7 +170,7 @@ def test_a_sensor_that_is_lost_holds_and_its_return_resumes(desk):
     desk.run(1.5)
     assert desk.state == "holding"
     assert any("lidar scan age" in text or "lidar silent" in text for text in desk.texts())
-    desk.hear(desk.operator.command(USER_1, EXIT, -1))
+    desk.handle(desk.operator.command(USER_1, EXIT, -1))
     desk.run(1.0)
     assert desk.companion.status.task.mission.value == "exit"
 
@@ -187,7 +187,7 @@ def test_without_data_of_the_sensor_no_inspection_begins():
     desk = Watched()
     desk.works = False
     desk.run(1.0)
-    desk.hear(desk.operator.command(USER_1, INSPECTION, 1))
+    desk.handle(desk.operator.command(USER_1, INSPECTION, 1))
     desk.run(1.0)
     assert desk.state == "idle"
     assert any("no data of the lidar" in text for text in desk.texts())
@@ -352,7 +352,7 @@ def test_distances_of_obstacles_are_noted_where_they_are_the_sensor(sensor):
     message = mavlink.MAVLink_obstacle_distance_message(
         0, 0, [300, *[65535] * 71], 0, 20, 2000, 5.0, 0.0, mavlink.MAV_FRAME_BODY_FRD
     )
-    desk.hear(Peer(1, 196).pack(message)).run(0.1)
+    desk.handle(Peer(1, 196).pack(message)).run(0.1)
     points = [note for note in desk.companion.pose_notes() if isinstance(note, PointsNote)]
     assert len(points) == (sensor is Sensor.MAVLINK)
     for note in points:
@@ -393,7 +393,7 @@ def on_leg():
     """An exit on its landing leg."""
     desk = Watched()
     desk.run(1.0)
-    desk.hear(desk.operator.command(USER_1, EXIT, -1))
+    desk.handle(desk.operator.command(USER_1, EXIT, -1))
     desk.run_until("ready")
     desk.set(mode=OFFBOARD)
     return desk.run_until("landing_leg", 60.0).run(0.5)
@@ -421,18 +421,18 @@ def test_a_landing_leg_is_not_flown_through_what_is_seen_on_it(on_leg, by_m):
 def test_a_leg_on_which_it_was_held_is_not_resumed_through_what_was_seen_meanwhile(on_leg):
     desk = copied(on_leg)
     x_m, z_m = ahead(desk, 4.0)
-    desk.hear(desk.operator.command(PAUSE_CONTINUE, 0))
+    desk.handle(desk.operator.command(PAUSE_CONTINUE, 0))
     desk.run(2.0)
     desk.conductors = (conductor(x_m, z_m),)
     desk.run(1.0)
-    desk.hear(desk.operator.command(PAUSE_CONTINUE, 1))
+    desk.handle(desk.operator.command(PAUSE_CONTINUE, 1))
     assert nearest_m(desk, (x_m, z_m), LONG_S) > desk.vehicle.radius_m + 0.3
 
 
 def test_a_second_wall_after_an_exit_over_the_first_holds_again(desk):
     desk.solids = (WALL,)
     desk.run(3.0)
-    desk.hear(desk.operator.command(USER_1, EXIT, -1))
+    desk.handle(desk.operator.command(USER_1, EXIT, -1))
     desk.run(2.0)
     assert desk.state in {"flying", "landing_leg"}
     x_m = desk.place_m[0]

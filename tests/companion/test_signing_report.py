@@ -75,8 +75,8 @@ def test_a_clock_that_was_ahead_for_a_moment_is_told_when_senders_are_refused_fo
     vehicle = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
     signing = Signing(key=SigningKey(SECRET), wall_s=wall_s)
     companion = Companion(config, vehicle, None, signing=signing)
-    for told_s in (wall_s + 700 * day_s, wall_s):
-        companion.note_wall_clock(told_s)
+    for reported_s in (wall_s + 700 * day_s, wall_s):
+        companion.note_wall_clock(reported_s)
     station = SignedPeer(255, 190, timestamp=timestamp_at(wall_s))
     companion.receive(LINK, station.ground_heartbeat(), 1.0)
     companion.tick(1.0)

@@ -190,8 +190,8 @@ def test_ages_grow_while_a_source_is_silent():
 
 def test_the_text_is_the_last_one_that_people_were_told():
     desk = Desk().run(1.2)
-    desk.companion._reports.say(Severity.NOTICE, "first", desk.now_s)
-    desk.companion._reports.say(Severity.WARNING, "second", desk.now_s)
+    desk.companion._reports.send_text(Severity.NOTICE, "first", desk.now_s)
+    desk.companion._reports.send_text(Severity.WARNING, "second", desk.now_s)
     desk.take_what_is_sent()
     mission = status_of(desk.run(1.0))["mission"]
     assert mission["text"] == "MOAR: second"

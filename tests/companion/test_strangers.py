@@ -28,7 +28,7 @@ def texts_on(desk, link):
 @pytest.mark.parametrize("mission", [INSPECTION, RELEASE])
 def test_a_stranger_is_denied_and_told_why_on_its_own_link_alone(mission):
     desk, stranger = hovering(), Peer(42, 1)
-    desk.hear(stranger.command(USER_1, mission, -1.0), OPERATOR_LINK).run(0.5)
+    desk.handle(stranger.command(USER_1, mission, -1.0), OPERATOR_LINK).run(0.5)
     assert answers(desk) == [(OPERATOR_LINK, (42, 1), USER_1, DENIED)]
     assert texts_on(desk, OPERATOR_LINK)[-1] == "MOAR: system 42 may not command, denied"
     assert not any("denied" in text for text in texts_on(desk, LINK))
@@ -39,10 +39,12 @@ def test_a_stranger_is_denied_and_told_why_on_its_own_link_alone(mission):
 @pytest.mark.parametrize("words", [(USER_1, HOLD), (PAUSE_CONTINUE, 0)])
 def test_anybody_can_stop_the_aircraft_in_flight_but_not_send_it_on(words):
     desk, stranger = Desk(commands=Commands(systems=(255,))).come_to("flying"), Peer(42, 1)
-    desk.run(2.0).hear(stranger.command(*words)).run(1.0)
+    desk.run(2.0).handle(stranger.command(*words)).run(1.0)
     assert desk.state == "holding"
     place = desk.position_ned_m
-    desk.hear(stranger.command(PAUSE_CONTINUE, 1)).hear(stranger.command(USER_1, RELEASE)).run(2.0)
+    desk.handle(stranger.command(PAUSE_CONTINUE, 1)).handle(stranger.command(USER_1, RELEASE)).run(
+        2.0
+    )
     assert (desk.state, results(desk)[-2:]) == ("holding", [DENIED, DENIED])
     assert desk.position_ned_m == pytest.approx(place)
     desk.go_on().run(0.5)
@@ -55,7 +57,7 @@ def test_a_strangers_hold_ends_no_escape_route_of_the_supervisors():
     desk.run(2.0).set(battery_percent=12).run_until_sought("exit")
     desk.run(2.0)
     assert desk.companion.status.task.mission.value == "exit"
-    desk.hear(stranger.command(USER_1, HOLD)).run(2.0)
+    desk.handle(stranger.command(USER_1, HOLD)).run(2.0)
     assert desk.companion.status.task.mission.value == "exit"
     assert desk.state == "flying"
     desk.order(HOLD).run(2.0)  # an operator, who knows of the battery
@@ -64,7 +66,7 @@ def test_a_strangers_hold_ends_no_escape_route_of_the_supervisors():
 
 def test_an_order_that_the_site_denies_is_told_on_its_senders_link_alone():
     desk = hovering()
-    desk.hear(desk.operator.command(USER_1, INSPECTION, 99.0), OPERATOR_LINK).run(0.5)
+    desk.handle(desk.operator.command(USER_1, INSPECTION, 99.0), OPERATOR_LINK).run(0.5)
     assert results(desk) == [DENIED]
     assert any("no target 99" in text for text in texts_on(desk, OPERATOR_LINK))
     assert not any("no target 99" in text for text in texts_on(desk, LINK))
@@ -86,7 +88,7 @@ def bytes_per_second(words=None, seconds=3.0):
     for _ in range(round(seconds / 0.02)):
         for _ in range(4 if words else 0):
             number += 1
-            desk.hear(desk.operator.command(*words(number)), OPERATOR_LINK)
+            desk.handle(desk.operator.command(*words(number)), OPERATOR_LINK)
         desk.step()
     return {link: count / seconds for link, count in counted.items()}
 
@@ -130,6 +132,6 @@ def test_a_flood_of_bad_commands_keeps_no_other_operator_from_stopping():
         desk.companion.receive(
             OPERATOR_LINK, flooder.command(USER_1, INSPECTION, number), desk.now_s
         )
-    desk.hear(desk.operator.command(USER_1, HOLD), OPERATOR_LINK).run(0.5)
+    desk.handle(desk.operator.command(USER_1, HOLD), OPERATOR_LINK).run(0.5)
     assert TEMPORARILY_REJECTED in results(desk)
     assert desk.state == "holding"

@@ -181,7 +181,7 @@ def test_an_autopilot_restart_releases():
 def test_two_autopilots_refuse_control_and_are_both_named():
     desk = Desk().run(1.2)
     other = Peer(2, 1)
-    desk.hear(other.heartbeat()).step()
+    desk.handle(other.heartbeat()).step()
     desk.order(INSPECTION).run(0.2)
     assert desk.answers() == [TEMPORARILY_REJECTED]
     assert desk.said("two autopilots are received")
@@ -193,7 +193,7 @@ def test_two_autopilots_refuse_control_and_are_both_named():
 def test_a_second_autopilot_in_flight_ends_the_stream():
     desk = Desk().come_to("flying", then_s=1.0)
     began = desk.now_s
-    desk.hear(Peer(2, 1).heartbeat()).run(2.0)
+    desk.handle(Peer(2, 1).heartbeat()).run(2.0)
     assert desk.state == "released"
     last = desk.setpoints(began)  # to the one that was flown, to stand
     assert {(m.target_system, m.vx, m.vy, m.vz) for m in last} == {(1, 0.0, 0.0, 0.0)}
@@ -204,7 +204,7 @@ def test_a_ground_station_and_a_camera_are_no_autopilots():
     desk = Desk().come_to("flying")
     for system, component, kind in ((255, 190, 6), (1, 100, 30), (1, 195, 18)):
         peer = Peer(system, component)
-        desk.hear(peer.pack(mavlink.MAVLink_heartbeat_message(kind, 8, 0, 0, 4, 3)))
+        desk.handle(peer.pack(mavlink.MAVLink_heartbeat_message(kind, 8, 0, 0, 4, 3)))
     desk.run(2.0)
     assert desk.state == "flying"
 

@@ -21,7 +21,7 @@ from moar_companion.safety.check_inputs import Host
 from moar_companion.safety.checks import causes
 from moar_companion.safety.condition_types import Action
 from moar_companion.safety.conditions import CONDITIONS
-from moar_companion.telemetry import Heard
+from moar_companion.telemetry import PeerHeartbeat
 from moar_companion.text_format import exceeds, pilot_text
 from moar_companion.types import Mission
 
@@ -96,7 +96,7 @@ def test_whatever_is_to_be_said_fits_into_one_chunk_with_what_is_done(reason, ac
 
 def extreme(value):
     """Inputs where every measurement is this much beyond its limit."""
-    late = Heard(received_s=NOW_S - value, system_id=255)
+    late = PeerHeartbeat(received_s=NOW_S - value, system_id=255)
     place = (value, -value, -value)
     return [
         flies(received_s=NOW_S - value),
@@ -118,20 +118,20 @@ def test_every_condition_is_told_in_one_chunk_with_its_limit_and_action():
     limits = Supervision()
     seen = [row[1] for row in STORIES + OF_PLACE]
     seen += itertools.chain(*map(extreme, EXTREMES))
-    heard = set()
+    received = set()
     for each, azimuth_rad in itertools.product(seen, (None, 0.0, 0.8, 2.4)):
         found = causes(replace(each, azimuth_rad=azimuth_rad), limits, 1.5, NOW_S)
         for row in CONDITIONS:
             reason = getattr(found, row.name)
             if reason is None:
                 continue
-            heard.add(row.name)
+            received.add(row.name)
             for action in ("", "over", "rejected", row.action.words, row.rest.words):
                 text = pilot_text(reason, action)
                 assert_is_for_pilots(text)
                 if ">" in reason:
                     assert reason.partition(" (")[0].partition(", ")[0] in text
-    assert heard == {row.name for row in CONDITIONS}
+    assert received == {row.name for row in CONDITIONS}
 
 
 def test_what_a_dead_companion_would_lead_to_is_told_in_one_chunk():

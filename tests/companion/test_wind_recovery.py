@@ -41,7 +41,7 @@ def within(min_altitude_m):
 class Silent:
     """Reports that nobody reads."""
 
-    def say(self, *_, **__):
+    def send_text(self, *_, **__):
         pass
 
 

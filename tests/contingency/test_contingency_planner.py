@@ -251,10 +251,10 @@ def test_without_the_landed_state_the_point_of_no_return_leads_it_out():
 def test_beside_the_plane_the_escape_route_begins_with_the_way_back():
     desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
     desk.set(battery_percent=25).run(10.0)
-    before, way_s = desk.companion.risk.indices.battery, outlook(desk).exit.duration_s
+    before, stopping_s = desk.companion.risk.indices.battery, outlook(desk).exit.duration_s
     desk.drift(60.0, 0.0, 0.0, seconds=12.0).run(2.0)
     speed_mps = desk.vehicle.speed.horizontal_mps
-    assert outlook(desk).exit.duration_s == pytest.approx(way_s + 60.0 / speed_mps, rel=0.1)
+    assert outlook(desk).exit.duration_s == pytest.approx(stopping_s + 60.0 / speed_mps, rel=0.1)
     assert desk.companion.risk.indices.battery >= before - 0.01
 
 
@@ -262,7 +262,7 @@ def test_beside_the_plane_the_escape_route_begins_with_the_way_back():
 def test_an_escape_route_that_is_planned_no_more_counts_on(planner):
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
     desk.come_to("flying", then_s=4.5)  # just after a round of questions, not just before one
-    begins_m, way_s = desk.companion.pose.position_m, outlook(desk).exit.duration_s
+    begins_m, stopping_s = desk.companion.pose.position_m, outlook(desk).exit.duration_s
     if planner == "is silent":
         desk.contingencies = False
     else:
@@ -272,7 +272,7 @@ def test_an_escape_route_that_is_planned_no_more_counts_on(planner):
     away_m = math.dist(desk.companion.pose.position_m, begins_m)
     assert away_m > 2.0
     back_s = away_m / desk.vehicle.speed.horizontal_mps
-    assert outlook(desk).exit.duration_s == pytest.approx(way_s + back_s, abs=2.5)
+    assert outlook(desk).exit.duration_s == pytest.approx(stopping_s + back_s, abs=2.5)
     assert outlook(desk).exit.age_s == pytest.approx(15.0, abs=3.0)
     assert left_after_exit(desk).known
     assert any("escape route" in item.reason for item in desk.companion.ruling.conditions)

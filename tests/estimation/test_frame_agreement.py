@@ -113,7 +113,7 @@ def fly(desk, seconds, off_m=None):
                 vz=0,
                 hdg=0,
             )
-            desk.hear(desk.autopilot.pack(message))
+            desk.handle(desk.autopilot.pack(message))
         desk.step()
     return desk
 

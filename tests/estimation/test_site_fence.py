@@ -235,7 +235,7 @@ def test_a_home_that_moves_by_less_than_it_is_known_makes_no_new_fence():
 def flown_with_a_fence(**fence):
     """In an inspection, flying, when the fence is set."""
     desk = Desk(height_m=5.0, wind_mps=2.0).set(accuracy_m=0.3)
-    desk.run(1.0).tell_home(27.0).come_to("flying", then_s=3.0)
+    desk.run(1.0).report_home(27.0).come_to("flying", then_s=3.0)
     assert any((desk.setpoints()[-1].vx, desk.setpoints()[-1].vy, desk.setpoints()[-1].vz))
     return desk.set_parameters(**fence)
 

@@ -39,7 +39,7 @@ class Aircraft:
         return twin
 
     def _constants(self) -> list:
-        return [self.autopilot.options, *self.operator.heard]
+        return [self.autopilot.options, *self.operator.received]
 
     @property
     def truth(self) -> Truth:
@@ -93,7 +93,7 @@ class Aircraft:
             self.operator.arm()
             hovering_in = "hold"
         else:
-            self.run_until(lambda: self.operator.said("EKF3 IMU0 is using GPS"), 60.0)
+            self.run_until(lambda: self.operator.has_received("EKF3 IMU0 is using GPS"), 60.0)
             self.operator.mode("ours")
             self.run(0.1)
             self.operator.arm()

@@ -25,7 +25,7 @@ Point = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Told:
+class Progress:
     """Reported and true wind at one instant. told_mps, tilt_mps: None where unknown."""
 
     time_s: float
@@ -55,7 +55,7 @@ class AirFlight(Lockstep):
             authority=Authority.OBSERVE,
             options={"airframe": airframe_of(manner, drag), **options},
         )
-        self.told: list[Told] = []
+        self.reported: list[Progress] = []
         self.telemetry = []
         self._setpoint: tuple[Point, Point] | None = None
         self._steps = 0
@@ -64,7 +64,7 @@ class AirFlight(Lockstep):
         self.run(1.5)
         self.operator.mode("ours")
         self.run(8.0)
-        self.told.clear()
+        self.reported.clear()
 
     def step(self) -> None:
         super().step()
@@ -123,8 +123,8 @@ class AirFlight(Lockstep):
         use = strongest(inputs)
         tilt = next((item for item in inputs if item.name == FROM_TILT), None)
         self.telemetry.append(self.companion.telemetry)
-        self.told.append(
-            Told(
+        self.reported.append(
+            Progress(
                 time_s=self.now_s,
                 risk=self.companion.risk.indices.wind,
                 told_mps=None if use is None else use.value,

@@ -173,10 +173,10 @@ class Lockstep(Aircraft):
         )
 
     @property
-    def heard(self) -> list[tuple[float, bytes]]:
+    def received(self) -> list[tuple[float, bytes]]:
         """The bytes that the companion has received, with their times."""
-        heard = [call.arguments for call in self.calls if call.method == "receive"]
-        return [(time_s, data) for _, data, time_s, *_ in heard]
+        received = [call.arguments for call in self.calls if call.method == "receive"]
+        return [(time_s, data) for _, data, time_s, *_ in received]
 
     @property
     def state(self) -> str:
@@ -196,7 +196,7 @@ class Lockstep(Aircraft):
         now_s = self.now_s
         if not self.cut and not self.deaf:
             for data in said:
-                self.hear(data)
+                self.handle(data)
         while self._jobs and self._jobs[0][0] <= now_s:
             self._do(self._jobs.pop(0)[1])
         self.companion.tick(now_s)
@@ -213,7 +213,7 @@ class Lockstep(Aircraft):
             self.to_autopilot.append((now_s, data))
             self._note_setpoint(data)
             if not self.cut:
-                self.tell(data)
+                self.report(data)
         self.decisions += self.companion.decisions()
         self.calls += self.companion.calls()
         self.truths.append(self.autopilot.truth)
@@ -226,14 +226,14 @@ class Lockstep(Aircraft):
         else:
             self.companion.plan_answered(answer_job(self.planners, job))
 
-    def hear(self, data: bytes) -> None:
+    def handle(self, data: bytes) -> None:
         """Bytes for the companion, from whomever."""
         for packet in packets(data):
             if packet_header(packet)[0] == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED:
                 (self._position,) = self._position_codec.parse_buffer(packet)
         self.companion.receive(self.link_url, data, self.now_s)
 
-    def tell(self, data: bytes) -> None:
+    def report(self, data: bytes) -> None:
         """Bytes of the companion, for the autopilot."""
         self.autopilot.receive("companion", data)
 

@@ -61,7 +61,7 @@ class Operator:
 
     autopilot: FakeAutopilot
     manner: Manner
-    heard: list[mavlink.MAVLink_message] = field(default_factory=list)
+    received: list[mavlink.MAVLink_message] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self._codec = mavlink.MAVLink(None, srcSystem=255, srcComponent=190)
@@ -85,9 +85,9 @@ class Operator:
     def receive(self, data: bytes) -> None:
         for packet in packets(data):
             if packet_header(packet)[0] in _READ:
-                heard = self._codec.parse_buffer(packet) or []
-                self.heard += heard
-                for message in heard:
+                received = self._codec.parse_buffer(packet) or []
+                self.received += received
+                for message in received:
                     if message.get_type() == "MISSION_REQUEST_INT":
                         self._send_item(message.seq)
 
@@ -148,14 +148,14 @@ class Operator:
     def answers(self, command: int = MAV_CMD_USER_1) -> list[int]:
         return [
             message.result
-            for message in self.heard
+            for message in self.received
             if message.get_type() == "COMMAND_ACK" and message.command == command
         ]
 
     def texts(self) -> list[str]:
         """Whole texts: chunks of 50 characters are put together."""
         texts: list[str] = []
-        for message in self.heard:
+        for message in self.received:
             if message.get_type() == "STATUSTEXT":
                 if message.id and message.chunk_seq:
                     texts[-1] += message.text
@@ -163,5 +163,5 @@ class Operator:
                     texts.append(message.text)
         return texts
 
-    def said(self, words: str) -> bool:
+    def has_received(self, words: str) -> bool:
         return any(words in text for text in self.texts())

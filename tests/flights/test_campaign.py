@@ -51,7 +51,7 @@ def at_rest(place_m=HERE_M, **changes) -> Record:
         "true_m": np.tile(np.array(place_m, dtype=float), (COUNT, 1)),
         "error_m": np.zeros((COUNT, 3)),
         "wind_mps": np.zeros((COUNT, 3)),
-        "told_m": np.full(COUNT, 0.3),
+        "reported_m": np.full(COUNT, 0.3),
         "modes": ["OFFBOARD"] * COUNT,
         "airborne": np.ones(COUNT, dtype=bool),
         "states": ["flying"] * COUNT,
@@ -75,7 +75,7 @@ def setpoint(time_s, place_m, aircraft_m=None, **changes) -> Sent:
         "on_leg": False,
         "local_m": tuple(place_m),
         "moves": False,
-        "told_m": tuple(place_m),
+        "reported_m": tuple(place_m),
         "aircraft_m": tuple(place_m if aircraft_m is None else aircraft_m),
         "position_age_s": 0.02,
         "mode_age_s": 0.1,
@@ -156,7 +156,7 @@ def test_outside_the_promise_a_collision_is_counted_with_what_was_not_held(name)
 
 
 def test_an_error_that_is_told_is_within_the_promise():
-    told = {"error_m": np.tile([0.0, 0.0, 1.9], (COUNT, 1)), "told_m": np.full(COUNT, 2.0)}
+    told = {"error_m": np.tile([0.0, 0.0, 1.9], (COUNT, 1)), "reported_m": np.full(COUNT, 2.0)}
     assert rules(flown_to(CONDUCTOR_M, **told))["collision"] == ()
 
 
@@ -191,7 +191,7 @@ def test_a_stream_that_begins_far_from_its_aircraft_is_found():
     record = at_rest((28.0, 0.0, 9.0))
     far_m = (28.0, 0.0, 6.5)
     sent = [
-        dataclasses.replace(item, local_m=far_m, told_m=far_m, aircraft_m=HERE_M)
+        dataclasses.replace(item, local_m=far_m, reported_m=far_m, aircraft_m=HERE_M)
         for item in record.sent[510:]
     ]
     assert rules(dataclasses.replace(record, sent=record.sent[:500] + sent)) == {"begins": ()}
@@ -206,7 +206,7 @@ def test_a_setpoint_from_stale_input_is_found(age_s, moves, found):
 
 def test_a_stream_that_begins_anew_after_a_state_without_one_is_no_step():
     away_m = (HERE_M[0] + 0.5, *HERE_M[1:])
-    record = from_step(500, at_rest(), local_m=away_m, told_m=away_m, aircraft_m=away_m)
+    record = from_step(500, at_rest(), local_m=away_m, reported_m=away_m, aircraft_m=away_m)
     assert rules(record) == {"step": ()}
     states = ["flying"] * COUNT
     states[499] = "idle"
@@ -217,10 +217,10 @@ def test_a_setpoint_at_rest_may_follow_the_aircraft_that_has_taken_it_along():
     blown_m = (HERE_M[0] + 4.0, *HERE_M[1:])
     taken_m, nearer_m = ((HERE_M[0] + away, *HERE_M[1:]) for away in (3.0, 3.2))
     away = from_step(500, at_rest(), aircraft_m=blown_m)
-    taken = from_step(500, away, local_m=taken_m, told_m=taken_m)
-    along = from_step(501, taken, local_m=nearer_m, told_m=nearer_m)
+    taken = from_step(500, away, local_m=taken_m, reported_m=taken_m)
+    along = from_step(501, taken, local_m=nearer_m, reported_m=nearer_m)
     assert "step" not in rules(along)
-    assert "step" in rules(from_step(501, taken, local_m=nearer_m, told_m=nearer_m, moves=True))
+    assert "step" in rules(from_step(501, taken, local_m=nearer_m, reported_m=nearer_m, moves=True))
 
 
 def test_a_setpoint_while_the_mode_is_not_told_is_found():
@@ -231,7 +231,7 @@ def test_a_setpoint_while_the_mode_is_not_told_is_found():
     "place_m", [(31.0, 0.0, 9.0), (28.0, 2.2, 9.0), (28.0, 0.0, 1.8), (28.0, 0.0, 20.2)]
 )
 def test_a_setpoint_outside_is_found_but_on_a_landing_leg(place_m):
-    record = from_step(500, at_rest(), told_m=place_m)
+    record = from_step(500, at_rest(), reported_m=place_m)
     assert rules(record) == {"outside": ()}
     assert rules(from_step(500, record, on_leg=True)) == {}
 
@@ -239,21 +239,21 @@ def test_a_setpoint_outside_is_found_but_on_a_landing_leg(place_m):
 def test_what_is_left_of_a_landing_leg_may_lead_outside_for_a_while():
     outside_m = (30.1, 0.0, 9.0)
     record = from_step(500, from_step(400, at_rest(), on_leg=True), on_leg=False)
-    assert rules(from_step(600, record, told_m=outside_m)) == {}
-    assert rules(from_step(700, record, told_m=outside_m)) == {"outside": ()}
+    assert rules(from_step(600, record, reported_m=outside_m)) == {}
+    assert rules(from_step(700, record, reported_m=outside_m)) == {"outside": ()}
 
 
 def test_a_stream_that_begins_outside_at_its_aircraft_may_lead_in_and_not_out():
     outside_m, farther_m = (31.0, 0.0, 9.0), (31.1, 0.0, 9.0)
     assert rules(at_rest(outside_m)) == {}
-    led_in = from_step(500, at_rest(outside_m), told_m=HERE_M)
+    led_in = from_step(500, at_rest(outside_m), reported_m=HERE_M)
     assert rules(led_in) == {}
-    assert rules(from_step(500, at_rest(outside_m), told_m=farther_m)) == {"outside": ()}
+    assert rules(from_step(500, at_rest(outside_m), reported_m=farther_m)) == {"outside": ()}
 
 
 def test_a_setpoint_in_a_keep_out_is_found():
     near_m = (CONDUCTOR_M[0] + 0.5, 0.0, CONDUCTOR_M[2])
-    assert rules(from_step(500, at_rest(), told_m=near_m)) == {"setpoint_keep_out": ()}
+    assert rules(from_step(500, at_rest(), reported_m=near_m)) == {"setpoint_keep_out": ()}
 
 
 def taken_over_at(step, last_step, told_after_s=0.0):

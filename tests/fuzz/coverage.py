@@ -79,7 +79,7 @@ def feed(data: bytes) -> None:
         if session.autopilot is not None and kind & 64:
             session.send_setpoint((0.0, 0.0, -5.0), (1.0, 0.0, 0.0), 0.0, now_s)
         session.events_received()
-        session.packets_heard()
+        session.received_packets()
         session.data_to_send()
 
 

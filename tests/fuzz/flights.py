@@ -97,7 +97,7 @@ class Cycles:
         self.companion.tick(now_s)
         self._out = self.companion.data_to_send()
         self.costs_ms.append((time.thread_time_ns() - began_ns) * 1e-6)
-        self.companion.packets_heard()
+        self.companion.received_packets()
 
     def data_to_send(self) -> list[tuple[str, bytes]]:
         return [item for item in self._out if item[0] == COMPANION_LINK]
@@ -124,7 +124,7 @@ class FuzzedFlight(Lockstep):
         signing = Signing(key=SigningKey(SECRET), wall_s=WALL_S)
         return RecordedCompanion(config, self.vehicle, site_maps, before=before, signing=signing)
 
-    def hear(self, data: bytes) -> None:
+    def handle(self, data: bytes) -> None:
         for packet in packets(data):
             number = packet_header(packet)[0]
             self.last[number] = packet
@@ -194,7 +194,7 @@ class Life:
         self.what, self.seed, self.report = what, seed, report
         self.manner = list(Manner)[seed % 2]
         self.speaks_for_autopilot = what == "messages" and seed // 2 % 2 == 0
-        self.vain = 0
+        self.failed_tasks = 0
         self._begin()
         codec = self.flight.companion.companion._session._codecs[COMPANION_LINK]
         self.shapes = [shape_of(mavlink.mavlink_map[number]) for number in sorted(codec._wanted)]
@@ -238,17 +238,17 @@ class Life:
         wanted = pick.choice(
             [{"flying", "landing_leg"}] * 5 + [{"ready"}, {"landing_leg"}, {flight.state}]
         )
-        self.vain += 1
+        self.failed_tasks += 1
         for step in range(CALM_STEPS):
             if flight.state in {"flying", "landing_leg"}:
-                self.vain = 0
+                self.failed_tasks = 0
             if flight.state in wanted and step >= 20:
                 break
             if not (flight.state == "ready" and "ready" in wanted):
                 flight.fly_on(pick)
             flight.step()
-        if self.vain >= _VAIN:
-            self.vain = 0
+        if self.failed_tasks >= _VAIN:
+            self.failed_tasks = 0
             self._begin()
 
     def _burst(self, end: int) -> None:

@@ -130,9 +130,9 @@ def test_at_every_tick_the_way_on_without_us_is_free(vehicle, loss):
         (x_m, _, z_m), velocity = setpoint.position_m, setpoint.velocity_mps
         speed_mps = math.hypot(*velocity)
         fastest_mps = max(fastest_mps, speed_mps)
-        way_m = float(loss.way_m(np.array(speed_mps)))
+        stopping_m = float(loss.stopping_m(np.array(speed_mps)))
         # A tick of braking is forgiven.
-        for part in np.linspace(0.0, max(0.0, way_m - 0.1), 20) / max(speed_mps, 1e-9):
+        for part in np.linspace(0.0, max(0.0, stopping_m - 0.1), 20) / max(speed_mps, 1e-9):
             cell = maps.grid.cell_of((x_m + part * velocity[0], z_m + part * velocity[2]))
             assert cell is None or not maps.occupied[cell]
     assert fastest_mps > 0.6

@@ -124,7 +124,7 @@ class Rig:
 
     def take_off(self):
         operator = self.operator
-        operator.wait_for("the autopilot", lambda: operator.autopilot_heard, 30.0)
+        operator.wait_for("the autopilot", lambda: operator.autopilot_received, 30.0)
         operator.wait_for("ready to arm", lambda: operator.ready_to_arm, 30.0)
         operator.take_off(3.0)
         operator.wait_for("in the air", lambda: operator.landed_state == IN_AIR, 20.0)
@@ -148,10 +148,10 @@ class Rig:
     def start(self, **environment):
         """Start the service; returns once it is heard."""
         operator = self.operator
-        operator.companion_heard = False
+        operator.companion_received = False
         operator.texts.clear()
         self.service.start(**environment)
-        operator.wait_for("the companion", lambda: operator.companion_heard, 30.0)
+        operator.wait_for("the companion", lambda: operator.companion_received, 30.0)
 
     def wait_for_text(self, text, timeout_s=10.0):
         self.operator.wait_for(text, lambda: text in self.said(), timeout_s)

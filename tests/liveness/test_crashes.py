@@ -88,11 +88,11 @@ def test_killed_at_any_moment_its_memory_is_whole_or_absent(rig):
     moments = random.Random(7)
     remembered = set()
     for waits in [False, True] * 4:
-        rig.operator.companion_heard = False
+        rig.operator.companion_received = False
         rig.service.start()
         moment_s = 30.0 if waits else moments.uniform(0.0, 2.0 * start_s)
-        heard = rig.operator.wait_until(lambda: rig.operator.companion_heard, moment_s)
-        if heard:
+        received = rig.operator.wait_until(lambda: rig.operator.companion_received, moment_s)
+        if received:
             rig.watch(moments.uniform(0.0, 2.0))
             rig.ask_for_inspection()
             rig.watch(moments.uniform(0.0, 0.4))

@@ -75,9 +75,9 @@ def test_it_is_fed_twice_in_its_time_and_not_while_no_cycle_ends(tmp_path):
 @real_time
 def test_one_that_hangs_in_flight_is_started_anew_tells_what_was_flown_and_waits(rig, tmp_path):
     rig.service.end(signal.SIGKILL)
-    rig.operator.companion_heard = False
+    rig.operator.companion_received = False
     with Manager(rig.service, tmp_path) as manager:
-        rig.operator.wait_for("the companion", lambda: rig.operator.companion_heard, 30.0)
+        rig.operator.wait_for("the companion", lambda: rig.operator.companion_received, 30.0)
         rig.hover()
         rig.fly()
         hung_s = clock_s()

@@ -17,7 +17,7 @@ class Story:
         self.now_s = 100.0
         self._readers = {name: Codec(system_id=9, component_id=9) for name in ("serial", "network")}
 
-    def hear(self, data, *, link="serial"):
+    def handle(self, data, *, link="serial"):
         self.session.receive(link, data, self.now_s)
 
     def tick(self, status=SystemStatus.ACTIVE):
@@ -45,7 +45,7 @@ class Story:
 
     def meet(self, sender, **options):
         self.tick()
-        self.hear(sender.heartbeat(**options))
+        self.handle(sender.heartbeat(**options))
         self.sent()
         self.events()
 

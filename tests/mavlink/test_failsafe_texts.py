@@ -85,8 +85,8 @@ def after(text, seconds, *, flags=GOOD, compass=0.1, fix_type=3, heartbeats_s=1.
             report = mavlink.MAVLink_ekf_status_report_message(flags, 0.1, 0.1, 0.1, compass, 0.0)
             telemetry = translate.update(telemetry, report, now_s)
         gnss = mavlink.MAVLink_gps_raw_int_message(0, fix_type, 0, 0, 0, 90, 90, 0, 0, 12)
-        for heard in (gnss, message):
-            telemetry = translate.update(telemetry, heard, now_s)
+        for received in (gnss, message):
+            telemetry = translate.update(telemetry, received, now_s)
     return set(telemetry.failsafes_reported)
 
 

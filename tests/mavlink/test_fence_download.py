@@ -42,12 +42,12 @@ def refusal(result):
 def read(download, number=3, now_s=0.0):
     """A whole reading, every answer at once."""
     assert download.next_request(AUTOPILOT, now_s).get_type() == "MISSION_REQUEST_LIST"
-    end = download.hear(count(number), AUTOPILOT, now_s)
+    end = download.handle(count(number), AUTOPILOT, now_s)
     for seq in range(number):
         assert end is None
         asked = download.next_request(AUTOPILOT, now_s)
         assert (asked.get_type(), asked.seq) == ("MISSION_REQUEST_INT", seq)
-        end = download.hear(item(seq), AUTOPILOT, now_s)
+        end = download.handle(item(seq), AUTOPILOT, now_s)
     assert (end.get_type(), end.type) == ("MISSION_ACK", mavlink.MAV_MISSION_ACCEPTED)
 
 
@@ -76,19 +76,19 @@ def test_it_is_read_again_after_a_while_and_stays_known_meanwhile():
     assert download.next_request(AUTOPILOT, 9.9) is None
     download.next_request(AUTOPILOT, 10.0)
     assert len(download.items) == 3
-    download.hear(count(0), AUTOPILOT, 10.0)
+    download.handle(count(0), AUTOPILOT, 10.0)
     assert download.items == ()
 
 
 def test_a_lost_packet_is_asked_for_again():
     download = FenceDownload()
     download.next_request(AUTOPILOT, 0.0)
-    download.hear(count(2), AUTOPILOT, 0.0)
+    download.handle(count(2), AUTOPILOT, 0.0)
     assert download.next_request(AUTOPILOT, 0.0).seq == 0
     assert download.next_request(AUTOPILOT, 0.9) is None
     assert download.next_request(AUTOPILOT, 1.0).seq == 0
-    download.hear(item(0), AUTOPILOT, 1.1)
-    download.hear(item(0), AUTOPILOT, 1.1)  # the first answer, late
+    download.handle(item(0), AUTOPILOT, 1.1)
+    download.handle(item(0), AUTOPILOT, 1.1)  # the first answer, late
     assert download.next_request(AUTOPILOT, 1.1).seq == 1
 
 
@@ -105,7 +105,7 @@ def test_an_autopilot_that_never_answers_is_silent_and_asked_again_later():
 def test_one_that_tells_of_items_but_none_of_them_leaves_its_fence_unknown():
     download = FenceDownload()
     download.next_request(AUTOPILOT, 0.0)
-    download.hear(count(4), AUTOPILOT, 0.0)
+    download.handle(count(4), AUTOPILOT, 0.0)
     for second in range(60):
         download.next_request(AUTOPILOT, float(second))
     assert download.items is None
@@ -124,7 +124,7 @@ def test_one_that_falls_silent_after_it_was_read_is_silent_with_what_is_known():
 def test_one_that_is_busy_is_asked_again_soon():
     download = FenceDownload()
     download.next_request(AUTOPILOT, 0.0)
-    download.hear(refusal(mavlink.MAV_MISSION_DENIED), AUTOPILOT, 0.0)
+    download.handle(refusal(mavlink.MAV_MISSION_DENIED), AUTOPILOT, 0.0)
     assert download.items is None
     assert download.next_request(AUTOPILOT, 0.5) is None
     read(download, now_s=1.0)
@@ -133,16 +133,16 @@ def test_one_that_is_busy_is_asked_again_soon():
 def test_one_that_knows_no_fence_has_none():
     download = FenceDownload()
     download.next_request(AUTOPILOT, 0.0)
-    download.hear(refusal(mavlink.MAV_MISSION_UNSUPPORTED), AUTOPILOT, 0.0)
+    download.handle(refusal(mavlink.MAV_MISSION_UNSUPPORTED), AUTOPILOT, 0.0)
     assert download.items == ()
 
 
 def test_what_nobody_asked_for_and_other_missions_are_ignored():
     download = FenceDownload()
-    download.hear(count(0), AUTOPILOT, 0.0)
+    download.handle(count(0), AUTOPILOT, 0.0)
     assert download.items is None
     download.next_request(AUTOPILOT, 0.0)
-    download.hear(count(0, mission_type=0), AUTOPILOT, 0.0)
+    download.handle(count(0, mission_type=0), AUTOPILOT, 0.0)
     assert download.items is None
 
 

@@ -41,9 +41,9 @@ class Machine:
         for _ in range(round(duration_s / 0.02)):
             self.now_s += 0.02
             for message_id in self._due(self.flowing_hz):
-                self.requests.hear(message_id)
+                self.requests.count(message_id)
             for message_id in self._due(self.unused_hz):
-                self.requests.hear_unused(message_id, "serial", self.now_s)
+                self.requests.count_unused(message_id, "serial", self.now_s)
             request = self.requests.next_request(self.now_s, "serial", shared=self.shared)
             if request is not None:
                 made.append((round(self.now_s - 100.0, 2), request[0]))
@@ -221,7 +221,7 @@ def test_what_is_not_read_and_comes_often_is_asked_down_once():
 def test_it_is_asked_down_to_one_a_second():
     requests = MessageRates()
     for step in range(1100):
-        requests.hear_unused(QUATERNION, "serial", 0.01 * step)
+        requests.count_unused(QUATERNION, "serial", 0.01 * step)
     assert requests.next_request(11.0, "serial", shared=False) == (QUATERNION, 1_000_000)
 
 

@@ -58,41 +58,41 @@ def test_a_packet_that_is_late_by_most_of_a_round_is_not_taken_for_one_ahead():
 
 def test_of_a_packet_with_a_time_that_alone_decides():
     listener = TelemetryReceiver()
-    heard(listener, heartbeat(HOLD), 0, 0.0)
+    received(listener, heartbeat(HOLD), 0, 0.0)
     for count in range(100):
-        heard(listener, attitude(50.0 + count * 0.01, roll=0.1), count, count * 0.01)
-    heard(listener, attitude(50.6, roll=0.9), 100, 1.0)
+        received(listener, attitude(50.0 + count * 0.01, roll=0.1), count, count * 0.01)
+    received(listener, attitude(50.6, roll=0.9), 100, 1.0)
     assert listener.telemetry.attitude.roll_rad == pytest.approx(0.1)
-    heard(listener, attitude(51.0, roll=0.2), 3, 1.0)
+    received(listener, attitude(51.0, roll=0.2), 3, 1.0)
     assert listener.telemetry.attitude.roll_rad == pytest.approx(0.2)
 
 
 def test_a_place_is_never_late_by_the_time_at_which_it_was_set():
     listener = TelemetryReceiver()
-    heard(listener, heartbeat(HOLD), 0, 0.0)
+    received(listener, heartbeat(HOLD), 0, 0.0)
 
     def origin(latitude_e7, time_usec):
         return mavlink.MAVLink_gps_global_origin_message(latitude_e7, 1, 1, time_usec)
 
-    heard(listener, origin(10_000_000, 90_000_000), 1, 0.1)
-    heard(listener, origin(20_000_000, 3_000_000), 2, 0.2)
+    received(listener, origin(10_000_000, 90_000_000), 1, 0.1)
+    received(listener, origin(20_000_000, 3_000_000), 2, 0.2)
     assert listener.telemetry.local_origin.point.latitude_deg == pytest.approx(2.0)
 
 
 def test_the_lifetime_of_a_link_is_not_prolonged_by_packets_that_are_late():
     listener = TelemetryReceiver()
-    heard(listener, heartbeat(HOLD), 0, 0.0)
-    heard(listener, attitude(50.0), 1, 0.1)
-    heard(listener, attitude(49.0), 2, 2.0)
-    assert listener.identity.heard_s == 0.1
+    received(listener, heartbeat(HOLD), 0, 0.0)
+    received(listener, attitude(50.0), 1, 0.1)
+    received(listener, attitude(49.0), 2, 2.0)
+    assert listener.identity.received_s == 0.1
 
 
 def test_a_restarted_autopilot_is_heard_from_when_its_clock_has_run_on():
     listener = TelemetryReceiver()
-    heard(listener, heartbeat(HOLD), 0, 0.0)
-    heard(listener, attitude(50.0), 1, 0.1)
+    received(listener, heartbeat(HOLD), 0, 0.0)
+    received(listener, attitude(50.0), 1, 0.1)
     events = [
-        heard(listener, attitude(0.3 + 0.1 * n, roll=0.1 * n), 2 + n, 1.0 + 0.1 * n)
+        received(listener, attitude(0.3 + 0.1 * n, roll=0.1 * n), 2 + n, 1.0 + 0.1 * n)
         for n in range(5)
     ]
     assert [type(event).__name__ for event in events] == [
@@ -107,7 +107,7 @@ def positions_told(listener, *arrivals):
     """Accepted ones of positions, given as (time, time since boot)."""
     told = []
     for number, (now_s, boot_s) in enumerate(arrivals, start=1):
-        heard(listener, position(boot_s, north_m=boot_s), number, now_s)
+        received(listener, position(boot_s, north_m=boot_s), number, now_s)
         local = listener.telemetry.local_position
         told.append(local is not None and local.position_ned_m[0] == boot_s)
     return told
@@ -115,45 +115,45 @@ def positions_told(listener, *arrivals):
 
 def test_a_step_of_the_clock_is_one_step_for_all_messages():
     listener = TelemetryReceiver()
-    heard(listener, heartbeat(HOLD), 0, 0.0)
+    received(listener, heartbeat(HOLD), 0, 0.0)
     for count in range(10):
-        heard(listener, attitude(50.0 + 0.1 * count), count, 0.1 * count)
+        received(listener, attitude(50.0 + 0.1 * count), count, 0.1 * count)
     assert positions_told(listener, (0.95, 50.95)) == [True]
     step_s, delay_s = 5.02, 0.05
     for count in range(10, 15):
-        heard(listener, attitude(50.0 + step_s + 0.1 * count), count, 0.1 * count + delay_s)
+        received(listener, attitude(50.0 + step_s + 0.1 * count), count, 0.1 * count + delay_s)
     steps = [1.5 + 0.1 * n for n in range(20)]
     assert all(positions_told(listener, *[(now_s, 50.0 + step_s + now_s) for now_s in steps]))
 
 
 def test_a_packet_of_the_clock_before_a_restart_hides_nothing_that_follows():
     listener = TelemetryReceiver()
-    heard(listener, heartbeat(HOLD), 0, 0.0)
-    heard(listener, attitude(1000.0), 1, 0.1)
+    received(listener, heartbeat(HOLD), 0, 0.0)
+    received(listener, attitude(1000.0), 1, 0.1)
     for count in range(5):
-        heard(listener, attitude(0.3 + 0.1 * count), 2 + count, 1.0 + 0.1 * count)
+        received(listener, attitude(0.3 + 0.1 * count), 2 + count, 1.0 + 0.1 * count)
     arrivals = [(1.5, 1000.5), *[(1.6 + 0.1 * n, 0.9 + 0.1 * n) for n in range(20)]]
     assert positions_told(listener, *arrivals) == [False, *[True] * 20]
 
 
 def test_positions_that_run_on_in_the_past_beside_the_clock_are_late():
     listener = TelemetryReceiver()
-    heard(listener, heartbeat(HOLD), 0, 0.0)
+    received(listener, heartbeat(HOLD), 0, 0.0)
     assert positions_told(listener, (0.1, 50.1)) == [True]
     for count in range(50):
         now_s = 0.2 + 0.02 * count
-        heard(listener, attitude(50.0 + now_s), count, now_s)
+        received(listener, attitude(50.0 + now_s), count, now_s)
         assert positions_told(listener, (now_s, 49.0 + 0.02 * count)) == [False]
 
 
 def test_a_system_time_far_ahead_is_another_autopilots_and_hides_nothing():
     listener = TelemetryReceiver()
-    heard(listener, heartbeat(HOLD), 0, 0.0)
-    heard(listener, attitude(50.0), 1, 0.1)
-    event = heard(listener, mavlink.MAVLink_system_time_message(0, 4_000_000), 2, 0.2)
+    received(listener, heartbeat(HOLD), 0, 0.0)
+    received(listener, attitude(50.0), 1, 0.1)
+    event = received(listener, mavlink.MAVLink_system_time_message(0, 4_000_000), 2, 0.2)
     assert isinstance(event, AutopilotConflict)
     assert listener.identity.conflict == "two clocks, autopilot id 1"
-    assert heard(listener, attitude(50.2, roll=0.3), 3, 0.3) is None
+    assert received(listener, attitude(50.2, roll=0.3), 3, 0.3) is None
     assert listener.telemetry.attitude.roll_rad == pytest.approx(0.3)
     listener.identity.forget_silent(10.3)
     assert listener.identity.conflict is None
@@ -178,10 +178,10 @@ def test_after_a_silence_nothing_is_late_however_many_were_lost(lost):
     assert late(order, (0.0, ATTITUDE, 3), (0.5, ATTITUDE, 3 + lost)) == [False, False]
 
 
-def heard(listener, message, sequence, now_s):
+def received(listener, message, sequence, now_s):
     header = message.get_header()
     header.srcSystem, header.srcComponent, header.seq = 1, 1, sequence
-    return listener.hear(message, link="a", role=LinkRole.AUTOPILOT, now_s=now_s)
+    return listener.handle(message, link="a", role=LinkRole.AUTOPILOT, now_s=now_s)
 
 
 def heartbeat(mode, status=4):
@@ -203,9 +203,9 @@ def current_mode(mode, intended=None):
 
 def test_a_heartbeat_that_was_overtaken_gives_no_mode_back():
     listener = TelemetryReceiver()
-    heard(listener, heartbeat(OFFBOARD), 1, 0.0)
-    left = heard(listener, current_mode(HOLD), 9, 0.10)
-    heard(listener, heartbeat(OFFBOARD), 7, 0.12)
+    received(listener, heartbeat(OFFBOARD), 1, 0.0)
+    left = received(listener, current_mode(HOLD), 9, 0.10)
+    received(listener, heartbeat(OFFBOARD), 7, 0.12)
     autopilot = listener.telemetry.autopilot
     assert (left.mode, autopilot.mode, autopilot.ours) == ("HOLD", "HOLD", False)
     assert autopilot.received_s == 0.10
@@ -213,12 +213,12 @@ def test_a_heartbeat_that_was_overtaken_gives_no_mode_back():
 
 def test_a_mode_that_was_not_asked_for_is_a_failsafes():
     listener = TelemetryReceiver()
-    heard(listener, heartbeat(OFFBOARD), 1, 0.0)
-    heard(listener, current_mode(HOLD, intended=OFFBOARD), 2, 0.1)
+    received(listener, heartbeat(OFFBOARD), 1, 0.0)
+    received(listener, current_mode(HOLD, intended=OFFBOARD), 2, 0.1)
     assert listener.telemetry.autopilot.failsafe
-    heard(listener, current_mode(HOLD), 3, 0.2)
+    received(listener, current_mode(HOLD), 3, 0.2)
     assert listener.telemetry.autopilot.failsafe  # the heartbeat says when it is over
-    heard(listener, heartbeat(HOLD), 4, 0.3)
+    received(listener, heartbeat(HOLD), 4, 0.3)
     assert not listener.telemetry.autopilot.failsafe
 
 
@@ -236,7 +236,7 @@ def test_events_and_states_of_other_instances_are_never_late():
         return mavlink.MAVLink_statustext_message(4, words)
 
     listener = TelemetryReceiver()
-    heard(listener, mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 4, 3), 1, 0.0)
+    received(listener, mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 4, 3), 1, 0.0)
     for message, sequence in (
         (parameter(b"MOT_PWM_MAX", 2000.0), 3),
         (parameter(b"MOT_PWM_MIN", 1000.0), 2),
@@ -246,7 +246,7 @@ def test_events_and_states_of_other_instances_are_never_late():
         (battery(0, 20), 6),
         (battery(1, 81), 7),
     ):
-        heard(listener, message, sequence, 0.1)
+        received(listener, message, sequence, 0.1)
     telemetry = listener.telemetry
     assert (telemetry.motor_min_us, telemetry.motor_max_us) == (1000.0, 2000.0)
     assert Failsafe.GROUND_STATION in telemetry.failsafes_reported

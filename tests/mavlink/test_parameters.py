@@ -52,7 +52,7 @@ class Reading:
             if self.drop:
                 self.drop -= 1
             elif name in self.has:
-                self.requests.hear(told(name, self.has[name]), PX4)
+                self.requests.handle(told(name, self.has[name]), PX4)
 
 
 def test_each_is_asked_for_once_when_it_is_told():
@@ -96,21 +96,21 @@ def test_one_that_was_given_up_counts_when_it_is_told_after_all():
     reading = Reading("A")
     reading.run(5.0)
     assert reading.requests.values == {"A": None}
-    reading.requests.hear(told("A", 4.0), PX4)
+    reading.requests.handle(told("A", 4.0), PX4)
     assert reading.requests.values == {"A": 4.0}
 
 
 def test_a_value_that_somebody_else_sets_replaces_the_old_one():
     reading = Reading("A")
-    reading.requests.hear(told("A", 1.0), PX4)
-    reading.requests.hear(told("A", 1.0), PX4)
-    reading.requests.hear(told("A", 2.0), PX4)
+    reading.requests.handle(told("A", 1.0), PX4)
+    reading.requests.handle(told("A", 1.0), PX4)
+    reading.requests.handle(told("A", 2.0), PX4)
     assert reading.requests.values == {"A": 2.0}
 
 
 def test_what_is_not_wanted_is_ignored():
     reading = Reading("A")
-    reading.requests.hear(told("AB", 1.0), PX4)
+    reading.requests.handle(told("AB", 1.0), PX4)
     assert reading.requests.values == {}
 
 
@@ -132,7 +132,7 @@ def test_every_integer_of_px4_survives_its_encoding(value, mavlink1):
     message.get_msgbuf()[start : start + 4] = struct.pack("<i", value)
     requests = ParameterRequests()
     requests.want(["A"])
-    requests.hear(message, PX4)
+    requests.handle(message, PX4)
     assert requests.values == {"A": float(value)}
 
 
@@ -151,7 +151,7 @@ def test_every_integer_of_px4_survives_its_encoding(value, mavlink1):
 def test_each_autopilot_has_its_own_encoding(kind, param_type, on_wire, value):
     requests = ParameterRequests()
     requests.want(["A"])
-    requests.hear(told("A", on_wire, param_type), kind)
+    requests.handle(told("A", on_wire, param_type), kind)
     assert requests.values == {"A": value}
 
 
@@ -173,11 +173,11 @@ def test_only_the_autopilot_on_its_own_link_tells_its_parameters(story, autopilo
     story.session.requests.want_parameters(["A"])
     story.meet(autopilot)
     value = {"param_id": b"A", "param_type": REAL32, "param_count": 1, "param_index": 0}
-    story.hear(peer(1, 195).send("PARAM_VALUE", param_value=1.0, **value))
-    story.hear(peer(2, 1).send("PARAM_VALUE", param_value=1.0, **value))
-    story.hear(autopilot.send("PARAM_VALUE", param_value=1.0, **value), link="network")
+    story.handle(peer(1, 195).send("PARAM_VALUE", param_value=1.0, **value))
+    story.handle(peer(2, 1).send("PARAM_VALUE", param_value=1.0, **value))
+    story.handle(autopilot.send("PARAM_VALUE", param_value=1.0, **value), link="network")
     assert story.session.requests.parameters == {}
-    story.hear(autopilot.send("PARAM_VALUE", param_value=2.0, **value))
+    story.handle(autopilot.send("PARAM_VALUE", param_value=2.0, **value))
     assert story.session.requests.parameters == {"A": 2.0}
 
 
@@ -223,7 +223,7 @@ def test_the_lists_of_real_autopilots_are_read_as_they_are(story, recording, nam
     story.session.requests.want_parameters(values)
     for time_s, packet in recording(name):
         story.now_s = time_s
-        story.hear(packet)
+        story.handle(packet)
     assert story.session.requests.parameters == values
 
 
@@ -239,10 +239,10 @@ def test_the_lists_of_real_autopilots_are_read_as_they_are(story, recording, nam
 def test_the_range_of_motor_outputs_is_asked_for_when_these_are_heard(
     story, autopilot, autopilot_id, names
 ):
-    story.hear(autopilot.heartbeat(autopilot=autopilot_id))
+    story.handle(autopilot.heartbeat(autopilot=autopilot_id))
     assert not of_type(story.run(0.2), "PARAM_REQUEST_READ")
     zeros = {f"servo{number}_raw": 0 for number in range(5, 9)}
     outputs = {f"servo{number}_raw": 1500 for number in range(1, 5)}
-    story.hear(autopilot.send("SERVO_OUTPUT_RAW", time_usec=0, port=0, **outputs, **zeros))
+    story.handle(autopilot.send("SERVO_OUTPUT_RAW", time_usec=0, port=0, **outputs, **zeros))
     asked = of_type(story.run(0.2), "PARAM_REQUEST_READ")
     assert {message.param_id for message in asked} == names

@@ -8,8 +8,8 @@ from moar_companion import autopilots
 from moar_companion.mavlink.commands import CommandResult, MissionCommand, PauseContinue
 from moar_companion.mavlink.dialect import create, mavlink
 from moar_companion.mavlink.identity import AutopilotConflict, AutopilotFound, AutopilotRestarted
-from moar_companion.mavlink.passive_listener import AnswerSaid, PassiveListener, TextSaid
-from moar_companion.mavlink.statustext import HeardText
+from moar_companion.mavlink.passive_listener import AnswerReceived, PassiveListener, TextReceived
+from moar_companion.mavlink.statustext import ReceivedText
 
 from .messages import message_of
 from .peer import Peer
@@ -26,11 +26,11 @@ class Scene:
         self.companion = Peer(system_id, 195)
         self.ground = Peer(255, 190)
         self.now_s = 0.0
-        self.found = self.hear(self.autopilot.heartbeat(**heartbeat))
+        self.found = self.handle(self.autopilot.heartbeat(**heartbeat))
 
-    def hear(self, packet):
+    def handle(self, packet):
         self.now_s += 0.1
-        return self.witness.hear(packet, self.now_s)
+        return self.witness.handle(packet, self.now_s)
 
 
 def text(words, *, severity=6, number=0, chunk=0):
@@ -43,15 +43,15 @@ def test_the_first_autopilot_is_latched_whatever_its_number():
     assert isinstance(found, AutopilotFound)
     assert (found.autopilot.system_id, found.autopilot.kind) == (42, autopilots.PX4)
     assert scene.witness.vehicle_type == "quadrotor"
-    (other,) = scene.hear(Peer(7, 1).heartbeat())
+    (other,) = scene.handle(Peer(7, 1).heartbeat())
     assert isinstance(other, AutopilotConflict)
-    assert scene.hear(Peer(7, 1).attitude(1.0)) == []
+    assert scene.handle(Peer(7, 1).attitude(1.0)) == []
     assert scene.witness.telemetry.attitude is None
 
 
 def test_nothing_is_known_without_a_heartbeat():
     witness = PassiveListener()
-    assert witness.hear(Peer(1, 1).attitude(1.0), 0.0) == []
+    assert witness.handle(Peer(1, 1).attitude(1.0), 0.0) == []
     assert witness.telemetry.attitude is None
     assert witness.autopilot is None
     assert witness.sources[1, 1].received == 1
@@ -60,8 +60,8 @@ def test_nothing_is_known_without_a_heartbeat():
 def test_sources_of_telemetry_are_counted():
     scene = Scene()
     for boot_s in (1.0, 1.1, 1.2):
-        scene.hear(scene.autopilot.attitude(boot_s))
-    scene.hear(scene.ground.ground_heartbeat())
+        scene.handle(scene.autopilot.attitude(boot_s))
+    scene.handle(scene.ground.ground_heartbeat())
     inputs = scene.witness.inputs
     assert (inputs["attitude"].messages, inputs["attitude"].last_s) == (3, pytest.approx(0.4))
     assert inputs["autopilot"].messages == inputs["ground_station"].messages == 1
@@ -71,7 +71,7 @@ def test_sources_of_telemetry_are_counted():
 def test_packets_lost_are_counted_when_time_goes_on():
     scene = Scene()
     scene.autopilot.skip(3)
-    scene.hear(scene.autopilot.attitude(1.0))
+    scene.handle(scene.autopilot.attitude(1.0))
     scene.witness.tick(1.0)
     link = scene.witness.telemetry.link
     assert (link.packets_received, link.packets_lost) == (2, 3)
@@ -79,55 +79,55 @@ def test_packets_lost_are_counted_when_time_goes_on():
 
 def test_a_clock_that_goes_back_is_a_restart():
     scene = Scene()
-    scene.hear(scene.autopilot.attitude(100.0))
+    scene.handle(scene.autopilot.attitude(100.0))
     for boot_s in (1.0, 1.1, 1.2):
-        assert scene.hear(scene.autopilot.attitude(boot_s)) == []
+        assert scene.handle(scene.autopilot.attitude(boot_s)) == []
     scene.now_s += 0.05
-    (restarted,) = scene.hear(scene.autopilot.attitude(1.35))
+    (restarted,) = scene.handle(scene.autopilot.attitude(1.35))
     assert isinstance(restarted, AutopilotRestarted)
 
 
 def test_texts_of_autopilot_and_companion_are_heard_whole():
     scene = Scene()
-    assert scene.hear(scene.autopilot.pack(text(b"Arming\tmotors\x1b"))) == [
-        TextSaid(ours=False, heard=HeardText(severity="info", text="Arming motors"))
+    assert scene.handle(scene.autopilot.pack(text(b"Arming\tmotors\x1b"))) == [
+        TextReceived(ours=False, received=ReceivedText(severity="info", text="Arming motors"))
     ]
     parts = b"a" * 50, b"b" * 50, b"c\x00"
     for chunk, part in enumerate(parts[:2]):
         message = text(part, severity=4, number=9, chunk=chunk)
-        assert scene.hear(scene.companion.pack(message)) == []
+        assert scene.handle(scene.companion.pack(message)) == []
     end = scene.companion.pack(text(parts[2], severity=4, number=9, chunk=2))
-    whole = HeardText(severity="warning", text="a" * 50 + "b" * 50 + "c")
-    assert scene.hear(end) == [TextSaid(ours=True, heard=whole)]
-    assert scene.hear(scene.ground.pack(text(b"a ground station's"))) == []
+    whole = ReceivedText(severity="warning", text="a" * 50 + "b" * 50 + "c")
+    assert scene.handle(end) == [TextReceived(ours=True, received=whole)]
+    assert scene.handle(scene.ground.pack(text(b"a ground station's"))) == []
 
 
 def test_a_text_whose_end_is_lost_ends_where_the_next_begins():
     scene = Scene()
-    scene.hear(scene.autopilot.pack(text(b"a" * 50, number=1)))
-    said = scene.hear(scene.autopilot.pack(text(b"next")))
-    assert [item.heard.text for item in said] == ["a" * 50, "next"]
+    scene.handle(scene.autopilot.pack(text(b"a" * 50, number=1)))
+    said = scene.handle(scene.autopilot.pack(text(b"next")))
+    assert [item.received.text for item in said] == ["a" * 50, "next"]
 
 
 def test_orders_to_the_companion_and_its_answers_are_heard():
     scene = Scene()
-    (order,) = scene.hear(scene.ground.command(*INSPECTION))
+    (order,) = scene.handle(scene.ground.command(*INSPECTION))
     assert isinstance(order, MissionCommand)
     assert (order.sender.system_id, order.index) == (255, None)
-    assert scene.hear(scene.ground.command(*INSPECTION, confirmation=1)) == []
-    (pause,) = scene.hear(scene.ground.command(193, 0.0, target=(1, 0)))
+    assert scene.handle(scene.ground.command(*INSPECTION, confirmation=1)) == []
+    (pause,) = scene.handle(scene.ground.command(193, 0.0, target=(1, 0)))
     assert isinstance(pause, PauseContinue)
-    (answer,) = scene.hear(scene.companion.acknowledge(31010, 4, target=(255, 190)))
-    assert answer == AnswerSaid(command=31010, result=CommandResult.FAILED)
+    (answer,) = scene.handle(scene.companion.acknowledge(31010, 4, target=(255, 190)))
+    assert answer == AnswerReceived(command=31010, result=CommandResult.FAILED)
 
 
 def test_what_is_none_of_the_companions_business_is_not_heard():
     scene = Scene()
-    assert scene.hear(scene.ground.command(400, 1.0, target=(1, 1))) == []
-    assert scene.hear(scene.ground.command(*INSPECTION, target=(1, 1))) == []
-    assert scene.hear(scene.ground.command(*INSPECTION, target=(9, 195))) == []
-    assert scene.hear(scene.autopilot.acknowledge(31010, 3)) == []
-    assert scene.hear(scene.companion.acknowledge(31010, 99)) == []
+    assert scene.handle(scene.ground.command(400, 1.0, target=(1, 1))) == []
+    assert scene.handle(scene.ground.command(*INSPECTION, target=(1, 1))) == []
+    assert scene.handle(scene.ground.command(*INSPECTION, target=(9, 195))) == []
+    assert scene.handle(scene.autopilot.acknowledge(31010, 3)) == []
+    assert scene.handle(scene.companion.acknowledge(31010, 99)) == []
 
 
 @pytest.mark.parametrize(
@@ -146,7 +146,7 @@ def test_only_what_hovers_leans_against_the_wind(vehicle, word, leans):
 
 def test_a_companion_under_the_autopilots_ids_does_not_change_the_vehicle():
     scene = Scene()
-    scene.hear(
+    scene.handle(
         scene.autopilot.heartbeat(
             autopilot=mavlink.MAV_AUTOPILOT_INVALID, vehicle=mavlink.MAV_TYPE_ONBOARD_CONTROLLER
         )
@@ -159,6 +159,6 @@ def test_a_radio_of_another_system_is_heard():
     for name in ("RADIO_STATUS", "RADIO"):
         fields = {"rssi": 200, "remrssi": 190, "txbuf": 90, "noise": 50, "remnoise": 60}
         message = create(name, **fields, rxerrors=0, fixed=0)
-        scene.hear(Peer(51, 68).pack(message, mavlink1=True))
+        scene.handle(Peer(51, 68).pack(message, mavlink1=True))
         assert scene.witness.telemetry.radio.rssi == 200
     assert scene.witness.inputs["radio"].messages == 2

@@ -188,21 +188,21 @@ def test_an_address_with_the_autopilots_ids_is_told_again_each_minute_while_it_i
     network.tick()
     network.hear_from(STRANGER, Peer(1, 1).heartbeat())
     network.events()
-    told_s, began_s = [], network.now_s
+    reported_s, began_s = [], network.now_s
     for _ in range(150):
         network.now_s += 1.0
         network.hear_from(STRANGER, Peer(1, 1).heartbeat())
         network.hear_from(AUTOPILOT, autopilot.heartbeat())
         events = network.events()
         assert events in ([], [AutopilotElsewhere(link="serial", address=AUTOPILOT)])
-        told_s += [network.now_s - began_s] * len(events)
-    assert told_s == [1.0, 61.0, 121.0]
+        reported_s += [network.now_s - began_s] * len(events)
+    assert reported_s == [1.0, 61.0, 121.0]
 
 
 def test_what_is_ignored_is_not_recorded_and_the_rest_of_its_datagram_is(network, autopilot):
     network.tick()
     network.hear_from(AUTOPILOT, autopilot.heartbeat())
-    network.session.packets_heard()
+    network.session.received_packets()
     forger, station = Peer(1, 1), Peer(255, 190).ground_heartbeat()
     forged = forger.attitude(1.0, roll=1.5)
     clock = create("SYSTEM_TIME", time_unix_usec=1, time_boot_ms=2)
@@ -210,7 +210,7 @@ def test_what_is_ignored_is_not_recorded_and_the_rest_of_its_datagram_is(network
     network.hear_from(STRANGER, forged + station + old)
     true = autopilot.attitude(1.0, roll=0.25)
     network.hear_from(AUTOPILOT, true)
-    assert [packet for _, packet in network.session.packets_heard()] == [station, true]
+    assert [packet for _, packet in network.session.received_packets()] == [station, true]
 
 
 def test_a_forgers_other_messages_and_a_station_at_its_address_are_heard(network, autopilot):
@@ -236,7 +236,7 @@ def test_an_autopilot_that_was_silent_for_three_seconds_may_be_at_a_new_address(
 def test_on_a_stream_nothing_is_elsewhere(story, autopilot):
     story.meet(autopilot)
     for number in range(3):
-        story.hear(autopilot.attitude(1.0 + number, roll=0.25))
+        story.handle(autopilot.attitude(1.0 + number, roll=0.25))
     assert story.session.telemetry.attitude.roll_rad == 0.25
     assert story.session.peers("serial") == ()
     assert story.events() == []

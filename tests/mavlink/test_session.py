@@ -30,7 +30,7 @@ def test_our_system_id_is_the_configured_one_until_an_autopilot_is_heard(peer):
     story = Story(system_id=3)
     story.tick()
     assert {m.get_srcSystem() for _, m in story.sent()} == {3}
-    story.hear(peer(7, 1).heartbeat())
+    story.handle(peer(7, 1).heartbeat())
     assert story.session.system_id == 7
     story.now_s += 0.02
     story.tick()
@@ -44,7 +44,7 @@ def test_our_system_id_is_the_configured_one_until_an_autopilot_is_heard(peer):
 
 
 def test_an_autopilot_on_an_operators_link_is_not_ours(story, autopilot):
-    story.hear(autopilot.heartbeat(), link="network")
+    story.handle(autopilot.heartbeat(), link="network")
     assert story.session.autopilot is None
     assert story.session.telemetry.autopilot is None
 
@@ -53,7 +53,7 @@ def test_two_autopilots_are_refused_and_both_named(story, autopilot, peer):
     story.meet(autopilot)
     assert story.session.control_allowed
     other = peer(2, 1)
-    story.hear(other.heartbeat(autopilot=ARDUPILOT))
+    story.handle(other.heartbeat(autopilot=ARDUPILOT))
     (event,) = story.events()
     assert isinstance(event, AutopilotConflict)
     assert (event.autopilot.system_id, event.other.system_id) == (1, 2)
@@ -62,14 +62,14 @@ def test_two_autopilots_are_refused_and_both_named(story, autopilot, peer):
     assert not story.session.request_own_mode()
     assert not story.session.request_land()
     for _ in range(11):  # the other falls silent
-        story.hear(autopilot.heartbeat())
+        story.handle(autopilot.heartbeat())
         story.run(1.0)
     assert story.session.control_allowed
 
 
 def test_while_another_is_heard_the_one_that_was_flown_may_be_told_to_stand(story, autopilot, peer):
     story.meet(autopilot)
-    story.hear(peer(2, 1).heartbeat())
+    story.handle(peer(2, 1).heartbeat())
     story.sent()
     assert story.session.send_setpoint((4, 5, -6), (0, 0, 0), 0.0, story.now_s)
     ((link, message),) = story.sent()
@@ -78,21 +78,21 @@ def test_while_another_is_heard_the_one_that_was_flown_may_be_told_to_stand(stor
 
 
 def test_telemetry_is_the_latched_autopilots_alone(story, autopilot, peer):
-    story.hear(autopilot.attitude(1.0))
+    story.handle(autopilot.attitude(1.0))
     assert story.session.telemetry.attitude is None
     story.meet(autopilot)
-    story.hear(peer(2, 1).attitude(1.0, roll=0.7))
-    story.hear(peer(1, 2).attitude(1.0, roll=0.7))
-    story.hear(autopilot.attitude(1.0), link="network")
+    story.handle(peer(2, 1).attitude(1.0, roll=0.7))
+    story.handle(peer(1, 2).attitude(1.0, roll=0.7))
+    story.handle(autopilot.attitude(1.0), link="network")
     assert story.session.telemetry.attitude is None
-    story.hear(autopilot.attitude(1.0, roll=0.25))
+    story.handle(autopilot.attitude(1.0, roll=0.25))
     assert story.session.telemetry.attitude.roll_rad == 0.25
     assert story.session.telemetry.attitude.received_s == story.now_s
 
 
 def test_a_radio_and_a_ground_station_are_heard_beside_the_autopilot(story, peer, ground_station):
     radio = peer(51, 68)
-    story.hear(
+    story.handle(
         radio.send(
             "RADIO_STATUS",
             rssi=200,
@@ -104,7 +104,7 @@ def test_a_radio_and_a_ground_station_are_heard_beside_the_autopilot(story, peer
             fixed=0,
         )
     )
-    story.hear(ground_station.ground_heartbeat(), link="network")
+    story.handle(ground_station.ground_heartbeat(), link="network")
     assert story.session.telemetry.radio.rssi == 200
     assert story.session.telemetry.ground_station.system_id == 255
 
@@ -113,7 +113,7 @@ def test_a_radio_and_a_ground_station_are_heard_beside_the_autopilot(story, peer
 def test_ardupilot_is_asked_which_of_two_receivers_it_navigates_by(story, autopilot, kind, asked):
     story.meet(autopilot, autopilot=kind)
     assert not of_type(story.run(1.0), "PARAM_REQUEST_READ")
-    story.hear(autopilot.pack(message_of("GPS2_RAW", fix_type=3)))
+    story.handle(autopilot.pack(message_of("GPS2_RAW", fix_type=3)))
     names = {message.param_id for message in of_type(story.run(1.0), "PARAM_REQUEST_READ")}
     assert names == ({"GPS_AUTO_SWITCH", "GPS_PRIMARY"} if asked else set())
 
@@ -122,9 +122,9 @@ def test_only_the_autopilots_packets_count_for_the_link(story, autopilot, ground
     story.meet(autopilot)
     for _ in range(9):
         autopilot.skip(1)
-        story.hear(autopilot.heartbeat())
+        story.handle(autopilot.heartbeat())
         ground_station.skip(5)
-        story.hear(ground_station.ground_heartbeat())
+        story.handle(ground_station.ground_heartbeat())
     story.tick()
     link = story.session.telemetry.link
     assert (link.packets_received, link.packets_lost) == (10, 9)
@@ -134,8 +134,8 @@ def test_only_the_autopilots_packets_count_for_the_link(story, autopilot, ground
 def test_our_own_words_coming_back_are_not_heard(story, autopilot, peer):
     story.meet(autopilot)
     echo = peer(1, 195)
-    story.hear(echo.command(USER_1, 1))
-    story.hear(echo.ground_heartbeat())
+    story.handle(echo.command(USER_1, 1))
+    story.handle(echo.ground_heartbeat())
     assert story.events() == []
     assert story.session.telemetry.ground_station is None
 
@@ -143,23 +143,23 @@ def test_our_own_words_coming_back_are_not_heard(story, autopilot, peer):
 def test_packets_of_all_links_are_kept_until_they_are_taken(story, autopilot, ground_station):
     first = autopilot.heartbeat()
     second = ground_station.ground_heartbeat()
-    story.hear(first[:7])
+    story.handle(first[:7])
     story.now_s += 1.0
-    story.hear(first[7:])
-    story.hear(second, link="network")
-    assert story.session.packets_heard() == [(101.0, first), (101.0, second)]
-    assert story.session.packets_heard() == []
+    story.handle(first[7:])
+    story.handle(second, link="network")
+    assert story.session.received_packets() == [(101.0, first), (101.0, second)]
+    assert story.session.received_packets() == []
 
 
 def test_packets_that_nobody_takes_do_not_pile_up(story, autopilot):
     for _ in range(5000):
-        story.hear(autopilot.heartbeat())
-    assert len(story.session.packets_heard()) == 4096
+        story.handle(autopilot.heartbeat())
+    assert len(story.session.received_packets()) == 4096
 
 
 def test_a_mode_that_is_left_and_given_back_at_once_is_an_event(story, autopilot):
     for mode in (4, 5, 4, 4):
-        story.hear(autopilot.heartbeat(autopilot=ARDUPILOT, custom_mode=mode))
+        story.handle(autopilot.heartbeat(autopilot=ARDUPILOT, custom_mode=mode))
     found, left = story.events()
     assert isinstance(found, AutopilotFound)
     assert left == ModeLeft(mode="LOITER")
@@ -176,22 +176,22 @@ def test_after_a_restart_everything_is_asked_for_anew(story, autopilot):
     for _ in range(20):
         for request in commands(story.run(0.1), SET_MESSAGE_INTERVAL):
             assert request.target_system == 1
-            story.hear(autopilot.acknowledge(SET_MESSAGE_INTERVAL, 0))
-    story.hear(autopilot.heartbeat(autopilot=ARDUPILOT, custom_mode=4))
-    story.hear(autopilot.attitude(500.0))
+            story.handle(autopilot.acknowledge(SET_MESSAGE_INTERVAL, 0))
+    story.handle(autopilot.heartbeat(autopilot=ARDUPILOT, custom_mode=4))
+    story.handle(autopilot.attitude(500.0))
     assert story.session.telemetry.attitude is not None
     story.now_s += 1.2
-    story.hear(autopilot.attitude(0.3))  # a late packet?
+    story.handle(autopilot.attitude(0.3))  # a late packet?
     assert story.events() == []
     story.now_s += 0.1
-    story.hear(autopilot.attitude(0.4))
+    story.handle(autopilot.attitude(0.4))
     assert story.events() == []
     story.now_s += 0.25
-    story.hear(autopilot.attitude(0.65))  # no
+    story.handle(autopilot.attitude(0.65))  # no
     (event,) = story.events()
     assert isinstance(event, AutopilotRestarted)
     story.now_s += 0.02
-    story.hear(autopilot.heartbeat(autopilot=ARDUPILOT))
+    story.handle(autopilot.heartbeat(autopilot=ARDUPILOT))
     story.tick()
     sent = story.sent()
     assert types(sent)[0] == "HEARTBEAT"
@@ -200,19 +200,19 @@ def test_after_a_restart_everything_is_asked_for_anew(story, autopilot):
 
 def test_what_was_known_before_a_restart_is_forgotten(story, autopilot):
     story.meet(autopilot)
-    story.hear(
+    story.handle(
         autopilot.send("GPS_GLOBAL_ORIGIN", latitude=1, longitude=2, altitude=3, time_usec=0)
     )
-    story.hear(autopilot.attitude(100.0))
-    story.hear(autopilot.heartbeat(system_status=mavlink.MAV_STATE_BOOT))
+    story.handle(autopilot.attitude(100.0))
+    story.handle(autopilot.heartbeat(system_status=mavlink.MAV_STATE_BOOT))
     (event,) = story.events()
     assert isinstance(event, AutopilotRestarted)
     telemetry = story.session.telemetry
     assert telemetry.local_origin is None
     assert telemetry.attitude is None
     assert telemetry.autopilot is not None
-    story.hear(autopilot.attitude(1.0))  # its clock starts anew: no second restart
-    story.hear(autopilot.attitude(1.1))
+    story.handle(autopilot.attitude(1.0))  # its clock starts anew: no second restart
+    story.handle(autopilot.attitude(1.1))
     assert story.events() == []
 
 
@@ -320,7 +320,7 @@ def test_a_sensors_obstacles_reach_the_telemetry(story, autopilot, peer):
     sensor = peer(1, mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE)
     fields = {"distances": [65535] * 18 + [400] + [65535] * 53, "max_distance": 3000}
     message = message_of("OBSTACLE_DISTANCE", increment=5, frame=12, time_usec=1, **fields)
-    story.hear(sensor.pack(message))
+    story.handle(sensor.pack(message))
     assert story.session.telemetry.proximity.points_m == (pytest.approx((0.0, -4.0, 0.0)),)
 
 
@@ -330,7 +330,7 @@ def test_obstacles_are_requested_of_the_autopilot_only_where_they_are_wanted(wan
     story.meet(autopilot, autopilot=ARDUPILOT)
     sent = []
     for _ in range(15):  # without answers, one request each half second
-        story.hear(autopilot.heartbeat(autopilot=ARDUPILOT))
+        story.handle(autopilot.heartbeat(autopilot=ARDUPILOT))
         sent += story.run(1.0)
     requested = {each.param1: each.param2 for each in commands(sent, SET_MESSAGE_INTERVAL)}
     assert requested.get(OBSTACLE_DISTANCE) == (200_000 if wanted else None)

@@ -28,9 +28,9 @@ ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 
 
 def test_a_heartbeat_is_the_first_thing_ever_sent(story, autopilot, ground_station):
-    story.hear(autopilot.heartbeat())
-    story.hear(ground_station.command(400))
-    story.hear(autopilot.send("TIMESYNC", tc1=0, ts1=1, target_system=0, target_component=0))
+    story.handle(autopilot.heartbeat())
+    story.handle(ground_station.command(400))
+    story.handle(autopilot.send("TIMESYNC", tc1=0, ts1=1, target_system=0, target_component=0))
     story.session.send_text(Severity.INFO, "hello", story.now_s)
     assert story.session.data_to_send() == []
     story.tick(SystemStatus.STANDBY)
@@ -69,18 +69,18 @@ def test_an_autopilot_that_is_heard_before_its_heartbeat_is_asked_for_it_once_a_
 ):
     requests = []
     for _ in range(25):
-        story.hear(autopilot.attitude(1.0))
+        story.handle(autopilot.attitude(1.0))
         requests += commands(story.run(0.1), REQUEST_MESSAGE)
     asked = [(item.target_system, item.target_component, item.param1) for item in requests]
     assert asked == 3 * [(1, 1, mavlink.MAVLINK_MSG_ID_HEARTBEAT)]
-    story.hear(autopilot.heartbeat())
+    story.handle(autopilot.heartbeat())
     later = {item.param1 for item in commands(story.run(3.0), REQUEST_MESSAGE)}
     assert mavlink.MAVLINK_MSG_ID_HEARTBEAT not in later
 
 
 @pytest.mark.parametrize(("link", "component_id"), [("network", 1), ("serial", 191)])
 def test_nobody_else_is_asked_for_a_heartbeat(story, peer, link, component_id):
-    story.hear(peer(1, component_id).attitude(1.0), link=link)
+    story.handle(peer(1, component_id).attitude(1.0), link=link)
     assert commands(story.run(3.0), REQUEST_MESSAGE) == []
 
 
@@ -89,12 +89,12 @@ def test_px4_is_asked_only_for_what_it_does_not_send(story, autopilot):
     asked = []
     for step in range(500):
         if step % 50 == 0:
-            story.hear(autopilot.heartbeat())
-        story.hear(autopilot.attitude(1.0 + step * 0.02))
+            story.handle(autopilot.heartbeat())
+        story.handle(autopilot.attitude(1.0 + step * 0.02))
         sent = story.run(0.02)
         asked += commands(sent, SET_MESSAGE_INTERVAL)
         for _ in commands(sent, SET_MESSAGE_INTERVAL):
-            story.hear(autopilot.acknowledge(SET_MESSAGE_INTERVAL, 0))
+            story.handle(autopilot.acknowledge(SET_MESSAGE_INTERVAL, 0))
     wanted = {int(m.param1): m.param2 for m in asked}
     assert mavlink.MAVLINK_MSG_ID_ATTITUDE not in wanted
     assert wanted[mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED] == 25000
@@ -145,15 +145,15 @@ def test_origin_and_home_are_asked_for_until_known_and_the_origin_ever_after(sto
     def asked(duration_s):
         numbers = []
         for _ in range(duration_s):
-            story.hear(autopilot.heartbeat())
+            story.handle(autopilot.heartbeat())
             numbers += [int(m.param1) for m in commands(story.run(1.0), REQUEST_MESSAGE)]
         return numbers
 
     assert sorted(asked(10)) == [49] * 5 + [242] * 5
-    story.hear(
+    story.handle(
         autopilot.send("GPS_GLOBAL_ORIGIN", latitude=1, longitude=2, altitude=3, time_usec=0)
     )
-    story.hear(
+    story.handle(
         autopilot.send(
             "HOME_POSITION",
             latitude=1,
@@ -180,7 +180,7 @@ def test_a_mission_command_reaches_the_service_and_its_answer_the_sender(
     story, autopilot, ground_station
 ):
     story.meet(autopilot)
-    story.hear(ground_station.command(USER_1, 3, math.nan), link="network")
+    story.handle(ground_station.command(USER_1, 3, math.nan), link="network")
     (command,) = story.session.commands.waiting
     assert isinstance(command, MissionCommand)
     assert command.sender.link == "network"
@@ -200,17 +200,17 @@ def test_unknown_commands_to_us_are_answered_at_once_and_those_to_all_not(
     story, autopilot, ground_station
 ):
     story.meet(autopilot)
-    story.hear(ground_station.command(400, target=(1, 195)))
-    story.hear(autopilot.command(1000, math.nan, target=(1, 0)))
-    story.hear(autopilot.command(1001, target=(1, 0)))
+    story.handle(ground_station.command(400, target=(1, 195)))
+    story.handle(autopilot.command(1000, math.nan, target=(1, 0)))
+    story.handle(autopilot.command(1001, target=(1, 0)))
     (acknowledged,) = of_type(story.sent(), "COMMAND_ACK")
     assert (acknowledged.command, acknowledged.result) == (400, 3)
 
 
 def test_a_repeat_is_answered_where_it_came_from(story, autopilot, ground_station):
     story.meet(autopilot)
-    story.hear(ground_station.command(USER_1, 1))
-    story.hear(ground_station.command(USER_1, 1), link="network")
+    story.handle(ground_station.command(USER_1, 1))
+    story.handle(ground_station.command(USER_1, 1), link="network")
     assert len(story.session.commands.waiting) == 1
     ((link, message),) = story.sent()
     assert (link, message.result) == ("network", 5)
@@ -218,9 +218,9 @@ def test_a_repeat_is_answered_where_it_came_from(story, autopilot, ground_statio
 
 def test_a_cancel_tells_the_service_and_the_sender(story, autopilot, ground_station):
     story.meet(autopilot)
-    story.hear(ground_station.command(USER_1, 1))
+    story.handle(ground_station.command(USER_1, 1))
     (command,) = story.session.commands.waiting
-    story.hear(ground_station.cancel(USER_1))
+    story.handle(ground_station.cancel(USER_1))
     assert story.events() == [CommandCancelled(command=command)]
     assert story.session.commands.waiting == []
     ((_, message),) = story.sent()
@@ -259,13 +259,13 @@ def test_an_autopilot_of_unknown_kind_is_asked_for_no_mode(story, autopilot):
 
 def test_answers_to_a_mode_request_are_events_broadcast_or_not(story, autopilot, ground_station):
     story.meet(autopilot)
-    story.hear(autopilot.acknowledge(DO_SET_MODE, 4, target=(0, 0)))  # somebody else's
+    story.handle(autopilot.acknowledge(DO_SET_MODE, 4, target=(0, 0)))  # somebody else's
     story.session.request_own_mode()
-    story.hear(autopilot.acknowledge(DO_SET_MODE, 0))
-    story.hear(autopilot.acknowledge(DO_SET_MODE, 5))  # in progress
-    story.hear(autopilot.acknowledge(DO_SET_MODE, 1, target=(0, 0)))
-    story.hear(autopilot.acknowledge(DO_SET_MODE, 4, target=(255, 190)))
-    story.hear(ground_station.acknowledge(DO_SET_MODE, 4))
+    story.handle(autopilot.acknowledge(DO_SET_MODE, 0))
+    story.handle(autopilot.acknowledge(DO_SET_MODE, 5))  # in progress
+    story.handle(autopilot.acknowledge(DO_SET_MODE, 1, target=(0, 0)))
+    story.handle(autopilot.acknowledge(DO_SET_MODE, 4, target=(255, 190)))
+    story.handle(ground_station.acknowledge(DO_SET_MODE, 4))
     assert story.events() == [
         CommandAnswered(command=DO_SET_MODE, result=0),
         CommandAnswered(command=DO_SET_MODE, result=1),
@@ -341,7 +341,7 @@ def timesync(sender, *, tc1=0, target=(0, 0)):
 
 def test_the_autopilots_time_requests_are_answered_with_our_clock(story, autopilot):
     story.meet(autopilot)
-    story.hear(timesync(autopilot))
+    story.handle(timesync(autopilot))
     ((link, message),) = story.sent()
     assert (link, message.tc1, message.ts1) == ("serial", 100_000_000_000, -5)
     assert (message.target_system, message.target_component) == (1, 1)
@@ -351,11 +351,11 @@ def test_other_time_requests_are_answered_only_when_they_are_for_us(
     story, autopilot, ground_station
 ):
     story.meet(autopilot)
-    story.hear(timesync(ground_station))
-    story.hear(timesync(ground_station, target=(1, 1)))
-    story.hear(timesync(autopilot, tc1=7))
+    story.handle(timesync(ground_station))
+    story.handle(timesync(ground_station, target=(1, 1)))
+    story.handle(timesync(autopilot, tc1=7))
     assert story.sent() == []
-    story.hear(timesync(ground_station, target=(1, 195)))
+    story.handle(timesync(ground_station, target=(1, 195)))
     assert types(story.sent()) == ["TIMESYNC"]
 
 
@@ -369,31 +369,31 @@ def test_requests_are_answered_five_times_a_second_for_a_sender_and_twenty_for_a
 ):
     story.meet(autopilot)
     for _ in range(200):
-        story.hear(request_of(ground_station), link="network")
+        story.handle(request_of(ground_station), link="network")
     assert len(story.sent()) == 5
     for component_id in range(1, 200):
-        story.hear(request_of(Peer(254, component_id)), link="network")
+        story.handle(request_of(Peer(254, component_id)), link="network")
     assert len(story.sent()) == 15
-    story.hear(request_of(ground_station))
+    story.handle(request_of(ground_station))
     assert [link for link, _ in story.sent()] == ["serial"]
     story.now_s += 1.0
     for _ in range(200):
-        story.hear(request_of(ground_station), link="network")
+        story.handle(request_of(ground_station), link="network")
     assert len(story.sent()) == 5
 
 
 def test_the_autopilots_time_requests_are_all_answered(story, autopilot):
     story.meet(autopilot)
     for _ in range(200):
-        story.hear(timesync(autopilot))
+        story.handle(timesync(autopilot))
     assert len(story.sent()) == 200
 
 
 def test_a_system_that_may_be_no_peer_is_not_answered(story, autopilot):
     story.meet(autopilot)
     stranger = Peer(42, 1)
-    story.hear(ping(stranger))
-    story.hear(timesync(stranger, target=(1, 195)))
+    story.handle(ping(stranger))
+    story.handle(timesync(stranger, target=(1, 195)))
     assert story.sent() == []
 
 
@@ -401,8 +401,8 @@ def test_a_ping_is_answered_and_a_pong_is_not(story, ground_station):
     story.tick()
     story.sent()
     ping = {"time_usec": 5, "seq": 6}
-    story.hear(ground_station.send("PING", **ping, target_system=0, target_component=0))
-    story.hear(ground_station.send("PING", **ping, target_system=1, target_component=195))
+    story.handle(ground_station.send("PING", **ping, target_system=0, target_component=0))
+    story.handle(ground_station.send("PING", **ping, target_system=1, target_component=195))
     ((_, message),) = story.sent()
     assert (message.time_usec, message.seq) == (5, 6)
     assert (message.target_system, message.target_component) == (255, 190)

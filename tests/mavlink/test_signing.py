@@ -272,10 +272,10 @@ def test_setup_signing_is_neither_recorded_nor_accepted_on_any_link(signed):
     )
     session.tick(1.0, SystemStatus.STANDBY)
     session.receive("serial", peer.heartbeat() + setup_signing(peer), 1.0)
-    assert len(session.packets_heard()) == 1
+    assert len(session.received_packets()) == 1
     assert OTHER_SECRET not in b"".join(data for _, data in session.data_to_send())
     session.receive("serial", peer.heartbeat(), 2.0)
-    assert len(session.packets_heard()) == 1
+    assert len(session.received_packets()) == 1
     if link is not None:
         assert link.key.secret == SECRET
 

@@ -53,7 +53,7 @@ def test_what_is_not_ascii_becomes_a_question_mark():
 def test_news_is_told_again_once_something_else_was_said_or_a_second_has_passed():
     texts = StatusTexts()
     told = [
-        bool(texts.messages(Severity.NOTICE, text, now_s, news=True))
+        bool(texts.messages(Severity.NOTICE, text, now_s, is_new=True))
         for now_s, text in [
             (0.0, "MOAR flying"),
             (0.5, "MOAR flying"),

@@ -13,39 +13,39 @@ from moar_companion.mavlink.telemetry_receiver import MESSAGE_IDS, TelemetryRece
 from .peer import Peer
 
 
-def hear(listener, packet, *, link="wire", role=LinkRole.AUTOPILOT, now_s=1.0):
+def handle(listener, packet, *, link="wire", role=LinkRole.AUTOPILOT, now_s=1.0):
     (message,) = Codec(system_id=1, component_id=195, wanted=MESSAGE_IDS).receive(packet)
-    return listener.hear(message, link=link, role=role, now_s=now_s)
+    return listener.handle(message, link=link, role=role, now_s=now_s)
 
 
 def test_only_the_autopilot_and_only_on_its_link_tells_where_the_aircraft_is():
     listener, autopilot = TelemetryReceiver(), Peer(1, 1)
-    assert isinstance(hear(listener, autopilot.heartbeat()), AutopilotFound)
-    hear(listener, Peer(1, 195).attitude(1.0))
-    hear(listener, autopilot.attitude(1.0), link="another")
+    assert isinstance(handle(listener, autopilot.heartbeat()), AutopilotFound)
+    handle(listener, Peer(1, 195).attitude(1.0))
+    handle(listener, autopilot.attitude(1.0), link="another")
     assert listener.telemetry.attitude is None
-    hear(listener, autopilot.attitude(1.0), now_s=2.5)
+    handle(listener, autopilot.attitude(1.0), now_s=2.5)
     assert listener.telemetry.attitude.received_s == 2.5
 
 
 def test_a_heartbeat_on_an_operators_link_finds_no_autopilot():
     listener = TelemetryReceiver()
-    assert hear(listener, Peer(1, 1).heartbeat(), role=LinkRole.OPERATOR) is None
-    assert hear(listener, Peer(255, 190).ground_heartbeat(), role=LinkRole.OPERATOR) is None
+    assert handle(listener, Peer(1, 1).heartbeat(), role=LinkRole.OPERATOR) is None
+    assert handle(listener, Peer(255, 190).ground_heartbeat(), role=LinkRole.OPERATOR) is None
     assert listener.autopilot is None
     assert listener.telemetry.ground_station.system_id == 255
 
 
 def test_a_restart_forgets_what_the_autopilot_said_and_nothing_else():
     listener, autopilot = TelemetryReceiver(), Peer(1, 1)
-    hear(listener, autopilot.heartbeat())
-    hear(listener, Peer(255, 190).ground_heartbeat())
-    hear(listener, autopilot.attitude(50.0))
+    handle(listener, autopilot.heartbeat())
+    handle(listener, Peer(255, 190).ground_heartbeat())
+    handle(listener, autopilot.attitude(50.0))
     boot = autopilot.heartbeat(system_status=mavlink.MAV_STATE_BOOT)
-    assert isinstance(hear(listener, boot), AutopilotRestarted)
+    assert isinstance(handle(listener, boot), AutopilotRestarted)
     assert listener.telemetry.attitude is None
     assert listener.telemetry.ground_station is not None
-    assert hear(listener, autopilot.attitude(1.0)) is None  # its clock begins anew
+    assert handle(listener, autopilot.attitude(1.0)) is None  # its clock begins anew
 
 
 @pytest.mark.parametrize("later_s", [0.6, 2.0, 6.0])
@@ -53,24 +53,24 @@ def test_a_restart_forgets_what_the_autopilot_said_and_nothing_else():
 def test_copies_by_a_slower_route_are_neither_a_restart_nor_another_autopilot(later_s, gap_s):
     """The direct route pauses once; the copies of what it brought arrive all the same."""
     listener, autopilot = TelemetryReceiver(), Peer(1, 1)
-    hear(listener, autopilot.heartbeat(), now_s=0.0)
+    handle(listener, autopilot.heartbeat(), now_s=0.0)
     packets = {step: autopilot.attitude(100.0 + 0.02 * step) for step in range(1000)}
     copied = round(later_s / 0.02)
     for step in range(1000):
         now_s = 1.0 + 0.02 * step
         if not 10.0 <= now_s < 10.0 + gap_s:
-            assert hear(listener, packets[step], now_s=now_s) is None
+            assert handle(listener, packets[step], now_s=now_s) is None
             assert listener.telemetry.attitude.received_s == now_s
         if step >= copied:
             before = listener.telemetry.attitude
-            assert hear(listener, packets[step - copied], now_s=now_s + 0.01) is None
+            assert handle(listener, packets[step - copied], now_s=now_s + 0.01) is None
             assert listener.telemetry.attitude == before
 
 
 def test_packets_are_dated_by_the_autopilots_last():
     listener, autopilot = TelemetryReceiver(), Peer(1, 1)
-    hear(listener, autopilot.heartbeat(), now_s=3.0)
-    hear(listener, Peer(255, 190).ground_heartbeat(), now_s=9.0)
+    handle(listener, autopilot.heartbeat(), now_s=3.0)
+    handle(listener, Peer(255, 190).ground_heartbeat(), now_s=9.0)
     listener.count_packets(SourceStatistics(received=7, lost=2))
     link = listener.telemetry.link
     assert (link.received_s, link.packets_received, link.packets_lost) == (3.0, 7, 2)
@@ -112,47 +112,47 @@ def obstacle(sender, x, *, boot_s=20.0):
 @pytest.mark.parametrize("component", [1, SENSOR, 158])
 def test_obstacles_are_told_by_the_autopilot_and_by_sensors_of_its_system(component):
     listener = TelemetryReceiver()
-    hear(listener, Peer(1, 1).heartbeat())
-    hear(listener, distances(Peer(1, component)), now_s=2.0)
+    handle(listener, Peer(1, 1).heartbeat())
+    handle(listener, distances(Peer(1, component)), now_s=2.0)
     proximity = listener.telemetry.proximity
     assert (proximity.points_m, proximity.sender) == (((5.0, 0.0, 0.0),), component)
-    hear(listener, obstacle(Peer(1, component), 7.0), now_s=2.1)
+    handle(listener, obstacle(Peer(1, component), 7.0), now_s=2.1)
     assert listener.telemetry.proximity.points_m[-1] == (7.0, 0.0, 0.0)
 
 
 def test_obstacles_of_other_systems_and_on_operators_links_are_not_ours():
     listener, sensor = TelemetryReceiver(), Peer(1, SENSOR)
-    hear(listener, distances(sensor))
-    hear(listener, Peer(1, 1).heartbeat())
-    hear(listener, distances(Peer(2, SENSOR)))
-    hear(listener, distances(Peer(2, 1)))
-    hear(listener, distances(sensor), link="radio", role=LinkRole.OPERATOR)
+    handle(listener, distances(sensor))
+    handle(listener, Peer(1, 1).heartbeat())
+    handle(listener, distances(Peer(2, SENSOR)))
+    handle(listener, distances(Peer(2, 1)))
+    handle(listener, distances(sensor), link="radio", role=LinkRole.OPERATOR)
     assert listener.telemetry.proximity is None
-    hear(listener, distances(sensor), link="radio")  # another link to the same vehicle
+    handle(listener, distances(sensor), link="radio")  # another link to the same vehicle
     assert listener.telemetry.proximity is not None
 
 
 @pytest.mark.parametrize("kind", [distances, obstacle])
 def test_a_late_packet_of_a_sensor_is_dropped_and_its_restart_is_not(kind):
     listener, sensor = TelemetryReceiver(), Peer(1, SENSOR)
-    hear(listener, Peer(1, 1).heartbeat())
+    handle(listener, Peer(1, 1).heartbeat())
     field = {"ahead_cm": 900} if kind is distances else {"x": 9.0}
     near = {"ahead_cm": 300} if kind is distances else {"x": 3.0}
     stamp = "time_s" if kind is distances else "boot_s"
-    hear(listener, kind(sensor, **near, **{stamp: 20.0}), now_s=2.0)
-    hear(listener, kind(sensor, **field, **{stamp: 19.8}), now_s=2.01)
+    handle(listener, kind(sensor, **near, **{stamp: 20.0}), now_s=2.0)
+    handle(listener, kind(sensor, **field, **{stamp: 19.8}), now_s=2.01)
     assert listener.telemetry.proximity.points_m == ((3.0, 0.0, 0.0),)
     for step in range(20):
-        hear(listener, kind(sensor, **field, **{stamp: 1.0 + 0.1 * step}), now_s=5.0 + 0.1 * step)
+        handle(listener, kind(sensor, **field, **{stamp: 1.0 + 0.1 * step}), now_s=5.0 + 0.1 * step)
     assert listener.telemetry.proximity.points_m == ((9.0, 0.0, 0.0),)
     assert listener.telemetry.proximity.received_s == pytest.approx(6.9)
 
 
 def test_a_restart_of_the_autopilot_forgets_obstacles_until_the_next():
     listener, autopilot, sensor = TelemetryReceiver(), Peer(1, 1), Peer(1, SENSOR)
-    hear(listener, autopilot.heartbeat())
-    hear(listener, distances(sensor))
-    hear(listener, autopilot.heartbeat(system_status=mavlink.MAV_STATE_BOOT))
+    handle(listener, autopilot.heartbeat())
+    handle(listener, distances(sensor))
+    handle(listener, autopilot.heartbeat(system_status=mavlink.MAV_STATE_BOOT))
     assert listener.telemetry.proximity is None
-    hear(listener, distances(sensor, time_s=20.1), now_s=1.1)
+    handle(listener, distances(sensor, time_s=20.1), now_s=1.1)
     assert listener.telemetry.proximity is not None

@@ -22,14 +22,14 @@ def answered(trips, *late_s, from_s=100.0):
     late = iter(late_s)
     while True:
         for due_s, answer in [item for item in under_way if item[0] <= now_s]:
-            trips.hear(answer, due_s)
+            trips.handle(answer, due_s)
         under_way = [item for item in under_way if item[0] > now_s]
         question = trips.next_request(AUTOPILOT, now_s)
         if question is not None:
             seconds = next(late, None)
             if seconds is None:
                 for due_s, answer in under_way:
-                    trips.hear(answer, due_s)
+                    trips.handle(answer, due_s)
                 return trips.least_s(now_s)
             answer = answer_to(question.ts1)
             under_way.append((now_s + seconds, answer))
@@ -61,10 +61,10 @@ def test_answers_to_nobodys_question_and_questions_are_no_answers():
     assert (question.target_system, question.target_component) == AUTOPILOT
     heartbeat = heartbeat_message(SystemStatus.ACTIVE, 0)
     for message in (question, answer_to(question.ts1 + 1), heartbeat):
-        trips.hear(message, 100.1)
+        trips.handle(message, 100.1)
     answer = answer_to(question.ts1)
     for _ in range(3):  # nor a repeated one
-        trips.hear(answer, 100.1)
+        trips.handle(answer, 100.1)
     assert trips.least_s(100.1) is None
 
 

@@ -12,7 +12,7 @@ from .messages import updated
 PX4, ARDUPILOT = mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 
 
-def heard(autopilot):
+def received(autopilot):
     """Telemetry after a heartbeat of this autopilot."""
     return updated("HEARTBEAT", type=mavlink.MAV_TYPE_QUADROTOR, autopilot=autopilot)
 
@@ -126,7 +126,7 @@ PACK = {"voltages": [16000] + [65535] * 9, "battery_remaining": 80, "charge_stat
 
 def test_px4s_sys_status_does_not_speak_for_a_battery_that_was_cut_off():
     # It tells the emptiest that is connected: with the first one gone, the other.
-    both = updated("BATTERY_STATUS", heard(PX4), **{**PACK, "battery_remaining": 15})
+    both = updated("BATTERY_STATUS", received(PX4), **{**PACK, "battery_remaining": 15})
     both = updated("BATTERY_STATUS", both, id=1, **PACK)
     later = sys_status(both, now_s=22.0, voltage_battery=16000, battery_remaining=80)
     assert later.batteries == both.batteries
@@ -134,7 +134,7 @@ def test_px4s_sys_status_does_not_speak_for_a_battery_that_was_cut_off():
 
 @pytest.mark.parametrize("autopilot", [PX4, mavlink.MAV_AUTOPILOT_GENERIC])
 def test_a_battery_of_another_number_is_not_told_twice(autopilot):
-    summed_up = sys_status(heard(autopilot))
+    summed_up = sys_status(received(autopilot))
     assert list(summed_up.batteries) == [0]
     alone = updated("BATTERY_STATUS", summed_up, id=1, **PACK)
     assert list(alone.batteries) == [1]
@@ -142,13 +142,13 @@ def test_a_battery_of_another_number_is_not_told_twice(autopilot):
 
 
 def test_a_battery_that_told_itself_is_kept_when_another_one_speaks():
-    critical = updated("BATTERY_STATUS", heard(PX4), **{**PACK, "charge_state": 3})
+    critical = updated("BATTERY_STATUS", received(PX4), **{**PACK, "charge_state": 3})
     later = updated("BATTERY_STATUS", sys_status(critical, now_s=16.0), id=1, **PACK)
     assert later.batteries[0].charge_state == 3
 
 
 def test_ardupilots_sys_status_is_always_of_battery_0():
-    second = updated("BATTERY_STATUS", heard(ARDUPILOT), id=1, **PACK)
+    second = updated("BATTERY_STATUS", received(ARDUPILOT), id=1, **PACK)
     first = sys_status(second)
     assert first.batteries[0].remaining == 0.4
     assert updated("BATTERY_STATUS", first, id=1, **PACK).batteries[0].summary
@@ -212,8 +212,8 @@ def test_a_second_receiver_is_read_as_the_first():
 
 
 def test_px4_navigates_by_the_better_receiver_and_ardupilot_as_its_parameter_says():
-    assert updated("GPS2_RAW", heard(PX4), **GNSS).better_gnss_taken
-    assert not updated("GPS2_RAW", heard(ARDUPILOT), **GNSS).better_gnss_taken
+    assert updated("GPS2_RAW", received(PX4), **GNSS).better_gnss_taken
+    assert not updated("GPS2_RAW", received(ARDUPILOT), **GNSS).better_gnss_taken
 
 
 @pytest.mark.parametrize(
@@ -227,13 +227,15 @@ def test_px4_navigates_by_the_better_receiver_and_ardupilot_as_its_parameter_say
     ],
 )
 def test_ardupilots_choice_of_receivers(value, better):
-    told = updated("PARAM_VALUE", heard(ARDUPILOT), param_id=b"GPS_AUTO_SWITCH", param_value=value)
+    told = updated(
+        "PARAM_VALUE", received(ARDUPILOT), param_id=b"GPS_AUTO_SWITCH", param_value=value
+    )
     assert told.better_gnss_taken is better
     assert updated("GPS2_RAW", told, **GNSS).better_gnss_taken is better
 
 
 def test_ardupilots_primary_receiver():
-    second = updated("PARAM_VALUE", heard(ARDUPILOT), param_id=b"GPS_PRIMARY", param_value=1.0)
+    second = updated("PARAM_VALUE", received(ARDUPILOT), param_id=b"GPS_PRIMARY", param_value=1.0)
     assert second.second_gnss_first
     again = updated("PARAM_VALUE", second, param_id=b"GPS_PRIMARY", param_value=0.0)
     assert not again.second_gnss_first
@@ -395,7 +397,7 @@ def test_the_radio_message_of_old_is_radio_status():
     ],
 )
 def test_the_pilots_signal_is_a_fraction_of_the_autopilots_own_scale(autopilot, rssi, fraction):
-    assert updated("RC_CHANNELS", heard(autopilot), rssi=rssi).remote_control.rssi == fraction
+    assert updated("RC_CHANNELS", received(autopilot), rssi=rssi).remote_control.rssi == fraction
 
 
 @pytest.mark.recordings
@@ -407,7 +409,7 @@ def test_full_reception_as_recorded_is_full(recording, name, best):
     witness = PassiveListener()
     signals = set()
     for time_s, packet in recording(name):
-        witness.hear(packet, time_s)
+        witness.handle(packet, time_s)
         remote = witness.telemetry.remote_control
         signals.add(None if remote is None else remote.rssi)
     assert max(signals - {None}) == best
@@ -420,7 +422,7 @@ def test_no_signal_is_known_only_where_there_was_one():
     lost = updated("RC_CHANNELS", updated("RC_CHANNELS", rssi=127), rssi=0)
     assert lost.remote_control.rssi == 0.0
     assert updated("RC_CHANNELS", lost, rssi=0).remote_control.rssi == 0.0
-    px4 = updated("RC_CHANNELS", heard(mavlink.MAV_AUTOPILOT_PX4), rssi=80)
+    px4 = updated("RC_CHANNELS", received(mavlink.MAV_AUTOPILOT_PX4), rssi=80)
     unknown = updated("RC_CHANNELS", px4, rssi=200)
     assert unknown.remote_control.rssi is None
     assert updated("RC_CHANNELS", unknown, rssi=0).remote_control.rssi == 0.0
@@ -430,7 +432,7 @@ def test_no_signal_is_known_only_where_there_was_one():
     ("autopilot", "signal"), [(ARDUPILOT, 1.0), (PX4, None), (mavlink.MAV_AUTOPILOT_GENERIC, None)]
 )
 def test_of_ardupilot_255_is_full_signal_after_another_one(autopilot, signal):
-    told = heard(autopilot)
+    told = received(autopilot)
     for rssi in (255, 80, 40, 255):
         told = updated("RC_CHANNELS", told, rssi=rssi)
     assert told.remote_control.rssi == signal

@@ -11,8 +11,8 @@ from moar_companion.mission.values import (
     MissionStatus,
     Order,
     OverrideConditions,
-    Say,
     Seek,
+    SendText,
     Situation,
     Task,
 )
@@ -22,7 +22,7 @@ from moar_companion.safety.condition_types import Causes
 from moar_companion.text_format import pilot_text
 from moar_companion.types import Mission
 
-WELL = Situation(mode_ours=False, mode_heard_s=0.0)
+WELL = Situation(mode_ours=False, mode_received_s=0.0)
 """Hovering in a mode of the pilot's, nothing against it."""
 
 INSPECTION = Task(mission=Mission.INSPECTION, stops=("first", "second"))
@@ -89,7 +89,7 @@ class Story:
     def tick(self, seconds=0.02):
         self.now_s += seconds
         if not self.deaf:
-            self.world = replace(self.world, mode_heard_s=self.now_s)
+            self.world = replace(self.world, mode_received_s=self.now_s)
         self.rule()
         return self._took(
             state_machine.tick(
@@ -152,7 +152,7 @@ class Story:
 
     @property
     def said(self):
-        says = [effect for effect in self.effects if isinstance(effect, Say)]
+        says = [effect for effect in self.effects if isinstance(effect, SendText)]
         return [pilot_text(say.text, say.action) for say in says]
 
     @property

@@ -34,14 +34,14 @@ class Reader:
         self._client = paho.Client(paho.CallbackAPIVersion.VERSION2)
         self._client.on_connect = lambda client, *_: client.subscribe(topic, qos=1)
         self._client.on_subscribe = lambda *_: self._subscribed.set()
-        self._client.on_message = self._hear
+        self._client.on_message = self._handle
         if tls:
             self._client.tls_set(**tls)
         self._client.connect("127.0.0.1", port)
         self._client.loop_start()
         assert self._subscribed.wait(PATIENCE_S)
 
-    def _hear(self, _client, _userdata, message):
+    def _handle(self, _client, _userdata, message):
         self.messages.append((message.topic, message.payload, message.qos, message.retain))
 
     def publish(self, topic, payload, *, retain=False):

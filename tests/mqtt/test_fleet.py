@@ -16,12 +16,12 @@ from .statuses import flying, status_of
 WALL_S = 2e9
 
 
-def fleet_of(*vehicles, retained=False, heard_s=10.0):
+def fleet_of(*vehicles, retained=False, received_s=10.0):
     fleet = Fleet()
     for vehicle in vehicles:
-        fleet.take(f"moar/{vehicle}/online", b'{"online": true}', heard_s, retained=True)
+        fleet.take(f"moar/{vehicle}/online", b'{"online": true}', received_s, retained=True)
         for message in Publication(vehicle).due(status_of(flying()), 0.0):
-            fleet.take(message.topic, message.payload, heard_s, retained=retained)
+            fleet.take(message.topic, message.payload, received_s, retained=retained)
     return fleet
 
 
@@ -57,14 +57,14 @@ def test_a_last_will_says_offline_and_what_it_was_doing():
     fleet = fleet_of("a1")
     fleet.take("moar/a1/online", b'{"online": false}', 20.0, retained=False)
     (row,) = fleet.rows()
-    assert (row.online, row.heard_s) == (False, 10.0)
+    assert (row.online, row.received_s) == (False, 10.0)
     assert "offline, was flying" in table(fleet, now_s=80.0)
 
 
 def test_what_a_broker_had_retained_has_its_age_by_the_vehicles_clock():
     (row,) = fleet_of("a1", retained=True).rows()
-    assert row.heard_s is None
-    assert row.age_s(1e6, row.told_s + 90.0) == pytest.approx(90.0)
+    assert row.received_s is None
+    assert row.age_s(1e6, row.reported_s + 90.0) == pytest.approx(90.0)
 
 
 def test_rows_are_ordered_and_those_without_room_are_counted():

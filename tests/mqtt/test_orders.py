@@ -137,7 +137,7 @@ def taking_orders(**config):
 
 
 def give(desk, link, nonce, word, index=None):
-    return desk.hear(link.packet(nonce, word, index), ORDER_LINK)
+    return desk.handle(link.packet(nonce, word, index), ORDER_LINK)
 
 
 def answers(desk, link):

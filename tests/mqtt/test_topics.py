@@ -68,8 +68,8 @@ def test_of_the_risks_inputs_those_are_told_that_were_ever_heard():
     status = status_of(flying())
     told = strict(published(status)["risk/inputs"].payload)["inputs"]
     for name, index in status["risk"].items():
-        heard = [item["name"] for item in index["inputs"] if item["age_s"] is not None]
-        assert [item["name"] for item in told[name]] == heard
+        received = [item["name"] for item in index["inputs"] if item["age_s"] is not None]
+        assert [item["name"] for item in told[name]] == received
 
 
 @given(

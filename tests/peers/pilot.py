@@ -77,7 +77,7 @@ class Pilot:
     async def wait_for_mode(self, mode):
         """Until the autopilot says that it is in a flight mode."""
         await self.until(
-            mode.name, self.telemetry.subscribe_flight_mode(), lambda heard: heard == mode
+            mode.name, self.telemetry.subscribe_flight_mode(), lambda received: received == mode
         )
 
     async def reference(self, place_ned_m, velocity_ned_mps=(0.0, 0.0, 0.0)):
@@ -89,8 +89,8 @@ class Pilot:
     async def fly_to(self, end_ned_m, speed_mps=2.0):
         """Along a line, by a reference that moves a metre ahead; at rest at its end."""
         async with contextlib.aclosing(self.telemetry.subscribe_position_velocity_ned()) as stream:
-            async for heard in stream:
-                here = ned(heard.position, "_m")
+            async for received in stream:
+                here = ned(received.position, "_m")
                 left_m = math.dist(here, end_ned_m)
                 if left_m < 1.5:
                     break
@@ -105,8 +105,8 @@ class Pilot:
         """Give a place as setpoint and wait until the aircraft says that it is there, at rest."""
         await self.reference(place_ned_m)
 
-        def there(heard):
-            place, velocity = ned(heard.position, "_m"), ned(heard.velocity, "_m_s")
+        def there(received):
+            place, velocity = ned(received.position, "_m"), ned(received.velocity, "_m_s")
             return math.dist(place, place_ned_m) < 0.5 and math.hypot(*velocity) < 0.3
 
         await self.until(

@@ -89,7 +89,7 @@ class Rig:
         self._random = np.random.default_rng(seed)
         self._number = 0
         self._error_m = np.zeros(3)
-        self._told_s = {"position": 0.0, "attitude": 0.0}
+        self._reported_s = {"position": 0.0, "attitude": 0.0}
 
     def look_at(self, scene: LidarScene, seed: int = 1) -> None:
         self._lidar = SimulatedLidar(scene, seed)
@@ -120,17 +120,17 @@ class Rig:
                 yield report
 
     def _tell_poses(self) -> None:
-        while self.poses_flow and self._told_s["position"] <= self.time_s:
-            time_s = self._told_s["position"]
+        while self.poses_flow and self._reported_s["position"] <= self.time_s:
+            time_s = self._reported_s["position"]
             error = self._random.normal(0.0, self.flight.position_noise_m, 3)
             error[2] += self.flight.height_error_m
             place = self.flight.position_m(time_s)[0] + error + self._error_m
             self.perception.note_position(time_s, tuple(place))
-            self._told_s["position"] += POSITION_S
-        while self.poses_flow and self._told_s["attitude"] <= self.time_s:
-            time_s = self._told_s["attitude"]
+            self._reported_s["position"] += POSITION_S
+        while self.poses_flow and self._reported_s["attitude"] <= self.time_s:
+            time_s = self._reported_s["attitude"]
             self.perception.note_attitude(time_s, *self.flight.angles_rad([time_s])[0])
-            self._told_s["attitude"] += ATTITUDE_S
+            self._reported_s["attitude"] += ATTITUDE_S
 
 
 def last(rig: Rig, seconds: float) -> PerceptionReport:

@@ -10,7 +10,7 @@ import pytest
 import shapely
 from shapely.geometry import Point
 
-from moar_companion.planner.escape import escape_leg, pocket, recovery_leg, way_in
+from moar_companion.planner.escape import entry_corners, escape_leg, pocket, recovery_leg
 from moar_companion.planner.maps import build_maps
 
 from . import oracle
@@ -138,7 +138,7 @@ def test_out_of_one_keep_out_no_leg_leads_through_that_of_another(start, keep_ou
     site, vehicle = make_site(*wires, size=(12.0, 10.0), min_altitude=2.0), make_vehicle(radius=0.6)
     maps = build_maps(site, vehicle, widened_m)
     assert escape_leg(site, vehicle, maps, start) is None
-    assert way_in(site, vehicle, maps, start) == ()
+    assert entry_corners(site, vehicle, maps, start) == ()
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,7 @@ def test_from_below_it_climbs_past_obstacles_that_come_nearer_but_not_too_near()
     start = (3.5, 0.5)
     assert escape(site, start, radius=0.6) is None
     maps = build_maps(site, make_vehicle(radius=0.6))
-    assert way_in(site, make_vehicle(radius=0.6), maps, start) == ((3.5, 2.5),)
+    assert entry_corners(site, make_vehicle(radius=0.6), maps, start) == ((3.5, 2.5),)
 
 
 def test_a_pocket_is_what_is_joined_by_edges_and_no_leg_ends_there_once_it_is_barred():
@@ -210,6 +210,6 @@ def test_a_pocket_is_what_is_joined_by_edges_and_no_leg_ends_there_once_it_is_ba
     assert left[1, 1]
     assert not left[8, 1]
     assert not pocket(maps, (-4.0, 1.0)).any()
-    (end,) = way_in(site, vehicle, maps, (4.2, 10.0))
+    (end,) = entry_corners(site, vehicle, maps, (4.2, 10.0))
     assert end[0] < 4.0
-    assert way_in(site, vehicle, maps, (4.2, 10.0), barred=left) == ((5.5, 7.5),)
+    assert entry_corners(site, vehicle, maps, (4.2, 10.0), barred=left) == ((5.5, 7.5),)

@@ -14,7 +14,7 @@ from moar_companion.safety.condition_types import Causes
 from moar_companion.telemetry import (
     AutopilotStatus,
     Firmware,
-    Heard,
+    PeerHeartbeat,
     Readiness,
     RemoteControl,
     Telemetry,
@@ -49,14 +49,14 @@ def findings(
         multirotor=True,
         failsafe=failsafe,
     )
-    heard = Telemetry(autopilot=status, **telemetry)
+    received = Telemetry(autopilot=status, **telemetry)
     unknown = RiskEstimate.unknown(vehicle.risk)
     sight = Sight(
         autopilot=Autopilot(system_id=1, component_id=1, kind=kind, link="serial"),
         status=status,
         others=(),
-        telemetry=heard,
-        risk=update(unknown, heard, 6.0, model=vehicle.risk, cruise_mps=5.0),
+        telemetry=received,
+        risk=update(unknown, received, 6.0, model=vehicle.risk, cruise_mps=5.0),
         positions=positions,
         attitudes=STEADY,
         pose=None,
@@ -160,7 +160,7 @@ def test_a_remote_control_whose_signal_is_unknown_is_there():
     assert findings(remote_control=remote)["remote control"].text == "received, unknown signal"
 
 
-GROUND = Heard(received_s=5.0, system_id=255)
+GROUND = PeerHeartbeat(received_s=5.0, system_id=255)
 REMOTE = RemoteControl(received_s=5.0, rssi=0.9)
 
 

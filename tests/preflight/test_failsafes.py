@@ -104,7 +104,7 @@ def test_an_altitude_hold_without_a_position_drifts_into_what_is_beside():
 
 def by_rule(kind, name, parameters):
     findings = parameter_findings(
-        profile(kind), parameters, VEHICLE, LossCheck.WARN, ground_station_heard=False
+        profile(kind), parameters, VEHICLE, LossCheck.WARN, ground_station_received=False
     )
     return next(item for item in findings if item.subject == name)
 

@@ -67,10 +67,10 @@ ARDUPILOT_AS_ASKED = {
 
 
 def findings(
-    kind, parameters, *, ground_station_heard=False, vehicle=X500, policy=LossCheck.REFUSE
+    kind, parameters, *, ground_station_received=False, vehicle=X500, policy=LossCheck.REFUSE
 ):
     found = parameter_findings(
-        profile(kind), parameters, vehicle, policy, ground_station_heard=ground_station_heard
+        profile(kind), parameters, vehicle, policy, ground_station_received=ground_station_received
     )
     return {item.subject: item for item in found}
 
@@ -208,7 +208,7 @@ def test_where_an_objection_is_but_a_warning_it_is_one_here():
 
 def test_a_mute_telem2_is_no_matter_where_a_ground_station_is_heard():
     parameters = {**PX4_AS_ASKED, "MAV_1_FORWARD": 0.0}
-    found = findings(PX4, parameters, ground_station_heard=True)
+    found = findings(PX4, parameters, ground_station_received=True)
     assert found["MAV_1_FORWARD"].level is OK
 
 

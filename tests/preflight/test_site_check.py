@@ -93,8 +93,8 @@ def test_the_times_are_those_of_a_flight(site):
     dwell_s = sum(item.dwell_s for item in flight.site.targets)
     assert outer_s + inner_s + dwell_s == pytest.approx(inspected_s, rel=0.2)
     assert exit_s == pytest.approx(flown_s - inspected_s, rel=0.2)
-    told_s, _ = seconds(everything["flight time"].text)
-    assert told_s == pytest.approx(flown_s, rel=0.2)
+    reported_s, _ = seconds(everything["flight time"].text)
+    assert reported_s == pytest.approx(flown_s, rel=0.2)
 
 
 @pytest.mark.parametrize(

@@ -104,7 +104,7 @@ class GroundStation(Operator):
 
     def forget_autopilot(self):
         """It is started again: nothing is known of it."""
-        self.autopilot_heard = self._healthy = False
+        self.autopilot_received = self._healthy = False
         self._position_known = self._autopilot != "ardupilot"
         self.landed_state = 0
         self.home_altitude_m = self.origin = None
@@ -124,7 +124,7 @@ class GroundStation(Operator):
         super()._take(message)
         match message.get_type():
             case "STATUSTEXT":
-                self._hear(message)
+                self._handle(message)
             case "HEARTBEAT" if message.get_srcComponent() == 1:
                 armed = bool(message.base_mode & mavlink.MAV_MODE_FLAG_SAFETY_ARMED)
                 told = (message.custom_mode, message.system_status, armed)
@@ -138,7 +138,7 @@ class GroundStation(Operator):
                     message.altitude * 1e-3,
                 )
 
-    def _hear(self, message):
+    def _handle(self, message):
         """Put the chunks of a text together; an incomplete one is told as far as it came."""
         companion = message.get_srcComponent() == COMPANION
         key = (companion, message.id)

@@ -252,9 +252,11 @@ class Rig:
 
     def start_service(self):
         """Start it; returns once it is heard."""
-        self.operator.companion_heard = False
+        self.operator.companion_received = False
         self.service.start()
-        self.wait_for("the companion", lambda: self.operator.companion_heard, _START_S * self.speed)
+        self.wait_for(
+            "the companion", lambda: self.operator.companion_received, _START_S * self.speed
+        )
 
     def kill_service(self):
         """kill -9."""
@@ -303,7 +305,7 @@ class Rig:
     def boot(self):
         """Until the autopilot would arm."""
         operator = self.operator
-        self.wait_for("the autopilot", lambda: operator.autopilot_heard, _START_S * self.speed)
+        self.wait_for("the autopilot", lambda: operator.autopilot_received, _START_S * self.speed)
         operator.request_messages()
         self.wait_for("ready to arm", lambda: operator.ready_to_arm, max(90.0, 20.0 * self.speed))
 

@@ -64,7 +64,7 @@ def test_a_real_ardupilot_flies_on_signed_links(tmp_path):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as item:
             item.sendto(stranger.command(31010, RELEASE), ("127.0.0.1", port))
             words = "MOAR: 1 packet refused: unsigned"
-            rig.wait_for(words, lambda: rig.operator.said(words), 5.0)
+            rig.wait_for(words, lambda: rig.operator.has_received(words), 5.0)
         rig.watch(3.0)
         assert rig.decisions.state in {"flying", "at_target"}
         rig.land()

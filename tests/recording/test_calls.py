@@ -12,7 +12,7 @@ from moar_companion.recording.calls import (
 
 from ..flights.lockstep import COMPANION_LINK, Lockstep
 
-QUESTIONS = {"peers", "packets_heard"}
+QUESTIONS = {"peers", "received_packets"}
 """Methods that neither change what the machine decides nor tell what it decided."""
 
 

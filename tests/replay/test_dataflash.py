@@ -21,20 +21,20 @@ ESTIMATE = {"PN": 1.0, "PE": 2.0, "PD": -3.0, "VN": 0.1, "VE": 0.2, "VD": 0.3}
 PLACE = {"Lat": 45.0, "Lng": -71.0, "Alt": 210.0}
 
 
-def heard(*rows):
+def received(*rows):
     """The listener after messages, a second apart, and what it said."""
     listener, said = DataflashListener(), []
     for second, (name, fields) in enumerate(rows, start=1):
-        said += listener.hear((name, {"TimeUS": second * 10**6} | fields), float(second))
+        said += listener.handle((name, {"TimeUS": second * 10**6} | fields), float(second))
     return listener, said
 
 
 def telemetry(*rows):
-    return heard(*rows)[0].telemetry
+    return received(*rows)[0].telemetry
 
 
 def test_the_mode_is_the_heartbeat_of_the_same_mode_and_finds_the_autopilot_once():
-    listener, said = heard(GUIDED, ("EV", {"Id": 10}), ("MODE", {"ModeNum": 9}))
+    listener, said = received(GUIDED, ("EV", {"Id": 10}), ("MODE", {"ModeNum": 9}))
     status = listener.telemetry.autopilot
     assert (status.mode, status.armed, status.ours, status.homeward) == ("LAND", True, False, True)
     assert (listener.vehicle_type, listener.leans, status.motors) == ("quadrotor", True, 4)
@@ -43,7 +43,7 @@ def test_the_mode_is_the_heartbeat_of_the_same_mode_and_finds_the_autopilot_once
 
 def test_the_frame_decides_how_many_motors_there_are():
     assert telemetry(("PARM", {"Name": "FRAME_CLASS", "Value": 2.0}), GUIDED).autopilot.motors == 6
-    plane, _ = heard(("MSG", {"Message": "ArduPlane V4.5.0"}), GUIDED)
+    plane, _ = received(("MSG", {"Message": "ArduPlane V4.5.0"}), GUIDED)
     assert not plane.leans
 
 
@@ -57,8 +57,8 @@ def test_errors_of_failsafes_are_a_failsafe_until_they_clear():
     assert telemetry(GUIDED, ("ERR", begun)).autopilot.failsafe
     assert not telemetry(GUIDED, ("ERR", begun), ("ERR", cleared)).autopilot.failsafe
     assert not telemetry(GUIDED, ("ERR", {"Subsys": 2, "ECode": 1})).autopilot.failsafe
-    _, said = heard(GUIDED, ("ERR", begun))
-    assert said[-1].heard.text == "ERR subsystem 6, code 1"
+    _, said = received(GUIDED, ("ERR", begun))
+    assert said[-1].received.text == "ERR subsystem 6, code 1"
 
 
 def test_landing_and_taking_off_are_events():

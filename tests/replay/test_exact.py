@@ -76,8 +76,8 @@ def test_planted_differences_are_named_with_both_values_and_there_are_no_others(
 
 
 def test_a_missing_input_parts_the_flights(calls):
-    heard = [index for index, call in enumerate(calls) if call[0] == "receive"]
-    fewer = [call for index, call in enumerate(calls) if index not in heard[10:40]]
+    received = [index for index, call in enumerate(calls) if call[0] == "receive"]
+    fewer = [call for index, call in enumerate(calls) if index not in received[10:40]]
     assert differences(fewer[:2000])[0]
 
 

@@ -206,8 +206,8 @@ def test_what_is_said_over_and_over_is_told_once_in_ten_seconds():
     for _ in range(25):
         tape.run(1)
         tape.say(b"the same")
-    told_s = [event.time_s for event in tape.end().events if event.kind == "text"]
-    assert told_s == pytest.approx([1.0, 11.0, 21.0])
+    reported_s = [event.time_s for event in tape.end().events if event.kind == "text"]
+    assert reported_s == pytest.approx([1.0, 11.0, 21.0])
 
 
 def test_orders_and_answers_are_events():

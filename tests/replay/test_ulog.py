@@ -19,7 +19,7 @@ NAN = math.nan
 STATUS = {"nav_state": 14, "arming_state": 2, "failsafe": 0, "system_type": 2, "system_id": 1}
 
 
-def heard(*rows):
+def received(*rows):
     """The telemetry after rows of topics: name and instance, and the fields."""
     listener = UlogListener()
     for number, (name, fields) in enumerate(rows, start=1):
@@ -27,16 +27,16 @@ def heard(*rows):
         columns = {key: [value] for key, value in ({"timestamp": number * 10**6} | fields).items()}
         one = UlogTopic(name=topic, instance=int(instance or 0), columns=columns)
         for time_s, sample in samples([one], [], 0):
-            listener.hear(sample, time_s)
+            listener.handle(sample, time_s)
     return listener
 
 
 def telemetry(name, **fields):
-    return heard((name, fields)).telemetry
+    return received((name, fields)).telemetry
 
 
 def test_the_status_is_the_heartbeat_of_the_same_mode():
-    listener = heard(("vehicle_status", STATUS | {"component_id": 1}))
+    listener = received(("vehicle_status", STATUS | {"component_id": 1}))
     status = listener.telemetry.autopilot
     assert (status.mode, status.armed, status.ours, status.failsafe) == (
         "OFFBOARD",
@@ -57,7 +57,7 @@ def test_the_modes_have_the_names_of_mavlink(nav_state, mode):
 
 
 def test_a_plane_does_not_lean_against_the_wind():
-    assert not heard(("vehicle_status", STATUS | {"system_type": 1})).leans
+    assert not received(("vehicle_status", STATUS | {"system_type": 1})).leans
 
 
 def test_the_attitude_is_that_of_the_quaternion():
@@ -101,7 +101,7 @@ BATTERY = {"connected": 1, "remaining": 0.7, "voltage_v": 15.2, "current_a": 12.
 
 
 def test_each_battery_has_its_warning_in_mavlinks_numbers():
-    both = heard(
+    both = received(
         ("battery_status", BATTERY), ("battery_status:1", BATTERY | {"remaining": -1, "warning": 0})
     ).telemetry.batteries
     assert (both[0].remaining, both[0].charge_state) == (0.7, 2)
@@ -195,7 +195,7 @@ def test_of_several_estimators_the_one_it_is_flown_by_speaks():
     both = [("estimator_status", first), ("estimator_status:1", second)]
 
     def accuracy_m(*rows):
-        return heard(*rows).telemetry.estimator.horizontal_accuracy_m
+        return received(*rows).telemetry.estimator.horizontal_accuracy_m
 
     assert accuracy_m(*both) == 0.3
     assert accuracy_m(("estimator_selector_status", {"primary_instance": 1}), *both) == 4.0
@@ -214,7 +214,7 @@ def test_accuracy_of_nothing_is_unknown():
 
 def test_a_signal_of_none_from_the_start_is_not_told():
     assert telemetry("input_rc", rssi=0).remote_control.rssi is None
-    lost = heard(("input_rc", {"rssi": 80}), ("input_rc", {"rssi": 0})).telemetry
+    lost = received(("input_rc", {"rssi": 80}), ("input_rc", {"rssi": 0})).telemetry
     assert lost.remote_control.rssi == 0.0
     assert telemetry("input_rc", rssi=-1).remote_control.rssi is None
 
@@ -245,7 +245,9 @@ def test_samples_come_in_order_and_none_before_the_log_begins():
     ]
     told = list(samples(topics, [(25, 4, "a warning"), (7, 99, "nonsense")], 12))
     assert [round(time_s * 1e6) for time_s, _ in told] == [12, 12, 12, 20, 25, 30, 40]
-    texts = [(sample.heard.severity, sample.heard.text) for _, sample in told if sample.heard]
+    texts = [
+        (sample.received.severity, sample.received.text) for _, sample in told if sample.received
+    ]
     assert texts == [("debug", "nonsense"), ("warning", "a warning")]
 
 

@@ -19,13 +19,13 @@ from moar_companion.telemetry import (
     Battery,
     Estimator,
     Gnss,
-    Heard,
     Home,
     Landed,
     LandedState,
     LinkStatistics,
     LocalPosition,
     MotorOutputs,
+    PeerHeartbeat,
     Radio,
     RemoteControl,
     Telemetry,
@@ -90,7 +90,7 @@ HEALTHY: dict[str, Source] = {
     ),
     "remote_control": lambda t: RemoteControl(received_s=t, rssi=0.9),
     "motors": lambda t: MotorOutputs(received_s=t, pulse_us=(1500, 1510, 1490, 1505)),
-    "ground_station": lambda t: Heard(received_s=t, system_id=255),
+    "ground_station": lambda t: PeerHeartbeat(received_s=t, system_id=255),
     "link": lambda t: LinkStatistics(
         received_s=t, packets_received=round(100.0 * t), packets_lost=0
     ),
@@ -117,8 +117,8 @@ class Flight:
     def fly(self, duration_s: float, *, step_s: float = 0.1) -> RiskEstimate:
         for _ in range(round(duration_s / step_s)):
             self.now_s += step_s
-            heard = {name: source(self.now_s) for name, source in self.sources.items()}
-            self.telemetry = replace(self.telemetry, **heard)
+            received = {name: source(self.now_s) for name, source in self.sources.items()}
+            self.telemetry = replace(self.telemetry, **received)
             self.estimate = update(
                 self.estimate,
                 self.telemetry,
@@ -131,7 +131,7 @@ class Flight:
             )
         return self.estimate
 
-    def hear(self, name: str, **changes: Any) -> None:
+    def handle(self, name: str, **changes: Any) -> None:
         """From now on this source says something else."""
         before = HEALTHY[name]
         self.sources[name] = lambda t: replace(before(t), **changes)

@@ -89,7 +89,7 @@ def test_the_worst_battery_decides_even_when_it_falls_silent(flight):
 
 def test_a_battery_that_was_taken_out_on_the_ground_is_no_risk_any_more(flight):
     flight.sources["batteries"] = lambda t: {0: battery(t), 1: battery(t, remaining=0.3)}
-    flight.hear("landed", state=LandedState.ON_GROUND)
+    flight.handle("landed", state=LandedState.ON_GROUND)
     flight.fly(5.0)
     flight.sources["batteries"] = lambda t: {0: battery(t)}
     assert flight.fly(30.0).indices.battery < 0.01
@@ -98,7 +98,7 @@ def test_a_battery_that_was_taken_out_on_the_ground_is_no_risk_any_more(flight):
 
 def test_far_from_home(flight):
     # 60 % of 20 minutes is 720 s; 2700 m at 5 m/s take 540 s: 180 s are left on arrival.
-    flight.hear("local_position", position_ned_m=(2700.0, 0.0, 0.0))
+    flight.handle("local_position", position_ned_m=(2700.0, 0.0, 0.0))
     flight.sources["batteries"] = lambda t: {0: battery(t, remaining=0.6)}
     flight.fly(5.0)
     left = flight.input("battery", "battery 0 flight time left at home")
@@ -108,7 +108,7 @@ def test_far_from_home(flight):
 
 
 def test_too_far_from_home(flight):
-    flight.hear("local_position", position_ned_m=(5200.0, 0.0, 0.0))
+    flight.handle("local_position", position_ned_m=(5200.0, 0.0, 0.0))
     assert flight.fly(5.0).indices.battery > 0.99
 
 

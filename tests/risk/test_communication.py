@@ -10,10 +10,10 @@ from moar_companion.risk import communication
 from moar_companion.risk.communication import CommunicationMemory
 from moar_companion.risk_model import RiskModel
 from moar_companion.telemetry import (
-    Heard,
     LandedState,
     LinkNode,
     LinkStatistics,
+    PeerHeartbeat,
     Radio,
     Readiness,
     RemoteControl,
@@ -39,7 +39,7 @@ def test_the_ground_station_falls_silent(flight):
 def test_the_ground_station_comes_back(flight):
     flight.silence("ground_station")
     flight.fly(20.0)
-    flight.hear("ground_station")
+    flight.handle("ground_station")
     assert flight.fly(1.0).indices.communication > 0.8  # one heartbeat is no link yet
     assert flight.fly(25.0).indices.communication < 0.01
 
@@ -67,9 +67,9 @@ def test_a_free_buffer_reaches_nobody(new_flight, healthy):
     for name in ("ground_station", "remote_control"):
         del healthy[name]
     flight = new_flight(**healthy)
-    flight.hear("radio", rssi=None, remote_rssi=None)
+    flight.handle("radio", rssi=None, remote_rssi=None)
     assert flight.fly(60.0).indices.communication == RiskModel().unknown
-    flight.hear("radio")
+    flight.handle("radio")
     assert flight.fly(60.0).indices.communication < 0.01
 
 
@@ -83,20 +83,20 @@ def test_a_free_buffer_reaches_nobody(new_flight, healthy):
     ],
 )
 def test_a_bad_radio_raises_the_risk(flight, changes, name):
-    flight.hear("radio", **changes)
+    flight.handle("radio", **changes)
     assert flight.fly(3.0).indices.communication > 0.95
     assert flight.estimate.report.communication.worst == name
 
 
 def test_a_weak_remote_control_raises_the_risk(flight):
-    flight.hear("remote_control", rssi=0.2)
+    flight.handle("remote_control", rssi=0.2)
     assert flight.fly(3.0).indices.communication > 0.95
 
 
 def test_a_margin_that_is_no_longer_told_does_not_lower_the_risk(flight):
-    flight.hear("radio", remote_rssi=60)
+    flight.handle("radio", remote_rssi=60)
     before = flight.fly(10.0).indices.communication
-    flight.hear("radio", remote_rssi=None)
+    flight.handle("radio", remote_rssi=None)
     assert flight.fly(60.0).indices.communication >= before
 
 
@@ -164,7 +164,7 @@ def test_what_is_sent_to_the_autopilot_is_lost(flight):
 
 def test_the_radio_receives_broken_packets(flight):
     since_s = flight.now_s
-    flight.hear("radio")
+    flight.handle("radio")
     healthy = flight.sources["radio"]
     flight.sources["radio"] = lambda t: replace(
         healthy(t), receive_errors=round(3.0 * (t - since_s))
@@ -173,15 +173,15 @@ def test_the_radio_receives_broken_packets(flight):
     errors = flight.input("communication", "radio receive errors")
     assert (errors.value, errors.risk) == (pytest.approx(3.0, abs=0.3), 1.0)
     last = flight.telemetry.radio.receive_errors
-    flight.hear("radio", receive_errors=last)
+    flight.handle("radio", receive_errors=last)
     flight.fly(4.0)
     assert flight.input("communication", "radio receive errors").value == 0.0
 
 
 def test_a_radio_that_restarts_counts_its_errors_anew(flight):
-    flight.hear("radio", receive_errors=160)
+    flight.handle("radio", receive_errors=160)
     flight.fly(5.0)
-    flight.hear("radio", receive_errors=2)
+    flight.handle("radio", receive_errors=2)
     flight.fly(5.0)
     assert flight.input("communication", "radio receive errors").risk == 0.0
 
@@ -233,7 +233,7 @@ def test_a_rate_that_stays_low_becomes_the_usual_one_on_the_ground_alone(flight)
     assert flight.fly(4.0).indices.communication > 0.5
     before = flight.fly(20.0).indices.communication
     assert flight.fly(600.0, step_s=0.5).indices.communication >= before - 0.01
-    flight.hear("landed", state=LandedState.ON_GROUND)
+    flight.handle("landed", state=LandedState.ON_GROUND)
     assert flight.fly(900.0, step_s=0.5).indices.communication < 0.01
 
 
@@ -308,7 +308,9 @@ telemetries = st.builds(
         transmit_buffer_percent=st.integers(0, 100),
     ),
     remote_control=st.builds(RemoteControl, received_s=st.floats(90.0, NOW_S), rssi=fractions),
-    ground_station=st.builds(Heard, received_s=st.floats(80.0, NOW_S), system_id=st.just(255)),
+    ground_station=st.builds(
+        PeerHeartbeat, received_s=st.floats(80.0, NOW_S), system_id=st.just(255)
+    ),
     link=st.builds(
         LinkStatistics,
         received_s=st.just(NOW_S),

@@ -32,7 +32,7 @@ def words(flight, name):
 
 
 def test_what_raises_an_index_is_told_with_its_value_its_age_and_where_it_leads(flight):
-    flight.hear("wind", velocity_ned_mps=(9.0, 0.0, 0.0))
+    flight.handle("wind", velocity_ned_mps=(9.0, 0.0, 0.0))
     flight.fly(0.5)
     assert words(flight, "wind").endswith(
         "rising to 0.67: wind reported 9.0 m/s, 0.0 s old -> 0.67"
@@ -42,9 +42,9 @@ def test_what_raises_an_index_is_told_with_its_value_its_age_and_where_it_leads(
 
 
 def test_what_has_passed_is_still_falling(flight):
-    flight.hear("gnss", fix_type=0)
+    flight.handle("gnss", fix_type=0)
     flight.fly(10.0)
-    flight.hear("gnss")
+    flight.handle("gnss")
     flight.fly(1.0)
     assert words(flight, "localization") == (
         "localization 0.82, falling to 0.00: no input raises it"
@@ -52,7 +52,7 @@ def test_what_has_passed_is_still_falling(flight):
 
 
 def test_the_last_word_of_a_silent_source_is_held(flight):
-    flight.hear("wind", velocity_ned_mps=(9.0, 0.0, 0.0))
+    flight.handle("wind", velocity_ned_mps=(9.0, 0.0, 0.0))
     flight.fly(10.0)
     flight.silence("wind")
     flight.fly(12.0)
@@ -126,7 +126,7 @@ def test_values_are_told_as_people_read_them(item, expected):
     ],
 )
 def test_fractions_and_codes_are_told_in_words(flight, index, name, source, says, expected):
-    flight.hear(source, **says)
+    flight.handle(source, **says)
     flight.fly(1.0)
     assert flight.input(index, name).phrase == f"{name} {expected}"
 
@@ -143,7 +143,7 @@ def test_a_charge_state_is_told_by_its_name(flight, state, expected):
 
 
 def test_what_is_so_or_not_is_told_as_that(flight):
-    flight.hear("estimator", horizontal_position_ok=False)
+    flight.handle("estimator", horizontal_position_ok=False)
     flight.fly(10.0)
     assert words(flight, "localization") == (
         "localization 1.00: estimator without position: yes, 0.0 s old -> 1.00"
@@ -153,7 +153,7 @@ def test_what_is_so_or_not_is_told_as_that(flight):
 def test_wind_by_a_drag_that_nobody_measured_says_so(new_flight):
     usual, measured = new_flight.healthy(), new_flight.healthy(model=RiskModel(drag_per_s=0.25))
     for flight, remark in ((usual, " (default drag, not measured)"), (measured, "")):
-        flight.hear("attitude", pitch_rad=-0.2)
+        flight.handle("attitude", pitch_rad=-0.2)
         flight.fly(10.0)
         tilt = flight.input("wind", "wind from tilt")
         assert tilt.phrase == f"wind from tilt {tilt.value:.1f} m/s{remark}"

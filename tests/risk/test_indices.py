@@ -17,7 +17,6 @@ from moar_companion.telemetry import (
     Battery,
     Estimator,
     Gnss,
-    Heard,
     Home,
     Landed,
     LandedState,
@@ -28,6 +27,7 @@ from moar_companion.telemetry import (
     MotorOutputs,
     MotorSpeeds,
     Odometry,
+    PeerHeartbeat,
     Radio,
     RemoteControl,
     Telemetry,
@@ -158,7 +158,8 @@ wild_telemetry = st.builds(
         received_s=received,
         pulse_us=st.lists(st.integers(0, 3000), max_size=8).map(tuple),
     ),
-    ground_station=st.none() | st.builds(Heard, received_s=received, system_id=st.just(255)),
+    ground_station=st.none()
+    | st.builds(PeerHeartbeat, received_s=received, system_id=st.just(255)),
     link=st.none()
     | st.builds(
         LinkStatistics,
@@ -197,10 +198,10 @@ def test_whatever_is_heard_the_indices_stay_between_0_and_1(steps):
 
 @given(telemetry=wild_telemetry, silence_s=st.floats(0.0, 1000.0))
 def test_forgetting_all_never_lowers_an_index(telemetry, silence_s):
-    heard = step(step(RiskEstimate.unknown(MODEL), telemetry, NOW_S), telemetry, NOW_S + 0.5)
-    after = step(heard, Telemetry(), NOW_S + 0.5 + silence_s)
+    received = step(step(RiskEstimate.unknown(MODEL), telemetry, NOW_S), telemetry, NOW_S + 0.5)
+    after = step(received, Telemetry(), NOW_S + 0.5 + silence_s)
     for name in INDICES:
-        assert getattr(after.indices, name) >= getattr(heard.indices, name)
+        assert getattr(after.indices, name) >= getattr(received.indices, name)
         assert getattr(after.indices, name) >= MODEL.unknown
 
 
@@ -240,10 +241,10 @@ def test_losing_sources_never_lowers_an_index_that_has_settled(
 ):
     flight = new_flight.healthy(model=MODEL)
     flight.demands = Demands(flown=True, **needs)
-    flight.hear("attitude", roll_rad=roll_rad)
-    flight.hear("wind", velocity_ned_mps=(wind_mps, 0.0, 0.0))
-    flight.hear("gnss", satellites=satellites)
-    flight.hear("radio", rssi=rssi)
+    flight.handle("attitude", roll_rad=roll_rad)
+    flight.handle("wind", velocity_ned_mps=(wind_mps, 0.0, 0.0))
+    flight.handle("gnss", satellites=satellites)
+    flight.handle("radio", rssi=rssi)
     flight.sources["batteries"] = lambda t: {
         0: Battery(
             received_s=t, remaining=remaining, voltage_v=15.0, current_a=None, charge_state=1
@@ -287,8 +288,8 @@ WORSE = [
 @pytest.mark.parametrize(("source", "name", "good", "bad"), WORSE)
 def test_a_worse_input_never_gives_a_lower_index(new_flight, healthy, source, name, good, bad):
     better, worse = new_flight(**healthy), new_flight(**healthy)
-    better.hear(source, **{name: good})
-    worse.hear(source, **{name: bad})
+    better.handle(source, **{name: good})
+    worse.handle(source, **{name: bad})
     for _ in range(100):
         low, high = better.fly(0.1).indices, worse.fly(0.1).indices
         assert all(getattr(low, index) <= getattr(high, index) for index in INDICES)
@@ -317,16 +318,16 @@ def test_before_anything_is_heard_every_index_is_unknown():
 
 
 def test_rises_fast(flight):
-    flight.hear("gnss", fix_type=0)
+    flight.handle("gnss", fix_type=0)
     assert flight.fly(0.1).indices.localization == pytest.approx(0.18, abs=0.01)
     assert flight.fly(0.9).indices.localization > 0.85
     assert flight.fly(2.0).indices.localization > 0.99
 
 
 def test_falls_slowly(flight):
-    flight.hear("gnss", fix_type=0)
+    flight.handle("gnss", fix_type=0)
     flight.fly(10.0)
-    flight.hear("gnss")
+    flight.handle("gnss")
     assert flight.fly(1.0).indices.localization == pytest.approx(0.82, abs=0.01)
     assert flight.fly(4.0).indices.localization == pytest.approx(0.37, abs=0.01)
 
@@ -335,7 +336,7 @@ def test_the_rate_of_updates_does_not_matter(new_flight, healthy):
     often, seldom = new_flight(**healthy), new_flight(**healthy)
     for flight, step_s in ((often, 0.02), (seldom, 0.2)):
         flight.fly(20.0, step_s=step_s)
-        flight.hear("gnss", satellites=6)
+        flight.handle("gnss", satellites=6)
         flight.fly(1.0, step_s=step_s)
     assert often.estimate.indices.localization == pytest.approx(
         seldom.estimate.indices.localization, abs=0.03
@@ -343,17 +344,17 @@ def test_the_rate_of_updates_does_not_matter(new_flight, healthy):
 
 
 def test_a_raising_input_goes_stale_while_others_remain(flight):
-    flight.hear("wind", velocity_ned_mps=(9.0, 0.0, 0.0))
+    flight.handle("wind", velocity_ned_mps=(9.0, 0.0, 0.0))
     before = flight.fly(10.0).indices.wind
     flight.silence("wind")
     assert flight.fly(60.0).indices.wind >= before  # the calm lean does not speak for the wind
     assert flight.input("wind", "wind reported").risk is None
-    flight.hear("wind", velocity_ned_mps=(1.0, 0.0, 0.0))
+    flight.handle("wind", velocity_ned_mps=(1.0, 0.0, 0.0))
     assert flight.fly(60.0).indices.wind < 0.01  # only its own word lowers it
 
 
 def test_a_single_packet_is_held_until_the_next_word(flight):
-    flight.hear("gnss", satellites=6)
+    flight.handle("gnss", satellites=6)
     flight.fly(0.1)
     flight.silence("gnss")
     assert flight.fly(10.0).indices.localization == pytest.approx(0.8, abs=0.01)

@@ -46,7 +46,7 @@ def test_a_good_fix_settles_to_no_risk(flight):
     ],
 )
 def test_one_bad_input_is_enough(flight, source, changes, name):
-    flight.hear(source, **changes)
+    flight.handle(source, **changes)
     assert flight.fly(3.0).indices.localization > 0.99
     assert flight.estimate.report.localization.value == 1.0
     assert flight.estimate.report.localization.worst == name
@@ -55,7 +55,7 @@ def test_one_bad_input_is_enough(flight, source, changes, name):
 def test_fewer_satellites_raise_the_risk_by_steps(flight):
     risks = []
     for satellites in range(11, 3, -1):
-        flight.hear("gnss", satellites=satellites)
+        flight.handle("gnss", satellites=satellites)
         flight.fly(5.0)
         risks.append(flight.estimate.report.localization.value)
     assert risks == pytest.approx([0.0, 0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0])
@@ -63,11 +63,11 @@ def test_fewer_satellites_raise_the_risk_by_steps(flight):
 
 def test_a_dead_receiver_repeats_its_last_good_values(flight):
     frozen_s = flight.now_s
-    flight.hear("gnss", receiver_s=frozen_s)
+    flight.handle("gnss", receiver_s=frozen_s)
     assert flight.fly(1.5).indices.localization < 0.01
     assert flight.fly(1.5).indices.localization > 0.9
     assert flight.estimate.report.localization.worst == "receiver clock stopped"
-    flight.hear("gnss")  # it is back
+    flight.handle("gnss")  # it is back
     assert flight.fly(1.0).indices.localization > 0.7
     assert flight.fly(30.0).indices.localization < 0.01
 
@@ -87,7 +87,7 @@ def test_a_receiver_without_a_clock_is_judged_by_the_rest(new_flight, healthy):
 
 
 def test_an_accuracy_of_zero_is_unknown(flight):
-    flight.hear("gnss", horizontal_accuracy_m=0.0, hdop=0.0)
+    flight.handle("gnss", horizontal_accuracy_m=0.0, hdop=0.0)
     flight.fly(1.0)
     assert flight.input("localization", "receiver accuracy").risk is None
     assert flight.input("localization", "hdop").risk is None
@@ -117,7 +117,7 @@ def test_the_receiver_and_the_estimator_fall_silent(flight):
     ],
 )
 def test_the_compass_disagrees_with_the_heading(flight, innovation, risk):
-    flight.hear("estimator", compass_innovation=innovation)
+    flight.handle("estimator", compass_innovation=innovation)
     flight.fly(3.0)
     assert flight.input("localization", "compass innovation").risk == pytest.approx(risk)
 
@@ -156,7 +156,7 @@ def test_a_counter_that_begins_anew_after_a_restart_is_no_reset(flight):
     flight.silence("odometry")
     flight.telemetry = replace(flight.telemetry, odometry=None)
     flight.fly(1.0)
-    flight.hear("local_position", boot_s=0.5)
+    flight.handle("local_position", boot_s=0.5)
     flight.sources["odometry"] = lambda t: Odometry(
         received_s=t, reset_counter=4, horizontal_accuracy_m=0.3
     )
@@ -247,10 +247,10 @@ def test_a_field_that_was_learned_over_steel_is_left_behind_in_minutes(flight):
 @pytest.mark.parametrize("state", [LandedState.ON_GROUND, LandedState.IN_AIR])
 def test_each_take_off_and_landing_begins_a_field_of_its_own(flight, state):
     other = {LandedState.ON_GROUND: LandedState.IN_AIR, LandedState.IN_AIR: LandedState.ON_GROUND}
-    flight.hear("landed", state=other[state])
+    flight.handle("landed", state=other[state])
     field(flight, lambda _: 0.5)
     flight.fly(60.0)
-    flight.hear("landed", state=state)
+    flight.handle("landed", state=state)
     field(flight, lambda _: 0.8)
     assert flight.fly(60.0).indices.localization < 0.01
 
@@ -266,10 +266,10 @@ def test_a_word_without_resets_takes_none_back(flight):
     odometry(flight, resets=5)
     flight.fly(4.5)
     assert flight.input("localization", "position resets").value == 4
-    heard = flight.sources["odometry"]
+    received = flight.sources["odometry"]
     flight.sources["odometry"] = lambda _: None
     flight.fly(0.2)
-    flight.sources["odometry"] = heard
+    flight.sources["odometry"] = received
     flight.fly(0.5)
     assert flight.input("localization", "position resets").value == 5
 
@@ -289,7 +289,7 @@ def test_the_second_receiver_takes_over(flight):
     flight.sources["second_gnss"] = first
     flight.sources["better_gnss_taken"] = lambda _: True
     flight.fly(5.0)
-    flight.hear("gnss", fix_type=0, satellites=None, hdop=None)
+    flight.handle("gnss", fix_type=0, satellites=None, hdop=None)
     after = flight.fly(10.0).indices.localization
     assert after == pytest.approx(RiskModel().receiver_lost, abs=0.01)
     assert flight.estimate.report.localization.worst == "receivers lost"
@@ -361,8 +361,8 @@ def test_a_greater_change_of_the_field_is_never_less_risk(strengths):
     )
     calm = LocalizationMemory()
     for second in range(20):
-        heard = MagneticField(received_s=NOW_S - 20.0 + second, strength_gauss=0.5)
-        calm = remember(calm, Telemetry(magnetic_field=heard), RiskModel())
+        received = MagneticField(received_s=NOW_S - 20.0 + second, strength_gauss=0.5)
+        calm = remember(calm, Telemetry(magnetic_field=received), RiskModel())
     less, more = (
         worst(
             Telemetry(

@@ -84,7 +84,7 @@ def indices_at(new_flight, badness):
             source, _ = OTHERS[name](0.0, bad)
             flight.sources[source] = lambda t, name=name, bad=bad: OTHERS[name](t, bad)[1]
     for source, values in changes.items():
-        flight.hear(source, **values)
+        flight.handle(source, **values)
     return flight.fly(12.0, step_s=0.2).indices.as_dict()
 
 

@@ -38,8 +38,8 @@ def two(first: Gnss, second: Gnss | None, *, better: bool = True, **choice: bool
 
 def judged(telemetry: Telemetry, *before: Telemetry) -> dict[str, InputReport]:
     first, second = NEITHER
-    for heard in (*before, telemetry):
-        first, second = first.read(heard.gnss), second.read(heard.second_gnss)
+    for received in (*before, telemetry):
+        first, second = first.read(received.gnss), second.read(received.second_gnss)
     reports = receiver_inputs(telemetry, (first, second), NOW_S, MODEL)
     return {report.name: report for report in reports}
 
@@ -144,12 +144,12 @@ def test_a_little_noise_changes_little(first, second, noise):
 
 
 @pytest.mark.parametrize(
-    ("fix_type", "told_m", "counts_m"),
+    ("fix_type", "reported_m", "counts_m"),
     [(3, 1.0, 1.0), (2, 1.0, 2.5), (2, 50.0, 50.0), (0, 0.0, None)],
 )
 def test_without_a_fix_it_is_no_more_accurate_than_before(
-    fix_type: int, told_m: float, counts_m: float | None
+    fix_type: int, reported_m: float, counts_m: float | None
 ) -> None:
     before = two(gnss(horizontal_accuracy_m=2.5), None)
-    now = two(gnss(fix_type=fix_type, horizontal_accuracy_m=told_m), None)
+    now = two(gnss(fix_type=fix_type, horizontal_accuracy_m=reported_m), None)
     assert judged(now, before)["receiver accuracy"].value == counts_m

@@ -10,7 +10,7 @@ from moar_companion.risk.sliding_mean import WINDOW_S, Sample, mean, then
 MAX_AGE_S = 1.0
 
 
-def heard(values, period_s=0.2):
+def received(values, period_s=0.2):
     samples = ()
     for number, value in enumerate(values):
         samples = then(samples, Sample(number * period_s, value), MAX_AGE_S)
@@ -22,33 +22,33 @@ def test_nothing_heard_has_no_mean():
 
 
 def test_the_first_sample_counts_at_once():
-    assert mean(heard([0.7]), 0.0) == 0.7
+    assert mean(received([0.7]), 0.0) == 0.7
 
 
 def test_one_sample_counts_for_the_time_that_it_stands():
-    samples = heard([0.5] * 6 + [0.9, 0.5])
+    samples = received([0.5] * 6 + [0.9, 0.5])
     assert mean(samples, 1.4) == pytest.approx(0.5 + 0.4 * 0.2 / WINDOW_S)
     assert mean(samples, 1.2 + 0.2 + WINDOW_S) == pytest.approx(0.5)
 
 
 def test_what_lasts_counts_in_full_after_the_window():
-    samples = heard([0.5] * 6 + [0.9] * 5)
+    samples = received([0.5] * 6 + [0.9] * 5)
     assert mean(samples, 1.2 + WINDOW_S) == pytest.approx(0.9)
 
 
 def test_a_sample_after_which_none_comes_counts_in_full_before_it_is_too_old():
-    samples = heard([0.5] * 6 + [0.9])
+    samples = received([0.5] * 6 + [0.9])
     assert mean(samples, 1.0 + 0.2 + WINDOW_S) == pytest.approx(0.9)
     assert WINDOW_S < MAX_AGE_S
 
 
 def test_after_a_gap_it_begins_anew():
-    samples = then(heard([0.9] * 6), Sample(2.1, 0.5), MAX_AGE_S)
+    samples = then(received([0.9] * 6), Sample(2.1, 0.5), MAX_AGE_S)
     assert samples == (Sample(2.1, 0.5),)
 
 
 def test_a_sample_is_taken_once():
-    samples = heard([0.5, 0.9])
+    samples = received([0.5, 0.9])
     assert then(samples, Sample(0.2, 0.9), MAX_AGE_S) is samples
 
 
@@ -63,4 +63,4 @@ def test_it_is_the_mean_of_what_stood(values, period_s, later_s):
     stood = np.array(values)[
         np.minimum(np.floor(times_s / period_s + 1e-9).astype(int), len(values) - 1)
     ]
-    assert mean(heard(values, period_s), now_s) == pytest.approx(stood.mean(), abs=1e-3)
+    assert mean(received(values, period_s), now_s) == pytest.approx(stood.mean(), abs=1e-3)

@@ -43,11 +43,11 @@ def margin(radio: Any) -> int:
 
 def repeated() -> Callable[[Any], bool]:
     """True if a receiver's clock reads as in the message before."""
-    heard: list[int] = []
+    received: list[int] = []
 
     def shows(message: Any) -> bool:
-        heard.append(message.time_usec)
-        return heard[-1:] == heard[-2:-1]
+        received.append(message.time_usec)
+        return received[-1:] == received[-2:-1]
 
     return shows
 
@@ -169,7 +169,7 @@ def judged(trouble: Trouble) -> tuple[RiskEstimate, list[RiskEstimate]]:
                 shown_s, before = now_s, risk
         elif shown_s is not None and now_s > shown_s + WITHIN_S:
             break
-        witness.hear(record.packet, now_s)
+        witness.handle(record.packet, now_s)
     return before, after
 
 

@@ -41,7 +41,7 @@ def test_calm_air_settles_to_no_risk(flight):
 
 
 def test_a_wind_that_only_the_lean_shows_raises_the_risk_within_three_seconds(flight):
-    flight.hear("attitude", roll_rad=lean_in(8.0))
+    flight.handle("attitude", roll_rad=lean_in(8.0))
     flight.fly(3.0)
     assert flight.input("wind", "wind from tilt").value == pytest.approx(8.0, abs=0.01)
     assert flight.estimate.report.wind.worst == "wind from tilt"
@@ -49,7 +49,7 @@ def test_a_wind_that_only_the_lean_shows_raises_the_risk_within_three_seconds(fl
 
 
 def test_hovering_nose_down_towards_north_the_air_moves_south(flight):
-    flight.hear("attitude", pitch_rad=-lean_in(5.0))
+    flight.handle("attitude", pitch_rad=-lean_in(5.0))
     flight.fly(3.0)
     assert flight.estimate.wind.wind_ne_mps == pytest.approx((-5.0, 0.0), abs=0.01)
 
@@ -105,16 +105,16 @@ def test_the_vertical_wind_does_not_count(flight):
 def test_a_calm_that_the_autopilot_is_not_sure_of_says_nothing(new_flight, healthy):
     del healthy["attitude"]
     flight = new_flight(**healthy)
-    flight.hear("wind", velocity_ned_mps=(0.1, 0.0, 0.0), deviation_mps=4.0)
+    flight.handle("wind", velocity_ned_mps=(0.1, 0.0, 0.0), deviation_mps=4.0)
     assert flight.fly(30.0).indices.wind == RiskModel().unknown
-    flight.hear("wind", velocity_ned_mps=(0.1, 0.0, 0.0), deviation_mps=0.3)
+    flight.handle("wind", velocity_ned_mps=(0.1, 0.0, 0.0), deviation_mps=0.3)
     assert flight.fly(30.0).indices.wind < 0.01
 
 
 def test_what_is_told_is_of_the_last_seconds_only(flight):
-    flight.hear("attitude", roll_rad=0.4)
+    flight.handle("attitude", roll_rad=0.4)
     flight.fly(10.0)
-    flight.hear("attitude", roll_rad=0.0)
+    flight.handle("attitude", roll_rad=0.0)
     flight.fly(2.0)
     assert flight.input("wind", "tilt in hover").value == pytest.approx(0.0, abs=1e-9)
     assert flight.input("wind", "wind from tilt").value == pytest.approx(0.0, abs=1e-9)
@@ -123,16 +123,16 @@ def test_what_is_told_is_of_the_last_seconds_only(flight):
 def test_the_tilt_that_the_wind_asks_of_a_hover_is_the_lean_of_one(new_flight, healthy):
     for drag_per_s in (0.1, 0.5):  # whatever the drag: a lean needs no model
         flight = new_flight(model=RiskModel(drag_per_s=drag_per_s), **healthy)
-        flight.hear("attitude", roll_rad=0.35)
+        flight.handle("attitude", roll_rad=0.35)
         flight.fly(5.0)
         assert flight.input("wind", "tilt in hover").value == pytest.approx(0.35, abs=1e-6)
 
 
 def test_a_velocity_that_cannot_be_is_no_wind_for_long(flight):
-    flight.hear("local_position", velocity_ned_mps=(1e200, -1e200, 0.0))
+    flight.handle("local_position", velocity_ned_mps=(1e200, -1e200, 0.0))
     flight.fly(10.0)
     assert flight.input("wind", "wind from tilt").value <= 100.0 + 1e-9
-    flight.hear("local_position")
+    flight.handle("local_position")
     flight.fly(90.0)
     assert flight.input("wind", "gusts").value < 5.0
     assert flight.input("wind", "wind from tilt").value == pytest.approx(0.0, abs=1e-6)
@@ -179,7 +179,7 @@ def test_gusts_raise_the_risk_and_calm_down(flight):
     gusts = flight.input("wind", "gusts")
     assert gusts.value == pytest.approx(5.0 / math.sqrt(2.0), abs=0.6)
     assert gusts.risk > 0.3
-    flight.hear("attitude", roll_rad=lean_in(5.0))
+    flight.handle("attitude", roll_rad=lean_in(5.0))
     flight.fly(60.0)
     assert flight.input("wind", "gusts").value < 0.6
 
@@ -202,7 +202,7 @@ def test_the_first_seconds_spread_is_the_plain_one(winds):
 def test_a_drag_that_is_learnt_tells_another_mean_of_the_same_lean():
     before, after = RiskModel(drag_per_s=0.2), RiskModel(drag_per_s=1.0)
     spread = Spread(time_s=0.0, mean_ne_mps=(3.0, -6.0), variance_m2ps2=0.5)
-    told = spread.told_by(before, after)
+    told = spread.with_model(before, after)
     leans = [
         deceleration_mps2(spread.mean_ne_mps, before),
         deceleration_mps2(told.mean_ne_mps, after),
@@ -225,7 +225,7 @@ def test_the_spread_forgets_in_half_a_minute():
 
 
 def test_saturated_motors_raise_the_risk(flight):
-    flight.hear("motors", pulse_us=(1500, 1960, 1490, 1500))
+    flight.handle("motors", pulse_us=(1500, 1960, 1490, 1500))
     assert flight.fly(3.0).indices.wind > 0.95
     assert flight.estimate.report.wind.worst == "motor output"
 
@@ -237,9 +237,9 @@ def test_one_sample_of_saturated_motors_moves_the_index_little(new_flight, healt
 
     def pulses(outputs_us):
         for output_us in outputs_us:
-            flight.hear("motors", pulse_us=(1600, output_us, 1600, 1600))
-            heard = flight.sources["motors"](flight.now_s + 0.1)
-            flight.sources["motors"] = lambda _, heard=heard: heard
+            flight.handle("motors", pulse_us=(1600, output_us, 1600, 1600))
+            received = flight.sources["motors"](flight.now_s + 0.1)
+            flight.sources["motors"] = lambda _, received=received: received
             flight.fly(period_s)
             yield flight.estimate.indices.wind
 
@@ -248,9 +248,9 @@ def test_one_sample_of_saturated_motors_moves_the_index_little(new_flight, healt
 
 
 def test_a_saturation_is_told_within_a_second_also_where_samples_are_lost(flight):
-    flight.hear("motors", pulse_us=(1600, 1600, 1600, 1600))
+    flight.handle("motors", pulse_us=(1600, 1600, 1600, 1600))
     flight.fly(10.0)
-    flight.hear("motors", pulse_us=(1600, 2000, 1600, 1600))
+    flight.handle("motors", pulse_us=(1600, 2000, 1600, 1600))
     flight.fly(0.1)
     flight.silence("motors")
     flight.fly(0.9)
@@ -285,7 +285,7 @@ def test_low_motor_outputs_alone_do_not_mean_calm(new_flight, healthy):
 def test_the_range_of_motor_outputs(new_flight, healthy, model, told, share):
     flight = new_flight(model=model, **healthy)
     flight.telemetry = replace(flight.telemetry, motor_min_us=told[0], motor_max_us=told[1])
-    flight.hear("motors", pulse_us=(1500, 1800))
+    flight.handle("motors", pulse_us=(1500, 1800))
     flight.fly(1.0)
     assert flight.input("wind", "motor output").value == pytest.approx(share)
 
@@ -308,7 +308,7 @@ def test_outputs_of_dshot_say_something_where_their_range_is_configured(
 
 
 def test_outputs_in_another_unit_than_the_range_say_nothing(flight):
-    flight.hear("motors", pulse_us=(4000, 8191))
+    flight.handle("motors", pulse_us=(4000, 8191))
     assert flight.fly(10.0).indices.wind < 0.01
     assert flight.input("wind", "motor output").risk is None
 
@@ -378,7 +378,7 @@ def test_more_lean_in_hover_is_never_less_wind_and_never_less_risk(
     values = []
     for roll_rad in (lean_rad, lean_rad + more_rad):
         flight = new_flight.healthy(model=model)
-        flight.hear("attitude", roll_rad=roll_rad)
+        flight.handle("attitude", roll_rad=roll_rad)
         flight.fly(4.0)
         values.append(
             (
@@ -397,7 +397,7 @@ def test_more_lean_in_hover_is_never_less_wind_and_never_less_risk(
 )
 def test_a_small_noise_moves_the_wind_and_the_index_a_little(new_flight, noise, size):
     flight = new_flight.healthy()
-    flight.hear("attitude", roll_rad=lean_in(7.0))
+    flight.handle("attitude", roll_rad=lean_in(7.0))
     flight.fly(10.0)
     wind, index = flight.input("wind", "wind from tilt").value, flight.estimate.indices.wind
     local, attitude = flight.sources["local_position"], flight.sources["attitude"]

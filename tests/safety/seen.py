@@ -17,11 +17,11 @@ from moar_companion.telemetry import (
     Battery,
     Estimator,
     Gnss,
-    Heard,
     Landed,
     LandedState,
     LocalPosition,
     Odometry,
+    PeerHeartbeat,
     Telemetry,
 )
 from moar_companion.types import Mission, RiskIndices
@@ -62,7 +62,7 @@ TELEMETRY = Telemetry(
     gnss=GNSS,
     estimator=ESTIMATOR,
     odometry=ODOMETRY,
-    ground_station=Heard(received_s=NOW_S, system_id=255),
+    ground_station=PeerHeartbeat(received_s=NOW_S, system_id=255),
 )
 POSE = Pose(position_m=(5.0, 0.0, 5.0), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
 

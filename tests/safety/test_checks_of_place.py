@@ -11,7 +11,7 @@ import pytest
 from moar_companion.safety.condition_types import Causes
 from moar_companion.safety.position_checks import widening_m
 from moar_companion.site import Margin
-from moar_companion.telemetry import Heard, Landed, LandedState
+from moar_companion.telemetry import Landed, LandedState, PeerHeartbeat
 from moar_companion.types import Mission
 
 from .seen import (
@@ -189,12 +189,12 @@ STORIES = [
     ),
     (
         "a ground station 10 s silent",
-        told(ground_station=Heard(received_s=90.0, system_id=255)),
+        told(ground_station=PeerHeartbeat(received_s=90.0, system_id=255)),
         {},
     ),
     (
         "silent for longer",
-        told(ground_station=Heard(received_s=89.4, system_id=255)),
+        told(ground_station=PeerHeartbeat(received_s=89.4, system_id=255)),
         {"ground_link": "no ground station for 11 s"},
     ),
     (

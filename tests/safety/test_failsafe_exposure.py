@@ -13,14 +13,14 @@ from moar_companion.config import Supervision
 from moar_companion.planner.free_distance import FreeDistance
 from moar_companion.power import Meter, PowerModel
 from moar_companion.safety.failsafe_exposure import FailsafeExposure
-from moar_companion.telemetry import Heard, Telemetry
+from moar_companion.telemetry import PeerHeartbeat, Telemetry
 
 from ..planner.problems import conductor, make_site, make_vehicle
 
 REACH = FreeDistance.over(make_site(conductor(5.5, 4.5, name="wire")), 0.5)
 ABOVE, BESIDE = (5.5, 0.0, 7.5), (9.5, 0.0, 7.5)
 POWER = PowerModel.of(make_vehicle())
-STATION = Telemetry(ground_station=Heard(system_id=255, received_s=0.0))
+STATION = Telemetry(ground_station=PeerHeartbeat(system_id=255, received_s=0.0))
 LANDS = {"COM_LOW_BAT_ACT": 2.0, "BAT_CRIT_THR": 0.3, "BAT_EMERGEN_THR": 0.1}
 
 

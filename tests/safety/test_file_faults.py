@@ -10,7 +10,7 @@ import pytest
 
 from moar_companion.safety.check_inputs import Host
 from moar_companion.safety.file_faults import FileFault, FileFaultTexts, words
-from moar_companion.telemetry import Heard
+from moar_companion.telemetry import PeerHeartbeat
 
 from ..companion.desk import Desk
 
@@ -51,8 +51,10 @@ def test_a_fault_of_the_start_waits_until_the_autopilot_is_heard():
 def test_the_first_ground_station_is_told_what_was_told_before_it_came():
     texts = FileFaultTexts()
     alone = replace(Desk().run(2.0).companion.telemetry, ground_station=None)
-    heard = replace(alone, ground_station=Heard(received_s=52.0, system_id=255))
-    told = [list(texts.texts((FULL,), telemetry)) for telemetry in (alone, alone, heard, heard)]
+    received = replace(alone, ground_station=PeerHeartbeat(received_s=52.0, system_id=255))
+    told = [
+        list(texts.texts((FULL,), telemetry)) for telemetry in (alone, alone, received, received)
+    ]
     assert told == [[(FULL, False)], [], [(FULL, False)], []]
 
 

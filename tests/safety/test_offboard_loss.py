@@ -81,7 +81,7 @@ def test_the_speed_that_a_way_allows_takes_that_way(free_m, timeout_s):
     for told in (loss(PX4), loss(ARDUPILOT, GUID_TIMEOUT=timeout_s)):
         speed = told.speed_mps(np.array([free_m]))
         assert speed[0] >= 0.0
-        assert told.way_m(speed) == pytest.approx([free_m], abs=1e-9)
+        assert told.stopping_m(speed) == pytest.approx([free_m], abs=1e-9)
 
 
 @given(st.floats(0.1, 10.0), st.floats(0.0, 5.0), st.floats(0.01, 1.0))
@@ -172,7 +172,7 @@ class Alone:
         assert self.operator.in_mode("ours")
         return place
 
-    def way_m(self, place, direction, timeout_s):
+    def stopping_m(self, place, direction, timeout_s):
         """Distance that it comes beyond its last setpoint, from its error before."""
         self.autopilot.set_parameter(TIMEOUT[self.manner], timeout_s)
         before = self._beyond_m(place, direction)
@@ -202,10 +202,10 @@ def comes_no_farther(manner, wind_mps, flights, **parameters):
         for timeout_s in timeouts_s:
             timeout = {} if _px4(manner) else {"GUID_TIMEOUT": timeout_s}
             told = loss(kind, **parameters, **timeout)
-            way_m = copy_of(led).way_m(place, STRAIGHT[name], timeout_s)
-            bound_m = float(told.way_m(np.array(speed_mps)))
+            stopping_m = copy_of(led).stopping_m(place, STRAIGHT[name], timeout_s)
+            bound_m = float(told.stopping_m(np.array(speed_mps)))
             least_m = 0.0 if parameters else 0.3 * bound_m
-            assert least_m < way_m <= bound_m + NOISE_M, (name, speed_mps, timeout_s)
+            assert least_m < stopping_m <= bound_m + NOISE_M, (name, speed_mps, timeout_s)
 
 
 NOISE_M = 0.1

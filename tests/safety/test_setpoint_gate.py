@@ -40,7 +40,7 @@ def reason(
         margin_m=margin_m,
         min_altitude_m=lowest_m,
         corridors_m=corridors,
-        ways_back_m=ways_back,
+        entry_legs_m=ways_back,
         corridor_width_m=0.3,
         plane_tolerance_m=2.0,
     )

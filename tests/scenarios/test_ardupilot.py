@@ -64,7 +64,7 @@ def moved_m(flight, since_s):
 
 def test_nothing_is_streamed_until_it_is_in_the_air_and_the_take_off_is_not_cancelled():
     flight = Lockstep(vehicle="x500", manner=Manner.ARDUPILOT)
-    while not flight.operator.said("EKF3 IMU0 is using GPS"):
+    while not flight.operator.has_received("EKF3 IMU0 is using GPS"):
         flight.move()
     flight.run(4.0)
     flight.operator.mode("ours")
@@ -199,7 +199,7 @@ def test_an_order_is_answered_once_though_the_autopilot_broadcasts_it_too():
     flight.run(1.0)
     results = [
         (message.get_srcComponent(), message.result)
-        for message in flight.operator.heard
+        for message in flight.operator.received
         if message.get_type() == "COMMAND_ACK" and message.command == 31010
     ]
     assert sorted(results) == [(1, mavlink.MAV_RESULT_UNSUPPORTED), (195, 0)]
@@ -232,5 +232,5 @@ def test_a_fence_breach_whose_status_stays_active_is_as_good_as_a_pilots_overrid
     assert flight.last_setpoint_s < breached_s + 1.5
     assert len(mode_requests(flight)) == asked
     assert not flight.operator.in_mode("ours")
-    statuses = {m.system_status for m in flight.operator.heard if m.get_type() == "HEARTBEAT"}
+    statuses = {m.system_status for m in flight.operator.received if m.get_type() == "HEARTBEAT"}
     assert mavlink.MAV_STATE_CRITICAL not in statuses

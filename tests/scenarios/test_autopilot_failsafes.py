@@ -42,7 +42,7 @@ def in_flight(seconds=3.0, **options):
 def statuses(flight, since_s=0.0):
     return {
         message.system_status
-        for message in flight.operator.heard
+        for message in flight.operator.received
         if message.get_type() == "HEARTBEAT" and message.get_srcComponent() == 1
     }
 
@@ -72,7 +72,9 @@ def test_a_low_battery_without_an_action_leads_an_inspection_out():
     flight = in_flight(options={"parameters": WARNS})
     low_s = flight.now_s
     flight.autopilot.conditions.battery_voltage_v = LOW_V
-    flight.run_until(lambda: flight.operator.said("MOAR: autopilot battery failsafe, exiting"), 5.0)
+    flight.run_until(
+        lambda: flight.operator.has_received("MOAR: autopilot battery failsafe, exiting"), 5.0
+    )
     flight.run_until_state("landing_leg", 60.0)
     assert "released" not in states_since(flight, low_s)
     flight.operator.mission(INSPECTION)
@@ -87,7 +89,7 @@ def test_a_lost_remote_control_that_does_not_end_guided_is_held_for_and_then_flo
     flight.autopilot.set_parameter("SIM_RC_FAIL", 1)
     flight.run_until_state("holding", 5.0)
     flight.run(3.0)
-    assert flight.operator.said("MOAR: failsafe: RC, holding")
+    assert flight.operator.has_received("MOAR: failsafe: RC, holding")
     assert flight.operator.in_mode("ours")
     flight.operator.mission(INSPECTION)
     flight.run(0.5)
@@ -142,8 +144,8 @@ def test_a_landing_ordered_while_a_failsafe_stands_is_not_told_as_the_failsafes(
     flight.operator.mode("land")
     flight.run_until_state("released", 2.0)
     flight.run(0.1)
-    assert flight.operator.said("MOAR: autopilot in LAND, released")
-    assert not flight.operator.said("failsafe chose")
+    assert flight.operator.has_received("MOAR: autopilot in LAND, released")
+    assert not flight.operator.has_received("failsafe chose")
 
 
 def test_a_landing_that_a_second_failsafe_chooses_is_told_as_its_own():
@@ -155,7 +157,7 @@ def test_a_landing_that_a_second_failsafe_chooses_is_told_as_its_own():
     flight.autopilot.conditions.battery_voltage_v = LOW_V - 2.0
     flight.run_until_state("released", 10.0)
     flight.run(0.1)
-    assert flight.operator.said("MOAR: failsafe chose LAND, released")
+    assert flight.operator.has_received("MOAR: failsafe chose LAND, released")
 
 
 # Lost links -------------------------------------------------------------------------------------
@@ -192,7 +194,7 @@ def test_a_lost_link_that_the_autopilot_acts_on_releases(manner, lose, within_s)
     lose(flight)
     flight.run_until_state("released", within_s)
     flight.run(0.1)
-    assert flight.operator.said(f"MOAR: failsafe chose {CHOSEN[manner]}, released")
+    assert flight.operator.has_received(f"MOAR: failsafe chose {CHOSEN[manner]}, released")
     assert not flight.operator.in_mode("ours")
     assert_nothing_was_touched(flight)
 
@@ -222,7 +224,7 @@ def test_an_order_that_another_operators_overtakes_is_cancelled_with_a_text():
     flight.run(0.3)
     flight.operator.mission(EXIT)
     flight.run(3.0)
-    assert flight.operator.said("MOAR: overtaken by a newer order, cancelled")
+    assert flight.operator.has_received("MOAR: overtaken by a newer order, cancelled")
 
 
 @pytest.mark.parametrize("manner", Manner)

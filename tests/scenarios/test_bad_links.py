@@ -107,13 +107,13 @@ def test_a_takeover_is_noticed_on_a_link_that_loses_three_packets_in_ten(manner)
 def test_a_mode_that_is_told_no_more_ends_control_while_other_packets_arrive(manner):
     """Mode reports are lost; the position still arrives."""
     flight = in_flight(manner)
-    hear = flight.hear
+    handle = flight.handle
     told = {"HEARTBEAT", "CURRENT_MODE"}
-    flight.hear = lambda data: hear(without(data, told))
+    flight.handle = lambda data: handle(without(data, told))
     silent_s = flight.now_s
     flight.run(5.0)
     assert flight.state == "released"
-    assert flight.operator.said("mode unknown for 3.0 s")
+    assert flight.operator.has_received("mode unknown for 3.0 s")
     limit_s = flight.config.supervision.mode_timeout_s
     assert flight.last_setpoint_s == pytest.approx(silent_s + limit_s, abs=0.3)
     last = flight.setpoints[-1].message
@@ -123,12 +123,12 @@ def test_a_mode_that_is_told_no_more_ends_control_while_other_packets_arrive(man
 def test_an_armed_state_that_is_told_no_more_ends_control_while_the_mode_is_told():
     """PX4 tells the mode by CURRENT_MODE, too; HEARTBEAT alone tells whether it is armed."""
     flight = in_flight(Manner.PX4)
-    hear = flight.hear
-    flight.hear = lambda data: hear(without(data, {"HEARTBEAT"}))
+    handle = flight.handle
+    flight.handle = lambda data: handle(without(data, {"HEARTBEAT"}))
     silent_s = flight.now_s
     flight.run(17.0)
     assert flight.state == "released"
-    assert flight.operator.said("armed state unknown for 15")
+    assert flight.operator.has_received("armed state unknown for 15")
     limit_s = flight.config.supervision.armed_timeout_s
     assert flight.last_setpoint_s == pytest.approx(silent_s + limit_s, abs=1.1)
 

@@ -177,20 +177,20 @@ def test_wherever_it_fails_on_any_mission_that_is_accepted(name, site, wind_mps)
 def test_a_return_that_would_climb_through_a_conductor_is_denied_with_the_remedy():
     sweep = failures("PX4 returns after 1 s", every_s=math.inf)
     assert not sweep.fly(INSPECTION, 1)
-    assert sweep.flight.operator.said("PX4 would hit left-upper")
+    assert sweep.flight.operator.has_received("PX4 would hit left-upper")
     assert not sweep.flight.setpoints
 
 
 def test_a_landing_on_a_conductor_is_denied_with_the_remedy():
     sweep = failures("PX4 lands after 0.5 s", every_s=math.inf)
     assert not sweep.fly(INSPECTION, 1)
-    assert sweep.flight.operator.said("PX4 would hit right-lower")
+    assert sweep.flight.operator.has_received("PX4 would hit right-lower")
 
 
 def test_an_autopilot_that_cannot_follow_is_not_led():
     sweep = failures("ArduPilot cannot follow", every_s=math.inf, vehicle="x500")
     assert not sweep.fly(INSPECTION, 1)
-    assert sweep.flight.operator.said("ArduPilot brakes ")
+    assert sweep.flight.operator.has_received("ArduPilot brakes ")
 
 
 def test_where_it_is_configured_so_the_same_is_warned_about_and_flown():
@@ -198,7 +198,7 @@ def test_where_it_is_configured_so_the_same_is_warned_about_and_flown():
     supervision = Supervision(loss_action=LossCheck.WARN)
     flight = hovering(options={"parameters": parameters}, manner=manner, supervision=supervision)
     flight.begin(INSPECTION, 1)
-    assert flight.operator.said("PX4 would hit left-upper")
+    assert flight.operator.has_received("PX4 would hit left-upper")
     assert flight.state == "flying"
 
 

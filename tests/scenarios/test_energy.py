@@ -44,7 +44,7 @@ def test_a_battery_that_drains_is_left_while_that_is_possible():
     flight.begin(INSPECTION)
     flight.autopilot.conditions.battery_percent = 45.0
     flight.run_until(lambda: flight.companion.status.task.mission is not Mission.INSPECTION, 120.0)
-    assert flight.operator.said("leaves ")
+    assert flight.operator.has_received("leaves ")
     flight.run_until_state("landing_leg", 60.0)
     flight.run_until_state("holding", 60.0)
     flight.land()

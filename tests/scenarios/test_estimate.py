@@ -68,7 +68,7 @@ def test_a_jump_beyond_the_limit_is_held_until_an_operator_has_looked(manner):
     flight.run(1.2)
     assert flight.state == "holding"
     limit_m = {Manner.PX4: "1.4", Manner.ARDUPILOT: "0.5"}[manner]
-    assert flight.operator.said(f"MOAR: the position jumped 3.4 m > {limit_m}")
+    assert flight.operator.has_received(f"MOAR: the position jumped 3.4 m > {limit_m}")
     judge_what_was_flown(flight, began_s)
     flight.run(11.0)
     assert flight.state == "holding"
@@ -104,17 +104,17 @@ def test_a_receiver_that_repeats_its_last_words_is_a_hold_until_the_autopilot_de
     flight.autopilot.conditions.gps_mode = GPS_SILENT
     flight.run_until_state("holding", 4.0)
     flight.run(0.2)
-    assert flight.operator.said("MOAR: GNSS receiver stopped")
+    assert flight.operator.has_received("MOAR: GNSS receiver stopped")
     flight.run_until_state("released", 20.0)
     flight.run(0.2)
-    assert flight.operator.said("MOAR: failsafe chose LAND, released")
+    assert flight.operator.has_received("MOAR: failsafe chose LAND, released")
     assert_nothing_was_touched(flight)
 
 
 def test_a_planner_that_falls_silent_slows_the_flight_and_then_holds_it():
     flight = in_flight(Manner.ARDUPILOT, 1.0, target=1)
     flight.planning = False
-    flight.run_until(lambda: flight.operator.said("MOAR: no new plan"), 15.0)
+    flight.run_until(lambda: flight.operator.has_received("MOAR: no new plan"), 15.0)
     assert flight.state == "flying"
     flight.run_until_state("holding", 10.0)
     flight.run(2.0)

@@ -66,7 +66,7 @@ def test_the_exit_begins_early_enough_that_critical_never_comes_over_a_conductor
     flight.autopilot.conditions.drain_factor = drain_factor
     flight.autopilot.conditions.battery_percent = percent
     flight.run_until(lambda: flight.companion.status.task.mission is Mission.EXIT, 120.0)
-    assert flight.operator.said("landing in ")
+    assert flight.operator.has_received("landing in ")
     flight.run_until(
         lambda: LANDING[manner] in flight.truth.mode or flight.state == "landing_leg", 120.0
     )
@@ -94,8 +94,8 @@ def test_where_a_low_battery_only_brakes_the_exit_begins_before_that():
     flight.autopilot.conditions.drain_factor = 3.0
     flight.autopilot.conditions.battery_percent = 75.0
     flight.run_until(lambda: flight.truth.mode != "GUIDED", 240.0)
-    assert flight.operator.said("landing in ")
-    assert flight.operator.said("flying exit")
+    assert flight.operator.has_received("landing in ")
+    assert flight.operator.has_received("flying exit")
     assert not over_a_conductor(flight)
 
 
@@ -105,9 +105,9 @@ def test_where_lost_rc_would_land_on_a_conductor_people_are_told_and_it_leaves_i
         {"FS_THR_ENABLE": 3, "FS_EKF_ACTION": 2},
         supervision=Supervision(exposure_limit_s=15.0),
     )
-    assert flight.operator.said("MOAR: RC loss: landing hits ")
+    assert flight.operator.has_received("MOAR: RC loss: landing hits ")
     flight.run_until(lambda: flight.companion.status.task.mission is Mission.EXIT, 60.0)
-    assert flight.operator.said("RC loss hits left-lower")
+    assert flight.operator.has_received("RC loss hits left-lower")
     flight.run(10.0)
     assert flight.state == "flying"
     assert_nothing_was_touched(flight)

@@ -46,7 +46,7 @@ class Intruder:
 
     def __init__(self, flight):
         self.flight = flight
-        self.heard = []
+        self.received = []
         """(time, message id, packet) of everything the autopilot said."""
         self.origin = told_origin(flight)
         """The true one: latitude and longitude in 1e-7 degrees, altitude in mm."""
@@ -57,20 +57,20 @@ class Intruder:
         self._codec = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
         self._reader = mavlink.MAVLink(None)
         self._reader.robust_parsing = True
-        self._hear = flight.hear
-        flight.hear = self.listen
+        self._handle = flight.handle
+        flight.handle = self.listen
 
     def listen(self, data):
         for packet in packets(data):
             message_id = packet_header(packet)[0]
-            self.heard.append((self.flight.now_s, message_id, packet))
+            self.received.append((self.flight.now_s, message_id, packet))
             message = self.read(packet)
             self.sequence = message.get_seq()
             if message_id == LOCAL_POSITION:
                 self.boot_ms = message.time_boot_ms
             forged = packet if self.forge is None else self.forge(message_id, packet)
             if forged:
-                self._hear(forged)
+                self._handle(forged)
 
     def read(self, packet):
         (message,) = self._reader.parse_buffer(packet)
@@ -79,16 +79,16 @@ class Intruder:
     def say(self, message, system_id=1):
         self._codec.srcSystem = system_id
         self._codec.seq = (self.sequence + 1) % 256
-        self._hear(message.pack(self._codec))
+        self._handle(message.pack(self._codec))
 
     def say_again(self, message_id, late_s):
         """The packet of this kind that was heard so long ago, once more."""
-        told_s = self.flight.now_s - late_s
-        self._hear(
+        reported_s = self.flight.now_s - late_s
+        self._handle(
             next(
                 packet
-                for time_s, kind, packet in self.heard
-                if kind == message_id and time_s >= told_s
+                for time_s, kind, packet in self.received
+                if kind == message_id and time_s >= reported_s
             )
         )
 
@@ -145,11 +145,11 @@ def test_old_packets_of_every_kind_in_one_burst_are_no_restart(manner):
     intruder = Intruder(flight)
     flight.run(5.0)
     old = [
-        packet for time_s, kind, packet in intruder.heard if kind and time_s < flight.now_s - 3.0
+        packet for time_s, kind, packet in intruder.received if kind and time_s < flight.now_s - 3.0
     ]
     before = flight.companion.telemetry.local_position
     for packet in old:
-        intruder._hear(packet)
+        intruder._handle(packet)
     assert flight.companion.telemetry.local_position == before
     flight.run(2.0)
     assert flight.state in {"flying", "at_target"}
@@ -233,7 +233,7 @@ def test_a_real_reset_of_the_estimator_is_no_disagreement(manner):
     flight.autopilot.jump(0.0, 0.45)
     flight.run(5.0)
     assert flight.state in {"flying", "at_target"}
-    assert not flight.operator.said("global position")
+    assert not flight.operator.has_received("global position")
 
 
 ONE_PACKET = {
@@ -254,7 +254,7 @@ def test_one_packet_of_another_autopilot_ends_control_and_does_not_refuse_it_for
     intruder.say(message, system_id)
     flight.run(0.1)
     assert flight.state == "released"
-    assert flight.operator.said(f"MOAR: {words}, released")
+    assert flight.operator.has_received(f"MOAR: {words}, released")
     flight.run(5.0)
     flight.operator.mission(INSPECTION)
     flight.run(0.5)

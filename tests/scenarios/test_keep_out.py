@@ -97,8 +97,8 @@ def test_it_waits_with_the_number_said_until_the_position_is_known_better():
     know_to(flight, 1.6)
     flight.run_until_state("holding", 3.0)
     flight.run(3.0)  # an escape leg would lead out of there, but not to the target
-    assert flight.operator.said("MOAR: no room here, uncertainty 1.6 m")
-    assert flight.operator.said("no path, uncertainty 1.6 m, holding")
+    assert flight.operator.has_received("MOAR: no room here, uncertainty 1.6 m")
+    assert flight.operator.has_received("no path, uncertainty 1.6 m, holding")
     asked = len([item for item in flight.decisions if item.kind == "replan"])
     flight.run(15.0)
     assert flight.state == "holding"
@@ -116,5 +116,5 @@ def test_before_the_flight_it_is_denied_with_the_number():
     flight.operator.mission(INSPECTION, INNER)
     flight.run(1.0)
     assert flight.operator.answers()[-1] == DENIED
-    assert flight.operator.said("MOAR: no path, uncertainty 1.6 m, denied")
+    assert flight.operator.has_received("MOAR: no path, uncertainty 1.6 m, denied")
     assert not flight.setpoints

@@ -66,14 +66,14 @@ def test_beside_a_wall_an_estimate_that_errs_beyond_what_is_told_touches_nothing
     flight.autopilot.conditions.wind_mps = 4.5
     flight.autopilot.conditions.wind_from_deg = 90.0  # towards the wall
     flight.begin(INSPECTION, 0)
-    errors_m, told_m = [], []
+    errors_m, reported_m = [], []
     for _ in range(60):
         flight.run(1.0)
         errors_m.append(math.dist(flight.companion.pose.position_m, true_places(flight)[-1]))
-        told_m.append(flight.companion.risk.indices.localization)
+        reported_m.append(flight.companion.risk.indices.localization)
     assert flight.state in {"at_target", "holding"}
     assert max(errors_m) > error_m, max(errors_m)
-    assert max(told_m[5:]) < 0.2  # unknown is a risk of its own at first
+    assert max(reported_m[5:]) < 0.2  # unknown is a risk of its own at first
     assert_nothing_was_touched(flight)
 
 
@@ -85,7 +85,7 @@ def test_a_target_nearer_to_the_wall_than_the_margin_is_denied(manner, beside_m,
     flight.operator.mission(INSPECTION, 0)
     flight.run(2.0)
     assert flight.operator.answers()[-1] == DENIED
-    assert flight.operator.said(f"MOAR: no path with margin {margin} m, denied")
+    assert flight.operator.has_received(f"MOAR: no path with margin {margin} m, denied")
     assert not flight.setpoints
 
 
@@ -95,7 +95,7 @@ def test_an_estimator_jump_that_is_greater_than_the_margin_left_is_a_hold(east_m
     flight.autopilot.jump(0.0, east_m)
     flight.run(1.0)
     assert flight.state == "holding"
-    assert flight.operator.said("MOAR: the position jumped 2.5 m > ")
+    assert flight.operator.has_received("MOAR: the position jumped 2.5 m > ")
     flight.run(10.0)
     assert_nothing_was_touched(flight)
 
@@ -118,7 +118,7 @@ def test_an_exit_that_the_margin_closes_is_flown_with_what_is_left_of_it(manner)
     flight.begin(EXIT)
     flight.run_until_state("holding", 120.0)
     flight.run(1.0)
-    assert flight.operator.said(" wall < ")
-    assert flight.operator.said("MOAR: above the landing point, holding")
-    assert not flight.operator.said("no room here")
+    assert flight.operator.has_received(" wall < ")
+    assert flight.operator.has_received("MOAR: above the landing point, holding")
+    assert not flight.operator.has_received("no room here")
     assert_nothing_was_touched(flight)

@@ -86,7 +86,7 @@ def fly_all(site, vehicle, wind_mps, mission, **options):
     flight.give_mode()
     flight.run_until_state("holding", 200.0)
     flight.run(2.0)
-    assert flight.operator.said("every target is done")
+    assert flight.operator.has_received("every target is done")
     flight.operator.mission(EXIT if mission == "exit" else EVACUATION)
     flight.run_until_state("landing_leg", 120.0)
     flight.run_until_state("holding", 120.0)

@@ -116,7 +116,7 @@ def test_after_a_takeover_on_the_landing_leg_the_rest_of_it_is_flown(manner, ord
     orders = {"exit": lambda: operator.mission(EXIT), "continue": operator.go_on}
     least_m = flown(flight, orders[order], "holding")
     assert least_m > RIGHT_M + 1.0
-    assert operator.said("MOAR: above the landing point, holding")
+    assert operator.has_received("MOAR: above the landing point, holding")
 
 
 @BOTH
@@ -165,7 +165,7 @@ def test_outside_on_the_landing_leg_an_inspection_leads_back_in(manner, how, low
 def test_outside_on_the_landing_leg_another_escape_route_is_flown(manner, how, mission, low):
     flight = left(manner, how, low=low)
     flown(flight, lambda: flight.operator.mission(mission), "holding")
-    assert flight.operator.said("MOAR: above the landing point, holding")
+    assert flight.operator.has_received("MOAR: above the landing point, holding")
 
 
 @BOTH
@@ -174,7 +174,7 @@ def test_after_a_crash_without_a_state_file_there_is_nothing_to_continue(manner)
     flight.operator.go_on()
     flight.run(1.0)
     assert flight.operator.answers(MAV_CMD_DO_PAUSE_CONTINUE)[-1] == TEMPORARILY_REJECTED
-    assert flight.operator.said("MOAR: nothing is held, rejected")
+    assert flight.operator.has_received("MOAR: nothing is held, rejected")
 
 
 @pytest.mark.slow

@@ -28,13 +28,13 @@ def test_an_inspection_is_flown_on_signed_links_and_nothing_tells_the_key(manner
     companion = flight.companion
     assert not any(companion.signing.packets_refused[COMPANION_LINK].values())
     assert all(data[2] == 1 for _, data in flight.to_autopilot)
-    heard = [packet for _, packet in companion.packets_heard()]
-    assert heard
+    received = [packet for _, packet in companion.received_packets()]
+    assert received
     latest = LatestDecisions()
     latest.note(flight.decisions, companion.telemetry.link)
     status = latest.status_of(companion, flight.now_s, clock_offset_s=0.0, recorder=None)
     told = [
-        *heard,
+        *received,
         *(data for _, data in flight.to_autopilot),
         repr(flight.config).encode(),
         repr(flight.decisions).encode(),
@@ -56,39 +56,39 @@ def test_an_inspection_is_flown_on_signed_links_and_nothing_tells_the_key(manner
 def test_a_stranger_can_neither_command_nor_pose_as_the_autopilot(stranger, reason):
     flight = hovering(secret=SECRET)
     flight.begin(INSPECTION, 0)
-    said = len(flight.operator.heard)
+    said = len(flight.operator.received)
     telemetry = flight.companion.telemetry.autopilot
-    flight.hear(stranger.command(31010, RELEASE))
-    flight.hear(stranger.command(31010, 0))
+    flight.handle(stranger.command(31010, RELEASE))
+    flight.handle(stranger.command(31010, 0))
     stranger._packer.srcSystem = stranger._packer.srcComponent = 1
-    flight.hear(stranger.heartbeat(custom_mode=4 << 16 | 3 << 24))
+    flight.handle(stranger.heartbeat(custom_mode=4 << 16 | 3 << 24))
     assert flight.companion.telemetry.autopilot == telemetry
     flight.run(1.0)
     assert flight.state == "flying"
     assert flight.companion.signing.packets_refused[COMPANION_LINK][reason] == 3
-    texts = [m.text for m in flight.operator.heard[said:] if m.get_type() == "STATUSTEXT"]
+    texts = [m.text for m in flight.operator.received[said:] if m.get_type() == "STATUSTEXT"]
     assert texts.count(f"MOAR: 3 packets refused: {reason.value}") == 1
-    assert not [m for m in flight.operator.heard[said:] if m.get_type() == "COMMAND_ACK"]
+    assert not [m for m in flight.operator.received[said:] if m.get_type() == "COMMAND_ACK"]
 
 
 @pytest.mark.slow
 def test_an_order_that_was_recorded_cannot_be_given_again():
     flight = hovering(secret=SECRET)
     recorded = []
-    hear = flight.hear
+    handle = flight.handle
 
     def listen(data):
         recorded.append(data)
-        hear(data)
+        handle(data)
 
-    flight.hear = listen
+    flight.handle = listen
     flight.begin(INSPECTION, 0)
     flight.operator.mission(RELEASE)
     flight.run_until_state("released", 2.0)
-    flight.hear = hear
+    flight.handle = handle
     flight.run(40.0)
     for data in recorded:
-        flight.hear(data)
+        flight.handle(data)
     refused = flight.companion.signing.packets_refused[COMPANION_LINK]
     assert refused[SigningRefusal.OLD] == sum(len(list(packets(data))) for data in recorded)
     flight.run(2.0)

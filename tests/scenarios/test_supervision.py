@@ -51,7 +51,7 @@ def test_wind_above_the_limit_is_waited_for_and_the_inspection_goes_on(manner):
     conditions.wind_mps, conditions.wind_from_deg = 10.0, 270.0
     flight.run_until_state("holding", 20.0)
     flight.run(5.0)
-    assert flight.operator.said("MOAR: wind")
+    assert flight.operator.has_received("MOAR: wind")
     assert flight.state == "holding"
     conditions.wind_mps = 1.0
     flight.run_until_state("flying", 40.0)
@@ -82,7 +82,7 @@ def test_a_battery_that_becomes_critical_on_the_escape_route_is_evacuated(manner
     flight.run(1.0)
     flight.autopilot.conditions.battery_percent = 6.0
     flight.run_until(lambda: flown(flight) == "evacuation", 15.0)
-    assert flight.operator.said("MOAR: battery 0 is critical, evacuating")
+    assert flight.operator.has_received("MOAR: battery 0 is critical, evacuating")
     flight.run_until_state("landing_leg", 60.0)
     assert flown(flight) == "evacuation"
     # It turns round on the leg of the exit, which has led it a little out of the workspace.
@@ -96,12 +96,12 @@ def test_a_receiver_that_loses_its_fix_is_a_hold_until_the_autopilot_decides(man
     flight.autopilot.conditions.gps_mode = GPS_NO_FIX
     flight.run_until_state("holding", 4.0)
     flight.run(0.2)
-    assert flight.operator.said("MOAR: GNSS receiver has no 3D fix")
+    assert flight.operator.has_received("MOAR: GNSS receiver has no 3D fix")
     flight.run(0.6)
     held_s = flight.now_s
     flight.run_until_state("released", 20.0)
     flight.run(0.2)
-    assert flight.operator.said("MOAR: failsafe chose")
+    assert flight.operator.has_received("MOAR: failsafe chose")
     held = [item.message for item in flight.setpoints if item.time_s > held_s]
     assert all((m.vx, m.vy, m.vz) == (0.0, 0.0, 0.0) for m in held)
     assert_nothing_was_touched(flight)
@@ -134,5 +134,5 @@ def test_an_inspection_is_denied_where_it_would_be_held_at_once(manner):
     flight.operator.mission(INSPECTION)
     flight.run(0.5)
     assert flight.operator.answers()[-1] == TEMPORARILY_REJECTED
-    assert flight.operator.said("% <= 99%, rejected")
+    assert flight.operator.has_received("% <= 99%, rejected")
     assert not flight.setpoints

@@ -45,9 +45,9 @@ class Wire(Lockstep):
         self.operator.silent = True
         self.come = Counter()
 
-    def hear(self, data):
+    def handle(self, data):
         self.come.update(packet_header(packet)[0] for packet in packets(data))
-        super().hear(data)
+        super().handle(data)
 
     def rates_hz(self, seconds=10.0):
         """By message id, over the next seconds."""

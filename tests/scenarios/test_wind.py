@@ -26,11 +26,11 @@ def short_manoeuvre(flight):
 def test_in_calm_air_no_manoeuvre_is_wind(manner):
     flight = in_the_air(manner)
     flight.run(8.0)
-    rest = flight.told[-1].risk
-    flight.told.clear()
+    rest = flight.reported[-1].risk
+    flight.reported.clear()
     short_manoeuvre(flight)
-    assert max(told.tilt_mps for told in flight.told) < 1.2
-    assert max(told.risk for told in flight.told) < rest + 0.1
+    assert max(told.tilt_mps for told in flight.reported) < 1.2
+    assert max(told.risk for told in flight.reported) < rest + 0.1
 
 
 @pytest.mark.slow
@@ -41,10 +41,10 @@ def test_in_calm_air_no_manoeuvre_is_wind(manner):
 def test_in_calm_air_not_even_with_a_drag_that_is_30_percent_off(manner, drag):
     flight = in_the_air(manner, drag=drag)
     flight.run(15.0)
-    rest = flight.told[-1].risk
-    flight.told.clear()
+    rest = flight.reported[-1].risk
+    flight.reported.clear()
     flight.manoeuvre()
-    assert max(told.risk for told in flight.told) < rest + 0.1
+    assert max(told.risk for told in flight.reported) < rest + 0.1
 
 
 @BOTH
@@ -53,9 +53,9 @@ def test_a_wind_that_rises_and_falls_is_followed_within_three_seconds(manner):
     for wind_mps in (8.0, 0.0):
         flight.wind(wind_mps)
         flight.run(3.0)
-        assert flight.told[-1].tilt_mps == pytest.approx(wind_mps, abs=1.0)
+        assert flight.reported[-1].tilt_mps == pytest.approx(wind_mps, abs=1.0)
         if wind_mps > 0.0:
-            assert flight.told[-1].risk > 0.9 * (8.0 - 3.0) / (12.0 - 3.0)
+            assert flight.reported[-1].risk > 0.9 * (8.0 - 3.0) / (12.0 - 3.0)
 
 
 @pytest.mark.slow
@@ -72,7 +72,7 @@ def test_the_wind_told_is_as_wrong_as_the_drag(manner, drag):
     for wind_mps in (4.0, 8.0):
         flight.wind(wind_mps)
         flight.run(4.0)
-        flight.told.clear()
+        flight.reported.clear()
         flight.fly_to((8.0 if wind_mps < 5.0 else 0.0, 0.0), 2.0)
-        told = [told.tilt_mps for told in flight.told]
+        told = [told.tilt_mps for told in flight.reported]
         assert sum(told) / len(told) == pytest.approx(wind_mps, rel=error)

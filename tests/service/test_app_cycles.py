@@ -36,7 +36,7 @@ def clock_s():
 
 
 @pytest.fixture
-def heard():
+def received():
     """A socket that hears the service."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as item:
         item.bind(("127.0.0.1", 0))
@@ -44,9 +44,9 @@ def heard():
         yield item
 
 
-def serve(heard, seconds, **config):
+def serve(received, seconds, **config):
     """Run the service for a time; the messages that it sent."""
-    link = LinkConfig(url=f"udpout:127.0.0.1:{heard.getsockname()[1]}")
+    link = LinkConfig(url=f"udpout:127.0.0.1:{received.getsockname()[1]}")
     whole = CompanionConfig(vehicle=VEHICLE, links=(link,), **config)
     companion = Companion(whole, Vehicle.load(VEHICLE), None)
 
@@ -58,7 +58,7 @@ def serve(heard, seconds, **config):
     codec, messages = mavlink.MAVLink(None), []
     while True:
         try:
-            messages += codec.parse_buffer(heard.recv(65536)) or []
+            messages += codec.parse_buffer(received.recv(65536)) or []
         except BlockingIOError:
             return messages
 
@@ -73,7 +73,7 @@ def test_the_status_tells_the_time_of_a_clock_that_is_set_later(monkeypatch):
 
 
 def test_steps_of_the_wall_clock_disturb_neither_the_cycles_nor_the_record(
-    heard, tmp_path, monkeypatch
+    received, tmp_path, monkeypatch
 ):
     wall_s, began_s = time.time, clock_s()
 
@@ -84,7 +84,7 @@ def test_steps_of_the_wall_clock_disturb_neither_the_cycles_nor_the_record(
 
     clock_began_s = wall_s()
     monkeypatch.setattr(time, "time", stepped)
-    messages = serve(heard, 2.0, recorder=RecorderSettings(directory=tmp_path))
+    messages = serve(received, 2.0, recorder=RecorderSettings(directory=tmp_path))
     thought_ms = {m.time_boot_ms for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"}
     assert len(thought_ms) >= 4
     assert all(400 < later - earlier < 900 for earlier, later in pairwise(sorted(thought_ms)))
@@ -101,7 +101,7 @@ def stamps(data):
         data = data[8 + data[9] + 12 :]
 
 
-def test_control_of_a_cycle_too_long_ago_is_not_sent(heard, monkeypatch):
+def test_control_of_a_cycle_too_long_ago_is_not_sent(received, monkeypatch):
     cycles, followed = [], set()
     tick, ask = Companion.tick, Companion.control_to_send
 
@@ -117,14 +117,16 @@ def test_control_of_a_cycle_too_long_ago_is_not_sent(heard, monkeypatch):
 
     monkeypatch.setattr(Companion, "tick", slow_tick)
     monkeypatch.setattr(Companion, "control_to_send", noted)
-    messages = serve(heard, 1.5)
+    messages = serve(received, 1.5)
     assert not followed & {10, 20}
     assert len(followed) > len(cycles) / 2
     assert {"HEARTBEAT", "NAMED_VALUE_FLOAT"} <= {message.get_type() for message in messages}
 
 
 @pytest.mark.parametrize(("pause_s", "sent"), [(0.0, 2), (0.15, 0)])
-def test_control_that_is_paused_on_its_escape_route_is_not_sent(pause_s, sent, heard, monkeypatch):
+def test_control_that_is_paused_on_its_escape_route_is_not_sent(
+    pause_s, sent, received, monkeypatch
+):
     marked = bytes(
         mavlink.MAVLink_heartbeat_message(18, 8, 0, 77, 3, 3).pack(mavlink.MAVLink(None))
     )
@@ -140,13 +142,13 @@ def test_control_that_is_paused_on_its_escape_route_is_not_sent(pause_s, sent, h
 
     monkeypatch.setattr(Companion, "control_to_send", two)
     monkeypatch.setattr(Companion, "note_sent", lambda _: log.append("sent"))
-    modes = [item.custom_mode for item in serve(heard, 0.5) if item.get_type() == "HEARTBEAT"]
+    modes = [item.custom_mode for item in serve(received, 0.5) if item.get_type() == "HEARTBEAT"]
     assert modes.count(77) == sent
     assert (log[log.index("marked") + 1] == "sent") is bool(sent)
     assert modes.count(0) == 1
 
 
-def test_after_a_stall_what_has_waited_is_heard_before_anything_is_sent(heard, monkeypatch):
+def test_after_a_stall_what_has_waited_is_heard_before_anything_is_sent(received, monkeypatch):
     autopilot = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
     said = [autopilot.heartbeat_encode(2, 12, 209, mode, 4) for mode in (*[OFFBOARD] * 4, POSCTL)]
     waiting = [bytes(message.pack(autopilot)) for message in said]
@@ -155,9 +157,9 @@ def test_after_a_stall_what_has_waited_is_heard_before_anything_is_sent(heard, m
     def stalled(self, now_s):
         tick(self, now_s)
         with contextlib.suppress(BlockingIOError):
-            _, service = heard.recvfrom(65536)
+            _, service = received.recvfrom(65536)
             while waiting:
-                heard.sendto(waiting.pop(0), service)
+                received.sendto(waiting.pop(0), service)
                 time.sleep(0.05)
 
     def noted(self):
@@ -167,14 +169,14 @@ def test_after_a_stall_what_has_waited_is_heard_before_anything_is_sent(heard, m
 
     monkeypatch.setattr(Companion, "tick", stalled)
     monkeypatch.setattr(Companion, "control_to_send", noted)
-    serve(heard, 1.0)
+    serve(received, 1.0)
     assert modes[0] is not None
     assert modes[0].custom_mode == POSCTL
 
 
 @pytest.mark.parametrize(("thought_s", "fed"), [(0.0, True), (0.15, False)])
 def test_the_watchdog_is_fed_by_cycles_that_are_sent_in_time_alone(
-    thought_s, fed, heard, tmp_path, monkeypatch
+    thought_s, fed, received, tmp_path, monkeypatch
 ):
     tick, address = Companion.tick, str(tmp_path / "notify")
 
@@ -189,7 +191,7 @@ def test_the_watchdog_is_fed_by_cycles_that_are_sent_in_time_alone(
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
         manager.bind(address)
         manager.setblocking(False)
-        serve(heard, 1.0)
+        serve(received, 1.0)
         told = set()
         with contextlib.suppress(BlockingIOError):
             while True:
@@ -197,7 +199,7 @@ def test_the_watchdog_is_fed_by_cycles_that_are_sent_in_time_alone(
     assert told == {b"READY=1", b"STOPPING=1", *([b"WATCHDOG=1"] if fed else [])}
 
 
-def test_the_companion_is_told_what_the_computer_has_left(heard, tmp_path, monkeypatch):
+def test_the_companion_is_told_what_the_computer_has_left(received, tmp_path, monkeypatch):
     asked, told = set(), set()
 
     def left(recordings):
@@ -207,13 +209,13 @@ def test_the_companion_is_told_what_the_computer_has_left(heard, tmp_path, monke
     monkeypatch.setattr(host_monitor.shutil, "disk_usage", left)
     monkeypatch.setattr(host_monitor, "memory_available", lambda _: 2e8)
     monkeypatch.setattr(Companion, "note_host", lambda _, host: told.add(host))
-    serve(heard, 0.3, recorder=RecorderSettings(directory=tmp_path))
+    serve(received, 0.3, recorder=RecorderSettings(directory=tmp_path))
     assert asked == set(tmp_path.iterdir())
     assert told == {Host(disk_free=3e9, memory_available=2e8)}
 
 
 def test_a_disk_that_stands_still_holds_up_neither_the_cycles_nor_the_end(
-    heard, tmp_path, monkeypatch, caplog
+    received, tmp_path, monkeypatch, caplog
 ):
     answers, looks, usage = threading.Event(), [], shutil.disk_usage
 
@@ -228,7 +230,7 @@ def test_a_disk_that_stands_still_holds_up_neither_the_cycles_nor_the_end(
     monkeypatch.setattr(recorder, "_PERIOD_S", 0.1)
     monkeypatch.setattr(background_writer, "_LAST_WRITE_S", 0.1)
     disks = stop_recordings(monkeypatch)
-    messages = serve(heard, 2.0, recorder=RecorderSettings(directory=tmp_path))
+    messages = serve(received, 2.0, recorder=RecorderSettings(directory=tmp_path))
     thought_ms = {m.time_boot_ms for m in messages if m.get_type() == "NAMED_VALUE_FLOAT"}
     assert len(thought_ms) >= 3
     assert len(looks) == 2

@@ -45,14 +45,14 @@ class Station:
 
     def run(self, seconds):
         """The answers and texts of so long."""
-        heard = []
+        received = []
         for _ in range(round(seconds / 0.02)):
             self.now_s += 0.02
             self.companion.tick(self.now_s)
             for _, data in self.companion.data_to_send():
-                heard += self._codec.parse_buffer(data) or []
-        answers = [item.result for item in heard if item.get_type() == "COMMAND_ACK"]
-        texts = "".join(item.text for item in heard if item.get_type() == "STATUSTEXT")
+                received += self._codec.parse_buffer(data) or []
+        answers = [item.result for item in received if item.get_type() == "COMMAND_ACK"]
+        texts = "".join(item.text for item in received if item.get_type() == "STATUSTEXT")
         return answers, texts
 
 

@@ -235,7 +235,7 @@ def configured(tmp_path, port):
     return "--config", path
 
 
-def told_by(running, reader, vehicle):
+def with_model(running, reader, vehicle):
     """What a service has told of its mission; it has to run."""
     assert running.poll() is None, running.stderr.read()
     return reader.of("mission", vehicle)
@@ -243,7 +243,7 @@ def told_by(running, reader, vehicle):
 
 def test_the_service_publishes_and_when_it_is_killed_its_will_is_told(port, reader, tmp_path):
     with companion(*configured(tmp_path, port)) as running:
-        wait_until(lambda: told_by(running, reader, "a2"))
+        wait_until(lambda: with_model(running, reader, "a2"))
         assert reader.of("mission", "a2")[-1]["state"] == "idle"
         assert reader.of("online", "a2")[-1]["online"]
         running.kill()
@@ -285,7 +285,7 @@ def test_signed_orders_reach_the_machine_once_and_are_answered(port, tmp_path):
         contextlib.closing(Reader(port, "moar/a3/#")) as reader,
         companion("--config", path) as running,
     ):
-        wait_until(lambda: told_by(running, reader, "a3"))
+        wait_until(lambda: with_model(running, reader, "a3"))
         given = Order(mission="inspection", time_s=time.time(), nonce="n" * 16)
         right, wrong = (signed_order(given, "a3", secret) for secret in (b"k" * 32, b"o" * 32))
         for payload in (wrong, right, right):

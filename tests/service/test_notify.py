@@ -26,12 +26,12 @@ def manager(request, tmp_path, monkeypatch):
 
 def told(manager):
     """All that it was told since the last look."""
-    heard = []
+    received = []
     while True:
         try:
-            heard.append(manager.recv(64))
+            received.append(manager.recv(64))
         except BlockingIOError:
-            return heard
+            return received
 
 
 def test_a_manager_is_told(manager):

@@ -57,7 +57,7 @@ class Flown:
     def beat(self):
         self.link.mav.heartbeat_send(2, 12, 81, 3 << 16, 3)
 
-    def hear(self, name, **fields):
+    def handle(self, name, **fields):
         """The next message of the companion with these fields; heartbeats go the other way."""
         until_s = time.monotonic() + PATIENCE_S
         beat_s = math.inf
@@ -98,25 +98,25 @@ def flown(tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_signed_packets_are_answered_signed_and_nothing_tells_the_key(flown):
     with companion("--config", flown.file) as running:
-        beat = flown.hear("HEARTBEAT")
+        beat = flown.handle("HEARTBEAT")
         assert beat.get_signed()
         assert beat.get_link_id() == 0
-        assert flown.hear("COMMAND_LONG", command=511).get_signed()
+        assert flown.handle("COMMAND_LONG", command=511).get_signed()
         flown.command(42)
-        assert flown.hear("COMMAND_ACK", command=42, result=UNSUPPORTED).get_signed()
+        assert flown.handle("COMMAND_ACK", command=42, result=UNSUPPORTED).get_signed()
         flown.sign(OTHER_SECRET)
         flown.command(43)
         flown.sign(SECRET)
         words = "MOAR: 1 packet refused: wrong signature"
-        assert flown.hear("STATUSTEXT", text=words).get_signed()
+        assert flown.handle("STATUSTEXT", text=words).get_signed()
         flown.link.mav.signing.sign_outgoing = False
         flown.command(44)
         flown.link.mav.signing.sign_outgoing = True
-        assert flown.hear("STATUSTEXT", text="MOAR: 1 packet refused: unsigned").get_signed()
+        assert flown.handle("STATUSTEXT", text="MOAR: 1 packet refused: unsigned").get_signed()
         flown.link.mav.setup_signing_send(1, 195, list(OTHER_SECRET), 1)
         flown.command(45)
-        assert flown.hear("COMMAND_ACK", command=45).get_signed()
-        last = timestamp_of(flown.hear("HEARTBEAT"))
+        assert flown.handle("COMMAND_ACK", command=45).get_signed()
+        last = timestamp_of(flown.handle("HEARTBEAT"))
         running.send_signal(signal.SIGTERM)
         output, errors = running.communicate(timeout=10)
     assert "refused: wrong signature" in errors
@@ -130,7 +130,7 @@ def test_signed_packets_are_answered_signed_and_nothing_tells_the_key(flown):
 @pytest.mark.slow
 def test_a_service_that_is_started_again_goes_on_after_what_was_kept(flown):
     with companion("--config", flown.file) as running:
-        flown.hear("HEARTBEAT")
+        flown.handle("HEARTBEAT")
         running.terminate()
         running.communicate(timeout=10)
     state = flown.folder / "state" / "signing.json"
@@ -138,9 +138,9 @@ def test_a_service_that_is_started_again_goes_on_after_what_was_kept(flown):
     content["timestamps"] = dict.fromkeys(content["timestamps"], FAR_AHEAD)
     state.write_text(json.dumps(content))
     with companion("--config", flown.file):
-        beat = flown.hear("HEARTBEAT")
+        beat = flown.handle("HEARTBEAT")
         while timestamp_of(beat) < FAR_AHEAD:
-            beat = flown.hear("HEARTBEAT")
+            beat = flown.handle("HEARTBEAT")
     assert FAR_AHEAD < timestamp_of(beat) < FAR_AHEAD + 1000
 
 
@@ -160,7 +160,7 @@ def test_a_key_that_others_can_read_is_one_line_and_status_2(flown):
 def test_a_link_of_the_command_line_stays_signed_when_the_configuration_has_it_signed(flown):
     (link,) = yaml.safe_load(flown.file.read_text())["links"]
     with companion("--config", flown.file, "--connect", link["url"]):
-        assert flown.hear("HEARTBEAT").get_signed()
+        assert flown.handle("HEARTBEAT").get_signed()
 
 
 @pytest.mark.slow
@@ -177,10 +177,10 @@ def test_the_fake_autopilot_and_the_service_talk_on_a_signed_link(flown):
         ),
         companion("--config", flown.file) as running,
     ):
-        heard = ""
-        while "autopilot px4, system 1" not in heard:
-            heard = running.stderr.readline()
-            assert heard
+        received = ""
+        while "autopilot px4, system 1" not in received:
+            received = running.stderr.readline()
+            assert received
         running.terminate()
         _, errors = running.communicate(timeout=10)
     assert "refused" not in errors

@@ -26,14 +26,14 @@ class Peer:
         self.link = link
         self.mav = mavlink.MAVLink(None, srcSystem=system, srcComponent=component)
         self.mav.robust_parsing = True
-        self.heard = []
+        self.received = []
         self.raw_bytes = 0
 
     def __deepcopy__(self, memo):
         """A copy that shares the received packets: they are constant, and many."""
         twin = memo[id(self)] = copy.copy(self)
         twin.vehicle, twin.mav = copy.deepcopy((self.vehicle, self.mav), memo)
-        twin.heard = list(self.heard)
+        twin.received = list(self.received)
         return twin
 
     def send(self, message):
@@ -43,13 +43,13 @@ class Peer:
     def take(self, data, now_s):
         self.raw_bytes += len(data)
         for message in self.mav.parse_buffer(data) or []:
-            self.heard.append((now_s, message))
+            self.received.append((now_s, message))
 
     def of(self, kind, *, since=0.0, until=math.inf):
-        return [m for t, m in self.heard if m.get_type() == kind and since <= t <= until]
+        return [m for t, m in self.received if m.get_type() == kind and since <= t <= until]
 
     def last(self, kind):
-        return next((m for _, m in reversed(self.heard) if m.get_type() == kind), None)
+        return next((m for _, m in reversed(self.received) if m.get_type() == kind), None)
 
     def texts(self, since=0.0):
         return [m.text for m in self.of("STATUSTEXT", since=since)]
@@ -177,7 +177,7 @@ class Flight:
 
     def count(self, peer, since):
         counts = defaultdict(int)
-        for t, m in peer.heard:
+        for t, m in peer.received:
             if t >= since:
                 counts[m.get_type()] += 1
         return counts

@@ -129,8 +129,8 @@ class Clock:
 
     def __call__(self, time_s):
         at = max(0, bisect_right(self._stamps, (time_s, float("inf"))) - 1)
-        heard_s, clock_s = self._stamps[at]
-        return clock_s + time_s - heard_s
+        received_s, clock_s = self._stamps[at]
+        return clock_s + time_s - received_s
 
 
 def replay(folder, situation):
@@ -187,7 +187,7 @@ def _fly(situation, said, until_s):
     return {
         link: [
             (t, m, bytes(m.get_msgbuf()))
-            for t, m in peer.heard
+            for t, m in peer.received
             if bytes(m.get_msgbuf())[5:7] == bytes(AUTOPILOT)
         ]
         for link, peer in peers.items()

@@ -14,13 +14,15 @@ GROUND, AIR, RISING, LANDING = 1, 2, 3, 4
 
 
 def _when(flight, text):
-    return next(t for t, m in flight.gcs.heard if m.get_type() == "STATUSTEXT" and m.text == text)
+    return next(
+        t for t, m in flight.gcs.received if m.get_type() == "STATUSTEXT" and m.text == text
+    )
 
 
 def _own(flight, kind, since=0.0):
     return [
         (t, m)
-        for t, m in flight.companion.heard
+        for t, m in flight.companion.received
         if m.get_type() == kind and m.get_srcComponent() == 1 and t >= since
     ]
 
@@ -265,7 +267,7 @@ def test_the_same_seed_and_input_give_the_same_bytes(make_ardupilot):
         flight.take_off()
         flight.companion.command(511, 32, 50_000)
         flight.run(3.0)
-        return [m.get_msgbuf() for _, m in flight.companion.heard]
+        return [m.get_msgbuf() for _, m in flight.companion.received]
 
     assert bytes_of_a_flight() == bytes_of_a_flight()
     assert bytes_of_a_flight() != bytes_of_a_flight(seed=2)

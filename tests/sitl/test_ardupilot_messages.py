@@ -11,7 +11,7 @@ from sitl.ardupilot.parameters import parameters
 from sitl.ardupilot.state import GuidedTarget
 from sitl.ardupilot.streams import ACCEPTED, DENIED, STREAMS, Schedule
 from sitl.ardupilot.telemetry import Telemetry
-from sitl.ardupilot.voice import Voice
+from sitl.ardupilot.texts import TextSender
 from sitl.conditions import GPS_JAMMED, GPS_NO_FIX, GPS_NORMAL, GPS_SILENT
 from sitl.links import Link, LinkOptions, Router
 from sitl.wire import frame, layout
@@ -368,8 +368,8 @@ def test_rtl_shows_where_it_flies_to(bench):
 def test_texts_go_to_every_link_in_chunks_of_50_without_a_closing_tab():
     world = World(WorldOptions())
     links = [Link(LinkOptions(name=name)) for name in ("companion", "gcs")]
-    voice = Voice(world, Router(links), 0)
-    voice.say(2, "Arm: " + "x" * 60)
+    sender = TextSender(world, Router(links), 0)
+    sender.send(2, "Arm: " + "x" * 60)
     for link in links:
         chunks = [m for packet in link.out for m in _decoded(packet)]
         assert [len(m.text) for m in chunks] == [50, 15]
@@ -379,11 +379,11 @@ def test_texts_go_to_every_link_in_chunks_of_50_without_a_closing_tab():
 def test_the_texts_of_a_start_come_in_their_time_and_once():
     world = World(WorldOptions())
     link = Link(LinkOptions(name="companion"))
-    voice = Voice(world, Router([link]), 0)
+    sender = TextSender(world, Router([link]), 0)
     said = []
     for _ in range(1200):
         world.tick(armed=False)
-        voice.step()
+        sender.step()
         said += [(world.now_s, m.text) for packet in link.out for m in _decoded(packet)]
         link.out.clear()
     assert (2.45, "ArduPilot Ready") in said

@@ -13,7 +13,7 @@ def both(ardupilot):
     return ardupilot
 
 
-def _heard(flight, peer, kind, send):
+def _received(flight, peer, kind, send):
     """Return what of a kind a peer heard within 0.1 s of sending."""
     start_s = flight.now_s
     send()
@@ -49,27 +49,27 @@ def test_a_heartbeat_reaches_a_link_on_which_nobody_was_heard(make_ardupilot):
 )  # fmt: skip
 def test_what_is_for_the_companion_reaches_it_alone(both, kind, message):
     start_s = both.now_s
-    assert len(_heard(both, both.companion, kind, lambda: both.gcs.send(message))) == 1
+    assert len(_received(both, both.companion, kind, lambda: both.gcs.send(message))) == 1
     both.run(0.5)
     answers = {"COMMAND_ACK", "PARAM_VALUE", "MISSION_COUNT"}
-    assert not [m for t, m in both.gcs.heard if t > start_s and m.get_type() in answers]
+    assert not [m for t, m in both.gcs.received if t > start_s and m.get_type() in answers]
     assert both.vehicle.parameter("GUID_TIMEOUT") == 3.0
 
 
 @pytest.mark.parametrize("system", [0, 1])
 def test_a_broadcast_command_reaches_both_and_the_autopilot_answers_unsupported(both, system):
-    heard = _heard(
+    received = _received(
         both,
         both.companion,
         "COMMAND_LONG",
         lambda: both.gcs.command(USER_1, 1, component=0, system=system),
     )
-    assert [m.command for m in heard] == [USER_1]
+    assert [m.command for m in received] == [USER_1]
     assert both.gcs.last("COMMAND_ACK").result == UNSUPPORTED
 
 
 def test_a_command_for_the_autopilot_goes_nowhere_else(both):
-    assert not _heard(both, both.companion, "COMMAND_LONG", lambda: both.gcs.command(USER_1, 1))
+    assert not _received(both, both.companion, "COMMAND_LONG", lambda: both.gcs.command(USER_1, 1))
 
 
 def test_what_is_for_a_component_never_seen_the_autopilot_does_itself(both):
@@ -100,8 +100,8 @@ def test_another_systems_commands_are_not_the_autopilots(both):
 )
 def test_an_answer_is_delivered_to_whoever_was_heard(both, system, component, delivered):
     ack = mavlink.MAVLink_command_ack_message(USER_1, 0, 0, 0, system, component)
-    heard = _heard(both, both.gcs, "COMMAND_ACK", lambda: both.companion.send(ack))
-    assert len(heard) == delivered
+    received = _received(both, both.gcs, "COMMAND_ACK", lambda: both.companion.send(ack))
+    assert len(received) == delivered
 
 
 @pytest.mark.parametrize(
@@ -115,8 +115,8 @@ def test_an_answer_is_delivered_to_whoever_was_heard(both, system, component, de
 )
 def test_what_the_companion_says_to_everyone_reaches_the_ground_station(both, message):
     kind = message.get_type()
-    heard = _heard(both, both.gcs, kind, lambda: both.companion.send(message))
-    assert [m.get_srcComponent() for m in heard] == [195]
+    received = _received(both, both.gcs, kind, lambda: both.companion.send(message))
+    assert [m.get_srcComponent() for m in received] == [195]
 
 
 def test_answers_and_streams_stay_on_the_link_that_asked(both):
@@ -154,7 +154,7 @@ def test_an_interval_reads_back_or_fails(both):
 
 def test_radio_status_is_never_passed_on_and_never_sent_by_the_autopilot(both):
     status = mavlink.MAVLink_radio_status_message(180, 170, 100, 40, 45, 0, 0)
-    assert not _heard(both, both.gcs, "RADIO_STATUS", lambda: both.companion.send(status))
+    assert not _received(both, both.gcs, "RADIO_STATUS", lambda: both.companion.send(status))
     both.vehicle.conditions.radio_rssi = 190.0
     both.run(1.5)
     radio = both.companion.last("RADIO_STATUS")
@@ -164,7 +164,7 @@ def test_radio_status_is_never_passed_on_and_never_sent_by_the_autopilot(both):
 def test_packets_under_the_autopilots_own_id_are_dropped(both):
     both.companion.mav.srcComponent = 1
     text = mavlink.MAVLink_statustext_message(6, b"I am you")
-    assert not _heard(both, both.gcs, "STATUSTEXT", lambda: both.companion.send(text))
+    assert not _received(both, both.gcs, "STATUSTEXT", lambda: both.companion.send(text))
     assert both.ask(both.companion, SET_MODE, 1, 4) == []
 
 

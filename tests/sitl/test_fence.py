@@ -37,7 +37,7 @@ def test_the_text_is_said_once_again_while_it_is_outside(make_flight):
     flight.run(20.0, until=lambda f: f.truth.mode == "AUTO.LOITER")
     first_s = flight.now_s
     flight.run(8.0)
-    told = [t for t, m in flight.gcs.heard if getattr(m, "text", "") == DISTANCE]
+    told = [t for t, m in flight.gcs.received if getattr(m, "text", "") == DISTANCE]
     assert len(told) == 2
     assert told[1] - told[0] == pytest.approx(2.1, abs=0.2)
     assert told[0] == pytest.approx(first_s, abs=0.3)

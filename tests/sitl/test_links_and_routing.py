@@ -105,7 +105,9 @@ def test_unknown_messages_are_forwarded_unopened(both):
     raw = bytes.fromhex("fd1400005701017c01006a000000ffffffffffffffffffffffffffffffff0d4d")
     both.vehicle.receive("companion", raw)
     both.run(0.1)
-    assert any(m.get_type() == "UNKNOWN_380" and m.get_msgbuf() == raw for _, m in both.gcs.heard)
+    assert any(
+        m.get_type() == "UNKNOWN_380" and m.get_msgbuf() == raw for _, m in both.gcs.received
+    )
 
 
 def test_commands_survive_being_split_at_every_byte(both):
@@ -134,7 +136,7 @@ def test_noise_and_a_broken_check_do_not_stop_the_next_command(both):
 def test_a_fading_link_loses_packets_as_gaps_in_the_sequence(flight):
     flight.vehicle.conditions.link_loss_percent = 20.0
     flight.run(10.0)
-    own = [m.get_seq() for _, m in flight.companion.heard if m.get_srcSystem() == 1]
+    own = [m.get_seq() for _, m in flight.companion.received if m.get_srcSystem() == 1]
     lost = sum((b - a - 1) % 256 for a, b in pairwise(own))
     assert lost / (lost + len(own)) == pytest.approx(0.2, abs=0.05)
 
@@ -159,12 +161,12 @@ def test_a_link_with_jitter_delays_and_reorders_both_ways(flight):
     conditions = flight.vehicle.conditions
     conditions.link_delay_ms, conditions.link_jitter_ms = 100.0, 100.0
     flight.run(0.5)
-    flight.companion.heard.clear()
+    flight.companion.received.clear()
     flight.companion.send(mavlink.MAVLink_timesync_message(0, 7))
     asked_s = flight.now_s
     flight.run(1.0)
     answered_s = next(
-        t for t, m in flight.companion.heard if m.get_type() == "TIMESYNC" and m.ts1 == 7
+        t for t, m in flight.companion.received if m.get_type() == "TIMESYNC" and m.ts1 == 7
     )
     assert 0.2 <= answered_s - asked_s <= 0.45
     stamps = [m.time_boot_ms for m in flight.companion.of("ATTITUDE")]

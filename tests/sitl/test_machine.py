@@ -19,8 +19,8 @@ def test_the_same_seed_and_input_give_the_same_bytes(make_flight):
     first, second = _fly(make_flight), _fly(make_flight)
     assert first.truth == second.truth
     assert first.companion.raw_bytes == second.companion.raw_bytes
-    messages = [(t, m.get_msgbuf()) for t, m in first.companion.heard]
-    assert messages == [(t, m.get_msgbuf()) for t, m in second.companion.heard]
+    messages = [(t, m.get_msgbuf()) for t, m in first.companion.received]
+    assert messages == [(t, m.get_msgbuf()) for t, m in second.companion.received]
 
 
 def test_another_seed_gives_another_flight(make_flight):

@@ -15,9 +15,9 @@ from sitl.demonstration.perceive import (
     ADDED,
     Sightings,
     added_obstacles,
+    given_document,
     lidar_scene,
     prepare,
-    told_document,
 )
 from sitl.lidar_scene import PlacedScene
 from tests.flights.lockstep import as_simulated
@@ -35,7 +35,7 @@ def vehicle(manner=Manner.ARDUPILOT):
 
 def test_nothing_is_told_but_frame_workspace_and_rough_places(tmp_path):
     file = tmp_path / "site.yaml"
-    file.write_text(yaml.safe_dump(told_document(SITE), sort_keys=False))
+    file.write_text(yaml.safe_dump(given_document(SITE), sort_keys=False))
     told = Site.load(file)
     assert told.obstacles == ()
     assert [target.position_m for target in told.targets] == [(26.5, 11.0), (11.5, 11.0)]
@@ -108,7 +108,7 @@ def test_a_site_without_room_for_an_obstacle_is_refused():
 
 def test_the_files_are_what_both_processes_take(tmp_path):
     perceiving = prepare(tmp_path, SITE, vehicle(), 2371)
-    told = Site.load(perceiving.told)
+    told = Site.load(perceiving.given)
     assert told.obstacles == ()
     assert {item.name for item in perceiving.site.obstacles} > set(ADDED)
     placed = PlacedScene.load(perceiving.scene)

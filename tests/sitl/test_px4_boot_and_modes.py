@@ -14,7 +14,7 @@ PREARM = 1 << 28
 
 def test_first_packets_come_a_third_of_a_second_after_power_on(flight):
     flight.run(1.0)
-    assert 0.25 <= flight.companion.heard[0][0] <= 0.4
+    assert 0.25 <= flight.companion.received[0][0] <= 0.4
 
 
 def test_it_boots_into_hold_disarmed_and_is_armable_after_four_to_five_seconds(flight):
@@ -24,7 +24,7 @@ def test_it_boots_into_hold_disarmed_and_is_armable_after_four_to_five_seconds(f
     assert (first.type, first.autopilot, first.mavlink_version) == (2, 12, 3)
     ready = [
         t
-        for t, m in flight.companion.heard
+        for t, m in flight.companion.received
         if m.get_type() == "SYS_STATUS" and m.onboard_control_sensors_health & PREARM
     ]
     assert 4.0 <= ready[0] <= 5.0
@@ -33,9 +33,9 @@ def test_it_boots_into_hold_disarmed_and_is_armable_after_four_to_five_seconds(f
 
 def test_heartbeats_come_once_a_second_so_that_mode_changes_show_late(flight):
     flight.run(10.0)
-    times = [t for t, m in flight.gcs.heard if m.get_type() == "HEARTBEAT"]
+    times = [t for t, m in flight.gcs.received if m.get_type() == "HEARTBEAT"]
     own = [
-        t for t, m in flight.gcs.heard
+        t for t, m in flight.gcs.received
         if m.get_type() == "HEARTBEAT" and m.get_srcComponent() == 1
     ]  # fmt: skip
     assert len(times) > len(own)
@@ -90,11 +90,11 @@ def test_disarming_in_the_air_is_refused_unless_forced(airborne):
 
 def test_take_off_is_detected_1_6_s_after_arming_and_10_m_are_reached_in_8_to_9_s(flight):
     flight.take_off()
-    text_s = {m.text: t for t, m in flight.gcs.heard if m.get_type() == "STATUSTEXT"}
+    text_s = {m.text: t for t, m in flight.gcs.received if m.get_type() == "STATUSTEXT"}
     armed_s = text_s["Armed by external command\t"]
     assert text_s["Takeoff detected\t"] - armed_s == pytest.approx(1.6, abs=0.25)
     reached = [
-        t for t, m in flight.companion.heard
+        t for t, m in flight.companion.received
         if m.get_type() == "LOCAL_POSITION_NED" and m.z < -9.5
     ]  # fmt: skip
     assert reached[0] - armed_s == pytest.approx(7.6, abs=1.2)
@@ -121,7 +121,7 @@ def test_nav_land_lands_and_disarms_two_seconds_after_landing_detected(airborne)
     assert (heartbeat.custom_mode, heartbeat.system_status) == (LAND, 4)
     assert airborne.truth.landed_state == 4
     assert airborne.run(40.0, until=lambda f: not f.truth.armed)
-    text_s = {m.text: t for t, m in airborne.gcs.heard if m.get_type() == "STATUSTEXT"}
+    text_s = {m.text: t for t, m in airborne.gcs.received if m.get_type() == "STATUSTEXT"}
     gap_s = text_s["Disarmed by landing\t"] - text_s["Landing detected\t"]
     assert gap_s == pytest.approx(2.0, abs=0.15)
 
@@ -259,7 +259,7 @@ def test_current_mode_comes_ten_times_a_second_on_request(flight):
 def test_the_heartbeats_of_two_links_are_out_of_phase(flight):
     flight.run(5.0)
     first = [
-        next(t for t, m in peer.heard if m.get_type() == "HEARTBEAT" and m.autopilot == 12)
+        next(t for t, m in peer.received if m.get_type() == "HEARTBEAT" and m.autopilot == 12)
         for peer in (flight.companion, flight.gcs)
     ]
     assert 0.2 <= (first[1] - first[0]) % 1.0 <= 0.8

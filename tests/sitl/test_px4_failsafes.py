@@ -163,13 +163,13 @@ def test_the_estimators_flags_and_accuracy_degrade_in_px4s_steps(airborne):
     start_s = airborne.now_s
     airborne.run(20.0)
     flags = []
-    for t, m in airborne.companion.heard:
+    for t, m in airborne.companion.received:
         if t > start_s and m.get_type() == "ESTIMATOR_STATUS" and m.flags not in flags:
             flags.append(m.flags)
     assert flags == [0x037F, 0x0365, 0x0065]
     accuracy_m = {
         round(t - start_s): m.pos_horiz_accuracy
-        for t, m in airborne.companion.heard
+        for t, m in airborne.companion.received
         if t > start_s and m.get_type() == "ESTIMATOR_STATUS"
     }
     assert accuracy_m[4] == pytest.approx(0.84, abs=0.4)

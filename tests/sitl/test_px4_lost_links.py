@@ -104,8 +104,8 @@ def test_the_event_of_a_lost_link_tells_what_was_lost(airborne):
     airborne.run(12.0)
     hold, ground_station = 5, 2
     told = struct.pack("<IBB", OFFBOARD, hold, ground_station)
-    heard = airborne.companion.of("UNKNOWN_410") or airborne.companion.of("EVENT")
-    events = [event.get_msgbuf() for event in heard]
+    received = airborne.companion.of("UNKNOWN_410") or airborne.companion.of("EVENT")
+    events = [event.get_msgbuf() for event in received]
     assert sum(told in event for event in events) == 1
 
 

@@ -23,7 +23,7 @@ class Recorded:
     """An operator who notes what he is to do."""
 
     landed_state: int = 1
-    autopilot_heard: bool = True
+    autopilot_received: bool = True
     done: list = field(default_factory=list)
 
     def set_parameter(self, name, value):

@@ -54,7 +54,7 @@ def _rates(rows):
 def _own(peer, since=0.0):
     return [
         (t, m, m.get_msgbuf())
-        for t, m in peer.heard
+        for t, m in peer.received
         if (t >= since and (m.get_srcSystem(), m.get_srcComponent()) == (1, 1))
         or (m.get_type().startswith("UNKNOWN_") and t >= since)
     ]
@@ -168,7 +168,7 @@ def test_the_climb_to_ten_metres_follows_px4s(make_flight):
     flight.run(11.0)
     fake = {
         round(t - start_s, 1): m.z
-        for t, m in flight.companion.heard
+        for t, m in flight.companion.received
         if m.get_type() == "LOCAL_POSITION_NED" and t >= start_s
     }
     for at_s in (2.0, 4.0, 5.0, 6.0, 7.0, 8.0, 10.0):
@@ -206,7 +206,7 @@ def test_events_have_px4s_numbers_levels_and_arguments(make_flight):
     flight.run(3.0)
     flight.vehicle.conditions.battery_percent = 4.0
     assert flight.run(60.0, until=lambda f: not f.truth.armed)
-    fake = _events(bytes(m.get_msgbuf()) for _, m in flight.companion.heard)
+    fake = _events(bytes(m.get_msgbuf()) for _, m in flight.companion.received)
     real = _events(raw for _, _, raw in _read("b1_battery_drain.companion.tlog"))
     named_by_time = {17980399}
     shared = (set(fake) & set(real)) - named_by_time

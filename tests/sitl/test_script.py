@@ -63,7 +63,7 @@ def flown(site, manner, wanted):
         dwells_s=tuple(target.dwell_s for target in site.targets),
         landings=demonstration._landings(site, wanted, flight.vehicle),
         battery_falls=False,
-        say=[].append,
+        print_text=[].append,
     )
     script.fly()
     flight.run(0.5)
@@ -81,7 +81,9 @@ def verdict(flight, site, wanted):
         )
         for row in flight.truths[::5]
     ]
-    landings = [demonstration._points(site, *way) for way in demonstration._ways_out(site, wanted)]
+    landings = [
+        demonstration._points(site, *way) for way in demonstration._landing_choices(site, wanted)
+    ]
     radius_m = flight.vehicle.radius_m
     return judge(truth, site, radius_m, story.landing_legs_m, landings)
 
@@ -98,7 +100,7 @@ def test_the_aircraft_is_turned_after_the_take_off():
         dwells_s=(),
         landings=(),
         battery_falls=False,
-        say=[].append,
+        print_text=[].append,
     )
     script._start()
     script._take_off(5.0)
@@ -152,7 +154,7 @@ def test_every_target_and_every_landing_point_of_a_site_is_flown(manner):
 def test_the_landing_points_are_flown_in_the_order_of_the_site_each_place_once(wanted, orders):
     site = Site.load(shipped_configs() / "sites" / "315kv_double_circuit.yaml")
     site = replace(site, landing_m={way: THREE_LANDINGS[way.value] for way in site.landing_m})
-    ways = [(way.value, index) for way, index in demonstration._ways_out(site, wanted)]
+    ways = [(way.value, index) for way, index in demonstration._landing_choices(site, wanted)]
     assert ways == orders
 
 

@@ -37,7 +37,7 @@ def _running(*arguments, title="PX4"):
         process.communicate()
 
 
-def _hear(receive, wanted, limit=20_000):
+def _handle(receive, wanted, limit=20_000):
     """Read until a message of the wanted type comes; the process paces us, not a clock."""
     mav = mavlink.MAVLink(None)
     mav.robust_parsing = True
@@ -130,12 +130,12 @@ def test_a_stranger_talks_to_the_process_over_real_udp(tmp_path):
                 data, peer["address"] = end.recvfrom(65535)
                 return data
 
-            heartbeat = _hear(receive, "HEARTBEAT")
+            heartbeat = _handle(receive, "HEARTBEAT")
             assert (heartbeat.autopilot, heartbeat.custom_mode) == (12, 0x03040000)
             mav = mavlink.MAVLink(None, srcSystem=1, srcComponent=195)
             request = mavlink.MAVLink_command_long_message(1, 1, 512, 0, 148, 0, 0, 0, 0, 0, 0)
             end.sendto(request.pack(mav), peer["address"])
-            assert _hear(receive, "AUTOPILOT_VERSION").flight_sw_version == 17891583
+            assert _handle(receive, "AUTOPILOT_VERSION").flight_sw_version == 17891583
             process.send_signal(signal.SIGINT)
             assert process.wait(20) == 0
             assert process.stderr.read() == ""
@@ -158,7 +158,7 @@ def test_a_ground_station_connects_over_tcp_and_the_truth_survives_a_kill(tmp_pa
     ) as process:
         with socket.create_connection(("127.0.0.1", port), timeout=20.0) as end:
             end.settimeout(20.0)
-            assert _hear(lambda: end.recv(4096), "HEARTBEAT").type == 2
+            assert _handle(lambda: end.recv(4096), "HEARTBEAT").type == 2
         process.kill()
         process.wait(20)
     assert log.read_text().endswith("\n")
@@ -174,7 +174,7 @@ def test_ardupilot_is_the_other_autopilot_with_parameters_of_its_own():
         link = f"companion=udpout:127.0.0.1:{end.getsockname()[1]}"
         arguments = ("--autopilot", "ardupilot", "--link", link, "--speed", "10")
         with _running(*arguments, title="ArduPilot"):
-            heartbeat = _hear(lambda: end.recv(65535), "HEARTBEAT")
+            heartbeat = _handle(lambda: end.recv(65535), "HEARTBEAT")
             assert (heartbeat.autopilot, heartbeat.custom_mode) == (3, 0)
 
 

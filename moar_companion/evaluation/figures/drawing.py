@@ -198,5 +198,5 @@ def label_combinations(
 
 
 def _combination(values: tuple[int, ...], names: Sequence[str]) -> str:
-    told = [name for name, value in zip(names, values, strict=True) if value]
-    return " = ".join(told) + " = 1" if told else "all 0"
+    shown = [name for name, value in zip(names, values, strict=True) if value]
+    return " = ".join(shown) + " = 1" if shown else "all 0"

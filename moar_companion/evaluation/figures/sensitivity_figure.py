@@ -123,12 +123,12 @@ def figure_7(results: Sequence[Sensitivity]) -> Picture:
         for axes, name in zip(figure.subplots(2, 2).flat, SHOWN, strict=True):
             _draw_triangle(axes, figure, np.where(inside, result.metric(name)[nearest], np.nan))
             axes.set_title(METRIC_NAMES[name])
-            told = [
+            shown = [
                 f"{BASELINE_NAMES[kind]} {result.baselines.value(kind, name):.1f}"
                 for kind in result.baselines.metrics
             ]
             if name in {"length_m", "mean_clearance_m"}:
-                axes.text(0.98, 0.86, "\n".join(told), ha="right", fontsize=8, color=INK)
+                axes.text(0.98, 0.86, "\n".join(shown), ha="right", fontsize=8, color=INK)
         return picture(
             figure,
             "fig7_metrics",

@@ -62,9 +62,9 @@ def trace(seed: int, directory: Path) -> None:
             numbers = [
                 *record.true_m[index],
                 *record.error_m[index],
-                record.told_m[index],
+                record.reported_m[index],
                 *record.wind_mps[index],
-                *(() if item is None else (*item.told_m, float(item.moves))),
+                *(() if item is None else (*item.reported_m, float(item.moves))),
             ]
             words = [f"{time_s:.2f}", record.modes[index], record.states[index]]
             writer.writerow([*words, *(f"{number:.3f}" for number in numbers)])

@@ -58,7 +58,7 @@ def held_wind_mps(manner: Manner) -> float:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sent:
-    """A setpoint. told_m: its place in the site's frame by the autopilot's own estimate."""
+    """A setpoint. reported_m: its place in the site's frame by the autopilot's own estimate."""
 
     time_s: float
     state: str
@@ -66,7 +66,7 @@ class Sent:
     """On a leg that the companion flies, out of the workspace or back, whatever its task is."""
     local_m: tuple[float, float, float]
     moves: bool
-    told_m: tuple[float, float, float]
+    reported_m: tuple[float, float, float]
     aircraft_m: tuple[float, float, float]
     """The aircraft's place by the estimate, then."""
     position_age_s: float
@@ -80,7 +80,7 @@ class Record:
     true_m       (n, 3)  the aircraft in the site's frame
     error_m      (n, 3)  the estimate less that
     wind_mps     (n, 3)
-    told_m       (n,)    the accuracy that the autopilot tells
+    reported_m       (n,)    the accuracy that the autopilot tells
     """
 
     draw: Draw
@@ -91,7 +91,7 @@ class Record:
     true_m: np.ndarray
     error_m: np.ndarray
     wind_mps: np.ndarray
-    told_m: np.ndarray
+    reported_m: np.ndarray
     modes: list[str]
     airborne: np.ndarray
     states: list[str]
@@ -116,7 +116,7 @@ class Stopped:
     def __init__(self, companion, *, keeps: bool) -> None:
         self.companion = companion
         self.keeps = keeps
-        self.heard: list[tuple[str, bytes]] = []
+        self.received: list[tuple[str, bytes]] = []
         self.answers: list = []
 
     def __getattr__(self, name):
@@ -124,7 +124,7 @@ class Stopped:
 
     def receive(self, link, data, _now_s):
         if self.keeps:
-            self.heard.append((link, data))
+            self.received.append((link, data))
 
     def plan_answered(self, answer):
         if self.keeps:
@@ -245,7 +245,7 @@ class RandomFlight(Lockstep):
         if not isinstance(stopped, Stopped) or not stopped.keeps:
             return
         self.companion = stopped.companion
-        for link, data in stopped.heard:
+        for link, data in stopped.received:
             self.companion.receive(link, data, self.now_s)
         for answer in stopped.answers:
             self.companion.plan_answered(answer)
@@ -269,7 +269,7 @@ class RandomFlight(Lockstep):
         super().step()
         self._write_down(self.setpoints[before:])
 
-    def hear(self, data: bytes) -> None:
+    def handle(self, data: bytes) -> None:
         items = [(self._sent_s(packet), packet) for packet in cut(data)]
         for one in list(self.filters):
             items = one(self.now_s, items)
@@ -278,11 +278,11 @@ class RandomFlight(Lockstep):
         data = b"".join(packet for _, packet in items)
         self.companion.receive(COMPANION_LINK, data, self.now_s)
 
-    def tell(self, data: bytes) -> None:
+    def report(self, data: bytes) -> None:
         for packet in cut(data):
             self._watch(packet)
         if not self.mute:
-            super().tell(data)
+            super().report(data)
 
     def _sent_s(self, packet: bytes) -> float:
         if packets.number(packet) != packets.LOCAL_POSITION:
@@ -351,13 +351,13 @@ class RandomFlight(Lockstep):
         truth = self.truths[-1]
         estimator = self.autopilot._world.estimator
         true_m = self._in_site(truth.latitude_deg, truth.longitude_deg, truth.altitude_amsl_m)
-        told_m = self._in_site(
+        reported_m = self._in_site(
             estimator.latitude_deg, estimator.longitude_deg, estimator.altitude_m
         )
         wind_north, wind_east, wind_down = truth.wind_ned_mps
         self.rows.append(
             (
-                self.now_s, *true_m, *(a - b for a, b in zip(told_m, true_m, strict=True)),
+                self.now_s, *true_m, *(a - b for a, b in zip(reported_m, true_m, strict=True)),
                 *self._turned(wind_north, wind_east), -wind_down,
                 self._accuracy_m, float(not truth.on_ground),
             )
@@ -366,15 +366,15 @@ class RandomFlight(Lockstep):
         flown = self.companion._executor.routes.flight
         for item in setpoints:
             message, nav = item.message, self.autopilot.manner.navigation
-            told_m = self._local_in_site(message.x, message.y, message.z)
+            reported_m = self._local_in_site(message.x, message.y, message.z)
             self.sent.append(
                 Sent(
                     time_s=item.time_s,
                     state=item.state,
-                    on_leg=flown is not None and self._is_on_leg(flown, told_m),
+                    on_leg=flown is not None and self._is_on_leg(flown, reported_m),
                     local_m=(message.x, message.y, message.z),
                     moves=any((message.vx, message.vy, message.vz)),
-                    told_m=told_m,
+                    reported_m=reported_m,
                     aircraft_m=self._local_in_site(nav.x, nav.y, nav.z),
                     position_age_s=self.now_s - self._position_s,
                     mode_age_s=self.now_s - self._mode_s,
@@ -473,7 +473,7 @@ class RandomFlight(Lockstep):
             true_m=rows[:, 1:4],
             error_m=rows[:, 4:7],
             wind_mps=rows[:, 7:10],
-            told_m=rows[:, 10],
+            reported_m=rows[:, 10],
             airborne=rows[:, 11] > 0.5,
             modes=self.modes,
             states=[state for _, state in self.states],

@@ -159,7 +159,7 @@ def _greatest(values) -> float | None:
 
 
 def _promised_error_m(record: Record) -> np.ndarray:
-    return ERROR_FACTOR * np.maximum(record.margin_m, record.told_m)
+    return ERROR_FACTOR * np.maximum(record.margin_m, record.reported_m)
 
 
 def _outside(record: Record) -> dict[str, np.ndarray]:
@@ -251,9 +251,9 @@ class _Stream:
             speed.diagonal_down_mps,
         )  # fmt: skip
         self._sent = record.sent
-        told = np.array([item.told_m for item in self._sent]).reshape(-1, 3)
+        told = np.array([item.reported_m for item in self._sent]).reshape(-1, 3)
         self._room = room_m(record.draw.site, told[:, [0, 2]], vehicle.radius_m, keep_out=True)
-        self._away = np.array([self._away_m(item.told_m) for item in self._sent])
+        self._away = np.array([self._away_m(item.reported_m) for item in self._sent])
         silent = [state not in STREAMING for state in record.states]
         self._silent_steps = np.concatenate([[0], np.cumsum(silent)])
 
@@ -321,10 +321,10 @@ class _Stream:
 
     @staticmethod
     def _is_taken(before: Sent, item: Sent, *, already: bool) -> bool:
-        was_m, is_m = (math.dist(each.told_m, item.aircraft_m) for each in (before, item))
+        was_m, is_m = (math.dist(each.reported_m, item.aircraft_m) for each in (before, item))
         return not item.moves and (
             (is_m < was_m and (already or was_m > TAKEN_FROM_M))
-            or (already and item.told_m == before.told_m)
+            or (already and item.reported_m == before.reported_m)
         )
 
     def violations(self):
@@ -347,9 +347,9 @@ class _Stream:
         """(index, rule, value) of every setpoint that breaks one."""
         on_leg, leg_s = False, -math.inf
         for index, before, item, taken in self._pairs():
-            near = math.dist(item.told_m, item.aircraft_m) <= BEGINS_WITHIN_M
+            near = math.dist(item.reported_m, item.aircraft_m) <= BEGINS_WITHIN_M
             if before is None and not near and not self._goes_on(index):
-                yield index, "begins", math.dist(item.told_m, item.aircraft_m)
+                yield index, "begins", math.dist(item.reported_m, item.aircraft_m)
             if before is not None and not taken:
                 speed = _speed_mps(before, item)
                 allowed_m = (self._most_mps + 0.05) * (item.time_s - before.time_s) + 1e-3
@@ -399,8 +399,8 @@ def _silence(record: Record):
         took_s = float(record.time_s[index])
         if not np.any((sent_s > took_s - STREAK_S) & (sent_s <= took_s)):
             continue
-        told_s = min((at_s for at_s in record.taken_told_s if at_s >= took_s), default=math.inf)
-        until_s = max(took_s + SILENCE_S, min(told_s + TOLD_S, took_s + MODE_AGE_S))
+        reported_s = min((at_s for at_s in record.taken_told_s if at_s >= took_s), default=math.inf)
+        until_s = max(took_s + SILENCE_S, min(reported_s + TOLD_S, took_s + MODE_AGE_S))
         next_s = orders_s[orders_s > took_s - 0.5]
         ordered_s = float(next_s.min()) if len(next_s) else math.inf
         late = sent_s[(sent_s > until_s) & (sent_s < ordered_s)]

@@ -32,7 +32,7 @@ _BOOT_TEXTS: Final = (
 """Texts by time after the start; later texts depend on the estimator."""
 
 
-class Voice:
+class TextSender:
     """Sends texts on all links."""
 
     def __init__(self, world: World, router: Router, boot_us: int) -> None:
@@ -46,13 +46,13 @@ class Voice:
     def step(self) -> None:
         """Send the texts of the start that are due."""
         while self._boot_texts and self._since_boot_us >= self._boot_texts[0][0]:
-            self.say(INFO, self._boot_texts.pop(0)[1])
+            self.send(INFO, self._boot_texts.pop(0)[1])
 
     @property
     def _since_boot_us(self) -> int:
         return self._world.now_us - self._boot_us
 
-    def say(self, severity: int, text: str) -> None:
+    def send(self, severity: int, text: str) -> None:
         """Send a text to all links, also to companions."""
         self._text_id = self._text_id % 65535 + 1
         kind = layout("STATUSTEXT")

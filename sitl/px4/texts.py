@@ -40,7 +40,7 @@ _ACTIONS: Final = {
 """PX4's numbers of failsafe actions, as its events carry them."""
 
 
-class Voice:
+class TextSender:
     """Sends texts and events on the links that get them."""
 
     def __init__(self, world: World, router: Router, boot_us: int) -> None:
@@ -57,7 +57,7 @@ class Voice:
         """The last event's number."""
         return self._sequence & 0xFFFF
 
-    def say(self, severity: int, text: str) -> None:
+    def send(self, severity: int, text: str) -> None:
         """Send a text, with PX4's closing tab, to the links of ground stations."""
         if self.muted:
             return
@@ -65,7 +65,7 @@ class Voice:
         payloads = status_texts(severity, f"{text}\t", self._text_id)
         kind = layout("STATUSTEXT")
         for link in self._router.links.values():
-            if hears_texts(link):
+            if receives_texts(link):
                 for payload in payloads:
                     link.send(kind, payload)
 
@@ -110,13 +110,13 @@ class Voice:
     ) -> None:
         """Report that a failsafe flies `mode`, not the intended one, or holds before `final`."""
         if hold_s is not None:
-            self.say(CRITICAL, f"Failsafe activated: entering Hold for {hold_s} seconds")
+            self.send(CRITICAL, f"Failsafe activated: entering Hold for {hold_s} seconds")
             arguments = struct.pack(
                 "<IBHB", intended.custom_mode, _ACTIONS[final], hold_s, cause.value
             )
             self.event(FAILSAFE_HOLD, 0x42, arguments)
             return
-        self.say(CRITICAL, "Failsafe activated")
+        self.send(CRITICAL, "Failsafe activated")
         arguments = struct.pack("<IB", intended.custom_mode, _ACTIONS.get(mode, 0))
         if cause > 0:
             self.event(FAILSAFE_CAUSED, 0x42, arguments + bytes((cause.value,)))
@@ -127,16 +127,16 @@ class Voice:
 
     def unavailable(self, mode: Mode) -> None:
         """Report that a mode is not available now."""
-        self.say(CRITICAL, f"Switching to {mode.title} is currently not available")
+        self.send(CRITICAL, f"Switching to {mode.title} is currently not available")
         self.event(MODE_UNAVAILABLE, 0x62, struct.pack("<IB", mode.custom_mode, 2))
 
     def return_start(self, altitude_amsl_m: float, above_home_m: float) -> None:
         """Report the altitude of the return."""
         altitude, above = round(altitude_amsl_m), round(above_home_m)
-        self.say(INFO, f"RTL: start return at {altitude} m ({above} m above destination)")
+        self.send(INFO, f"RTL: start return at {altitude} m ({above} m above destination)")
         self.event(RETURN_START, 0x66, struct.pack("<ii", altitude, above))
 
 
-def hears_texts(link: Link) -> bool:
+def receives_texts(link: Link) -> bool:
     """Return True for links that get PX4's texts: of ground stations, or one was received there."""
-    return link.profile == "normal" or link.ground_station_heard
+    return link.profile == "normal" or link.ground_station_received
