@@ -6,6 +6,7 @@ without I/O alone: not in their long flights, and in most folders only in the fi
 
 from __future__ import annotations
 
+import gc
 import sys
 
 import pytest
@@ -59,6 +60,13 @@ def _is_counted(item):
     first = item.function not in _counted
     _counted.add(item.function)
     return folder in _EVERY_CASE or (first and folder in _FIRST_CASES)
+
+
+def pytest_collection_finish(session):
+    """Modules and tests stay until the end: the collector need not look at them again and again."""
+    gc.collect()
+    gc.freeze()
+    gc.set_threshold(50_000, 20, 100)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -88,7 +88,7 @@ def told_in(path: str, model: RiskModel) -> np.ndarray:
                 if item.name == FROM_TILT and item.known
             ]
             due_s += PERIOD_S
-        witness.take(record.packet, now_s)
+        witness.handle(record.packet, now_s)
     return np.array(told)
 
 

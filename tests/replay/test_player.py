@@ -435,7 +435,7 @@ RECORDINGS = {
 @pytest.mark.slow
 @pytest.mark.recordings
 @pytest.mark.skipif(not RECORDINGS, reason="no recordings beside the checkout")
-@pytest.mark.parametrize("name", sampled(list(RECORDED)[::3], list(RECORDED)))
+@pytest.mark.parametrize("name", sampled(list(RECORDED)[::5], list(RECORDED)))
 def test_a_recording_is_played_as_it_was_flown_and_can_be_drawn(name):
     data, recorded = RECORDINGS[name].read_bytes(), RECORDED[name]
     replay = played(gzip.decompress(data) if name.endswith(".gz") else data)

@@ -25,9 +25,7 @@ CAPACITY_WH = 90.0
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "case", sampled([EXITS[1], AGAINST_THE_WIND[0]], [*EXITS, *AGAINST_THE_WIND])
-)
+@pytest.mark.parametrize("case", sampled([AGAINST_THE_WIND[0]], [*EXITS, *AGAINST_THE_WIND]))
 def test_after_a_minute_the_energy_of_what_is_to_be_flown_is_known(case):
     flown = fly(case)
     assert flown.error == pytest.approx(0.0, abs=0.1)

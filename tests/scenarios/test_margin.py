@@ -18,6 +18,7 @@ from ..flights.judging import (
 )
 from ..flights.lockstep import hovering
 from ..flights.operator import DENIED, EXIT, INSPECTION, Manner
+from ..thorough import sampled
 from .marks import BOTH
 
 BESIDE_M = 3.6
@@ -55,7 +56,8 @@ def test_beside_a_wall_without_a_keep_out_plain_wind_touches_nothing(manner):
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("manner", "factor", "error_m"), [(Manner.PX4, 3.0, 0.8), (Manner.ARDUPILOT, 4.0, 0.5)]
+    ("manner", "factor", "error_m"),
+    sampled([(Manner.PX4, 3.0, 0.8)], [(Manner.PX4, 3.0, 0.8), (Manner.ARDUPILOT, 4.0, 0.5)]),
 )
 def test_beside_a_wall_an_estimate_that_errs_beyond_what_is_told_touches_nothing(
     manner, factor, error_m
@@ -100,8 +102,8 @@ def test_an_estimator_jump_that_is_greater_than_the_margin_left_is_a_hold(east_m
     assert_nothing_was_touched(flight)
 
 
-@BOTH
 @pytest.mark.slow
+@pytest.mark.parametrize("manner", sampled([Manner.ARDUPILOT], list(Manner)))
 def test_an_exit_that_the_margin_closes_is_flown_with_what_is_left_of_it(manner):
     """Through a window in a tower, 4.2 m high (PX4) or 3.4 m (ArduPilot)."""
     gap_m = 4.2 if manner is Manner.PX4 else 3.4

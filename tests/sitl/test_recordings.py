@@ -8,6 +8,7 @@ import pytest
 
 from sitl.conditions import GPS_NORMAL, GPS_SILENT
 
+from ..thorough import sampled
 from .replay import (
     NAMES,
     RECORDINGS,
@@ -289,7 +290,7 @@ def compare(title):
     return replay(RECORDINGS / "px4", SITUATIONS[title])
 
 
-@pytest.fixture(params=in_one_process(SITUATIONS, pytest.mark.slow))
+@pytest.fixture(params=in_one_process(sampled(list(SITUATIONS)[::2], SITUATIONS), pytest.mark.slow))
 def both(request):
     return compare(request.param)
 
