@@ -59,9 +59,10 @@ if [ "$(cat "$venv/installed" 2>/dev/null)" != "$(stamp)" ]; then
     pip() {
         "$venv/bin/python" -m pip -qq --disable-pip-version-check "$@" >&2
     }
-    pip install --constraint constraints.txt --upgrade pip &&
-        pip install --constraint constraints.txt --build-constraint constraints.txt \
-            --editable '.[dev]' ||
+    # Modules are compiled when they are first imported: most never are.
+    pip install --no-compile --constraint constraints.txt --upgrade pip &&
+        pip install --no-compile --constraint constraints.txt \
+            --build-constraint constraints.txt --editable '.[dev]' ||
         refuse "could not install into $venv (see above); it is tried again next time"
     unset -f pip
     stamp >"$venv/installed"

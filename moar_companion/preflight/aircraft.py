@@ -10,7 +10,9 @@ from ..autopilots import PROFILES, profile
 from ..config import Supervision
 from ..estimation.pose import Pose
 from ..estimation.pose_tracker import grounded
+from ..mavlink.dialect import id_of
 from ..mavlink.identity import Autopilot
+from ..mavlink.message_rates import wanted_rates_hz
 from ..risk import RiskEstimate
 from ..risk_model import RiskModel
 from ..safety.condition_types import Causes
@@ -207,11 +209,12 @@ _LANDED_WORDS = {
 
 
 def _rates(sight: Sight, limits: Supervision) -> Iterator[Finding]:
-    for name, arrivals, wanted_hz, longest_s in (
-        ("LOCAL_POSITION_NED", sight.positions, 30.0, limits.position_timeout_s),
-        ("ATTITUDE", sight.attitudes, 20.0, ATTITUDE_TIMEOUT_S),
+    wanted_rates = wanted_rates_hz(sight.autopilot.kind)
+    for name, arrivals, longest_s in (
+        ("LOCAL_POSITION_NED", sight.positions, limits.position_timeout_s),
+        ("ATTITUDE", sight.attitudes, ATTITUDE_TIMEOUT_S),
     ):
-        rate_hz = arrivals.rate_hz
+        rate_hz, wanted_hz = arrivals.rate_hz, wanted_rates[id_of(name)]
         if rate_hz is None:
             yield Finding(
                 level=Level.NO_GO,

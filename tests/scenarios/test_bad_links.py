@@ -14,6 +14,7 @@ from ..flights.judging import (
 )
 from ..flights.lockstep import hovering
 from ..flights.operator import EXIT, INSPECTION, Manner
+from ..thorough import sampled
 from .marks import BOTH
 
 NUMBERS = {"HEARTBEAT": 0, "CURRENT_MODE": 436}
@@ -49,11 +50,15 @@ def in_flight(manner, seconds=3.0):
     return flight
 
 
-@BOTH
+REORDERED_MS, LATE_MS = (50.0, 150.0), (200.0, 0.0)
+
+
 @pytest.mark.parametrize(
-    ("delay_ms", "jitter_ms"),
-    [(50.0, 150.0), pytest.param(200.0, 0.0, marks=pytest.mark.slow)],
-    ids=["reordered", "late"],
+    ("manner", "delay_ms", "jitter_ms"),
+    sampled(
+        [(Manner.ARDUPILOT, *REORDERED_MS), (Manner.PX4, *LATE_MS)],
+        [(manner, *times) for manner in Manner for times in (REORDERED_MS, LATE_MS)],
+    ),
 )
 def test_a_whole_mission_is_flown_though_three_packets_in_ten_are_lost(manner, delay_ms, jitter_ms):
     flight = hovering(vehicle="x500", manner=manner)

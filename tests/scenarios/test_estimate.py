@@ -13,7 +13,7 @@ from ..copies import flown_once
 from ..flights.judging import assert_nothing_was_touched, assert_setpoints_keep_to_free_space
 from ..flights.lockstep import hovering
 from ..flights.operator import INSPECTION, Manner
-from .marks import BOTH, PX4_FIRST
+from .marks import ARDUPILOT_FIRST, PX4_FIRST
 
 
 @flown_once
@@ -60,7 +60,7 @@ def test_a_jump_of_the_position_is_taken_along_and_the_inspection_goes_on(manner
     assert_setpoints_keep_to_free_space(flight)
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_a_jump_beyond_the_limit_is_held_until_an_operator_has_looked(manner):
     flight = in_flight(manner)
     began_s = flight.now_s

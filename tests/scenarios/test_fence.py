@@ -14,6 +14,7 @@ from ..copies import flown_once
 from ..flights.judging import assert_nothing_was_touched, in_plane, true_places
 from ..flights.lockstep import Lockstep, hovering
 from ..flights.operator import ACCEPTED, DENIED, EVACUATION, EXIT, INSPECTION, Manner
+from ..thorough import sampled
 
 POLYGON_INCLUSION, POLYGON_EXCLUSION, CIRCLE_INCLUSION, CIRCLE_EXCLUSION = range(5001, 5005)
 DO_FENCE_ENABLE = 207
@@ -99,13 +100,16 @@ def test_a_target_outside_the_circle_is_denied_and_one_inside_is_flown(manner):
     assert_nothing_was_touched(flight)
 
 
+WITHOUT_AND_WITH = [
+    (Manner.PX4, {}, 9.5, 20.0),
+    (Manner.ARDUPILOT, CEILING[Manner.ARDUPILOT](9.2), 2.0, 6.5),
+    (Manner.PX4, CEILING[Manner.PX4](9.2), 2.0, 6.5),
+]
+
+
 @pytest.mark.parametrize(
     ("manner", "parameters", "lowest_m", "highest_m"),
-    [
-        (Manner.PX4, {}, 9.5, 20.0),
-        (Manner.PX4, CEILING[Manner.PX4](9.2), 2.0, 6.5),
-        (Manner.ARDUPILOT, CEILING[Manner.ARDUPILOT](9.2), 2.0, 6.5),
-    ],
+    sampled(WITHOUT_AND_WITH[:2], WITHOUT_AND_WITH),
 )
 def test_under_a_ceiling_another_way_is_flown(manner, parameters, lowest_m, highest_m):
     """Past two conductors: above both it is safer than between them."""

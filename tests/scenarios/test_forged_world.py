@@ -16,7 +16,7 @@ from ..flights.aircraft import STEP_S
 from ..flights.judging import assert_nothing_was_touched
 from ..flights.lockstep import hovering
 from ..flights.operator import INSPECTION, TEMPORARILY_REJECTED, Manner
-from .marks import BOTH
+from .marks import ARDUPILOT_FIRST, BOTH
 
 METRES_PER_DEGREE = math.radians(6_371_000.0)
 EAST_SCALE = math.cos(math.radians(45.3781))
@@ -179,7 +179,7 @@ def creep(flight, *, forge_global=False):
     return east_m()
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_an_origin_that_creeps_away_from_the_global_position_is_held(manner):
     flight = in_flight(manner, target=-1)
     assert creep(flight) < 0.75
@@ -189,7 +189,7 @@ def test_an_origin_that_creeps_away_from_the_global_position_is_held(manner):
     assert_nothing_was_touched(flight)
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_an_origin_that_creeps_with_the_global_position_is_held_at_the_margin(manner):
     flight = in_flight(manner, target=-1)
     margin_m = {Manner.PX4: 1.4, Manner.ARDUPILOT: 0.5}[manner]
@@ -200,7 +200,7 @@ def test_an_origin_that_creeps_with_the_global_position_is_held_at_the_margin(ma
     assert_nothing_was_touched(flight)
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_forged_origins_between_true_ones_are_held_too(manner):
     """By whichever comes first: the setpoint may not go to and fro either."""
     flight = in_flight(manner, target=-1)
@@ -213,7 +213,7 @@ def test_forged_origins_between_true_ones_are_held_too(manner):
     assert_nothing_was_touched(flight)
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_an_origin_that_moves_by_less_than_a_jump_moves_no_setpoint_at_once(manner):
     """Half a metre is drawn back to as slowly as the aircraft moves over to its path."""
     flight = in_flight(manner)

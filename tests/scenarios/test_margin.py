@@ -19,7 +19,7 @@ from ..flights.judging import (
 from ..flights.lockstep import hovering
 from ..flights.operator import DENIED, EXIT, INSPECTION, Manner
 from ..thorough import sampled
-from .marks import BOTH
+from .marks import ARDUPILOT_FIRST
 
 BESIDE_M = 3.6
 """From the target to the wall: the margin of PX4, an X500, and a cell."""
@@ -42,7 +42,7 @@ def beside_the_wall():
     return flight
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_beside_a_wall_without_a_keep_out_plain_wind_touches_nothing(manner):
     flight = hovering(site=site_with_a_wall(), vehicle="x500", manner=manner, start_m=(20.0, 0.0))
     flight.autopilot.conditions.wind_mps = 6.3

@@ -33,7 +33,7 @@ from ..flights.operator import (
     TEMPORARILY_REJECTED,
     Manner,
 )
-from .marks import BOTH
+from .marks import ARDUPILOT_FIRST, BOTH
 
 PX4, ARDUPILOT = Manner.PX4, Manner.ARDUPILOT
 RIGHT_M = 30.0
@@ -192,7 +192,7 @@ def test_above_the_landing_point_the_next_inspection_is_flown(manner, low):
     assert_setpoints_never_jump(flight)
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_above_the_landing_point_a_second_exit_stays_there(manner):
     flight = on_the_leg(manner)
     flight.run_until_state("holding", 60.0)

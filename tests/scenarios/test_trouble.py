@@ -25,6 +25,7 @@ from ..flights.operator import (
     TEMPORARILY_REJECTED,
     Manner,
 )
+from ..thorough import sampled
 from .marks import ARDUPILOT_FIRST, BOTH, PX4_FIRST
 
 LANDS_WHEN_LOW = {
@@ -204,13 +205,16 @@ def under_way():
     return flight
 
 
+GUSTS = [
+    ("120kv_single_circuit", 0.0),
+    ("315kv_double_circuit", 0.0),  # across the plane
+    ("horizontal_three_conductors", 270.0),
+]
+
+
 @pytest.mark.parametrize(
     ("site", "from_deg"),
-    [
-        pytest.param("315kv_double_circuit", 0.0, marks=pytest.mark.slow),  # across the plane
-        ("120kv_single_circuit", 0.0),
-        pytest.param("horizontal_three_conductors", 270.0, marks=pytest.mark.slow),
-    ],
+    sampled(GUSTS[:1], GUSTS),
 )
 def test_a_gust_makes_it_late_and_not_lost(site, from_deg):
     calm = hovering(site=site)

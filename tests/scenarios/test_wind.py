@@ -10,7 +10,7 @@ from tests.thorough import sampled
 
 from ..flights.airs import in_the_air
 from ..flights.operator import Manner
-from .marks import ARDUPILOT_FIRST, BOTH
+from .marks import ARDUPILOT_FIRST
 
 PX4, ARDUPILOT = Manner.PX4, Manner.ARDUPILOT
 
@@ -47,7 +47,7 @@ def test_in_calm_air_not_even_with_a_drag_that_is_30_percent_off(manner, drag):
     assert max(told.risk for told in flight.reported) < rest + 0.1
 
 
-@BOTH
+@ARDUPILOT_FIRST
 def test_a_wind_that_rises_and_falls_is_followed_within_three_seconds(manner):
     flight = in_the_air(manner)
     for wind_mps in (8.0, 0.0):
