@@ -199,8 +199,9 @@ def _show(arguments: argparse.Namespace) -> int:
     from ..config import default_vehicle  # noqa: PLC0415
     from ..planner.planner import Planner  # noqa: PLC0415
     from ..site import Site  # noqa: PLC0415
-    from ..survey.drawn_site import features_of_site, path_name, qgc_plan_of  # noqa: PLC0415
+    from ..survey.drawn_site import features_of_site, path_name  # noqa: PLC0415
     from ..survey.map_features import geojson_of, kml_of  # noqa: PLC0415
+    from ..survey.qgc_plan import qgc_plan_of  # noqa: PLC0415
     from ..vehicle import Vehicle  # noqa: PLC0415
 
     outputs = {

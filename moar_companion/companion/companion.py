@@ -313,13 +313,8 @@ class Companion:
 
     def _accuracy_changed(self) -> bool:
         """True if a report of position accuracy is new: it must count for the next setpoint."""
-        telemetry, before = self.telemetry, self._reported
-        self._reported = (
-            telemetry.gnss,
-            telemetry.second_gnss,
-            telemetry.estimator,
-            telemetry.odometry,
-        )
+        seen, before = self.telemetry, self._reported
+        self._reported = seen.gnss, seen.second_gnss, seen.estimator, seen.odometry
         return self._reported != before
 
     def _transition(self, now_s: float) -> None:

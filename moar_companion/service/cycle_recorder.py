@@ -6,16 +6,18 @@ import contextlib
 import logging
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from ..companion.companion import Companion
 from ..companion.reports import Decision
 from ..config import CompanionConfig
-from ..outlets.recorder import Recorder, RecordingLimits
 from ..recording.calls import RecordedCompanion
 from ..recording.channels import Cycle, CycleSampler
 from ..recording.flight_log import FlightLog
 from .directories import recorder_folder
+
+if TYPE_CHECKING:
+    from ..outlets.recorder import Recorder
 
 _logger = logging.getLogger(__name__)
 
@@ -43,6 +45,9 @@ class CycleRecorder:
         folder, keys = recorder_folder(config), config.recorder
         if folder is None:
             return
+        # Only a service that records imports the library of its files.
+        from ..outlets.recorder import Recorder, RecordingLimits  # noqa: PLC0415
+
         try:
             self._recorder = Recorder(
                 folder.path,

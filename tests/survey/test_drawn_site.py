@@ -12,8 +12,9 @@ from moar_companion.errors import InputError
 from moar_companion.frames import SiteFrame
 from moar_companion.planner.planner import Planner
 from moar_companion.site import Conductor, Polygon, Site
-from moar_companion.survey.drawn_site import features_of_site, qgc_plan_of, site_of_features
+from moar_companion.survey.drawn_site import features_of_site, site_of_features
 from moar_companion.survey.map_features import features_of, geojson_of, kml_of
+from moar_companion.survey.qgc_plan import qgc_plan_of
 from moar_companion.survey.site_document import SiteOptions, site_text
 from moar_companion.types import GeodeticPoint, Mission
 from moar_companion.vehicle import Vehicle
