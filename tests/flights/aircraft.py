@@ -6,10 +6,11 @@ import copy
 from dataclasses import replace
 
 from sitl.autopilot import DEFAULT_LINKS, FakeAutopilot, Options, Truth
+from sitl.px4.streams import IDS
 from sitl.signing import SignOptions
 
 from ..copies import flown_once
-from .operator import Manner, Operator
+from .operator import READ, Manner, Operator
 
 STEP_S = 0.02
 
@@ -27,7 +28,15 @@ class Aircraft:
         self.operator = Operator(self.autopilot, Manner(options.autopilot))
         if secret is not None:
             self.operator.sign(secret)
+        if self.operator.manner is Manner.PX4:
+            self._stop_unread_streams()
         self.now_s = 0.0
+
+    def _stop_unread_streams(self) -> None:
+        """Of PX4's 400 messages a second to a ground station, this operator reads three."""
+        schedule = self.autopilot.manner._schedule("gcs")
+        for message_id in IDS.keys() - READ:
+            schedule.set(message_id, -1, 0)
 
     def __deepcopy__(self, memo):
         """To be moved on by itself; what never changes, and what is past, is the same."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 from pymavlink.dialects.v20 import all as mavlink
@@ -62,19 +63,35 @@ def as_simulated(vehicle: Vehicle, manner: Manner) -> Vehicle:
     return replace(vehicle, autopilot=AutopilotKind(manner.value), risk=risk)
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Setpoint:
-    """A SET_POSITION_TARGET_LOCAL_NED that was sent, and what its frame was then.
+    """A SET_POSITION_TARGET_LOCAL_NED that was sent, and its frame at that time.
 
-    aircraft: the LOCAL_POSITION_NED that the companion heard last.
+    packet: its bytes. position: those of the LOCAL_POSITION_NED that the companion received last.
     """
 
     time_s: float
     state: str
-    message: Any
-    aircraft: Any
+    packet: bytes
+    position: bytes | None
     origin: tuple[float, float, float]
     """The local frame's: latitude and longitude in degrees, altitude AMSL in metres."""
+
+    @cached_property
+    def message(self) -> Any:
+        return message_of(self.packet)
+
+    @cached_property
+    def aircraft(self) -> Any:
+        return None if self.position is None else message_of(self.position)
+
+
+_CODEC = mavlink.MAVLink(None)
+
+
+def message_of(packet: bytes) -> Any:
+    """The message of a packet. Few are looked at: they are decoded when a test asks for them."""
+    return _CODEC.decode(bytearray(packet))
 
 
 class Lockstep(Aircraft):
@@ -153,10 +170,7 @@ class Lockstep(Aircraft):
         """The lidar is off."""
         self.planning = True
         self.plan_delay_s = PLAN_DELAY_S
-        self._setpoint_codec = mavlink.MAVLink(None)
-        self._position_codec = mavlink.MAVLink(None)
-        self._position_codec.robust_parsing = True
-        self._position: Any = None
+        self._position: bytes | None = None
         self._jobs: list[tuple[float, PlanJob | MapJob]] = []
 
     def _constants(self) -> list:
@@ -230,7 +244,7 @@ class Lockstep(Aircraft):
         """Bytes for the companion, from whomever."""
         for packet in packets(data):
             if packet_header(packet)[0] == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED:
-                (self._position,) = self._position_codec.parse_buffer(packet)
+                self._position = packet
         self.companion.receive(self.link_url, data, self.now_s)
 
     def report(self, data: bytes) -> None:
@@ -238,16 +252,16 @@ class Lockstep(Aircraft):
         self.autopilot.receive("companion", data)
 
     def _note_setpoint(self, data: bytes) -> None:
-        for message in self._setpoint_codec.parse_buffer(data) or []:
-            if message.get_type() == "SET_POSITION_TARGET_LOCAL_NED":
+        for packet in packets(data):
+            if packet_header(packet)[0] == mavlink.MAVLINK_MSG_ID_SET_POSITION_TARGET_LOCAL_NED:
                 origin = self.companion.telemetry.local_origin
                 assert origin is not None
                 self.setpoints.append(
                     Setpoint(
                         time_s=self.now_s,
                         state=self.state,
-                        message=message,
-                        aircraft=self._position,
+                        packet=packet,
+                        position=self._position,
                         origin=(
                             origin.point.latitude_deg,
                             origin.point.longitude_deg,

@@ -17,7 +17,7 @@ ACCEPTED, TEMPORARILY_REJECTED, DENIED, UNSUPPORTED, FAILED, IN_PROGRESS, CANCEL
 INSPECTION, EXIT, EVACUATION, RELEASE, MISSION_HOLD = 1, 2, 3, 4, 0
 
 
-_READ = {
+READ = {
     mavlink.MAVLINK_MSG_ID_HEARTBEAT,
     mavlink.MAVLINK_MSG_ID_COMMAND_ACK,
     mavlink.MAVLINK_MSG_ID_STATUSTEXT,
@@ -84,7 +84,7 @@ class Operator:
 
     def receive(self, data: bytes) -> None:
         for packet in packets(data):
-            if packet_header(packet)[0] in _READ:
+            if packet_header(packet)[0] in READ:
                 received = self._codec.parse_buffer(packet) or []
                 self.received += received
                 for message in received:

@@ -36,7 +36,7 @@ from sitl.wire import packet_header, packets
 from ..benchmarks.soak import anonymous_mb, forget
 from ..copies import flown_once
 from ..flights import judging
-from ..flights.lockstep import COMPANION_LINK, Lockstep
+from ..flights.lockstep import COMPANION_LINK, Lockstep, message_of
 from ..flights.operator import EXIT, INSPECTION, Manner
 from .frames import OURS, Shape, frame, hostile_payload, nearly_frames, shape_of
 
@@ -129,8 +129,8 @@ class FuzzedFlight(Lockstep):
             number = packet_header(packet)[0]
             self.last[number] = packet
             if number == mavlink.MAVLINK_MSG_ID_LOCAL_POSITION_NED:
-                (self._position,) = self._position_codec.parse_buffer(packet)
-                self.boot_s = self._position.time_boot_ms * 1e-3
+                self._position = packet
+                self.boot_s = message_of(packet).time_boot_ms * 1e-3
         self.companion.receive(COMPANION_LINK, data, self.now_s, AUTOPILOT)
 
     def fly_on(self, pick: Random) -> None:

@@ -6,6 +6,7 @@ import copy
 from dataclasses import replace
 
 import pytest
+from pymavlink.dialects.v20 import all as mavlink
 
 from tests.copies import copy_of
 from tests.flights.lockstep import hovering
@@ -47,8 +48,8 @@ def test_a_setpoint_that_differs_is_found_with_its_time_and_nothing_else_is(flig
     item = changed.setpoints[index]
     message = copy.copy(item.message)
     message.x += 0.5
-    message.pack(changed._setpoint_codec)
-    changed.setpoints[index] = replace(item, message=message)
+    packet = message.pack(mavlink.MAVLink(None))
+    changed.setpoints[index] = replace(item, packet=packet)
     differences = found(flight, changed)
     assert set(differences) == {"setpoints"}
     assert "setpoints differ from second 22 on" in differences["setpoints"]
@@ -61,8 +62,8 @@ def test_a_setpoint_that_differs_by_less_than_is_shown_is_found_too(flight):
     item = changed.setpoints[-10]
     message = copy.copy(item.message)
     message.x += 1e-6
-    message.pack(changed._setpoint_codec)
-    changed.setpoints[-10] = replace(item, message=message)
+    packet = message.pack(mavlink.MAVLink(None))
+    changed.setpoints[-10] = replace(item, packet=packet)
     told = found(flight, changed)["setpoints"]
     assert told.endswith("by less than the lines are rounded to")
 

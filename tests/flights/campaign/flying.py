@@ -295,7 +295,7 @@ class RandomFlight(Lockstep):
         if number not in LOOKED_AT or (message := packets.decoded(packet)) is None:
             return
         if number == packets.LOCAL_POSITION:
-            self._position = message
+            self._position = packet
             self._position_s = max(self._position_s, sent_s)
         elif number in {packets.HEARTBEAT, packets.CURRENT_MODE}:
             self._mode_s = max(self._mode_s, sent_s)
