@@ -18,7 +18,7 @@ from .scenarios import SCENARIOS
 @pytest.mark.parametrize(
     ("scenario", "name"),
     sampled(
-        [("nominal", "fake-px4"), ("takeover_by_mode", "fake-ardupilot")],
+        [("takeover_by_mode", "fake-ardupilot")],
         list(itertools.product(("nominal", "takeover_by_mode"), ("fake-px4", "fake-ardupilot"))),
     ),
 )
