@@ -33,7 +33,9 @@ ARDUPILOT = autopilots.ARDUPILOT
         (autopilots.UNKNOWN, 4, "MODE 0x00000004", False),
     ],
 )
-def test_a_mode_has_its_name_and_only_offboard_and_guided_are_ours(kind, custom_mode, name, ours):
+def test_a_mode_has_its_name_and_only_offboard_and_guided_take_setpoints(
+    kind, custom_mode, name, ours
+):
     assert modes.mode_name(kind, custom_mode) == name
     assert modes.is_ours(kind, custom_mode) is ours
 
@@ -64,7 +66,7 @@ def test_ardupilots_other_vehicles_number_their_modes_otherwise(vehicle, custom_
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
-def test_only_what_hovers_is_ours(kind):
+def test_only_a_hovering_vehicle_takes_setpoints(kind):
     ours = 0x00060000 if kind is PX4 else 4
     quadrotor, plane, hexarotor, vtol, submarine = 2, 1, 13, 20, 12
     assert modes.is_ours(kind, ours, quadrotor)
@@ -76,7 +78,7 @@ def test_critical_or_worse_is_a_failsafe():
     assert [modes.is_failsafe(status) for status in range(9)] == [False] * 5 + [True] * 4
 
 
-def test_the_parameters_that_request_a_mode_are_those_measured():
+def test_mode_requests_have_the_parameters_measured_on_real_autopilots():
     assert modes.own_mode_parameters(PX4, armed=False) == (1, 6, 0)
     assert modes.own_mode_parameters(PX4, armed=True) == (129, 6, 0)
     assert modes.land_parameters(PX4, armed=True) == (129, 4, 6)
