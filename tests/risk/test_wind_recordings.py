@@ -1,4 +1,4 @@
-"""Wind from tilt in recordings whose wind was set, with the drag of the simulated aircraft."""
+"""Wind from tilt in recordings with a known wind, with the drag of the simulated aircraft."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ pytestmark = [
 
 
 @pytest.mark.parametrize("recording", RECORDINGS, ids=lambda recording: recording.path)
-def test_the_true_wind_is_told(recording):
+def test_the_true_wind_is_estimated_from_the_lean(recording):
     told = told_in(recording.path, drag_of(recording.manner))
     for begin_s, end_s, true_mps in recording.segments:
         wind = told[(told[:, 0] >= begin_s) & (told[:, 0] < end_s), 1]
