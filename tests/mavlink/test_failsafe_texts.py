@@ -77,8 +77,8 @@ def after(text, seconds, *, flags=GOOD, compass=0.1, fix_type=3, heartbeats_s=1.
     """Failsafes reported a time after a text, with heartbeats of status 5 and other reports."""
     message = mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 5, 3)
     telemetry = translate.update(Telemetry(), message, 0.0)
-    words = mavlink.MAVLink_statustext_message(2, text.encode())
-    telemetry, now_s = translate.update(telemetry, words, 0.0), 0.0
+    statustext = mavlink.MAVLink_statustext_message(2, text.encode())
+    telemetry, now_s = translate.update(telemetry, statustext, 0.0), 0.0
     while now_s < seconds:
         now_s += heartbeats_s
         if reports:

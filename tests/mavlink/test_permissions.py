@@ -1,4 +1,4 @@
-"""Who may command: by ids, by link and by signature, and what is taken from anybody."""
+"""Permission to command: by ids, by link and by signature; a hold is taken from any sender."""
 
 from __future__ import annotations
 

@@ -48,10 +48,10 @@ def test_a_silence_is_no_restart():
     assert readings(ran_for(), (70.0, 170.0), (70.1, 170.1)) == [CURRENT, CURRENT]
 
 
-@pytest.mark.parametrize(("ahead_s", "told"), [(0.7, LATE), (4.0, LATE), (3600.0, FOREIGN)])
-def test_one_packet_ahead_of_the_clock_does_not_block_later_packets(ahead_s, told):
+@pytest.mark.parametrize(("ahead_s", "reading"), [(0.7, LATE), (4.0, LATE), (3600.0, FOREIGN)])
+def test_one_packet_ahead_of_the_clock_does_not_block_later_packets(ahead_s, reading):
     clock = ran_for()
-    assert readings(clock, (10.05, 110.05 + ahead_s), (10.1, 110.1)) == [told, CURRENT]
+    assert readings(clock, (10.05, 110.05 + ahead_s), (10.1, 110.1)) == [reading, CURRENT]
 
 
 def test_two_clocks_under_one_id_are_distinguished_indefinitely():

@@ -28,7 +28,7 @@ def attitude(roll=0.0, pitch=0.0, yaw=0.0, received_s=10.0):
 
 
 def sectors(telemetry=None, seen=None, **fields):
-    """What is seen in sectors of 5°, as distances in cm by sector; the others are unknown."""
+    """Obstacle distances by sector of 5°, in cm; the other sectors are unknown."""
     distances = [UNKNOWN] * 72
     for sector, distance_cm in (seen or {}).items():
         distances[sector] = distance_cm

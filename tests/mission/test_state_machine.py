@@ -200,7 +200,7 @@ def test_stale_data_or_a_fault_releases_and_its_end_does_not_resume(state, parti
     cause = "autopilot_link_lost" if parting else "loop_stall"
     flight.see(**{cause: "for 3.1 s"})
     assert flight.state == "released"
-    # Outside our mode the autopilot does not follow setpoints.
+    # Outside OFFBOARD or GUIDED the autopilot does not follow setpoints.
     assert flight.last_setpoint is (parting and state in IN_CONTROL)
     flight.see(**{cause: None})
     for _ in range(10):

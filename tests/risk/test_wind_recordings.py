@@ -17,9 +17,9 @@ pytestmark = [
 
 @pytest.mark.parametrize("recording", RECORDINGS, ids=lambda recording: recording.path)
 def test_the_true_wind_is_estimated_from_the_lean(recording):
-    told = told_in(recording.path, drag_of(recording.manner))
+    estimates = told_in(recording.path, drag_of(recording.manner))
     for begin_s, end_s, true_mps in recording.segments:
-        wind = told[(told[:, 0] >= begin_s) & (told[:, 0] < end_s), 1]
+        wind = estimates[(estimates[:, 0] >= begin_s) & (estimates[:, 0] < end_s), 1]
         assert len(wind) > 0.9 * (end_s - begin_s) / 0.1
         assert wind.mean() == pytest.approx(true_mps, abs=0.7)
         assert wind.std() < 0.7
