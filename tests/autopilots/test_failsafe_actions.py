@@ -105,7 +105,7 @@ def test_actions_are_unknown_before_all_parameters_and_unreported_ones_are_named
     assert profile(autopilots.UNKNOWN).failsafes({}) is None
 
 
-def test_a_threshold_in_mah_is_a_charge():
+def test_a_threshold_in_mah_is_converted_to_a_charge():
     found = failsafes(ARDUPILOT, BATT_FS_CRT_ACT=1.0, BATT_CRT_MAH=660.0, BATT_CAPACITY=3300.0).of(
         [Trigger.CRITICAL_BATTERY]
     )

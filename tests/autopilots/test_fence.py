@@ -100,7 +100,7 @@ def test_a_parameter_that_was_never_reported_is_named():
     assert found.circle is not None
 
 
-def test_items_make_polygons_and_circles_in_their_order():
+def test_fence_items_become_polygons_and_circles_in_their_order():
     areas = areas_of(
         [
             *polygon(5001, (45.0, 7.0), (45.1, 7.0), (45.0, 7.1)),

@@ -339,7 +339,7 @@ def test_the_rest_of_a_trajectory_is_the_lead_in_of_the_next_one():
     assert 1.5 - ROUNDING_M <= new.corner_m[0] < 1.5
 
 
-def test_a_lead_in_of_no_length_is_no_lead_in():
+def test_a_lead_in_without_length_has_no_effect():
     old = trajectory((0.0, 0.0), (2.0, 0.0))
     joined = trajectory((2.0, 0.0), (2.0, 2.0), lead_in=old.between(2.0, 2.0))
     alone = trajectory((2.0, 0.0), (2.0, 2.0))

@@ -100,7 +100,7 @@ def test_messages_after_a_truncated_message_arrive(autopilot):
 
 
 @given(st.lists(st.binary(max_size=400), max_size=5))
-def test_no_bytes_raise(chunks):
+def test_no_bytes_raise_an_error(chunks):
     codec = new_codec()
     for chunk in chunks:
         codec.receive(chunk)
@@ -163,7 +163,7 @@ def test_parameters_and_texts_belong_to_no_stream(autopilot):
     assert codec.statistics(1, 1).off_stream == 2
 
 
-def test_packets_are_kept_whole_for_a_record_but_none_with_a_secret(autopilot, ground_station):
+def test_packets_are_kept_whole_for_recording_except_those_with_a_secret(autopilot, ground_station):
     codec = new_codec(wanted=())
     packets = [autopilot.heartbeat(), unknown_packet(1)]
     signing = ground_station.send(

@@ -46,7 +46,7 @@ def test_a_message_of_pymavlink_is_not_replaced():
     assert mavlink.mavlink_map[436] is mavlink.MAVLink_current_mode_message
 
 
-def test_an_added_message_survives_the_wire():
+def test_an_added_message_is_encoded_and_decoded_unchanged():
     message = create(
         "ESC_STATUS",
         time_usec=123456789,

@@ -152,7 +152,7 @@ def test_another_link_is_used_when_the_first_falls_silent(peer):
     assert identity.alive(4.0)
 
 
-def test_a_boot_after_anything_else_is_a_restart(peer):
+def test_a_boot_status_after_another_status_is_a_restart(peer):
     identity = Identity()
     sender = peer(1, 1)
     booting = {"system_status": mavlink.MAV_STATE_BOOT}

@@ -77,7 +77,7 @@ def test_all_messages_are_requested_of_a_silent_autopilot_at_once():
     assert machine.run(60.0) == []
 
 
-def test_the_interval_is_in_microseconds():
+def test_the_requested_interval_is_in_microseconds():
     requests = MessageRates()
     requests.start({ATTITUDE: 30.0}, silent=True, now_s=0.0)
     assert requests.next_request(0.1) == (ATTITUDE, 33333)

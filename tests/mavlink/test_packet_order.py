@@ -113,7 +113,7 @@ def positions_accepted(listener, *arrivals):
     return accepted
 
 
-def test_a_step_of_the_clock_is_one_step_for_all_messages():
+def test_a_step_of_the_clock_counts_once_for_all_messages():
     listener = TelemetryReceiver()
     received(listener, heartbeat(HOLD), 0, 0.0)
     for count in range(10):

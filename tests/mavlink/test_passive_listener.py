@@ -37,7 +37,7 @@ def text(content, *, severity=6, number=0, chunk=0):
     return message_of("STATUSTEXT", severity=severity, text=content, id=number, chunk_seq=chunk)
 
 
-def test_the_first_autopilot_is_latched_whatever_its_number():
+def test_the_first_autopilot_is_latched_for_any_system_id():
     scene = Scene(system_id=42)
     (found,) = scene.found
     assert isinstance(found, AutopilotFound)
@@ -102,7 +102,7 @@ def test_texts_of_autopilot_and_companion_are_received_whole():
     assert scene.handle(scene.ground.pack(text(b"a ground station's"))) == []
 
 
-def test_a_text_whose_end_is_lost_ends_where_the_next_begins():
+def test_a_text_whose_end_is_lost_ends_at_the_next_text():
     scene = Scene()
     scene.handle(scene.autopilot.pack(text(b"a" * 50, number=1)))
     texts = scene.handle(scene.autopilot.pack(text(b"next")))

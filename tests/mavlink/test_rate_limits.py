@@ -8,7 +8,7 @@ def sender(system_id, link="radio"):
     return Sender(link=link, system_id=system_id, component_id=190)
 
 
-def test_a_burst_is_allowed_and_then_the_rate():
+def test_a_burst_is_allowed_and_then_the_limited_rate():
     limit = RateLimit(burst=3, rate_hz=2.0)
     assert [limit.allows("a", 0.0) for _ in range(4)] == [True, True, True, False]
     assert [limit.allows("a", 0.5) for _ in range(2)] == [True, False]

@@ -127,7 +127,7 @@ def test_a_second_hold_holds_although_its_first_copy_was_lost(ground_station):
 
 
 @pytest.mark.parametrize("stop", [(USER_1, 0), (USER_1, 4), (PAUSE_CONTINUE, 0)])
-def test_a_stop_is_carried_out_however_often_it_comes(peer, ground_station, stop):
+def test_every_repeat_of_a_stop_is_carried_out(peer, ground_station, stop):
     desk = Desk()
     first, _ = desk.receive(ground_station.command(*stop))
     desk.answer(first, CommandResult.ACCEPTED)
@@ -272,7 +272,7 @@ def test_a_cancel_is_ignored_when_idle(peer, ground_station):
     assert desk.receive(ground_station.cancel(USER_1)) == (None, None)
 
 
-def test_a_thousand_senders_are_not_all_remembered(peer):
+def test_the_number_of_remembered_senders_is_limited(peer):
     desk = Desk()
     for number in range(1000):
         desk.now_s += 0.1

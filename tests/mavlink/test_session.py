@@ -43,7 +43,7 @@ def test_the_system_id_is_the_configured_one_until_an_autopilot_is_received(peer
     assert event.autopilot.kind is autopilots.PX4
 
 
-def test_an_autopilot_on_an_operators_link_is_not_ours(story, autopilot):
+def test_an_autopilot_on_an_operator_link_is_not_latched(story, autopilot):
     story.handle(autopilot.heartbeat(), link="network")
     assert story.session.autopilot is None
     assert story.session.telemetry.autopilot is None
@@ -235,7 +235,7 @@ def test_an_autopilot_restart_clears_its_telemetry(story, autopilot):
         max_size=20,
     )
 )
-def test_no_messages_raise(packets):
+def test_no_message_raises_an_error(packets):
     session = Session(links={"serial": LinkRole.AUTOPILOT})
     session.tick(0.0, SystemStatus.BOOT)
     greeter = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
@@ -260,7 +260,7 @@ def test_no_messages_raise(packets):
 
 
 @given(st.binary(max_size=500))
-def test_no_bytes_raise(data):
+def test_no_bytes_raise_an_error(data):
     session = Session(links={"serial": LinkRole.AUTOPILOT})
     session.receive("serial", data, 0.0)
 
@@ -323,7 +323,7 @@ def test_commands_routed_by_ardupilot_are_understood(recording):
 OBSTACLE_DISTANCE = 330
 
 
-def test_a_sensors_obstacles_reach_the_telemetry(story, autopilot, peer):
+def test_obstacles_of_a_sensor_reach_the_telemetry(story, autopilot, peer):
     story.meet(autopilot)
     sensor = peer(1, mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE)
     fields = {"distances": [65535] * 18 + [400] + [65535] * 53, "max_distance": 3000}
@@ -333,7 +333,7 @@ def test_a_sensors_obstacles_reach_the_telemetry(story, autopilot, peer):
 
 
 @pytest.mark.parametrize("wanted", [False, True])
-def test_obstacles_are_requested_of_the_autopilot_only_where_they_are_wanted(wanted, autopilot):
+def test_obstacles_are_requested_of_the_autopilot_only_where_they_are_used(wanted, autopilot):
     story = Story(obstacles=wanted)
     story.meet(autopilot, autopilot=ARDUPILOT)
     sent = []

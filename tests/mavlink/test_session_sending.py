@@ -339,7 +339,7 @@ def timesync(sender, *, tc1=0, target=(0, 0)):
     )
 
 
-def test_the_autopilots_time_requests_are_answered_with_our_clock(story, autopilot):
+def test_time_requests_of_the_autopilot_are_answered_with_the_companions_clock(story, autopilot):
     story.meet(autopilot)
     story.handle(timesync(autopilot))
     ((link, message),) = story.sent()

@@ -15,7 +15,7 @@ def test_a_short_text_is_one_message_without_an_id():
 
 
 @pytest.mark.parametrize(("length", "chunks"), [(51, 2), (99, 2), (100, 3), (101, 3), (5000, 21)])
-def test_a_long_text_comes_in_chunks_the_last_of_which_ends_it(length, chunks):
+def test_a_long_text_is_sent_in_chunks_and_the_last_one_ends_the_text(length, chunks):
     text = "".join(chr(97 + index % 26) for index in range(length))
     sent = encoded(StatusTexts(), text)
     assert [(number, sequence) for number, sequence, _ in sent] == [(1, i) for i in range(chunks)]

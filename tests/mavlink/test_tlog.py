@@ -49,7 +49,7 @@ def test_records_have_their_times_and_packets():
     assert (tlog.bad_packets, tlog.skipped_bytes, tlog.cut_short) == (0, 0, False)
 
 
-def test_a_recording_cut_anywhere_keeps_its_whole_records():
+def test_a_truncated_recording_keeps_its_whole_records():
     packets, data = recorded(3)
     ends = [0]
     for packet in packets:
@@ -80,7 +80,7 @@ def test_after_stray_bytes_the_next_record_is_found(noise):
     assert tlog.skipped_bytes == len(noise)
 
 
-def test_a_message_of_an_unknown_dialect_is_a_record_like_others():
+def test_a_message_of_an_unknown_dialect_is_a_valid_record():
     packets, data = recorded(2)
     unknown = b"\xfd\x03\x00\x00\x07\x01\x01\xff\xff\x7fabcXY"
     assert packets_of(data + stamped(unknown) + data) == [*packets, unknown, *packets]

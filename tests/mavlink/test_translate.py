@@ -69,7 +69,7 @@ def test_only_an_aircrafts_heartbeat_is_an_autopilots(vehicle, autopilot, kind):
         assert translate.update(Telemetry(), message, 1.0).autopilot is None
 
 
-def test_a_message_of_no_interest_changes_nothing():
+def test_an_unused_message_changes_nothing():
     telemetry = Telemetry()
     assert updated("HIGHRES_IMU", telemetry) is telemetry
 
@@ -98,7 +98,7 @@ def replay(packets, *, source=(1, 1)):
 
 
 @pytest.mark.recordings
-def test_ardupilots_flight_with_drag_fusion_has_a_wind_and_without_it_none(recording):
+def test_a_recorded_ardupilot_gives_a_wind_only_with_drag_fusion(recording):
     with_fusion = [
         t.wind for t in replay(recording("ardupilot/c3_wind_const.companion.tlog")) if t.wind
     ]

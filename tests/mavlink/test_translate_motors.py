@@ -32,7 +32,7 @@ def as_float(number):
     return struct.unpack("<f", struct.pack("<i", number))[0]
 
 
-def test_outputs_without_a_motor_are_left_out():
+def test_outputs_without_a_motor_are_ignored():
     motors = updated(
         "SERVO_OUTPUT_RAW",
         servo1_raw=1500,

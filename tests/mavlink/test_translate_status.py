@@ -306,7 +306,7 @@ def test_a_measurement_that_the_estimator_does_not_use_has_no_innovation(name, n
     assert reported.compass_innovation is None
 
 
-def test_the_magnetic_field_has_a_strength():
+def test_the_strength_of_the_magnetic_field_is_read():
     field = {"xmag": 0.3, "ymag": 0.0, "zmag": -0.4, "fields_updated": 0x1C0}
     assert updated("HIGHRES_IMU", **field).magnetic_field.strength_gauss == pytest.approx(0.5)
     reported = updated("RAW_IMU", xmag=300, ymag=0, zmag=-400)
@@ -405,7 +405,7 @@ def test_the_pilots_signal_is_a_fraction_of_the_autopilots_own_scale(autopilot, 
     ("name", "best"),
     [("px4/f1_radio_rc.companion.tlog", 1.0), ("ardupilot/f1_rssi.companion.tlog", 1.0)],
 )
-def test_full_reception_as_recorded_is_full(recording, name, best):
+def test_full_reception_in_recordings_is_a_full_signal(recording, name, best):
     listener = PassiveListener()
     signals = set()
     for time_s, packet in recording(name):

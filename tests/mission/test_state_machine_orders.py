@@ -209,7 +209,7 @@ def test_a_hold_while_ready_is_continued_before_the_mode_is_given():
     assert flight.see(mode_ours=True).state == "flying"
 
 
-def test_a_hold_while_ready_expires_as_ready_does():
+def test_a_hold_while_ready_expires_after_the_same_time():
     flight = story(S.READY).order(Order.HOLD).tick(30.1)
     assert (flight.state, flight.last_setpoint) == ("idle", True)
     flight.order(Order.CONTINUE)

@@ -58,7 +58,7 @@ def test_later_plans_avoid_seen_obstacles_also_in_inflated_planners(planners):
         assert np.hypot(*(plan.waypoints.position_m - (15.0, 14.0)).T).min() > 1.5
 
 
-def test_a_target_that_is_free_stays(planners):
+def test_a_free_target_is_not_moved(planners):
     answer = answer_map_job(planners, job(planners, wire(15.0, 14.0)))
     assert answer.site_maps.site.targets == planners.exact.site.targets
 

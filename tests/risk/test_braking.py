@@ -98,7 +98,7 @@ def test_lean_acceleration_is_the_rotated_thrust_that_carries_the_weight(roll, p
         pytest.param(0, 10, 0, -1, 0, id="nose up: backwards"),
     ],
 )
-def test_directions_of_lean(roll_deg, pitch_deg, yaw_deg, north, east):
+def test_lean_acceleration_has_the_direction_of_the_lean(roll_deg, pitch_deg, yaw_deg, north, east):
     lean = lean_acceleration_mps2(*map(math.radians, (roll_deg, pitch_deg, yaw_deg)))
     expected = GRAVITY_MPS2 * math.tan(math.radians(10))
     assert lean == pytest.approx((north * expected, east * expected), abs=1e-9)
@@ -136,7 +136,7 @@ def test_an_accelerated_climb_scales_the_lean_acceleration():
     assert found.deceleration_ne_mps2 == pytest.approx((lift, 0.0), abs=1e-6)
 
 
-def test_the_window_holds_no_more_than_its_time():
+def test_the_window_contains_at_most_its_duration():
     samples = flown(every_tenth(lambda _: (1.0, 0.0), lambda _: (0.0, 0.0, 0.0), count=200))
     assert samples[-1].attitude_s - samples[0].attitude_s <= WINDOW_S
     assert len(samples) == round(WINDOW_S / 0.1) + 1

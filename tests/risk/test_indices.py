@@ -225,7 +225,7 @@ needs_wh = st.fixed_dictionaries(
     needs=needs_wh,
     unknown_needs=st.sets(st.sampled_from(["finish_wh", "exit_wh", "evacuation_wh"])),
 )
-def test_losing_sources_never_lowers_an_index_that_has_settled(
+def test_the_loss_of_sources_never_lowers_a_settled_index(
     new_flight,
     silent,
     erased,
@@ -343,7 +343,7 @@ def test_the_rate_of_updates_does_not_matter(new_flight, healthy):
     )
 
 
-def test_a_raising_input_goes_stale_while_others_remain(flight):
+def test_a_stale_input_keeps_its_risk_while_other_inputs_remain(flight):
     flight.handle("wind", velocity_ned_mps=(9.0, 0.0, 0.0))
     before = flight.fly(10.0).indices.wind
     flight.silence("wind")

@@ -48,7 +48,7 @@ def test_a_wind_seen_in_the_lean_alone_raises_the_risk_within_three_seconds(flig
     assert flight.estimate.indices.wind > 0.9 * (8.0 - 3.0) / (12.0 - 3.0)
 
 
-def test_hovering_nose_down_towards_north_the_air_moves_south(flight):
+def test_a_hover_with_the_nose_down_to_the_north_is_a_wind_to_the_south(flight):
     flight.handle("attitude", pitch_rad=-lean_in(5.0))
     flight.fly(3.0)
     assert flight.estimate.wind.wind_ne_mps == pytest.approx((-5.0, 0.0), abs=0.01)
@@ -154,7 +154,7 @@ def report(name: str, value: float | None, risk: float | None) -> InputReport:
         ((7.0, None), (6.0, None), None),
     ],
 )
-def test_the_wind_in_use_is_the_stronger_one_known_with_its_source(reported, from_tilt, source):
+def test_the_used_wind_is_the_stronger_known_one_with_its_source(reported, from_tilt, source):
     found = strongest(
         (
             report("wind reported", *reported),
@@ -168,7 +168,7 @@ def test_the_wind_in_use_is_the_stronger_one_known_with_its_source(reported, fro
 # Gusts
 
 
-def test_gusts_raise_the_risk_and_calm_down(flight):
+def test_gusts_raise_the_risk_and_their_end_lowers_it(flight):
     flight.sources["attitude"] = lambda t: Attitude(
         received_s=t,
         roll_rad=lean_in(5.0 + 5.0 * math.sin(0.5 * t)),

@@ -93,7 +93,7 @@ def test_a_ground_station_that_only_the_autopilot_receives_can_be_lost():
 
 
 @pytest.mark.parametrize("moved_m", [0.5, 2.0])
-def test_a_home_that_moves_is_learnt(moved_m):
+def test_a_moved_home_updates_the_failsafe_actions(moved_m):
     watch = watching(**LANDS)
     parameters_read = {**dict.fromkeys(profile(autopilots.PX4).failsafe_parameters), **LANDS}
     assert watch.learn(autopilots.PX4, parameters_read, (0.0, 0.0, 0.0), STATION)

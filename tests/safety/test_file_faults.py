@@ -84,5 +84,5 @@ def test_a_new_planner_does_not_end_a_fault():
         (errno.EIO, "I/O error"),
     ],
 )
-def test_the_reason_is_short(number, short):
+def test_an_operating_system_error_has_a_short_reason(number, short):
     assert words(OSError(number, os.strerror(number))) == short

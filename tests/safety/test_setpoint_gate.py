@@ -63,7 +63,7 @@ def test_a_setpoint_that_is_not_finite_is_refused_everywhere(bad, axis):
 
 
 @pytest.mark.parametrize("y_m", [2.01, -2.01, 50.0])
-def test_off_the_plane_is_refused_even_in_a_corridor(y_m):
+def test_a_setpoint_off_the_plane_is_refused_even_in_a_corridor(y_m):
     corridor = ((1.0, y_m, 1.0), (2.0, y_m, 1.0))
     assert "from the plane" in reason(position=(1.0, y_m, 1.0), corridors=(corridor,))
 
@@ -75,16 +75,16 @@ def test_beside_the_plane_only_an_entry_leg_is_allowed():
     assert "from the plane" in beside
 
 
-def test_outside_the_workspace_is_refused():
+def test_a_setpoint_outside_the_workspace_is_refused():
     assert reason(cell=None) == "setpoint outside the workspace"
 
 
-def test_an_occupied_cell_is_refused():
+def test_a_setpoint_in_an_occupied_cell_is_refused():
     assert reason(cell=OCCUPIED) == "setpoint near an obstacle, or low"
 
 
 @pytest.mark.parametrize(("z_m", "allowed"), [(2.0, True), (2.0 - 1e-12, True), (1.99, False)])
-def test_below_the_least_altitude_is_refused_though_its_cell_is_free(z_m, allowed):
+def test_a_setpoint_below_the_least_altitude_is_refused_even_in_a_free_cell(z_m, allowed):
     low = reason(position=(1.0, 0.0, z_m), lowest_m=2.0)
     assert low == (None if allowed else "setpoint near an obstacle, or low")
 

@@ -159,7 +159,7 @@ def test_the_override_of_a_condition_decides_which_missions_may_be_ordered(row):
 
 
 @ROWS
-def test_the_stream_ends_in_the_state_of_its_row(row):
+def test_only_a_release_has_its_own_end_of_the_stream(row):
     releases = row.action is Action.RELEASE
     assert releases or (row.last_setpoint and row.rest is MissionState.RELEASED)
     assert not (releases and row.latched)  # the state latches
