@@ -1,4 +1,4 @@
-"""Failsafe actions of PX4 and ArduPilot: by their parameters, and where they would hit."""
+"""Failsafe actions of PX4 and ArduPilot: by their parameters, and their collisions."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def actions(kind, trigger, **parameters):
         (Trigger.COMPANION_LOSS, {"NAV_RCL_ACT": 0.0}, Action.RETURN),
     ],
 )
-def test_px4_does_what_its_parameters_say(trigger, parameters, action):
+def test_the_parameters_of_px4_set_its_failsafe_actions(trigger, parameters, action):
     assert actions(PX4, trigger, **parameters) == ([] if action is None else [action])
 
 
@@ -88,24 +88,24 @@ def test_px4_does_what_its_parameters_say(trigger, parameters, action):
         (Trigger.COMPANION_LOSS, {}, Action.HOLD),
     ],
 )
-def test_ardupilot_does_what_its_parameters_say(trigger, parameters, action):
+def test_the_parameters_of_ardupilot_set_its_failsafe_actions(trigger, parameters, action):
     assert actions(ARDUPILOT, trigger, **parameters) == ([] if action is None else [action])
 
 
-def test_dead_reckoning_acts_where_drag_tells_the_wind():
+def test_dead_reckoning_counts_where_the_estimator_fuses_drag():
     found = actions(ARDUPILOT, Trigger.GPS_LOSS, EK3_DRAG_MCOEF=0.2)
     assert found == [Action.RETURN, Action.DESCEND]
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
-def test_nothing_is_known_before_all_is_asked_and_what_is_never_told_is_named(kind):
+def test_actions_are_unknown_before_all_parameters_and_unreported_ones_are_named(kind):
     for name in UNTOLD[kind]:
         assert profile(kind).failsafes({n: 1.0 for n in UNTOLD[kind] if n != name}) is None
     assert failsafes(kind).unreported == profile(kind).failsafe_parameters
     assert profile(autopilots.UNKNOWN).failsafes({}) is None
 
 
-def test_a_threshold_in_mah_is_a_charge():
+def test_a_threshold_in_mah_is_converted_to_a_charge():
     found = failsafes(ARDUPILOT, BATT_FS_CRT_ACT=1.0, BATT_CRT_MAH=660.0, BATT_CAPACITY=3300.0).of(
         [Trigger.CRITICAL_BATTERY]
     )
@@ -131,7 +131,7 @@ def test_ardupilot_returns_at_its_altitude_below_a_cone():
         ({"NAV_RCL_ACT": 5.0}, [True, False, False]),
     ],
 )
-def test_a_place_is_exposed_where_the_way_of_an_action_leads_into_a_wire(parameters, expected):
+def test_a_place_is_exposed_where_the_path_of_an_action_hits_a_wire(parameters, expected):
     found = failsafes(PX4, **parameters).of([Trigger.RC_LOSS])
     places = np.array([ABOVE, BELOW, BESIDE])
     assert exposed_places(found, REACH, places).tolist() == expected
@@ -143,7 +143,7 @@ def test_a_place_is_exposed_where_the_way_of_an_action_leads_into_a_wire(paramet
         assert hit is None
 
 
-def test_a_return_is_looked_at_to_its_home():
+def test_a_return_is_checked_as_far_as_its_home():
     found = failsafes(PX4, NAV_RCL_ACT=2.0, RTL_RETURN_ALT=4.5, RTL_CONE_ANG=0.0)
     beside = np.array([(1.5, 2.5)])
     rc = found.of([Trigger.RC_LOSS])
@@ -151,8 +151,8 @@ def test_a_return_is_looked_at_to_its_home():
     assert exposed_places(replace(rc, home_m=(9.5, 0.0, 0.0)), REACH, beside).all()
 
 
-def test_a_landing_from_within_a_keep_out_hits_what_it_is_above():
-    """The aircraft may sag into it; from beside or below the way down leads out."""
+def test_a_landing_from_within_a_keep_out_hits_the_obstacle_below():
+    """The aircraft may descend into the obstacle; beside or below it the descent leaves it."""
     landing = failsafes(PX4, COM_LOW_BAT_ACT=2.0, COM_OBL_RC_ACT=5.0, NAV_RCL_ACT=1.0)
     reach = FreeDistance.over(make_site(conductor(5.5, 4.5, keep_out=0.9), resolution=0.1), 0.5)
     above_m = np.array([(5.5, 4.6 + 0.1 * n) for n in range(20)])

@@ -31,10 +31,10 @@ def fence(kind, items=(), **values):
     return profile(kind).fence({**OFF[kind], **values}, items)
 
 
-def test_ardupilots_fence_counts_when_its_status_tells_it_though_no_parameter_does():
-    told = {**OFF[ARDUPILOT], "FENCE_TYPE": 2.0, "FENCE_RADIUS": 60.0}
-    assert profile(ARDUPILOT).fence(told, ()).names == ()
-    assert profile(ARDUPILOT).fence(told, (), enabled=True).names == ("FENCE_RADIUS 60 m",)
+def test_ardupilots_fence_counts_when_its_status_alone_reports_it():
+    reported = {**OFF[ARDUPILOT], "FENCE_TYPE": 2.0, "FENCE_RADIUS": 60.0}
+    assert profile(ARDUPILOT).fence(reported, ()).names == ()
+    assert profile(ARDUPILOT).fence(reported, (), enabled=True).names == ("FENCE_RADIUS 60 m",)
 
 
 def polygon(command, *places):
@@ -55,12 +55,12 @@ def circle(command, radius_m, latitude_deg=45.0, longitude_deg=7.0):
     )
 
 
-def test_px4_without_limits_has_none():
+def test_px4_without_limits_has_no_fence():
     assert fence(PX4).names == ()
     assert not fence(PX4).about_home
 
 
-def test_px4_counts_from_home_level_and_up():
+def test_the_limits_of_px4_are_horizontal_and_vertical_distances_from_home():
     found = fence(PX4, GF_MAX_HOR_DIST=10.0, GF_MAX_VER_DIST=20.0, GF_ACTION=2.0)
     assert found.circle == Limit(parameter="GF_MAX_HOR_DIST", value_m=10.0)
     assert found.names == ("GF_MAX_HOR_DIST 10 m", "GF_MAX_VER_DIST 20 m")
@@ -84,23 +84,23 @@ def test_ardupilots_fence_is_off_until_it_is_enabled():
         (0, ()),
     ],
 )
-def test_the_bits_of_fence_type_choose(bit, names):
+def test_the_bits_of_fence_type_select_the_limits(bit, names):
     found = fence(ARDUPILOT, [circle(5003, 30.0)], **{**ON, "FENCE_TYPE": float(bit)})
     assert found.names == names
     assert found.margin_m == 2.0
 
 
-def test_a_parameter_that_is_still_asked_for_leaves_all_unknown():
+def test_a_fence_is_unknown_while_a_parameter_is_awaited():
     assert profile(PX4).fence({"GF_ACTION": 2.0}, ()) is None
 
 
-def test_a_parameter_that_was_never_told_is_named():
+def test_a_parameter_that_was_never_reported_is_named():
     found = fence(PX4, GF_MAX_VER_DIST=None, GF_MAX_HOR_DIST=10.0)
     assert found.unreported == ("GF_MAX_VER_DIST",)
     assert found.circle is not None
 
 
-def test_items_make_polygons_and_circles_in_their_order():
+def test_fence_items_become_polygons_and_circles_in_their_order():
     areas = areas_of(
         [
             *polygon(5001, (45.0, 7.0), (45.1, 7.0), (45.0, 7.1)),
@@ -117,7 +117,7 @@ def test_items_make_polygons_and_circles_in_their_order():
     assert areas[1].radius_m == 12.0
 
 
-def test_an_incomplete_polygon_and_a_radius_that_is_no_number_do_no_harm():
+def test_an_incomplete_polygon_and_an_invalid_radius_are_read_without_an_error():
     items = [
         *polygon(5001, (45.0, 7.0), (45.1, 7.0), (45.0, 7.1))[:2],
         circle(5003, math.nan),
@@ -127,5 +127,5 @@ def test_an_incomplete_polygon_and_a_radius_that_is_no_number_do_no_harm():
     assert areas[1].radius_m == 0.0
 
 
-def test_an_autopilot_of_an_unknown_kind_has_no_fence_that_we_know():
+def test_the_fence_of_an_unknown_autopilot_is_unknown():
     assert profile(autopilots.UNKNOWN).fence({}, (), enabled=True) is None

@@ -1,4 +1,4 @@
-"""One profile holds all that differs: a third autopilot is one more, an unknown one the worst."""
+"""Autopilot profiles: a third autopilot needs a profile alone; an unknown one has the worst."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ def read_loss(value, unreported):
 
 @pytest.fixture
 def made_up(monkeypatch):
-    """A third autopilot, entered into the one table."""
+    """A third autopilot, added to the table of profiles."""
     third = replace(
         profile(autopilots.UNKNOWN),
         kind=MADE_UP,
@@ -105,7 +105,7 @@ def test_a_third_autopilot_is_flown_by_its_profile_alone(made_up):
     assert desk.state == "overridden"
 
 
-def test_where_it_would_fall_without_setpoints_it_is_not_flown(made_up):
+def test_an_autopilot_that_would_fall_on_offboard_loss_is_not_flown(made_up):
     desk = desk_of()
     desk.parameters["MU_STAYS"] = 0.0
     desk.run(1.2).order(INSPECTION).run(0.5)
@@ -114,7 +114,7 @@ def test_where_it_would_fall_without_setpoints_it_is_not_flown(made_up):
     assert not desk.setpoints()
 
 
-def test_check_judges_it_by_its_rules_and_its_files_name_it(made_up, tmp_path):
+def test_the_check_and_the_vehicle_file_support_a_third_autopilot(made_up, tmp_path):
     file = tmp_path / "vehicle.yaml"
     file.write_text(X500.read_text().replace("autopilot: px4", "autopilot: made_up"))
     vehicle = Vehicle.load(file)
@@ -134,7 +134,7 @@ def test_a_vehicle_file_names_a_known_autopilot_or_none(tmp_path):
 
 
 @pytest.mark.parametrize("kind", list(PROFILES))
-def test_every_row_has_a_number_of_its_own_and_modes_that_name_each_other(kind):
+def test_every_profile_has_its_own_number_and_consistent_modes(kind):
     known = profile(kind)
     assert kind_of(known.mav_autopilot) == known.kind == kind
     numbers = modes.own_mode_parameters(kind, armed=True), modes.land_parameters(kind, armed=True)
@@ -146,7 +146,7 @@ def test_every_row_has_a_number_of_its_own_and_modes_that_name_each_other(kind):
 
 
 @pytest.mark.parametrize("kind", list(PROFILES))
-def test_nothing_that_is_assumed_of_an_unknown_autopilot_lowers_a_risk(kind):
+def test_no_assumption_about_an_unknown_autopilot_lowers_a_risk(kind):
     unknown, known = profile(autopilots.UNKNOWN), profile(kind)
     assert unknown.landing_mps <= known.landing_mps
     assert unknown.landed_hover_s >= known.landed_hover_s
@@ -158,20 +158,20 @@ def test_nothing_that_is_assumed_of_an_unknown_autopilot_lowers_a_risk(kind):
     assert not unknown.summary_is_battery_0
     assert not unknown.channels_without_receiver
     assert not unknown.projection_known
-    told = unknown.with_silence(known.with_silence({}))
-    assert unknown.offboard_loss(told) is None
-    assert unknown.failsafes(told) is None
-    assert unknown.fence(told, (), enabled=True) is None
+    values = unknown.with_silence(known.with_silence({}))
+    assert unknown.offboard_loss(values) is None
+    assert unknown.failsafes(values) is None
+    assert unknown.fence(values, (), enabled=True) is None
 
 
 @pytest.mark.parametrize("kind", [None, AutopilotKind("made_up")])
-def test_whatever_has_no_row_is_unknown(kind):
+def test_an_autopilot_without_a_profile_is_unknown(kind):
     assert profile(kind) is profile(autopilots.UNKNOWN)
     assert kind_of(NUMBER) == autopilots.UNKNOWN
 
 
 @pytest.mark.parametrize("custom_mode", [4, 6 << 16])
-def test_an_unknown_autopilot_is_in_no_mode_of_ours_and_its_failsafe_is_its_own(custom_mode):
+def test_an_unknown_autopilot_has_no_mode_for_setpoints(custom_mode):
     heartbeat = mavlink.MAVLink_heartbeat_message(2, NUMBER, 209, custom_mode, 5, 3)
     status = translate.update(Telemetry(), heartbeat, 1.0).autopilot
     assert not status.ours
@@ -181,7 +181,7 @@ def test_an_unknown_autopilot_is_in_no_mode_of_ours_and_its_failsafe_is_its_own(
     assert modes.land_parameters(status.kind, armed=True) is None
 
 
-def test_no_other_package_names_an_autopilot_but_the_readers_of_their_logs():
+def test_only_log_readers_import_an_autopilot_outside_its_package():
     package = Path(moar_companion.__file__).parent
     named = re.compile(
         r"^from \.+autopilots(\.(px4|ardupilot)| import .*\b(px4|ardupilot)\b)",

@@ -1,4 +1,4 @@
-"""Escape routes that are always ready, what is still to be flown, and the point of no return."""
+"""Escape routes that are always ready, the remaining flight, and the point of no return."""
 
 from __future__ import annotations
 
@@ -31,21 +31,21 @@ def outlook(desk):
     return desk.companion.outlook
 
 
-def test_in_the_air_both_escape_routes_are_ready_before_anything_is_ordered():
+def test_in_the_air_both_escape_routes_are_ready_before_any_order():
     desk = desk_with_contingencies().run(2.0)
-    ways, seen = outlook(desk), desk.companion
-    assert (ways.finish, seen.plan_jobs(), desk.jobs) == (None, [], [])
-    for mission, way in (("exit", ways.exit), ("evacuation", ways.evacuation)):
+    routes, seen = outlook(desk), desk.companion
+    assert (routes.finish, seen.plan_jobs(), desk.jobs) == (None, [], [])
+    for mission, route in (("exit", routes.exit), ("evacuation", routes.evacuation)):
         x_m, _, z_m = seen.pose.position_m
         plan = desk.planner.plan(mission=mission, start=(x_m, z_m))
-        # Slower than the plan's own times, which know no acceleration, and with the landing.
-        assert plan.metrics.duration_s < way.duration_s < 1.5 * plan.metrics.duration_s + 15.0
-        hovering_wh = 400.0 * way.duration_s / 3600.0
-        assert way.energy_wh == pytest.approx(hovering_wh, rel=0.1)
-        assert way.left_s == pytest.approx(ways.flight_s - way.duration_s, rel=0.05)
+        # Slower than the plan's own times, which have no acceleration, and with the landing.
+        assert plan.metrics.duration_s < route.duration_s < 1.5 * plan.metrics.duration_s + 15.0
+        hovering_wh = 400.0 * route.duration_s / 3600.0
+        assert route.energy_wh == pytest.approx(hovering_wh, rel=0.1)
+        assert route.left_s == pytest.approx(routes.flight_s - route.duration_s, rel=0.05)
 
 
-def test_on_the_ground_nothing_is_asked_and_nothing_is_left_to_fly():
+def test_on_the_ground_no_escape_route_is_planned():
     desk = desk_with_contingencies()
     desk.landed_state = 1
     desk.run(3.0)
@@ -58,7 +58,7 @@ def test_without_a_site_there_is_no_outlook():
     assert Desk(with_site=False).run(1.0).companion.outlook is None
 
 
-def test_they_are_kept_fresh_from_where_the_aircraft_is():
+def test_escape_routes_are_replanned_from_the_position_of_the_aircraft():
     desk = desk_with_contingencies().come_to("flying")
     for _ in range(5):
         desk.run(3.0)
@@ -67,10 +67,10 @@ def test_they_are_kept_fresh_from_where_the_aircraft_is():
             job.request for job in desk.contingency_jobs if job.request.mission.value == "exit"
         ]
         fresh_m = min(math.dist(request.start_m, (x_m, z_m)) for request in asked[-4:])
-        assert fresh_m <= 0.7 * 2.5  # no older than a round, at 0.7 m/s
+        assert fresh_m <= 0.7 * 2.5  # at most one round old, at 0.7 m/s
 
 
-def test_one_is_asked_at_a_time_and_again_when_no_answer_comes():
+def test_one_route_is_requested_at_a_time_and_again_without_an_answer():
     desk = Desk().run(4.0)
     assert len(desk.contingency_jobs) == 1
     desk.run(4.0)
@@ -88,20 +88,20 @@ def test_one_is_asked_at_a_time_and_again_when_no_answer_comes():
 
 @functools.cache
 def quick_planner():
-    """Three times as fast as usual."""
+    """Planner of an aircraft three times as fast as usual."""
     usual = usual_planner()
     speed = usual.vehicle.speed
     quick = {member.name: 3.0 * getattr(speed, member.name) for member in fields(speed)}
     return Planner(usual.site, replace(usual.vehicle, speed=replace(speed, **quick)))
 
 
-def test_the_mission_with_its_escape_route_becomes_shorter_as_it_is_flown():
+def test_the_mission_with_its_escape_route_becomes_shorter_in_flight():
     desk = desk_with_contingencies(planner=quick_planner()).come_to("flying", then_s=2.0)
     left = []
     while desk.state in {"flying", "at_target"}:
         left.append((desk.now_s, outlook(desk).finish.duration_s))
         desk.run(1.0)
-    # The end that is foretold at the beginning is the one that is foretold at the end.
+    # The end predicted at the beginning is the end predicted at the end.
     ends = [at_s + rest_s for at_s, rest_s in left]
     assert max(ends) - min(ends) < 0.1 * left[0][1] + 5.0
     assert outlook(desk).finish is None
@@ -110,12 +110,12 @@ def test_the_mission_with_its_escape_route_becomes_shorter_as_it_is_flown():
     assert outlook(desk).finish == outlook(desk).exit
     assert outlook(desk).better is Mission.EXIT
     desk.run_until("holding", 120.0)
-    # What is left is the landing.
+    # The landing is left.
     landing = landing_s(desk.vehicle.guidance.landing_height_m, autopilots.PX4)
     assert outlook(desk).finish.duration_s == pytest.approx(landing, abs=0.3)
 
 
-def test_the_battery_at_the_point_of_no_return_leads_it_out_by_itself():
+def test_the_companion_starts_an_exit_at_the_point_of_no_return():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
     desk.come_to("flying", then_s=4.0)
     # 17 % of 1,200 s are 204 s: after the escape route more than two minutes are left.
@@ -129,11 +129,11 @@ def test_the_battery_at_the_point_of_no_return_leads_it_out_by_itself():
     assert desk.companion.status.task.mission is Mission.EXIT
     assert desk.said(" s <= 60, exiting")
     assert desk.companion.risk.indices.battery > 0.95
-    desk.set(battery_percent=60).run(8.0)  # an escape route that was begun is flown
+    desk.set(battery_percent=60).run(8.0)  # an escape route that has begun is flown
     assert desk.companion.status.task.mission is Mission.EXIT
 
 
-def test_past_it_no_inspection_is_begun_and_an_escape_route_is():
+def test_past_the_point_of_no_return_an_escape_route_alone_is_accepted():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=6).run(6.0)
     desk.order(INSPECTION).run(0.5)
     assert desk.answers() == [TEMPORARILY_REJECTED]
@@ -141,7 +141,7 @@ def test_past_it_no_inspection_is_begun_and_an_escape_route_is():
     assert desk.answers()[-1] == ACCEPTED
 
 
-def test_a_battery_that_falls_silent_does_not_put_it_off():
+def test_a_silent_battery_does_not_delay_the_point_of_no_return():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=13)
     desk.come_to("flying", then_s=4.0)
     desk.mute |= {"BATTERY_STATUS", "SYS_STATUS"}
@@ -150,7 +150,7 @@ def test_a_battery_that_falls_silent_does_not_put_it_off():
     assert before_s - outlook(desk).flight_s == pytest.approx(20.0, rel=0.2)
 
 
-def test_the_status_shows_what_is_left():
+def test_the_status_shows_the_remaining_energy_and_time():
     from moar_companion.companion.status import LatestDecisions
 
     desk = desk_with_contingencies().come_to("flying", then_s=3.0)
@@ -163,7 +163,7 @@ def test_the_status_shows_what_is_left():
     assert set(status["energy"]["exit"]) == {"duration_s", "energy_wh", "left_s", "age_s"}
 
 
-def test_an_escape_route_that_is_not_there_leaves_the_other():
+def test_without_an_exit_the_evacuation_is_the_better_route():
     desk = desk_with_contingencies()
     answer = desk.companion.contingency_answered
 
@@ -178,40 +178,40 @@ def test_an_escape_route_that_is_not_there_leaves_the_other():
     assert outlook(desk).better is Mission.EVACUATION
 
 
-def test_what_is_asked_alternates_through_all_that_is_to_be_known():
+def test_requests_alternate_among_all_needed_routes():
     desk = desk_with_contingencies().come_to("flying")
     begun = len(desk.contingency_jobs)
     desk.run(4.0)
     asked = [
         (job.request.mission.value, job.request.target) for job in desk.contingency_jobs[begun:]
     ]
-    # Out from here, on to the second target, out from there.
+    # Escape from here, inspection of the second target, escape from there.
     kinds = {("exit", None), ("evacuation", None), ("inspection", "splice-inner")}
     assert set(asked) == kinds
     assert all(first != second for first, second in itertools.pairwise(asked))
 
 
 @pytest.mark.parametrize("speed_mps", [60.0, 3e38])
-def test_a_velocity_that_nothing_flies_at_is_planned_for_all_the_same(speed_mps):
+def test_an_escape_route_is_planned_despite_an_impossible_velocity(speed_mps):
     desk = desk_with_contingencies()
     desk.velocity_ned_mps = (0.0, speed_mps, 0.0)
     desk.run(3.0)
     assert outlook(desk).exit.duration_s > 0.0
 
 
-def test_beside_the_plane_where_others_fly_it_nothing_is_asked():
+def test_beside_the_plane_without_control_no_route_is_requested():
     desk = desk_with_contingencies()
     desk.position_ned_m = (30.0, 0.0, -2.6)
     desk.run(3.0)
     assert desk.contingency_jobs == []
 
 
-# What is not known any more ---------------------------------------------------------------------
+# Lost inputs ------------------------------------------------------------------------------------
 
 
 @functools.cache
 def far_exit_planner():
-    """The exit far away, the evacuation near."""
+    """Planner with a far exit and a near evacuation."""
     usual = usual_planner()
     landing_m = {Mission.EXIT: ((400.0, 2.5),), Mission.EVACUATION: ((-10.0, 2.5),)}
     return Planner(replace(usual.site, landing_m=landing_m), usual.vehicle)
@@ -223,7 +223,7 @@ def left_after_exit(desk):
 
 
 @pytest.mark.parametrize("landed", ["silent", "undefined"])
-def test_a_landed_state_that_is_told_no_more_changes_nothing(landed):
+def test_a_landed_state_no_longer_reported_changes_nothing(landed):
     desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
     desk.set(battery_percent=25).run(10.0)
     before = desk.companion.risk.indices.battery
@@ -240,7 +240,7 @@ def test_a_landed_state_that_is_told_no_more_changes_nothing(landed):
     assert not left_after_exit(desk.run(1.0)).applies
 
 
-def test_without_the_landed_state_the_point_of_no_return_leads_it_out():
+def test_without_the_landed_state_the_point_of_no_return_starts_an_exit():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
     desk.come_to("flying", then_s=2.0)
     desk.mute |= {"EXTENDED_SYS_STATE"}
@@ -248,7 +248,7 @@ def test_without_the_landed_state_the_point_of_no_return_leads_it_out():
     assert desk.companion.status.task.mission is Mission.EXIT
 
 
-def test_beside_the_plane_the_escape_route_begins_with_the_way_back():
+def test_beside_the_plane_the_escape_route_includes_the_return_to_the_plane():
     desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
     desk.set(battery_percent=25).run(10.0)
     before, stopping_s = desk.companion.risk.indices.battery, outlook(desk).exit.duration_s
@@ -259,9 +259,9 @@ def test_beside_the_plane_the_escape_route_begins_with_the_way_back():
 
 
 @pytest.mark.parametrize("planner", ["has no way", "is silent"])
-def test_an_escape_route_that_is_planned_no_more_counts_on(planner):
+def test_an_escape_route_no_longer_planned_keeps_counting(planner):
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=60)
-    desk.come_to("flying", then_s=4.5)  # just after a round of questions, not just before one
+    desk.come_to("flying", then_s=4.5)  # just after a round of requests, not just before one
     begins_m, stopping_s = desk.companion.pose.position_m, outlook(desk).exit.duration_s
     if planner == "is silent":
         desk.contingencies = False
@@ -280,7 +280,7 @@ def test_an_escape_route_that_is_planned_no_more_counts_on(planner):
     assert desk.said(" s <= 60, exiting")
 
 
-def test_an_exit_that_takes_too_much_gives_way_to_an_evacuation():
+def test_an_exit_beyond_the_battery_is_replaced_by_an_evacuation():
     desk = desk_with_contingencies(supervision=UNRESERVED, planner=far_exit_planner())
     desk.set(battery_percent=80).come_to("flying", then_s=4.0)
     desk.order(EXIT).run(1.0)
@@ -293,7 +293,7 @@ def test_an_exit_that_takes_too_much_gives_way_to_an_evacuation():
     assert desk.companion.status.task.mission is Mission.EVACUATION
 
 
-def test_what_an_escape_route_that_is_flown_takes_too_much_is_said():
+def test_a_flown_escape_route_beyond_the_battery_is_reported():
     desk = desk_with_contingencies(supervision=UNRESERVED).set(battery_percent=80)
     desk.come_to("flying", then_s=2.0)
     desk.order(EXIT).run_until("flying", 5.0).run(2.0)
@@ -302,7 +302,7 @@ def test_what_an_escape_route_that_is_flown_takes_too_much_is_said():
     assert desk.said(" s <= 60, exiting")
 
 
-def test_what_is_flown_slowly_takes_longer():
+def test_a_mission_flown_slowly_takes_longer():
     desk = desk_with_contingencies().come_to("flying", then_s=2.0)
     desk.plan_delay_s = None
     desk.run(5.0)
@@ -317,14 +317,14 @@ def test_what_is_flown_slowly_takes_longer():
 
 @functools.cache
 def far_evacuation_planner():
-    """The evacuation takes more than the exit, but less than twice as much."""
+    """Planner whose evacuation costs more than the exit, but less than twice as much."""
     usual = usual_planner()
     landing_m = {Mission.EXIT: ((60.0, 2.5),), Mission.EVACUATION: ((-20.0, 2.5),)}
     return Planner(replace(usual.site, landing_m=landing_m), usual.vehicle)
 
 
 def exit_is_flown(planner=far_exit_planner):
-    """For two seconds; what is judged, and by whom."""
+    """Flies an exit for two seconds; returns the desk, its contingencies and the scene."""
     desk = desk_with_contingencies(supervision=UNRESERVED, planner=planner())
     desk.come_to("flying", then_s=0.5)
     desk.order(EXIT).run(2.0)
@@ -334,85 +334,85 @@ def exit_is_flown(planner=far_exit_planner):
     return desk, executor.risk_monitor.contingencies, scene
 
 
-def seen_with(ways, scene, left_s, now_s, pace=1.0):
-    """Inputs of the supervisor with so much flight time left at this pace."""
+def seen_with(routes, scene, left_s, now_s, pace=1.0):
+    """Inputs of the supervisor with a given remaining flight time at this pace."""
     left_wh = left_s * 400.0 / 3600.0
     scene = replace(scene, pace=pace, meter=replace(scene.meter, left_wh=left_wh))
-    ways.look(scene, now_s)
-    return ways.escape_route(scene.meter)
+    routes.look(scene, now_s)
+    return routes.escape_route(scene.meter)
 
 
-def test_an_exit_at_half_the_pace_gives_way_only_where_a_faster_one_would():
-    desk, ways, scene = exit_is_flown()
-    need_s = ways.outlook(scene.meter).flight_s - ways.outlook(scene.meter).exit.left_s
-    slow = seen_with(ways, scene, need_s + 90.0, desk.now_s, pace=0.5)
+def test_a_slow_exit_is_replaced_only_where_a_fast_one_would_be():
+    desk, routes, scene = exit_is_flown()
+    need_s = routes.outlook(scene.meter).flight_s - routes.outlook(scene.meter).exit.left_s
+    slow = seen_with(routes, scene, need_s + 90.0, desk.now_s, pace=0.5)
     assert slow.left_s < 0.0
     assert (slow.mission, slow.flown_left_s) == (Mission.EXIT, None)
-    slow = seen_with(ways, scene, need_s + 30.0, desk.now_s, pace=0.5)
+    slow = seen_with(routes, scene, need_s + 30.0, desk.now_s, pace=0.5)
     assert slow.mission is Mission.EVACUATION
     assert slow.flown_left_s < 0.0
 
 
-def test_an_exit_at_half_the_pace_is_compared_with_the_evacuation_at_the_same_pace():
-    desk, ways, scene = exit_is_flown(far_evacuation_planner)
-    known = ways.outlook(scene.meter)
+def test_a_slow_exit_is_compared_with_an_evacuation_at_the_same_pace():
+    desk, routes, scene = exit_is_flown(far_evacuation_planner)
+    known = routes.outlook(scene.meter)
     assert known.exit.energy_wh < known.evacuation.energy_wh < 1.6 * known.exit.energy_wh
-    slow = seen_with(ways, scene, 30.0, desk.now_s, pace=0.5)
+    slow = seen_with(routes, scene, 30.0, desk.now_s, pace=0.5)
     assert (slow.mission, slow.flown_left_s) == (Mission.EXIT, None)
 
 
-def test_an_exit_that_stands_where_it_was_braked_has_not_arrived():
-    desk, ways, scene = exit_is_flown()
+def test_an_exit_at_rest_after_braking_has_not_arrived():
+    desk, routes, scene = exit_is_flown()
     before = outlook(desk).exit
     scene.flight.stand(scene.flight.progress(scene.pose).setpoint.position_m)
-    ways.look(scene, desk.now_s)
-    after = ways.outlook(scene.meter)
+    routes.look(scene, desk.now_s)
+    after = routes.outlook(scene.meter)
     assert after.exit.duration_s == pytest.approx(before.duration_s, rel=0.1)
     assert after.finish == after.exit
 
 
-def test_where_others_fly_it_an_exit_that_was_flown_is_no_reason():
-    desk, ways, scene = exit_is_flown()
-    assert seen_with(ways, scene, 900.0, desk.now_s).mission is Mission.EXIT
-    ways.wait(scene.pose.position_m, desk.now_s)
-    escape_route = ways.escape_route(scene.meter)
+def test_without_control_an_earlier_exit_has_no_preference():
+    desk, routes, scene = exit_is_flown()
+    assert seen_with(routes, scene, 900.0, desk.now_s).mission is Mission.EXIT
+    routes.wait(scene.pose.position_m, desk.now_s)
+    escape_route = routes.escape_route(scene.meter)
     assert (escape_route.mission, escape_route.flown_left_s) == (Mission.EVACUATION, None)
 
 
 # Against the wind -------------------------------------------------------------------------------
 
 
-def exit_s(ways, scene, now_s, wind_mps):
-    """Duration of the exit in a wind along the plane; None: not known."""
+def exit_s(routes, scene, now_s, wind_mps):
+    """Duration of the exit in a wind along the plane; None: wind unknown."""
     wind_mps = None if wind_mps is None else (wind_mps, 0.0, 0.0)
-    ways.look(replace(scene, wind_mps=wind_mps), now_s)
-    return ways.outlook(scene.meter).exit.duration_s
+    routes.look(replace(scene, wind_mps=wind_mps), now_s)
+    return routes.outlook(scene.meter).exit.duration_s
 
 
-def test_a_way_against_the_wind_takes_as_long_as_the_wind_lets_it():
-    desk, ways, scene = exit_is_flown()
-    calm_s = exit_s(ways, scene, desk.now_s, 0.0)
-    assert exit_s(ways, scene, desk.now_s, 18.0) == pytest.approx(calm_s)
+def test_an_exit_against_the_wind_takes_the_time_the_wind_allows():
+    desk, routes, scene = exit_is_flown()
+    calm_s = exit_s(routes, scene, desk.now_s, 0.0)
+    assert exit_s(routes, scene, desk.now_s, 18.0) == pytest.approx(calm_s)
     # Leaning by 0.52 rad, (0.2 + 0.005 u) u = 5.61 m/s^2 at u = 19.03 m/s: 0.53 are left of 0.7.
     assert desk.vehicle.speed.horizontal_mps == 0.7
-    against_s = exit_s(ways, scene, desk.now_s, -18.5)
+    against_s = exit_s(routes, scene, desk.now_s, -18.5)
     assert against_s == pytest.approx(0.7 / 0.53 * calm_s, rel=0.02)
-    assert against_s > exit_s(ways, scene, desk.now_s, -18.4) > calm_s
+    assert against_s > exit_s(routes, scene, desk.now_s, -18.4) > calm_s
 
 
-def test_the_wind_is_flown_against_with_the_drag_by_which_it_is_told():
-    """A lean nearly at its limit leaves little headway, whatever drag makes a wind of it."""
-    desk, ways, scene = exit_is_flown()
-    expected_s = exit_s(ways, scene, desk.now_s, -18.5)
+def test_the_headwind_is_applied_with_the_drag_it_was_estimated_with():
+    """A lean nearly at its limit leaves little speed, for any drag that gives the wind."""
+    desk, routes, scene = exit_is_flown()
+    expected_s = exit_s(routes, scene, desk.now_s, -18.5)
     learnt = replace(scene, model=replace(scene.model, drag_per_s=1.0))
     # (1 + 0.005 u) u = 5.61 m/s^2 at u = 5.46 m/s.
-    assert exit_s(ways, learnt, desk.now_s, -4.93) == pytest.approx(expected_s, rel=0.02)
-    assert exit_s(ways, scene, desk.now_s, -4.93) < 0.8 * expected_s
+    assert exit_s(routes, learnt, desk.now_s, -4.93) == pytest.approx(expected_s, rel=0.02)
+    assert exit_s(routes, scene, desk.now_s, -4.93) < 0.8 * expected_s
 
 
-def test_a_wind_that_is_told_no_more_still_blows():
-    desk, ways, scene = exit_is_flown()
-    against_s = exit_s(ways, scene, desk.now_s, -18.5)
-    assert exit_s(ways, scene, desk.now_s, None) == against_s
-    ways.end()
-    assert exit_s(ways, scene, desk.now_s, None) < against_s
+def test_the_last_wind_counts_when_no_wind_is_reported():
+    desk, routes, scene = exit_is_flown()
+    against_s = exit_s(routes, scene, desk.now_s, -18.5)
+    assert exit_s(routes, scene, desk.now_s, None) == against_s
+    routes.end()
+    assert exit_s(routes, scene, desk.now_s, None) < against_s

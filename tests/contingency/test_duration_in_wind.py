@@ -32,22 +32,22 @@ def taken_s(step_m, wind_mps, model):
 
 
 def lean_mps2(step_m, seconds, wind_mps, model):
-    """Required lean of a flight along a step in a time."""
+    """Lean required to fly along a step in a time."""
     air = tuple(length / seconds - wind for length, wind in zip(step_m[:2], wind_mps, strict=True))
     return math.hypot(*deceleration_mps2(air, model))
 
 
-def test_ten_metres_against_the_wind_by_hand():
+def test_ten_metres_against_the_wind_agree_with_a_calculation_by_hand():
     # Leaning by 30 deg, (0.2 + 0.03 u) u = 5.66 m/s^2 at u = 10.8 m/s: 2.8 m/s against 8 m/s.
     model = RiskModel(drag_per_s=0.2, drag_per_m=0.03, tilt_rad=Range(low=0.1, high=math.pi / 6))
     assert taken_s((10.0, 0.0, 0.0), (-8.0, 0.0), model) == pytest.approx(10.0 / 2.8, rel=0.01)
     assert taken_s((10.0, 0.0, 0.0), (8.0, 0.0), model) == pytest.approx(10.0 / 18.8, rel=0.01)
-    # Across it, 7.3 m/s are left of 10.8 m/s.
+    # Across the wind, 7.3 m/s are left of 10.8 m/s.
     assert taken_s((0.0, 10.0, 0.0), (8.0, 0.0), model) == pytest.approx(10.0 / 7.3, rel=0.01)
 
 
 @given(step_m=steps, wind_mps=winds, model=models)
-def test_the_lean_is_at_its_limit_and_any_faster_would_be_beyond(step_m, wind_mps, model):
+def test_the_duration_is_the_least_within_the_lean_limit(step_m, wind_mps, model):
     seconds = taken_s(step_m, wind_mps, model)
     slowest_s = math.hypot(*step_m) / X500.speed.min_mps * (1.0 + 1e-9)
     limit_mps2 = GRAVITY_MPS2 * math.tan(model.tilt_rad.high)
@@ -59,7 +59,7 @@ def test_the_lean_is_at_its_limit_and_any_faster_would_be_beyond(step_m, wind_mp
 
 
 @given(step_m=steps, pair=st.tuples(st.floats(0.0, 40.0), st.floats(0.0, 40.0)), model=models)
-def test_more_wind_against_it_never_takes_less(step_m, pair, model):
+def test_more_headwind_never_takes_less_time(step_m, pair, model):
     length_m = math.hypot(*step_m[:2]) or 1.0
     lighter_s, stronger_s = (
         taken_s(step_m, tuple(-wind / length_m * part for part in step_m[:2]), model)
@@ -68,10 +68,10 @@ def test_more_wind_against_it_never_takes_less(step_m, pair, model):
     assert lighter_s <= stronger_s * (1.0 + 1e-9)
 
 
-def test_a_wind_that_the_lean_does_not_hold_is_flown_against_as_slowly_as_anything_is():
+def test_a_headwind_beyond_the_lean_limit_is_flown_at_the_least_speed():
     against_s = taken_s((10.0, 0.0, 0.0), (-60.0, 0.0), RiskModel())
     assert against_s == pytest.approx(10.0 / X500.speed.min_mps)
 
 
-def test_no_wind_hinders_a_climb():
+def test_wind_does_not_slow_a_climb():
     assert taken_s((0.0, 0.0, 10.0), (8.0, 0.0), RiskModel()) == 0.0

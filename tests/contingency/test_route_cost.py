@@ -1,4 +1,4 @@
-"""Ways: what they take, and which of two escape routes is the better one."""
+"""Routes: their cost, and the better of two escape routes."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from moar_companion.types import Mission
 NOW_S = 100.0
 
 
-def ways(exit_wh, evacuation_wh, *, exit_age_s=0.0, evacuation_age_s=0.0):
+def routes(exit_wh, evacuation_wh, *, exit_age_s=0.0, evacuation_age_s=0.0):
     return {
         mission: None
         if energy is None
@@ -37,7 +37,7 @@ def ways(exit_wh, evacuation_wh, *, exit_age_s=0.0, evacuation_age_s=0.0):
 def test_the_better_escape_route_stays_unless_another_is_clearly_better(
     exit_wh, evacuation_wh, before, better
 ):
-    assert better_of(ways(exit_wh, evacuation_wh), before) is better
+    assert better_of(routes(exit_wh, evacuation_wh), before) is better
 
 
 @pytest.mark.parametrize(
@@ -48,17 +48,17 @@ def test_the_better_escape_route_stays_unless_another_is_clearly_better(
         ({"exit_age_s": 40.0, "evacuation_age_s": 30.0}, Mission.EXIT),
     ],
 )
-def test_a_way_that_is_found_no_more_while_another_is_does_not_count(ages, better):
-    assert better_of(ways(1.0, 2.0, **ages), Mission.EXIT) is better
+def test_an_outdated_route_does_not_count_while_another_is_current(ages, better):
+    assert better_of(routes(1.0, 2.0, **ages), Mission.EXIT) is better
 
 
-def test_two_ways_are_as_old_as_the_older_one():
+def test_two_routes_together_have_the_age_of_the_older_one():
     first = RouteCost(duration_s=1.0, energy_wh=2.0, asked_s=10.0)
     second = RouteCost(duration_s=3.0, energy_wh=4.0, asked_s=5.0)
     assert first.then(second) == RouteCost(duration_s=4.0, energy_wh=6.0, asked_s=5.0)
     assert second.then(first).asked_s == 5.0
 
 
-def test_at_half_the_pace_a_way_takes_twice_as_much():
-    way = RouteCost(duration_s=3.0, energy_wh=4.0, asked_s=5.0)
-    assert way.paced(0.5) == RouteCost(duration_s=6.0, energy_wh=8.0, asked_s=5.0)
+def test_at_half_the_pace_a_route_costs_twice_as_much():
+    route = RouteCost(duration_s=3.0, energy_wh=4.0, asked_s=5.0)
+    assert route.paced(0.5) == RouteCost(duration_s=6.0, energy_wh=8.0, asked_s=5.0)

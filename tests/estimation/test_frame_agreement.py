@@ -1,4 +1,4 @@
-"""Agreement of the autopilot's messages on one place."""
+"""Agreement of the autopilot's messages on one position."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def at(east_m=0.0, north_m=0.0, up_m=0.0):
     return SITE.to_geodetic((east_m, north_m, up_m))
 
 
-def told(
+def telemetry_at(
     origin=(0.0, 0.0, 0.0),
     place=(10.0, 5.0, 8.0),
     local=(5.0, 10.0, -8.0),
@@ -50,7 +50,7 @@ def told(
     )
 
 
-def looked(*telemetries, kind=PX4, grounded=False):
+def agreement_of(*telemetries, kind=PX4, grounded=False):
     agreement = FrameAgreement()
     for telemetry in telemetries:
         agreement.look(telemetry, kind, grounded=grounded)
@@ -58,42 +58,46 @@ def looked(*telemetries, kind=PX4, grounded=False):
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
-def test_the_same_place_told_twice_is_one(kind):
-    assert looked(told(), kind=kind).global_off_m == pytest.approx(0.0, abs=0.05)
+def test_equal_local_and_global_positions_agree(kind):
+    assert agreement_of(telemetry_at(), kind=kind).global_off_m == pytest.approx(0.0, abs=0.05)
 
 
 @pytest.mark.parametrize(
     ("off", "off_m"), [((0.8, 0.0, 0.0), 0.8), ((0.0, -0.8, 0.0), 0.8), ((0.0, 0.6, 0.8), 1.0)]
 )
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
-def test_an_origin_that_is_not_the_estimators_is_seen_level_and_in_height(kind, off, off_m):
-    assert looked(told(origin=off), kind=kind).global_off_m == pytest.approx(off_m, abs=0.05)
+def test_an_origin_other_than_the_estimators_is_detected_in_any_direction(kind, off, off_m):
+    assert agreement_of(telemetry_at(origin=off), kind=kind).global_off_m == pytest.approx(
+        off_m, abs=0.05
+    )
 
 
-def test_a_global_position_of_another_instant_is_compared_with_where_it_has_flown_since():
-    moved = told(place=(11.0, 5.0, 8.0), velocity=(0.0, 5.0, 0.0), ahead_s=0.2)
-    assert looked(moved).global_off_m == pytest.approx(0.0, abs=0.05)
+def test_a_global_position_of_another_instant_is_compared_by_the_velocity():
+    moved = telemetry_at(place=(11.0, 5.0, 8.0), velocity=(0.0, 5.0, 0.0), ahead_s=0.2)
+    assert agreement_of(moved).global_off_m == pytest.approx(0.0, abs=0.05)
 
 
 def test_positions_that_are_far_apart_in_time_are_not_compared():
-    """ArduPilot without its receiver ends the local position and repeats the global one."""
-    agreement = looked(told(), told(place=(90.0, 0.0, 8.0), ahead_s=4.0))
+    """ArduPilot without its receiver stops the local position and repeats the global one."""
+    agreement = agreement_of(telemetry_at(), telemetry_at(place=(90.0, 0.0, 8.0), ahead_s=4.0))
     assert agreement.global_off_m == pytest.approx(0.0, abs=0.05)
 
 
 @pytest.mark.parametrize("later_s", [2.0, 4.0, 600.0])
-def test_a_global_position_that_falls_silent_counts_until_another_one_agrees(later_s):
-    wrong = told(place=(55.0, 5.0, 8.0))
+def test_a_disagreement_lasts_until_another_global_position_agrees(later_s):
+    wrong = telemetry_at(place=(55.0, 5.0, 8.0))
     later = replace(wrong, local_position=replace(wrong.local_position, boot_s=50.0 + later_s))
-    agreement = looked(wrong, later)
+    agreement = agreement_of(wrong, later)
     assert agreement.global_off_m == pytest.approx(45.0, abs=0.5)
-    right = replace(later, global_position=replace(told().global_position, boot_s=50.0 + later_s))
+    right = replace(
+        later, global_position=replace(telemetry_at().global_position, boot_s=50.0 + later_s)
+    )
     agreement.look(right, PX4, grounded=False)
     assert agreement.global_off_m == pytest.approx(0.0, abs=0.05)
 
 
 def fly(desk, seconds, off_m=None):
-    """With a global position so far north of the local one; None: silent."""
+    """Flies with a global position a distance north of the local one; None: silent."""
     names = ("latitude_deg", "longitude_deg", "altitude_amsl_m")
     origin = GeodeticPoint(**dict(zip(names, desk.origin, strict=True)))
     frame = SiteFrame(origin=origin, azimuth_deg=90.0)
@@ -119,7 +123,7 @@ def fly(desk, seconds, off_m=None):
 
 
 @pytest.mark.parametrize("end", ["agrees", "an exit"])
-def test_a_hold_for_a_disagreement_is_not_ended_by_silence(end):
+def test_a_silent_global_position_does_not_end_a_hold_for_a_disagreement(end):
     desk = fly(Desk().come_to("flying"), 2.0, 0.0)
     fly(desk, 2.0, 45.0)
     assert desk.said("global position off 45")
@@ -135,38 +139,43 @@ def test_a_hold_for_a_disagreement_is_not_ended_by_silence(end):
     assert any(any((m.vx, m.vy, m.vz)) for m in desk.setpoints(began_s))
 
 
-def test_what_is_not_known_is_not_compared():
-    assert looked(Telemetry()).global_off_m is None
-    assert looked(told(place=(50.0, 0.0, 0.0)), kind=autopilots.UNKNOWN).global_off_m is None
+def test_unknown_positions_are_not_compared():
+    assert agreement_of(Telemetry()).global_off_m is None
+    assert (
+        agreement_of(telemetry_at(place=(50.0, 0.0, 0.0)), kind=autopilots.UNKNOWN).global_off_m
+        is None
+    )
 
 
-def test_a_home_that_is_not_where_the_origin_says_is_seen_on_ardupilot():
+def test_a_home_that_disagrees_with_the_origin_is_detected_on_ardupilot():
     home = Home(received_s=1.0, point=at(20.0, 0.0, 0.0), position_ned_m=(0.0, 18.0, 0.0))
-    assert looked(told(home=home), kind=ARDUPILOT).home_off_m == pytest.approx(2.0, abs=0.06)
-    assert looked(told(home=home), kind=PX4).home_off_m is None
+    assert agreement_of(telemetry_at(home=home), kind=ARDUPILOT).home_off_m == pytest.approx(
+        2.0, abs=0.06
+    )
+    assert agreement_of(telemetry_at(home=home), kind=PX4).home_off_m is None
 
 
-def test_an_origin_that_creeps_is_measured_from_where_it_was_when_the_flight_began():
-    creeping = [told(origin=(0.02 * count, 0.0, 0.0)) for count in range(50)]
-    assert looked(*creeping).origin_moved_m == pytest.approx(0.98, abs=0.01)
-    assert looked(*creeping, grounded=True).origin_moved_m == 0.0
+def test_a_slowly_moving_origin_is_measured_from_its_position_at_the_takeoff():
+    creeping = [telemetry_at(origin=(0.02 * count, 0.0, 0.0)) for count in range(50)]
+    assert agreement_of(*creeping).origin_moved_m == pytest.approx(0.98, abs=0.01)
+    assert agreement_of(*creeping, grounded=True).origin_moved_m == 0.0
 
 
-def test_an_origin_that_was_accepted_counts_from_there():
-    agreement = looked(told(), told(origin=(1.0, 0.0, 0.0)))
+def test_an_accepted_origin_is_the_new_reference():
+    agreement = agreement_of(telemetry_at(), telemetry_at(origin=(1.0, 0.0, 0.0)))
     agreement.accept_origin()
     assert agreement.origin_moved_m == 0.0
-    agreement.look(told(origin=(1.0, 0.3, 0.0)), PX4, grounded=False)
+    agreement.look(telemetry_at(origin=(1.0, 0.3, 0.0)), PX4, grounded=False)
     assert agreement.origin_moved_m == pytest.approx(0.3, abs=0.01)
 
 
-def test_after_a_restart_the_first_origin_counts():
-    agreement = looked(told(), Telemetry(), told(origin=(30.0, 0.0, 0.0)))
+def test_after_a_restart_the_first_origin_is_the_reference():
+    agreement = agreement_of(telemetry_at(), Telemetry(), telemetry_at(origin=(30.0, 0.0, 0.0)))
     assert agreement.origin_moved_m == 0.0
 
 
 def recorded_m(name, kind):
-    """(time, from the local to the global position) in an autopilot's recording, home's at last."""
+    """(time, distance from local to global position) in a recording, and the final agreement."""
     path = SHARED / "traces" / f"{name}.companion.tlog"
     if not path.exists():
         pytest.skip(f"the recording {path} is not here")
@@ -190,14 +199,14 @@ def recorded_m(name, kind):
         ("px4/a1_boot_offboard_takeoff", PX4, 0.11, 0.0),
         ("px4/e1_pilot_override", PX4, 0.11, 0.0),
         ("px4/h1_msg_intervals", PX4, 0.12, 0.0),
-        ("px4/d3_gps_silent_v117", PX4, 0.74, 0.3),  # when its receiver was back
+        ("px4/d3_gps_silent_v117", PX4, 0.74, 0.3),  # when the receiver returned
         ("px4/d1_gps_degradation", PX4, 56.2, 0.1),  # the same
         ("ardupilot/a2_square", ARDUPILOT, 0.03, 0.0),
         ("ardupilot/b_batt", ARDUPILOT, 0.03, 0.0),
         ("ardupilot/d4_gps_input", ARDUPILOT, 0.03, 0.0),
     ],
 )
-def test_recorded_autopilots_agree_with_themselves(name, kind, most_m, longest_s):
+def test_positions_of_recorded_autopilots_agree(name, kind, most_m, longest_s):
     found, agreement = recorded_m(name, kind)
     assert max(off_m for _, off_m in found) <= most_m
     began_s, apart_s = math.inf, 0.0

@@ -1,4 +1,4 @@
-"""Where the aircraft is on its site."""
+"""Position of the aircraft on its site."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ def room_m(x_m, z_m):
     return SiteMaps(site=planner.site, maps=planner.maps).room_m(pose, planner.vehicle.radius_m)
 
 
-def test_the_room_at_the_middle_of_a_cell_is_the_maps():
+def test_the_clearance_at_the_centre_of_a_cell_is_that_of_the_map():
     maps = usual_planner().maps
     for cell in ((60, 20), (80, 45), (30, 60)):
         assert room_m(*maps.grid.centre_m(cell)) == pytest.approx(maps.room_m[cell], abs=1e-6)
 
 
-def test_the_room_does_not_step_where_two_cells_meet():
+def test_the_clearance_is_continuous_across_cells():
     grid = usual_planner().maps.grid
     x_m, z_m = grid.centre_m((60, 20))
     border_m = x_m + 0.5 * grid.resolution_m
@@ -38,7 +38,7 @@ def test_the_room_does_not_step_where_two_cells_meet():
 
 
 def recorded_resets_rad(path):
-    """Jumps of the heading, in an autopilot's recording."""
+    """Heading resets detected in an autopilot's recording."""
     codec = Codec(system_id=9, component_id=9, wanted={ATTITUDE})
     pose_tracker, telemetry, resets_rad = PoseTracker(None, None), Telemetry(), []
     for now_s, packet in packets(path):
@@ -54,21 +54,21 @@ def recorded_resets_rad(path):
 @pytest.mark.parametrize(
     ("name", "resets_rad"),
     [
-        ("px4/d1_gps_degradation", [0.427]),  # when its receiver was back
+        ("px4/d1_gps_degradation", [0.427]),  # when the receiver returned
         ("px4/e1_pilot_override", []),
         ("px4/c1_wind_v118", []),
         ("ardupilot/a2_square", []),  # turning
         ("ardupilot/c3_wind_const", []),  # leaning by up to 30 degrees, and turning
     ],
 )
-def test_a_recorded_heading_is_reset_when_it_was_and_never_by_a_turn(name, resets_rad):
+def test_heading_resets_in_recordings_are_detected_and_turns_are_none(name, resets_rad):
     path = SHARED / "traces" / f"{name}.companion.tlog"
     if not path.exists():
         pytest.skip(f"the recording {path} is not here")
     assert recorded_resets_rad(path) == pytest.approx(resets_rad, abs=1e-3)
 
 
-def told(received_s, boot_s):
+def telemetry_at(received_s, boot_s):
     return Telemetry(
         local_position=LocalPosition(
             received_s=received_s,
@@ -79,20 +79,20 @@ def told(received_s, boot_s):
     )
 
 
-def test_times_follow_the_autopilots_clock_that_runs_apart_for_hours_and_no_delay_of_the_link():
+def test_times_follow_a_drifting_autopilot_clock_for_hours_without_the_link_delay():
     tracker = PoseTracker(None, None)
     for number in range(7_200):
         late_s = 0.15 if number % 3 else 0.004
-        tracker.look(told(100.0 + number + late_s, number * (1.0 - 50e-6)))
+        tracker.look(telemetry_at(100.0 + number + late_s, number * (1.0 - 50e-6)))
         if number:
             received_s = tracker.received_s(number * (1.0 - 50e-6))
             assert received_s == pytest.approx(100.0 + number, abs=0.01)
 
 
-def test_times_begin_anew_with_a_restarted_autopilot():
+def test_times_restart_with_a_restarted_autopilot():
     tracker = PoseTracker(None, None)
     assert tracker.received_s(1.0) is None
-    tracker.look(told(100.0, 50.0))
+    tracker.look(telemetry_at(100.0, 50.0))
     assert tracker.received_s(51.0) == 101.0
-    tracker.look(told(120.0, 2.0))
+    tracker.look(telemetry_at(120.0, 2.0))
     assert tracker.received_s(3.0) == 121.0

@@ -1,4 +1,4 @@
-"""Where a fence cuts the site's plane: against Shapely's distances, and by example."""
+"""Fence in the plane of the site: against Shapely's distances, and by example."""
 
 from __future__ import annotations
 
@@ -46,12 +46,12 @@ def area(places_m, *, inclusion=True, radius_m=None, name="area"):
 
 
 def kept(fence, margin_m, home_m=HOME_M):
-    """Where along the line a fence is kept, (n,)."""
+    """Places along the line that keep the fence's margin, (n,)."""
     return plane_fence(fence, FRAME, home_m, margin_m).holds(LINE_M)
 
 
 def assert_same_but_at_borders(got, shape, expected):
-    """Within 1e-6 m of where the distance is just the margin either will do."""
+    """Asserts equality, except within 1e-6 m of the border of the margin."""
     doubtful = np.abs(shape) < 1e-6
     assert (got == expected)[~doubtful].all()
 
@@ -89,7 +89,7 @@ def test_polygons_keep_their_margin(corners, margin_m, inclusion):
     assert_same_but_at_borders(kept(fence, margin_m), left, (inside == inclusion) & (left >= 0.0))
 
 
-def test_without_the_union_all_inclusions_count_and_with_it_one_is_enough():
+def test_all_inclusions_count_and_with_a_union_one_is_enough():
     areas = (area([(0.0, 0.0)], radius_m=12.0), area([(18.0, 0.0)], radius_m=12.0))
     both, one = kept(Fence(areas=areas), 1.0), kept(Fence(areas=areas, union=True), 1.0)
     at = {round(x, 1): index for index, x in enumerate(ALONG_M.tolist())}
@@ -97,7 +97,7 @@ def test_without_the_union_all_inclusions_count_and_with_it_one_is_enough():
     assert [one[at[x]] for x in (0.0, 9.0, 18.0, 40.0)] == [True, True, True, False]
 
 
-def test_limits_about_home_move_with_it():
+def test_limits_around_home_move_with_home():
     fence = Fence(
         circle=Limit(parameter="GF_MAX_HOR_DIST", value_m=10.0),
         ceiling=Limit(parameter="GF_MAX_VER_DIST", value_m=20.0),
@@ -110,7 +110,7 @@ def test_limits_about_home_move_with_it():
     assert plane.crossed(places_m[2:]) == "GF_MAX_VER_DIST 20 m"
 
 
-def test_a_home_too_far_beside_the_plane_leaves_nothing():
+def test_a_home_too_far_beside_the_plane_leaves_no_free_place():
     fence = Fence(circle=Limit(parameter="FENCE_RADIUS", value_m=30.0))
     assert not kept(fence, 1.0, home_m=(27.0, 29.5, 0.0)).any()
 
@@ -122,17 +122,17 @@ def test_the_greater_of_the_two_margins_is_kept():
     assert plane.holds(np.array([(0.0, 4.9), (0.0, 5.1)])).tolist() == [False, True]
 
 
-def test_how_far_it_is_to_the_fence():
+def test_the_free_distance_to_the_fence_depends_on_the_direction():
     fence = Fence(circle=Limit(parameter="FENCE_RADIUS", value_m=10.0))
     plane = plane_fence(fence, FRAME, HOME_M, 1.0)
     places_m = np.array([(30.0, 5.0), (30.0, 5.0), (30.0, 5.0), (50.0, 5.0)])
-    ways = np.array([(1.0, 0.0), (-0.6, 0.8), (0.0, 1.0), (1.0, 0.0)])
-    free_m = plane.free_m(places_m, ways)
+    directions = np.array([(1.0, 0.0), (-0.6, 0.8), (0.0, 1.0), (1.0, 0.0)])
+    free_m = plane.free_m(places_m, directions)
     assert free_m[:2] == pytest.approx([6.0, 12.0 / 0.6])
     assert np.isinf(free_m[2:]).all()
 
 
-def test_a_fence_around_the_whole_site_is_in_nobodys_way():
+def test_a_fence_around_the_whole_site_is_no_fence():
     wide = plane_fence(
         Fence(circle=Limit(parameter="FENCE_RADIUS", value_m=300.0)), FRAME, HOME_M, 2.0
     )
@@ -146,7 +146,7 @@ def test_a_fence_around_the_whole_site_is_in_nobodys_way():
 PARAMETERS = {"GF_ACTION": 2.0, "GF_MAX_HOR_DIST": 10.0, "GF_MAX_VER_DIST": 0.0, "GF_SOURCE": 0.0}
 
 
-def test_until_it_is_told_why_nothing_is_begun():
+def test_an_unread_fence_or_home_is_the_reason_for_no_start():
     watch = SiteFence(SITE, 1.5)
     assert "not read yet" in watch.not_ready_reason
     watch.learn(autopilots.PX4, PARAMETERS, None, HOME_M)
@@ -158,7 +158,7 @@ def test_until_it_is_told_why_nothing_is_begun():
     assert watch.plane is not None
 
 
-def test_a_fence_about_an_unknown_home_keeps_from_planning_though_another_was_known():
+def test_a_fence_around_an_unknown_home_prevents_planning():
     watch = SiteFence(SITE, 1.5)
     watch.learn(autopilots.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 0.0}, (), None)
     assert (watch.not_ready_reason, watch.plane) == (None, None)
@@ -168,12 +168,12 @@ def test_a_fence_about_an_unknown_home_keeps_from_planning_though_another_was_kn
     assert watch.not_ready_reason is None
     known = watch.plane
     watch.learn(autopilots.PX4, {}, (), None)
-    watch.learn(autopilots.PX4, PARAMETERS, (), None)  # the same, asked for again
+    watch.learn(autopilots.PX4, PARAMETERS, (), None)  # the same parameters, requested again
     assert watch.not_ready_reason is None
     assert watch.plane is known
 
 
-def test_what_is_asked_for_again_stays_what_it_was():
+def test_a_fence_being_read_again_keeps_its_last_value():
     watch = SiteFence(SITE, 1.5)
     watch.learn(autopilots.PX4, PARAMETERS, (), HOME_M)
     known = watch.plane
@@ -184,7 +184,7 @@ def test_what_is_asked_for_again_stays_what_it_was():
     assert watch.plane is None
 
 
-def test_a_fence_whose_parameters_were_never_told_is_taken_as_none_and_told_once():
+def test_a_fence_with_unreported_parameters_counts_as_none_and_is_reported_once():
     desk = Desk()
     for name in ("GF_MAX_HOR_DIST", "GF_MAX_VER_DIST"):
         del desk.parameters[name]
@@ -195,21 +195,21 @@ def test_a_fence_whose_parameters_were_never_told_is_taken_as_none_and_told_once
     assert desk.texts().count("MOAR: 2 fence parameters unread, taken as none") == 1
 
 
-def test_a_fence_with_items_that_cannot_be_read_is_not_taken_as_none():
+def test_a_fence_with_unreadable_items_does_not_count_as_none():
     desk = Desk(fence_items=4)
     desk.run(20.0).order(INSPECTION).run(0.5)
     assert desk.answers() == [TEMPORARILY_REJECTED]
     assert desk.said("autopilot's fence not read yet, rejected")
 
 
-def test_the_fence_is_made_anew_only_when_something_has_changed():
-    """It is looked at with every cycle, fifty times a second."""
+def test_the_fence_is_rebuilt_only_after_a_change():
+    """The fence is read in every cycle, fifty times a second."""
     watch, items = SiteFence(SITE, 1.5), corners(3)
     with mock.patch.object(site_fence, "plane_fence", wraps=site_fence.plane_fence) as made:
         for _ in range(3):
             watch.learn(autopilots.PX4, PARAMETERS, items, HOME_M)
         assert made.call_count == 1
-        watch.learn(autopilots.PX4, PARAMETERS, corners(3), HOME_M)  # the same, read again
+        watch.learn(autopilots.PX4, PARAMETERS, corners(3), HOME_M)  # the same items, read again
         assert made.call_count == 1
         watch.learn(autopilots.PX4, PARAMETERS, corners(4), HOME_M)
         watch.learn(autopilots.PX4, {**PARAMETERS, "GF_MAX_HOR_DIST": 9.0}, corners(4), HOME_M)
@@ -223,7 +223,7 @@ def corners(number):
     )
 
 
-def test_a_home_that_moves_by_less_than_it_is_known_makes_no_new_fence():
+def test_a_home_that_moves_within_its_accuracy_keeps_the_fence():
     watch = SiteFence(SITE, 1.5)
     watch.learn(autopilots.PX4, PARAMETERS, (), HOME_M)
     known = watch.plane
@@ -233,15 +233,15 @@ def test_a_home_that_moves_by_less_than_it_is_known_makes_no_new_fence():
 
 
 def flown_with_a_fence(**fence):
-    """In an inspection, flying, when the fence is set."""
+    """A desk whose fence is set while it flies an inspection."""
     desk = Desk(height_m=5.0, wind_mps=2.0).set(accuracy_m=0.3)
     desk.run(1.0).report_home(27.0).come_to("flying", then_s=3.0)
     assert any((desk.setpoints()[-1].vx, desk.setpoints()[-1].vy, desk.setpoints()[-1].vz))
     return desk.set_parameters(**fence)
 
 
-def test_a_fence_that_is_tightened_behind_the_aircraft_holds_it_until_it_is_widened():
-    """At rest within the acceleration, and not by the gate, which would wait for an order."""
+def test_a_fence_tightened_in_flight_is_a_hold_until_it_is_widened():
+    """The aircraft brakes within the acceleration; the gate, which needs an order, does not act."""
     desk = flown_with_a_fence(GF_MAX_VER_DIST=5.0)
     began_s = desk.now_s
     desk.run(3.0)
@@ -255,7 +255,7 @@ def test_a_fence_that_is_tightened_behind_the_aircraft_holds_it_until_it_is_wide
     desk.set_parameters(GF_MAX_VER_DIST=0.0).run_until("flying", 5.0)
 
 
-def test_towards_a_fence_that_is_drawn_nearer_it_slows_down():
+def test_the_aircraft_slows_down_towards_a_fence_set_nearer_in_flight():
     desk = flown_with_a_fence(GF_ACTION=2.0)
     flight = desk.companion._executor.routes.flight
     rest_m, _ = flight.path.rest()
@@ -268,7 +268,7 @@ def test_towards_a_fence_that_is_drawn_nearer_it_slows_down():
     assert (after < before - 0.05).any()
 
 
-def test_a_wider_obstacle_within_a_fence_has_a_planner_of_its_own():
+def test_each_obstacle_inflation_within_a_fence_has_its_own_planner():
     plane = plane_fence(
         Fence(circle=Limit(parameter="GF_MAX_HOR_DIST", value_m=12.0)), FRAME, HOME_M, 1.5
     )
@@ -285,7 +285,7 @@ def test_a_wider_obstacle_within_a_fence_has_a_planner_of_its_own():
     assert (inner.maps.room_m == exact.room_m).all()
 
 
-def test_a_start_outside_is_left_by_a_leg_that_leads_in():
+def test_a_start_outside_the_fence_is_left_by_a_leg_into_it():
     plane = plane_fence(
         Fence(ceiling=Limit(parameter="GF_MAX_VER_DIST", value_m=8.0)), FRAME, HOME_M, 1.5
     )

@@ -1,4 +1,4 @@
-"""Paths for the tests of guidance: by hand, and walks over a grid as the planner makes them."""
+"""Paths for the tests of guidance: by hand, and paths over a grid as the planner makes them."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def trajectory(*points, speed=0.7, acceleration=1.0, rounding=ROUNDING_M, lead_i
 
 @st.composite
 def grid_walks(draw, least_moves=0, most_moves=25):
-    """A walk of grid moves with a speed for each; it may turn back, cross itself, and stand."""
+    """Path of grid moves, each with a speed; the path may turn back, cross itself, and stand."""
     moves = draw(
         st.lists(
             st.tuples(
@@ -61,7 +61,7 @@ def length_m(polyline):
 
 
 def distance_to_polyline_m(point, polyline):
-    """By brute force over its segments."""
+    """Distance from a point to a polyline, by brute force over its segments."""
     best = math.dist(point, polyline[0])
     for start, end in itertools.pairwise(polyline):
         along = end - start

@@ -1,7 +1,7 @@
-"""A position that is known worse than the keep-outs allow for: plans keep farther away, or hold.
+"""Position uncertainty beyond the keep-outs' allowance: plans keep farther away, or hold.
 
-The desk's site is the double circuit of 315 kV, its aircraft the LineDrone as flown; both targets'
-cells have 0.55 m to the nearest keep-out. Keep-outs allow for 0.9 m.
+The site is the double circuit of 315 kV, the aircraft the LineDrone as flown. The cells of both
+targets have 0.55 m to the nearest keep-out. Keep-outs allow for 0.9 m.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ def desk(planner):
 
 
 def rooms_m(desk, since_s):
-    """From the hull at every moving setpoint since then to the nearest keep-out, by cells."""
+    """Distances from the hull to the nearest keep-out at every moving setpoint, by cells."""
     plane, maps = desk.companion._pose_tracker.plane, desk.planner.maps
     rooms = []
     for message in desk.setpoints(since_s):
@@ -59,7 +59,7 @@ def rooms_m(desk, since_s):
 
 
 def widenings(desk):
-    """Obstacle inflations of the jobs, one after another."""
+    """Obstacle inflations of the jobs in order, without repeats."""
     widths = [round(job.widening_m, 6) for job in desk.jobs]
     return [width for n, width in enumerate(widths) if n == 0 or width != widths[n - 1]]
 
@@ -67,7 +67,7 @@ def widenings(desk):
 # Before the flight ------------------------------------------------------------------------------
 
 
-def test_a_target_that_is_too_near_is_denied_with_the_number_until_the_position_is_known_better(
+def test_a_target_too_close_is_denied_with_the_uncertainty_until_it_improves(
     desk,
 ):
     desk.set(accuracy_m=1.6).run(1.2).order(INSPECTION, INNER).run(0.5)
@@ -77,13 +77,13 @@ def test_a_target_that_is_too_near_is_denied_with_the_number_until_the_position_
     assert desk.answers()[-1] == ACCEPTED
 
 
-def test_above_the_limit_nothing_is_planned_at_all(desk):
+def test_above_the_uncertainty_limit_no_plan_is_requested(desk):
     desk.set(accuracy_m=2.4).run(3.0).order(INSPECTION).run(0.5)
     assert (desk.state, desk.answers(), desk.jobs) == ("idle", [TEMPORARILY_REJECTED], [])
     assert desk.said("uncertainty 2.4 m > 2")
 
 
-def test_what_no_uncertainty_is_to_blame_for_is_told_without_one(desk):
+def test_a_failure_not_caused_by_the_uncertainty_is_reported_without_it(desk):
     desk.set(accuracy_m=1.6).run(1.2).plan_delay_s = None
     desk.order(INSPECTION).step()
     desk.answer_plan(plan=None, reason="the goal cannot be reached").run(0.1)
@@ -94,7 +94,7 @@ def test_what_no_uncertainty_is_to_blame_for_is_told_without_one(desk):
 # In flight --------------------------------------------------------------------------------------
 
 
-def test_when_the_position_is_known_worse_the_plan_takes_obstacles_wider_and_goes_on(desk):
+def test_a_worse_position_accuracy_inflates_obstacles_and_the_mission_continues(desk):
     desk.come_to("flying", then_s=4.0)
     desk.set(accuracy_m=1.35).run(1.0)
     began = desk.now_s
@@ -107,8 +107,8 @@ def test_when_the_position_is_known_worse_the_plan_takes_obstacles_wider_and_goe
     assert not desk.said("holding")
 
 
-def test_a_height_that_is_known_worse_is_kept_away_from_until_it_is_known_again(desk):
-    """A barometer that a gust fools, while the receiver's sky is open."""
+def test_a_worse_height_accuracy_holds_until_it_improves(desk):
+    """A gust disturbs the barometer, while the receiver's accuracy is good."""
     desk.set(accuracy_m=0.3).come_to("flying", then_s=4.0)
     desk.set(height_accuracy_m=1.35).run(2.0)
     assert widenings(desk) == [0.0, 0.5]
@@ -116,20 +116,20 @@ def test_a_height_that_is_known_worse_is_kept_away_from_until_it_is_known_again(
     assert desk.said("no path, uncertainty 1.6 m")
     desk.set(height_accuracy_m=2.4).run(3.0).order(EXIT).run(0.5)
     assert desk.said("uncertainty 2.4 m > 2, rejected")
-    # A height that is told no more is no better known.
+    # A height accuracy no longer reported is no better.
     desk.set(height_accuracy_m=math.nan).run(8.0)
     assert desk.state == "holding"
     desk.set(height_accuracy_m=0.3).run_until("flying", 8.0)
 
 
-def test_an_accuracy_that_wavers_makes_one_plan_anew(desk):
+def test_a_varying_accuracy_causes_one_new_plan(desk):
     desk.come_to("flying")
     for second in range(20):
         desk.set(accuracy_m=1.2 + 0.04 * (-1) ** second).run(1.0)
     assert widenings(desk) in ([0.0, 0.3, 0.4], [0.0, 0.4])
 
 
-def test_it_holds_when_the_target_is_too_near_now_and_goes_on_when_the_position_is_known_better(
+def test_a_target_that_becomes_too_close_is_a_hold_until_the_accuracy_improves(
     desk,
 ):
     desk.come_to("at_target").run_until("flying", 10.0)
@@ -144,22 +144,22 @@ def test_it_holds_when_the_target_is_too_near_now_and_goes_on_when_the_position_
     assert desk.companion.status.task.stops == ("splice-inner",)
 
 
-def test_what_an_operator_holds_meanwhile_waits_for_him(desk):
+def test_an_operators_hold_during_the_wait_does_not_resume(desk):
     desk.come_to("flying", then_s=4.0).set(accuracy_m=1.6).run_until("holding", 2.0)
     desk.pause().run(1.0).set(accuracy_m=0.5).run(15.0)
     assert desk.state == "holding"
     desk.go_on().run_until("flying", 1.0)
 
 
-def test_a_continue_that_is_still_too_near_is_denied_with_the_number(desk):
+def test_a_continue_towards_a_target_too_close_is_denied_with_the_uncertainty(desk):
     desk.come_to("flying", then_s=4.0).set(accuracy_m=1.6).run_until("holding", 2.0)
     desk.run(3.0).go_on().run(1.0)
     assert desk.state == "holding"
     assert desk.said("MOAR: no path, uncertainty 1.6 m, denied")
 
 
-def test_above_the_limit_escape_routes_are_measured_as_at_the_limit(desk):
-    """While it grows, each step of a great site's obstacles takes seconds to build."""
+def test_above_the_limit_escape_routes_are_planned_as_at_the_limit(desk):
+    """On a large site each step of the inflation takes seconds to build."""
     desk.set(contingencies=True).come_to("flying", then_s=2.0)
     for accuracy_m in (1.5, 2.4, 3.9, 7.2):
         desk.set(accuracy_m=accuracy_m).run(5.0)
@@ -167,16 +167,16 @@ def test_above_the_limit_escape_routes_are_measured_as_at_the_limit(desk):
     assert widths == {0.0, 0.6, 1.1}
 
 
-def test_a_limit_that_is_passed_is_told_as_such(desk):
+def test_an_uncertainty_above_the_limit_is_reported_with_the_limit(desk):
     desk.come_to("flying", then_s=4.0).set(accuracy_m=2.4).run_until("holding", 2.0)
     assert desk.said("MOAR: uncertainty 2.4 m > 2")
     desk.set(accuracy_m=0.5).run_until("flying", 8.0)
 
 
-# Where it has become too narrow -----------------------------------------------------------------
+# Too little clearance ---------------------------------------------------------------------------
 
 
-def test_the_gate_has_the_last_word_while_the_planner_says_nothing(desk):
+def test_the_setpoint_gate_holds_while_the_planner_does_not_answer(desk):
     desk.come_to("at_target").order(EXIT).run_until("flying", 1.0)
     desk.plan_delay_s = None
     desk.set(accuracy_m=1.8).run_until("holding", 1.5)
@@ -187,7 +187,7 @@ def test_the_gate_has_the_last_word_while_the_planner_says_nothing(desk):
 
 
 @pytest.mark.parametrize("order", [EXIT, EVACUATION])
-def test_out_of_where_it_is_too_narrow_leads_an_escape_leg(desk, order):
+def test_an_escape_leg_leaves_a_place_with_too_little_clearance(desk, order):
     desk.come_to("at_target").set(accuracy_m=1.8).run(1.0).order(order).run_until("flying", 1.0)
     assert desk.answers()[-1] == ACCEPTED
     began = desk.now_s
@@ -200,7 +200,7 @@ def test_out_of_where_it_is_too_narrow_leads_an_escape_leg(desk, order):
     assert not desk.said("holding")
 
 
-def test_what_is_stopped_where_it_is_too_narrow_goes_on_by_an_escape_leg(desk):
+def test_a_hold_with_too_little_clearance_resumes_by_an_escape_leg(desk):
     desk.come_to("at_target").order(EVACUATION).run_until("flying", 1.0).run(0.2)
     desk.set(accuracy_m=1.8).run_until("holding", 1.5)
     assert desk.said("no room here")
@@ -210,19 +210,19 @@ def test_what_is_stopped_where_it_is_too_narrow_goes_on_by_an_escape_leg(desk):
     assert desk.companion.status.task.mission is Mission.EVACUATION
 
 
-def test_an_escape_route_of_an_empty_battery_is_not_held_up_where_it_is_too_narrow(desk):
+def test_an_escape_route_of_a_low_battery_continues_with_too_little_clearance(desk):
     desk.come_to("at_target").set(battery_percent=19).run_until_sought("exit")
     desk.run(0.3).set(accuracy_m=1.8)
     stopped = desk.now_s
     desk.run_until("landing_leg", 60.0)
     reasons = [item["reason"] for item in desk.decided("replan")]
     assert reasons.count("no progress") == 1
-    # For less than 2 s nothing moved.
+    # The setpoint stood for less than 2 s.
     still = [not any((m.vx, m.vy, m.vz)) for m in desk.setpoints(stopped)]
     assert 0 < sum(still) < 100
 
 
-def test_an_escape_route_that_was_not_found_is_sought_again_when_there_is_more_room(desk):
+def test_an_escape_route_not_found_is_planned_again_when_the_accuracy_improves(desk):
     desk.come_to("flying", then_s=4.0)
     desk.plan_delay_s = None
     desk.set(battery_percent=19, accuracy_m=1.5)
@@ -251,11 +251,13 @@ def setpoint(speed_mps):
         (0.5, 0.4, 1.0, True),
         (0.5, 0.5, 1.0, True),
         (0.5, 0.6, 1.0, False),
-        (0.5, 0.6, 0.0, True),  # to stay, nobody has to know better
+        (0.5, 0.6, 0.0, True),  # at rest any accuracy is enough
         (math.inf, 9.0, 1.0, True),
     ],
 )
-def test_a_checked_leg_is_open_as_far_as_it_has_room(planner, room_m, widened_m, speed_mps, passes):
+def test_a_checked_leg_allows_setpoints_within_its_clearance(
+    planner, room_m, widened_m, speed_mps, passes
+):
     volume = FlightVolume(
         site=planner.site,
         vehicle=planner.vehicle,
@@ -288,7 +290,7 @@ def job(mission, target=None, *, start_m=(27.0, 2.6), widening_m):
 
 
 @pytest.mark.parametrize("widening_m", [0.0, 0.3, 0.5])
-def test_a_plan_keeps_as_far_away_as_its_job_says(planner, widening_m):
+def test_a_plan_keeps_the_inflation_of_its_job(planner, widening_m):
     answer = answer_job(
         PlannerSet(planner), job(Mission.INSPECTION, "splice-inner", widening_m=widening_m)
     )
@@ -298,7 +300,7 @@ def test_a_plan_keeps_as_far_away_as_its_job_says(planner, widening_m):
     assert (answer.reach is None) is (widening_m == 0.0)
 
 
-def test_the_way_ahead_is_shorter_by_as_much(planner):
+def test_the_inflation_reduces_the_free_distance_of_a_plan(planner):
     answer = answer_job(
         PlannerSet(planner), job(Mission.INSPECTION, "splice-inner", widening_m=0.5)
     )
@@ -314,7 +316,7 @@ def test_the_way_ahead_is_shorter_by_as_much(planner):
         ("no such target", "splice-9", (27.0, 2.6), False),
     ],
 )
-def test_the_width_is_blamed_only_where_there_is_a_plan_without_it(
+def test_the_inflation_is_the_reason_only_where_a_plan_exists_without_it(
     planner, case, target, start_m, too_wide
 ):
     answer = answer_job(
@@ -323,7 +325,7 @@ def test_the_width_is_blamed_only_where_there_is_a_plan_without_it(
     assert (answer.plan, answer.too_wide) == (None, too_wide), case
 
 
-def test_a_landing_leg_knows_how_much_room_it_has(planner):
+def test_a_landing_leg_has_its_clearance(planner):
     plan = answer_job(PlannerSet(planner), job(Mission.EXIT, widening_m=0.0)).plan
     ends = plan.landing_leg.points_m[[0, -1]]
     nearest_m = min(

@@ -1,4 +1,4 @@
-"""The flight: at every instant it can be braked, and goes on from there."""
+"""The path follower: braking at every instant, and flight from there."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ PX4 = loss_of(autopilots.PX4)
 
 
 class Flown:
-    """A flight whose aircraft is wherever its setpoint is."""
+    """A flight whose aircraft is always at its setpoint."""
 
     def __init__(self, vehicle, loss=SHORT):
         self.site = usual_planner().site
@@ -91,7 +91,7 @@ class Flown:
         ),
     ],
 )
-def test_at_every_tick_of_a_flight_that_turns_back_it_can_be_braked(vehicle, missions):
+def test_a_flight_that_turns_back_can_be_braked_at_every_tick(vehicle, missions):
     flown = Flown(vehicle)
     *before, last = missions
     for mission in before:
@@ -113,13 +113,13 @@ def test_at_every_tick_of_a_flight_that_turns_back_it_can_be_braked(vehicle, mis
             rest = flown.pose_of(braked).position_m
             flown.advanced(braked)
             assert flown.pose_of(braked).position_m == pytest.approx(rest, abs=0.006)
-            assert not braked.arrived  # where it was braked is not where it was going
+            assert not braked.arrived  # the stop is not the goal
             assert math.dist(flown.pose_of(braked).position_m, place) <= room_m
 
 
 @pytest.mark.parametrize("loss", [SHORT, LONG, PX4], ids=["short", "long", "PX4"])
 @pytest.mark.parametrize("vehicle", ["linedrone_uniform", "x500"])
-def test_at_every_tick_the_way_on_without_us_is_free(vehicle, loss):
+def test_the_stopping_path_on_offboard_loss_is_free_at_every_tick(vehicle, loss):
     flown = Flown(vehicle, loss)
     maps = flown.planner.maps
     flown.order(Mission.INSPECTION)
@@ -131,7 +131,7 @@ def test_at_every_tick_the_way_on_without_us_is_free(vehicle, loss):
         speed_mps = math.hypot(*velocity)
         fastest_mps = max(fastest_mps, speed_mps)
         stopping_m = float(loss.stopping_m(np.array(speed_mps)))
-        # A tick of braking is forgiven.
+        # A tolerance of one tick of braking.
         for part in np.linspace(0.0, max(0.0, stopping_m - 0.1), 20) / max(speed_mps, 1e-9):
             cell = maps.grid.cell_of((x_m + part * velocity[0], z_m + part * velocity[2]))
             assert cell is None or not maps.occupied[cell]
@@ -139,7 +139,7 @@ def test_at_every_tick_the_way_on_without_us_is_free(vehicle, loss):
 
 
 @pytest.mark.parametrize("learns", [True, False])
-def test_when_the_way_without_us_grows_in_flight_it_slows_down(learns):
+def test_the_flight_slows_down_when_the_offboard_loss_distance_grows(learns):
     flown = Flown("x500", SHORT)
     flown.order(Mission.INSPECTION)
     for _ in range(100):
@@ -155,15 +155,15 @@ def test_when_the_way_without_us_grows_in_flight_it_slows_down(learns):
         flown.advanced(flown.flight)
         setpoint = flown.flight.setpoint(flown.pose, flown.plane, 0.0)
         speed_mps = math.hypot(*setpoint.velocity_mps)
-        if tick > 150 and speed_mps:  # by then it has braked
-            place, way = np.array([setpoint.position_m]), np.array([setpoint.velocity_mps])
-            allowed_mps = float(volume.speed_cap_mps(place, way / speed_mps)[0])
+        if tick > 150 and speed_mps:  # the flight has slowed down by then
+            place, velocity = np.array([setpoint.position_m]), np.array([setpoint.velocity_mps])
+            allowed_mps = float(volume.speed_cap_mps(place, velocity / speed_mps)[0])
             too_fast_mps = max(too_fast_mps, speed_mps - allowed_mps)
     assert flown.flight.arrived
     assert (too_fast_mps < 0.2) is learns, too_fast_mps
 
 
-def test_towards_an_obstacle_it_fades_back_to_its_path_the_more_slowly_the_nearer_it_is():
+def test_a_return_to_the_path_slows_down_near_an_obstacle():
     flown = Flown("x500", LONG)
     flown.pose = Pose(position_m=(24.4, 0.0, 10.99), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
     volume = FlightVolume(
@@ -189,7 +189,7 @@ def test_towards_an_obstacle_it_fades_back_to_its_path_the_more_slowly_the_neare
     target=st.tuples(st.floats(0.0, 20.0), st.floats(2.0, 12.0)),
     loss=st.sampled_from([SHORT, LONG, PX4]),
 )
-def test_whatever_stands_on_a_site_the_way_on_from_its_paths_is_free(wires, start, target, loss):
+def test_on_any_site_the_stopping_paths_on_offboard_loss_are_free(wires, start, target, loss):
     site = make_site(
         *(conductor(*place, keep_out=0.6) for place in wires),
         size=(20.0, 12.0),
@@ -208,15 +208,15 @@ def test_whatever_stands_on_a_site_the_way_on_from_its_paths_is_free(wires, star
     flight = PathFollower(volume, pose)
     places, rests = np.split(flight.rests_m(plan, flight.path.junction_at(pose), ()), 2)
     assert places[-1] == pytest.approx(rests[-1])
-    # Cells are free by their centres.
+    # A cell is free if its centre is.
     allowed_m = vehicle.radius_m + 0.6 - 0.5 * math.sqrt(0.5)
     for part in np.linspace(0.0, 1.0, 12):
-        on_the_way = places + part * (rests - places)
-        assert (obstacle_clearance_m(site, on_the_way) > allowed_m - 1e-6).all()
-        assert (on_the_way[:, 1] > 2.0 - 0.25 - 1e-6).all()
+        between = places + part * (rests - places)
+        assert (obstacle_clearance_m(site, between) > allowed_m - 1e-6).all()
+        assert (between[:, 1] > 2.0 - 0.25 - 1e-6).all()
 
 
-def test_a_jump_is_taken_along_and_faded_back_to_the_path():
+def test_a_position_jump_shifts_the_setpoint_and_fades_out():
     flown = Flown("linedrone_uniform")
     flown.order(Mission.INSPECTION)
     for _ in range(200):
@@ -230,7 +230,7 @@ def test_a_jump_is_taken_along_and_faded_back_to_the_path():
     assert flown.pose_of(flown.flight).position_m[1] == pytest.approx(0.0)
 
 
-def test_however_low_the_landing_leg_leads_a_death_in_the_workspace_ends_above_its_least_altitude():
+def test_on_offboard_loss_above_the_least_altitude_the_aircraft_stops_above_it():
     site = make_site(size=(20.0, 20.0), resolution=0.5, min_altitude=6.0, exits=[(10.25, 0.0)])
     vehicle = Vehicle.load(shipped_configs() / "vehicles" / "x500.yaml")
     vehicle = replace(vehicle, guidance=replace(vehicle.guidance, landing_height_m=1.0))
@@ -245,4 +245,4 @@ def test_however_low_the_landing_leg_leads_a_death_in_the_workspace_ends_above_i
     assert (rests[inside, 1] > 6.0 - 0.25).all()  # half a cell is always free
     assert (rests[:, 1] > 1.0 - 0.25).all()
     beyond = places[~inside, 1] - rests[~inside, 1]
-    assert beyond.max() > 1.0  # nor is it slowed down there by what it has left behind
+    assert beyond.max() > 1.0  # on the leg the workspace's limit does not slow it down

@@ -1,4 +1,4 @@
-"""The tracker: the setpoint never jumps, waits for the aircraft, arrives, and turns slowly."""
+"""Tracking: the setpoint never jumps, waits for the aircraft, arrives, and turns slowly."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ def vector(values):
 
 
 def stepped(reference, aircraft_m=None, guidance=GUIDANCE):
-    """One step; the aircraft is at its setpoint unless it is said to be elsewhere."""
+    """One step; the aircraft is at its setpoint unless its position is given."""
     place = vector(reference.position_m) if aircraft_m is None else aircraft_m
     return advanced(reference, place, guidance, FADE_MPS, STEP_S)
 
@@ -36,7 +36,7 @@ def begun(path_trajectory, setpoint_m=None):
     return Reference.start(path_trajectory, vector(start))
 
 
-def test_it_gathers_speed_no_faster_than_the_acceleration_and_arrives_at_rest():
+def test_the_setpoint_accelerates_within_the_limit_and_arrives_at_rest():
     reference = begun(trajectory((0.0, 0.0), (5.0, 0.0), speed=0.7))
     seconds = 0.0
     while not reference.arrived:
@@ -45,7 +45,7 @@ def test_it_gathers_speed_no_faster_than_the_acceleration_and_arrives_at_rest():
         seconds += STEP_S
         assert reference.speed_mps <= before + GUIDANCE.acceleration_mps2 * STEP_S + 1e-12
         assert seconds < 60.0
-    # A trapeze: 5 m at 0.7 m/s, and 0.7 s more for each of its two flanks' halves.
+    # A trapezoid: 5 m at 0.7 m/s, and 0.7 s more for accelerating and braking.
     assert seconds == pytest.approx(5.0 / 0.7 + 0.7, abs=0.2)
     for _ in range(50):
         reference = stepped(reference)
@@ -53,7 +53,7 @@ def test_it_gathers_speed_no_faster_than_the_acceleration_and_arrives_at_rest():
     assert vector(reference.position_m) == pytest.approx((5.0, 0.0, 0.0), abs=0.006)
 
 
-def test_it_waits_for_an_aircraft_that_a_gust_holds_back_and_goes_on_after():
+def test_the_setpoint_waits_for_an_aircraft_in_a_gust_and_continues_after_it():
     reference = begun(trajectory((0.0, 0.0), (10.0, 0.0), speed=0.7))
     for _ in range(150):
         reference = stepped(reference)
@@ -71,14 +71,14 @@ def test_it_waits_for_an_aircraft_that_a_gust_holds_back_and_goes_on_after():
     assert reference.arrived
 
 
-def test_it_stands_while_the_aircraft_is_farther_than_the_hold_distance():
+def test_the_setpoint_stands_while_the_aircraft_is_beyond_the_hold_distance():
     reference = begun(trajectory((0.0, 0.0), (10.0, 0.0), speed=0.7))
     for _ in range(300):
         reference = stepped(reference, (0.0, 5.0, 0.0))
     assert reference.distance_m == 0.0
 
 
-def test_an_aircraft_suddenly_far_off_brakes_it_hard_and_still_without_a_jump():
+def test_a_sudden_large_tracking_error_brakes_the_setpoint_without_a_jump():
     reference = begun(trajectory((0.0, 0.0), (20.0, 0.0), speed=3.0))
     for _ in range(250):
         reference = stepped(reference)
@@ -99,7 +99,7 @@ def test_the_stopping_distance_is_where_braking_ends():
     assert reference.stopping_m(1.0) == pytest.approx(reference.distance_m + 2.0)
 
 
-def test_a_setpoint_beside_its_trajectory_fades_over_to_it_before_anything_else_moves():
+def test_a_setpoint_beside_its_trajectory_first_moves_to_the_trajectory():
     reference = begun(trajectory((0.0, 0.0), (5.0, 0.0)), (0.0, 1.0, 0.0))
     assert vector(reference.position_m) == (0.0, 1.0, 0.0)
     seconds = 0.0
@@ -126,10 +126,10 @@ def test_a_setpoint_beside_its_trajectory_fades_over_to_it_before_anything_else_
     beside=st.sampled_from([(0.0, 0.0, 0.0), (0.2, 0.1, -0.3)]),
     lags=st.lists(st.floats(0.0, 3.0), min_size=1, max_size=8),
 )
-def test_the_setpoint_moves_no_faster_than_its_speed_wherever_the_aircraft_is(
+def test_the_setpoint_keeps_its_speed_limits_for_any_tracking_error(
     walk, acceleration, beside, lags
 ):
-    """The aircraft is now near its setpoint, now far, as the list of lags says."""
+    """The aircraft lags behind its setpoint by the listed distances in turn."""
     guidance = Guidance(acceleration_mps2=acceleration)
     plan = make_trajectory(walk, acceleration_mps2=acceleration, rounding_m=ROUNDING_M)
     reference = begun(plan, plan.position_m[0] + np.array(beside))
@@ -144,7 +144,7 @@ def test_the_setpoint_moves_no_faster_than_its_speed_wherever_the_aircraft_is(
         assert -margin_mps - 1e-9 <= after.speed_mps - reference.speed_mps
         assert after.speed_mps - reference.speed_mps <= 0.5 * margin_mps + 1e-9
         assert 0.0 <= after.speed_mps <= max(walk.speed_mps) + 1e-9
-        # Never faster than the place allows, but for what one step of braking takes.
+        # At most the speed limit of the place, plus one step of braking.
         assert after.speed_mps <= plan.at(reference.distance_m)[2] + margin_mps
         assert reference.distance_m <= after.distance_m <= plan.length_m
         reference = after
@@ -152,11 +152,11 @@ def test_the_setpoint_moves_no_faster_than_its_speed_wherever_the_aircraft_is(
 
 @properties
 @given(walk=grid_walks(1), acceleration=st.sampled_from([0.5, 1.0, 2.0]))
-def test_an_aircraft_that_keeps_up_arrives_whatever_the_walk(walk, acceleration):
+def test_an_aircraft_that_follows_arrives_on_any_path(walk, acceleration):
     guidance = Guidance(acceleration_mps2=acceleration)
     plan = make_trajectory(walk, acceleration_mps2=acceleration, rounding_m=ROUNDING_M)
     reference = begun(plan)
-    # Each move might be started and ended at rest, at the slowest speed there is.
+    # Upper bound: each move starts and ends at rest, at the slowest speed.
     steps = int((5.0 + 12.0 * len(walk.speed_mps)) / STEP_S)
     for _ in range(steps):
         if reference.arrived:
@@ -181,7 +181,7 @@ def test_an_aircraft_that_keeps_up_arrives_whatever_the_walk(walk, acceleration)
         ("a turn too many is none", 0.0, 365.0, 5.0),
     ],
 )
-def test_the_heading_turns_the_short_way(case, yaw_deg, wanted_deg, after_deg):
+def test_the_heading_turns_in_the_shorter_direction(case, yaw_deg, wanted_deg, after_deg):
     after = turned(math.radians(yaw_deg), math.radians(wanted_deg), math.radians(10.0))
     assert math.remainder(after - math.radians(after_deg), math.tau) == pytest.approx(0.0, abs=1e-9)
 
@@ -192,7 +192,7 @@ def test_the_heading_turns_the_short_way(case, yaw_deg, wanted_deg, after_deg):
     wanted=st.floats(-10.0, 10.0),
     greatest=st.floats(0.001, 1.0),
 )
-def test_the_heading_is_reached_and_no_step_is_too_great(yaw, wanted, greatest):
+def test_the_heading_is_reached_in_steps_within_the_limit(yaw, wanted, greatest):
     for _ in range(int(math.pi / greatest) + 2):
         after = turned(yaw, wanted, greatest)
         assert abs(math.remainder(after - yaw, math.tau)) <= greatest + 1e-9

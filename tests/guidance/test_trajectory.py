@@ -49,7 +49,7 @@ def test_a_straight_is_flown_at_its_speed_and_braked_to_rest_at_its_end():
     assert straight.at(99.0)[2] == 0.0
 
 
-def test_the_time_that_is_left_is_that_of_cruising_and_braking():
+def test_the_time_left_is_that_of_cruising_and_braking():
     straight = trajectory((0.0, 0.0), (10.0, 0.0), speed=2.0, acceleration=1.0)
     # 8 m at 2 m/s, then 2 m of braking at 1 m/s^2.
     assert straight.duration_s(0.0) == pytest.approx(4.0 + 2.0, rel=1e-3)
@@ -57,7 +57,7 @@ def test_the_time_that_is_left_is_that_of_cruising_and_braking():
     assert straight.duration_s(10.0) == straight.duration_s(99.0) == 0.0
 
 
-def test_the_rest_as_it_is_flown_speeds_up_from_the_present_speed():
+def test_the_rest_of_a_trajectory_accelerates_from_the_present_speed():
     straight = trajectory((0.0, 0.0), (10.0, 0.0), speed=2.0, acceleration=1.0)
     # From rest 2 m in 2 s, then 6 m at 2 m/s, then 2 s of braking.
     points, seconds = straight.rest(0.0, 0.0, 1.0)
@@ -69,7 +69,7 @@ def test_the_rest_as_it_is_flown_speeds_up_from_the_present_speed():
     assert straight.rest(99.0, 2.0, 1.0)[1].sum() == 0.0
 
 
-def test_a_slower_move_is_braked_for_before_it_begins():
+def test_the_speed_is_reduced_before_a_slower_move():
     slow = trajectory((0.0, 0.0), (3.0, 0.0), (6.0, 0.0), speed=(2.0, 0.5))
     assert slow.at(3.0)[2] == pytest.approx(0.5)
     assert slow.at(2.0)[2] == pytest.approx(math.sqrt(0.25 + 2.0), rel=1e-6)
@@ -89,7 +89,7 @@ def test_a_right_angle_is_an_arc_of_the_rounding_distance():
     assert corner.length_m == pytest.approx(6.0 - shorter, abs=0.005)
 
 
-def test_a_turn_back_reaches_its_corner_and_all_but_stands_there():
+def test_a_turn_back_reaches_its_corner_nearly_at_rest():
     back = trajectory((0.0, 0.0), (1.0, 0.0), (0.0, 0.0), speed=0.7)
     assert back.length_m == pytest.approx(2.0)
     position, _, speed = back.at(float(back.corner_m[1]))
@@ -99,7 +99,7 @@ def test_a_turn_back_reaches_its_corner_and_all_but_stands_there():
     assert back.at(1.1)[1] == pytest.approx([-1.0, 0.0, 0.0])
 
 
-def test_up_to_a_turn_back_the_direction_is_the_way_there_and_behind_it_the_way_back():
+def test_the_direction_reverses_exactly_at_a_turn_back():
     back = trajectory((0.0, 0.0), (1.0, 0.0), (0.0, 0.0), speed=0.7)
     for before in (0.91, 0.96, 0.99, 0.999):
         assert back.at(before)[1] == pytest.approx([1.0, 0.0, 0.0])
@@ -108,7 +108,7 @@ def test_up_to_a_turn_back_the_direction_is_the_way_there_and_behind_it_the_way_
 
 @properties
 @given(walk=grid_walks(1), acceleration=accelerations, part=st.floats(0.0, 1.0))
-def test_the_direction_is_that_in_which_the_position_moves(walk, acceleration, part):
+def test_the_direction_is_that_of_the_motion(walk, acceleration, part):
     result = made(walk, acceleration)
     if result.length_m < 0.01:
         return
@@ -119,7 +119,7 @@ def test_the_direction_is_that_in_which_the_position_moves(walk, acceleration, p
         assert float(direction @ onward) / np.linalg.norm(onward) > math.cos(math.radians(24.0))
 
 
-def test_one_point_is_a_trajectory_that_stands_there():
+def test_a_trajectory_of_one_point_is_at_rest():
     one = trajectory((1.0, 2.0))
     assert one.length_m == 0.0
     for distance in (0.0, 1.0):
@@ -130,7 +130,7 @@ def test_one_point_is_a_trajectory_that_stands_there():
     assert len(one.corner_m) == 1
 
 
-def test_the_same_point_over_and_over_is_one_point():
+def test_a_trajectory_of_equal_points_has_no_length():
     same = trajectory((1.0, 2.0), (1.0, 2.0), (1.0, 2.0))
     assert same.length_m == 0.0
     assert list(same.corner_m) == [0.0, 0.0, 0.0]
@@ -154,7 +154,7 @@ def test_two_corners_close_together_share_the_straight_between_them():
     assert worst < 0.15
 
 
-def test_the_next_corner_is_the_first_not_passed_yet_and_at_last_the_end():
+def test_the_next_corner_is_the_first_one_ahead_and_finally_the_end():
     line = trajectory((0.0, 0.0), (1.0, 0.0), (2.0, 0.0))
     assert line.corner_after(0.0) == 0
     assert line.corner_after(0.01) == 1
@@ -163,12 +163,12 @@ def test_the_next_corner_is_the_first_not_passed_yet_and_at_last_the_end():
     assert line.corner_after(99.0) == 2
 
 
-# Whatever the walk ------------------------------------------------------------------------------
+# Any path ---------------------------------------------------------------------------------------
 
 
 @properties
 @given(walk=grid_walks(), acceleration=accelerations)
-def test_both_ends_are_kept(walk, acceleration):
+def test_a_trajectory_keeps_both_ends_of_its_path(walk, acceleration):
     result = made(walk, acceleration)
     assert result.position_m[0] == pytest.approx(walk.position_m[0])
     assert result.position_m[-1] == pytest.approx(walk.position_m[-1])
@@ -180,7 +180,7 @@ def test_both_ends_are_kept(walk, acceleration):
 
 @properties
 @given(walk=grid_walks(1), acceleration=accelerations)
-def test_distances_grow_and_are_those_between_the_samples(walk, acceleration):
+def test_distances_increase_and_are_those_between_the_samples(walk, acceleration):
     result = made(walk, acceleration)
     steps = np.sqrt((np.diff(result.position_m, axis=0) ** 2).sum(axis=1))
     assert (steps > 0.0).all()
@@ -193,7 +193,7 @@ def test_distances_grow_and_are_those_between_the_samples(walk, acceleration):
 
 @properties
 @given(walk=grid_walks(1), acceleration=accelerations)
-def test_every_speed_can_be_braked_from_in_time(walk, acceleration):
+def test_every_speed_allows_braking_in_time(walk, acceleration):
     result = made(walk, acceleration)
     assert (result.speed_mps >= 0.0).all()
     assert (result.speed_mps <= result.limit_mps + 1e-9).all()
@@ -204,8 +204,8 @@ def test_every_speed_can_be_braked_from_in_time(walk, acceleration):
 
 @properties
 @given(walk=grid_walks(1), acceleration=accelerations)
-def test_no_limit_is_lower_than_it_must_be(walk, acceleration):
-    """Each sample is at its limit, or so fast that braking to the next needs the acceleration."""
+def test_no_speed_is_lower_than_necessary(walk, acceleration):
+    """Each sample is at its limit, or braking to the next sample needs the full acceleration."""
     result = made(walk, acceleration)
     at_limit = result.limit_mps[:-1] - result.speed_mps[:-1] < 1e-6
     squared = result.speed_mps**2
@@ -215,7 +215,7 @@ def test_no_limit_is_lower_than_it_must_be(walk, acceleration):
 
 @properties
 @given(walk=grid_walks(1), acceleration=accelerations)
-def test_no_arc_asks_for_more_than_the_acceleration(walk, acceleration):
+def test_no_arc_needs_more_than_the_acceleration(walk, acceleration):
     result = made(walk, acceleration)
     if len(result.position_m) < 3:
         return
@@ -226,7 +226,7 @@ def test_no_arc_asks_for_more_than_the_acceleration(walk, acceleration):
 
 @properties
 @given(walk=grid_walks(1), acceleration=accelerations)
-def test_the_limit_is_that_of_a_move_the_sample_may_belong_to(walk, acceleration):
+def test_the_speed_limit_of_a_sample_is_that_of_a_near_move(walk, acceleration):
     result = made(walk, acceleration)
     moves = list(itertools.pairwise(walk.position_m))
     for position, limit in zip(result.position_m, result.limit_mps, strict=True):
@@ -240,7 +240,7 @@ def test_the_limit_is_that_of_a_move_the_sample_may_belong_to(walk, acceleration
 
 @properties
 @given(walk=grid_walks(1))
-def test_the_path_is_left_by_no_more_than_the_rounding_and_every_point_is_passed(walk):
+def test_the_trajectory_stays_within_the_rounding_of_the_path_and_its_points(walk):
     result = made(walk)
     for position in result.position_m:
         assert distance_to_polyline_m(position, walk.position_m) <= ROUNDING_M
@@ -252,8 +252,8 @@ def test_the_path_is_left_by_no_more_than_the_rounding_and_every_point_is_passed
 
 @properties
 @given(walk=grid_walks(1), acceleration=accelerations, mps=st.sampled_from([0.05, 0.3, 1.0]))
-def test_a_cap_is_kept_and_braked_for_before_it_begins(walk, acceleration, mps):
-    """Slower on one side of the middle of the walk."""
+def test_a_speed_cap_is_kept_and_the_speed_is_reduced_before_it(walk, acceleration, mps):
+    """The cap applies on one side of the middle of the path."""
 
     def cap(position, _):
         return np.where(position[:, 0] > 0.5, mps, math.inf)
@@ -267,7 +267,7 @@ def test_a_cap_is_kept_and_braked_for_before_it_begins(walk, acceleration, mps):
     assert (squared[:-1] <= squared[1:] + room + 1e-9).all()
 
 
-def test_a_cap_may_ask_for_the_direction():
+def test_a_speed_cap_may_depend_on_the_direction():
     def cap(_, direction):
         return np.where(direction[:, 2] > 0.9, 0.2, math.inf)
 
@@ -294,7 +294,7 @@ def test_a_corner_whose_arc_ends_on_the_last_point_is_reached_by_the_end(last_m)
     lengths_m=st.lists(st.floats(1e-3, 0.4), min_size=5, max_size=5),
     acceleration=accelerations,
 )
-def test_however_short_the_last_segments_behind_turns_are_all_points_are_reached(
+def test_all_points_are_reached_for_any_short_last_segments_after_turns(
     turns_deg, lengths_m, acceleration
 ):
     heading_rad, points = 0.0, [(0.0, 0.0), (1.0, 0.0)]
@@ -311,7 +311,7 @@ def test_however_short_the_last_segments_behind_turns_are_all_points_are_reached
 
 @properties
 @given(walk=grid_walks(1), acceleration=accelerations, part=st.floats(0.0, 1.0))
-def test_from_anywhere_on_it_the_way_to_rest_is_a_trajectory(walk, acceleration, part):
+def test_a_stop_from_any_point_of_a_trajectory_is_a_trajectory(walk, acceleration, part):
     old = made(walk, acceleration)
     from_m = part * old.length_m
     position, _, speed = old.at(from_m)
@@ -326,7 +326,7 @@ def test_from_anywhere_on_it_the_way_to_rest_is_a_trajectory(walk, acceleration,
 # Splices ----------------------------------------------------------------------------------------
 
 
-def test_what_is_left_of_a_trajectory_leads_into_the_next():
+def test_the_rest_of_a_trajectory_is_the_lead_in_of_the_next_one():
     old = trajectory((0.0, 0.0), (2.0, 0.0), (4.0, 0.0))
     lead_in = old.between(0.5, 2.0)
     new = trajectory((2.0, 0.0), (2.0, 2.0), lead_in=lead_in)
@@ -335,11 +335,11 @@ def test_what_is_left_of_a_trajectory_leads_into_the_next():
     assert new.position_m[-1] == pytest.approx([2.0, 0.0, 2.0])
     # The points and corners are those of the plan, which begins at the joint.
     assert len(new.points_m) == len(new.corner_m) == 2
-    # Its corner is rounded within the last sample that leads there.
+    # Its corner is rounded within the last sample before it.
     assert 1.5 - ROUNDING_M <= new.corner_m[0] < 1.5
 
 
-def test_a_lead_in_of_no_length_is_no_lead_in():
+def test_a_lead_in_without_length_has_no_effect():
     old = trajectory((0.0, 0.0), (2.0, 0.0))
     joined = trajectory((2.0, 0.0), (2.0, 2.0), lead_in=old.between(2.0, 2.0))
     alone = trajectory((2.0, 0.0), (2.0, 2.0))
@@ -355,7 +355,7 @@ def test_a_lead_in_of_no_length_is_no_lead_in():
     part=st.floats(0.0, 1.0),
     joint=st.floats(0.0, 1.0),
 )
-def test_a_splice_keeps_place_and_direction(walk, onward, acceleration, part, joint):
+def test_a_splice_keeps_position_and_direction(walk, onward, acceleration, part, joint):
     old = made(walk, acceleration)
     corner = round(joint * (len(old.corner_m) - 1))
     joined_m = float(old.corner_m[corner])
@@ -371,7 +371,7 @@ def test_a_splice_keeps_place_and_direction(walk, onward, acceleration, part, jo
     # path stood or turned back there is no direction to keep.
     if joined_m - from_m > CELL_M and not _turns_back(old, from_m):
         assert float(new.direction[0] @ direction) >= math.cos(math.radians(23.0))
-    # What leads in is flown along the old path.
+    # The lead-in follows the old path.
     for fraction in (0.25, 0.5, 0.75):
         ahead = from_m + fraction * (joined_m - from_m)
         nearest = distance_to_polyline_m(old.at(ahead)[0], new.position_m)
@@ -386,7 +386,7 @@ def test_a_splice_keeps_place_and_direction(walk, onward, acceleration, part, jo
     joint=st.floats(0.0, 1.0),
 )
 def test_a_splice_onto_the_same_path_is_the_same_path(walk, acceleration, part, joint):
-    """Where nothing changes but the planner's mind, nothing much changes for the aircraft."""
+    """A new plan on the same path changes little for the aircraft."""
     old = made(walk, acceleration)
     corner = round(joint * (len(old.corner_m) - 1))
     from_m = part * float(old.corner_m[corner])
@@ -402,9 +402,7 @@ def test_a_splice_onto_the_same_path_is_the_same_path(walk, acceleration, part, 
 
 @properties
 @given(walk=grid_walks(4), acceleration=accelerations, part=st.floats(0.0, 1.0))
-def test_the_time_that_is_left_is_finite_and_no_less_than_at_the_greatest_speed(
-    walk, acceleration, part
-):
+def test_the_time_left_is_finite_and_at_least_that_at_the_greatest_speed(walk, acceleration, part):
     flown = made(walk, acceleration)
     from_m = part * flown.length_m
     left_s = flown.duration_s(from_m)
@@ -422,7 +420,7 @@ def _turns_back(old, at_m):
     return bool((directions @ directions.T < 0.0).any())
 
 
-def test_another_cap_slows_what_is_left_and_moves_nothing():
+def test_another_speed_cap_slows_the_trajectory_and_moves_no_point():
     trajectory = make_trajectory(
         PathPoints(
             position_m=np.array([[0.0, 0.0], [10.0, 0.0], [10.0, 10.0]]),
@@ -440,7 +438,7 @@ def test_another_cap_slows_what_is_left_and_moves_nothing():
     assert (capped.corner_m == trajectory.corner_m).all()
     assert (capped.speed_mps <= trajectory.speed_mps).all()
     assert capped.at(9.0)[2] == pytest.approx(1.0)
-    # It brakes before: v^2 = 1 + 2 * 1 m/s^2 * 2 m.
+    # The speed is reduced before: v^2 = 1 + 2 * 1 m/s^2 * 2 m.
     assert capped.at(6.0)[2] == pytest.approx(math.sqrt(5.0), abs=0.05)
     assert capped.capped(lambda position_m, _: np.full(len(position_m), 9.0), 1.0).speed_mps == (
         pytest.approx(capped.speed_mps)

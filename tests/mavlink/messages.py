@@ -1,4 +1,4 @@
-"""Messages by name with a few fields given, and what becomes of telemetry with them."""
+"""Messages by name with a few fields given, and telemetry updated with them."""
 
 from __future__ import annotations
 

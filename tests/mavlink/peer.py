@@ -1,4 +1,4 @@
-"""Somebody who speaks raw pymavlink."""
+"""A peer that sends packets by raw pymavlink."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from moar_companion.mavlink.dialect import create
 
 
 class Peer:
-    """Somebody on the other end of a link, encoded by pymavlink rather than by our codec."""
+    """The other end of a link, with packets encoded by pymavlink, not by the product's codec."""
 
     def __init__(self, system_id: int, component_id: int) -> None:
         self._packer = mavlink.MAVLink(None, srcSystem=system_id, srcComponent=component_id)

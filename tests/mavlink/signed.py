@@ -1,4 +1,4 @@
-"""Somebody who signs by pymavlink's own code, and the companion's end of the link."""
+"""A peer that signs by pymavlink's own code, and the companion's end of the link."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MINUTE = 6_000_000
 
 
 class SignedPeer(Peer):
-    """A peer that signs, and refuses what is not signed."""
+    """A peer that signs, and refuses unsigned packets."""
 
     def __init__(
         self, system_id=1, component_id=1, *, secret=SECRET, link_id=3, timestamp=100 * MINUTE
@@ -46,7 +46,7 @@ def signed_codec(link=None, **options):
 
 
 def found_in(data, secret=SECRET):
-    """In which forms the beginning of a key is in a text or a file."""
+    """Forms in which a text or a file contains the beginning of a key."""
     forms = {
         "bytes": secret,
         "hexadecimal": secret.hex().encode(),

@@ -8,7 +8,7 @@ from moar_companion.mavlink.session import Session, SystemStatus
 
 
 class Story:
-    """A session, what it hears and what it sends."""
+    """A session with its received and sent packets."""
 
     def __init__(self, **options):
         self.session = Session(

@@ -56,7 +56,7 @@ def test_a_message_carries_its_source_sequence_and_bytes(peer, mavlink1):
     assert (message.time_unix_usec, message.time_boot_ms) == (5, 6)
 
 
-def test_trailing_zeros_that_were_cut_come_back(autopilot):
+def test_truncated_trailing_zeros_are_restored(autopilot):
     data = autopilot.send("PING", time_usec=1, seq=0, target_system=0, target_component=0)
     assert len(data) == 13
     (message,) = new_codec().receive(data)
@@ -78,7 +78,7 @@ def test_fields_of_a_newer_definition_are_ignored(autopilot):
     assert (message.target_system, message.target_component) == (1, 2)
 
 
-def test_whatever_byte_is_corrupted_the_next_messages_arrive(autopilot):
+def test_messages_after_a_corrupted_byte_arrive(autopilot):
     first = autopilot.attitude(1.0)
     rest = autopilot.heartbeat() * 20
     for position in range(len(first)):
@@ -90,7 +90,7 @@ def test_whatever_byte_is_corrupted_the_next_messages_arrive(autopilot):
             assert all(m.get_type() == "HEARTBEAT" for m in received), (position, flip)
 
 
-def test_whatever_is_missing_from_a_message_the_next_ones_arrive(autopilot):
+def test_messages_after_a_truncated_message_arrive(autopilot):
     first = autopilot.attitude(1.0)
     rest = autopilot.heartbeat() * 20
     for start in range(len(first)):
@@ -100,7 +100,7 @@ def test_whatever_is_missing_from_a_message_the_next_ones_arrive(autopilot):
 
 
 @given(st.lists(st.binary(max_size=400), max_size=5))
-def test_no_bytes_raise(chunks):
+def test_no_bytes_raise_an_error(chunks):
     codec = new_codec()
     for chunk in chunks:
         codec.receive(chunk)
@@ -124,7 +124,7 @@ def test_messages_after_noise_arrive(noise, size):
     received = []
     for start in range(0, len(stream), size):
         received += codec.receive(stream[start : start + size])
-    # A false marker at the noise's end may hold up to 280 bytes back: 13 heartbeats.
+    # A false marker at the end of the noise may delay up to 280 bytes: 13 heartbeats.
     assert types(received)[:7] == ["HEARTBEAT"] * 7
     assert bytes(codec._buffer) == b"" or len(received) >= 7
 
@@ -163,7 +163,7 @@ def test_parameters_and_texts_belong_to_no_stream(autopilot):
     assert codec.statistics(1, 1).off_stream == 2
 
 
-def test_packets_are_kept_whole_for_a_record_but_none_with_a_secret(autopilot, ground_station):
+def test_packets_are_kept_whole_for_recording_except_those_with_a_secret(autopilot, ground_station):
     codec = new_codec(wanted=())
     packets = [autopilot.heartbeat(), unknown_packet(1)]
     signing = ground_station.send(
@@ -194,7 +194,7 @@ def test_unknown_messages_are_skipped_and_count_in_the_sequence(autopilot):
     assert (codec.statistics(1, 1).received, codec.statistics(1, 1).lost) == (3, 0)
 
 
-def test_what_looks_like_an_unknown_message_of_an_unknown_source_is_noise(autopilot):
+def test_an_unknown_message_of_an_unknown_source_is_noise(autopilot):
     codec = new_codec()
     assert types(codec.receive(unknown_packet(1) + autopilot.heartbeat())) == ["HEARTBEAT"]
     assert codec.unknown_messages == 0
@@ -206,7 +206,7 @@ def counted(codec):
     return statistics.received, statistics.lost
 
 
-def test_a_source_never_heard_has_no_packets():
+def test_a_source_never_received_has_no_packets():
     assert counted(new_codec()) == (0, 0)
 
 
@@ -250,7 +250,7 @@ def test_two_sources_have_sequences_of_their_own(autopilot, ground_station):
     assert codec.statistics(255, 190).lost == 0
 
 
-def test_a_restarted_sender_has_lost_nothing(autopilot):
+def test_a_restarted_sender_has_lost_no_packets(autopilot):
     codec = new_codec()
     for _ in range(100):
         codec.receive(autopilot.heartbeat())
@@ -260,7 +260,7 @@ def test_a_restarted_sender_has_lost_nothing(autopilot):
     assert counted(codec) == (200, 0)
 
 
-def test_what_we_send_has_our_ids_and_consecutive_numbers():
+def test_sent_packets_have_the_companions_ids_and_consecutive_numbers():
     codec = Codec(system_id=1, component_id=195)
     message = create("PING", time_usec=1, seq=2, target_system=0, target_component=0)
     reader = mavlink.MAVLink(None)
@@ -302,7 +302,7 @@ def test_every_message_is_the_one_pymavlink_reads(recording, name):
         ("ardupilot/k2_reboot.companion.tlog", 0),
     ],
 )
-def test_on_a_good_link_nothing_of_the_autopilot_is_lost(recording, name, lost):
+def test_on_a_good_recorded_link_no_packet_is_lost(recording, name, lost):
     codec = new_codec(wanted=())
     for _, packet in recording(name):
         codec.receive(packet)
@@ -311,7 +311,7 @@ def test_on_a_good_link_nothing_of_the_autopilot_is_lost(recording, name, lost):
 
 
 @pytest.mark.recordings
-def test_a_recorded_stream_with_gaps_in_it_loses_only_what_is_missing(recording):
+def test_a_recorded_stream_with_gaps_loses_only_the_missing_packets(recording):
     packets = [packet for _, packet in recording("px4/h0_boot_rates.companion.tlog")][:3000]
     codec = new_codec()
     stream = b"".join(packets)
@@ -327,14 +327,14 @@ def test_a_recorded_stream_with_gaps_in_it_loses_only_what_is_missing(recording)
     assert 0 < statistics.lost < 6 * holes
 
 
-def test_a_frame_is_sound_when_its_checksum_is(autopilot):
+def test_a_frame_is_valid_when_its_checksum_is_correct(autopilot):
     data = autopilot.heartbeat()
     assert is_sound(b"junk" + data, 4) is True
     assert is_sound(data[:-1] + bytes([data[-1] ^ 1]), 0) is False
     assert is_sound(b"\xfd\x00\x00\x00\x00\x01\x01\xff\xff\x7fXY", 0) is None
 
 
-def test_senders_of_random_ids_fill_no_memory_and_an_autopilot_that_comes_later_is_counted(peer):
+def test_senders_of_random_ids_do_not_fill_memory_and_a_later_autopilot_counts(peer):
     codec = new_codec()
     autopilot = peer(1, 1)
     for number in range(600):
@@ -345,13 +345,13 @@ def test_senders_of_random_ids_fill_no_memory_and_an_autopilot_that_comes_later_
     assert counted(codec) == (300, 0)
 
 
-def test_the_sources_are_told_in_the_order_in_which_they_were_heard(peer):
+def test_sources_are_listed_in_the_order_received(peer):
     codec = new_codec()
     codec.receive(peer(7, 1).heartbeat() + peer(1, 1).heartbeat() + peer(7, 1).heartbeat())
     assert codec.sources == [(7, 1), (1, 1)]
 
 
-def test_of_a_datagram_of_whole_packets_nothing_is_read_after_the_first_that_is_none(autopilot):
+def test_a_datagram_is_not_read_beyond_its_first_invalid_packet(autopilot):
     codec = new_codec()
     codec.whole_packets = True
     sound, cut = autopilot.heartbeat(), autopilot.attitude(1.0)[:20]

@@ -51,7 +51,7 @@ def test_user_1_names_a_mission_in_long_and_int(ground_station, number, mission)
 
 
 @pytest.mark.parametrize("index", [NAN, -1])
-def test_no_index_is_all_in_turn(ground_station, index):
+def test_a_command_without_an_index_is_for_all_targets_in_turn(ground_station, index):
     assert interpreted(ground_station.command(USER_1, 1, index)).index is None
 
 
@@ -63,13 +63,13 @@ def test_a_mission_that_does_not_exist_is_denied(ground_station, number):
 
 
 @pytest.mark.parametrize("index", [-2, 0.5, math.inf, -math.inf, 1e9])
-def test_an_index_that_is_none_is_denied(ground_station, index):
+def test_an_invalid_index_is_denied(ground_station, index):
     command = interpreted(ground_station.command(USER_1, 1, index))
     assert isinstance(command, DeniedCommand)
     assert "param2" in command.reason
 
 
-def test_pause_and_continue(ground_station):
+def test_do_pause_continue_is_read_and_other_values_are_denied(ground_station):
     assert interpreted(ground_station.command(PAUSE_CONTINUE, 0)).pause is True
     assert interpreted(ground_station.command(PAUSE_CONTINUE, 1)).pause is False
     for number in (2, -1, 0.5, NAN, math.inf):
@@ -78,14 +78,14 @@ def test_pause_and_continue(ground_station):
 
 
 @pytest.mark.parametrize("target", [(1, 195), (0, 195)])
-def test_an_unknown_command_to_us_is_unsupported(ground_station, target):
+def test_an_unknown_command_to_the_companion_is_unsupported(ground_station, target):
     command = interpreted(ground_station.command(400, 1, target=target))
     assert isinstance(command, UnsupportedCommand)
     assert command.command == 400
 
 
 @pytest.mark.parametrize("target", [(1, 0), (0, 0)])
-def test_of_commands_to_all_only_ours_are_heard(ground_station, target):
+def test_of_broadcast_commands_only_the_companions_are_taken(ground_station, target):
     assert isinstance(interpreted(ground_station.command(USER_1, 1, target=target)), MissionCommand)
     assert isinstance(
         interpreted(ground_station.command(PAUSE_CONTINUE, 1, target=target)), PauseContinue
@@ -95,10 +95,10 @@ def test_of_commands_to_all_only_ours_are_heard(ground_station, target):
 
 
 @pytest.mark.parametrize("target", [(1, 1), (1, 191), (2, 195), (2, 0)])
-def test_commands_to_others_are_none_of_our_business(ground_station, target):
+def test_commands_to_other_components_are_ignored(ground_station, target):
     assert interpreted(ground_station.command(USER_1, 1, target=target)) is None
 
 
 @pytest.mark.parametrize("number", [224, 192])
-def test_what_belongs_to_the_autopilot_is_unsupported_when_addressed_to_us(ground_station, number):
+def test_an_autopilots_command_addressed_to_the_companion_is_unsupported(ground_station, number):
     assert isinstance(interpreted(ground_station.command(number)), UnsupportedCommand)

@@ -42,11 +42,11 @@ def test_each_message_is_in_the_map_with_its_size_on_the_wire(name, size):
     assert message_class.unpacker.size == size
 
 
-def test_a_message_pymavlink_knows_stays_pymavlinks():
+def test_a_message_of_pymavlink_is_not_replaced():
     assert mavlink.mavlink_map[436] is mavlink.MAVLink_current_mode_message
 
 
-def test_an_added_message_survives_the_wire():
+def test_an_added_message_is_encoded_and_decoded_unchanged():
     message = create(
         "ESC_STATUS",
         time_usec=123456789,
@@ -97,7 +97,7 @@ def test_px4s_own_messages_are_read_with_plausible_values(recording):
 
 
 @pytest.mark.recordings
-def test_px4_v118_tells_of_its_motors(recording):
+def test_px4_v118_reports_its_motor_outputs(recording):
     codec = Codec(system_id=9, component_id=9, wanted={291})
     messages = [
         message

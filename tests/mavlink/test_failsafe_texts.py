@@ -11,7 +11,7 @@ from moar_companion.telemetry import Failsafe, Telemetry
 GOOD, CONST_POSITION = 0x33F, 0x0A7
 
 
-def told(*texts, autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA):
+def reported(*texts, autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA):
     heartbeat = mavlink.MAVLink_heartbeat_message(2, autopilot, 217, 4, 5, 3)
     telemetry = translate.update(Telemetry(), heartbeat, 0.5)
     for text in texts:
@@ -35,34 +35,34 @@ def told(*texts, autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA):
         ("Max Alt fence breached", Failsafe.FENCE),
     ],
 )
-def test_these_texts_name_a_failsafe(text, failsafe):
-    assert told(text) == {failsafe}
+def test_failsafe_texts_of_ardupilot_name_the_failsafe(text, failsafe):
+    assert reported(text) == {failsafe}
 
 
 @pytest.mark.parametrize(
     "text", ["", "Battery 1 is healthy", "EKF3 IMU0 is using GPS", "Arming motors"]
 )
-def test_others_name_none(text):
-    assert told(text) == frozenset()
+def test_other_texts_name_no_failsafe(text):
+    assert reported(text) == frozenset()
 
 
 @pytest.mark.parametrize(
     "autopilot", [mavlink.MAV_AUTOPILOT_PX4, mavlink.MAV_AUTOPILOT_GENERIC], ids=["PX4", "unknown"]
 )
-def test_the_same_text_of_another_autopilot_names_none(autopilot):
-    """Its failsafe then has an unknown cause, which holds the flight as well."""
-    assert told("GCS Failsafe", autopilot=autopilot) == frozenset()
+def test_the_same_text_of_another_autopilot_names_no_failsafe(autopilot):
+    """The failsafe then has an unknown cause, which holds the flight as well."""
+    assert reported("GCS Failsafe", autopilot=autopilot) == frozenset()
 
 
-def test_what_is_cleared_is_told_no_more():
-    assert told("Radio Failsafe", "GCS Failsafe", "Radio Failsafe Cleared") == {
+def test_a_cleared_failsafe_is_reported_no_more():
+    assert reported("Radio Failsafe", "GCS Failsafe", "Radio Failsafe Cleared") == {
         Failsafe.GROUND_STATION
     }
-    assert told("EKF variance", "EKF Failsafe Cleared") == frozenset()
-    assert told("Dead Reckoning started", "Dead Reckoning stopped") == frozenset()
+    assert reported("EKF variance", "EKF Failsafe Cleared") == frozenset()
+    assert reported("Dead Reckoning started", "Dead Reckoning stopped") == frozenset()
 
 
-def test_a_status_that_is_no_failsafe_again_ends_them_all():
+def test_a_status_without_a_failsafe_ends_all_reported_failsafes():
     telemetry = Telemetry()
     for status in (5, 5, 4):
         heartbeat = mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, status, 3)
@@ -74,11 +74,11 @@ def test_a_status_that_is_no_failsafe_again_ends_them_all():
 
 
 def after(text, seconds, *, flags=GOOD, compass=0.1, fix_type=3, heartbeats_s=1.0, reports=True):
-    """The failsafes told so long after a text, with heartbeats of status 5 and other witnesses."""
+    """Failsafes reported a time after a text, with heartbeats of status 5 and other reports."""
     message = mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 5, 3)
     telemetry = translate.update(Telemetry(), message, 0.0)
-    words = mavlink.MAVLink_statustext_message(2, text.encode())
-    telemetry, now_s = translate.update(telemetry, words, 0.0), 0.0
+    statustext = mavlink.MAVLink_statustext_message(2, text.encode())
+    telemetry, now_s = translate.update(telemetry, statustext, 0.0), 0.0
     while now_s < seconds:
         now_s += heartbeats_s
         if reports:
@@ -90,27 +90,27 @@ def after(text, seconds, *, flags=GOOD, compass=0.1, fix_type=3, heartbeats_s=1.
     return set(telemetry.failsafes_reported)
 
 
-def test_one_of_the_estimator_ends_by_a_position_that_is_sure_for_some_seconds():
-    """Its own text may be lost, and a battery's failsafe keeps the status."""
-    told = {Failsafe.ESTIMATOR}
-    assert after("EKF variance: compass", 4.0) == told
+def test_an_estimator_failsafe_ends_after_seconds_of_a_good_position():
+    """The text of its end may be lost, and a battery failsafe keeps the status."""
+    estimator = {Failsafe.ESTIMATOR}
+    assert after("EKF variance: compass", 4.0) == estimator
     assert after("EKF variance: compass", 7.0) == set()
-    assert after("EKF variance: compass", 60.0, flags=CONST_POSITION) == told
-    assert after("EKF variance: compass", 60.0, compass=0.9) == told
-    assert after("EKF variance: compass", 60.0, reports=False) == told
-    assert after("EKF variance: compass", 10.0, heartbeats_s=10.0) == told
+    assert after("EKF variance: compass", 60.0, flags=CONST_POSITION) == estimator
+    assert after("EKF variance: compass", 60.0, compass=0.9) == estimator
+    assert after("EKF variance: compass", 60.0, reports=False) == estimator
+    assert after("EKF variance: compass", 10.0, heartbeats_s=10.0) == estimator
 
 
-def test_dead_reckoning_lasts_until_there_is_a_fix():
+def test_a_dead_reckoning_failsafe_lasts_until_a_fix():
     assert after("Dead Reckoning started", 60.0, fix_type=1) == {Failsafe.DEAD_RECKONING}
     assert after("Dead Reckoning started", 7.0) == set()
 
 
 @pytest.mark.parametrize("text", ["Radio Failsafe", "GCS Failsafe", "Max Alt fence breached"])
-def test_one_that_only_a_text_names_has_an_age(text):
+def test_a_failsafe_reported_by_text_alone_expires(text):
     assert after(text, 59.0)
     assert not after(text, 62.0)
 
 
-def test_that_of_a_battery_stays():
+def test_a_battery_failsafe_does_not_expire():
     assert after("Battery Failsafe", 600.0) == {Failsafe.BATTERY}

@@ -1,4 +1,4 @@
-"""The reading of the uploaded fence: answers, refusals, losses, silence."""
+"""Download of the autopilot's fence: answers, refusals, losses, silence."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ def refusal(result):
 
 
 def read(download, number=3, now_s=0.0):
-    """A whole reading, every answer at once."""
+    """Downloads a whole fence, with every answer at once."""
     assert download.next_request(AUTOPILOT, now_s).get_type() == "MISSION_REQUEST_LIST"
     end = download.handle(count(number), AUTOPILOT, now_s)
     for seq in range(number):
@@ -51,7 +51,7 @@ def read(download, number=3, now_s=0.0):
     assert (end.get_type(), end.type) == ("MISSION_ACK", mavlink.MAV_MISSION_ACCEPTED)
 
 
-def test_all_items_are_read_in_turn_and_acknowledged():
+def test_all_fence_items_are_read_in_turn_and_acknowledged():
     download = FenceDownload()
     assert download.items is None
     read(download)
@@ -64,13 +64,13 @@ def test_all_items_are_read_in_turn_and_acknowledged():
     )
 
 
-def test_an_empty_list_is_an_answer():
+def test_an_empty_list_is_a_valid_fence():
     download = FenceDownload()
     read(download, 0)
     assert download.items == ()
 
 
-def test_it_is_read_again_after_a_while_and_stays_known_meanwhile():
+def test_the_fence_is_read_again_periodically_and_stays_known_meanwhile():
     download = FenceDownload()
     read(download)
     assert download.next_request(AUTOPILOT, 9.9) is None
@@ -80,7 +80,7 @@ def test_it_is_read_again_after_a_while_and_stays_known_meanwhile():
     assert download.items == ()
 
 
-def test_a_lost_packet_is_asked_for_again():
+def test_a_lost_item_is_requested_again():
     download = FenceDownload()
     download.next_request(AUTOPILOT, 0.0)
     download.handle(count(2), AUTOPILOT, 0.0)
@@ -92,7 +92,7 @@ def test_a_lost_packet_is_asked_for_again():
     assert download.next_request(AUTOPILOT, 1.1).seq == 1
 
 
-def test_an_autopilot_that_never_answers_is_silent_and_asked_again_later():
+def test_an_autopilot_that_never_answers_is_silent_and_queried_again_later():
     download = FenceDownload()
     asked = [download.next_request(AUTOPILOT, float(second)) for second in range(12)]
     assert sum(message is not None for message in asked) == 5
@@ -102,7 +102,7 @@ def test_an_autopilot_that_never_answers_is_silent_and_asked_again_later():
     assert not download.silent
 
 
-def test_one_that_tells_of_items_but_none_of_them_leaves_its_fence_unknown():
+def test_an_autopilot_that_sends_a_count_but_no_item_leaves_its_fence_unknown():
     download = FenceDownload()
     download.next_request(AUTOPILOT, 0.0)
     download.handle(count(4), AUTOPILOT, 0.0)
@@ -112,7 +112,7 @@ def test_one_that_tells_of_items_but_none_of_them_leaves_its_fence_unknown():
     assert not download.silent
 
 
-def test_one_that_falls_silent_after_it_was_read_is_silent_with_what_is_known():
+def test_an_autopilot_that_falls_silent_keeps_the_fence_that_was_read():
     download = FenceDownload()
     read(download)
     for second in range(10, 22):
@@ -121,7 +121,7 @@ def test_one_that_falls_silent_after_it_was_read_is_silent_with_what_is_known():
     assert len(download.items) == 3
 
 
-def test_one_that_is_busy_is_asked_again_soon():
+def test_a_busy_autopilot_is_queried_again_soon():
     download = FenceDownload()
     download.next_request(AUTOPILOT, 0.0)
     download.handle(refusal(mavlink.MAV_MISSION_DENIED), AUTOPILOT, 0.0)
@@ -130,14 +130,14 @@ def test_one_that_is_busy_is_asked_again_soon():
     read(download, now_s=1.0)
 
 
-def test_one_that_knows_no_fence_has_none():
+def test_an_autopilot_without_fence_support_has_an_empty_fence():
     download = FenceDownload()
     download.next_request(AUTOPILOT, 0.0)
     download.handle(refusal(mavlink.MAV_MISSION_UNSUPPORTED), AUTOPILOT, 0.0)
     assert download.items == ()
 
 
-def test_what_nobody_asked_for_and_other_missions_are_ignored():
+def test_unrequested_answers_and_other_mission_types_are_ignored():
     download = FenceDownload()
     download.handle(count(0), AUTOPILOT, 0.0)
     assert download.items is None
@@ -146,7 +146,7 @@ def test_what_nobody_asked_for_and_other_missions_are_ignored():
     assert download.items is None
 
 
-def test_after_a_restart_it_is_read_at_once():
+def test_after_a_restart_the_fence_is_read_at_once():
     download = FenceDownload()
     read(download)
     download.restart()

@@ -18,7 +18,7 @@ def handle(identity, data, *, link="serial", now_s=0.0):
     return identity.handle(message, link=link, now_s=now_s)
 
 
-def test_the_first_autopilot_heard_is_ours(peer):
+def test_the_first_autopilot_received_is_latched(peer):
     identity = Identity()
     event = handle(identity, peer(7, 1).heartbeat())
     assert isinstance(event, AutopilotFound)
@@ -36,7 +36,7 @@ def test_the_first_autopilot_heard_is_ours(peer):
         (2, mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_PX4),
     ],
 )
-def test_nobody_else_is_taken_for_an_autopilot(peer, component, vehicle, autopilot):
+def test_other_components_are_not_taken_for_an_autopilot(peer, component, vehicle, autopilot):
     identity = Identity()
     data = peer(1, component).heartbeat(vehicle=vehicle, autopilot=autopilot)
     assert handle(identity, data) is None
@@ -62,8 +62,8 @@ def test_a_second_autopilot_is_a_conflict_until_it_falls_silent(peer):
     assert isinstance(event, AutopilotConflict)
 
 
-def test_an_autopilot_that_is_gone_makes_room_for_the_only_other_one(peer):
-    """Else a simulator that was heard once would have to be forgotten by a restart."""
+def test_an_autopilot_that_falls_silent_is_replaced_by_the_only_other_one(peer):
+    """Otherwise a simulator received once would block control until a restart."""
     identity = Identity()
     handle(identity, peer(7, 1).heartbeat(), now_s=0.0)
     assert isinstance(handle(identity, peer(1, 1).heartbeat(), now_s=9.9), AutopilotConflict)
@@ -74,7 +74,7 @@ def test_an_autopilot_that_is_gone_makes_room_for_the_only_other_one(peer):
     assert not identity.conflict
 
 
-def test_of_two_others_none_takes_its_place(peer):
+def test_a_silent_autopilot_is_not_replaced_where_two_others_are_received(peer):
     identity = Identity()
     handle(identity, peer(7, 1).heartbeat(), now_s=0.0)
     for second in range(1, 30):
@@ -101,7 +101,7 @@ def test_invented_ids_are_reported_every_ten_seconds_and_eight_are_kept(peer):
     assert not identity.conflict
 
 
-def test_of_many_others_the_one_that_is_still_heard_is_kept(peer):
+def test_of_many_other_autopilots_the_one_still_received_is_kept(peer):
     identity, other = Identity(), peer(77, 1)
     handle(identity, peer(1, 1).heartbeat(), now_s=0.0)
     for step in range(100):
@@ -111,7 +111,7 @@ def test_of_many_others_the_one_that_is_still_heard_is_kept(peer):
         assert step == 0 or (77, autopilots.PX4) in identity._others
 
 
-def test_a_conflict_that_was_not_due_is_reported_when_it_is(peer):
+def test_a_conflict_within_the_report_interval_is_reported_after_it(peer):
     identity = Identity()
     handle(identity, peer(1, 1).heartbeat(), now_s=0.0)
     assert handle(identity, peer(2, 1).heartbeat(), now_s=1.0) is not None
@@ -152,7 +152,7 @@ def test_another_link_is_used_when_the_first_falls_silent(peer):
     assert identity.alive(4.0)
 
 
-def test_a_boot_after_anything_else_is_a_restart(peer):
+def test_a_boot_status_after_another_status_is_a_restart(peer):
     identity = Identity()
     sender = peer(1, 1)
     booting = {"system_status": mavlink.MAV_STATE_BOOT}

@@ -70,7 +70,7 @@ def tcp(port, host="127.0.0.1"):
     return LinkAddress(kind=LinkKind.TCP, host=host, port=port)
 
 
-async def test_two_udp_links_talk_to_each_other():
+async def test_two_udp_links_exchange_data():
     port = free_port(socket.SOCK_DGRAM)
     here, there = Received(), Received()
     async with open_link(udp_listen(port), here) as listener:
@@ -83,7 +83,7 @@ async def test_two_udp_links_talk_to_each_other():
     assert there.data == b"welcome"
 
 
-async def test_a_listener_sends_to_the_peers_that_it_is_given_and_to_nobody_else():
+async def test_a_listening_link_sends_to_its_peers_alone():
     port = free_port(socket.SOCK_DGRAM)
     here, first, second = Received(), Received(), Received()
     async with (
@@ -136,7 +136,7 @@ async def test_a_datagram_has_the_time_of_its_arrival_not_of_its_reading():
     here = Arrivals()
     async with open_link(udp_listen(port), here):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as autopilot:
-            await asyncio.sleep(0.1)  # the kernel begins to stamp a moment after it is asked to
+            await asyncio.sleep(0.1)  # the kernel begins to stamp a moment after the request
             before_s = clock_s()
             autopilot.sendto(b"early", ("127.0.0.1", port))
             after_s = clock_s()
@@ -151,7 +151,9 @@ async def test_a_datagram_has_the_time_of_its_arrival_not_of_its_reading():
 
 
 @pytest.mark.parametrize("step_s", [-3600.0, 3600.0])
-async def test_a_wall_clock_that_is_set_dates_nothing_before_the_last_reading(step_s, monkeypatch):
+async def test_a_step_of_the_wall_clock_dates_no_packet_before_the_last_reading(
+    step_s, monkeypatch
+):
     port = free_port(socket.SOCK_DGRAM)
     here = Arrivals()
     async with open_link(udp_listen(port), here):
@@ -164,7 +166,7 @@ async def test_a_wall_clock_that_is_set_dates_nothing_before_the_last_reading(st
     assert opened_s - 0.02 <= here.items[0][1] <= clock_s()
 
 
-async def test_datagrams_that_found_no_room_are_told(monkeypatch, caplog):
+async def test_datagrams_dropped_by_a_full_buffer_are_reported(monkeypatch, caplog):
     monkeypatch.setattr(udp_link, "_RECEIVE_BYTES", 4096)
     port = free_port(socket.SOCK_DGRAM)
     here = Arrivals()
@@ -182,7 +184,7 @@ async def test_datagrams_that_found_no_room_are_told(monkeypatch, caplog):
     assert f"{101 - len(here.items)} datagrams lost, read too late" in caplog.text
 
 
-async def test_a_port_in_use_is_told_in_one_line():
+async def test_a_port_in_use_is_reported_in_one_line():
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
@@ -195,7 +197,7 @@ async def test_a_port_in_use_is_told_in_one_line():
 @pytest.mark.parametrize(
     "address", [udp_send(1, "no.such.host.invalid"), tcp(1, "no.such.host.invalid")]
 )
-async def test_a_name_that_is_not_found_is_told_in_one_line(address, monkeypatch):
+async def test_a_host_name_that_is_not_found_is_reported_in_one_line(address, monkeypatch):
     async def refuse(*_args, **_options):
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
 
@@ -205,7 +207,7 @@ async def test_a_name_that_is_not_found_is_told_in_one_line(address, monkeypatch
             pass
 
 
-async def test_a_udp_peer_that_is_not_there_is_a_warning_once(caplog):
+async def test_an_absent_udp_peer_is_warned_of_once(caplog):
     caplog.set_level(logging.DEBUG, logger=udp_link.__name__)
     port = free_port(socket.SOCK_DGRAM)
     async with open_link(udp_send(port), Received()) as sender:
@@ -249,7 +251,7 @@ class Server:
         self._server.close()
 
 
-async def test_a_tcp_link_comes_back_after_it_was_lost(monkeypatch, caplog):
+async def test_a_lost_tcp_link_reconnects(monkeypatch, caplog):
     monkeypatch.setattr(link_module, "_RECONNECT_S", 0.0)
     caplog.set_level(logging.INFO, logger=link_module.__name__)
     server, here = Server(), Received()
@@ -271,7 +273,7 @@ async def test_a_tcp_link_comes_back_after_it_was_lost(monkeypatch, caplog):
     assert "connected again" in caplog.text
 
 
-async def test_a_tcp_peer_that_comes_later_is_found(monkeypatch, caplog):
+async def test_a_tcp_link_connects_to_a_peer_that_starts_later(monkeypatch, caplog):
     monkeypatch.setattr(link_module, "_RECONNECT_S", 0.0)
     caplog.set_level(logging.DEBUG, logger=link_module.__name__)
     port = free_port(socket.SOCK_STREAM)
@@ -287,7 +289,7 @@ async def test_a_tcp_peer_that_comes_later_is_found(monkeypatch, caplog):
     assert levels[:3] == ["WARNING", "DEBUG", "DEBUG"]
 
 
-async def test_a_name_that_is_not_looked_up_in_time_takes_one_thread_until_it_is(monkeypatch):
+async def test_a_slow_host_name_lookup_takes_one_thread(monkeypatch):
     monkeypatch.setattr(link_module, "_RECONNECT_S", 0.0)
     monkeypatch.setattr(link_module, "_CONNECT_TIMEOUT_S", 0.01)
     answers, asked, attempts = threading.Event(), [], []
@@ -319,7 +321,7 @@ async def test_a_name_that_is_not_looked_up_in_time_takes_one_thread_until_it_is
     server.stop()
 
 
-async def test_of_several_addresses_of_a_name_the_first_that_answers_is_used(monkeypatch):
+async def test_of_several_addresses_of_a_host_name_the_first_that_answers_is_used(monkeypatch):
     server, here = Server(), Received()
     port = await server.serve(0)
     find = socket.getaddrinfo
@@ -333,7 +335,7 @@ async def test_of_several_addresses_of_a_name_the_first_that_answers_is_used(mon
     server.stop()
 
 
-async def test_a_tcp_peer_that_takes_nothing_finds_nothing_old_here():
+async def test_a_stalled_tcp_peer_receives_no_old_data():
     server = Server()
     stalled = asyncio.Event()
 
@@ -414,7 +416,7 @@ async def test_a_stuck_serial_line_drops_the_oldest_whole_packets_and_never_bloc
     assert len(arrived) < 1000
 
 
-async def test_a_full_serial_line_drops_what_may_be_late_before_what_moves_the_aircraft():
+async def test_a_full_serial_line_drops_other_packets_before_setpoints():
     with serial_line() as (far, device):
         async with open_link(serial(device), Received()) as link:
             while not link._connection._waiting:
@@ -431,7 +433,7 @@ async def test_a_full_serial_line_drops_what_may_be_late_before_what_moves_the_a
     assert b"".join(setpoints) in data
 
 
-async def test_what_must_not_be_late_is_not_sent_by_a_serial_line_that_was_stuck():
+async def test_a_serial_line_that_was_stuck_sends_no_late_setpoints():
     with serial_line() as (far, device):
         async with open_link(serial(device), Received()) as link:
             while not link._connection._waiting:
@@ -445,14 +447,14 @@ async def test_what_must_not_be_late_is_not_sent_by_a_serial_line_that_was_stuck
     assert data.endswith(b"stuckA TEXTTHE NEXT SETPOINT")
 
 
-async def test_a_missing_device_is_told_in_one_line():
+async def test_a_missing_device_is_reported_in_one_line():
     with pytest.raises(LinkError) as refused:
         async with open_link(serial("/dev/no-such-tty"), Received()):
             pass
     assert str(refused.value) == "serial:/dev/no-such-tty:57600: no such file or directory"
 
 
-async def test_a_device_in_use_is_told_in_one_line():
+async def test_a_device_in_use_is_reported_in_one_line():
     with serial_line() as (_, device):
         async with open_link(serial(device), Received()):
             with pytest.raises(LinkError, match="in use by another program"):
@@ -460,7 +462,7 @@ async def test_a_device_in_use_is_told_in_one_line():
                     pass
 
 
-async def test_at_the_end_a_serial_line_still_takes_what_was_sent(monkeypatch):
+async def test_closing_a_serial_line_waits_until_sent_data_are_written(monkeypatch):
     """The last setpoint, at rest; on a UART it waits in the kernel for some milliseconds."""
     dropped = []
     monkeypatch.setattr(serial_module.Serial, "reset_output_buffer", dropped.append)
@@ -471,7 +473,7 @@ async def test_at_the_end_a_serial_line_still_takes_what_was_sent(monkeypatch):
     assert dropped == []
 
 
-async def test_of_a_lost_serial_line_nobody_waits_for_what_it_takes_no_more(monkeypatch):
+async def test_closing_a_lost_serial_line_does_not_wait(monkeypatch):
     dropped = asyncio.Event()
     monkeypatch.setattr(serial_module.Serial, "reset_output_buffer", lambda _: dropped.set())
     with serial_line() as (far, device):
@@ -480,7 +482,7 @@ async def test_of_a_lost_serial_line_nobody_waits_for_what_it_takes_no_more(monk
             await asyncio.wait_for(dropped.wait(), 5.0)
 
 
-async def test_an_unplugged_device_is_a_warning_and_is_waited_for(monkeypatch, caplog):
+async def test_an_unplugged_device_is_warned_of_and_awaited(monkeypatch, caplog):
     monkeypatch.setattr(link_module, "_RECONNECT_S", 0.0)
     caplog.set_level(logging.DEBUG, logger=link_module.__name__)
     with serial_line() as (far, device):

@@ -16,7 +16,7 @@ DENIED = 2
 
 
 class Machine:
-    """Requests against a clock in steps of 20 ms, with streams that flow at given rates."""
+    """Requests, a clock in steps of 20 ms, and streams that flow at given rates."""
 
     def __init__(self, rates_hz, *, silent):
         self.requests = MessageRates()
@@ -35,7 +35,7 @@ class Machine:
         """Requests made within a time as (time, id); answers go back after `delay_s`.
 
         answer: a result, or a function of the message id; None: none. lost: ids whose next request
-        is lost. Of `flows_when_accepted`, what is accepted flows.
+        is lost. Streams in `flows_when_accepted` flow once accepted.
         """
         made = []
         for _ in range(round(duration_s / 0.02)):
@@ -70,33 +70,33 @@ class Machine:
                 yield message_id
 
 
-def test_a_silent_autopilot_is_asked_at_once_for_everything():
+def test_all_messages_are_requested_of_a_silent_autopilot_at_once():
     machine = Machine({ATTITUDE: 20.0, POSITION: 10.0}, silent=True)
     assert [message_id for _, message_id in machine.run(0.1)] == [ATTITUDE, POSITION]
     machine.flowing_hz = {ATTITUDE: 20.0, POSITION: 10.0}
     assert machine.run(60.0) == []
 
 
-def test_the_interval_is_in_microseconds():
+def test_the_requested_interval_is_in_microseconds():
     requests = MessageRates()
     requests.start({ATTITUDE: 30.0}, silent=True, now_s=0.0)
     assert requests.next_request(0.1) == (ATTITUDE, 33333)
 
 
-def test_what_flows_by_itself_is_not_asked_for():
+def test_a_stream_that_flows_by_itself_is_not_requested():
     machine = Machine({ATTITUDE: 20.0, POSITION: 10.0}, silent=False)
     machine.flowing_hz = {ATTITUDE: 99.0, POSITION: 9.9}
     assert machine.run(60.0) == []
 
 
-def test_what_flows_too_slowly_is_asked_for_after_it_was_measured():
+def test_a_stream_that_is_too_slow_is_requested_after_its_rate_was_measured():
     machine = Machine({ATTITUDE: 20.0, POSITION: 10.0}, silent=False)
     machine.flowing_hz = {ATTITUDE: 10.0, POSITION: 10.0}
     made = machine.run(60.0)
     assert made == [(2.02, ATTITUDE)]
 
 
-def test_no_more_than_five_requests_go_out_in_100_ms():
+def test_at_most_five_requests_are_sent_in_100_ms():
     rates = dict.fromkeys(range(1000, 1020), 1.0)
     made = Machine(rates, silent=True).run(10.0)
     assert len(made) == 20
@@ -104,7 +104,7 @@ def test_no_more_than_five_requests_go_out_in_100_ms():
     assert all(b - a >= 0.019 for a, b in itertools.pairwise(times))
 
 
-def test_without_an_answer_each_is_asked_for_three_times_and_again_after_a_pause():
+def test_without_an_answer_a_stream_is_requested_three_times_and_after_a_pause():
     """A link that loses 30 % each way loses all three answers of one message in seven."""
     machine = Machine({ATTITUDE: 20.0, POSITION: 10.0}, silent=True)
     made = machine.run(10.0, answer=None)
@@ -115,7 +115,7 @@ def test_without_an_answer_each_is_asked_for_three_times_and_again_after_a_pause
     assert sorted(again) == [ATTITUDE] * 3 + [POSITION] * 3
 
 
-def test_what_flows_without_an_answer_is_not_asked_for_again():
+def test_a_stream_that_flows_without_an_answer_is_not_requested_again():
     machine = Machine({ATTITUDE: 20.0}, silent=True)
     assert len(machine.run(0.5, answer=None)) == 1
     machine.flowing_hz = {ATTITUDE: 20.0}
@@ -123,7 +123,7 @@ def test_what_flows_without_an_answer_is_not_asked_for_again():
     assert machine.run(60.0, answer=None) == []
 
 
-def test_what_is_denied_is_asked_for_again_after_a_minute_or_a_restart():
+def test_a_denied_stream_is_requested_again_after_a_minute_or_a_restart():
     machine = Machine({ATTITUDE: 20.0}, silent=True)
     assert len(machine.run(60.0, answer=DENIED)) == 1
     assert len(machine.run(60.0, answer=DENIED)) == 1
@@ -132,7 +132,7 @@ def test_what_is_denied_is_asked_for_again_after_a_minute_or_a_restart():
     assert len(machine.run(60.0)) == 1
 
 
-def test_what_is_acknowledged_and_does_not_flow_is_asked_for_again_after_a_pause():
+def test_a_stream_acknowledged_but_absent_is_requested_again_after_a_pause():
     machine = Machine({ATTITUDE: 20.0}, silent=True)
     times = [time_s for time_s, _ in machine.run(35.0)]
     assert len(times) == 4
@@ -157,12 +157,12 @@ def test_a_late_denial_does_not_deny_the_next_request():
     assert machine.flowing_hz == {POSITION: 10.0}
 
 
-def test_a_temporary_rejection_is_asked_again():
+def test_a_temporarily_rejected_stream_is_requested_again():
     made = Machine({ATTITUDE: 20.0}, silent=True).run(10.0, answer=TEMPORARILY_REJECTED)
     assert len(made) == 3
 
 
-def test_a_stream_that_stops_is_asked_for_again():
+def test_a_stream_that_stops_is_requested_again():
     machine = Machine({ATTITUDE: 20.0}, silent=True)
     machine.run(0.1)
     machine.flowing_hz = {ATTITUDE: 20.0}
@@ -173,7 +173,7 @@ def test_a_stream_that_stops_is_asked_for_again():
     assert machine.run(60.0) == []
 
 
-def test_an_answer_that_nobody_waits_for_is_ignored():
+def test_an_answer_without_a_request_is_ignored():
     requests = MessageRates()
     requests.answered(DENIED)
     requests.start({ATTITUDE: 20.0}, silent=True, now_s=0.0)
@@ -182,16 +182,16 @@ def test_an_answer_that_nobody_waits_for_is_ignored():
 
 
 @pytest.mark.parametrize("kind", [*autopilots.PROFILES, autopilots.UNKNOWN])
-def test_what_telemetry_needs_is_wanted_of_every_autopilot(kind):
+def test_streams_for_telemetry_are_requested_of_every_autopilot(kind):
     assert {1, 24, 30, 32, 147, 242, 245} <= set(wanted_rates_hz(kind))
 
 
-def test_what_an_autopilot_denies_is_not_wanted():
+def test_streams_that_ardupilot_denies_are_not_requested():
     assert not {231, 230, 109, 111, 331, 253} & set(wanted_rates_hz(autopilots.ARDUPILOT))
 
 
 @pytest.mark.parametrize("kind", [*autopilots.PROFILES, autopilots.UNKNOWN])
-def test_all_that_is_wanted_fits_a_serial_link_of_57600_baud(kind):
+def test_all_requested_streams_fit_a_serial_link_of_57600_baud(kind):
     bytes_per_s = sum(
         rate_hz * (mavlink.mavlink_map[message_id].unpacker.size + 12)
         for message_id, rate_hz in wanted_rates_hz(kind).items()
@@ -199,7 +199,7 @@ def test_all_that_is_wanted_fits_a_serial_link_of_57600_baud(kind):
     assert bytes_per_s < 5760
 
 
-# What is not read
+# Unused streams
 
 QUATERNION = 31
 PRESSURE = 29
@@ -211,28 +211,28 @@ def with_unused():
     return machine
 
 
-def test_what_is_not_read_and_comes_often_is_asked_down_once():
+def test_an_unused_frequent_stream_is_slowed_down_once():
     machine = with_unused()
     assert machine.run(10.0) == []
     assert [message_id for _, message_id in machine.run(1.0)] == [QUATERNION]
-    assert machine.run(60.0) == []  # it still comes, by somebody else's will
+    assert machine.run(60.0) == []  # another system keeps the stream fast
 
 
-def test_it_is_asked_down_to_one_a_second():
+def test_an_unused_stream_is_slowed_down_to_1_hz():
     requests = MessageRates()
     for step in range(1100):
         requests.count_unused(QUATERNION, "serial", 0.01 * step)
     assert requests.next_request(11.0, "serial", shared=False) == (QUATERNION, 1_000_000)
 
 
-def test_what_is_wanted_is_never_asked_down():
+def test_a_requested_stream_is_never_slowed_down():
     machine = Machine({QUATERNION: 20.0}, silent=False)
     machine.unused_hz = {QUATERNION: 40.0}
     machine.flowing_hz = {QUATERNION: 40.0}
     assert machine.run(60.0) == []
 
 
-def test_without_an_answer_it_is_asked_three_times_and_again_until_it_comes_seldom():
+def test_without_an_answer_slowing_down_is_requested_until_the_stream_is_slow():
     machine = with_unused()
     assert len(machine.run(12.0, answer=None)) == 3
     assert len(machine.run(20.0, answer=None)) == 3
@@ -243,18 +243,18 @@ def test_without_an_answer_it_is_asked_three_times_and_again_until_it_comes_seld
     assert machine.run(60.0, answer=None) == []
 
 
-def test_one_that_cannot_be_asked_down_is_left():
+def test_a_stream_whose_slowing_down_is_denied_is_left():
     machine = with_unused()
     assert len(machine.run(60.0, answer=DENIED)) == 1
 
 
-def test_on_a_shared_link_nothing_is_asked_down():
+def test_on_a_shared_link_no_stream_is_slowed_down():
     machine = with_unused()
     machine.shared = True
     assert machine.run(60.0) == []
 
 
-def test_what_was_asked_down_comes_back_once_when_somebody_shares_the_link():
+def test_a_slowed_stream_is_restored_once_when_the_link_becomes_shared():
     machine = with_unused()
     machine.run(12.0)
     machine.unused_hz = {QUATERNION: 1.0}
@@ -273,20 +273,20 @@ def test_what_was_asked_down_comes_back_once_when_somebody_shares_the_link():
     assert machine.run(60.0) == []
 
 
-def test_on_another_link_it_is_another_stream():
+def test_a_stream_slowed_on_one_link_is_not_restored_on_another():
     machine = with_unused()
     machine.run(12.0)
     assert machine.requests.next_request(machine.now_s + 1.0, "network", shared=True) is None
 
 
-def test_after_a_restart_of_the_autopilot_it_is_asked_down_again():
+def test_after_an_autopilot_restart_an_unused_stream_is_slowed_down_again():
     machine = with_unused()
     machine.run(12.0)
     machine.requests.start({}, silent=False, now_s=machine.now_s)
     assert [message_id for _, message_id in machine.run(12.0)] == [QUATERNION]
 
 
-def test_what_was_asked_down_without_an_answer_comes_back_as_it_came_before():
+def test_a_stream_slowed_without_an_answer_is_restored_to_its_former_rate():
     machine = with_unused()
     machine.run(11.0, answer=None)
     machine.unused_hz = {QUATERNION: 1.0}
@@ -295,7 +295,7 @@ def test_what_was_asked_down_without_an_answer_comes_back_as_it_came_before():
     assert request == (QUATERNION, pytest.approx(25_000, rel=0.02))
 
 
-def test_the_late_answer_to_the_asking_down_does_not_settle_the_giving_back():
+def test_a_late_answer_to_slowing_down_does_not_settle_the_restoring():
     machine = with_unused()
     assert len(machine.run(10.2, answer=None)) == 1
     machine.unused_hz = {QUATERNION: 1.0}
@@ -306,12 +306,12 @@ def test_the_late_answer_to_the_asking_down_does_not_settle_the_giving_back():
 
 
 @pytest.mark.parametrize(("kind", "message_id"), [(autopilots.PX4, 436), (autopilots.ARDUPILOT, 0)])
-def test_the_mode_is_wanted_at_fifty_hertz_on_a_network_and_nothing_else_changes(kind, message_id):
+def test_on_a_network_the_mode_is_requested_at_50_hz_and_nothing_else_changes(kind, message_id):
     wanted_hz = wanted_rates_hz(kind)
     assert on_network(wanted_hz) == {**wanted_hz, message_id: 50.0}
 
 
-def test_distances_of_obstacles_are_wanted_on_a_network_where_they_are_read():
+def test_on_a_network_obstacle_distances_are_requested_where_they_are_used():
     wanted_hz = wanted_rates_hz(autopilots.PX4)
     assert on_network(wanted_hz, obstacles=True) == {**on_network(wanted_hz), 330: 5.0}
     assert 330 not in on_network(wanted_hz)

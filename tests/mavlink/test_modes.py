@@ -33,12 +33,14 @@ ARDUPILOT = autopilots.ARDUPILOT
         (autopilots.UNKNOWN, 4, "MODE 0x00000004", False),
     ],
 )
-def test_a_mode_has_its_name_and_only_offboard_and_guided_are_ours(kind, custom_mode, name, ours):
+def test_a_mode_has_its_name_and_only_offboard_and_guided_take_setpoints(
+    kind, custom_mode, name, ours
+):
     assert modes.mode_name(kind, custom_mode) == name
     assert modes.is_ours(kind, custom_mode) is ours
 
 
-def test_returns_landings_and_stops_for_a_fence_are_the_autopilots_own():
+def test_returns_landings_and_fence_stops_are_homeward_modes():
     homeward = [0x05040000, 0x06040000, 0x09040000, 0x000A0000]
     assert all(modes.is_homeward(PX4, mode) for mode in homeward)
     assert not any(modes.is_homeward(PX4, mode) for mode in (0x03040000, 0x00030000, 0x00060000))
@@ -57,14 +59,14 @@ def test_returns_landings_and_stops_for_a_fence_are_the_autopilots_own():
         (mavlink.MAV_TYPE_HEXAROTOR, 4, "GUIDED"),
     ],
 )
-def test_ardupilots_other_vehicles_number_their_modes_otherwise(vehicle, custom_mode, name):
+def test_other_vehicles_of_ardupilot_have_other_mode_numbers(vehicle, custom_mode, name):
     assert modes.mode_name(ARDUPILOT, custom_mode, vehicle) == name
     assert modes.is_ours(ARDUPILOT, custom_mode, vehicle) is (name == "GUIDED")
     assert modes.is_homeward(ARDUPILOT, custom_mode, vehicle) is (name == "RTL")
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
-def test_only_what_hovers_is_ours(kind):
+def test_only_a_hovering_vehicle_takes_setpoints(kind):
     ours = 0x00060000 if kind is PX4 else 4
     quadrotor, plane, hexarotor, vtol, submarine = 2, 1, 13, 20, 12
     assert modes.is_ours(kind, ours, quadrotor)
@@ -72,11 +74,11 @@ def test_only_what_hovers_is_ours(kind):
     assert not any(modes.is_ours(kind, ours, other) for other in (plane, vtol, submarine))
 
 
-def test_critical_or_worse_is_a_failsafe():
+def test_a_system_status_of_critical_or_worse_is_a_failsafe():
     assert [modes.is_failsafe(status) for status in range(9)] == [False] * 5 + [True] * 4
 
 
-def test_the_parameters_that_request_a_mode_are_those_measured():
+def test_mode_requests_have_the_parameters_measured_on_real_autopilots():
     assert modes.own_mode_parameters(PX4, armed=False) == (1, 6, 0)
     assert modes.own_mode_parameters(PX4, armed=True) == (129, 6, 0)
     assert modes.land_parameters(PX4, armed=True) == (129, 4, 6)

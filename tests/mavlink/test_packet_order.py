@@ -1,4 +1,4 @@
-"""Packets that overtake one another: what a late one says does not replace what is newer."""
+"""Packets that overtake one another: a late packet does not replace newer telemetry."""
 
 from __future__ import annotations
 
@@ -27,11 +27,11 @@ def order_of(same):
 
 
 def late(order, *arrivals):
-    """Which of (time, message, sequence) are late."""
+    """Lateness of each (time, message, sequence)."""
     return [order.is_late(packet(message_id, seq), now_s) for now_s, message_id, seq in arrivals]
 
 
-def test_a_message_that_its_successor_has_overtaken_is_late_and_others_beside_it_are_not():
+def test_only_a_message_overtaken_by_its_successor_is_late():
     order = order_of({CURRENT_MODE: HEARTBEAT})
     assert late(
         order,
@@ -44,10 +44,10 @@ def test_a_message_that_its_successor_has_overtaken_is_late_and_others_beside_it
     ) == [False, False, False, True, True, False]
 
 
-def test_a_packet_that_is_late_by_most_of_a_round_is_not_taken_for_one_ahead():
+def test_a_packet_late_by_most_of_a_sequence_round_is_late_not_ahead():
     order = order_of({})
-    told = [(count * 0.005, ATTITUDE, count) for count in range(200)]
-    assert not any(late(order, *told))
+    arrivals = [(count * 0.005, ATTITUDE, count) for count in range(200)]
+    assert not any(late(order, *arrivals))
     assert late(order, (1.0, HEARTBEAT, 200), (1.002, HEARTBEAT, 0), (1.005, HEARTBEAT, 201)) == [
         False,
         True,
@@ -56,7 +56,7 @@ def test_a_packet_that_is_late_by_most_of_a_round_is_not_taken_for_one_ahead():
     assert order.late == 1
 
 
-def test_of_a_packet_with_a_time_that_alone_decides():
+def test_the_time_stamp_of_a_packet_goes_before_its_sequence_number():
     listener = TelemetryReceiver()
     received(listener, heartbeat(HOLD), 0, 0.0)
     for count in range(100):
@@ -67,7 +67,7 @@ def test_of_a_packet_with_a_time_that_alone_decides():
     assert listener.telemetry.attitude.roll_rad == pytest.approx(0.2)
 
 
-def test_a_place_is_never_late_by_the_time_at_which_it_was_set():
+def test_an_origin_is_never_late_by_the_time_at_which_it_was_set():
     listener = TelemetryReceiver()
     received(listener, heartbeat(HOLD), 0, 0.0)
 
@@ -79,7 +79,7 @@ def test_a_place_is_never_late_by_the_time_at_which_it_was_set():
     assert listener.telemetry.local_origin.point.latitude_deg == pytest.approx(2.0)
 
 
-def test_the_lifetime_of_a_link_is_not_prolonged_by_packets_that_are_late():
+def test_late_packets_do_not_extend_the_lifetime_of_a_link():
     listener = TelemetryReceiver()
     received(listener, heartbeat(HOLD), 0, 0.0)
     received(listener, attitude(50.0), 1, 0.1)
@@ -87,7 +87,7 @@ def test_the_lifetime_of_a_link_is_not_prolonged_by_packets_that_are_late():
     assert listener.identity.received_s == 0.1
 
 
-def test_a_restarted_autopilot_is_heard_from_when_its_clock_has_run_on():
+def test_a_restarted_autopilot_is_received_when_its_clock_has_run_on():
     listener = TelemetryReceiver()
     received(listener, heartbeat(HOLD), 0, 0.0)
     received(listener, attitude(50.0), 1, 0.1)
@@ -103,50 +103,50 @@ def test_a_restarted_autopilot_is_heard_from_when_its_clock_has_run_on():
     assert listener.telemetry.attitude.roll_rad == pytest.approx(0.4)
 
 
-def positions_told(listener, *arrivals):
-    """Accepted ones of positions, given as (time, time since boot)."""
-    told = []
+def positions_accepted(listener, *arrivals):
+    """Acceptance of each position, given as (time, time since boot)."""
+    accepted = []
     for number, (now_s, boot_s) in enumerate(arrivals, start=1):
         received(listener, position(boot_s, north_m=boot_s), number, now_s)
         local = listener.telemetry.local_position
-        told.append(local is not None and local.position_ned_m[0] == boot_s)
-    return told
+        accepted.append(local is not None and local.position_ned_m[0] == boot_s)
+    return accepted
 
 
-def test_a_step_of_the_clock_is_one_step_for_all_messages():
+def test_a_step_of_the_clock_counts_once_for_all_messages():
     listener = TelemetryReceiver()
     received(listener, heartbeat(HOLD), 0, 0.0)
     for count in range(10):
         received(listener, attitude(50.0 + 0.1 * count), count, 0.1 * count)
-    assert positions_told(listener, (0.95, 50.95)) == [True]
+    assert positions_accepted(listener, (0.95, 50.95)) == [True]
     step_s, delay_s = 5.02, 0.05
     for count in range(10, 15):
         received(listener, attitude(50.0 + step_s + 0.1 * count), count, 0.1 * count + delay_s)
     steps = [1.5 + 0.1 * n for n in range(20)]
-    assert all(positions_told(listener, *[(now_s, 50.0 + step_s + now_s) for now_s in steps]))
+    assert all(positions_accepted(listener, *[(now_s, 50.0 + step_s + now_s) for now_s in steps]))
 
 
-def test_a_packet_of_the_clock_before_a_restart_hides_nothing_that_follows():
+def test_a_packet_from_before_a_restart_does_not_block_later_packets():
     listener = TelemetryReceiver()
     received(listener, heartbeat(HOLD), 0, 0.0)
     received(listener, attitude(1000.0), 1, 0.1)
     for count in range(5):
         received(listener, attitude(0.3 + 0.1 * count), 2 + count, 1.0 + 0.1 * count)
     arrivals = [(1.5, 1000.5), *[(1.6 + 0.1 * n, 0.9 + 0.1 * n) for n in range(20)]]
-    assert positions_told(listener, *arrivals) == [False, *[True] * 20]
+    assert positions_accepted(listener, *arrivals) == [False, *[True] * 20]
 
 
-def test_positions_that_run_on_in_the_past_beside_the_clock_are_late():
+def test_positions_of_a_second_clock_that_runs_behind_are_late():
     listener = TelemetryReceiver()
     received(listener, heartbeat(HOLD), 0, 0.0)
-    assert positions_told(listener, (0.1, 50.1)) == [True]
+    assert positions_accepted(listener, (0.1, 50.1)) == [True]
     for count in range(50):
         now_s = 0.2 + 0.02 * count
         received(listener, attitude(50.0 + now_s), count, now_s)
-        assert positions_told(listener, (now_s, 49.0 + 0.02 * count)) == [False]
+        assert positions_accepted(listener, (now_s, 49.0 + 0.02 * count)) == [False]
 
 
-def test_a_system_time_far_ahead_is_another_autopilots_and_hides_nothing():
+def test_a_system_time_far_ahead_is_a_conflict_and_does_not_block_later_packets():
     listener = TelemetryReceiver()
     received(listener, heartbeat(HOLD), 0, 0.0)
     received(listener, attitude(50.0), 1, 0.1)
@@ -160,20 +160,20 @@ def test_a_system_time_far_ahead_is_another_autopilots_and_hides_nothing():
 
 
 @pytest.mark.parametrize("begins", range(0, 256, 15))
-def test_sequence_numbers_go_round(begins):
+def test_sequence_numbers_wrap_around(begins):
     order = order_of({})
     for count in range(600):
         assert late(order, (count * 0.01, ATTITUDE, begins + count)) == [False]
     assert late(order, (6.0, ATTITUDE, begins + 540)) == [True]
 
 
-def test_a_number_that_never_changes_is_never_late():
+def test_a_sequence_number_that_never_changes_is_never_late():
     order = order_of({})
     assert not any(late(order, *[(0.01 * count, ATTITUDE, 7) for count in range(50)]))
 
 
 @pytest.mark.parametrize("lost", [50, 130, 200, 255])
-def test_after_a_silence_nothing_is_late_however_many_were_lost(lost):
+def test_after_a_silence_no_packet_is_late_however_many_were_lost(lost):
     order = order_of({})
     assert late(order, (0.0, ATTITUDE, 3), (0.5, ATTITUDE, 3 + lost)) == [False, False]
 
@@ -201,7 +201,7 @@ def current_mode(mode, intended=None):
     return create("CURRENT_MODE", custom_mode=mode, intended_custom_mode=intended, standard_mode=0)
 
 
-def test_a_heartbeat_that_was_overtaken_gives_no_mode_back():
+def test_an_overtaken_heartbeat_does_not_restore_a_mode():
     listener = TelemetryReceiver()
     received(listener, heartbeat(OFFBOARD), 1, 0.0)
     left = received(listener, current_mode(HOLD), 9, 0.10)
@@ -211,13 +211,13 @@ def test_a_heartbeat_that_was_overtaken_gives_no_mode_back():
     assert autopilot.received_s == 0.10
 
 
-def test_a_mode_that_was_not_asked_for_is_a_failsafes():
+def test_a_mode_that_was_not_requested_is_a_failsafe():
     listener = TelemetryReceiver()
     received(listener, heartbeat(OFFBOARD), 1, 0.0)
     received(listener, current_mode(HOLD, intended=OFFBOARD), 2, 0.1)
     assert listener.telemetry.autopilot.failsafe
     received(listener, current_mode(HOLD), 3, 0.2)
-    assert listener.telemetry.autopilot.failsafe  # the heartbeat says when it is over
+    assert listener.telemetry.autopilot.failsafe  # the heartbeat ends it
     received(listener, heartbeat(HOLD), 4, 0.3)
     assert not listener.telemetry.autopilot.failsafe
 
@@ -232,8 +232,8 @@ def test_events_and_states_of_other_instances_are_never_late():
             number, 0, 0, 0, cells, 100, -1, -1, percent, 0, 1
         )
 
-    def text(words):
-        return mavlink.MAVLink_statustext_message(4, words)
+    def text(content):
+        return mavlink.MAVLink_statustext_message(4, content)
 
     listener = TelemetryReceiver()
     received(listener, mavlink.MAVLink_heartbeat_message(2, 3, 217, 4, 4, 3), 1, 0.0)

@@ -1,4 +1,4 @@
-"""Parameters read by name: what is asked, what is told, and what is missing."""
+"""Parameters read by name: requests, values and missing parameters."""
 
 from __future__ import annotations
 
@@ -21,8 +21,8 @@ PX4, ARDUPILOT = autopilots.PX4, autopilots.ARDUPILOT
 UINT8, INT8, INT16, INT32, REAL32 = 1, 2, 4, 6, 9
 
 
-def told(name, value, kind=REAL32, *, mavlink1=False):
-    """A PARAM_VALUE as it comes out of our codec; the value as a float on the wire."""
+def value_message(name, value, kind=REAL32, *, mavlink1=False):
+    """PARAM_VALUE as the codec gives it; the value as a float on the wire."""
     data = Peer(1, 1).pack(
         mavlink.MAVLink_param_value_message(name.encode(), value, kind, 900, 7), mavlink1=mavlink1
     )
@@ -52,10 +52,10 @@ class Reading:
             if self.drop:
                 self.drop -= 1
             elif name in self.has:
-                self.requests.handle(told(name, self.has[name]), PX4)
+                self.requests.handle(value_message(name, self.has[name]), PX4)
 
 
-def test_each_is_asked_for_once_when_it_is_told():
+def test_each_parameter_is_requested_once_where_the_autopilot_answers():
     reading = Reading("A", "B", "C")
     reading.has = {"A": 1.0, "B": 2.0, "C": 3.0}
     reading.run(5.0)
@@ -63,18 +63,18 @@ def test_each_is_asked_for_once_when_it_is_told():
     assert reading.requests.values == {"A": 1.0, "B": 2.0, "C": 3.0}
 
 
-def test_a_lost_answer_is_asked_for_again():
+def test_a_parameter_whose_answer_is_lost_is_requested_again():
     reading = Reading("A")
     reading.has = {"A": 1.0}
     reading.drop = 2
     reading.run(0.4)
-    assert reading.requests.values == {}  # not told is not yet missing
+    assert reading.requests.values == {}  # without an answer, but not yet missing
     reading.run(2.0)
     assert reading.asked == ["A"] * 3
     assert reading.requests.values == {"A": 1.0}
 
 
-def test_what_is_never_told_is_missing_and_holds_up_nothing_else():
+def test_a_parameter_never_reported_is_missing_and_delays_no_other():
     reading = Reading("NONE1", "NONE2", "NONE3", "NONE4", "A")
     reading.has = {"A": 1.0}
     reading.run(0.7)
@@ -86,35 +86,35 @@ def test_what_is_never_told_is_missing_and_holds_up_nothing_else():
     assert set(Counter(reading.asked).values()) == {1, 6}
 
 
-def test_no_more_than_four_wait_for_an_answer_at_once():
+def test_at_most_four_requests_await_an_answer_at_once():
     reading = Reading(*"ABCDEFGH")
     reading.run(0.46)
     assert reading.asked == ["A", "B", "C", "D"]
 
 
-def test_one_that_was_given_up_counts_when_it_is_told_after_all():
+def test_a_missing_parameter_counts_when_it_is_reported_later():
     reading = Reading("A")
     reading.run(5.0)
     assert reading.requests.values == {"A": None}
-    reading.requests.handle(told("A", 4.0), PX4)
+    reading.requests.handle(value_message("A", 4.0), PX4)
     assert reading.requests.values == {"A": 4.0}
 
 
-def test_a_value_that_somebody_else_sets_replaces_the_old_one():
+def test_a_value_set_by_another_system_replaces_the_old_one():
     reading = Reading("A")
-    reading.requests.handle(told("A", 1.0), PX4)
-    reading.requests.handle(told("A", 1.0), PX4)
-    reading.requests.handle(told("A", 2.0), PX4)
+    reading.requests.handle(value_message("A", 1.0), PX4)
+    reading.requests.handle(value_message("A", 1.0), PX4)
+    reading.requests.handle(value_message("A", 2.0), PX4)
     assert reading.requests.values == {"A": 2.0}
 
 
-def test_what_is_not_wanted_is_ignored():
+def test_a_parameter_that_is_not_wanted_is_ignored():
     reading = Reading("A")
-    reading.requests.handle(told("AB", 1.0), PX4)
+    reading.requests.handle(value_message("AB", 1.0), PX4)
     assert reading.requests.values == {}
 
 
-def test_a_restart_asks_for_all_of_it_again():
+def test_after_a_restart_all_parameters_are_requested_again():
     reading = Reading("A", "NONE")
     reading.has = {"A": 1.0}
     reading.run(5.0)
@@ -127,7 +127,7 @@ def test_a_restart_asks_for_all_of_it_again():
 
 @given(value=st.integers(-(2**31), 2**31 - 1), mavlink1=st.booleans())
 def test_every_integer_of_px4_survives_its_encoding(value, mavlink1):
-    message = told("A", 0.0, INT32, mavlink1=mavlink1)
+    message = value_message("A", 0.0, INT32, mavlink1=mavlink1)
     start = 6 if mavlink1 else 10
     message.get_msgbuf()[start : start + 4] = struct.pack("<i", value)
     requests = ParameterRequests()
@@ -151,14 +151,14 @@ def test_every_integer_of_px4_survives_its_encoding(value, mavlink1):
 def test_each_autopilot_has_its_own_encoding(kind, param_type, on_wire, value):
     requests = ParameterRequests()
     requests.want(["A"])
-    requests.handle(told("A", on_wire, param_type), kind)
+    requests.handle(value_message("A", on_wire, param_type), kind)
     assert requests.values == {"A": value}
 
 
 # In a session
 
 
-def test_a_session_asks_the_autopilot_alone_and_nothing_before_it_is_heard(story, autopilot):
+def test_a_session_requests_parameters_of_the_autopilot_alone_once_received(story, autopilot):
     story.session.requests.want_parameters(["COM_OF_LOSS_T"])
     assert of_type(story.run(2.0), "PARAM_REQUEST_READ") == []
     story.meet(autopilot)
@@ -169,7 +169,7 @@ def test_a_session_asks_the_autopilot_alone_and_nothing_before_it_is_heard(story
     assert (request.param_id, request.param_index) == ("COM_OF_LOSS_T", -1)
 
 
-def test_only_the_autopilot_on_its_own_link_tells_its_parameters(story, autopilot, peer):
+def test_parameters_are_taken_from_the_autopilot_on_its_own_link_alone(story, autopilot, peer):
     story.session.requests.want_parameters(["A"])
     story.meet(autopilot)
     value = {"param_id": b"A", "param_type": REAL32, "param_count": 1, "param_index": 0}
@@ -181,7 +181,7 @@ def test_only_the_autopilot_on_its_own_link_tells_its_parameters(story, autopilo
     assert story.session.requests.parameters == {"A": 2.0}
 
 
-def test_the_version_is_asked_for_once_a_call(story, autopilot):
+def test_the_version_is_requested_once_per_call(story, autopilot):
     story.session.requests.request_version()
     story.meet(autopilot)
     story.session.requests.request_version()
@@ -219,7 +219,7 @@ def test_the_version_is_asked_for_once_a_call(story, autopilot):
         ),
     ],
 )
-def test_the_lists_of_real_autopilots_are_read_as_they_are(story, recording, name, values):
+def test_parameter_lists_of_recorded_autopilots_are_read(story, recording, name, values):
     story.session.requests.want_parameters(values)
     for time_s, packet in recording(name):
         story.now_s = time_s
@@ -236,7 +236,7 @@ def test_the_lists_of_real_autopilots_are_read_as_they_are(story, recording, nam
         ),
     ],
 )
-def test_the_range_of_motor_outputs_is_asked_for_when_these_are_heard(
+def test_the_range_of_motor_outputs_is_requested_once_outputs_are_received(
     story, autopilot, autopilot_id, names
 ):
     story.handle(autopilot.heartbeat(autopilot=autopilot_id))

@@ -18,10 +18,10 @@ INSPECTION = (31010, 1.0, -1.0)
 
 
 class Scene:
-    """A witness and whom it hears: the autopilot from the start."""
+    """A passive listener and its senders; the autopilot is received from the start."""
 
     def __init__(self, system_id=1, **heartbeat):
-        self.witness = PassiveListener()
+        self.listener = PassiveListener()
         self.autopilot = Peer(system_id, 1)
         self.companion = Peer(system_id, 195)
         self.ground = Peer(255, 190)
@@ -30,31 +30,31 @@ class Scene:
 
     def handle(self, packet):
         self.now_s += 0.1
-        return self.witness.handle(packet, self.now_s)
+        return self.listener.handle(packet, self.now_s)
 
 
-def text(words, *, severity=6, number=0, chunk=0):
-    return message_of("STATUSTEXT", severity=severity, text=words, id=number, chunk_seq=chunk)
+def text(content, *, severity=6, number=0, chunk=0):
+    return message_of("STATUSTEXT", severity=severity, text=content, id=number, chunk_seq=chunk)
 
 
-def test_the_first_autopilot_is_latched_whatever_its_number():
+def test_the_first_autopilot_is_latched_for_any_system_id():
     scene = Scene(system_id=42)
     (found,) = scene.found
     assert isinstance(found, AutopilotFound)
     assert (found.autopilot.system_id, found.autopilot.kind) == (42, autopilots.PX4)
-    assert scene.witness.vehicle_type == "quadrotor"
+    assert scene.listener.vehicle_type == "quadrotor"
     (other,) = scene.handle(Peer(7, 1).heartbeat())
     assert isinstance(other, AutopilotConflict)
     assert scene.handle(Peer(7, 1).attitude(1.0)) == []
-    assert scene.witness.telemetry.attitude is None
+    assert scene.listener.telemetry.attitude is None
 
 
-def test_nothing_is_known_without_a_heartbeat():
-    witness = PassiveListener()
-    assert witness.handle(Peer(1, 1).attitude(1.0), 0.0) == []
-    assert witness.telemetry.attitude is None
-    assert witness.autopilot is None
-    assert witness.sources[1, 1].received == 1
+def test_telemetry_is_unknown_without_a_heartbeat():
+    listener = PassiveListener()
+    assert listener.handle(Peer(1, 1).attitude(1.0), 0.0) == []
+    assert listener.telemetry.attitude is None
+    assert listener.autopilot is None
+    assert listener.sources[1, 1].received == 1
 
 
 def test_sources_of_telemetry_are_counted():
@@ -62,18 +62,18 @@ def test_sources_of_telemetry_are_counted():
     for boot_s in (1.0, 1.1, 1.2):
         scene.handle(scene.autopilot.attitude(boot_s))
     scene.handle(scene.ground.ground_heartbeat())
-    inputs = scene.witness.inputs
+    inputs = scene.listener.inputs
     assert (inputs["attitude"].messages, inputs["attitude"].last_s) == (3, pytest.approx(0.4))
     assert inputs["autopilot"].messages == inputs["ground_station"].messages == 1
     assert (inputs["gps"].messages, inputs["gps"].last_s) == (0, None)
 
 
-def test_packets_lost_are_counted_when_time_goes_on():
+def test_lost_packets_are_counted_at_a_tick():
     scene = Scene()
     scene.autopilot.skip(3)
     scene.handle(scene.autopilot.attitude(1.0))
-    scene.witness.tick(1.0)
-    link = scene.witness.telemetry.link
+    scene.listener.tick(1.0)
+    link = scene.listener.telemetry.link
     assert (link.packets_received, link.packets_lost) == (2, 3)
 
 
@@ -87,7 +87,7 @@ def test_a_clock_that_goes_back_is_a_restart():
     assert isinstance(restarted, AutopilotRestarted)
 
 
-def test_texts_of_autopilot_and_companion_are_heard_whole():
+def test_texts_of_autopilot_and_companion_are_received_whole():
     scene = Scene()
     assert scene.handle(scene.autopilot.pack(text(b"Arming\tmotors\x1b"))) == [
         TextReceived(ours=False, received=ReceivedText(severity="info", text="Arming motors"))
@@ -102,14 +102,14 @@ def test_texts_of_autopilot_and_companion_are_heard_whole():
     assert scene.handle(scene.ground.pack(text(b"a ground station's"))) == []
 
 
-def test_a_text_whose_end_is_lost_ends_where_the_next_begins():
+def test_a_text_whose_end_is_lost_ends_at_the_next_text():
     scene = Scene()
     scene.handle(scene.autopilot.pack(text(b"a" * 50, number=1)))
-    said = scene.handle(scene.autopilot.pack(text(b"next")))
-    assert [item.received.text for item in said] == ["a" * 50, "next"]
+    texts = scene.handle(scene.autopilot.pack(text(b"next")))
+    assert [item.received.text for item in texts] == ["a" * 50, "next"]
 
 
-def test_orders_to_the_companion_and_its_answers_are_heard():
+def test_commands_to_the_companion_and_its_answers_are_received():
     scene = Scene()
     (order,) = scene.handle(scene.ground.command(*INSPECTION))
     assert isinstance(order, MissionCommand)
@@ -121,7 +121,7 @@ def test_orders_to_the_companion_and_its_answers_are_heard():
     assert answer == AnswerReceived(command=31010, result=CommandResult.FAILED)
 
 
-def test_what_is_none_of_the_companions_business_is_not_heard():
+def test_commands_and_answers_of_others_are_ignored():
     scene = Scene()
     assert scene.handle(scene.ground.command(400, 1.0, target=(1, 1))) == []
     assert scene.handle(scene.ground.command(*INSPECTION, target=(1, 1))) == []
@@ -139,9 +139,9 @@ def test_what_is_none_of_the_companions_business_is_not_heard():
         (200, "type 200", False),
     ],
 )
-def test_only_what_hovers_leans_against_the_wind(vehicle, word, leans):
+def test_only_a_hovering_vehicle_leans_against_the_wind(vehicle, word, leans):
     scene = Scene(autopilot=mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA, vehicle=vehicle)
-    assert (scene.witness.vehicle_type, scene.witness.leans) == (word, leans)
+    assert (scene.listener.vehicle_type, scene.listener.leans) == (word, leans)
 
 
 def test_a_companion_under_the_autopilots_ids_does_not_change_the_vehicle():
@@ -151,14 +151,14 @@ def test_a_companion_under_the_autopilots_ids_does_not_change_the_vehicle():
             autopilot=mavlink.MAV_AUTOPILOT_INVALID, vehicle=mavlink.MAV_TYPE_ONBOARD_CONTROLLER
         )
     )
-    assert scene.witness.vehicle_type == "quadrotor"
+    assert scene.listener.vehicle_type == "quadrotor"
 
 
-def test_a_radio_of_another_system_is_heard():
+def test_a_radio_of_another_system_is_received():
     scene = Scene()
     for name in ("RADIO_STATUS", "RADIO"):
         fields = {"rssi": 200, "remrssi": 190, "txbuf": 90, "noise": 50, "remnoise": 60}
         message = create(name, **fields, rxerrors=0, fixed=0)
         scene.handle(Peer(51, 68).pack(message, mavlink1=True))
-        assert scene.witness.telemetry.radio.rssi == 200
-    assert scene.witness.inputs["radio"].messages == 2
+        assert scene.listener.telemetry.radio.rssi == 200
+    assert scene.listener.inputs["radio"].messages == 2

@@ -1,4 +1,4 @@
-"""Who may command: by ids, by link and by signature, and what is taken from anybody."""
+"""Permission to command: by ids, by link and by signature; a hold is taken from any sender."""
 
 from __future__ import annotations
 
@@ -29,26 +29,26 @@ def test_by_default_ground_stations_and_the_vehicle_itself_may_command(system_id
     assert (objection(Commands(), system_id) is None) is allowed
 
 
-def test_a_list_of_systems_is_taken_as_it_stands():
+def test_configured_systems_replace_the_default_ones():
     commands = Commands(systems=(42,))
     assert objection(commands, 42) is None
     assert objection(commands, 255) == "system 255 may not command (commands.systems)"
     assert objection(commands, 7) == "system 7 may not command (commands.systems)"
 
 
-def test_a_component_that_is_not_named_may_not_command():
+def test_a_component_that_is_not_configured_may_not_command():
     commands = Commands(components=(190, 191))
     assert objection(commands, component_id=191) is None
     assert objection(commands, component_id=25).startswith("component 25 may not command")
 
 
-def test_a_link_that_is_not_named_may_not_command():
+def test_a_link_that_is_not_configured_may_not_command():
     commands = Commands(links=("network",))
     assert objection(commands, link="network") is None
     assert objection(commands, link="radio").startswith("this link may not command")
 
 
-def test_where_only_signed_commands_are_taken_an_unsigned_one_is_not():
+def test_with_signed_only_an_unsigned_command_is_denied():
     commands = Commands(signed_only=True)
     assert objection(commands, signed=True) is None
     assert objection(commands).startswith("commands must be signed")
@@ -63,7 +63,7 @@ def received(ledger, packet, *, link="radio", now_s=0.0, **options):
 @pytest.mark.parametrize(
     "words", [(USER_1, 1), (USER_1, 2), (USER_1, 3), (USER_1, RELEASE), (PAUSE_CONTINUE, 1)]
 )
-def test_a_stranger_is_denied_what_moves_the_aircraft_and_what_ends_the_stream(words):
+def test_commands_of_motion_and_release_from_other_systems_are_denied(words):
     reception = received(ReceivedCommands(), Peer(42, 1).command(*words))
     assert isinstance(reception.event, DeniedCommand)
     assert reception.event.reason == "system 42 may not command (commands.systems)"
@@ -72,14 +72,14 @@ def test_a_stranger_is_denied_what_moves_the_aircraft_and_what_ends_the_stream(w
 
 
 @pytest.mark.parametrize("words", [(USER_1, HOLD), (PAUSE_CONTINUE, 0)])
-def test_a_hold_is_taken_from_anybody(words):
+def test_a_hold_is_accepted_from_any_sender(words):
     commands = Commands(systems=(255,), components=(190,), links=("cable",), signed_only=True)
     reception = received(ReceivedCommands(commands), Peer(42, 1).command(*words))
     assert not reception.accepted.permitted
     assert reception.answer is None
 
 
-def test_the_signature_is_asked_for_unsigned_by_default():
+def test_a_command_counts_as_unsigned_by_default():
     ledger, station = ReceivedCommands(Commands(signed_only=True)), Peer(255, 190)
     refused = received(ledger, station.command(USER_1, INSPECTION))
     assert refused.event.reason == "commands must be signed (commands.signed_only)"
@@ -88,7 +88,7 @@ def test_the_signature_is_asked_for_unsigned_by_default():
     assert taken.accepted.permitted
 
 
-def test_a_stranger_takes_nothing_back():
+def test_a_cancel_from_a_link_without_permission_is_ignored():
     ledger = ReceivedCommands(Commands(links=("radio",)))
     station = Peer(255, 190)
     assert received(ledger, station.command(USER_1, INSPECTION)).accepted
@@ -97,7 +97,7 @@ def test_a_stranger_takes_nothing_back():
     assert received(ledger, station.cancel(USER_1)).event
 
 
-def test_the_holds_of_strangers_push_no_operators_command_out_of_memory():
+def test_holds_of_other_systems_displace_no_operators_command():
     ledger, station = ReceivedCommands(), Peer(255, 190)
     command = received(ledger, station.command(USER_1, INSPECTION)).accepted
     for number in range(90):
@@ -106,7 +106,7 @@ def test_the_holds_of_strangers_push_no_operators_command_out_of_memory():
     assert answer.receiver == command.sender
 
 
-def test_the_holds_of_strangers_use_up_no_operators_holds():
+def test_holds_of_other_systems_do_not_use_up_an_operators_limit():
     ledger = ReceivedCommands()
     for number in range(1000):
         received(ledger, Peer(1 + number % 239, 1 + number // 239).command(USER_1, HOLD))

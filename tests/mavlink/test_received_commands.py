@@ -1,4 +1,4 @@
-"""Commands that come twice, late or doubled, and what each of their senders is answered."""
+"""Repeated, late and duplicated commands, and the answers to their senders."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ NAN = math.nan
 
 
 class Desk:
-    """A ledger with a clock."""
+    """A command ledger with a clock."""
 
     def __init__(self):
         self.ledger = ReceivedCommands()
@@ -48,7 +48,7 @@ def test_an_answer_goes_to_the_commands_sender(ground_station):
     assert (message.target_system, message.target_component) == (255, 190)
 
 
-def test_what_needs_no_decision_is_answered_at_once(ground_station):
+def test_an_invalid_command_is_answered_at_once(ground_station):
     desk = Desk()
     event, answer = desk.receive(ground_station.command(400))
     assert isinstance(event, UnsupportedCommand)
@@ -59,7 +59,7 @@ def test_what_needs_no_decision_is_answered_at_once(ground_station):
     assert desk.answer(event, CommandResult.ACCEPTED) is None
 
 
-def test_a_repeat_while_deciding_is_told_so_and_not_carried_out_twice(ground_station):
+def test_a_repeat_of_an_open_command_is_answered_in_progress_and_not_repeated(ground_station):
     desk = Desk()
     command, _ = desk.receive(ground_station.command(USER_1, 1, NAN))
     desk.now_s += 1.0
@@ -82,11 +82,11 @@ def test_a_repeat_after_the_answer_gets_the_same_answer(ground_station):
     assert (answer.result, answer.result_param2) == (CommandResult.DENIED, 7)
 
 
-def test_the_same_words_given_again_are_a_new_command_after_two_seconds(ground_station):
+def test_the_same_command_after_two_seconds_is_a_new_command(ground_station):
     desk = Desk()
     command, _ = desk.receive(ground_station.command(USER_1, 1))
     desk.answer(command, CommandResult.ACCEPTED)
-    desk.now_s += 1.5  # the last of MAVSDK's repeats, which all say confirmation 0
+    desk.now_s += 1.5  # the last of MAVSDK's repeats, which all have confirmation 0
     event, answer = desk.receive(ground_station.command(USER_1, 1))
     assert (event, answer.result) == (None, CommandResult.ACCEPTED)
     desk.now_s += 1.0
@@ -95,7 +95,7 @@ def test_the_same_words_given_again_are_a_new_command_after_two_seconds(ground_s
     assert answer is None
 
 
-def test_a_confirmation_tells_a_repeat_for_half_a_minute(ground_station):
+def test_a_confirmation_marks_a_repeat_for_30_seconds(ground_station):
     desk = Desk()
     command, _ = desk.receive(ground_station.command(USER_1, 1))
     desk.answer(command, CommandResult.ACCEPTED)
@@ -127,7 +127,7 @@ def test_a_second_hold_holds_although_its_first_copy_was_lost(ground_station):
 
 
 @pytest.mark.parametrize("stop", [(USER_1, 0), (USER_1, 4), (PAUSE_CONTINUE, 0)])
-def test_a_stop_is_carried_out_however_often_it_comes(peer, ground_station, stop):
+def test_every_repeat_of_a_stop_is_carried_out(peer, ground_station, stop):
     desk = Desk()
     first, _ = desk.receive(ground_station.command(*stop))
     desk.answer(first, CommandResult.ACCEPTED)
@@ -140,7 +140,7 @@ def test_a_stop_is_carried_out_however_often_it_comes(peer, ground_station, stop
 
 @pytest.mark.parametrize("after_s", [0.6, 5.5, 29.0])
 @pytest.mark.parametrize("motion", [(USER_1, 1), (USER_1, 2), (USER_1, 3), (PAUSE_CONTINUE, 1)])
-def test_a_repeat_after_anybodys_stop_is_cancelled(peer, ground_station, motion, after_s):
+def test_a_repeat_after_a_stop_of_any_operator_is_cancelled(peer, ground_station, motion, after_s):
     for stopper in (ground_station, peer(254, 190)):
         desk = Desk()
         command, _ = desk.receive(ground_station.command(*motion))
@@ -155,7 +155,7 @@ def test_a_repeat_after_anybodys_stop_is_cancelled(peer, ground_station, motion,
             event, answer = desk.receive(ground_station.command(*motion))
             assert (event, answer.result) == (None, CommandResult.CANCELLED)
         desk.now_s += 2.0
-        event, _ = desk.receive(ground_station.command(*motion))  # meant now
+        event, _ = desk.receive(ground_station.command(*motion))  # a new command
         assert event == command
 
 
@@ -171,7 +171,7 @@ def test_a_repeat_after_a_stop_is_cancelled_although_its_first_copies_were_lost(
     assert isinstance(event, MissionCommand)
 
 
-def test_a_repeat_after_a_stop_and_a_newer_order_is_the_newer_orders(ground_station):
+def test_a_repeat_after_a_stop_and_a_newer_command_belongs_to_the_newer_command(ground_station):
     desk = Desk()
     desk.receive(ground_station.command(PAUSE_CONTINUE, 0))
     command, _ = desk.receive(ground_station.command(USER_1, 1))
@@ -182,20 +182,20 @@ def test_a_repeat_after_a_stop_and_a_newer_order_is_the_newer_orders(ground_stat
 
 
 @pytest.mark.parametrize("sent_before", [0, 200, 255])
-def test_an_order_that_a_stop_overtakes_is_cancelled(peer, ground_station, sent_before):
+def test_a_command_that_a_stop_overtakes_is_cancelled(peer, ground_station, sent_before):
     ground_station.skip(sent_before)
     desk = Desk()
     order, stop = ground_station.command(USER_1, 2), ground_station.command(PAUSE_CONTINUE, 0)
     desk.receive(stop)
     desk.now_s += 0.02
-    assert desk.receive(peer(254, 190).command(USER_1, 2))[1] is None  # knows nothing of it
+    assert desk.receive(peer(254, 190).command(USER_1, 2))[1] is None  # does not know of the stop
     event, answer = desk.receive(order)
     assert (event, answer.result) == (None, CommandResult.CANCELLED)
     event, _ = desk.receive(ground_station.command(USER_1, 2))
     assert isinstance(event, MissionCommand)
 
 
-def test_a_ground_station_that_was_started_anew_is_heard(ground_station):
+def test_commands_of_a_restarted_ground_station_are_accepted(ground_station):
     desk = Desk()
     ground_station.skip(9)
     desk.receive(ground_station.command(USER_1, 0))
@@ -225,7 +225,7 @@ def test_a_command_that_comes_over_two_links_is_carried_out_once(ground_station)
     assert answer.result is CommandResult.ACCEPTED
 
 
-def test_a_command_nobody_answers_may_be_given_again(ground_station):
+def test_a_command_without_an_answer_may_be_given_again(ground_station):
     desk = Desk()
     desk.receive(ground_station.command(USER_1, 0))
     desk.now_s += 11.0
@@ -233,7 +233,7 @@ def test_a_command_nobody_answers_may_be_given_again(ground_station):
     assert isinstance(event, MissionCommand)
 
 
-def test_another_command_of_the_number_ends_the_first_ones_claim_to_an_answer(ground_station):
+def test_a_newer_command_with_the_same_number_takes_over_the_answer(ground_station):
     desk = Desk()
     first, _ = desk.receive(ground_station.command(USER_1, 1))
     second, _ = desk.receive(ground_station.command(USER_1, 0))
@@ -251,7 +251,7 @@ def test_two_operators_do_not_share_their_answers(peer, ground_station):
     assert desk.answer(second, CommandResult.DENIED).receiver.system_id == 254
 
 
-def test_a_cancel_ends_what_is_in_progress(ground_station):
+def test_a_cancel_ends_a_command_in_progress(ground_station):
     desk = Desk()
     command, _ = desk.receive(ground_station.command(USER_1, 1))
     desk.answer(command, CommandResult.IN_PROGRESS, progress=10)
@@ -272,7 +272,7 @@ def test_a_cancel_is_ignored_when_idle(peer, ground_station):
     assert desk.receive(ground_station.cancel(USER_1)) == (None, None)
 
 
-def test_a_thousand_senders_are_not_all_remembered(peer):
+def test_the_number_of_remembered_senders_is_limited(peer):
     desk = Desk()
     for number in range(1000):
         desk.now_s += 0.1
@@ -282,12 +282,12 @@ def test_a_thousand_senders_are_not_all_remembered(peer):
 
 
 @pytest.mark.parametrize("words", [(USER_1, 9), (400, 1), (USER_1, 1)])
-def test_twenty_answers_at_once_and_then_two_a_second_are_the_most_for_a_sender(
+def test_a_sender_gets_at_most_twenty_answers_at_once_and_then_two_a_second(
     ground_station, peer, words
 ):
     desk = Desk()
     command, _ = desk.receive(ground_station.command(USER_1, 1))
-    desk.answer(command, CommandResult.DENIED)  # what comes again is a repeat
+    desk.answer(command, CommandResult.DENIED)  # the same command again is a repeat
     received = [desk.receive(ground_station.command(*words)) for _ in range(1000)]
     assert sum(answer is not None for _, answer in received) == 20
     assert all(item == (None, None) for item in received[20:])
@@ -305,7 +305,7 @@ def test_a_link_has_a_limit_for_all_its_senders(peer):
     assert desk.receive(senders[0].command(USER_1, 9), link="network")[1] is not None
 
 
-def test_more_orders_than_anybody_gives_are_rejected_and_stops_still_taken(ground_station):
+def test_commands_beyond_the_limit_are_rejected_and_stops_are_still_taken(ground_station):
     desk = Desk()
     taken = [desk.receive(ground_station.command(USER_1, 1, index)) for index in range(100)]
     assert sum(event is not None for event, _ in taken) == 30

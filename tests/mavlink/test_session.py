@@ -1,4 +1,4 @@
-"""Received packets of a session: autopilot, telemetry, restarts, nonsense."""
+"""Received packets of a session: autopilot, telemetry, restarts, invalid packets."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 # Identity
 
 
-def test_our_system_id_is_the_configured_one_until_an_autopilot_is_heard(peer):
+def test_the_system_id_is_the_configured_one_until_an_autopilot_is_received(peer):
     story = Story(system_id=3)
     story.tick()
     assert {m.get_srcSystem() for _, m in story.sent()} == {3}
@@ -35,7 +35,7 @@ def test_our_system_id_is_the_configured_one_until_an_autopilot_is_heard(peer):
     story.now_s += 0.02
     story.tick()
     sent = story.sent()
-    # It is told at once, so that the autopilot routes to the new id.
+    # A heartbeat is sent at once, so that the autopilot routes to the new id.
     assert types(sent)[:2] == ["HEARTBEAT", "HEARTBEAT"]
     assert {m.get_srcSystem() for _, m in sent} == {7}
     (event,) = story.events()
@@ -43,13 +43,13 @@ def test_our_system_id_is_the_configured_one_until_an_autopilot_is_heard(peer):
     assert event.autopilot.kind is autopilots.PX4
 
 
-def test_an_autopilot_on_an_operators_link_is_not_ours(story, autopilot):
+def test_an_autopilot_on_an_operator_link_is_not_latched(story, autopilot):
     story.handle(autopilot.heartbeat(), link="network")
     assert story.session.autopilot is None
     assert story.session.telemetry.autopilot is None
 
 
-def test_two_autopilots_are_refused_and_both_named(story, autopilot, peer):
+def test_a_second_autopilot_ends_control_and_the_event_names_both(story, autopilot, peer):
     story.meet(autopilot)
     assert story.session.control_allowed
     other = peer(2, 1)
@@ -67,7 +67,9 @@ def test_two_autopilots_are_refused_and_both_named(story, autopilot, peer):
     assert story.session.control_allowed
 
 
-def test_while_another_is_heard_the_one_that_was_flown_may_be_told_to_stand(story, autopilot, peer):
+def test_during_a_conflict_a_setpoint_at_rest_is_sent_to_the_flown_autopilot(
+    story, autopilot, peer
+):
     story.meet(autopilot)
     story.handle(peer(2, 1).heartbeat())
     story.sent()
@@ -77,7 +79,7 @@ def test_while_another_is_heard_the_one_that_was_flown_may_be_told_to_stand(stor
     assert (message.x, message.vx, message.vy, message.vz) == (4.0, 0.0, 0.0, 0.0)
 
 
-def test_telemetry_is_the_latched_autopilots_alone(story, autopilot, peer):
+def test_telemetry_comes_from_the_latched_autopilot_alone(story, autopilot, peer):
     story.handle(autopilot.attitude(1.0))
     assert story.session.telemetry.attitude is None
     story.meet(autopilot)
@@ -90,7 +92,9 @@ def test_telemetry_is_the_latched_autopilots_alone(story, autopilot, peer):
     assert story.session.telemetry.attitude.received_s == story.now_s
 
 
-def test_a_radio_and_a_ground_station_are_heard_beside_the_autopilot(story, peer, ground_station):
+def test_a_radio_and_a_ground_station_are_received_besides_the_autopilot(
+    story, peer, ground_station
+):
     radio = peer(51, 68)
     story.handle(
         radio.send(
@@ -110,7 +114,9 @@ def test_a_radio_and_a_ground_station_are_heard_beside_the_autopilot(story, peer
 
 
 @pytest.mark.parametrize(("kind", "asked"), [(ARDUPILOT, True), (mavlink.MAV_AUTOPILOT_PX4, False)])
-def test_ardupilot_is_asked_which_of_two_receivers_it_navigates_by(story, autopilot, kind, asked):
+def test_the_receiver_choice_is_requested_of_ardupilot_with_two_receivers(
+    story, autopilot, kind, asked
+):
     story.meet(autopilot, autopilot=kind)
     assert not of_type(story.run(1.0), "PARAM_REQUEST_READ")
     story.handle(autopilot.pack(message_of("GPS2_RAW", fix_type=3)))
@@ -131,7 +137,7 @@ def test_only_the_autopilots_packets_count_for_the_link(story, autopilot, ground
     assert link.received_s == story.now_s
 
 
-def test_our_own_words_coming_back_are_not_heard(story, autopilot, peer):
+def test_echoes_of_the_companions_packets_are_ignored(story, autopilot, peer):
     story.meet(autopilot)
     echo = peer(1, 195)
     story.handle(echo.command(USER_1, 1))
@@ -140,7 +146,7 @@ def test_our_own_words_coming_back_are_not_heard(story, autopilot, peer):
     assert story.session.telemetry.ground_station is None
 
 
-def test_packets_of_all_links_are_kept_until_they_are_taken(story, autopilot, ground_station):
+def test_received_packets_of_all_links_are_kept_until_read(story, autopilot, ground_station):
     first = autopilot.heartbeat()
     second = ground_station.ground_heartbeat()
     story.handle(first[:7])
@@ -151,13 +157,13 @@ def test_packets_of_all_links_are_kept_until_they_are_taken(story, autopilot, gr
     assert story.session.received_packets() == []
 
 
-def test_packets_that_nobody_takes_do_not_pile_up(story, autopilot):
+def test_unread_packets_are_limited_in_number(story, autopilot):
     for _ in range(5000):
         story.handle(autopilot.heartbeat())
     assert len(story.session.received_packets()) == 4096
 
 
-def test_a_mode_that_is_left_and_given_back_at_once_is_an_event(story, autopilot):
+def test_a_mode_left_and_restored_at_once_is_an_event(story, autopilot):
     for mode in (4, 5, 4, 4):
         story.handle(autopilot.heartbeat(autopilot=ARDUPILOT, custom_mode=mode))
     found, left = story.events()
@@ -169,7 +175,7 @@ def test_a_mode_that_is_left_and_given_back_at_once_is_an_event(story, autopilot
 # Restart
 
 
-def test_after_a_restart_everything_is_asked_for_anew(story, autopilot):
+def test_after_an_autopilot_restart_all_messages_are_requested_again(story, autopilot):
     story.meet(autopilot, autopilot=ARDUPILOT, custom_mode=4)
     first = story.run(2.0)
     assert len(commands(first, SET_MESSAGE_INTERVAL)) > 0
@@ -181,13 +187,13 @@ def test_after_a_restart_everything_is_asked_for_anew(story, autopilot):
     story.handle(autopilot.attitude(500.0))
     assert story.session.telemetry.attitude is not None
     story.now_s += 1.2
-    story.handle(autopilot.attitude(0.3))  # a late packet?
+    story.handle(autopilot.attitude(0.3))  # may be a late packet
     assert story.events() == []
     story.now_s += 0.1
     story.handle(autopilot.attitude(0.4))
     assert story.events() == []
     story.now_s += 0.25
-    story.handle(autopilot.attitude(0.65))  # no
+    story.handle(autopilot.attitude(0.65))
     (event,) = story.events()
     assert isinstance(event, AutopilotRestarted)
     story.now_s += 0.02
@@ -198,7 +204,7 @@ def test_after_a_restart_everything_is_asked_for_anew(story, autopilot):
     assert len(commands(sent, SET_MESSAGE_INTERVAL)) == 1
 
 
-def test_what_was_known_before_a_restart_is_forgotten(story, autopilot):
+def test_an_autopilot_restart_clears_its_telemetry(story, autopilot):
     story.meet(autopilot)
     story.handle(
         autopilot.send("GPS_GLOBAL_ORIGIN", latitude=1, longitude=2, altitude=3, time_usec=0)
@@ -211,12 +217,12 @@ def test_what_was_known_before_a_restart_is_forgotten(story, autopilot):
     assert telemetry.local_origin is None
     assert telemetry.attitude is None
     assert telemetry.autopilot is not None
-    story.handle(autopilot.attitude(1.0))  # its clock starts anew: no second restart
+    story.handle(autopilot.attitude(1.0))  # the clock starts again: no second restart
     story.handle(autopilot.attitude(1.1))
     assert story.events() == []
 
 
-# Whatever comes
+# Any packets
 
 
 @given(
@@ -229,7 +235,7 @@ def test_what_was_known_before_a_restart_is_forgotten(story, autopilot):
         max_size=20,
     )
 )
-def test_no_messages_raise(packets):
+def test_no_message_raises_an_error(packets):
     session = Session(links={"serial": LinkRole.AUTOPILOT})
     session.tick(0.0, SystemStatus.BOOT)
     greeter = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
@@ -254,12 +260,12 @@ def test_no_messages_raise(packets):
 
 
 @given(st.binary(max_size=500))
-def test_no_bytes_raise(data):
+def test_no_bytes_raise_an_error(data):
     session = Session(links={"serial": LinkRole.AUTOPILOT})
     session.receive("serial", data, 0.0)
 
 
-# Real autopilots
+# Recorded autopilots
 
 
 def replayed(packets, *, component_id=195):
@@ -286,7 +292,9 @@ def replayed(packets, *, component_id=195):
         ("ardupilot/h2_signing.companion.tlog", autopilots.ARDUPILOT, 1),
     ],
 )
-def test_a_real_autopilot_is_found_followed_and_seen_to_restart(recording, name, kind, restarts):
+def test_a_recorded_autopilot_is_found_followed_and_its_restarts_detected(
+    recording, name, kind, restarts
+):
     session, events = replayed(recording(name))
     assert session.autopilot.kind is kind
     assert sum(isinstance(event, AutopilotFound) for event in events) == 1
@@ -297,7 +305,7 @@ def test_a_real_autopilot_is_found_followed_and_seen_to_restart(recording, name,
 
 
 @pytest.mark.recordings
-def test_px4s_answers_to_a_mode_that_others_asked_for_are_not_ours(recording):
+def test_px4s_answers_to_mode_requests_of_others_are_ignored(recording):
     _, events = replayed(recording("px4/a1_boot_offboard_takeoff.companion.tlog"))
     assert not [event for event in events if isinstance(event, CommandAnswered)]
 
@@ -315,7 +323,7 @@ def test_commands_routed_by_ardupilot_are_understood(recording):
 OBSTACLE_DISTANCE = 330
 
 
-def test_a_sensors_obstacles_reach_the_telemetry(story, autopilot, peer):
+def test_obstacles_of_a_sensor_reach_the_telemetry(story, autopilot, peer):
     story.meet(autopilot)
     sensor = peer(1, mavlink.MAV_COMP_ID_OBSTACLE_AVOIDANCE)
     fields = {"distances": [65535] * 18 + [400] + [65535] * 53, "max_distance": 3000}
@@ -325,7 +333,7 @@ def test_a_sensors_obstacles_reach_the_telemetry(story, autopilot, peer):
 
 
 @pytest.mark.parametrize("wanted", [False, True])
-def test_obstacles_are_requested_of_the_autopilot_only_where_they_are_wanted(wanted, autopilot):
+def test_obstacles_are_requested_of_the_autopilot_only_where_they_are_used(wanted, autopilot):
     story = Story(obstacles=wanted)
     story.meet(autopilot, autopilot=ARDUPILOT)
     sent = []

@@ -27,7 +27,7 @@ ARDUPILOT = mavlink.MAV_AUTOPILOT_ARDUPILOTMEGA
 # Heartbeat
 
 
-def test_a_heartbeat_is_the_first_thing_ever_sent(story, autopilot, ground_station):
+def test_a_heartbeat_is_the_first_packet_sent(story, autopilot, ground_station):
     story.handle(autopilot.heartbeat())
     story.handle(ground_station.command(400))
     story.handle(autopilot.send("TIMESYNC", tc1=0, ts1=1, target_system=0, target_component=0))
@@ -64,9 +64,7 @@ def test_a_companion_without_cycles_for_a_while_does_not_catch_up(story):
 # Requests
 
 
-def test_an_autopilot_that_is_heard_before_its_heartbeat_is_asked_for_it_once_a_second(
-    story, autopilot
-):
+def test_a_heartbeat_is_requested_once_a_second_of_an_autopilot_without_one(story, autopilot):
     requests = []
     for _ in range(25):
         story.handle(autopilot.attitude(1.0))
@@ -79,12 +77,12 @@ def test_an_autopilot_that_is_heard_before_its_heartbeat_is_asked_for_it_once_a_
 
 
 @pytest.mark.parametrize(("link", "component_id"), [("network", 1), ("serial", 191)])
-def test_nobody_else_is_asked_for_a_heartbeat(story, peer, link, component_id):
+def test_a_heartbeat_is_requested_of_no_other_component(story, peer, link, component_id):
     story.handle(peer(1, component_id).attitude(1.0), link=link)
     assert commands(story.run(3.0), REQUEST_MESSAGE) == []
 
 
-def test_px4_is_asked_only_for_what_it_does_not_send(story, autopilot):
+def test_only_streams_that_px4_does_not_send_are_requested(story, autopilot):
     story.meet(autopilot)
     asked = []
     for step in range(500):
@@ -102,7 +100,7 @@ def test_px4_is_asked_only_for_what_it_does_not_send(story, autopilot):
     assert {(m.target_system, m.target_component) for m in asked} == {(1, 1)}
 
 
-def test_the_rates_can_be_given(autopilot):
+def test_the_requested_rates_are_configurable(autopilot):
     story = Story(message_rates_hz={74: 4.0})
     story.meet(autopilot, autopilot=ARDUPILOT)
     (request,) = commands(story.run(0.5), SET_MESSAGE_INTERVAL)
@@ -110,10 +108,10 @@ def test_the_rates_can_be_given(autopilot):
 
 
 @pytest.mark.parametrize(("first", "then", "mode_hz"), [(UDP, SERIAL, 20), (SERIAL, UDP, 50)])
-def test_an_autopilot_that_is_heard_on_another_link_is_asked_for_the_rates_of_that_one(
+def test_an_autopilot_on_another_link_is_requested_the_rates_of_that_link(
     autopilot, first, then, mode_hz
 ):
-    """More than 20 Hz of the mode does not fit a serial port, and fewer tell a takeover late."""
+    """More than 20 Hz of the mode does not fit a serial port; fewer report a takeover late."""
     reader = Codec(system_id=9, component_id=9)
     session = Session(
         links=dict.fromkeys((UDP, SERIAL), LinkRole.AUTOPILOT),
@@ -133,13 +131,13 @@ def test_an_autopilot_that_is_heard_on_another_link_is_asked_for_the_rates_of_th
     assert asked == {first: 1e6 / (70 - mode_hz), then: 1e6 / mode_hz}
 
 
-def test_a_silent_autopilot_is_asked_nothing(story, autopilot):
+def test_no_request_is_sent_to_a_silent_autopilot(story, autopilot):
     story.meet(autopilot)
     story.run(3.0)
     assert set(types(story.run(60.0))) == {"HEARTBEAT"}
 
 
-def test_origin_and_home_are_asked_for_until_known_and_the_origin_ever_after(story, autopilot):
+def test_origin_and_home_are_requested_until_received_and_the_origin_always(story, autopilot):
     story.meet(autopilot)
 
     def asked(duration_s):
@@ -196,7 +194,7 @@ def test_a_mission_command_reaches_the_service_and_its_answer_the_sender(
         assert (message.target_system, message.target_component) == (255, 190)
 
 
-def test_unknown_commands_to_us_are_answered_at_once_and_those_to_all_not(
+def test_an_unknown_command_is_answered_at_once_and_a_broadcast_one_is_not(
     story, autopilot, ground_station
 ):
     story.meet(autopilot)
@@ -207,7 +205,7 @@ def test_unknown_commands_to_us_are_answered_at_once_and_those_to_all_not(
     assert (acknowledged.command, acknowledged.result) == (400, 3)
 
 
-def test_a_repeat_is_answered_where_it_came_from(story, autopilot, ground_station):
+def test_a_repeat_is_answered_on_the_link_it_came_from(story, autopilot, ground_station):
     story.meet(autopilot)
     story.handle(ground_station.command(USER_1, 1))
     story.handle(ground_station.command(USER_1, 1), link="network")
@@ -216,7 +214,7 @@ def test_a_repeat_is_answered_where_it_came_from(story, autopilot, ground_statio
     assert (link, message.result) == ("network", 5)
 
 
-def test_a_cancel_tells_the_service_and_the_sender(story, autopilot, ground_station):
+def test_a_cancel_is_reported_to_the_service_and_to_the_sender(story, autopilot, ground_station):
     story.meet(autopilot)
     story.handle(ground_station.command(USER_1, 1))
     (command,) = story.session.commands.waiting
@@ -238,7 +236,7 @@ def test_a_cancel_tells_the_service_and_the_sender(story, autopilot, ground_stat
         (ARDUPILOT, 217, [1, 4, 0], [1, 9, 0]),
     ],
 )
-def test_modes_are_requested_once_in_the_autopilots_way(
+def test_a_mode_is_requested_once_in_the_autopilots_form(
     story, autopilot, kind, base_mode, own, land
 ):
     story.meet(autopilot, autopilot=kind, base_mode=base_mode)
@@ -251,15 +249,17 @@ def test_modes_are_requested_once_in_the_autopilots_way(
     assert commands(story.run(10.0), DO_SET_MODE) == []
 
 
-def test_an_autopilot_of_unknown_kind_is_asked_for_no_mode(story, autopilot):
+def test_no_mode_is_requested_of_an_unknown_autopilot(story, autopilot):
     story.meet(autopilot, autopilot=mavlink.MAV_AUTOPILOT_GENERIC)
     assert not story.session.request_own_mode()
     assert not Story().session.request_land()
 
 
-def test_answers_to_a_mode_request_are_events_broadcast_or_not(story, autopilot, ground_station):
+def test_an_answer_to_a_mode_request_is_an_event_even_if_broadcast(
+    story, autopilot, ground_station
+):
     story.meet(autopilot)
-    story.handle(autopilot.acknowledge(DO_SET_MODE, 4, target=(0, 0)))  # somebody else's
+    story.handle(autopilot.acknowledge(DO_SET_MODE, 4, target=(0, 0)))  # of another system
     story.session.request_own_mode()
     story.handle(autopilot.acknowledge(DO_SET_MODE, 0))
     story.handle(autopilot.acknowledge(DO_SET_MODE, 5))  # in progress
@@ -284,7 +284,7 @@ def test_a_setpoint_goes_to_the_autopilot_on_its_link(story, peer):
     assert (message.type_mask, message.x, message.vx, message.yaw) == (0x9C0, 1.0, 0.5, 0.25)
 
 
-def test_without_an_autopilot_no_setpoint_is_sent(story):
+def test_no_setpoint_is_sent_without_an_autopilot(story):
     story.tick()
     story.sent()
     assert not story.session.send_setpoint((0, 0, 0), (0, 0, 0), 0.0, story.now_s)
@@ -339,7 +339,7 @@ def timesync(sender, *, tc1=0, target=(0, 0)):
     )
 
 
-def test_the_autopilots_time_requests_are_answered_with_our_clock(story, autopilot):
+def test_time_requests_of_the_autopilot_are_answered_with_the_companions_clock(story, autopilot):
     story.meet(autopilot)
     story.handle(timesync(autopilot))
     ((link, message),) = story.sent()
@@ -347,7 +347,7 @@ def test_the_autopilots_time_requests_are_answered_with_our_clock(story, autopil
     assert (message.target_system, message.target_component) == (1, 1)
 
 
-def test_other_time_requests_are_answered_only_when_they_are_for_us(
+def test_other_time_requests_are_answered_only_when_addressed_to_the_companion(
     story, autopilot, ground_station
 ):
     story.meet(autopilot)
@@ -364,7 +364,7 @@ def ping(sender):
 
 
 @pytest.mark.parametrize("request_of", [ping, partial(timesync, target=(1, 195))])
-def test_requests_are_answered_five_times_a_second_for_a_sender_and_twenty_for_a_link(
+def test_answers_are_limited_to_five_a_second_per_sender_and_twenty_per_link(
     story, autopilot, ground_station, request_of
 ):
     story.meet(autopilot)
@@ -389,7 +389,7 @@ def test_the_autopilots_time_requests_are_all_answered(story, autopilot):
     assert len(story.sent()) == 200
 
 
-def test_a_system_that_may_be_no_peer_is_not_answered(story, autopilot):
+def test_a_system_that_is_not_allowed_as_a_peer_is_not_answered(story, autopilot):
     story.meet(autopilot)
     stranger = Peer(42, 1)
     story.handle(ping(stranger))

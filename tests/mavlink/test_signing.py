@@ -1,4 +1,4 @@
-"""Signed links: what is accepted, what is refused and why, and whom our signatures convince."""
+"""Signed links: accepted packets, refused packets with reasons, and sent signatures."""
 
 from __future__ import annotations
 
@@ -43,11 +43,11 @@ def setup_signing(peer):
     )
 
 
-# What is accepted
+# Accepted packets
 
 
 @given(st.integers(0, 255), st.integers(1, 255), st.integers(1, 255), st.integers(0, 255))
-def test_what_pymavlink_signs_is_accepted(link_id, system_id, component_id, sequence):
+def test_packets_signed_by_pymavlink_are_accepted(link_id, system_id, component_id, sequence):
     peer, codec = SignedPeer(system_id, component_id, link_id=link_id), signed_codec()
     peer.skip(sequence)
     messages = codec.receive(peer.heartbeat() + peer.attitude(1.0))
@@ -57,7 +57,7 @@ def test_what_pymavlink_signs_is_accepted(link_id, system_id, component_id, sequ
     assert codec.statistics(system_id, component_id).received == 2
 
 
-def test_pymavlink_accepts_what_is_signed_here():
+def test_pymavlink_accepts_packets_signed_by_the_companion():
     peer, codec = SignedPeer(), signed_codec(signing(link_id=9))
     for _ in range(300):
         (message,) = peer.read(codec.encode(CLOCK))
@@ -66,7 +66,7 @@ def test_pymavlink_accepts_what_is_signed_here():
     assert peer.signing.badsig_count == 0
 
 
-def test_pymavlink_with_another_key_refuses_it():
+def test_pymavlink_with_another_key_refuses_packets_of_the_companion():
     peer, codec = SignedPeer(secret=OTHER_SECRET), signed_codec()
     assert peer.read(codec.encode(CLOCK)) == []
 
@@ -96,7 +96,7 @@ def test_a_message_that_the_dialect_lacks_is_checked_by_its_signature():
     assert types(codec.receive(peer.heartbeat())) == ["HEARTBEAT"]
 
 
-def test_a_link_that_asks_for_no_signatures_reads_past_them_and_says_that_nobody_checked():
+def test_a_link_without_signing_reads_signed_packets_and_marks_them_unchecked():
     codec = Codec(system_id=1, component_id=195)
     data = SignedPeer(secret=OTHER_SECRET).heartbeat() + Peer(1, 1).heartbeat()
     messages = codec.receive(data)
@@ -105,11 +105,11 @@ def test_a_link_that_asks_for_no_signatures_reads_past_them_and_says_that_nobody
     assert codec.encode(CLOCK)[2] == 0
 
 
-# What is refused
+# Refused packets
 
 
 def refused(codec, data, reason, count=1):
-    """Nothing of it is read, recorded or known, but it is counted."""
+    """Asserts that no packet in the data is read, recorded or listed, and each is counted."""
     before, sources = codec.refused[reason], codec.sources
     assert codec.receive(data) == []
     assert codec.packets == []
@@ -119,7 +119,7 @@ def refused(codec, data, reason, count=1):
 
 
 @pytest.mark.parametrize("mavlink1", [False, True])
-def test_what_is_unsigned_is_refused(autopilot, mavlink1):
+def test_an_unsigned_packet_is_refused(autopilot, mavlink1):
     data = autopilot.pack(CLOCK, mavlink1=mavlink1)
     refused(signed_codec(), data, SigningRefusal.UNSIGNED)
 
@@ -129,11 +129,11 @@ def test_unsigned_telemetry_is_refused(autopilot):
     refused(signed_codec(), data, SigningRefusal.UNSIGNED, count=2)
 
 
-def test_a_signature_of_another_key_is_refused():
+def test_a_packet_signed_with_another_key_is_refused():
     refused(signed_codec(), SignedPeer(secret=OTHER_SECRET).heartbeat(), SigningRefusal.WRONG)
 
 
-def test_a_wrongly_signed_packet_moves_no_time_stamp():
+def test_a_wrongly_signed_packet_does_not_advance_the_time_stamp():
     link = signing()
     before = copy.deepcopy(link)
     codec = signed_codec(link)
@@ -171,7 +171,7 @@ def test_the_first_packet_of_a_stream_may_be_a_minute_behind(behind, accepted):
         refused(codec, packet, SigningRefusal.OLD)
 
 
-def test_a_stream_that_is_known_may_fall_behind_the_clock():
+def test_an_established_stream_may_fall_behind_the_clock():
     link, peer = signing(timestamp=100 * MINUTE), SignedPeer(timestamp=100 * MINUTE)
     codec = signed_codec(link)
     codec.receive(peer.heartbeat())
@@ -181,7 +181,7 @@ def test_a_stream_that_is_known_may_fall_behind_the_clock():
 
 
 @pytest.mark.parametrize("restarted", [False, True])
-def test_a_peer_whose_clock_is_ahead_has_no_other_refused(restarted):
+def test_a_peer_with_a_clock_ahead_does_not_make_other_peers_refused(restarted):
     wall_s = 1_420_070_400 + 6000.0
     link = two_links(wall_s=wall_s)["serial"]
     codec = signed_codec(link)
@@ -197,7 +197,7 @@ def test_a_peer_whose_clock_is_ahead_has_no_other_refused(restarted):
     assert link.behind_s == {}
 
 
-def test_a_computer_whose_clock_is_not_set_judges_by_what_it_has_heard():
+def test_a_computer_without_a_set_clock_judges_by_received_time_stamps():
     for wall_s, references in ((0.0, {}), (1_420_070_400 + 60.0, {"serial": 90 * MINUTE})):
         link = two_links(wall_s=wall_s, references=references)["serial"]
         codec = signed_codec(link)
@@ -219,7 +219,7 @@ def test_a_sender_that_is_behind_is_named_until_its_clock_is_right():
     assert link.behind_s == {}
 
 
-def test_streams_of_one_system_with_other_link_ids_or_components_are_apart():
+def test_link_ids_and_components_of_one_system_are_separate_streams():
     codec = signed_codec()
     for peer in (
         SignedPeer(1, 1, link_id=0, timestamp=100 * MINUTE),
@@ -231,7 +231,7 @@ def test_streams_of_one_system_with_other_link_ids_or_components_are_apart():
 
 
 @given(st.data())
-def test_any_byte_that_is_changed_is_refused(data):
+def test_a_packet_with_any_byte_changed_is_refused(data):
     packet = bytearray(data.draw(st.sampled_from(PACKETS)))
     position = data.draw(st.integers(0, len(packet) - 1))
     packet[position] ^= data.draw(st.integers(1, 255))
@@ -250,8 +250,8 @@ PACKETS = packets_of(SignedPeer())
 
 
 @given(st.binary(max_size=280), st.binary(max_size=280))
-def test_no_noise_hides_or_replaces_what_is_signed(before, between):
-    """A false start marker in the noise costs at most what follows it within 280 bytes."""
+def test_no_noise_blocks_or_replaces_a_signed_packet(before, between):
+    """A false start marker in the noise loses at most the next 280 bytes."""
     codec, peer = signed_codec(), SignedPeer()
     data = before + bytes(300) + peer.heartbeat() + between + bytes(300) + peer.attitude(1.0)
     assert types(codec.receive(data)) == ["HEARTBEAT", "ATTITUDE"]
@@ -293,12 +293,12 @@ def two_links(**options):
     return link_signings(links, Signing(key=SigningKey(SECRET), **start))
 
 
-def test_our_link_ids_are_distinct_and_links_that_do_not_ask_are_not_signed():
+def test_signed_links_have_distinct_link_ids_and_other_links_are_not_signed():
     found = two_links()
     assert {url: link.link_id for url, link in found.items()} == {"serial": 0, "network": 2}
 
 
-def test_all_that_is_sent_on_a_signed_link_is_signed_and_nothing_on_another():
+def test_all_packets_are_signed_on_signed_links_and_none_on_others():
     session = Session(
         links=dict.fromkeys(("serial", "plain", "network"), LinkRole.AUTOPILOT),
         signing=two_links(),
@@ -330,16 +330,16 @@ def test_a_copy_over_another_link_is_accepted_and_an_old_one_is_refused():
     refused(network, recorded, SigningRefusal.OLD)
 
 
-def test_links_without_a_key_are_an_error_and_never_unsigned():
+def test_a_signed_link_without_a_key_is_an_error():
     with pytest.raises(ValueError, match="serial asks for signatures, and there is no key"):
         link_signings([LinkConfig(url="serial", signed=True)], None)
 
 
-# Our time stamps
+# Time stamps of sent packets
 
 
 def stamps(codec, count):
-    """The time stamps of so many packets."""
+    """Time stamps of a number of packets."""
     packets = [codec.encode(CLOCK) for _ in range(count)]
     return [int.from_bytes(packet[-12:-6], "little") for packet in packets]
 
@@ -354,7 +354,7 @@ def stamps(codec, count):
         max_size=20,
     )
 )
-def test_our_time_stamps_only_ever_rise(steps):
+def test_sent_time_stamps_always_increase(steps):
     link = signing(timestamp=0)
     codec, sent = signed_codec(link), []
     for what, value in steps:
@@ -367,7 +367,7 @@ def test_our_time_stamps_only_ever_rise(steps):
     assert sent == sorted(set(sent))
 
 
-def test_they_follow_the_wall_clock_and_a_peer_that_is_ahead():
+def test_sent_time_stamps_follow_the_wall_clock_and_a_peer_ahead_of_it():
     link = signing(timestamp=0)
     codec = signed_codec(link)
     link.advance(1_420_070_400 + 60.0)
@@ -378,7 +378,7 @@ def test_they_follow_the_wall_clock_and_a_peer_that_is_ahead():
     assert stamps(codec, 1) == [9 * MINUTE + 1]
 
 
-def test_a_peer_at_the_end_of_time_is_no_error():
+def test_a_peer_with_the_last_possible_time_stamp_is_no_error():
     link = signing()
     codec = signed_codec(link)
     codec.receive(SignedPeer(timestamp=LATEST_TIMESTAMP).heartbeat())
@@ -392,7 +392,7 @@ def test_time_stamps_count_from_2015(wall_s, timestamp):
     assert timestamp_at(wall_s) == timestamp
 
 
-def test_a_link_starts_after_what_was_kept_and_a_new_one_after_all_others():
+def test_a_link_starts_after_its_saved_time_stamp_and_a_new_one_after_all_saved():
     kept = {"serial": 500 * MINUTE, "gone": 700 * MINUTE}
     found = two_links(wall_s=0.0, kept=kept)
     assert found["serial"].timestamp == 500 * MINUTE
@@ -405,12 +405,12 @@ def test_a_link_starts_after_what_was_kept_and_a_new_one_after_all_others():
 
 
 @pytest.mark.parametrize("secret", [b"", bytes(31), bytes(33), bytes(32)])
-def test_a_key_is_32_bytes_that_are_not_all_zero(secret):
+def test_a_key_has_32_bytes_that_are_not_all_zero(secret):
     with pytest.raises(ValueError, match="must"):
         SigningKey(secret)
 
 
-def test_nothing_prints_the_key():
+def test_the_key_is_never_printed():
     start = Signing(key=SigningKey(SECRET), wall_s=0.0)
     for item in (start, start.key, signing(), signed_codec(), two_links()):
         for text in (repr(item), str(item)):

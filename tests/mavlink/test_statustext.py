@@ -5,19 +5,19 @@ import pytest
 from moar_companion.mavlink.statustext import Severity, StatusTexts
 
 
-def told(texts, text, now_s=0.0):
+def encoded(texts, text, now_s=0.0):
     return [(m.id, m.chunk_seq, m.text) for m in texts.messages(Severity.WARNING, text, now_s)]
 
 
 def test_a_short_text_is_one_message_without_an_id():
-    assert told(StatusTexts(), "x" * 50) == [(0, 0, "x" * 50)]
+    assert encoded(StatusTexts(), "x" * 50) == [(0, 0, "x" * 50)]
     assert StatusTexts().messages(Severity.WARNING, "x", 0.0)[0].severity == 4
 
 
 @pytest.mark.parametrize(("length", "chunks"), [(51, 2), (99, 2), (100, 3), (101, 3), (5000, 21)])
-def test_a_long_text_comes_in_chunks_the_last_of_which_ends_it(length, chunks):
+def test_a_long_text_is_sent_in_chunks_and_the_last_one_ends_the_text(length, chunks):
     text = "".join(chr(97 + index % 26) for index in range(length))
-    sent = told(StatusTexts(), text)
+    sent = encoded(StatusTexts(), text)
     assert [(number, sequence) for number, sequence, _ in sent] == [(1, i) for i in range(chunks)]
     assert "".join(part for _, _, part in sent) == text[:1000]
     assert len(sent[-1][2]) < 50
@@ -25,34 +25,34 @@ def test_a_long_text_comes_in_chunks_the_last_of_which_ends_it(length, chunks):
 
 def test_each_long_text_has_an_id_of_its_own():
     texts = StatusTexts()
-    assert told(texts, "a" * 60)[0][0] == 1
-    assert told(texts, "b" * 60)[0][0] == 2
+    assert encoded(texts, "a" * 60)[0][0] == 1
+    assert encoded(texts, "b" * 60)[0][0] == 2
     texts._last_id = 65535
-    assert told(texts, "c" * 60)[0][0] == 1
+    assert encoded(texts, "c" * 60)[0][0] == 1
 
 
 def test_the_same_text_is_not_sent_again_within_10_seconds():
     texts = StatusTexts()
-    assert told(texts, "wind", 0.0)
-    assert not told(texts, "wind", 9.9)
-    assert told(texts, "battery", 9.9)
-    assert told(texts, "wind", 10.0)
+    assert encoded(texts, "wind", 0.0)
+    assert not encoded(texts, "wind", 9.9)
+    assert encoded(texts, "battery", 9.9)
+    assert encoded(texts, "wind", 10.0)
 
 
-def test_texts_that_differ_in_what_was_measured_are_the_same():
+def test_texts_that_differ_in_measured_values_alone_are_the_same():
     texts = StatusTexts()
-    assert told(texts, "98 s left, wind 9.5 m/s, battery 0 at 15%, 3 m off", 0.0)
-    assert not told(texts, "7 s left, wind 12.1 m/s, battery 0 at 9%, 12 m off", 2.0)
-    assert told(texts, "7 s left, wind 12.1 m/s, battery 1 at 9%, 12 m off", 2.0)
+    assert encoded(texts, "98 s left, wind 9.5 m/s, battery 0 at 15%, 3 m off", 0.0)
+    assert not encoded(texts, "7 s left, wind 12.1 m/s, battery 0 at 9%, 12 m off", 2.0)
+    assert encoded(texts, "7 s left, wind 12.1 m/s, battery 1 at 9%, 12 m off", 2.0)
 
 
-def test_what_is_not_ascii_becomes_a_question_mark():
-    assert told(StatusTexts(), "45° left") == [(0, 0, "45? left")]
+def test_a_character_outside_ascii_becomes_a_question_mark():
+    assert encoded(StatusTexts(), "45° left") == [(0, 0, "45? left")]
 
 
-def test_news_is_told_again_once_something_else_was_said_or_a_second_has_passed():
+def test_a_new_text_is_sent_again_after_another_text_or_a_second():
     texts = StatusTexts()
-    told = [
+    sent = [
         bool(texts.messages(Severity.NOTICE, text, now_s, is_new=True))
         for now_s, text in [
             (0.0, "MOAR flying"),
@@ -63,16 +63,16 @@ def test_news_is_told_again_once_something_else_was_said_or_a_second_has_passed(
             (1.7, "MOAR flying"),
         ]
     ]
-    assert told == [True, False, True, True, False, True]
+    assert sent == [True, False, True, True, False, True]
 
 
-def test_what_was_told_on_one_link_counts_for_that_one_alone():
+def test_a_text_sent_on_one_link_may_be_sent_on_another():
     texts = StatusTexts()
 
-    def is_told(link):
+    def is_sent(link):
         return bool(texts.messages(Severity.WARNING, "denied", 0.0, link=link))
 
-    assert [is_told("radio"), is_told("radio"), is_told("network"), is_told(None)] == [
+    assert [is_sent("radio"), is_sent("radio"), is_sent("network"), is_sent(None)] == [
         True,
         False,
         True,
@@ -83,6 +83,6 @@ def test_what_was_told_on_one_link_counts_for_that_one_alone():
 def test_memory_is_bounded_for_any_number_of_texts():
     texts = StatusTexts()
     for number in range(10_000):
-        assert told(texts, f"parameter {number} is bad")
+        assert encoded(texts, f"parameter {number} is bad")
     assert len(texts._sent_s) == 256
-    assert not told(texts, "parameter 9999 is bad")
+    assert not encoded(texts, "parameter 9999 is bad")

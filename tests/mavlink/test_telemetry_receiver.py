@@ -1,4 +1,4 @@
-"""The autopilot's words out of everybody's."""
+"""Telemetry of the autopilot among the packets of all senders."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def handle(listener, packet, *, link="wire", role=LinkRole.AUTOPILOT, now_s=1.0)
     return listener.handle(message, link=link, role=role, now_s=now_s)
 
 
-def test_only_the_autopilot_and_only_on_its_link_tells_where_the_aircraft_is():
+def test_only_the_autopilot_on_its_own_link_updates_telemetry():
     listener, autopilot = TelemetryReceiver(), Peer(1, 1)
     assert isinstance(handle(listener, autopilot.heartbeat()), AutopilotFound)
     handle(listener, Peer(1, 195).attitude(1.0))
@@ -36,7 +36,7 @@ def test_a_heartbeat_on_an_operators_link_finds_no_autopilot():
     assert listener.telemetry.ground_station.system_id == 255
 
 
-def test_a_restart_forgets_what_the_autopilot_said_and_nothing_else():
+def test_a_restart_clears_the_autopilots_telemetry_and_no_other():
     listener, autopilot = TelemetryReceiver(), Peer(1, 1)
     handle(listener, autopilot.heartbeat())
     handle(listener, Peer(255, 190).ground_heartbeat())
@@ -45,13 +45,13 @@ def test_a_restart_forgets_what_the_autopilot_said_and_nothing_else():
     assert isinstance(handle(listener, boot), AutopilotRestarted)
     assert listener.telemetry.attitude is None
     assert listener.telemetry.ground_station is not None
-    assert handle(listener, autopilot.attitude(1.0)) is None  # its clock begins anew
+    assert handle(listener, autopilot.attitude(1.0)) is None  # the clock starts again
 
 
 @pytest.mark.parametrize("later_s", [0.6, 2.0, 6.0])
 @pytest.mark.parametrize("gap_s", [0.0, 0.4])
 def test_copies_by_a_slower_route_are_neither_a_restart_nor_another_autopilot(later_s, gap_s):
-    """The direct route pauses once; the copies of what it brought arrive all the same."""
+    """The direct route pauses once; the copies of its packets still arrive."""
     listener, autopilot = TelemetryReceiver(), Peer(1, 1)
     handle(listener, autopilot.heartbeat(), now_s=0.0)
     packets = {step: autopilot.attitude(100.0 + 0.02 * step) for step in range(1000)}
@@ -67,7 +67,7 @@ def test_copies_by_a_slower_route_are_neither_a_restart_nor_another_autopilot(la
             assert listener.telemetry.attitude == before
 
 
-def test_packets_are_dated_by_the_autopilots_last():
+def test_the_link_is_dated_by_the_autopilots_last_packet():
     listener, autopilot = TelemetryReceiver(), Peer(1, 1)
     handle(listener, autopilot.heartbeat(), now_s=3.0)
     handle(listener, Peer(255, 190).ground_heartbeat(), now_s=9.0)
@@ -110,7 +110,7 @@ def obstacle(sender, x, *, boot_s=20.0):
 
 
 @pytest.mark.parametrize("component", [1, SENSOR, 158])
-def test_obstacles_are_told_by_the_autopilot_and_by_sensors_of_its_system(component):
+def test_obstacles_are_taken_from_the_autopilot_and_from_sensors_of_its_system(component):
     listener = TelemetryReceiver()
     handle(listener, Peer(1, 1).heartbeat())
     handle(listener, distances(Peer(1, component)), now_s=2.0)
@@ -120,7 +120,7 @@ def test_obstacles_are_told_by_the_autopilot_and_by_sensors_of_its_system(compon
     assert listener.telemetry.proximity.points_m[-1] == (7.0, 0.0, 0.0)
 
 
-def test_obstacles_of_other_systems_and_on_operators_links_are_not_ours():
+def test_obstacles_of_other_systems_and_on_operator_links_are_ignored():
     listener, sensor = TelemetryReceiver(), Peer(1, SENSOR)
     handle(listener, distances(sensor))
     handle(listener, Peer(1, 1).heartbeat())
@@ -133,7 +133,7 @@ def test_obstacles_of_other_systems_and_on_operators_links_are_not_ours():
 
 
 @pytest.mark.parametrize("kind", [distances, obstacle])
-def test_a_late_packet_of_a_sensor_is_dropped_and_its_restart_is_not(kind):
+def test_a_late_packet_of_a_sensor_is_dropped_and_a_restarted_sensor_is_received(kind):
     listener, sensor = TelemetryReceiver(), Peer(1, SENSOR)
     handle(listener, Peer(1, 1).heartbeat())
     field = {"ahead_cm": 900} if kind is distances else {"x": 9.0}
@@ -148,7 +148,7 @@ def test_a_late_packet_of_a_sensor_is_dropped_and_its_restart_is_not(kind):
     assert listener.telemetry.proximity.received_s == pytest.approx(6.9)
 
 
-def test_a_restart_of_the_autopilot_forgets_obstacles_until_the_next():
+def test_an_autopilot_restart_clears_the_obstacles():
     listener, autopilot, sensor = TelemetryReceiver(), Peer(1, 1), Peer(1, SENSOR)
     handle(listener, autopilot.heartbeat())
     handle(listener, distances(sensor))

@@ -17,7 +17,7 @@ def answer_to(stamp):
 
 
 def answered(trips, *late_s, from_s=100.0):
-    """Every question is answered, each so late."""
+    """Answers each request after its delay; returns the least delay."""
     now_s, under_way = from_s, []
     late = iter(late_s)
     while True:
@@ -36,7 +36,7 @@ def answered(trips, *late_s, from_s=100.0):
         now_s += TICK_S
 
 
-def test_nothing_is_known_before_two_answers():
+def test_the_delay_is_unknown_before_two_answers():
     assert answered(TimesyncRtt()) is None
     assert answered(TimesyncRtt(), 0.02) is None
 
@@ -51,11 +51,11 @@ def test_nothing_is_known_before_two_answers():
         ((0.9, 0.8, 0.6), 0.6),
     ],
 )
-def test_the_shorter_of_the_last_two_counts(late_s, least_s):
+def test_the_shorter_of_the_last_two_delays_counts(late_s, least_s):
     assert answered(TimesyncRtt(), *late_s) == pytest.approx(least_s)
 
 
-def test_answers_to_nobodys_question_and_questions_are_no_answers():
+def test_answers_to_other_requests_and_requests_do_not_count():
     trips = TimesyncRtt()
     question = trips.next_request(AUTOPILOT, 100.0)
     assert (question.target_system, question.target_component) == AUTOPILOT
@@ -63,18 +63,18 @@ def test_answers_to_nobodys_question_and_questions_are_no_answers():
     for message in (question, answer_to(question.ts1 + 1), heartbeat):
         trips.handle(message, 100.1)
     answer = answer_to(question.ts1)
-    for _ in range(3):  # nor a repeated one
+    for _ in range(3):  # a repeated answer does not count
         trips.handle(answer, 100.1)
     assert trips.least_s(100.1) is None
 
 
-def test_questions_are_asked_eight_times_a_second():
+def test_timesync_requests_are_sent_eight_times_a_second():
     trips = TimesyncRtt()
     asked = [trips.next_request(AUTOPILOT, 100.0 + 0.02 * tick) for tick in range(500)]
     assert 68 <= sum(message is not None for message in asked) <= 81
 
 
-def test_answers_that_cease_are_under_way_for_as_long_as_they_are_awaited():
+def test_when_answers_cease_the_delay_grows_with_the_wait():
     trips = TimesyncRtt()
     assert answered(trips, 0.02, 0.02, 0.02) == pytest.approx(0.02)
     for tick in range(100):
@@ -83,7 +83,7 @@ def test_answers_that_cease_are_under_way_for_as_long_as_they_are_awaited():
     assert trips.least_s(106.0) == pytest.approx(5.5, abs=0.3)
 
 
-def test_answers_that_nobody_ever_gave_are_not_awaited():
+def test_without_any_answer_the_delay_stays_unknown():
     trips = TimesyncRtt()
     for tick in range(200):
         trips.next_request(AUTOPILOT, 100.0 + TICK_S * tick)

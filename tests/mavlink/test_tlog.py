@@ -1,4 +1,4 @@
-"""A .tlog's records, whole, cut, broken, and what is none."""
+"""Records of a .tlog: whole, truncated, corrupted, and files that are no recording."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def stamped(packet, time_us=T0_US):
 
 
 def recorded(count=5):
-    """Packets of both versions, and their recording."""
+    """Packets of both MAVLink versions, and their recording."""
     peer = Peer(1, 1)
     packets = [
         peer.pack(create("SYSTEM_TIME", time_unix_usec=n, time_boot_ms=n), mavlink1=n % 2 == 1)
@@ -49,7 +49,7 @@ def test_records_have_their_times_and_packets():
     assert (tlog.bad_packets, tlog.skipped_bytes, tlog.cut_short) == (0, 0, False)
 
 
-def test_a_recording_cut_anywhere_keeps_its_whole_records():
+def test_a_truncated_recording_keeps_its_whole_records():
     packets, data = recorded(3)
     ends = [0]
     for packet in packets:
@@ -80,7 +80,7 @@ def test_after_stray_bytes_the_next_record_is_found(noise):
     assert tlog.skipped_bytes == len(noise)
 
 
-def test_a_message_of_an_unknown_dialect_is_a_record_like_others():
+def test_a_message_of_an_unknown_dialect_is_a_valid_record():
     packets, data = recorded(2)
     unknown = b"\xfd\x03\x00\x00\x07\x01\x01\xff\xff\x7fabcXY"
     assert packets_of(data + stamped(unknown) + data) == [*packets, unknown, *packets]
@@ -98,11 +98,11 @@ def test_a_message_of_an_unknown_dialect_is_a_record_like_others():
     ],
     ids=["empty", "picture", "ulog", "table", "noise", "time alone"],
 )
-def test_what_is_no_recording_is_not_recognised(data):
+def test_a_file_that_is_no_recording_is_rejected(data):
     assert not Tlog(data).recognised
 
 
-def test_packets_without_times_are_no_recording():
+def test_packets_without_time_stamps_are_no_recording():
     packets, _ = recorded()
     assert not Tlog(b"".join(packets)).recognised
 

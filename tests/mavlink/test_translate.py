@@ -19,7 +19,7 @@ def heartbeat(**fields):
     return {"type": 2, "autopilot": 12, "base_mode": 0, "custom_mode": 0, **fields}
 
 
-def test_a_heartbeat_tells_mode_arming_and_failsafe():
+def test_a_heartbeat_gives_mode_arming_and_failsafe():
     telemetry = updated(
         "HEARTBEAT", **heartbeat(base_mode=129, custom_mode=0x00060000, system_status=5)
     )
@@ -34,11 +34,11 @@ def test_a_heartbeat_tells_mode_arming_and_failsafe():
     assert status.received_s == 10.0
 
 
-def test_heartbeats_tell_since_when_the_mode_and_a_failsafe_are_on():
+def test_heartbeats_give_the_start_of_the_mode_and_of_a_failsafe():
     telemetry, since = Telemetry(), []
     for now_s, mode, status in ((1, 4, 5), (2, 4, 4), (3, 4, 5), (4, 9, 5), (5, 9, 5), (6, 9, 4)):
-        told = heartbeat(autopilot=3, custom_mode=mode, system_status=status)
-        telemetry = updated("HEARTBEAT", telemetry, now_s=float(now_s), **told)
+        received = heartbeat(autopilot=3, custom_mode=mode, system_status=status)
+        telemetry = updated("HEARTBEAT", telemetry, now_s=float(now_s), **received)
         autopilot = telemetry.autopilot
         since.append((autopilot.mode_since_s, autopilot.failsafe_since_s))
     assert since == [(None, None), (None, None), (None, 3.0), (4.0, 3.0), (4.0, 3.0), (4.0, None)]
@@ -69,7 +69,7 @@ def test_only_an_aircrafts_heartbeat_is_an_autopilots(vehicle, autopilot, kind):
         assert translate.update(Telemetry(), message, 1.0).autopilot is None
 
 
-def test_a_message_of_no_interest_changes_nothing():
+def test_an_unused_message_changes_nothing():
     telemetry = Telemetry()
     assert updated("HIGHRES_IMU", telemetry) is telemetry
 
@@ -98,7 +98,7 @@ def replay(packets, *, source=(1, 1)):
 
 
 @pytest.mark.recordings
-def test_ardupilots_flight_with_drag_fusion_has_a_wind_and_without_it_none(recording):
+def test_a_recorded_ardupilot_gives_a_wind_only_with_drag_fusion(recording):
     with_fusion = [
         t.wind for t in replay(recording("ardupilot/c3_wind_const.companion.tlog")) if t.wind
     ]
@@ -108,7 +108,7 @@ def test_ardupilots_flight_with_drag_fusion_has_a_wind_and_without_it_none(recor
 
 
 @pytest.mark.recordings
-def test_px4s_silent_receiver_knows_nothing(recording):
+def test_a_silent_receiver_of_px4_gives_no_values(recording):
     last = None
     silent = []
     lost = False
@@ -131,7 +131,7 @@ def test_px4s_failing_battery_is_followed_to_the_emergency(recording):
         known = telemetry.batteries.get(0)
         if known is not None and known.charge_state not in charge:
             charge.append(known.charge_state)
-    # SYS_STATUS is heard first, which knows no charge state.
+    # SYS_STATUS, which has no charge state, is received first.
     assert charge == [None, 1, 2, 3, 4]
     assert telemetry.autopilot.failsafe
     assert telemetry.autopilot.mode == "LAND"

@@ -30,13 +30,13 @@ def test_a_position_that_is_not_finite_is_dropped(field, value):
 
 
 def covariance(x_m2, y_m2, z_m2=4.0):
-    """As PX4 fills it: variances on the diagonal, the rest unknown."""
+    """Covariance as PX4 fills it: variances on the diagonal, the rest unknown."""
     triangle = [NAN] * 21
     triangle[0], triangle[6], triangle[11] = x_m2, y_m2, z_m2
     return triangle
 
 
-def test_odometry_tells_of_resets_and_of_how_well_the_position_is_known():
+def test_odometry_gives_resets_and_the_accuracy_of_the_position():
     odometry = updated(
         "ODOMETRY", frame_id=1, reset_counter=255, pose_covariance=covariance(0.09, 0.16)
     ).odometry
@@ -47,7 +47,7 @@ def test_odometry_tells_of_resets_and_of_how_well_the_position_is_known():
 
 
 @pytest.mark.parametrize(("x_m2", "y_m2"), [(NAN, 0.1), (0.1, NAN), (0.0, 0.0), (-1.0, 0.5)])
-def test_an_odometry_without_a_variance_still_tells_of_resets(x_m2, y_m2):
+def test_an_odometry_without_a_variance_still_gives_resets(x_m2, y_m2):
     odometry = updated(
         "ODOMETRY", frame_id=1, reset_counter=3, pose_covariance=covariance(x_m2, y_m2)
     ).odometry
@@ -56,7 +56,7 @@ def test_an_odometry_without_a_variance_still_tells_of_resets(x_m2, y_m2):
 
 
 @pytest.mark.parametrize("z_m2", [NAN, 0.0, -1.0])
-def test_an_odometry_that_does_not_know_its_height_knows_its_place(z_m2):
+def test_an_odometry_without_a_height_accuracy_has_a_horizontal_accuracy(z_m2):
     odometry = updated(
         "ODOMETRY", frame_id=1, pose_covariance=covariance(0.09, 0.16, z_m2)
     ).odometry
@@ -71,7 +71,7 @@ def test_an_odometry_that_does_not_know_its_height_knows_its_place(z_m2):
         ("the pose is in the body's frame", {"frame_id": 12}),
     ],
 )
-def test_an_odometry_of_nothing_local_is_unknown(case, fields):
+def test_an_odometry_in_another_frame_is_unknown(case, fields):
     known = updated("ODOMETRY", frame_id=20, reset_counter=3)
     assert known.odometry is not None
     assert updated("ODOMETRY", known, **fields).odometry is None, case
@@ -82,7 +82,7 @@ def test_an_attitude_that_is_not_finite_is_dropped():
     assert updated("ATTITUDE", roll=0.5).attitude.roll_rad == 0.5
 
 
-def test_points_become_degrees_and_metres():
+def test_home_and_origin_become_degrees_and_metres():
     telemetry = updated(
         "GPS_GLOBAL_ORIGIN", latitude=453780000, longitude=-719290000, altitude=200100
     )
@@ -96,7 +96,7 @@ def test_points_become_degrees_and_metres():
     assert telemetry.home.position_ned_m == (1.0, 2.0, 3.0)
 
 
-def test_ardupilots_zero_coordinates_are_no_point():
+def test_zero_coordinates_of_ardupilot_are_no_position():
     assert updated("GLOBAL_POSITION_INT", alt=1).global_position is None
     assert updated("GPS_GLOBAL_ORIGIN").local_origin is None
     assert updated("HOME_POSITION").home is None
@@ -110,7 +110,7 @@ def test_the_landed_state_may_be_unknown():
     assert updated("EXTENDED_SYS_STATE", telemetry, landed_state=77).landed is None
 
 
-def test_px4s_wind_points_where_the_air_goes():
+def test_px4s_wind_points_downwind():
     wind = updated("WIND_COV", wind_x=-5.0, wind_y=1.0, wind_z=NAN).wind
     assert wind.velocity_ned_mps == (-5.0, 1.0, 0.0)
 
@@ -125,13 +125,13 @@ def test_px4s_variance_is_the_sum_of_two(var_horiz, deviation_mps):
 
 
 @pytest.mark.parametrize("var_horiz", [0.0, NAN])
-def test_px4s_wind_of_nothing_without_a_variance_is_no_calm(var_horiz):
+def test_px4s_zero_wind_without_a_variance_is_unknown(var_horiz):
     known = updated("WIND_COV", wind_x=1.0, var_horiz=0.1)
     assert updated("WIND_COV", known, var_horiz=var_horiz).wind is None
     assert updated("WIND_COV", known, var_horiz=0.1).wind.velocity_ned_mps == (0.0, 0.0, 0.0)
 
 
-def test_ardupilots_wind_comes_from_its_direction():
+def test_ardupilots_wind_direction_points_upwind():
     wind = updated("WIND", direction=90.0, speed=5.0, speed_z=0.5).wind
     assert wind.velocity_ned_mps == pytest.approx((0.0, -5.0, 0.5))
 

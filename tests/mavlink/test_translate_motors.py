@@ -28,11 +28,11 @@ def parameter(telemetry, name, value, kind):
 
 
 def as_float(number):
-    """PX4's way: the bytes of an integer, read as a float."""
+    """Value as PX4 sends an integer: its bytes read as a float."""
     return struct.unpack("<f", struct.pack("<i", number))[0]
 
 
-def test_outputs_without_a_motor_are_left_out():
+def test_outputs_without_a_motor_are_ignored():
     motors = updated(
         "SERVO_OUTPUT_RAW",
         servo1_raw=1500,
@@ -54,24 +54,24 @@ def test_outputs_without_a_motor_are_left_out():
         pytest.param(mavlink.MAV_TYPE_GENERIC, 9, id="not told: all of them"),
     ],
 )
-def test_a_gimbal_after_the_motors_is_none(vehicle, count):
+def test_an_output_after_the_last_motor_is_ignored(vehicle, count):
     outputs = {f"servo{number}_raw": 1500 for number in range(1, 9)}
     motors = updated("SERVO_OUTPUT_RAW", flying(vehicle=vehicle), **outputs, servo9_raw=1950).motors
     assert len(motors.pulse_us) == count
 
 
-def test_actuator_outputs_are_the_same_in_floats():
+def test_float_actuator_outputs_become_motor_outputs():
     outputs = [1530.6, 1455.7, 1494.3, 1493.7] + [900.0] * 12 + [0.0] * 15 + [math.nan]
     motors = updated("ACTUATOR_OUTPUT_STATUS", flying(), active=16, actuator=outputs).motors
     assert motors.pulse_us == pytest.approx((1530.6, 1455.7, 1494.3, 1493.7))
 
 
-def test_motor_speeds_count_in_either_direction():
+def test_motor_speeds_are_positive_in_either_direction():
     speeds = updated("ESC_STATUS", rpm=[7054, -6987, 0, 7010]).motor_speeds
     assert speeds.rpm == (7054, 6987, 0, 7010)
 
 
-def test_the_motors_of_every_message_count():
+def test_motor_speeds_of_several_messages_are_merged():
     first = updated("ESC_STATUS", rpm=[7000, 7000, 7000, 7000])
     both = updated("ESC_STATUS", first, index=4, rpm=[7100, -9000, 0, 0])
     assert both.motor_speeds.rpm == (7000, 7000, 7000, 7000, 7100, 9000, 0, 0)
@@ -82,7 +82,7 @@ def test_the_motors_of_every_message_count():
 
 
 @pytest.mark.parametrize("index", [3, 32, 252])
-def test_a_message_of_no_motors_is_left_out(index):
+def test_a_message_with_an_invalid_motor_index_is_ignored(index):
     assert updated("ESC_STATUS", index=index, rpm=[1, 2, 3, 4]).motor_speeds is None
 
 
@@ -110,15 +110,15 @@ def test_the_least_output_is_remembered():
         ),
     ],
 )
-def test_parameters_tell_the_range(autopilot, least, greatest, kind):
+def test_parameters_give_the_range_of_motor_outputs(autopilot, least, greatest, kind):
     telemetry = parameter(parameter(flying(autopilot), *least, kind), *greatest, kind)
     assert (telemetry.motor_min_us, telemetry.motor_max_us) == (1100.0, 1900.0)
 
 
-def test_a_range_as_the_transmitters_throttle_is_not_told():
+def test_a_zero_ardupilot_output_range_is_unknown():
     assert parameter(flying(ARDUPILOT), "MOT_PWM_MIN", 0.0, INT16).motor_min_us is None
 
 
 @pytest.mark.parametrize("telemetry", [flying(PX4), Telemetry()], ids=["PX4's", "nobody's"])
-def test_anothers_parameter_says_nothing(telemetry):
+def test_an_output_range_parameter_of_another_autopilot_is_ignored(telemetry):
     assert parameter(telemetry, "MOT_PWM_MIN", 1100.0, REAL32) is telemetry

@@ -1,4 +1,4 @@
-"""Distances of obstacles: directions by frame, what is no measurement, points of one instant."""
+"""Distances of obstacles: directions by frame, invalid values, points of one instant."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ def attitude(roll=0.0, pitch=0.0, yaw=0.0, received_s=10.0):
 
 
 def sectors(telemetry=None, seen=None, **fields):
-    """What is seen in sectors of 5°, as distances in cm by sector; the others are unknown."""
+    """Obstacle distances by sector of 5°, in cm; the other sectors are unknown."""
     distances = [UNKNOWN] * 72
     for sector, distance_cm in (seen or {}).items():
         distances[sector] = distance_cm
@@ -60,25 +60,25 @@ def test_sectors_go_clockwise_from_ahead():
         ({"angle_offset": 350.0, "increment_f": 10.0}, 90.0),
     ],
 )
-def test_width_and_offset_of_the_sectors(fields, direction_deg):
+def test_the_message_gives_width_and_offset_of_the_sectors(fields, direction_deg):
     ((x, y, z),) = points(sectors(seen={10: 400}, **fields))
     assert math.degrees(math.atan2(-y, x)) == pytest.approx(direction_deg)
     assert (math.hypot(x, y), z) == pytest.approx((4.0, 0.0))
 
 
 @pytest.mark.parametrize("distance_cm", [0, 19, 2001, 2002, UNKNOWN])
-def test_what_is_no_measurement_is_no_point(distance_cm):
+def test_an_invalid_distance_gives_no_point(distance_cm):
     seen = sectors(seen={0: distance_cm})
     assert seen.points_m == ()
     assert seen.received_s == 10.0
 
 
 @pytest.mark.parametrize("distance_cm", [20, 2000])
-def test_the_ends_of_the_range_are_measured(distance_cm):
+def test_distances_at_both_ends_of_the_range_are_valid(distance_cm):
     assert len(sectors(seen={0: distance_cm}).points_m) == 1
 
 
-def test_more_sectors_than_a_turn_has_are_left_out():
+def test_sectors_beyond_a_full_turn_are_ignored():
     assert len(sectors(seen=dict.fromkeys(range(72), 500), increment=10).points_m) == 36
     assert len(sectors(seen=dict.fromkeys(range(72), 500), increment_f=1e-40).points_m) == 72
 
@@ -93,7 +93,7 @@ def test_more_sectors_than_a_turn_has_are_left_out():
         {"frame": NOWHERE},
     ],
 )
-def test_a_message_without_clear_directions_says_nothing(fields):
+def test_a_message_without_valid_directions_is_ignored(fields):
     assert sectors(attitude(), seen={0: 500}, **fields) is None
 
 
@@ -114,12 +114,12 @@ def test_sectors_from_north_are_turned_by_the_whole_attitude(frame):
 
 def test_sectors_from_the_heading_are_level():
     ((x, y, z),) = points(sectors(attitude(pitch=0.3, yaw=2.0), seen={0: 1000}, frame=HEADING))
-    # The nose is up: what is level ahead is below its axis.
+    # The nose is up: a point level ahead is below the forward axis.
     assert (x, y, z) == pytest.approx((10 * math.cos(0.3), 0.0, -10 * math.sin(0.3)), abs=1e-9)
 
 
 @pytest.mark.parametrize("frame", [GLOBAL, NORTH, HEADING])
-def test_level_sectors_need_an_attitude_of_now(frame):
+def test_level_sectors_need_a_current_attitude(frame):
     seen = {0: 500}
     assert sectors(seen=seen, frame=frame) is None
     assert sectors(attitude(received_s=9.4), seen=seen, frame=frame) is None
@@ -142,11 +142,11 @@ def seen_at(x, y, z, telemetry=None, now_s=10.0, **fields):
     return updated("OBSTACLE_DISTANCE_3D", telemetry, now_s, x=x, y=y, z=z, **named)
 
 
-def test_a_point_is_turned_to_left_and_up():
+def test_a_point_is_converted_to_left_and_up():
     assert seen_at(3.0, 1.0, -2.0).proximity.points_m == ((3.0, -1.0, 2.0),)
 
 
-def test_the_points_of_one_instant_belong_together():
+def test_points_with_one_time_stamp_are_merged():
     first = seen_at(3.0, 0.0, 0.0)
     second = seen_at(0.0, 4.0, 0.0, first, now_s=10.05)
     assert second.proximity.points_m == ((3.0, 0.0, 0.0), (0.0, -4.0, 0.0))
@@ -156,13 +156,13 @@ def test_the_points_of_one_instant_belong_together():
 
 
 @pytest.mark.parametrize(("stamp_ms", "later_s"), [(0, 0.01), (7000, 0.3)])
-def test_without_a_time_or_long_after_it_is_another_instant(stamp_ms, later_s):
+def test_points_without_a_time_stamp_or_much_later_replace_the_earlier_ones(stamp_ms, later_s):
     first = seen_at(3.0, 0.0, 0.0, time_boot_ms=stamp_ms)
     second = seen_at(0.0, 4.0, 0.0, first, now_s=10.0 + later_s, time_boot_ms=stamp_ms)
     assert len(second.proximity.points_m) == 1
 
 
-def test_a_frozen_clock_fills_no_memory():
+def test_a_frozen_clock_does_not_fill_memory():
     telemetry = Telemetry()
     for step in range(600):
         telemetry = seen_at(3.0, 0.0, 0.0, telemetry, now_s=10.0 + 0.01 * step)
@@ -179,18 +179,18 @@ def test_a_frozen_clock_fills_no_memory():
         (21.0, 0.0, 0.0),
     ],
 )
-def test_a_point_that_is_not_measured_shows_only_that_the_sensor_works(point):
+def test_an_invalid_point_shows_only_that_the_sensor_works(point):
     proximity = seen_at(*point).proximity
     assert (proximity.points_m, proximity.received_s) == ((), 10.0)
 
 
 @pytest.mark.parametrize("fields", [{"max_distance": math.nan}, {"max_distance": 0.0}])
-def test_a_range_without_an_end_limits_nothing(fields):
+def test_an_invalid_maximum_range_does_not_limit_points(fields):
     assert len(seen_at(500.0, 0.0, 0.0, min_distance=math.nan, **fields).proximity.points_m) == 1
 
 
 @pytest.mark.parametrize("frame", [GLOBAL, NORTH, HEADING, NOWHERE])
-def test_points_in_other_axes_say_nothing(frame):
+def test_points_in_other_frames_are_ignored(frame):
     assert seen_at(3.0, 0.0, 0.0, attitude(), frame=frame).proximity is None
 
 

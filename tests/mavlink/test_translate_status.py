@@ -28,12 +28,12 @@ def battery(**fields):
     return updated("BATTERY_STATUS", **fields).batteries[fields.get("id", 0)]
 
 
-def test_a_battery_tells_charge_voltage_and_current():
-    told = battery()
-    assert told.remaining == pytest.approx(0.72)
-    assert told.voltage_v == pytest.approx(14.4)
-    assert told.current_a == pytest.approx(28.12)
-    assert (told.charge_state, told.summary) == (1, False)
+def test_battery_status_gives_charge_voltage_and_current():
+    reported = battery()
+    assert reported.remaining == pytest.approx(0.72)
+    assert reported.voltage_v == pytest.approx(14.4)
+    assert reported.current_a == pytest.approx(28.12)
+    assert (reported.charge_state, reported.summary) == (1, False)
 
 
 @pytest.mark.parametrize(
@@ -48,13 +48,13 @@ def test_a_battery_tells_charge_voltage_and_current():
         ({"charge_state": 0}, "charge_state"),
     ],
 )
-def test_what_a_battery_does_not_know_is_none(fields, name):
+def test_invalid_battery_fields_are_none(fields, name):
     assert getattr(battery(**fields), name) is None
 
 
 def test_cells_add_up_to_the_packs_voltage():
-    told = battery(voltages=[3600] * 10, voltages_ext=[3600, 3600, 0, 0])
-    assert told.voltage_v == pytest.approx(43.2)
+    reported = battery(voltages=[3600] * 10, voltages_ext=[3600, 3600, 0, 0])
+    assert reported.voltage_v == pytest.approx(43.2)
 
 
 @pytest.mark.parametrize(
@@ -67,7 +67,7 @@ def test_cells_add_up_to_the_packs_voltage():
         ([65535] * 10, [0] * 4, None),
     ],
 )
-def test_cells_are_counted_where_each_is_told(voltages, beyond, cells):
+def test_cells_are_counted_where_each_voltage_is_reported(voltages, beyond, cells):
     assert battery(voltages=voltages, voltages_ext=beyond).cells == cells
 
 
@@ -79,9 +79,9 @@ def test_a_second_battery_does_not_displace_the_first():
 
 
 @pytest.mark.parametrize(("function", "flown_with"), [(0, 1), (1, 1), (2, 1), (3, 0), (4, 0)])
-def test_batteries_of_avionics_and_payload_fly_nothing(function, flown_with):
-    told = updated("BATTERY_STATUS", battery_function=function, battery_remaining=40)
-    assert len(told.batteries) == flown_with
+def test_batteries_of_avionics_and_payload_are_ignored(function, flown_with):
+    reported = updated("BATTERY_STATUS", battery_function=function, battery_remaining=40)
+    assert len(reported.batteries) == flown_with
 
 
 def sys_status(telemetry=None, now_s=10.0, **fields):
@@ -94,15 +94,15 @@ def sys_status(telemetry=None, now_s=10.0, **fields):
     return updated("SYS_STATUS", telemetry, now_s, **fields)
 
 
-def test_sys_status_speaks_for_a_battery_that_does_not_speak():
-    told = sys_status().batteries[0]
-    assert (told.voltage_v, told.current_a, told.remaining) == (11.0, 5.0, 0.4)
-    assert (told.charge_state, told.summary) == (None, True)
+def test_sys_status_replaces_a_missing_battery_status():
+    reported = sys_status().batteries[0]
+    assert (reported.voltage_v, reported.current_a, reported.remaining) == (11.0, 5.0, 0.4)
+    assert (reported.charge_state, reported.summary) == (None, True)
     later = sys_status(sys_status(), now_s=10.2, voltage_battery=10900)
     assert later.batteries[0].voltage_v == pytest.approx(10.9)
 
 
-def test_sys_status_is_silent_while_battery_status_is_heard():
+def test_sys_status_is_ignored_while_battery_status_is_received():
     telemetry = updated("BATTERY_STATUS", voltages=[14400] + [65535] * 9, battery_remaining=72)
     assert sys_status(telemetry, now_s=14.9).batteries == telemetry.batteries
     assert sys_status(telemetry, now_s=15.1).batteries[0].summary
@@ -110,22 +110,22 @@ def test_sys_status_is_silent_while_battery_status_is_heard():
     assert not telemetry.batteries[0].summary
 
 
-def test_what_battery_status_called_critical_is_so_until_it_says_otherwise():
-    told = {"voltages": [14400] + [65535] * 9, "battery_remaining": 72}
-    critical = updated("BATTERY_STATUS", charge_state=3, **told)
+def test_a_critical_charge_state_stays_until_battery_status_reports_another():
+    reported = {"voltages": [14400] + [65535] * 9, "battery_remaining": 72}
+    critical = updated("BATTERY_STATUS", charge_state=3, **reported)
     for now_s in (15.1, 15.3, 60.0):
         critical = sys_status(critical, now_s=now_s)
         assert critical.batteries[0].summary
         assert critical.batteries[0].charge_state == 3
-    well = updated("BATTERY_STATUS", critical, charge_state=1, **told)
+    well = updated("BATTERY_STATUS", critical, charge_state=1, **reported)
     assert well.batteries[0].charge_state == 1
 
 
 PACK = {"voltages": [16000] + [65535] * 9, "battery_remaining": 80, "charge_state": 1}
 
 
-def test_px4s_sys_status_does_not_speak_for_a_battery_that_was_cut_off():
-    # It tells the emptiest that is connected: with the first one gone, the other.
+def test_px4s_sys_status_does_not_update_a_disconnected_battery():
+    # SYS_STATUS reports the emptiest connected battery: without the first one, the other.
     both = updated("BATTERY_STATUS", received(PX4), **{**PACK, "battery_remaining": 15})
     both = updated("BATTERY_STATUS", both, id=1, **PACK)
     later = sys_status(both, now_s=22.0, voltage_battery=16000, battery_remaining=80)
@@ -133,7 +133,7 @@ def test_px4s_sys_status_does_not_speak_for_a_battery_that_was_cut_off():
 
 
 @pytest.mark.parametrize("autopilot", [PX4, mavlink.MAV_AUTOPILOT_GENERIC])
-def test_a_battery_of_another_number_is_not_told_twice(autopilot):
+def test_the_battery_of_sys_status_is_replaced_by_that_of_battery_status(autopilot):
     summed_up = sys_status(received(autopilot))
     assert list(summed_up.batteries) == [0]
     alone = updated("BATTERY_STATUS", summed_up, id=1, **PACK)
@@ -141,7 +141,7 @@ def test_a_battery_of_another_number_is_not_told_twice(autopilot):
     assert list(sys_status(alone, now_s=60.0).batteries) == [1]
 
 
-def test_a_battery_that_told_itself_is_kept_when_another_one_speaks():
+def test_a_battery_with_its_own_battery_status_is_kept_when_another_reports():
     critical = updated("BATTERY_STATUS", received(PX4), **{**PACK, "charge_state": 3})
     later = updated("BATTERY_STATUS", sys_status(critical, now_s=16.0), id=1, **PACK)
     assert later.batteries[0].charge_state == 3
@@ -175,13 +175,13 @@ def gnss(**fields):
     return updated("GPS_RAW_INT", **{**GNSS, **fields}).gnss
 
 
-def test_a_receiver_tells_dilution_and_accuracy():
-    told = gnss()
-    assert (told.receiver_s, told.fix_type, told.satellites) == (5.0, 3, 10)
-    assert told.hdop == pytest.approx(0.7)
-    assert told.vdop == pytest.approx(1.1)
-    assert told.horizontal_accuracy_m == pytest.approx(0.9)
-    assert told.vertical_accuracy_m == pytest.approx(1.78)
+def test_a_receiver_gives_dilution_and_accuracy():
+    reported = gnss()
+    assert (reported.receiver_s, reported.fix_type, reported.satellites) == (5.0, 3, 10)
+    assert reported.hdop == pytest.approx(0.7)
+    assert reported.vdop == pytest.approx(1.1)
+    assert reported.horizontal_accuracy_m == pytest.approx(0.9)
+    assert reported.vertical_accuracy_m == pytest.approx(1.78)
 
 
 @pytest.mark.parametrize(
@@ -199,7 +199,7 @@ def test_a_receiver_tells_dilution_and_accuracy():
         ({"time_usec": 0}, "receiver_s"),
     ],
 )
-def test_what_a_receiver_does_not_know_is_none(fields, name):
+def test_invalid_receiver_fields_are_none(fields, name):
     assert getattr(gnss(**fields), name) is None
 
 
@@ -211,7 +211,7 @@ def test_a_second_receiver_is_read_as_the_first():
     assert alone.second_gnss == gnss()
 
 
-def test_px4_navigates_by_the_better_receiver_and_ardupilot_as_its_parameter_says():
+def test_px4_navigates_by_the_better_receiver_and_ardupilot_by_its_parameter():
     assert updated("GPS2_RAW", received(PX4), **GNSS).better_gnss_taken
     assert not updated("GPS2_RAW", received(ARDUPILOT), **GNSS).better_gnss_taken
 
@@ -226,15 +226,15 @@ def test_px4_navigates_by_the_better_receiver_and_ardupilot_as_its_parameter_say
         pytest.param(math.nan, False, id="not a number"),
     ],
 )
-def test_ardupilots_choice_of_receivers(value, better):
-    told = updated(
+def test_gps_auto_switch_decides_whether_ardupilot_takes_the_better_receiver(value, better):
+    reported = updated(
         "PARAM_VALUE", received(ARDUPILOT), param_id=b"GPS_AUTO_SWITCH", param_value=value
     )
-    assert told.better_gnss_taken is better
-    assert updated("GPS2_RAW", told, **GNSS).better_gnss_taken is better
+    assert reported.better_gnss_taken is better
+    assert updated("GPS2_RAW", reported, **GNSS).better_gnss_taken is better
 
 
-def test_ardupilots_primary_receiver():
+def test_gps_primary_decides_which_receiver_ardupilot_takes_first():
     second = updated("PARAM_VALUE", received(ARDUPILOT), param_id=b"GPS_PRIMARY", param_value=1.0)
     assert second.second_gnss_first
     again = updated("PARAM_VALUE", second, param_id=b"GPS_PRIMARY", param_value=0.0)
@@ -257,20 +257,20 @@ def test_ardupilots_primary_receiver():
         ("EKF_STATUS_REPORT", 0x833F, False),
     ],
 )
-def test_the_estimators_flags_tell_whether_there_is_a_position(name, flags, good):
+def test_the_estimators_flags_show_whether_its_position_is_valid(name, flags, good):
     estimator = updated(name, flags=flags).estimator
     assert estimator.horizontal_position_ok is good
     assert estimator.flags == flags
 
 
-def test_only_px4_knows_its_accuracy_in_metres():
-    told = updated("ESTIMATOR_STATUS", pos_horiz_accuracy=0.5, pos_vert_accuracy=0.25).estimator
-    assert (told.horizontal_accuracy_m, told.vertical_accuracy_m) == (0.5, 0.25)
+def test_only_px4_reports_its_accuracy_in_metres():
+    reported = updated("ESTIMATOR_STATUS", pos_horiz_accuracy=0.5, pos_vert_accuracy=0.25).estimator
+    assert (reported.horizontal_accuracy_m, reported.vertical_accuracy_m) == (0.5, 0.25)
     unknown = {"pos_horiz_accuracy": math.nan, "pos_vert_accuracy": math.nan}
-    told = updated("ESTIMATOR_STATUS", **unknown).estimator
-    assert (told.horizontal_accuracy_m, told.vertical_accuracy_m) == (None, None)
-    told = updated("EKF_STATUS_REPORT", pos_horiz_variance=0.5, pos_vert_variance=0.5).estimator
-    assert (told.horizontal_accuracy_m, told.vertical_accuracy_m) == (None, None)
+    reported = updated("ESTIMATOR_STATUS", **unknown).estimator
+    assert (reported.horizontal_accuracy_m, reported.vertical_accuracy_m) == (None, None)
+    reported = updated("EKF_STATUS_REPORT", pos_horiz_variance=0.5, pos_vert_variance=0.5).estimator
+    assert (reported.horizontal_accuracy_m, reported.vertical_accuracy_m) == (None, None)
 
 
 INNOVATIONS = {
@@ -285,32 +285,32 @@ INNOVATIONS = {
 
 
 @pytest.mark.parametrize("name", INNOVATIONS)
-def test_the_estimator_tells_how_far_measurements_are_from_what_was_expected(name):
+def test_the_estimator_reports_its_innovations(name):
     given = dict(zip(INNOVATIONS[name], (0.1, 0.2, 0.3, 0.4), strict=True))
-    told = updated(name, **given).estimator
+    reported = updated(name, **given).estimator
     assert (
-        told.velocity_innovation,
-        told.position_innovation,
-        told.height_innovation,
-        told.compass_innovation,
+        reported.velocity_innovation,
+        reported.position_innovation,
+        reported.height_innovation,
+        reported.compass_innovation,
     ) == (0.1, 0.2, 0.3, 0.4)
 
 
 @pytest.mark.parametrize("nothing", [0.0, math.nan, math.inf, -1.0])
 @pytest.mark.parametrize("name", INNOVATIONS)
-def test_what_the_estimator_does_not_use_has_no_innovation(name, nothing):
-    told = updated(name, **dict.fromkeys(INNOVATIONS[name], nothing)).estimator
-    assert told.velocity_innovation is None
-    assert told.position_innovation is None
-    assert told.height_innovation is None
-    assert told.compass_innovation is None
+def test_a_measurement_that_the_estimator_does_not_use_has_no_innovation(name, nothing):
+    reported = updated(name, **dict.fromkeys(INNOVATIONS[name], nothing)).estimator
+    assert reported.velocity_innovation is None
+    assert reported.position_innovation is None
+    assert reported.height_innovation is None
+    assert reported.compass_innovation is None
 
 
-def test_the_magnetic_field_has_a_strength():
+def test_the_strength_of_the_magnetic_field_is_read():
     field = {"xmag": 0.3, "ymag": 0.0, "zmag": -0.4, "fields_updated": 0x1C0}
     assert updated("HIGHRES_IMU", **field).magnetic_field.strength_gauss == pytest.approx(0.5)
-    told = updated("RAW_IMU", xmag=300, ymag=0, zmag=-400)
-    assert told.magnetic_field.strength_gauss == pytest.approx(0.5)
+    reported = updated("RAW_IMU", xmag=300, ymag=0, zmag=-400)
+    assert reported.magnetic_field.strength_gauss == pytest.approx(0.5)
 
 
 @pytest.mark.parametrize(
@@ -322,17 +322,17 @@ def test_the_magnetic_field_has_a_strength():
         pytest.param({"xmag": math.inf}, id="infinite"),
     ],
 )
-def test_what_is_no_magnetic_field_is_left_out(field):
+def test_an_invalid_magnetic_field_is_ignored(field):
     field = {"xmag": 0.5, "fields_updated": 0x1FF, **field}
     assert updated("HIGHRES_IMU", **field).magnetic_field is None
 
 
-def test_px4_tells_what_arrives_at_its_end_of_the_link():
+def test_px4_reports_the_packets_received_and_lost_at_its_end_of_the_link():
     node = updated("LINK_NODE_STATUS", messages_received=900, messages_lost=3).link_node
     assert (node.packets_received, node.packets_lost) == (900, 3)
 
 
-def test_a_radio_that_never_heard_its_peer_knows_nothing_of_it():
+def test_a_radio_that_never_received_its_peer_has_no_remote_values():
     never = updated("RADIO_STATUS", rssi=60, noise=50)
     assert (never.radio.remote_rssi, never.radio.remote_noise) == (None, None)
     lost = updated("RADIO_STATUS", updated("RADIO_STATUS", never, rssi=90, remrssi=80, remnoise=40))
@@ -354,7 +354,7 @@ RC = 0x10000
         pytest.param([(RC, RC, RC), (RC, RC, 0), (RC, RC, RC)], True, id="received again"),
     ],
 )
-def test_whether_the_transmitter_is_received_is_known_once_it_was(bits, ok):
+def test_the_state_of_the_transmitter_is_unknown_until_first_received(bits, ok):
     telemetry = None
     for present, enabled, health in bits:
         telemetry = sys_status(
@@ -366,7 +366,7 @@ def test_whether_the_transmitter_is_received_is_known_once_it_was(bits, ok):
     assert telemetry.readiness.remote_control_ok is ok
 
 
-def test_a_radio_tells_what_it_knows():
+def test_invalid_radio_fields_are_none():
     radio = updated(
         "RADIO_STATUS", rssi=200, remrssi=255, noise=50, remnoise=255, rxerrors=7, txbuf=90
     ).radio
@@ -375,7 +375,7 @@ def test_a_radio_tells_what_it_knows():
     assert updated("RADIO_STATUS", txbuf=255).radio.transmit_buffer_percent is None
 
 
-def test_the_radio_message_of_old_is_radio_status():
+def test_the_older_radio_message_is_read_as_radio_status():
     fields = {"rssi": 200, "remrssi": 190, "noise": 50, "remnoise": 60, "txbuf": 90}
     assert updated("RADIO", **fields) == updated("RADIO_STATUS", **fields)
 
@@ -405,17 +405,17 @@ def test_the_pilots_signal_is_a_fraction_of_the_autopilots_own_scale(autopilot, 
     ("name", "best"),
     [("px4/f1_radio_rc.companion.tlog", 1.0), ("ardupilot/f1_rssi.companion.tlog", 1.0)],
 )
-def test_full_reception_as_recorded_is_full(recording, name, best):
-    witness = PassiveListener()
+def test_full_reception_in_recordings_is_a_full_signal(recording, name, best):
+    listener = PassiveListener()
     signals = set()
     for time_s, packet in recording(name):
-        witness.handle(packet, time_s)
-        remote = witness.telemetry.remote_control
+        listener.handle(packet, time_s)
+        remote = listener.telemetry.remote_control
         signals.add(None if remote is None else remote.rssi)
     assert max(signals - {None}) == best
 
 
-def test_no_signal_is_known_only_where_there_was_one():
+def test_a_signal_of_0_is_a_loss_only_after_a_signal_was_received():
     never = updated("RC_CHANNELS", rssi=0)
     assert never.remote_control.rssi is None
     assert updated("RC_CHANNELS", never, rssi=0).remote_control.rssi is None
@@ -431,11 +431,11 @@ def test_no_signal_is_known_only_where_there_was_one():
 @pytest.mark.parametrize(
     ("autopilot", "signal"), [(ARDUPILOT, 1.0), (PX4, None), (mavlink.MAV_AUTOPILOT_GENERIC, None)]
 )
-def test_of_ardupilot_255_is_full_signal_after_another_one(autopilot, signal):
-    told = received(autopilot)
+def test_a_signal_of_255_from_ardupilot_is_full_after_another_value(autopilot, signal):
+    reported = received(autopilot)
     for rssi in (255, 80, 40, 255):
-        told = updated("RC_CHANNELS", told, rssi=rssi)
-    assert told.remote_control.rssi == signal
+        reported = updated("RC_CHANNELS", reported, rssi=rssi)
+    assert reported.remote_control.rssi == signal
 
 
 @pytest.mark.parametrize(
@@ -449,7 +449,7 @@ def test_of_ardupilot_255_is_full_signal_after_another_one(autopilot, signal):
         (0x04070000, "4.7.0-dev"),
     ],
 )
-def test_the_firmware_says_its_version_and_kind_of_release(flight_sw_version, shown):
+def test_the_firmware_version_shows_its_kind_of_release(flight_sw_version, shown):
     firmware = updated("AUTOPILOT_VERSION", flight_sw_version=flight_sw_version).firmware
     assert str(firmware) == shown
 
@@ -458,7 +458,7 @@ def test_a_version_of_0_is_unknown():
     assert updated("AUTOPILOT_VERSION", flight_sw_version=0).firmware is None
 
 
-def test_the_autopilot_says_whether_it_would_arm_and_what_is_unhealthy():
+def test_sys_status_gives_readiness_to_arm_and_unhealthy_sensors():
     prearm, gps, gyro = 1 << 28, 1 << 5, 1
     fit = sys_status(
         onboard_control_sensors_enabled=gps | gyro,

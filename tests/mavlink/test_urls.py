@@ -43,7 +43,7 @@ def serial(device, baud):
         ),
     ],
 )
-def test_the_forms_of_the_contract_and_of_mavsdk_are_understood(url, address):
+def test_urls_of_the_contract_and_of_mavsdk_are_read(url, address):
     assert parse_url(url) == address
     assert parse_url(str(address)) == address
 
@@ -70,7 +70,7 @@ def test_the_forms_of_the_contract_and_of_mavsdk_are_understood(url, address):
         ("serial::57600", "names no device"),
     ],
 )
-def test_anything_else_is_refused_in_one_line_that_says_what_is_allowed(url, why):
+def test_any_other_url_is_refused_in_one_line_with_the_allowed_forms(url, why):
     with pytest.raises(InputError) as refused:
         parse_url(url, source="companion.yaml", key="links[0].url")
     text = str(refused.value)
@@ -81,6 +81,6 @@ def test_anything_else_is_refused_in_one_line_that_says_what_is_allowed(url, why
     assert (refused.value.source, refused.value.key) == ("companion.yaml", "links[0].url")
 
 
-def test_the_command_line_is_the_source_by_default():
+def test_an_error_names_the_command_line_as_source_by_default():
     with pytest.raises(InputError, match=r"^--connect: 'x'"):
         parse_url("x")

@@ -1,4 +1,4 @@
-"""A mission told step by step: the machine, a world to change, and the effects so far."""
+"""A mission step by step: the machine, a world to change, and the effects so far."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ STALE = {"position": "position age 0.6 s"}
 
 
 class Story:
-    """Feeds the supervisor and the machine, and keeps what they answered."""
+    """Feeds the supervisor and the machine, and keeps their effects."""
 
     def __init__(self, *, resume=False, ready_timeout_s=30.0):
         self.status = MissionStatus()
@@ -64,19 +64,19 @@ class Story:
         return self.status.state in STREAMING
 
     def see(self, **changes):
-        """The world, or what is against flying in it, changes; the machine looks at it once."""
+        """Changes the world or the causes against flying; runs the machine once."""
         self.change(**changes)
         return self.tick()
 
     def change(self, **changes):
-        """The world changes, and nobody looks yet."""
+        """Changes the world or the causes before the next cycle."""
         of_causes = {name: value for name, value in changes.items() if hasattr(Causes, name)}
         self.causes = replace(self.causes, **of_causes)
         of_world = {name: value for name, value in changes.items() if name not in of_causes}
         self.world = replace(self.world, **of_world)
 
     def rule(self):
-        """The supervisor looks."""
+        """Runs the supervisor once."""
         left = self.status.state in IN_CONTROL and not self.world.mode_ours
         causes = replace(
             self.causes,
@@ -116,7 +116,7 @@ class Story:
         return self._took(state_machine.unplanned(self.status, reason, self.now_s, **why))
 
     def strand(self):
-        """Notes that the flown task has no path on."""
+        """Notes that the flown task has no path from here."""
         return self._took((self.status.without(self.status.task, now_s=self.now_s), ()))
 
     def take_back(self, order_id=None):
@@ -131,11 +131,11 @@ class Story:
                 self.watches = supervisor.overridden(self.watches, known=effect.known)
         return self
 
-    # What the last step led to
+    # Results of the last step
 
     @property
     def answers(self):
-        """(order, verdict) in words."""
+        """Answers as (order, verdict)."""
         return [
             (effect.order_id, effect.verdict.value)
             for effect in self.effects
@@ -152,8 +152,8 @@ class Story:
 
     @property
     def said(self):
-        says = [effect for effect in self.effects if isinstance(effect, SendText)]
-        return [pilot_text(say.text, say.action) for say in says]
+        texts = [effect for effect in self.effects if isinstance(effect, SendText)]
+        return [pilot_text(item.text, item.action) for item in texts]
 
     @property
     def last_setpoint(self):
@@ -161,37 +161,37 @@ class Story:
 
 
 def story(state, task=INSPECTION, **options):
-    """A story that has come to a state by its usual way."""
-    told = Story(**options)
+    """Story that has reached a state in the usual order."""
+    made = Story(**options)
     if state is MissionState.IDLE:
-        return told
-    told.order(task)
+        return made
+    made.order(task)
     if state is MissionState.PLANNING:
-        return told
-    told.plan_found()
+        return made
+    made.plan_found()
     if state is MissionState.READY:
-        return told
+        return made
     if state is MissionState.RELEASED:
-        # Long enough for an operator to have heard of it.
-        return told.see(**STALE).see(position=None).tick(1.0)
-    told.see(mode_ours=True)
+        # Long enough for an operator to be informed of it.
+        return made.see(**STALE).see(position=None).tick(1.0)
+    made.see(mode_ours=True)
     if state is MissionState.FLYING:
-        return told
+        return made
     if state is MissionState.OVERRIDDEN:
-        return told.see(mode_ours=False).tick(1.0)
+        return made.see(mode_ours=False).tick(1.0)
     if state is MissionState.AT_TARGET:
         assert task.mission is Mission.INSPECTION
-        return told.see(arrived=True, dwell_s=5.0)
+        return made.see(arrived=True, dwell_s=5.0)
     if state is MissionState.HOLDING:
-        return told.order(Order.HOLD)
+        return made.order(Order.HOLD)
     assert state is MissionState.LANDING_LEG
     assert task.mission is not Mission.INSPECTION
-    return told.see(on_leg=True)
+    return made.see(on_leg=True)
 
 
 def any_story(state, task=None, **options):
-    """As `story`, with a mission that can come to the state."""
+    """As `story`, with a mission that can reach the state."""
     leg = state is MissionState.LANDING_LEG
-    told = story(state, task or (EXIT if leg else INSPECTION), **options)
-    assert told.status.state is state
-    return told
+    made = story(state, task or (EXIT if leg else INSPECTION), **options)
+    assert made.status.state is state
+    return made

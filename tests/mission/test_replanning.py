@@ -1,4 +1,4 @@
-"""When a plan in flight is made anew."""
+"""Reasons to plan again in flight."""
 
 from __future__ import annotations
 
@@ -36,7 +36,7 @@ def reason(age_s, *, before=None, now=None, policy=POLICY, widening_m=(0.0, 0.0)
         ("a change, and due", 2.0, 1.0, "wind risk 0.00 -> 1.00"),
     ],
 )
-def test_time_or_risk_is_the_reason(case, age_s, wind, expected):
+def test_a_plan_is_renewed_by_time_or_risk(case, age_s, wind, expected):
     assert reason(age_s, now={"wind": wind}) == expected
 
 
@@ -47,20 +47,20 @@ def test_each_index_counts_upwards_and_downwards(index):
 
 
 @pytest.mark.parametrize("widening_m", [(0.0, 0.1), (0.7, 0.2)])
-def test_obstacles_that_grow_or_shrink_are_a_reason(widening_m):
+def test_a_change_of_the_obstacle_inflation_is_a_reason(widening_m):
     before_m, now_m = widening_m
-    words = f"obstacles wider by {before_m:.1f} -> {now_m:.1f} m"
-    assert reason(0.3, widening_m=widening_m) == words
+    text = f"obstacles wider by {before_m:.1f} -> {now_m:.1f} m"
+    assert reason(0.3, widening_m=widening_m) == text
     assert reason(0.29, widening_m=widening_m) is None
     assert reason(1.0, widening_m=(now_m, now_m)) is None
 
 
-def test_small_changes_of_all_are_no_reason():
+def test_small_changes_of_all_indices_are_no_reason():
     names = ("wind", "communication", "localization", "battery")
     assert reason(1.0, now=dict.fromkeys(names, 0.09)) is None
 
 
-def test_never_more_often_than_the_interval_even_when_the_period_is_shorter():
+def test_a_plan_is_renewed_at_most_once_per_interval():
     policy = Replanning(period_s=0.1, risk_change=0.1, min_interval_s=0.5)
     assert reason(0.4, policy=policy, now={"wind": 1.0}) is None
     assert reason(0.5, policy=policy) == "time"

@@ -1,4 +1,4 @@
-"""The mission machine: the contract's table of states, told as stories."""
+"""The mission machine: the contract's table of states, as stories."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ IN_FLIGHT = sorted(IN_CONTROL)
 STREAMED = sorted(STREAMING)
 SILENT = [S.IDLE, S.PLANNING, S.OVERRIDDEN, S.RELEASED]
 
-# The whole way ----------------------------------------------------------------------------------
+# Whole missions ---------------------------------------------------------------------------------
 
 
 def test_an_inspection_of_two_targets_from_the_order_to_the_hold_at_its_end():
@@ -43,7 +43,7 @@ def test_an_inspection_of_two_targets_from_the_order_to_the_hold_at_its_end():
     assert flight.state == "at_target"
     flight.tick(4.9)
     assert (flight.state, flight.sought) == ("at_target", [])
-    flight.tick(0.2)  # the dwell is over: the next target's plan is made while it holds
+    flight.tick(0.2)  # the dwell is over: the next target is planned while the aircraft holds
     assert (flight.state, flight.sought) == ("at_target", [LAST])
     flight.plan_found()
     assert (flight.state, flight.answers) == ("flying", [])
@@ -60,7 +60,7 @@ def test_an_inspection_of_two_targets_from_the_order_to_the_hold_at_its_end():
 
 
 @pytest.mark.parametrize("task", [EXIT, EVACUATION])
-def test_an_escape_route_ends_above_its_landing_point_and_asks_for_the_landing(task):
+def test_an_escape_route_ends_above_its_landing_point_and_requests_the_landing(task):
     flight = story(S.FLYING, task)
     flight.see(on_leg=True)
     assert flight.state == "landing_leg"
@@ -73,16 +73,16 @@ def test_an_escape_route_ends_above_its_landing_point_and_asks_for_the_landing(t
     assert Do.LAND not in flight.effects
 
 
-def test_an_escape_route_without_a_leg_of_any_length_arrives_too():
+def test_an_escape_route_without_a_landing_leg_arrives_too():
     flight = story(S.FLYING, EXIT).see(arrived=True)
     assert flight.state == "holding"
     assert Do.LAND in flight.effects
 
 
-# Left by ----------------------------------------------------------------------------------------
+# Leaving a state --------------------------------------------------------------------------------
 
 
-def test_idle_and_released_do_nothing_whatever_the_world_does():
+def test_idle_and_released_take_no_action_for_any_change():
     for state in (S.IDLE, S.RELEASED):
         flight = any_story(state)
         for change in (
@@ -102,7 +102,7 @@ def test_a_first_plan_that_is_not_found_ends_idle_and_denied_with_the_reason():
     assert flight.state == "idle"
     assert flight.answers == [(1, "denied")]
     assert flight.reasons == ["the goal cannot be reached"]
-    assert not any("the goal" in text for text in flight.said)  # once: with the answer
+    assert not any("the goal" in text for text in flight.said)  # the answer alone has the reason
 
 
 def test_ready_expires_after_its_time_with_a_last_setpoint_at_rest():
@@ -114,7 +114,7 @@ def test_ready_expires_after_its_time_with_a_last_setpoint_at_rest():
     assert flight.last_setpoint
 
 
-def test_planning_for_ever_is_no_state_to_expire():
+def test_planning_never_expires():
     flight = story(S.PLANNING).tick(300.0)
     assert flight.state == "planning"
     flight.plan_found()
@@ -124,7 +124,7 @@ def test_planning_for_ever_is_no_state_to_expire():
 
 
 @pytest.mark.parametrize("state", IN_FLIGHT)
-def test_the_pilot_takes_the_mode_silent_at_once_and_without_a_last_setpoint(state):
+def test_a_takeover_by_the_pilot_ends_the_stream_without_a_last_setpoint(state):
     flight = any_story(state).see(mode_ours=False)
     assert flight.state == "overridden"
     assert not flight.last_setpoint
@@ -150,7 +150,7 @@ def test_with_resume_a_mode_given_back_is_flown_again():
     assert flight.state == "flying"
 
 
-def test_not_even_resume_comes_back_while_something_stands_against_it():
+def test_a_resume_waits_until_no_condition_is_active():
     flight = story(S.OVERRIDDEN, resume=True)
     flight.see(mode_ours=True, off_plane="3.0 m from the plane")
     assert flight.state == "overridden"
@@ -159,7 +159,7 @@ def test_not_even_resume_comes_back_while_something_stands_against_it():
 
 
 @pytest.mark.parametrize("row", [row for row in CONDITIONS if row.override is Override.NOBODY])
-def test_not_even_resume_comes_back_after_what_would_have_ended_our_control(row):
+def test_during_a_takeover_a_release_condition_ends_the_resume_and_others_do_not(row):
     flight = story(S.OVERRIDDEN, resume=True)
     flight.see(**{row.name: "trouble"}).see(**{row.name: None}).tick(row.over_s)
     assert flight.state == ("released" if row.action is Action.RELEASE else "overridden")
@@ -168,13 +168,13 @@ def test_not_even_resume_comes_back_after_what_would_have_ended_our_control(row)
     assert flight.state == ("released" if row.action is Action.RELEASE else "planning")
 
 
-def test_not_even_resume_comes_back_from_an_autopilot_failsafe():
+def test_a_resume_is_denied_after_an_autopilot_failsafe():
     flight = story(S.OVERRIDDEN, resume=True)
     flight.see(**FAILSAFE)  # the battery, while the pilot flies
     flight.see(mode_ours=True)
     assert not flight.streaming
     assert flight.sought == []
-    flight.see(**NO_FAILSAFE)  # PX4 goes back to its mode by itself
+    flight.see(**NO_FAILSAFE)  # PX4 returns to its former mode by itself
     for _ in range(5):
         flight.tick(1.0)
         assert flight.sought == []
@@ -195,12 +195,12 @@ def test_an_autopilot_failsafe_releases(state):
 
 @pytest.mark.parametrize("parting", [True, False])
 @pytest.mark.parametrize("state", [*STREAMED, S.PLANNING])
-def test_stale_data_or_a_fault_releases_and_its_end_brings_nothing_back(state, parting):
+def test_stale_data_or_a_fault_releases_and_its_end_does_not_resume(state, parting):
     flight = any_story(state)
     cause = "autopilot_link_lost" if parting else "loop_stall"
     flight.see(**{cause: "for 3.1 s"})
     assert flight.state == "released"
-    # Where the mode is not ours nobody follows.
+    # Outside OFFBOARD or GUIDED the autopilot does not follow setpoints.
     assert flight.last_setpoint is (parting and state in IN_CONTROL)
     flight.see(**{cause: None})
     for _ in range(10):
@@ -209,14 +209,14 @@ def test_stale_data_or_a_fault_releases_and_its_end_brings_nothing_back(state, p
 
 
 @pytest.mark.parametrize("state", [*STREAMED, S.PLANNING])
-def test_on_the_ground_is_idle(state):
+def test_a_landed_aircraft_is_idle(state):
     flight = any_story(state).see(**ON_THE_GROUND)
     assert flight.state == "idle"
     assert not flight.last_setpoint
 
 
 @pytest.mark.parametrize("state", [*STREAMED, S.PLANNING])
-def test_while_nobody_knows_whether_it_flies_what_is_flown_goes_on_and_nothing_is_begun(state):
+def test_with_an_unknown_landed_state_the_mission_continues_and_no_order_is_taken(state):
     flight = any_story(state).see(**NOBODY_KNOWS)
     assert flight.status.state is state
     task = flight.status.task
@@ -227,7 +227,7 @@ def test_while_nobody_knows_whether_it_flies_what_is_flown_goes_on_and_nothing_i
 
 
 @pytest.mark.parametrize("state", [S.READY, S.FLYING])
-def test_a_failsafe_that_the_operator_knew_of_does_not_release_but_the_next_one_does(state):
+def test_a_failsafe_known_to_the_operator_does_not_release_but_the_next_one_does(state):
     flight = story(S.IDLE).see(**FAILSAFE).tick(1.0)  # low battery: the autopilot holds
     flight.order(EXIT)
     flight.plan_found()
@@ -240,16 +240,16 @@ def test_a_failsafe_that_the_operator_knew_of_does_not_release_but_the_next_one_
     assert flight.state == "released"
 
 
-def test_a_failsafe_between_the_order_and_its_plan_is_not_one_that_the_operator_knew_of():
+def test_a_failsafe_between_an_order_and_its_plan_releases():
     flight = story(S.PLANNING)
-    # The plan comes before the next look at the world.
+    # The plan comes before the next cycle.
     flight.change(**FAILSAFE)
     flight.plan_found()
     flight.tick()
     assert flight.state == "released"
 
 
-def test_a_failsafe_while_the_next_target_is_planned_is_not_known_either():
+def test_a_failsafe_while_the_next_target_is_planned_releases():
     flight = story(S.AT_TARGET).tick(6.0)
     assert flight.sought == [LAST]
     flight.change(**FAILSAFE)
@@ -258,7 +258,7 @@ def test_a_failsafe_while_the_next_target_is_planned_is_not_known_either():
     assert flight.state == "released"
 
 
-def test_every_trouble_at_once_is_the_gravest():
+def test_of_several_conditions_at_once_the_gravest_acts():
     flight = story(S.FLYING)
     flight.see(position="stale", **FAILSAFE, mode_ours=False, **ON_THE_GROUND)
     assert flight.state == "released"
@@ -267,7 +267,7 @@ def test_every_trouble_at_once_is_the_gravest():
     assert flight.state == "released"
 
 
-def test_an_open_order_fails_when_the_flight_is_let_go():
+def test_an_open_order_fails_when_control_ends():
     flight = story(S.FLYING)
     flight.order(EXIT)
     flight.see(mode_ours=False)
@@ -275,11 +275,11 @@ def test_an_open_order_fails_when_the_flight_is_let_go():
     assert flight.plan_found().state == "overridden"
 
 
-# Plans that nobody awaits -----------------------------------------------------------------------
+# Plans that are not awaited ---------------------------------------------------------------------
 
 
 @pytest.mark.parametrize("state", [S.IDLE, S.READY, *IN_FLIGHT, S.OVERRIDDEN, S.RELEASED])
-def test_a_plan_that_nobody_awaits_changes_nothing(state):
+def test_a_plan_that_is_not_awaited_changes_nothing(state):
     flight = any_story(state)
     before = flight.status
     assert flight.plan_found().status == before
@@ -288,7 +288,7 @@ def test_a_plan_that_nobody_awaits_changes_nothing(state):
     assert flight.effects == []
 
 
-def test_silent_and_streaming_states_are_all_there_are():
+def test_every_state_is_either_silent_or_streaming():
     assert set(SILENT) | STREAMING == set(S)
     assert {state.value for state in S} == {
         "idle",

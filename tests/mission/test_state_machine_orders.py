@@ -1,4 +1,4 @@
-"""The mission machine: what becomes of an operator's orders."""
+"""The mission machine: orders of an operator and their answers."""
 
 from __future__ import annotations
 
@@ -103,7 +103,7 @@ def test_every_order_has_its_answer_in_every_state(state, word):
     assert ours == ([answer] if answer else [])
     assert flight.last_setpoint is last_setpoint
     assert bool(flight.sought) is (not answer)
-    # Where the stream goes on or ends, the last setpoint is at rest or the path's.
+    # Where the stream ends, a last setpoint is sent.
     if state in STREAMING and not flight.streaming:
         assert flight.last_setpoint
 
@@ -117,7 +117,7 @@ def test_every_order_has_its_answer_in_every_state(state, word):
         ({"off_plane": "3.0 m from the plane > 2"}, "3.0 m from the plane"),
     ],
 )
-def test_a_mission_is_not_begun_when_something_stands_against_it(change, reason):
+def test_a_mission_is_rejected_while_a_condition_prevents_its_start(change, reason):
     flight = story(S.IDLE).see(**change)
     flight.order(INSPECTION)
     assert (flight.state, flight.sought) == ("idle", [])
@@ -129,7 +129,7 @@ def test_a_mission_is_not_begun_when_something_stands_against_it(change, reason)
     "change",
     [{"astray": True}, {"not_hovering": "moving at 3.0 m/s > 1, hover"}, NOBODY_KNOWS],
 )
-def test_a_plan_is_not_begun_from_where_the_aircraft_is_no_more(change):
+def test_a_plan_is_rejected_when_the_aircraft_has_left_its_start(change):
     flight = story(S.PLANNING).see(**change)
     assert flight.state == "planning"
     flight.plan_found()
@@ -163,7 +163,7 @@ def test_hold_and_release_end_the_wait_for_a_plan(order):
 
 @pytest.mark.parametrize("order", [Order.HOLD, Order.RELEASE])
 @pytest.mark.parametrize("state", [S.PLANNING, S.READY])
-def test_hold_and_release_cancel_the_order_before_the_flight_too(state, order):
+def test_hold_and_release_cancel_an_order_before_the_flight_too(state, order):
     flight = story(state)
     if state is S.READY:
         flight.order(EXIT)
@@ -176,18 +176,18 @@ def test_hold_and_release_cancel_the_order_before_the_flight_too(state, order):
 # Ready ------------------------------------------------------------------------------------------
 
 
-def test_ready_expires_only_by_a_mode_heard_after_the_deadline():
+def test_ready_expires_only_by_a_mode_received_after_the_deadline():
     flight = story(S.READY)
     flight.deaf = True
     flight.tick(29.5)
-    flight.tick(2.0)  # the mode may have been given since: its heartbeat is on the way
+    flight.tick(2.0)  # the mode may have changed since: its heartbeat has not arrived
     assert flight.state == "ready"
     flight.deaf = False
     flight.see(mode_ours=True)
     assert flight.state == "flying"
 
 
-def test_a_hold_while_ready_streams_on_and_holds_when_the_mode_is_given():
+def test_a_hold_while_ready_keeps_streaming_and_holds_when_the_mode_is_given():
     flight = story(S.READY).order(Order.HOLD)
     assert (flight.state, flight.answers) == ("ready", [(2, "accepted")])
     assert Do.BRAKE in flight.effects
@@ -209,7 +209,7 @@ def test_a_hold_while_ready_is_continued_before_the_mode_is_given():
     assert flight.see(mode_ours=True).state == "flying"
 
 
-def test_a_hold_while_ready_expires_as_ready_does():
+def test_a_hold_while_ready_expires_after_the_same_time():
     flight = story(S.READY).order(Order.HOLD).tick(30.1)
     assert (flight.state, flight.last_setpoint) == ("idle", True)
     flight.order(Order.CONTINUE)
@@ -222,11 +222,11 @@ def test_a_mission_ordered_while_ready_is_planned_while_the_stream_goes_on():
     assert (flight.state, flight.sought) == ("ready", [EXIT])
     flight.plan_found()
     assert (flight.state, flight.status.task, flight.answers) == ("ready", EXIT, [(2, "accepted")])
-    flight.tick(29.0)  # offered anew
+    flight.tick(29.0)  # ready again
     assert flight.state == "ready"
 
 
-def test_a_mission_not_found_while_ready_leaves_it_as_it_was():
+def test_a_mission_not_found_while_ready_leaves_the_ready_mission():
     flight = story(S.READY).tick(20.0).order(EXIT)
     flight.plan_failed()
     assert (flight.state, flight.status.task, flight.answers) == (
@@ -237,14 +237,14 @@ def test_a_mission_not_found_while_ready_leaves_it_as_it_was():
     assert flight.tick(10.1).state == "idle"
 
 
-def test_a_mode_given_while_another_mission_is_planned_flies_and_then_turns_to_it():
+def test_a_mode_given_during_planning_flies_the_ready_mission_and_then_the_new_one():
     flight = story(S.READY).order(EXIT).see(mode_ours=True)
     assert (flight.state, flight.status.task) == ("flying", INSPECTION)
     flight.plan_found()
     assert (flight.state, flight.status.task, flight.answers) == ("flying", EXIT, [(2, "accepted")])
 
 
-# Continued ----------------------------------------------------------------------------------------
+# Resumed ------------------------------------------------------------------------------------------
 
 
 def no_plan(flight):
@@ -279,7 +279,7 @@ def after_a_takeover():
 @pytest.mark.parametrize("begun", [after_a_restart, after_a_takeover])
 @pytest.mark.parametrize("ends", [no_plan, taken_back, moved_away, position_uncertain])
 @pytest.mark.parametrize("order", [Order.CONTINUE, EXIT])
-def test_what_may_be_continued_outlives_an_order_that_comes_to_nothing(begun, ends, order):
+def test_a_resumable_mission_outlives_an_order_that_is_not_flown(begun, ends, order):
     flight = begun().order(order)
     ends(flight)
     assert flight.state == "idle"
@@ -290,7 +290,7 @@ def test_what_may_be_continued_outlives_an_order_that_comes_to_nothing(begun, en
 
 
 @pytest.mark.parametrize("begun", [after_a_restart, after_a_takeover])
-def test_what_may_be_continued_outlives_a_mode_that_is_not_given(begun):
+def test_a_resumable_mission_outlives_a_mode_that_is_not_given(begun):
     flight = begun().order(Order.CONTINUE).plan_found()
     assert flight.state == "ready"
     flight.tick(31.0)
@@ -300,7 +300,7 @@ def test_what_may_be_continued_outlives_a_mode_that_is_not_given(begun):
 
 
 @pytest.mark.parametrize("begun", [after_a_restart, after_a_takeover])
-def test_a_release_or_a_landing_forgets_what_may_be_continued(begun):
+def test_a_release_or_a_landing_drops_the_resumable_mission(begun):
     for forget in (
         lambda flight: flight.order(Order.RELEASE),
         lambda flight: flight.see(**ON_THE_GROUND).see(**IN_THE_AIR),
@@ -312,7 +312,7 @@ def test_a_release_or_a_landing_forgets_what_may_be_continued(begun):
         assert flight.reasons == ["nothing is held"]
 
 
-def test_what_has_ended_on_the_ground_is_not_continued_after_a_denied_order():
+def test_a_mission_ended_on_the_ground_is_not_resumed_after_a_denied_order():
     flight = story(S.FLYING).see(**ON_THE_GROUND).see(**IN_THE_AIR).tick(1.0)
     flight.order(EXIT).plan_failed()
     flight.order(Order.CONTINUE)
@@ -322,11 +322,11 @@ def test_what_has_ended_on_the_ground_is_not_continued_after_a_denied_order():
 # In flight ----------------------------------------------------------------------------------------
 
 
-def test_planning_is_said():
+def test_planning_is_reported_in_a_text():
     assert story(S.PLANNING).said == ["MOAR: planning inspection"]
 
 
-def test_hold_brakes_and_continue_plans_what_is_left_from_there():
+def test_a_hold_brakes_and_a_continue_plans_the_rest_of_the_mission():
     flight = story(S.FLYING)
     flight.order(Order.HOLD)
     assert flight.state == "holding"
@@ -348,7 +348,7 @@ def test_a_hold_at_a_target_ends_its_dwell():
 
 
 @pytest.mark.parametrize("state", IN_FLIGHT)
-def test_in_flight_a_mission_without_a_plan_is_denied_and_what_is_flown_goes_on(state):
+def test_in_flight_a_mission_without_a_plan_is_denied_and_the_flown_one_continues(state):
     flight = any_story(state)
     task = flight.status.task
     flight.order(EVACUATION)
@@ -360,7 +360,7 @@ def test_in_flight_a_mission_without_a_plan_is_denied_and_what_is_flown_goes_on(
     assert flight.status.sought is None
 
 
-def test_a_next_target_without_a_plan_is_held_for_and_tried_again_on_continue():
+def test_a_next_target_without_a_plan_is_a_hold_and_planned_again_on_continue():
     flight = story(S.AT_TARGET).tick(6.0)
     assert flight.sought == [LAST]
     flight.plan_failed()
@@ -371,7 +371,7 @@ def test_a_next_target_without_a_plan_is_held_for_and_tried_again_on_continue():
     assert flight.state == "flying"
 
 
-def test_an_order_denied_during_the_dwell_leaves_the_next_target_to_come():
+def test_an_order_denied_during_the_dwell_keeps_the_next_target():
     flight = story(S.AT_TARGET)
     flight.order(EVACUATION)
     flight.plan_failed()
@@ -387,7 +387,7 @@ def test_a_mission_switched_in_flight_is_flown_without_a_new_mode(state):
     assert (flight.state, flight.status.task) == ("flying", EVACUATION)
 
 
-def test_a_mission_ordered_on_the_way_is_still_awaited_on_arrival():
+def test_a_mission_ordered_in_flight_is_still_awaited_at_the_target():
     flight = story(S.FLYING)
     flight.order(EXIT)
     flight.see(arrived=True)
@@ -396,16 +396,16 @@ def test_a_mission_ordered_on_the_way_is_still_awaited_on_arrival():
     assert (flight.state, flight.status.task, flight.answers) == ("flying", EXIT, [(2, "accepted")])
 
 
-# Taken back -------------------------------------------------------------------------------------
+# Cancelled --------------------------------------------------------------------------------------
 
 
-def test_an_order_taken_back_while_planned_is_idle():
+def test_an_order_cancelled_while_planned_is_idle():
     flight = story(S.PLANNING).take_back()
     assert flight.state == "idle"
     assert flight.plan_found().state == "idle"
 
 
-def test_an_order_taken_back_in_flight_changes_nothing():
+def test_an_order_cancelled_in_flight_changes_nothing():
     flight = story(S.FLYING)
     flight.order(EXIT)
     flight.take_back()
@@ -413,7 +413,7 @@ def test_an_order_taken_back_in_flight_changes_nothing():
     assert flight.plan_found().status.task == INSPECTION
 
 
-def test_another_order_than_the_awaited_one_cannot_be_taken_back():
+def test_only_the_awaited_order_can_be_cancelled():
     flight = story(S.FLYING)
     flight.order(EXIT)
     flight.order(EVACUATION)

@@ -1,4 +1,4 @@
-"""The mission machine under any sequence of events (hypothesis): who lets go stays away."""
+"""The mission machine under any sequence of events (hypothesis): a release is final."""
 
 from __future__ import annotations
 
@@ -15,17 +15,17 @@ from moar_companion.types import Mission
 from .stories import EVACUATION, EXIT, FAILSAFE, IN_THE_AIR, INSPECTION, Story
 
 _MADE = {"pilot", "landing"}
-"""By the story, from the mode."""
-LET_GO = {MissionState.OVERRIDDEN, MissionState.RELEASED}
+"""Set by the story, from the mode."""
+CONTROL_ENDED = {MissionState.OVERRIDDEN, MissionState.RELEASED}
 
 
 class Events(RuleBasedStateMachine):
-    """Whatever world, operator and planner do, in any order."""
+    """Events of world, operator and planner, in any order."""
 
     def __init__(self):
         super().__init__()
         self.story = Story()
-        self.commanded_since_let_go = True
+        self.commanded_since_control_ended = True
         self.open_orders = set()
         self.failsafe_known = False
         self.failsafe_new = False
@@ -37,8 +37,8 @@ class Events(RuleBasedStateMachine):
             assert self.streamed
             assert status.state not in STREAMING
         self.streamed = status.state in STREAMING
-        if status.state in LET_GO:
-            self.commanded_since_let_go = False
+        if status.state in CONTROL_ENDED:
+            self.commanded_since_control_ended = False
         for effect in self.story.effects:
             if isinstance(effect, Answer):
                 # One answer to each order, and to no other.
@@ -65,7 +65,7 @@ class Events(RuleBasedStateMachine):
             assert outward or status.state is MissionState.HOLDING
 
     def _commanded(self):
-        """An operator's order is being planned: what failsafe there is, he knows of."""
+        """True if an operator's order is being planned; an active failsafe then counts as known."""
         if any(isinstance(effect, Seek) for effect in self.story.effects):
             self.failsafe_known = self.story.causes.failsafe_took_mode is not None
             self.failsafe_new = False
@@ -100,11 +100,11 @@ class Events(RuleBasedStateMachine):
         self._after(ticked=True)
 
     @rule()
-    def a_failsafe_begins_and_nobody_looks_yet(self):
+    def a_failsafe_begins_before_the_next_cycle(self):
         self.story.change(**FAILSAFE)
 
     @rule()
-    def it_flies_and_nobody_looks_yet(self):
+    def the_aircraft_takes_off_before_the_next_cycle(self):
         self.story.change(**IN_THE_AIR)
 
     @rule(task=st.sampled_from([INSPECTION, EXIT, EVACUATION]))
@@ -112,7 +112,7 @@ class Events(RuleBasedStateMachine):
         self.open_orders.add(self.story.last_id + 1)
         self.story.order(task)
         if self._commanded():
-            self.commanded_since_let_go = True
+            self.commanded_since_control_ended = True
         self._after()
 
     @rule(order=st.sampled_from(list(Order)))
@@ -139,15 +139,15 @@ class Events(RuleBasedStateMachine):
 
     @precondition(lambda self: self.story.status.order_id is not None)
     @rule()
-    def the_order_is_taken_back(self):
+    def the_order_is_cancelled(self):
         order_id = self.story.status.order_id
         self.story.take_back(order_id)
         self.open_orders.discard(order_id)
         self._after()
 
     @invariant()
-    def nothing_streams_after_letting_go_without_a_new_command(self):
-        if not self.commanded_since_let_go:
+    def no_setpoint_is_streamed_after_a_release_without_a_new_command(self):
+        if not self.commanded_since_control_ended:
             assert self.story.status.state not in STREAMING
 
     @invariant()

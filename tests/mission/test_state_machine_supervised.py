@@ -1,4 +1,4 @@
-"""The mission machine: what is let go, what the supervisor holds and leads out, what goes on."""
+"""The mission machine: release, holds and escape routes of the supervisor, and resuming."""
 
 from __future__ import annotations
 
@@ -23,13 +23,13 @@ from .stories import (
 
 S = MissionState
 
-# Let go -----------------------------------------------------------------------------------------
+# Release ----------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
     ("state", "change"), [("released", STALE), ("overridden", {"mode_ours": False})]
 )
-def test_an_order_that_crosses_the_letting_go_is_rejected_and_the_next_one_is_not(state, change):
+def test_an_order_just_after_the_release_is_rejected_and_the_next_one_is_planned(state, change):
     flight = story(S.FLYING).see(**change).see(position=None)
     flight.order(EXIT)
     assert flight.answers == [(2, "temporarily rejected")]
@@ -42,7 +42,7 @@ def test_an_order_that_crosses_the_letting_go_is_rejected_and_the_next_one_is_no
 @pytest.mark.parametrize("state", [S.PLANNING, S.FLYING])
 @pytest.mark.parametrize("change", [FAILSAFE, STALE])
 def test_a_plan_that_is_found_when_control_has_just_ended_is_not_accepted(state, change):
-    """Else *ready* and ACCEPTED would be told in the instant of *released*."""
+    """Otherwise *ready* and ACCEPTED would be sent in the instant of *released*."""
     flight = story(state)
     if state is S.FLYING:
         flight.order(EXIT)
@@ -55,13 +55,13 @@ def test_a_plan_that_is_found_when_control_has_just_ended_is_not_accepted(state,
     assert not any("ready" in text for text in flight.said)
 
 
-def test_an_order_that_is_overtaken_is_cancelled_with_its_reason():
+def test_an_order_overtaken_by_a_newer_one_is_cancelled_with_a_reason():
     flight = story(S.FLYING).order(EXIT).order(EVACUATION)
     assert flight.answers == [(2, "cancelled")]
     assert flight.reasons == ["overtaken by a newer order"]
 
 
-def test_a_pilot_who_lands_ends_the_overriding():
+def test_a_landing_by_the_pilot_ends_overridden():
     flight = story(S.OVERRIDDEN, resume=True).see(**ON_THE_GROUND)
     assert flight.state == "idle"
     flight.see(**IN_THE_AIR, mode_ours=True)  # the next flight, days later
@@ -75,8 +75,8 @@ def test_a_failsafe_while_the_pilot_flies_releases(resume):
     assert not flight.last_setpoint
 
 
-def test_a_failsafe_that_an_order_has_overridden_ends_what_may_be_resumed():
-    """ArduPilot tells of its failsafe until it is over; it may take the mode a second time."""
+def test_a_failsafe_overridden_by_an_order_ends_the_resume_when_the_mode_is_lost():
+    """ArduPilot reports a failsafe until its end; the failsafe may take the mode again."""
     flight = story(S.FLYING, resume=True).see(**FAILSAFE, mode_ours=False).tick(1.0)
     assert flight.order(INSPECTION).plan_found().see(mode_ours=True).state == "flying"
     flight.see(mode_ours=False).tick()
@@ -85,12 +85,12 @@ def test_a_failsafe_that_an_order_has_overridden_ends_what_may_be_resumed():
     assert (flight.state, flight.sought) == ("released", [])
 
 
-def test_what_an_operator_held_is_not_resumed():
+def test_a_mission_held_by_an_operator_is_not_resumed():
     flight = story(S.HOLDING, resume=True).see(mode_ours=False).see(mode_ours=True)
     assert (flight.state, flight.sought) == ("overridden", [])
 
 
-def test_what_is_done_is_not_resumed():
+def test_a_finished_mission_is_not_resumed():
     flight = story(S.AT_TARGET, LAST, resume=True).tick(6.0)
     assert (flight.state, flight.status.task.done) == ("holding", True)
     flight.see(mode_ours=False).see(mode_ours=True)
@@ -98,7 +98,7 @@ def test_what_is_done_is_not_resumed():
 
 
 @pytest.mark.parametrize("task", [EXIT, EVACUATION])
-def test_above_the_landing_point_nothing_is_left_to_fly(task):
+def test_above_the_landing_point_a_continue_is_rejected(task):
     flight = story(S.LANDING_LEG, task).see(arrived=True)
     assert (flight.state, flight.status.task.done) == ("holding", True)
     flight.order(Order.CONTINUE)
@@ -106,12 +106,12 @@ def test_above_the_landing_point_nothing_is_left_to_fly(task):
         [(2, "temporarily rejected")],
         ["nothing is left to fly"],
     )
-    flight.order(task)  # but it may be ordered anew
+    flight.order(task)  # but an operator may order the escape route again
     assert flight.plan_found().state == "flying"
     assert not flight.status.task.done
 
 
-def test_the_landing_that_we_asked_for_is_no_pilots():
+def test_a_landing_requested_by_the_companion_is_no_takeover():
     flight = story(S.LANDING_LEG, EXIT).see(arrived=True)
     flight.landing_requested = True
     flight.see(mode_ours=False)
@@ -126,11 +126,11 @@ WIND = {"wind": "wind 13.2 m/s > 12"}
 RESERVE = {"battery_reserve": "battery 0 at 19% <= 20%"}
 CRITICAL = {"battery_critical": "battery 0 is critical"}
 KNOWN_S = 0.6
-"""A time after which the operator knows a condition that acts."""
+"""Time after which an active condition counts as known to the operator."""
 
 
 @pytest.mark.parametrize("state", [S.FLYING, S.AT_TARGET, S.LANDING_LEG])
-def test_a_hold_of_the_supervisor_brakes_and_goes_on_by_itself(state):
+def test_a_hold_of_the_supervisor_brakes_and_resumes_by_itself(state):
     flight = any_story(state)
     task = flight.status.task
     flight.see(**WIND)
@@ -151,7 +151,7 @@ def test_a_hold_of_the_supervisor_brakes_and_goes_on_by_itself(state):
     assert (flight.state, flight.status.task) == ("flying", task)
 
 
-def test_a_hold_of_the_supervisor_that_cannot_go_on_waits_for_an_operator():
+def test_a_hold_of_the_supervisor_without_a_path_to_resume_waits_for_an_operator():
     flight = story(S.FLYING).see(**WIND).tick(3.1).see(wind=None).tick(5.1)
     assert flight.sought == [INSPECTION]
     flight.plan_failed()
@@ -161,7 +161,7 @@ def test_a_hold_of_the_supervisor_that_cannot_go_on_waits_for_an_operator():
         assert (flight.state, flight.sought) == ("holding", [])
 
 
-def test_an_escape_route_that_cannot_go_on_is_sought_again():
+def test_an_escape_route_that_cannot_resume_is_planned_again():
     task = Task(mission=Mission.EXIT)
     flight = any_story(S.FLYING, task).see(**WIND).tick(3.1).see(wind=None).tick(5.1)
     for _ in range(5):
@@ -172,7 +172,7 @@ def test_an_escape_route_that_cannot_go_on_is_sought_again():
     assert not flight.status.resumes
 
 
-def test_wind_that_comes_back_while_it_would_go_on_holds_again_and_then_goes_on():
+def test_wind_that_returns_during_the_resume_holds_again_and_then_resumes():
     flight = story(S.FLYING).see(**WIND).tick(3.1).see(wind=None).tick(5.1)
     flight.see(**WIND).tick(3.1)
     assert (flight.state, flight.status.sought) == ("holding", None)
@@ -188,13 +188,13 @@ def test_an_operators_hold_outlasts_the_supervisors():
     assert flight.order(Order.CONTINUE).sought == [INSPECTION]
 
 
-def test_what_is_done_does_not_go_on():
+def test_a_finished_mission_does_not_resume_after_a_hold():
     flight = story(S.AT_TARGET, LAST).tick(6.0)
     flight.see(**WIND).tick(3.1).see(wind=None).tick(60.0)
     assert (flight.state, flight.sought) == ("holding", [])
 
 
-def test_an_order_in_the_making_fails_with_the_reason():
+def test_an_order_being_planned_fails_with_the_reason_of_the_hold():
     flight = story(S.FLYING).see(**WIND)
     flight.order(EXIT).tick(3.1)
     assert (flight.state, flight.answers) == ("holding", [(2, "failed")])
@@ -202,7 +202,7 @@ def test_an_order_in_the_making_fails_with_the_reason():
 
 
 @pytest.mark.parametrize("end", ["denied", "taken back", "overtaken by the next gust"])
-def test_an_order_that_comes_to_nothing_leaves_what_would_go_on(end):
+def test_an_order_that_is_not_flown_keeps_the_held_mission_resumable(end):
     flight = story(S.FLYING).see(**WIND).tick(3.1).tick(KNOWN_S).order(EXIT)
     if end == "denied":
         flight.plan_failed()
@@ -216,7 +216,7 @@ def test_an_order_that_comes_to_nothing_leaves_what_would_go_on(end):
     assert flight.plan_found().state == "flying"
 
 
-def test_a_hold_ordered_while_ready_outlasts_the_one_that_begins_with_the_mode():
+def test_a_hold_ordered_while_ready_outlasts_the_supervisors_hold_at_the_mode():
     flight = story(S.READY).order(Order.HOLD).see(no_clearance="no room here", mode_ours=True)
     assert flight.state == "holding"
     flight.see(no_clearance=None).tick(60.0)
@@ -224,7 +224,7 @@ def test_a_hold_ordered_while_ready_outlasts_the_one_that_begins_with_the_mode()
     assert flight.order(Order.CONTINUE).sought == [INSPECTION]
 
 
-def test_a_mode_given_to_what_must_not_be_flown_is_a_hold():
+def test_a_mode_given_under_a_hold_condition_is_a_hold():
     flight = story(S.READY).see(**WIND).tick(2.9)
     flight.see(mode_ours=True).tick(0.2)
     assert flight.state == "holding"
@@ -234,7 +234,7 @@ def test_a_mode_given_to_what_must_not_be_flown_is_a_hold():
 
 @pytest.mark.parametrize("state", [S.PLANNING, S.READY])
 @pytest.mark.parametrize("cause", [WIND, RESERVE, CRITICAL])
-def test_what_is_not_flown_yet_is_given_up_with_the_reason(state, cause):
+def test_a_mission_not_yet_flown_is_dropped_with_the_reason_of_the_condition(state, cause):
     flight = any_story(state).see(**cause).tick(3.1)
     assert flight.state == "idle"
     assert flight.last_setpoint is (state is S.READY)
@@ -242,12 +242,12 @@ def test_what_is_not_flown_yet_is_given_up_with_the_reason(state, cause):
 
 
 @pytest.mark.parametrize("state", [S.PLANNING, S.READY])
-def test_the_escape_route_that_the_supervisor_wants_is_offered_on(state):
+def test_an_escape_route_that_the_supervisor_requests_stays_ready(state):
     assert any_story(state, task=EXIT).see(**RESERVE).tick(3.1).status.state is state
 
 
 @pytest.mark.parametrize("state", [S.FLYING, S.AT_TARGET, S.HOLDING])
-def test_the_battery_leads_out_and_then_more_urgently(state):
+def test_a_low_battery_starts_an_exit_and_a_critical_one_an_evacuation(state):
     flight = any_story(state).see(**RESERVE).tick(3.1)
     assert [task.mission for task in flight.sought] == [Mission.EXIT]
     flight.tick(5.0)
@@ -260,7 +260,7 @@ def test_the_battery_leads_out_and_then_more_urgently(state):
     assert (flight.state, flight.status.task.mission) == ("flying", Mission.EVACUATION)
 
 
-def test_without_any_escape_route_it_holds_and_asks_again_every_two_seconds():
+def test_without_an_escape_route_the_machine_holds_and_replans_every_two_seconds():
     flight = story(S.FLYING).see(**RESERVE).tick(3.1)
     for _ in range(5):
         assert [task.mission for task in flight.sought] == [Mission.EXIT]
@@ -274,7 +274,7 @@ def test_without_any_escape_route_it_holds_and_asks_again_every_two_seconds():
     assert flight.plan_found().state == "flying"
 
 
-def test_while_the_planner_fails_no_other_escape_route_is_sought_but_the_same_one_later():
+def test_after_a_planner_failure_the_same_escape_route_is_planned_again():
     flight = story(S.FLYING).see(**RESERVE).tick(3.1)
     flight.plan_failed("the planner does not answer", failed=True)
     assert flight.said == ["MOAR: the planner does not answer, no exit"]
@@ -286,7 +286,7 @@ def test_while_the_planner_fails_no_other_escape_route_is_sought_but_the_same_on
 
 
 @pytest.mark.parametrize("failed", [False, True])
-def test_an_exit_that_is_flown_goes_on_where_there_is_no_evacuation(failed):
+def test_a_flown_exit_continues_where_no_evacuation_is_found(failed):
     flight = story(S.FLYING, EXIT).see(**CRITICAL).tick(1.1)
     for _ in range(3):
         assert [task.mission for task in flight.sought] == [Mission.EVACUATION]
@@ -298,16 +298,18 @@ def test_an_exit_that_is_flown_goes_on_where_there_is_no_evacuation(failed):
 
 
 @pytest.mark.parametrize("state", [S.FLYING, S.AT_TARGET, S.HOLDING])
-def test_where_there_is_no_evacuation_an_exit_is_better_than_to_stay(state):
+def test_without_an_evacuation_an_exit_is_flown(state):
     flight = any_story(state).see(**CRITICAL).tick(1.1)
     assert flight.sought == [Task(mission=Mission.EVACUATION)]
     flight.plan_failed().tick()
     assert (flight.sought, flight.said) == ([EXIT], ["MOAR: battery 0 is critical, exiting"])
     for _ in range(30):
-        assert flight.tick(0.1).effects == []  # it is awaited
+        assert flight.tick(0.1).effects == []  # the plan is awaited
     assert flight.plan_found().state == "flying"
     assert flight.status.task == EXIT
-    assert flight.tick().sought == [Task(mission=Mission.EVACUATION)]  # by now, perhaps
+    assert flight.tick().sought == [
+        Task(mission=Mission.EVACUATION)
+    ]  # an evacuation may be possible now
 
 
 def an_exit_held(state, held):
@@ -319,7 +321,7 @@ def an_exit_held(state, held):
 
 @pytest.mark.parametrize("failed", [False, True])
 @pytest.mark.parametrize("held", ["by wind", "by an operator"])
-def test_an_exit_that_is_held_goes_on_where_there_is_no_evacuation(held, failed):
+def test_a_held_exit_resumes_where_no_evacuation_is_found(held, failed):
     flight = an_exit_held(S.FLYING, held)
     task = flight.status.task
     assert flight.sought == [Task(mission=Mission.EVACUATION)]
@@ -329,7 +331,7 @@ def test_an_exit_that_is_held_goes_on_where_there_is_no_evacuation(held, failed)
 
 
 @pytest.mark.parametrize("held", ["by wind", "by an operator"])
-def test_a_landing_leg_that_is_held_goes_on_before_an_evacuation_is_sought(held):
+def test_a_held_landing_leg_resumes_before_an_evacuation_is_planned(held):
     flight = an_exit_held(S.LANDING_LEG, held)
     task = flight.status.task
     assert flight.sought == [task]
@@ -345,15 +347,15 @@ def test_a_landing_leg_that_is_flown_is_not_left_for_an_evacuation():
 
 
 @pytest.mark.parametrize("state", [S.FLYING, S.LANDING_LEG])
-def test_an_escape_route_that_stands_gives_way_to_the_next_one(state):
+def test_an_escape_route_without_a_path_is_replaced_by_the_next_one(state):
     flight = any_story(state, EVACUATION).see(**CRITICAL).tick(1.1)
     assert flight.effects == []
     flight.strand()
-    for way in (Task(mission=Mission.EVACUATION), EXIT):  # any landing point first
-        assert flight.tick().sought == [way]
+    for task in (Task(mission=Mission.EVACUATION), EXIT):  # any landing point first
+        assert flight.tick().sought == [task]
         flight.plan_failed()
     for _ in range(19):
-        flight.tick(0.1).strand()  # it tries itself to go on
+        flight.tick(0.1).strand()  # the flight itself tries to resume
         assert (flight.status.state, flight.effects) == (state, [])
     assert flight.tick(0.2).effects == []
     assert flight.strand().tick().sought == [Task(mission=Mission.EVACUATION)]
@@ -361,14 +363,14 @@ def test_an_escape_route_that_stands_gives_way_to_the_next_one(state):
     assert (flight.status.task.landing, flight.sought) == (None, [])
 
 
-def test_an_escape_route_that_is_wanted_no_more_is_sought_no_more():
+def test_an_escape_route_no_longer_needed_is_no_longer_planned():
     flight = story(S.FLYING).see(**RESERVE).tick(3.1).plan_failed().tick().plan_failed().tick()
     flight.see(battery_reserve=None).tick(10.0).tick(60.0)
     assert (flight.state, flight.sought) == ("holding", [])
 
 
 @pytest.mark.parametrize("order", [EXIT, Order.HOLD])
-def test_an_operator_who_knows_overrides_the_escape_route(order):
+def test_an_operator_informed_of_the_condition_overrides_the_escape_route(order):
     flight = story(S.FLYING).see(**CRITICAL).tick(1.1).plan_found().tick(KNOWN_S)
     flight.order(order)
     if order is EXIT:
@@ -382,22 +384,22 @@ def test_an_operator_who_knows_overrides_the_escape_route(order):
 
 
 @pytest.mark.parametrize("end", ["denied", "taken back"])
-def test_an_order_that_is_not_flown_overrides_nothing(end):
+def test_an_order_that_is_not_flown_overrides_no_condition(end):
     flight = story(S.FLYING).see(**CRITICAL).tick(1.1).tick(KNOWN_S).order(EXIT)
     for _ in range(5):
-        assert flight.tick().sought == []  # the operator knows of the battery
+        assert flight.tick().sought == []  # the operator is informed of the battery
     flight = flight.plan_failed() if end == "denied" else flight.take_back()
     assert [task.mission for task in flight.tick().sought] == [Mission.EVACUATION]
 
 
-def test_a_hold_that_crosses_the_escape_route_does_not_override_it():
+def test_a_hold_just_as_the_escape_route_begins_does_not_override_it():
     flight = story(S.FLYING).see(**CRITICAL).tick(1.1).plan_found().order(Order.HOLD)
     assert (flight.state, flight.answers) == ("holding", [(2, "accepted")])
     assert [task.mission for task in flight.tick().sought] == [Mission.EVACUATION]
 
 
 @pytest.mark.parametrize("order", [EXIT, INSPECTION, Order.CONTINUE])
-def test_an_order_to_fly_that_crosses_a_hold_is_told_so(order):
+def test_an_order_to_fly_just_as_a_hold_begins_is_rejected_with_the_reason(order):
     flight = story(S.FLYING).see(position_jump="the position jumped 4.5 m").order(order)
     assert (flight.state, flight.answers) == ("holding", [(2, "temporarily rejected")])
     assert flight.reasons == ["the position jumped 4.5 m (just begun)"]
@@ -406,17 +408,17 @@ def test_an_order_to_fly_that_crosses_a_hold_is_told_so(order):
     assert flight.tick().state == "flying"
 
 
-def test_what_begins_while_an_order_is_planned_is_not_overridden_by_it():
+def test_a_condition_that_begins_during_planning_is_not_overridden_by_the_order():
     flight = story(S.FLYING).see(**CRITICAL).tick(1.1).plan_found().tick(KNOWN_S)
     flight.order(EXIT)
     flight.see(battery_critical=None).tick(10.1)
     assert flight.see(**CRITICAL).answers == []
-    flight.tick(1.1)  # anew
+    flight.tick(1.1)  # active again
     assert flight.answers == [(2, "failed")]
     assert [task.mission for task in flight.sought] == [Mission.EVACUATION]
 
 
-def test_above_the_landing_point_there_is_no_escape_route_to_seek():
+def test_above_the_landing_point_no_escape_route_is_planned():
     flight = story(S.LANDING_LEG, EXIT).see(arrived=True)
     flight.see(**CRITICAL).tick(2.0)
     assert (flight.state, flight.sought) == ("holding", [])

@@ -1,4 +1,4 @@
-"""The mission machine: what has no way for a while is held, and sought again when there is one."""
+"""The mission machine: a task without a path is held, and planned again when there is room."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ NARROW = {"no_clearance": "the target is too close, uncertainty 1.6 m"}
 
 
 def no_room(flight):
-    """The plan that is sought is not found, and the condition that says so is there."""
+    """Fails the awaited plan for lack of room, with its condition."""
     flight._took(
         state_machine.unplanned(flight.status, NARROW["no_clearance"], flight.now_s, waits=True)
     )
@@ -37,7 +37,7 @@ def test_the_next_target_waits_until_there_is_room():
 
 
 @pytest.mark.parametrize("way", [EXIT, EVACUATION])
-def test_an_escape_route_that_was_held_waits_likewise(way):
+def test_a_held_escape_route_waits_until_there_is_room(way):
     flight = story(S.FLYING, way).see(**NARROW).see(no_clearance=None).tick(1.1)
     no_room(flight)
     assert flight.said_then[-1].endswith(", holding")
@@ -46,13 +46,13 @@ def test_an_escape_route_that_was_held_waits_likewise(way):
     assert flight.sought == [way]
 
 
-def test_what_an_operator_holds_meanwhile_does_not_go_on():
+def test_a_hold_ordered_during_the_wait_does_not_resume():
     flight = no_room(story(S.AT_TARGET).tick(6.0))
     flight.order(Order.HOLD).see(no_clearance=None).tick(60.0)
     assert (flight.state, flight.sought) == ("holding", [])
 
 
-def test_what_an_operator_has_ordered_is_denied():
+def test_an_order_without_room_is_denied_and_does_not_wait():
     flight = story(S.HOLDING)
     flight.order(EXIT)
     no_room(flight)
@@ -60,7 +60,7 @@ def test_what_an_operator_has_ordered_is_denied():
     assert (flight.state, flight.sought) == ("holding", [])
 
 
-def test_without_a_condition_that_says_so_it_is_sought_once_a_second():
+def test_without_a_reported_condition_the_target_is_planned_once_a_second():
     flight = story(S.AT_TARGET).tick(6.0)
     count = 0
     for _ in range(500):

@@ -33,7 +33,7 @@ def job(planners, *obstacles, slack_m=2.0):
     return MapJob(job_id=7, site=site, slack_m=slack_m)
 
 
-def test_the_maps_are_those_of_a_planner_made_anew(planners):
+def test_updated_maps_equal_those_of_a_new_planner(planners):
     answer = answer_map_job(planners, job(planners, wire(15.0, 14.0)))
     fresh = Planner(answer.site_maps.site, planners.exact.vehicle)
     assert answer.job_id == 7
@@ -50,7 +50,7 @@ def test_seen_obstacles_have_the_margin_of_the_site(planners):
     assert not maps.occupied[maps.grid.cell_of((15.0 + kept_m + 0.3, 14.0))]
 
 
-def test_later_plans_avoid_what_was_seen_widened_planners_too(planners):
+def test_later_plans_avoid_seen_obstacles_also_in_inflated_planners(planners):
     planners.widened_by(0.3)
     answer_map_job(planners, job(planners, wire(15.0, 14.0)))
     for planner in (planners.exact, planners.widened_by(0.3)):
@@ -58,12 +58,12 @@ def test_later_plans_avoid_what_was_seen_widened_planners_too(planners):
         assert np.hypot(*(plan.waypoints.position_m - (15.0, 14.0)).T).min() > 1.5
 
 
-def test_a_target_that_is_free_stays(planners):
+def test_a_free_target_is_not_moved(planners):
     answer = answer_map_job(planners, job(planners, wire(15.0, 14.0)))
     assert answer.site_maps.site.targets == planners.exact.site.targets
 
 
-def test_a_target_in_a_keep_out_moves_to_the_nearest_free_place_and_looks_at_where_it_was(planners):
+def test_a_target_in_a_keep_out_moves_to_the_nearest_free_place(planners):
     before = planners.exact.site.target("splice-outer")
     x_m, z_m = before.position_m
     answer = answer_map_job(planners, job(planners, wire(x_m - 1.0, z_m)))
@@ -89,7 +89,7 @@ def test_a_target_is_moved_no_farther_than_the_slack(planners):
 
 def test_a_target_is_not_moved_into_a_region_that_is_cut_off(planners):
     x_m, z_m = planners.exact.site.target("splice-outer").position_m
-    # A shaft about the target: inside it some cells beside the wire are free, and lead nowhere.
+    # A shaft around the target: cells inside it are free beside the wire, but cut off.
     shaft = [
         Polygon(
             name=f"seen-solid-{number}",

@@ -1,4 +1,4 @@
-"""Precomputation for plans, and its order."""
+"""Precomputation of tables for plans, and its order."""
 
 from __future__ import annotations
 
@@ -57,12 +57,12 @@ def job(target, **changes):
     return PlanJob(job_id=1, request=request, **changes)
 
 
-def test_the_first_target_and_the_ways_out_are_ready_though_not_all_can_be(planner):
+def test_tables_of_the_first_target_and_the_escape_routes_are_prepared_first(planner):
     first, second = (target.name for target in planner.site.targets)
     for prepare in preparations(planner):
         prepare()
     assert goals(planner) == [("inspection", first), ("exit", None), ("evacuation", None)]
-    # The second target is flown to, then the first again: its table is made once more.
+    # A flight to the second target, then to the first again: its table is made again.
     planners = PlannerSet(planner)
     for target in (second, first):
         prepare_for(planners, job(target))
@@ -81,20 +81,20 @@ def test_weights_are_calibrated_from_the_start_of_the_task_once_the_table_is_com
     prepare_for(planners, first)
     whole = answer_job(planners, first).plan
     assert whole.request.adaptation.calibration is not None
-    # From halfway, where the front is another one, the same risks give the same weights.
+    # From halfway, with another front, the same risks give the same weights.
     half = replace(risky, start_m=tuple(whole.waypoints.position_m[len(whole.states) // 2]))
     rest = answer_job(planners, replace(first, request=half)).plan
     assert rest.weights == whole.weights != risky.weights
     assert rest.cost.total < whole.cost.total
 
 
-def test_nothing_is_made_ready_for_wider_obstacles_or_an_unknown_target(planner):
+def test_no_table_is_prepared_for_inflated_obstacles_or_an_unknown_target(planner):
     prepare_for(PlannerSet(planner), job("splice-9"))
     prepare_for(PlannerSet(planner), job(planner.site.targets[0].name, widening_m=0.3))
     assert not planner._tables
 
 
-def test_the_service_has_the_flown_goal_ready_whatever_made_room_before(planner):
+def test_the_worker_keeps_the_table_of_the_flown_goal(planner):
     worker = PlannerWorker()
     worker.take(planner)
     target = planner.site.targets[1].name
@@ -107,9 +107,7 @@ def no_memory(*_, **__):
     raise MemoryError("Unable to allocate 27.1 MiB")
 
 
-def test_a_plan_for_which_memory_lacks_is_a_failed_answer_and_the_next_one_is_made(
-    planner, monkeypatch
-):
+def test_a_plan_without_memory_is_a_failed_answer_and_the_next_one_succeeds(planner, monkeypatch):
     worker = PlannerWorker()
     worker.take(planner)
     target = planner.site.targets[0].name
@@ -124,7 +122,9 @@ def test_a_plan_for_which_memory_lacks_is_a_failed_answer_and_the_next_one_is_ma
     assert found.plan is not None
 
 
-def test_tables_for_which_memory_lacks_are_said_once_and_plans_go_on(planner, monkeypatch, caplog):
+def test_missing_memory_for_tables_is_logged_once_and_planning_continues(
+    planner, monkeypatch, caplog
+):
     monkeypatch.setattr(Planner, "prepare", no_memory)
     worker = PlannerWorker()
     worker.take(planner)
@@ -138,7 +138,7 @@ def test_tables_for_which_memory_lacks_are_said_once_and_plans_go_on(planner, mo
     ]
 
 
-def test_failsafes_that_change_are_marked_once_and_the_tables_made_anew(planner):
+def test_changed_failsafes_are_marked_once_and_the_tables_are_rebuilt(planner):
     lands = FailsafeAction(trigger=Trigger.GCS_LOSS, action=Action.LAND, setting="")
     failsafes, target = Failsafes(actions=(lands,)), planner.site.targets[0].name
     worker = PlannerWorker()

@@ -1,4 +1,4 @@
-"""The power model: powers by phase, the energy of paths, and what is measured of the batteries."""
+"""The power model: powers by phase, the energy of paths, and measurements of the batteries."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ def model_of(power=POWER, **risk):
 
 
 class Aircraft:
-    """Batteries that are drained and heard of once a second, whatever is measured of them."""
+    """Batteries that are drained and report once a second, with the given fields."""
 
     def __init__(self, model, *, takes=1.0, tells=("remaining", "current_a"), charges=(0.95,)):
         self.model, self.takes, self.tells = model, takes, tells
@@ -52,7 +52,7 @@ class Aircraft:
             used = self.power_w * STEP_S / 3600.0 / self.model.capacity_wh
             self.charges = [charge - used for charge in self.charges]
             if step % 10 == 0 and not self.silent:
-                self.say()
+                self.report()
             self.telemetry = replace(
                 self.telemetry,
                 landed=None
@@ -68,8 +68,8 @@ class Aircraft:
             self.meter = metered(self.meter, self.telemetry, self.now_s, self.model)
         return self
 
-    def say(self, **changes):
-        """Each battery's word; the percentage without its fraction, as MAVLink has it."""
+    def report(self, **changes):
+        """Reports each battery; the percentage is truncated, as in MAVLink."""
         count = len(self.charges)
         self.telemetry = replace(
             self.telemetry,
@@ -96,14 +96,14 @@ class Aircraft:
 # The powers ------------------------------------------------------------------------------------
 
 
-def test_between_the_phases_the_power_is_linear():
+def test_the_power_is_linear_between_flight_phases():
     model = model_of()
     speeds_mps = [(0, 0), (5, 0), (2.5, 0), (0, 3), (0, -1.5), (0, 1.5), (50, 0)]
     powers_w = [model.power_w(*speed_mps) for speed_mps in speeds_mps]
     assert powers_w == pytest.approx([300, 240, 270, 390, 270, 345, 240])
 
 
-def test_a_path_takes_what_its_phases_take():
+def test_the_energy_of_a_path_is_the_sum_of_its_phases():
     # 10 m level in 2 s, 6 m up in 2 s, a wait of 3 s.
     points = np.array([[0.0, 0.0, 0.0], [10.0, 0.0, 0.0], [10.0, 0.0, 6.0], [10.0, 0.0, 6.0]])
     used_wh = model_of().path_wh(points, np.array([2.0, 2.0, 3.0]))
@@ -112,7 +112,7 @@ def test_a_path_takes_what_its_phases_take():
     assert stop == 0.0
 
 
-def test_what_the_file_leaves_out_follows_from_hovering_and_endurance():
+def test_missing_powers_follow_from_hover_power_and_endurance():
     model = PowerModel.of(replace(X500, power=Power(hover_w=200.0)))
     # Climbing at 3 m/s through air that sinks at 6 m/s: x + sqrt(1 + x^2), x = 3 / 12.
     assert (model.cruise_w, model.climb_w, model.descent_w) == pytest.approx(
@@ -122,7 +122,7 @@ def test_what_the_file_leaves_out_follows_from_hovering_and_endurance():
     assert not model.capacity_known
 
 
-def test_a_landing_is_the_autopilots_own():
+def test_the_duration_of_a_landing_depends_on_the_autopilot():
     # 2.1 m at 0.7 m/s and 5 s on the ground; at 0.5 m/s and 1 s.
     assert landing_s(2.1, autopilots.PX4) == pytest.approx(8.0)
     assert landing_s(2.1, autopilots.ARDUPILOT) == pytest.approx(5.2)
@@ -135,9 +135,9 @@ def test_a_landing_is_the_autopilots_own():
 
 @pytest.mark.parametrize("takes", [0.7, 0.85, 1.0, 1.15, 1.4])
 @pytest.mark.parametrize("tells", [("remaining",), ("remaining", "current_a"), ("current_a",)])
-def test_a_minute_tells_what_the_aircraft_takes(takes, tells):
+def test_a_minute_of_flight_measures_the_power_of_the_aircraft(takes, tells):
     aircraft = Aircraft(model_of(), takes=takes, tells=tells).fly(5.0)
-    assert aircraft.meter.factor == pytest.approx(1.0, abs=0.15)  # the file, mostly
+    assert aircraft.meter.factor == pytest.approx(1.0, abs=0.15)  # mostly the vehicle file
     for velocity in ((5.0, 0.0, 0.0), (0.0, 0.0, -3.0), (0.0, 0.0, 0.0)):
         aircraft.velocity_ned_mps = velocity
         aircraft.fly(20.0)
@@ -145,7 +145,7 @@ def test_a_minute_tells_what_the_aircraft_takes(takes, tells):
     assert aircraft.meter.source == ("current" if "current_a" in tells else "charge")
 
 
-def test_without_a_capacity_the_charge_is_the_measure():
+def test_without_a_capacity_the_power_is_measured_by_the_charge():
     model = model_of(Power(hover_w=300.0), endurance_s=900.0)
     aircraft = Aircraft(model, takes=1.5).fly(90.0)
     assert aircraft.meter.source == "charge"
@@ -154,14 +154,14 @@ def test_without_a_capacity_the_charge_is_the_measure():
     assert aircraft.meter.flight_s(model) == pytest.approx(600.0 * 0.8, rel=0.05)
 
 
-def test_what_is_measured_follows_the_wind():
+def test_the_measured_power_follows_the_wind():
     aircraft = Aircraft(model_of(), takes=1.0).fly(300.0)
     aircraft.takes = 1.3
     aircraft.fly(240.0)
     assert aircraft.meter.factor > 1.2
 
 
-def test_on_the_ground_nothing_is_measured():
+def test_no_power_is_measured_on_the_ground():
     aircraft = Aircraft(model_of())
     aircraft.landed = LandedState.ON_GROUND
     aircraft.fly(60.0)
@@ -169,7 +169,7 @@ def test_on_the_ground_nothing_is_measured():
     assert aircraft.meter.left_wh == pytest.approx(95.0)
 
 
-def test_a_dead_current_sensor_is_not_believed():
+def test_a_failed_current_sensor_is_ignored():
     aircraft = Aircraft(model_of(), takes=1.2)
     aircraft.sensor = 0.0
     aircraft.fly(90.0)
@@ -178,7 +178,7 @@ def test_a_dead_current_sensor_is_not_believed():
 
 
 @pytest.mark.parametrize(("sensor", "factor"), [(6.0, 7.2), (1000.0, 20.0)])
-def test_a_current_that_is_far_too_great_is_believed_up_to_a_limit(sensor, factor):
+def test_a_current_far_too_great_counts_up_to_a_limit(sensor, factor):
     aircraft = Aircraft(model_of(), takes=1.2)
     aircraft.sensor = sensor
     aircraft.fly(30.0)
@@ -233,7 +233,7 @@ def test_a_drain_that_begins_late_shows_within_half_a_minute(takes):
     assert aircraft.meter.flight_s(aircraft.model) < 1.3 * left_s
 
 
-def test_a_battery_that_falls_faster_than_the_other_is_the_measure():
+def test_the_power_is_measured_by_the_battery_that_drains_fastest():
     aircraft = Aircraft(model_of(), tells=("remaining",), charges=(0.9, 0.9))
     for _ in range(20):
         aircraft.charges[1] -= 3.0 * 300.0 / 3600.0 / 100.0
@@ -242,7 +242,7 @@ def test_a_battery_that_falls_faster_than_the_other_is_the_measure():
     assert aircraft.meter.flight_s(aircraft.model) == pytest.approx(left_s, rel=0.2)
 
 
-def test_a_charge_that_is_corrected_was_not_flown():
+def test_a_corrected_charge_does_not_count_as_flown():
     aircraft = Aircraft(model_of(), tells=("remaining",)).fly(60.0)
     aircraft.charges = [0.4]
     aircraft.fly(3.0)
@@ -251,16 +251,16 @@ def test_a_charge_that_is_corrected_was_not_flown():
     assert aircraft.meter.factor == pytest.approx(1.0, abs=0.1)
 
 
-# What is left ----------------------------------------------------------------------------------
+# Remaining energy -------------------------------------------------------------------------------
 
 
-def test_of_several_batteries_the_emptiest_counts_and_all_currents():
+def test_of_several_batteries_the_lowest_charge_and_all_currents_count():
     aircraft = Aircraft(model_of(), takes=1.2, charges=(0.9, 0.5)).fly(60.0)
     assert aircraft.meter.left_wh == pytest.approx(100.0 * aircraft.charges[1], abs=1.5)
     assert aircraft.meter.factor == pytest.approx(1.2, rel=0.03)
 
 
-def test_while_nothing_is_heard_what_is_left_falls_by_what_is_flown():
+def test_the_remaining_energy_of_a_silent_battery_falls_by_the_flown_energy():
     aircraft = Aircraft(model_of(), takes=1.2).fly(60.0)
     aircraft.silent = True
     before_wh = aircraft.meter.left_wh
@@ -269,7 +269,7 @@ def test_while_nothing_is_heard_what_is_left_falls_by_what_is_flown():
     assert before_wh - aircraft.meter.left_wh == pytest.approx(used_wh, rel=0.1)
 
 
-def test_power_from_usb_leaves_nothing_known():
+def test_on_usb_power_the_remaining_energy_is_unknown():
     aircraft = Aircraft(model_of())
     aircraft.voltage_v = 4.2
     assert aircraft.fly(5.0).meter.left_wh is None
@@ -277,24 +277,24 @@ def test_power_from_usb_leaves_nothing_known():
     assert aircraft.meter.left_after_s(aircraft.model, 1.0) is None
 
 
-def test_a_voltage_that_is_critical_goes_before_what_is_claimed():
+def test_a_critical_voltage_goes_before_the_reported_charge():
     aircraft = Aircraft(model_of(), charges=(0.85,)).fly(10.0)
     assert aircraft.meter.left_wh == pytest.approx(84.0, abs=1.5)
     aircraft.voltage_v = 4 * 3.40
     assert aircraft.fly(2.0).meter.left_wh == pytest.approx(0.0, abs=4.0)
 
 
-def test_a_short_pull_empties_no_battery():
+def test_a_short_high_current_does_not_empty_the_battery():
     model = model_of()
     resting = Battery(received_s=0.0, remaining=0.8, voltage_v=15.2, current_a=20.0, charge_state=1)
-    # 40 A more sag a cell by 0.2 V: it is told as at the mean load.
+    # 40 A more sag a cell by 0.2 V: the cell voltage is corrected to the mean load.
     pulled = replace(resting, voltage_v=15.2 - 4 * 40.0 * 0.005, current_a=60.0)
     assert cell_v(pulled, model, 20.0) == pytest.approx(cell_v(resting, model, 20.0))
     assert cell_v(pulled, model, None) == pytest.approx(3.6)
     assert cell_v(pulled, model_of(cells=None), 20.0) is None
 
 
-def test_without_a_percentage_voltage_and_current_tell_the_charge():
+def test_without_a_percentage_voltage_and_current_give_the_charge():
     aircraft = Aircraft(model_of(), tells=("current_a",))
     aircraft.landed, aircraft.voltage_v = LandedState.ON_GROUND, 4 * 4.05
     assert aircraft.fly(5.0).meter.left_wh == pytest.approx(100.0)
@@ -304,31 +304,31 @@ def test_without_a_percentage_voltage_and_current_tell_the_charge():
     assert aircraft.meter.left_wh == pytest.approx(90.0, abs=1.5)
 
 
-def test_without_a_percentage_and_a_current_the_voltage_tells_the_charge():
+def test_without_a_percentage_and_a_current_the_voltage_gives_the_charge():
     aircraft = Aircraft(model_of(), tells=())
     aircraft.voltage_v = 4 * 3.9
     assert aircraft.fly(5.0).meter.left_wh == pytest.approx(100.0 * 0.5 / 0.65, abs=1.0)
 
 
-def test_without_percentage_and_cells_nothing_is_known():
+def test_without_a_percentage_and_cells_the_remaining_energy_is_unknown():
     aircraft = Aircraft(model_of(cells=None), tells=("current_a",))
     assert aircraft.fly(5.0).meter.left_wh is None
 
 
-# What falls silent or misspeaks -----------------------------------------------------------------
+# Silent batteries and wrong reports -------------------------------------------------------------
 
 
-def told_by_two(aircraft, **changes):
-    """From now on the first battery says this, the second what it said before."""
-    said = aircraft.say
+def change_first_battery(aircraft, **changes):
+    """Changes the reports of the first battery from now on; the second reports as before."""
+    report_before = aircraft.report
 
-    def say(**others):
-        said(**others)
+    def report(**others):
+        report_before(**others)
         batteries = aircraft.telemetry.batteries
         first = replace(batteries[0], **changes)
         aircraft.telemetry = replace(aircraft.telemetry, batteries={**batteries, 0: first})
 
-    aircraft.say = say
+    aircraft.report = report
 
 
 @pytest.mark.parametrize(
@@ -340,22 +340,22 @@ def told_by_two(aircraft, **changes):
     ],
 )
 @pytest.mark.parametrize("cells", [4, None])
-def test_the_emptiest_battery_counts_on_when_it_tells_nothing(changes, cells):
+def test_the_emptiest_battery_keeps_counting_when_it_reports_no_charge(changes, cells):
     aircraft = Aircraft(model_of(cells=cells), tells=("remaining",), charges=(0.3, 0.8)).fly(30.0)
     before_wh = aircraft.meter.left_wh
-    told_by_two(aircraft, **changes)
+    change_first_battery(aircraft, **changes)
     aircraft.fly(60.0)
     used_wh = aircraft.meter.factor * 300.0 * 60.0 / 3600.0
     assert before_wh - aircraft.meter.left_wh == pytest.approx(used_wh, abs=0.3)
 
 
-def test_a_battery_that_was_taken_out_on_the_ground_is_forgotten():
+def test_a_battery_removed_on_the_ground_is_dropped():
     aircraft = Aircraft(model_of(), charges=(0.3, 0.8)).fly(10.0)
     aircraft.landed, aircraft.charges = LandedState.ON_GROUND, [0.9]
     assert aircraft.fly(10.0).meter.left_wh == pytest.approx(90.0)
 
 
-def test_what_is_left_falls_while_the_landed_state_is_undefined():
+def test_the_remaining_energy_falls_while_the_landed_state_is_undefined():
     aircraft = Aircraft(model_of()).fly(60.0)
     before_wh, aircraft.silent, aircraft.landed = aircraft.meter.left_wh, True, None
     aircraft.fly(60.0)
@@ -370,16 +370,16 @@ def test_what_is_left_falls_while_the_landed_state_is_undefined():
         pytest.param({"received_s": 100.0}, id="one of two silent"),
     ],
 )
-def test_what_was_measured_by_the_current_is_kept_while_a_part_of_it_is_missing(changes):
+def test_the_power_measured_by_current_is_kept_while_a_part_of_it_is_missing(changes):
     tells = ("current_a",)
     aircraft = Aircraft(model_of(), takes=1.5, tells=tells, charges=(0.9, 0.9)).fly(90.0)
     assert aircraft.meter.factor == pytest.approx(1.5, abs=0.05)
-    told_by_two(aircraft, **changes)
+    change_first_battery(aircraft, **changes)
     for _ in range(12):
         assert aircraft.fly(10.0).meter.factor >= 1.45
 
 
-def test_when_the_current_is_lost_the_charge_shows_that_more_is_taken():
+def test_after_a_loss_of_the_current_the_power_is_measured_by_the_charge():
     aircraft = Aircraft(model_of(), takes=1.0).fly(90.0)
     aircraft.tells, aircraft.takes = ("remaining",), 1.5
     aircraft.fly(240.0)
@@ -387,29 +387,29 @@ def test_when_the_current_is_lost_the_charge_shows_that_more_is_taken():
     assert aircraft.meter.factor > 1.3
 
 
-def test_a_charge_that_wavers_by_a_percent_forgets_nothing():
+def test_a_charge_that_varies_by_a_percent_keeps_the_measured_power():
     aircraft = Aircraft(model_of(), takes=1.5, tells=("remaining",)).fly(120.0)
     assert aircraft.meter.factor == pytest.approx(1.5, abs=0.1)
-    for _ in range(10):  # a gauge by voltage, at each throttle-down
+    for _ in range(10):  # a gauge by voltage rises at each throttle-down
         aircraft.charges = [charge + 0.015 for charge in aircraft.charges]
         aircraft.fly(2.0)
         aircraft.charges = [charge - 0.015 for charge in aircraft.charges]
         assert aircraft.fly(10.0).meter.factor == pytest.approx(1.5, abs=0.15)
 
 
-def test_two_batteries_that_empty_alike_measure_as_one_does():
+def test_two_batteries_that_drain_alike_measure_as_one_does():
     aircraft = Aircraft(model_of(), takes=1.5, tells=("remaining",), charges=(0.9, 0.895))
     assert aircraft.fly(120.0).meter.factor == pytest.approx(1.5, abs=0.1)
 
 
-def test_another_battery_flies_as_the_one_before_until_it_is_measured():
+def test_a_new_battery_keeps_the_measured_power_of_the_one_before():
     aircraft = Aircraft(model_of(), takes=1.5, tells=("remaining",)).fly(120.0)
     aircraft.charges = [0.95]
     for _ in range(30):
         assert aircraft.fly(2.0).meter.factor == pytest.approx(1.5, abs=0.15)
 
 
-def test_a_current_that_is_told_late_begins_at_what_the_charge_has_measured():
+def test_a_current_reported_late_starts_from_the_power_measured_by_charge():
     aircraft = Aircraft(model_of(), takes=1.5, tells=("remaining",)).fly(120.0)
     aircraft.tells = ("remaining", "current_a")
     for _ in range(40):
@@ -417,7 +417,7 @@ def test_a_current_that_is_told_late_begins_at_what_the_charge_has_measured():
     assert aircraft.meter.source == "current"
 
 
-def test_a_current_that_is_told_no_more_measures_no_later_flight():
+def test_a_current_reported_no_more_does_not_measure_a_later_flight():
     aircraft = Aircraft(model_of(), takes=1.5).fly(90.0)
     aircraft.tells, aircraft.landed = ("remaining",), LandedState.ON_GROUND
     assert aircraft.fly(2.0).meter.factor == pytest.approx(1.5, abs=0.05)
@@ -434,7 +434,7 @@ values = st.one_of(st.none(), st.floats(min_value=0.0, max_value=1.0))
 
 @properties
 @given(
-    words=st.lists(
+    reports=st.lists(
         st.tuples(
             values,
             st.one_of(st.none(), st.floats(0.0, 60.0)),
@@ -446,14 +446,14 @@ values = st.one_of(st.none(), st.floats(min_value=0.0, max_value=1.0))
     ),
     capacity_known=st.booleans(),
 )
-def test_whatever_is_told_the_meter_stays_sound(words, capacity_known):
+def test_the_meter_stays_within_bounds_for_any_reports(reports, capacity_known):
     power = POWER if capacity_known else replace(POWER, capacity_wh=None)
     aircraft = Aircraft(model_of(power))
     model = aircraft.model
-    for remaining, voltage_v, current_a, landed, velocity in words:
+    for remaining, voltage_v, current_a, landed, velocity in reports:
         aircraft.landed, aircraft.velocity_ned_mps = landed, (0.0, 0.0, 0.0)
         aircraft.fly(0.5)
-        aircraft.say(remaining=remaining, voltage_v=voltage_v, current_a=current_a)
+        aircraft.report(remaining=remaining, voltage_v=voltage_v, current_a=current_a)
         aircraft.telemetry = replace(
             aircraft.telemetry,
             local_position=replace(aircraft.telemetry.local_position, velocity_ned_mps=velocity),
@@ -478,25 +478,25 @@ lost = st.fixed_dictionaries(
 
 @settings(properties, max_examples=25)
 @given(first=lost, undefined=st.booleans(), capacity_known=st.booleans())
-def test_what_is_told_no_more_never_leaves_more_and_never_takes_less(
+def test_a_missing_report_never_raises_the_energy_nor_lowers_the_power(
     first, undefined, capacity_known
 ):
     power = POWER if capacity_known else replace(POWER, capacity_wh=None)
     aircraft = Aircraft(model_of(power), takes=1.4, charges=(0.7, 0.9)).fly(90.0)
     before = aircraft.meter
-    told_by_two(aircraft, **first)
+    change_first_battery(aircraft, **first)
     aircraft.landed = None if undefined else aircraft.landed
     for _ in range(4):
         left_wh = aircraft.meter.left_wh
         aircraft.fly(10.0)
-        # A word is a percentage: what is counted down may be a hundredth below the next one.
+        # A report is a whole percentage: the counted energy may be 1 % below the next report.
         assert aircraft.meter.left_wh <= left_wh + 0.01 * aircraft.model.capacity_wh
         assert aircraft.meter.factor >= before.factor - 0.1
 
 
 @properties
 @given(st.floats(0.0, 1.0), st.floats(0.0, 1.0), st.floats(12.0, 17.0), st.floats(12.0, 17.0))
-def test_less_charge_or_voltage_never_leaves_more(charge, other, volts, other_volts):
+def test_less_charge_or_voltage_never_leaves_more_energy(charge, other, volts, other_volts):
     left = []
     for remaining, voltage_v in (
         (min(charge, other), min(volts, other_volts)),
@@ -510,7 +510,7 @@ def test_less_charge_or_voltage_never_leaves_more(charge, other, volts, other_vo
     assert left[0] <= left[1]
 
 
-def test_the_sections_of_a_file_make_the_model():
+def test_the_sections_of_a_vehicle_file_make_the_power_model():
     model = PowerModel.made(Power(capacity_wh=77.0), RiskModel(cells=6), 4.0, 2.0, 1.0)
     assert (model.capacity_wh, model.capacity_known, model.cells) == (77.0, True, 6)
     assert (model.cruise_mps, model.climb_mps, model.descent_mps) == (4.0, 2.0, 1.0)

@@ -1,4 +1,4 @@
-"""A flight whose sources are heard ten times a second until they are told to be silent."""
+"""A flight whose sources are received ten times a second until they are silenced."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ HEALTHY: dict[str, Source] = {
 
 
 class Flight:
-    """The estimate of an aircraft whose `sources` are heard at every step."""
+    """Risk estimate of an aircraft whose `sources` are received at every step."""
 
     def __init__(self, *, model: RiskModel | None = None, **sources: Source) -> None:
         self.model = model if model is not None else RiskModel()
@@ -132,12 +132,12 @@ class Flight:
         return self.estimate
 
     def handle(self, name: str, **changes: Any) -> None:
-        """From now on this source says something else."""
+        """Changes the values of a source from now on."""
         before = HEALTHY[name]
         self.sources[name] = lambda t: replace(before(t), **changes)
 
     def silence(self, *names: str) -> None:
-        """From now on these sources are not heard; their last words stay."""
+        """Silences these sources from now on; their last values stay."""
         for name in names:
             self.sources.pop(name, None)
 

@@ -30,7 +30,7 @@ headings = st.floats(-math.pi, math.pi)
 
 
 def telemetry(time_s, lean=(0.0, 0.0), velocity=(0.0, 0.0, 0.0), *, landed=LandedState.IN_AIR):
-    """An aircraft that looks north, leans as for this acceleration, and moves so."""
+    """Telemetry of an aircraft heading north, with this lean acceleration and velocity."""
     north, east = (part / GRAVITY_MPS2 for part in lean)
     roll = math.asin(east / math.sqrt(1.0 + north * north + east * east))
     return Telemetry(
@@ -98,7 +98,7 @@ def test_lean_acceleration_is_the_rotated_thrust_that_carries_the_weight(roll, p
         pytest.param(0, 10, 0, -1, 0, id="nose up: backwards"),
     ],
 )
-def test_directions_of_lean(roll_deg, pitch_deg, yaw_deg, north, east):
+def test_lean_acceleration_has_the_direction_of_the_lean(roll_deg, pitch_deg, yaw_deg, north, east):
     lean = lean_acceleration_mps2(*map(math.radians, (roll_deg, pitch_deg, yaw_deg)))
     expected = GRAVITY_MPS2 * math.tan(math.radians(10))
     assert lean == pytest.approx((north * expected, east * expected), abs=1e-9)
@@ -114,7 +114,7 @@ def test_lean_stays_bounded_when_the_aircraft_tumbles(roll, pitch, yaw):
     start=st.tuples(st.floats(-10, 10), st.floats(-10, 10)),
     acceleration=st.tuples(st.floats(-2, 2), st.floats(-2, 2)),
 )
-def test_what_the_lean_does_beyond_accelerating_is_spent_against_the_air(drag, start, acceleration):
+def test_lean_beyond_the_acceleration_balances_the_drag(drag, start, acceleration):
     lean = tuple(a + d for a, d in zip(acceleration, drag, strict=True))
 
     def velocity(t):
@@ -127,7 +127,7 @@ def test_what_the_lean_does_beyond_accelerating_is_spent_against_the_air(drag, s
     assert found.velocity_ne_mps == pytest.approx(velocity(middle_s(samples))[:2], abs=1e-6)
 
 
-def test_climbing_ever_faster_takes_more_thrust_than_the_weight():
+def test_an_accelerated_climb_scales_the_lean_acceleration():
     # 1 m/s2 upwards, against a drag of 0.3 per second.
     samples = flown(every_tenth(lambda _: (1.0, 0.0), lambda t: (0.0, 0.0, -t)))
     found = braking(samples, 0.3)
@@ -136,24 +136,24 @@ def test_climbing_ever_faster_takes_more_thrust_than_the_weight():
     assert found.deceleration_ne_mps2 == pytest.approx((lift, 0.0), abs=1e-6)
 
 
-def test_the_window_holds_no_more_than_its_time():
+def test_the_window_contains_at_most_its_duration():
     samples = flown(every_tenth(lambda _: (1.0, 0.0), lambda _: (0.0, 0.0, 0.0), count=200))
     assert samples[-1].attitude_s - samples[0].attitude_s <= WINDOW_S
     assert len(samples) == round(WINDOW_S / 0.1) + 1
 
 
-def test_the_first_seconds_say_nothing():
+def test_the_first_seconds_give_no_deceleration():
     still = every_tenth(lambda _: (1.0, 0.0), lambda _: (0.0, 0.0, 0.0))
     assert braking(flown(still[:30]), 0.3) is None
     assert braking(flown(still[:32]), 0.3) is not None
 
 
-def test_a_window_of_few_samples_says_nothing():
+def test_a_window_of_few_samples_gives_no_deceleration():
     still = every_tenth(lambda _: (1.0, 0.0), lambda _: (0.0, 0.0, 0.0))
     assert braking(flown(still)[-9:], 0.3) is None
 
 
-def test_a_velocity_that_the_estimator_guesses_is_left_out():
+def test_a_velocity_without_a_position_estimate_is_ignored():
     still = every_tenth(lambda _: (0.0, 0.0), lambda _: (0.0, 0.0, 0.0))
     samples = flown(still)
     lost = Estimator(
@@ -162,7 +162,7 @@ def test_a_velocity_that_the_estimator_guesses_is_left_out():
     assert extended(samples, replace(telemetry(4.0), estimator=lost)) is samples
 
 
-def test_a_velocity_that_stands_still_says_nothing():
+def test_a_velocity_that_is_not_updated_gives_no_deceleration():
     states = every_tenth(lambda _: (1.0, 0.0), lambda _: (0.0, 0.0, 0.0))
     first = states[0].local_position
     stale = [replace(state, local_position=first) for state in states]
@@ -177,13 +177,13 @@ def test_a_velocity_that_stands_still_says_nothing():
     ],
     ids=["a gap", "a jump of the velocity"],
 )
-def test_the_window_begins_anew_after(state):
+def test_the_window_restarts_after(state):
     samples = flown(every_tenth(lambda _: (0.0, 0.0), lambda _: (0.0, 0.0, 0.0)))
     assert len(extended(samples, state)) == 1
 
 
 @pytest.mark.parametrize("landed", [LandedState.ON_GROUND, LandedState.TAKEOFF])
-def test_on_its_legs_there_is_no_window(landed):
+def test_on_the_ground_there_is_no_window(landed):
     samples = flown(every_tenth(lambda _: (0.0, 0.0), lambda _: (0.0, 0.0, 0.0)))
     assert extended(samples, telemetry(4.0, landed=landed)) == ()
 
@@ -192,7 +192,7 @@ def test_on_its_legs_there_is_no_window(landed):
     value=st.sampled_from((math.nan, math.inf, -math.inf)),
     where=st.sampled_from(("roll_rad", "pitch_rad", "yaw_rad", "velocity_ned_mps")),
 )
-def test_what_is_not_finite_is_left_out(value, where):
+def test_values_that_are_not_finite_are_ignored(value, where):
     samples = flown(every_tenth(lambda _: (0.0, 0.0), lambda _: (0.0, 0.0, 0.0)))
     state = telemetry(4.0)
     if where == "velocity_ned_mps":

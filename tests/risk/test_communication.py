@@ -25,7 +25,7 @@ def test_a_good_link_settles_to_no_risk(flight):
     assert flight.estimate.indices.communication == pytest.approx(0.0, abs=1e-4)
 
 
-def test_the_ground_station_falls_silent(flight):
+def test_a_silent_ground_station_raises_the_risk(flight):
     flight.silence("ground_station")
     assert flight.fly(2.5).indices.communication < 0.01  # two heartbeats may be lost
     assert flight.fly(3.5).indices.communication > 0.3  # 6 s: rising
@@ -36,15 +36,15 @@ def test_the_ground_station_falls_silent(flight):
     assert flight.fly(600.0, step_s=1.0).indices.communication == pytest.approx(1.0)
 
 
-def test_the_ground_station_comes_back(flight):
+def test_a_returned_ground_station_lowers_the_risk(flight):
     flight.silence("ground_station")
     flight.fly(20.0)
     flight.handle("ground_station")
-    assert flight.fly(1.0).indices.communication > 0.8  # one heartbeat is no link yet
+    assert flight.fly(1.0).indices.communication > 0.8  # one heartbeat is not enough
     assert flight.fly(25.0).indices.communication < 0.01
 
 
-def test_a_ground_station_that_was_never_heard_is_unknown(new_flight, healthy):
+def test_a_ground_station_that_was_never_received_is_unknown(new_flight, healthy):
     for name in ("ground_station", "radio", "remote_control", "link"):
         del healthy[name]
     alone = new_flight(**healthy)
@@ -53,7 +53,7 @@ def test_a_ground_station_that_was_never_heard_is_unknown(new_flight, healthy):
     assert not alone.estimate.report.communication.ever_known
 
 
-def test_a_good_link_to_the_autopilot_alone_reaches_nobody(new_flight, healthy):
+def test_a_good_link_to_the_autopilot_alone_leaves_the_risk_unknown(new_flight, healthy):
     for name in ("ground_station", "radio", "remote_control"):
         del healthy[name]
     alone = new_flight(**healthy)
@@ -63,7 +63,7 @@ def test_a_good_link_to_the_autopilot_alone_reaches_nobody(new_flight, healthy):
     assert alone.input("communication", "packet loss").risk == 0.0
 
 
-def test_a_free_buffer_reaches_nobody(new_flight, healthy):
+def test_a_free_radio_buffer_alone_leaves_the_risk_unknown(new_flight, healthy):
     for name in ("ground_station", "remote_control"):
         del healthy[name]
     flight = new_flight(**healthy)
@@ -93,7 +93,7 @@ def test_a_weak_remote_control_raises_the_risk(flight):
     assert flight.fly(3.0).indices.communication > 0.95
 
 
-def test_a_margin_that_is_no_longer_told_does_not_lower_the_risk(flight):
+def test_a_radio_margin_that_is_no_longer_reported_does_not_lower_the_risk(flight):
     flight.handle("radio", remote_rssi=60)
     before = flight.fly(10.0).indices.communication
     flight.handle("radio", remote_rssi=None)
@@ -101,14 +101,14 @@ def test_a_margin_that_is_no_longer_told_does_not_lower_the_risk(flight):
 
 
 def losing(now_s: float, *, since_s: float, every: int) -> LinkStatistics:
-    """100 packets a second, of which one of `every` is lost after `since_s`."""
+    """100 packets a second; one of `every` is lost after `since_s`."""
     lost = round(100.0 * max(0.0, now_s - since_s)) // every
     return LinkStatistics(
         received_s=now_s, packets_received=round(100.0 * now_s) - lost, packets_lost=lost
     )
 
 
-def test_one_packet_in_five_is_lost(flight):
+def test_a_loss_of_one_packet_in_five_raises_the_risk(flight):
     since_s = flight.now_s
     flight.sources["link"] = lambda t: losing(t, since_s=since_s, every=5)
     flight.fly(10.0)
@@ -116,7 +116,7 @@ def test_one_packet_in_five_is_lost(flight):
     assert flight.estimate.indices.communication > 0.5
 
 
-def test_losses_are_forgotten_after_the_window(flight):
+def test_losses_expire_after_the_window(flight):
     since_s = flight.now_s
     flight.sources["link"] = lambda t: losing(min(t, since_s + 5), since_s=since_s, every=5)
     flight.fly(5.0)
@@ -128,7 +128,7 @@ def test_losses_are_forgotten_after_the_window(flight):
     assert flight.input("communication", "packet loss").value == 0.0
 
 
-def test_counts_that_start_again_are_no_loss(flight):
+def test_packet_counts_that_restart_are_no_loss(flight):
     start_s = flight.now_s
     flight.sources["link"] = lambda t: LinkStatistics(
         received_s=t, packets_received=round(100.0 * (t - start_s)), packets_lost=0
@@ -140,7 +140,7 @@ def test_counts_that_start_again_are_no_loss(flight):
 
 
 def test_a_late_packet_ends_no_window(flight):
-    # Counted as lost, it comes after all.
+    # A packet counted as lost arrives later.
     flight.sources["link"] = lambda t: LinkStatistics(
         received_s=t, packets_received=round(100.0 * t), packets_lost=round(10.0 * t) % 2
     )
@@ -149,7 +149,7 @@ def test_a_late_packet_ends_no_window(flight):
     assert flight.estimate.indices.communication < 0.01
 
 
-def test_what_is_sent_to_the_autopilot_is_lost(flight):
+def test_packets_lost_towards_the_autopilot_raise_the_risk(flight):
     since_s = flight.now_s
     flight.sources["link_node"] = lambda t: LinkNode(
         received_s=t,
@@ -162,7 +162,7 @@ def test_what_is_sent_to_the_autopilot_is_lost(flight):
     assert flight.estimate.report.communication.worst == found.name
 
 
-def test_the_radio_receives_broken_packets(flight):
+def test_receive_errors_of_the_radio_raise_the_risk(flight):
     since_s = flight.now_s
     flight.handle("radio")
     healthy = flight.sources["radio"]
@@ -178,7 +178,7 @@ def test_the_radio_receives_broken_packets(flight):
     assert flight.input("communication", "radio receive errors").value == 0.0
 
 
-def test_a_radio_that_restarts_counts_its_errors_anew(flight):
+def test_the_error_count_of_a_restarted_radio_restarts(flight):
     flight.handle("radio", receive_errors=160)
     flight.fly(5.0)
     flight.handle("radio", receive_errors=2)
@@ -186,7 +186,7 @@ def test_a_radio_that_restarts_counts_its_errors_anew(flight):
     assert flight.input("communication", "radio receive errors").risk == 0.0
 
 
-def test_the_autopilot_says_that_the_transmitter_is_lost(flight):
+def test_a_transmitter_loss_reported_by_the_autopilot_raises_the_risk(flight):
     flight.sources["readiness"] = lambda t: Readiness(
         received_s=t, ready=True, unhealthy=(), remote_control_ok=False
     )
@@ -194,7 +194,7 @@ def test_the_autopilot_says_that_the_transmitter_is_lost(flight):
     assert flight.estimate.report.communication.worst == "remote control lost"
 
 
-def test_the_transmitters_channels_end_while_the_rest_goes_on(flight):
+def test_silent_transmitter_channels_on_a_live_link_raise_the_risk(flight):
     flight.silence("remote_control")
     assert flight.fly(2.4).indices.communication < 0.01
     flight.fly(4.0)
@@ -202,7 +202,7 @@ def test_the_transmitters_channels_end_while_the_rest_goes_on(flight):
     assert flight.estimate.indices.communication > 0.9
 
 
-def test_when_all_is_silent_it_is_not_the_transmitter(flight):
+def test_a_silent_link_is_reported_as_autopilot_silence(flight):
     flight.silence("remote_control", "link", "ground_station", "radio")
     flight.fly(2.9)
     assert flight.input("communication", "remote control silence").risk == 0.0
@@ -211,14 +211,14 @@ def test_when_all_is_silent_it_is_not_the_transmitter(flight):
 
 
 def paced(flight, rate_hz):
-    """From now on the link brings so many packets a second."""
+    """Sets the packet rate of the link from now on."""
     since_s, before = flight.now_s, flight.telemetry.link.packets_received
     flight.sources["link"] = lambda t: LinkStatistics(
         received_s=t, packets_received=before + round(rate_hz * (t - since_s)), packets_lost=0
     )
 
 
-def test_the_data_rate_falls(flight):
+def test_a_falling_data_rate_raises_the_risk(flight):
     paced(flight, 40.0)
     flight.fly(4.0)
     rate = flight.input("communication", "data rate")
@@ -228,7 +228,7 @@ def test_the_data_rate_falls(flight):
     assert flight.fly(4.0).indices.communication > 0.9
 
 
-def test_a_rate_that_stays_low_becomes_the_usual_one_on_the_ground_alone(flight):
+def test_a_lasting_low_data_rate_becomes_the_usual_one_on_the_ground_alone(flight):
     paced(flight, 10.0)
     assert flight.fly(4.0).indices.communication > 0.5
     before = flight.fly(20.0).indices.communication
@@ -237,13 +237,13 @@ def test_a_rate_that_stays_low_becomes_the_usual_one_on_the_ground_alone(flight)
     assert flight.fly(900.0, step_s=0.5).indices.communication < 0.01
 
 
-def test_a_rate_that_changes_a_little_becomes_the_usual_one(flight):
+def test_a_slightly_changed_data_rate_becomes_the_usual_one(flight):
     paced(flight, 60.0)
     flight.fly(600.0, step_s=0.5)
     assert flight.input("communication", "data rate").value == pytest.approx(1.0, abs=0.05)
 
 
-def test_the_end_of_a_list_of_parameters_is_no_fall(flight):
+def test_the_end_of_a_parameter_list_is_no_fall_of_the_data_rate(flight):
     since_s, before = flight.now_s, flight.telemetry.link.packets_received
 
     def listed(t):
@@ -262,8 +262,8 @@ def test_the_end_of_a_list_of_parameters_is_no_fall(flight):
     assert flight.input("communication", "data rate").value == pytest.approx(1.0, abs=0.05)
 
 
-def test_heartbeats_alone_have_no_usual_rate(new_flight, healthy):
-    # Every other second a clock is compared: two packets or four in a window.
+def test_heartbeats_alone_give_no_usual_data_rate(new_flight, healthy):
+    # A TIMESYNC packet every other second: two packets or four in a window.
     healthy["link"] = lambda t: LinkStatistics(
         received_s=t, packets_received=int(t) + int(t / 2.0), packets_lost=0
     )
@@ -272,7 +272,7 @@ def test_heartbeats_alone_have_no_usual_rate(new_flight, healthy):
     assert flight.input("communication", "data rate").value is None
 
 
-def test_more_data_is_no_risk_and_streams_that_start_are_no_fall(new_flight, healthy):
+def test_a_rising_data_rate_and_new_streams_are_no_risk(new_flight, healthy):
     healthy["link"] = lambda t: LinkStatistics(
         received_s=t, packets_received=int(t - 100.0), packets_lost=0
     )
@@ -283,7 +283,7 @@ def test_more_data_is_no_risk_and_streams_that_start_are_no_fall(new_flight, hea
     assert flight.input("communication", "data rate").risk == 0.0
 
 
-def test_few_packets_are_no_statistics(new_flight, healthy):
+def test_too_few_packets_give_no_packet_loss(new_flight, healthy):
     healthy["link"] = lambda t: LinkStatistics(
         received_s=t, packets_received=int(t), packets_lost=int(t) // 2
     )
@@ -384,7 +384,7 @@ def test_a_worse_link_is_never_less_risk(telemetry, worse):
 
 
 @given(telemetry=telemetries, noise=st.floats(-0.01, 0.01))
-def test_a_little_noise_changes_little(telemetry, noise):
+def test_a_little_noise_changes_the_risk_little(telemetry, noise):
     remote = replace(telemetry.remote_control, rssi=telemetry.remote_control.rssi + noise)
     ground = replace(telemetry.ground_station, received_s=NOW_S - 5.0 + noise)
     quiet = replace(telemetry, ground_station=replace(ground, received_s=NOW_S - 5.0))

@@ -15,25 +15,25 @@ models = st.builds(RiskModel, drag_per_s=st.floats(0.05, 2.0), drag_per_m=st.flo
 level = st.tuples(st.floats(-40.0, 40.0), st.floats(-40.0, 40.0))
 
 
-def test_a_drag_by_hand():
+def test_the_drag_agrees_with_a_calculation_by_hand():
     model = RiskModel(drag_per_s=0.2, drag_per_m=0.01)  # (0.2 + 0.01 * 5) * (3, -4)
     assert deceleration_mps2((3.0, -4.0), model) == pytest.approx((0.75, -1.0))
     assert air_velocity_mps((0.75, -1.0), model) == pytest.approx((3.0, -4.0))
 
 
 @given(model=models, air=level)
-def test_the_airspeed_is_the_one_that_makes_the_deceleration(model, air):
+def test_the_airspeed_is_the_inverse_of_the_deceleration(model, air):
     assert air_velocity_mps(deceleration_mps2(air, model), model) == pytest.approx(air, abs=1e-6)
 
 
 @given(model=models, pair=st.tuples(st.floats(0.0, 30.0), st.floats(0.0, 30.0)))
-def test_more_deceleration_is_more_airspeed(model, pair):
+def test_a_greater_deceleration_gives_a_greater_airspeed(model, pair):
     low, high = (air_velocity_mps((0.0, value), model)[1] for value in sorted(pair))
     assert low <= high
 
 
 def windows(legs, *, k, q, wind=(0.0, 0.0), noise=0.0):
-    """Windows of an aircraft that flies these velocities in turn, ten of each."""
+    """Windows of an aircraft that flies these velocities in turn, ten windows of each."""
     model = RiskModel(drag_per_s=k, drag_per_m=q)
     made = []
     for velocity in legs:
@@ -65,7 +65,7 @@ def test_a_drag_and_a_steady_wind_are_found(k, q, noise):
     assert fit.residual_mps2 == pytest.approx(math.sqrt(2.0) * noise, abs=0.02)
 
 
-def test_a_hover_and_one_leg_tell_the_drag_at_its_speed():
+def test_a_hover_and_one_leg_give_the_drag_at_the_speed_of_the_leg():
     fit = fit_drag(windows(((0.0, 0.0), (6.0, 0.0)), k=0.35, q=0.0))
     assert isinstance(fit, DragFit)
     assert fit.drag_per_s + fit.drag_per_m * 6.0 == pytest.approx(0.35, rel=0.05)
@@ -90,7 +90,7 @@ def test_a_hover_and_one_leg_tell_the_drag_at_its_speed():
         ),
     ],
 )
-def test_what_a_flight_lacks_is_said(made, lack):
+def test_the_lack_in_a_flight_is_named(made, lack):
     answer = fit_drag(made)
     assert isinstance(answer, str)
     assert lack in answer

@@ -25,33 +25,33 @@ from moar_companion.types import RiskIndices, Weights
 EQUAL = Weights.normalised(1, 1, 1)
 
 
-def words(flight, name):
+def shown(flight, name):
     return index_words(
         name, getattr(flight.estimate.indices, name), getattr(flight.estimate.report, name)
     )
 
 
-def test_what_raises_an_index_is_told_with_its_value_its_age_and_where_it_leads(flight):
+def test_the_input_that_raises_an_index_is_shown_with_value_age_and_risk(flight):
     flight.handle("wind", velocity_ned_mps=(9.0, 0.0, 0.0))
     flight.fly(0.5)
-    assert words(flight, "wind").endswith(
+    assert shown(flight, "wind").endswith(
         "rising to 0.67: wind reported 9.0 m/s, 0.0 s old -> 0.67"
     )
     flight.fly(10.0)
-    assert words(flight, "wind") == "wind 0.67: wind reported 9.0 m/s, 0.0 s old -> 0.67"
+    assert shown(flight, "wind") == "wind 0.67: wind reported 9.0 m/s, 0.0 s old -> 0.67"
 
 
-def test_what_has_passed_is_still_falling(flight):
+def test_an_index_without_a_cause_is_shown_as_falling(flight):
     flight.handle("gnss", fix_type=0)
     flight.fly(10.0)
     flight.handle("gnss")
     flight.fly(1.0)
-    assert words(flight, "localization") == (
+    assert shown(flight, "localization") == (
         "localization 0.82, falling to 0.00: no input raises it"
     )
 
 
-def test_the_last_word_of_a_silent_source_is_held(flight):
+def test_the_last_value_of_a_silent_source_is_held(flight):
     flight.handle("wind", velocity_ned_mps=(9.0, 0.0, 0.0))
     flight.fly(10.0)
     flight.silence("wind")
@@ -62,35 +62,35 @@ def test_the_last_word_of_a_silent_source_is_held(flight):
         True,
         True,
     )
-    assert words(flight, "wind") == (
+    assert shown(flight, "wind") == (
         "wind 0.67, held at the last value: wind reported 9.0 m/s, 12.0 s old"
     )
 
 
-def test_the_last_word_of_a_source_that_says_unknown_is_held_with_its_own_age(flight):
-    said = flight.sources["batteries"]
-    flight.sources["batteries"] = lambda t: {0: replace(said(t)[0], remaining=0.04)}
+def test_the_last_value_of_a_source_that_reports_unknown_is_held_with_its_age(flight):
+    before = flight.sources["batteries"]
+    flight.sources["batteries"] = lambda t: {0: replace(before(t)[0], remaining=0.04)}
     flight.fly(20.0)
-    flight.sources["batteries"] = lambda t: {0: replace(said(t)[0], remaining=None)}
+    flight.sources["batteries"] = lambda t: {0: replace(before(t)[0], remaining=None)}
     flight.fly(600.0)
     report = flight.estimate.report.battery
     assert (report.cause, report.held) == ("battery 0 remaining", True)
-    assert words(flight, "battery") == (
+    assert shown(flight, "battery") == (
         "battery 1.00, held at the last value: battery 0 remaining 4% of its charge, 600.0 s old"
     )
     assert rise_words("battery", report) == "battery to 1.00: battery 0 remaining 4% of its charge"
 
 
-def test_an_index_that_knows_nothing_says_so(new_flight):
+def test_an_index_without_any_measurement_is_explained(new_flight):
     silent = new_flight()
     silent.fly(1.0)
-    assert words(silent, "battery") == "battery 0.50: nothing was measured"
+    assert shown(silent, "battery") == "battery 0.50: nothing was measured"
 
 
-def test_an_index_that_has_lost_all_its_inputs_says_so(flight):
+def test_an_index_that_has_lost_all_its_inputs_is_explained(flight):
     flight.silence(*list(flight.sources))
     flight.fly(100.0)
-    assert words(flight, "battery") == "battery 0.50: nothing is measured any more"
+    assert shown(flight, "battery") == "battery 0.50: nothing is measured any more"
 
 
 @pytest.mark.parametrize(
@@ -109,7 +109,7 @@ def test_an_index_that_has_lost_all_its_inputs_says_so(flight):
     ],
     ids=lambda item: getattr(item, "name", item),
 )
-def test_values_are_told_as_people_read_them(item, expected):
+def test_values_are_shown_in_readable_units(item, expected):
     assert item.reading == expected
 
 
@@ -125,7 +125,9 @@ def test_values_are_told_as_people_read_them(item, expected):
         ),
     ],
 )
-def test_fractions_and_codes_are_told_in_words(flight, index, name, source, says, expected):
+def test_fractions_and_codes_are_shown_with_their_meaning(
+    flight, index, name, source, says, expected
+):
     flight.handle(source, **says)
     flight.fly(1.0)
     assert flight.input(index, name).phrase == f"{name} {expected}"
@@ -134,7 +136,7 @@ def test_fractions_and_codes_are_told_in_words(flight, index, name, source, says
 @pytest.mark.parametrize(
     ("state", "expected"), [(1, "1 (ok)"), (2, "2 (low)"), (3, "3 (critical)"), (5, "5 (failed)")]
 )
-def test_a_charge_state_is_told_by_its_name(flight, state, expected):
+def test_a_charge_state_is_shown_with_its_name(flight, state, expected):
     before = flight.sources["batteries"]
     flight.sources["batteries"] = lambda t: {0: replace(before(t)[0], charge_state=state)}
     flight.fly(0.1)
@@ -142,15 +144,15 @@ def test_a_charge_state_is_told_by_its_name(flight, state, expected):
     assert item.phrase == f"battery 0 charge state {expected}"
 
 
-def test_what_is_so_or_not_is_told_as_that(flight):
+def test_a_yes_or_no_input_is_shown_as_yes(flight):
     flight.handle("estimator", horizontal_position_ok=False)
     flight.fly(10.0)
-    assert words(flight, "localization") == (
+    assert shown(flight, "localization") == (
         "localization 1.00: estimator without position: yes, 0.0 s old -> 1.00"
     )
 
 
-def test_wind_by_a_drag_that_nobody_measured_says_so(new_flight):
+def test_wind_by_an_unmeasured_drag_is_marked(new_flight):
     usual, measured = new_flight.healthy(), new_flight.healthy(model=RiskModel(drag_per_s=0.25))
     for flight, remark in ((usual, " (default drag, not measured)"), (measured, "")):
         flight.handle("attitude", pitch_rad=-0.2)
@@ -159,7 +161,7 @@ def test_wind_by_a_drag_that_nobody_measured_says_so(new_flight):
         assert tilt.phrase == f"wind from tilt {tilt.value:.1f} m/s{remark}"
 
 
-def test_motors_alone_do_not_tell_of_calm_and_say_so(flight):
+def test_motor_outputs_alone_do_not_prove_calm_and_are_marked(flight):
     flight.silence("wind", "attitude")
     flight.fly(10.0)
     motors = flight.input("wind", "motor output")
@@ -167,12 +169,12 @@ def test_motors_alone_do_not_tell_of_calm_and_say_so(flight):
     assert motors.risk == RiskModel().unknown
 
 
-def test_of_a_silence_the_age_is_the_value():
+def test_the_value_of_a_silence_is_shown_without_its_age():
     silence = InputReport(name="ground station silence", value=4.0, unit="s", age_s=4.0, risk=0.2)
     assert input_words(silence) == "ground station silence 4.0 s -> 0.20"
 
 
-def test_weights_are_told_before_and_after_with_what_did_it():
+def test_weights_are_shown_before_and_after_with_the_contribution_of_each_risk():
     reason = WeightsReason.of(Adaptation(base=EQUAL), RiskIndices(wind=0.8))
     # Eq. 9 by hand: 1.4, 0.6, 1.4 of 3.4.
     assert reason.words() == (
@@ -181,20 +183,20 @@ def test_weights_are_told_before_and_after_with_what_did_it():
     )
 
 
-def test_a_calibrated_rule_is_named_and_whether_its_front_is_known():
+def test_a_calibrated_rule_is_named_with_the_state_of_its_front():
     rule = Adaptation(base=Weights(0.2, 0.6, 0.2), kind=AdaptationKind.CALIBRATED)
     risk = RiskIndices(wind=1.0)
-    # Halfway to safety alone; the others keep their ratio.
-    told = "k_S 0.20 -> 0.60 (wind +0.40), k_T 0.60 -> 0.30 (wind -0.30), k_E 0.20 -> 0.10"
-    words = WeightsReason.of(rule, risk).words()
-    assert words.startswith(f"calibrated, front not known yet: {told}")
+    # Halfway to safety alone; the other weights keep their ratio.
+    changes = "k_S 0.20 -> 0.60 (wind +0.40), k_T 0.60 -> 0.30 (wind -0.30), k_E 0.20 -> 0.10"
+    text = WeightsReason.of(rule, risk).words()
+    assert text.startswith(f"calibrated, front not known yet: {changes}")
     known = replace(rule, calibration=Calibration.linear(rule.base))
     document = WeightsReason.of(known, risk).to_dict()
-    assert document["words"].startswith(f"calibrated: {told}")
+    assert document["words"].startswith(f"calibrated: {changes}")
     assert document["adaptation"] == {"kind": "calibrated", "calibrated": True}
 
 
-def test_without_any_risk_nothing_has_changed():
+def test_without_any_risk_the_weights_are_unchanged():
     assert WeightsReason.of(Adaptation(base=EQUAL), RiskIndices()).words() == (
         "k_S 0.33 -> 0.33, k_T 0.33 -> 0.33, k_E 0.33 -> 0.33"
     )
@@ -204,7 +206,7 @@ index = st.floats(0.0, 1.0)
 
 
 @given(wind=index, communication=index, localization=index, battery=index)
-def test_what_a_risk_did_is_what_the_weights_would_lose_without_it(
+def test_the_contribution_of_a_risk_is_the_difference_to_weights_without_it(
     wind, communication, localization, battery
 ):
     risk = RiskIndices(
@@ -221,7 +223,7 @@ def test_what_a_risk_did_is_what_the_weights_would_lose_without_it(
     assert reason.by_risk["wind"]["time"] <= 1e-12
 
 
-def test_the_whole_is_fit_for_json_and_has_words_for_each_index(flight):
+def test_the_risk_document_is_valid_json_and_explains_each_index(flight):
     flight.silence("gnss")
     flight.fly(10.0)
     whole = json.loads(json.dumps(risk_dict(flight.estimate), allow_nan=False))
@@ -237,7 +239,7 @@ def test_the_whole_is_fit_for_json_and_has_words_for_each_index(flight):
     assert all(entry["words"].startswith(f"{name} ") for name, entry in whole.items())
 
 
-def test_an_input_that_does_not_apply_any_more_is_forgotten(flight):
+def test_an_input_that_no_longer_applies_is_dropped(flight):
     flight.tracking_error_m = 1.9
     flight.fly(10.0)
     assert flight.estimate.report.wind.cause == "tracking error"
@@ -247,5 +249,5 @@ def test_an_input_that_does_not_apply_any_more_is_forgotten(flight):
     assert flight.estimate.indices.wind < 0.1
 
 
-def test_a_report_of_nothing_moves_nowhere():
+def test_an_empty_report_is_explained_as_no_risk():
     assert index_words("wind", 0.0, IndexReport()) == "wind 0.00: no input raises it"

@@ -1,4 +1,4 @@
-"""The wind that is held, by lean, motors and drag; and what shows that it is not."""
+"""Greatest wind that can be held, by lean, motors and drag; and its check."""
 
 from __future__ import annotations
 
@@ -41,17 +41,17 @@ MODEL = RiskModel()
 def test_the_lean_is_limited_by_a_parameter_the_motors_or_the_vehicle_file(
     kind, parameters, degrees, source
 ):
-    limit_rad, told = tilt_limit(kind, parameters, MODEL)
-    assert (math.degrees(limit_rad), told) == (pytest.approx(degrees), source)
+    limit_rad, found = tilt_limit(kind, parameters, MODEL)
+    assert (math.degrees(limit_rad), found) == (pytest.approx(degrees), source)
     assert set(parameters) <= set(autopilots.profile(kind).holding_parameters)
 
 
-def test_the_wind_that_is_held_leans_the_aircraft_to_its_limit():
+def test_the_greatest_wind_that_can_be_held_leans_the_aircraft_to_its_limit():
     model = RiskModel(drag_per_s=1.0, drag_per_m=0.0)
     assert held_wind_mps(model, math.radians(45.0)) == pytest.approx(9.80665)
 
 
-def test_check_names_the_wind_the_key_and_the_parameter():
+def test_the_check_names_the_limiting_wind_the_key_and_the_parameter():
     parameters = {"ANGLE_MAX": 2000.0}
     vehicle = named_vehicle("linedrone_uniform")
     finding = held_wind_finding(autopilots.ARDUPILOT, parameters, vehicle, Supervision())

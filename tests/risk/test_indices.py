@@ -181,10 +181,10 @@ def step(estimate: RiskEstimate, telemetry: Telemetry, now_s: float) -> RiskEsti
         max_size=6,
     )
 )
-def test_whatever_is_heard_the_indices_stay_between_0_and_1(steps):
+def test_indices_stay_between_0_and_1_for_any_telemetry(steps):
     estimate, now_s = RiskEstimate.unknown(MODEL), NOW_S
     for telemetry, elapsed_s in steps:
-        now_s += elapsed_s  # a clock that goes back is bad, but no reason to fall
+        now_s += elapsed_s  # a clock may go back
         estimate = step(estimate, telemetry, now_s)
         for name in INDICES:
             assert 0.0 <= getattr(estimate.indices, name) <= 1.0
@@ -197,7 +197,7 @@ def test_whatever_is_heard_the_indices_stay_between_0_and_1(steps):
 
 
 @given(telemetry=wild_telemetry, silence_s=st.floats(0.0, 1000.0))
-def test_forgetting_all_never_lowers_an_index(telemetry, silence_s):
+def test_the_loss_of_all_telemetry_never_lowers_an_index(telemetry, silence_s):
     received = step(step(RiskEstimate.unknown(MODEL), telemetry, NOW_S), telemetry, NOW_S + 0.5)
     after = step(received, Telemetry(), NOW_S + 0.5 + silence_s)
     for name in INDICES:
@@ -225,7 +225,7 @@ needs_wh = st.fixed_dictionaries(
     needs=needs_wh,
     unknown_needs=st.sets(st.sampled_from(["finish_wh", "exit_wh", "evacuation_wh"])),
 )
-def test_losing_sources_never_lowers_an_index_that_has_settled(
+def test_the_loss_of_sources_never_lowers_a_settled_index(
     new_flight,
     silent,
     erased,
@@ -310,21 +310,21 @@ def test_more_wind_is_never_less_risk(values):
     assert first.report.wind.value <= second.report.wind.value
 
 
-def test_before_anything_is_heard_every_index_is_unknown():
+def test_before_any_telemetry_every_index_is_unknown():
     estimate = step(RiskEstimate.unknown(MODEL), Telemetry(), NOW_S)
     assert set(estimate.indices.as_dict().values()) == {MODEL.unknown}
     assert not any(getattr(estimate.report, name).ever_known for name in INDICES)
     assert all(getattr(estimate.report, name).worst is None for name in INDICES)
 
 
-def test_rises_fast(flight):
+def test_an_index_rises_fast(flight):
     flight.handle("gnss", fix_type=0)
     assert flight.fly(0.1).indices.localization == pytest.approx(0.18, abs=0.01)
     assert flight.fly(0.9).indices.localization > 0.85
     assert flight.fly(2.0).indices.localization > 0.99
 
 
-def test_falls_slowly(flight):
+def test_an_index_falls_slowly(flight):
     flight.handle("gnss", fix_type=0)
     flight.fly(10.0)
     flight.handle("gnss")
@@ -343,24 +343,24 @@ def test_the_rate_of_updates_does_not_matter(new_flight, healthy):
     )
 
 
-def test_a_raising_input_goes_stale_while_others_remain(flight):
+def test_a_stale_input_keeps_its_risk_while_other_inputs_remain(flight):
     flight.handle("wind", velocity_ned_mps=(9.0, 0.0, 0.0))
     before = flight.fly(10.0).indices.wind
     flight.silence("wind")
-    assert flight.fly(60.0).indices.wind >= before  # the calm lean does not speak for the wind
+    assert flight.fly(60.0).indices.wind >= before  # a calm lean does not replace the reported wind
     assert flight.input("wind", "wind reported").risk is None
     flight.handle("wind", velocity_ned_mps=(1.0, 0.0, 0.0))
-    assert flight.fly(60.0).indices.wind < 0.01  # only its own word lowers it
+    assert flight.fly(60.0).indices.wind < 0.01  # only a new report lowers it
 
 
-def test_a_single_packet_is_held_until_the_next_word(flight):
+def test_the_risk_of_a_single_packet_is_held_until_the_next_one(flight):
     flight.handle("gnss", satellites=6)
     flight.fly(0.1)
     flight.silence("gnss")
     assert flight.fly(10.0).indices.localization == pytest.approx(0.8, abs=0.01)
 
 
-def test_the_inputs_explain_themselves(flight):
+def test_the_inputs_of_an_index_have_distinct_names_and_ages(flight):
     report = flight.estimate.report
     for name in INDICES:
         inputs = getattr(report, name).inputs

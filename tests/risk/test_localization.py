@@ -45,7 +45,7 @@ def test_a_good_fix_settles_to_no_risk(flight):
         ),
     ],
 )
-def test_one_bad_input_is_enough(flight, source, changes, name):
+def test_one_bad_input_raises_the_risk(flight, source, changes, name):
     flight.handle(source, **changes)
     assert flight.fly(3.0).indices.localization > 0.99
     assert flight.estimate.report.localization.value == 1.0
@@ -61,24 +61,24 @@ def test_fewer_satellites_raise_the_risk_by_steps(flight):
     assert risks == pytest.approx([0.0, 0.0, 0.2, 0.4, 0.6, 0.8, 1.0, 1.0])
 
 
-def test_a_dead_receiver_repeats_its_last_good_values(flight):
+def test_a_receiver_with_a_stopped_clock_raises_the_risk(flight):
     frozen_s = flight.now_s
     flight.handle("gnss", receiver_s=frozen_s)
     assert flight.fly(1.5).indices.localization < 0.01
     assert flight.fly(1.5).indices.localization > 0.9
     assert flight.estimate.report.localization.worst == "receiver clock stopped"
-    flight.handle("gnss")  # it is back
+    flight.handle("gnss")  # the receiver works again
     assert flight.fly(1.0).indices.localization > 0.7
     assert flight.fly(30.0).indices.localization < 0.01
 
 
-def test_a_receiver_that_measures_once_a_second_is_not_dead(flight):
+def test_a_receiver_that_measures_once_a_second_is_not_stopped(flight):
     healthy = flight.sources["gnss"]
     flight.sources["gnss"] = lambda t: replace(healthy(t), receiver_s=float(int(t)))
     assert flight.fly(20.0).indices.localization < 0.01
 
 
-def test_a_receiver_without_a_clock_is_judged_by_the_rest(new_flight, healthy):
+def test_a_receiver_without_a_clock_is_judged_by_its_other_values(new_flight, healthy):
     source = healthy["gnss"]
     healthy["gnss"] = lambda t: replace(source(t), receiver_s=None)
     flight = new_flight(**healthy)
@@ -100,7 +100,7 @@ def test_without_any_receiver_or_estimator_the_risk_stays_unknown(new_flight, he
     assert blind.fly(60.0).indices.localization == RiskModel().unknown
 
 
-def test_the_receiver_and_the_estimator_fall_silent(flight):
+def test_a_silent_receiver_and_estimator_make_the_risk_unknown(flight):
     flight.silence("gnss", "estimator")
     assert flight.fly(2.5).indices.localization < 0.01
     assert flight.fly(1.0).indices.localization >= RiskModel().unknown
@@ -116,14 +116,14 @@ def test_the_receiver_and_the_estimator_fall_silent(flight):
         pytest.param(1.3, 1.0, id="refused"),
     ],
 )
-def test_the_compass_disagrees_with_the_heading(flight, innovation, risk):
+def test_a_large_compass_innovation_raises_the_risk(flight, innovation, risk):
     flight.handle("estimator", compass_innovation=innovation)
     flight.fly(3.0)
     assert flight.input("localization", "compass innovation").risk == pytest.approx(risk)
 
 
 def odometry(flight, *, resets=0, accuracy_m=0.3):
-    """From now on the estimator is heard, which was reset so often at once, a second apart."""
+    """Adds odometry from now on, with a number of resets one second apart."""
     since_s = flight.now_s
     flight.sources["odometry"] = lambda t: Odometry(
         received_s=t,
@@ -132,7 +132,7 @@ def odometry(flight, *, resets=0, accuracy_m=0.3):
     )
 
 
-def test_the_estimator_is_reset_again_and_again(flight):
+def test_repeated_estimator_resets_raise_the_risk(flight):
     odometry(flight, resets=4)
     flight.fly(5.0)
     resets = flight.input("localization", "position resets")
@@ -150,7 +150,7 @@ def test_a_single_reset_is_no_risk(flight):
     assert flight.estimate.indices.localization < 0.01
 
 
-def test_a_counter_that_begins_anew_after_a_restart_is_no_reset(flight):
+def test_a_reset_counter_that_restarts_with_the_autopilot_is_no_reset(flight):
     odometry(flight)
     flight.fly(1.0)
     flight.silence("odometry")
@@ -164,14 +164,14 @@ def test_a_counter_that_begins_anew_after_a_restart_is_no_reset(flight):
     assert flight.input("localization", "position resets").value == 0
 
 
-def test_odometry_loses_its_accuracy(flight):
+def test_a_poor_odometry_accuracy_raises_the_risk(flight):
     odometry(flight, accuracy_m=6.0)
     assert flight.fly(3.0).indices.localization > 0.99
     assert flight.estimate.report.localization.worst == "odometry accuracy"
 
 
 @pytest.mark.parametrize("source", ["estimator", "odometry"])
-def test_the_height_is_known_worse(flight, source):
+def test_a_poor_height_accuracy_raises_the_risk(flight, source):
     odometry(flight)
     usual = flight.sources[source]
     flight.sources[source] = lambda t: replace(usual(t), vertical_accuracy_m=6.0)
@@ -181,7 +181,7 @@ def test_the_height_is_known_worse(flight, source):
     assert flight.estimate.report.localization.worst == height.name
 
 
-def test_a_height_alone_says_nothing_of_the_position(new_flight, healthy):
+def test_a_height_accuracy_alone_leaves_the_risk_unknown(new_flight, healthy):
     for name in ("gnss", "estimator"):
         del healthy[name]
     blind = new_flight(**healthy)
@@ -197,7 +197,7 @@ def field(flight, strength_gauss):
     )
 
 
-def test_a_conductor_changes_the_magnetic_field(flight):
+def test_a_changed_magnetic_field_raises_the_risk(flight):
     field(flight, lambda t: 0.5 + 0.05 * math.sin(9.0 * t))  # motors, noise
     assert flight.fly(60.0).indices.localization < 0.01
     field(flight, lambda _: 0.69)
@@ -210,7 +210,7 @@ def test_a_conductor_changes_the_magnetic_field(flight):
     assert flight.fly(3.0).indices.localization > 0.9
 
 
-def test_a_field_that_is_heard_for_seconds_has_no_mean_yet(flight):
+def test_a_magnetic_field_received_for_seconds_has_no_mean_yet(flight):
     field(flight, lambda _: 0.5)
     flight.fly(4.0)
     assert flight.input("localization", "magnetic field change").risk is None
@@ -218,7 +218,7 @@ def test_a_field_that_is_heard_for_seconds_has_no_mean_yet(flight):
     assert flight.input("localization", "magnetic field change").risk == 0.0
 
 
-def test_the_mean_is_that_of_the_flight_and_an_inspection_does_not_move_it(flight):
+def test_the_mean_field_is_of_the_flight_and_an_inspection_does_not_shift_it(flight):
     field(flight, lambda _: 0.5)
     flight.fly(120.0, step_s=0.5)
     field(flight, lambda _: 0.75)
@@ -236,7 +236,7 @@ def test_a_field_that_stays_wrong_becomes_the_usual_one_slowly(flight):
     assert flight.fly(40.0).indices.localization < 0.01
 
 
-def test_a_field_that_was_learned_over_steel_is_left_behind_in_minutes(flight):
+def test_a_mean_field_learned_over_steel_is_corrected_in_minutes(flight):
     field(flight, lambda _: 0.85)
     flight.fly(35.0)
     field(flight, lambda _: 0.45)
@@ -245,7 +245,7 @@ def test_a_field_that_was_learned_over_steel_is_left_behind_in_minutes(flight):
 
 
 @pytest.mark.parametrize("state", [LandedState.ON_GROUND, LandedState.IN_AIR])
-def test_each_take_off_and_landing_begins_a_field_of_its_own(flight, state):
+def test_each_takeoff_and_landing_restarts_the_mean_field(flight, state):
     other = {LandedState.ON_GROUND: LandedState.IN_AIR, LandedState.IN_AIR: LandedState.ON_GROUND}
     flight.handle("landed", state=other[state])
     field(flight, lambda _: 0.5)
@@ -255,14 +255,14 @@ def test_each_take_off_and_landing_begins_a_field_of_its_own(flight, state):
     assert flight.fly(60.0).indices.localization < 0.01
 
 
-def test_what_is_about_the_pad_is_left_behind_in_the_first_seconds(flight):
+def test_the_field_near_the_pad_does_not_enter_the_mean_field(flight):
     since_s = flight.now_s
     field(flight, lambda t: 0.8 if t < since_s + 8.0 else 0.5)
     flight.fly(60.0)
     assert flight.input("localization", "magnetic field change").value < 0.25
 
 
-def test_a_word_without_resets_takes_none_back(flight):
+def test_an_update_without_odometry_keeps_the_counted_resets(flight):
     odometry(flight, resets=5)
     flight.fly(4.5)
     assert flight.input("localization", "position resets").value == 4
@@ -274,7 +274,7 @@ def test_a_word_without_resets_takes_none_back(flight):
     assert flight.input("localization", "position resets").value == 5
 
 
-def test_a_steady_field_and_an_estimator_that_is_not_reset_are_no_position(new_flight, healthy):
+def test_a_steady_field_and_no_resets_alone_leave_the_risk_unknown(new_flight, healthy):
     for name in ("gnss", "estimator"):
         del healthy[name]
     blind = new_flight(**healthy)
@@ -333,7 +333,7 @@ def test_a_worse_estimator_is_never_less_risk(estimator, name, more):
 
 
 @given(estimator=estimators, name=st.sampled_from(MEASURES), noise=st.floats(-0.01, 0.01))
-def test_a_little_noise_changes_little(estimator, name, noise):
+def test_a_little_noise_changes_the_risk_little(estimator, name, noise):
     noisy = replace(estimator, **{name: getattr(estimator, name) + noise})
     before = worst(Telemetry(estimator=estimator))
     assert worst(Telemetry(estimator=noisy)) == pytest.approx(before, abs=0.025)
@@ -343,7 +343,7 @@ def test_a_little_noise_changes_little(estimator, name, noise):
     strengths=st.lists(st.floats(allow_nan=True, allow_infinity=True), min_size=1, max_size=20),
     estimator=estimators,
 )
-def test_whatever_the_magnetometer_says_the_risk_is_one(strengths, estimator):
+def test_any_field_strength_gives_a_risk_between_0_and_1(strengths, estimator):
     memory = LocalizationMemory()
     for number, strength in enumerate(strengths):
         magnetic = MagneticField(

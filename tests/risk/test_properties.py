@@ -1,4 +1,4 @@
-"""Properties of all four indices together, for any measurement."""
+"""Properties of all four indices together, for any measurements."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from moar_companion.telemetry import Battery, LinkNode, LinkStatistics, Odometry
 INDICES = ("wind", "communication", "localization", "battery")
 MODEL = RiskModel(cells=4)
 
-# What is measured, from good to bad: where it is heard, and how. Each is linear in `badness`.
+# Measured values from good to bad: source and fields. Each is linear in `badness`.
 MEASURED = {
     "wind reported": lambda bad: ("wind", {"velocity_ned_mps": (15.0 * bad, 0.0, 0.0)}),
     "lean": lambda bad: ("attitude", {"pitch_rad": 0.6 * bad}),
@@ -73,7 +73,7 @@ def _lossy(kind, now_s, bad):
 
 
 def indices_at(new_flight, badness):
-    """The indices of a settled flight in which each of these is as bad as that."""
+    """Indices of a settled flight with the given badness of each input."""
     flight = new_flight.healthy(model=MODEL)
     changes = {}
     for name, bad in badness.items():
@@ -96,7 +96,7 @@ names = st.sampled_from([*MEASURED, *OTHERS])
 @given(
     name=names, first=badness, second=badness, others=st.dictionaries(names, badness, max_size=3)
 )
-def test_worse_is_never_less_risk_whatever_else_is_measured(
+def test_a_worse_input_never_lowers_any_index_for_any_other_inputs(
     new_flight, name, first, second, others
 ):
     low, high = sorted((first, second))
@@ -116,7 +116,7 @@ def test_a_little_noise_moves_an_index_a_little(new_flight, values, seed):
     }
     before, after = indices_at(new_flight, values), indices_at(new_flight, noisy)
     for index in INDICES:
-        # The steepest, the way home: a thousandth of 9 km is 1.8 s of 240 s; wind from lean: 4 %.
+        # Steepest input, the flight home: 0.001 of 9 km is 1.8 s of 240 s; wind from lean: 4 %.
         assert after[index] == pytest.approx(before[index], abs=0.05), index
 
 

@@ -1,4 +1,4 @@
-"""One satellite receiver or two: which one counts, and what is said of the other."""
+"""One satellite receiver or two: the one that counts, and the report of the lost one."""
 
 from __future__ import annotations
 
@@ -55,7 +55,7 @@ SILENT = gnss(received_s=NOW_S - 5.0)
 
 
 @pytest.mark.parametrize("lost", [NO_FIX, SILENT], ids=["no fix", "silent"])
-def test_the_better_of_two_counts_and_the_dead_one_is_said(lost: Gnss) -> None:
+def test_the_better_of_two_receivers_counts_and_the_lost_one_is_reported(lost: Gnss) -> None:
     for telemetry in (two(lost, gnss()), two(gnss(), lost)):
         reports = judged(telemetry)
         assert reports["fix type"].value == 3
@@ -69,7 +69,7 @@ def test_a_poor_receiver_beside_a_good_one_is_no_risk() -> None:
     assert worst(two(POOR, None)) == pytest.approx(0.6)
 
 
-def test_where_the_autopilot_does_not_switch_its_first_choice_counts() -> None:
+def test_without_receiver_switching_the_autopilots_first_choice_counts() -> None:
     assert worst(two(POOR, gnss(), better=False)) == pytest.approx(0.6)
     assert worst(two(gnss(), POOR, better=False)) == 0.0
     assert worst(two(gnss(), POOR, better=False, second_gnss_first=True)) == pytest.approx(0.6)
@@ -78,30 +78,30 @@ def test_where_the_autopilot_does_not_switch_its_first_choice_counts() -> None:
     assert trouble(telemetry, NEITHER, NOW_S) == "GNSS receiver has no 3D fix"
 
 
-def test_both_are_lost() -> None:
+def test_the_loss_of_both_receivers_is_full_risk() -> None:
     telemetry = two(SILENT, NO_FIX)
     assert worst(telemetry) == 1.0
     assert judged(telemetry)["receivers lost"].value == 2
     assert trouble(telemetry, NEITHER, NOW_S) == "GNSS receiver silent for 5.0 s"
 
 
-def test_one_receiver_has_no_other_to_lose() -> None:
+def test_a_single_receiver_has_no_receivers_lost_input() -> None:
     assert judged(two(NO_FIX, None))["receivers lost"].risk is None
     assert trouble(two(NO_FIX, None), NEITHER, NOW_S) == "GNSS receiver has no 3D fix"
     assert trouble(Telemetry(), NEITHER, NOW_S) is None
 
 
-def test_a_second_receiver_that_repeats_itself_is_dead() -> None:
+def test_a_second_receiver_with_a_stopped_clock_is_lost() -> None:
     began = gnss(received_s=NOW_S - 2.0, receiver_s=7.0)
     frozen = two(gnss(), gnss(receiver_s=7.0))
     before = two(gnss(), began)
     assert judged(frozen, before)["receivers lost"].value == 1
     memory = ReceiverMemory().read(began).read(gnss(receiver_s=7.0))
-    words = trouble(two(gnss(receiver_s=7.0), None), (memory, NEITHER[1]), NOW_S)
-    assert words == "GNSS receiver stopped 2.0 s ago"
+    reason = trouble(two(gnss(receiver_s=7.0), None), (memory, NEITHER[1]), NOW_S)
+    assert reason == "GNSS receiver stopped 2.0 s ago"
 
 
-def test_what_a_receiver_no_longer_tells_does_not_make_it_the_better_one() -> None:
+def test_a_receiver_that_stops_reporting_a_value_does_not_become_the_better_one() -> None:
     before = two(gnss(hdop=1.5), gnss(satellites=6))
     after = two(gnss(hdop=1.5), gnss(satellites=None))
     assert judged(after, before)["hdop"].value == 1.5
@@ -137,7 +137,7 @@ def test_the_loss_of_one_of_two_is_never_less_risk(first, second):
 
 
 @given(first=receivers, second=receivers, noise=st.floats(-0.01, 0.01))
-def test_a_little_noise_changes_little(first, second, noise):
+def test_a_little_noise_changes_the_risk_little(first, second, noise):
     noisy = replace(first, hdop=first.hdop + noise, vdop=first.vdop + noise)
     before = worst(two(first, second))
     assert worst(two(noisy, second)) == pytest.approx(before, abs=0.01)
@@ -147,7 +147,7 @@ def test_a_little_noise_changes_little(first, second, noise):
     ("fix_type", "reported_m", "counts_m"),
     [(3, 1.0, 1.0), (2, 1.0, 2.5), (2, 50.0, 50.0), (0, 0.0, None)],
 )
-def test_without_a_fix_it_is_no_more_accurate_than_before(
+def test_a_receiver_without_a_3d_fix_is_no_more_accurate_than_before(
     fix_type: int, reported_m: float, counts_m: float | None
 ) -> None:
     before = two(gnss(horizontal_accuracy_m=2.5), None)

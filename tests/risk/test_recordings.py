@@ -1,6 +1,6 @@
-"""Recorded trouble shows in the right index within 3 s, and in no other without a cause.
+"""Recorded trouble raises the right index within 3 s, and no other one without a cause.
 
-What shows first is looked for in the raw packets, by pymavlink alone.
+The first packet that shows the trouble is found by pymavlink alone.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ def tilt_deg(message):
     return math.degrees(math.acos(math.cos(message.roll) * math.cos(message.pitch)))
 
 
-# The recording, what its trouble is first seen by, when that is meant, the index, how high it goes.
+# Recording, first message of the trouble, earliest time, index, greatest value.
 TROUBLE = {
     "the wind rises (ArduPilot)": (
         *("ardupilot/c1_wind", "ATTITUDE", lambda m: tilt_deg(m) > 8.0, SETTLED_S),
@@ -70,14 +70,14 @@ TROUBLE = {
         *("ardupilot/b_batt", "BATTERY_STATUS", lambda m: m.charge_state >= 2, SETTLED_S),
         *("battery", 0.7),
     ),
-    # A tenth is gone 8 s after arming: the rest lasts 72 s, not the 18 min of the vehicle file.
+    # 10 % is used 8 s after arming: the rest lasts 72 s, not the 18 min of the vehicle file.
     "the battery drains (PX4)": (
         *("px4/b1_battery_drain", "BATTERY_STATUS", lambda m: m.battery_remaining <= 90, SETTLED_S),
         *("battery", 0.7),
     ),
 }
 
-# Why another index rises by more than 0.1, once they have settled.
+# Reasons why another settled index rises by more than 0.1.
 CAUSES = {
     ("ardupilot/b_batt", "wind"): "it has landed, where nothing is measured of the wind",
     (
@@ -121,7 +121,7 @@ def first_seen_s(name, kind, shows, after_s):
 
 
 @pytest.mark.parametrize("what", TROUBLE)
-def test_trouble_shows_in_its_index_within_three_seconds(what):
+def test_recorded_trouble_raises_its_index_within_three_seconds(what):
     name, kind, shows, after_s, index, least = TROUBLE[what]
     seen_s = first_seen_s(name, kind, shows, after_s)
     samples = [sample for sample in replay_of(name).samples if sample.time_s >= after_s - 1.0]
@@ -131,7 +131,7 @@ def test_trouble_shows_in_its_index_within_three_seconds(what):
 
 
 @pytest.mark.parametrize("name", ["a1_boot", "g1_routing"])
-def test_a_list_of_parameters_that_ends_is_no_risk_of_communication(name):
+def test_the_end_of_a_parameter_list_is_no_communication_risk(name):
     replay = played(str(TRACES / "ardupilot" / f"{name}.gcs.tlog"), VEHICLE)
     settled = [sample for sample in replay.samples if sample.time_s >= SETTLED_S]
     assert max(sample.risk["communication"] for sample in settled) < RISE

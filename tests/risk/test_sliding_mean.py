@@ -17,7 +17,7 @@ def received(values, period_s=0.2):
     return samples
 
 
-def test_nothing_heard_has_no_mean():
+def test_no_sample_has_no_mean():
     assert mean((), 5.0) is None
 
 
@@ -25,24 +25,24 @@ def test_the_first_sample_counts_at_once():
     assert mean(received([0.7]), 0.0) == 0.7
 
 
-def test_one_sample_counts_for_the_time_that_it_stands():
+def test_one_sample_counts_for_its_duration():
     samples = received([0.5] * 6 + [0.9, 0.5])
     assert mean(samples, 1.4) == pytest.approx(0.5 + 0.4 * 0.2 / WINDOW_S)
     assert mean(samples, 1.2 + 0.2 + WINDOW_S) == pytest.approx(0.5)
 
 
-def test_what_lasts_counts_in_full_after_the_window():
+def test_a_lasting_value_counts_in_full_after_the_window():
     samples = received([0.5] * 6 + [0.9] * 5)
     assert mean(samples, 1.2 + WINDOW_S) == pytest.approx(0.9)
 
 
-def test_a_sample_after_which_none_comes_counts_in_full_before_it_is_too_old():
+def test_the_last_sample_counts_in_full_before_its_maximum_age():
     samples = received([0.5] * 6 + [0.9])
     assert mean(samples, 1.0 + 0.2 + WINDOW_S) == pytest.approx(0.9)
     assert WINDOW_S < MAX_AGE_S
 
 
-def test_after_a_gap_it_begins_anew():
+def test_after_a_gap_the_mean_restarts():
     samples = then(received([0.9] * 6), Sample(2.1, 0.5), MAX_AGE_S)
     assert samples == (Sample(2.1, 0.5),)
 
@@ -57,7 +57,7 @@ def test_a_sample_is_taken_once():
     period_s=st.sampled_from((0.1, 0.2, 0.5, 1.0)),
     later_s=st.floats(0.0, 1.0),
 )
-def test_it_is_the_mean_of_what_stood(values, period_s, later_s):
+def test_the_mean_is_the_time_average_of_held_samples(values, period_s, later_s):
     now_s = (len(values) - 1) * period_s + later_s
     times_s = np.linspace(max(0.0, now_s - WINDOW_S), now_s, 20_001)
     stood = np.array(values)[

@@ -1,4 +1,4 @@
-"""Real autopilots in trouble: the right index says it within 3 s, and no other one with it."""
+"""Recorded autopilots in trouble: the right index rises within 3 s, and no other one."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ pytestmark = pytest.mark.recordings
 
 @dataclass(frozen=True, kw_only=True)
 class Trouble:
-    """In which recording, after which second, which message shows it; what must be told."""
+    """Recorded trouble: recording, start, message that shows the trouble, expected index."""
 
     recording: str
     after_s: float
@@ -42,7 +42,7 @@ def margin(radio: Any) -> int:
 
 
 def repeated() -> Callable[[Any], bool]:
-    """True if a receiver's clock reads as in the message before."""
+    """True if a receiver's clock has the same time as in the message before."""
     received: list[int] = []
 
     def shows(message: Any) -> bool:
@@ -138,13 +138,13 @@ TROUBLES = {
 
 
 def records(path: Path) -> Tlog:
-    """The packets of a recording, which may be packed."""
+    """Packets of a recording, which may be compressed."""
     data = path.read_bytes()
     return Tlog(gzip.decompress(data) if path.suffix == ".gz" else data)
 
 
 def judged(trouble: Trouble) -> tuple[RiskEstimate, list[RiskEstimate]]:
-    """The estimate before the first packet that shows the trouble, and those of the next 3 s."""
+    """Estimate before the first packet that shows the trouble, and those of the next 3 s."""
     path = SHARED / trouble.recording
     if not path.exists():
         pytest.skip(f"the recording {path} is not here")
@@ -174,7 +174,7 @@ def judged(trouble: Trouble) -> tuple[RiskEstimate, list[RiskEstimate]]:
 
 
 @pytest.mark.parametrize("title", TROUBLES)
-def test_trouble_shows_in_the_right_index_within_3_s_and_in_no_other(title):
+def test_recorded_trouble_raises_the_right_index_within_3_s_and_no_other(title):
     trouble = TROUBLES[title]
     before, after = judged(trouble)
     assert after, "the recording does not show it"

@@ -32,7 +32,7 @@ def lean_in(wind_mps: float, model: RiskModel | None = None) -> float:
     return math.atan(drag / GRAVITY_MPS2)
 
 
-def test_the_inputs_are_always_all_there(flight):
+def test_the_wind_index_always_lists_all_inputs(flight):
     assert [item.name for item in flight.estimate.report.wind.inputs] == NAMES
 
 
@@ -40,7 +40,7 @@ def test_calm_air_settles_to_no_risk(flight):
     assert flight.estimate.indices.wind == pytest.approx(0.0, abs=1e-4)
 
 
-def test_a_wind_that_only_the_lean_shows_raises_the_risk_within_three_seconds(flight):
+def test_a_wind_seen_in_the_lean_alone_raises_the_risk_within_three_seconds(flight):
     flight.handle("attitude", roll_rad=lean_in(8.0))
     flight.fly(3.0)
     assert flight.input("wind", "wind from tilt").value == pytest.approx(8.0, abs=0.01)
@@ -48,7 +48,7 @@ def test_a_wind_that_only_the_lean_shows_raises_the_risk_within_three_seconds(fl
     assert flight.estimate.indices.wind > 0.9 * (8.0 - 3.0) / (12.0 - 3.0)
 
 
-def test_hovering_nose_down_towards_north_the_air_moves_south(flight):
+def test_a_hover_with_the_nose_down_to_the_north_is_a_wind_to_the_south(flight):
     flight.handle("attitude", pitch_rad=-lean_in(5.0))
     flight.fly(3.0)
     assert flight.estimate.wind.wind_ne_mps == pytest.approx((-5.0, 0.0), abs=0.01)
@@ -57,7 +57,7 @@ def test_hovering_nose_down_towards_north_the_air_moves_south(flight):
 def test_braking_in_still_air_is_not_wind(flight):
     start_s = flight.now_s
 
-    def speed(t):  # 4 m/s, from the fifth to the seventh second down to a hover
+    def speed(t):  # 4 m/s; from the fifth to the seventh second it slows down to a hover
         return 4.0 - 2.0 * min(2.0, max(0.0, t - start_s - 5.0))
 
     def nose_up(t):
@@ -77,7 +77,7 @@ def test_braking_in_still_air_is_not_wind(flight):
         assert flight.estimate.indices.wind < 1e-3
 
 
-def test_lean_on_the_ground_says_nothing(new_flight, healthy):
+def test_lean_on_the_ground_is_ignored(new_flight, healthy):
     healthy["landed"] = lambda t: Landed(received_s=t, state=LandedState.ON_GROUND)
     healthy["attitude"] = lambda t: Attitude(received_s=t, roll_rad=0.5, pitch_rad=0.0, yaw_rad=0.0)
     del healthy["wind"]
@@ -102,7 +102,7 @@ def test_the_vertical_wind_does_not_count(flight):
     assert flight.input("wind", "wind reported").value == 2.0
 
 
-def test_a_calm_that_the_autopilot_is_not_sure_of_says_nothing(new_flight, healthy):
+def test_a_reported_calm_with_a_large_deviation_is_ignored(new_flight, healthy):
     del healthy["attitude"]
     flight = new_flight(**healthy)
     flight.handle("wind", velocity_ned_mps=(0.1, 0.0, 0.0), deviation_mps=4.0)
@@ -111,7 +111,7 @@ def test_a_calm_that_the_autopilot_is_not_sure_of_says_nothing(new_flight, healt
     assert flight.fly(30.0).indices.wind < 0.01
 
 
-def test_what_is_told_is_of_the_last_seconds_only(flight):
+def test_the_wind_inputs_are_of_the_last_seconds_alone(flight):
     flight.handle("attitude", roll_rad=0.4)
     flight.fly(10.0)
     flight.handle("attitude", roll_rad=0.0)
@@ -120,15 +120,15 @@ def test_what_is_told_is_of_the_last_seconds_only(flight):
     assert flight.input("wind", "wind from tilt").value == pytest.approx(0.0, abs=1e-9)
 
 
-def test_the_tilt_that_the_wind_asks_of_a_hover_is_the_lean_of_one(new_flight, healthy):
-    for drag_per_s in (0.1, 0.5):  # whatever the drag: a lean needs no model
+def test_the_input_tilt_in_hover_is_the_lean_of_a_hover(new_flight, healthy):
+    for drag_per_s in (0.1, 0.5):  # for any drag: a lean needs no model
         flight = new_flight(model=RiskModel(drag_per_s=drag_per_s), **healthy)
         flight.handle("attitude", roll_rad=0.35)
         flight.fly(5.0)
         assert flight.input("wind", "tilt in hover").value == pytest.approx(0.35, abs=1e-6)
 
 
-def test_a_velocity_that_cannot_be_is_no_wind_for_long(flight):
+def test_an_impossible_velocity_is_bounded_and_expires(flight):
     flight.handle("local_position", velocity_ned_mps=(1e200, -1e200, 0.0))
     flight.fly(10.0)
     assert flight.input("wind", "wind from tilt").value <= 100.0 + 1e-9
@@ -154,7 +154,7 @@ def report(name: str, value: float | None, risk: float | None) -> InputReport:
         ((7.0, None), (6.0, None), None),
     ],
 )
-def test_the_wind_in_use_is_the_stronger_one_known_with_its_source(reported, from_tilt, source):
+def test_the_used_wind_is_the_stronger_known_one_with_its_source(reported, from_tilt, source):
     found = strongest(
         (
             report("wind reported", *reported),
@@ -168,7 +168,7 @@ def test_the_wind_in_use_is_the_stronger_one_known_with_its_source(reported, fro
 # Gusts
 
 
-def test_gusts_raise_the_risk_and_calm_down(flight):
+def test_gusts_raise_the_risk_and_their_end_lowers_it(flight):
     flight.sources["attitude"] = lambda t: Attitude(
         received_s=t,
         roll_rad=lean_in(5.0 + 5.0 * math.sin(0.5 * t)),
@@ -189,7 +189,7 @@ def test_gusts_raise_the_risk_and_calm_down(flight):
         st.tuples(st.floats(-20.0, 20.0), st.floats(-20.0, 20.0)), min_size=2, max_size=100
     )
 )
-def test_the_first_seconds_spread_is_the_plain_one(winds):
+def test_the_spread_of_the_first_seconds_is_the_standard_deviation(winds):
     spread = Spread(time_s=0.0, mean_ne_mps=winds[0])
     for number, wind in enumerate(winds[1:], start=1):
         spread = spread.then(0.1 * number, wind)
@@ -199,19 +199,19 @@ def test_the_first_seconds_spread_is_the_plain_one(winds):
     assert spread.deviation_mps == pytest.approx(expected, abs=1e-6)
 
 
-def test_a_drag_that_is_learnt_tells_another_mean_of_the_same_lean():
+def test_a_learnt_drag_converts_the_mean_wind_of_the_same_lean():
     before, after = RiskModel(drag_per_s=0.2), RiskModel(drag_per_s=1.0)
     spread = Spread(time_s=0.0, mean_ne_mps=(3.0, -6.0), variance_m2ps2=0.5)
-    told = spread.with_model(before, after)
+    converted = spread.with_model(before, after)
     leans = [
         deceleration_mps2(spread.mean_ne_mps, before),
-        deceleration_mps2(told.mean_ne_mps, after),
+        deceleration_mps2(converted.mean_ne_mps, after),
     ]
     assert leans[1] == pytest.approx(leans[0])
-    assert math.hypot(*told.mean_ne_mps) < 0.5 * math.hypot(*spread.mean_ne_mps)
+    assert math.hypot(*converted.mean_ne_mps) < 0.5 * math.hypot(*spread.mean_ne_mps)
 
 
-def test_the_spread_forgets_in_half_a_minute():
+def test_the_spread_decays_within_half_a_minute():
     spread = Spread(time_s=0.0, mean_ne_mps=(0.0, 0.0))
     for step in range(1, 601):
         spread = spread.then(0.1 * step, (8.0 if step % 2 else 0.0, 0.0))
@@ -247,7 +247,7 @@ def test_one_sample_of_saturated_motors_moves_the_index_little(new_flight, healt
     assert max(pulses([2000] * round(2.0 / period_s))) > 0.85
 
 
-def test_a_saturation_is_told_within_a_second_also_where_samples_are_lost(flight):
+def test_a_saturation_counts_within_a_second_even_where_samples_are_lost(flight):
     flight.handle("motors", pulse_us=(1600, 1600, 1600, 1600))
     flight.fly(10.0)
     flight.handle("motors", pulse_us=(1600, 2000, 1600, 1600))
@@ -268,7 +268,7 @@ def test_low_motor_outputs_alone_do_not_mean_calm(new_flight, healthy):
 
 
 @pytest.mark.parametrize(
-    ("model", "told", "share"),
+    ("model", "reported", "share"),
     [
         pytest.param(RiskModel(), (None, None), 0.8, id="as usual"),
         pytest.param(RiskModel(), (1100.0, 1900.0), 0.875, id="told by parameters"),
@@ -282,9 +282,11 @@ def test_low_motor_outputs_alone_do_not_mean_calm(new_flight, healthy):
         ),
     ],
 )
-def test_the_range_of_motor_outputs(new_flight, healthy, model, told, share):
+def test_the_range_of_motor_outputs_is_configured_or_reported_or_the_usual_one(
+    new_flight, healthy, model, reported, share
+):
     flight = new_flight(model=model, **healthy)
-    flight.telemetry = replace(flight.telemetry, motor_min_us=told[0], motor_max_us=told[1])
+    flight.telemetry = replace(flight.telemetry, motor_min_us=reported[0], motor_max_us=reported[1])
     flight.handle("motors", pulse_us=(1500, 1800))
     flight.fly(1.0)
     assert flight.input("wind", "motor output").value == pytest.approx(share)
@@ -293,10 +295,10 @@ def test_the_range_of_motor_outputs(new_flight, healthy, model, told, share):
 @pytest.mark.parametrize(
     ("configured", "share"), [(None, None), (Range(low=1.0, high=1999.0), 0.875)]
 )
-def test_outputs_of_dshot_say_something_where_their_range_is_configured(
+def test_dshot_outputs_count_where_their_range_is_configured(
     new_flight, healthy, configured, share
 ):
-    # Heavy, it flies by numbers that a pulse could have; only at the start they were less.
+    # A heavy aircraft: in flight the outputs look like pulses, lower only at the start.
     healthy["motors"] = lambda t: MotorOutputs(
         received_s=t, pulse_us=(1750, 1400, 1400, 1300), least_us=110
     )
@@ -307,7 +309,7 @@ def test_outputs_of_dshot_say_something_where_their_range_is_configured(
     assert output.value == (None if share is None else pytest.approx(share, abs=0.001))
 
 
-def test_outputs_in_another_unit_than_the_range_say_nothing(flight):
+def test_outputs_in_another_unit_than_the_range_are_ignored(flight):
     flight.handle("motors", pulse_us=(4000, 8191))
     assert flight.fly(10.0).indices.wind < 0.01
     assert flight.input("wind", "motor output").risk is None
@@ -322,7 +324,7 @@ def test_motor_speeds_count_where_their_range_is_configured(new_flight, healthy)
         assert (flight.estimate.indices.wind > 0.9) is known
 
 
-def test_motors_that_tell_no_speed_in_the_air_say_nothing_of_the_wind(new_flight, healthy):
+def test_motor_speeds_of_zero_in_the_air_are_ignored(new_flight, healthy):
     healthy["motor_speeds"] = lambda t: MotorSpeeds(received_s=t, rpm=(9000, 9000, 9000, 9000))
     flight = new_flight(model=RiskModel(motor_rpm=Range(low=1000.0, high=9000.0)), **healthy)
     assert flight.fly(10.0).indices.wind > 0.9
@@ -334,13 +336,13 @@ def test_motors_that_tell_no_speed_in_the_air_say_nothing_of_the_wind(new_flight
 # Tracking
 
 
-def test_an_aircraft_that_is_blown_off_its_setpoint_has_wind_to_thank(flight):
+def test_a_large_tracking_error_raises_the_wind_risk(flight):
     flight.tracking_error_m = 1.9
     assert flight.fly(3.0).indices.wind > 0.85
     assert flight.estimate.report.wind.worst == "tracking error"
 
 
-def test_where_others_fly_it_tracking_says_nothing_and_nothing_is_held(flight):
+def test_without_companion_control_the_tracking_error_is_neither_used_nor_held(flight):
     flight.tracking_error_m = 3.0
     flight.fly(3.0)
     flight.tracking_error_m = None
@@ -409,6 +411,6 @@ def test_a_small_noise_moves_the_wind_and_the_index_a_little(new_flight, noise, 
             local(t), velocity_ned_mps=(0.0, size * velocity, 0.0)
         )
         flight.fly(0.1)
-        # Of the lean g / drag = 40, of the velocity 2 / (window x drag) + 1 = 6.6.
+        # Gain of the lean: g / drag = 40; of the velocity: 2 / (window x drag) + 1 = 6.6.
         assert abs(flight.input("wind", "wind from tilt").value - wind) < 60.0 * size
         assert abs(flight.estimate.indices.wind - index) < 60.0 * size / 9.0 + 0.01

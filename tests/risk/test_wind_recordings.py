@@ -1,4 +1,4 @@
-"""Wind from tilt in recordings whose wind was set, with the drag of the simulated aircraft."""
+"""Wind from tilt in recordings with a known wind, with the drag of the simulated aircraft."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ pytestmark = [
 
 
 @pytest.mark.parametrize("recording", RECORDINGS, ids=lambda recording: recording.path)
-def test_the_true_wind_is_told(recording):
-    told = told_in(recording.path, drag_of(recording.manner))
+def test_the_true_wind_is_estimated_from_the_lean(recording):
+    estimates = told_in(recording.path, drag_of(recording.manner))
     for begin_s, end_s, true_mps in recording.segments:
-        wind = told[(told[:, 0] >= begin_s) & (told[:, 0] < end_s), 1]
+        wind = estimates[(estimates[:, 0] >= begin_s) & (estimates[:, 0] < end_s), 1]
         assert len(wind) > 0.9 * (end_s - begin_s) / 0.1
         assert wind.mean() == pytest.approx(true_mps, abs=0.7)
         assert wind.std() < 0.7

@@ -67,17 +67,17 @@ TELEMETRY = Telemetry(
 POSE = Pose(position_m=(5.0, 0.0, 5.0), velocity_mps=(0.0, 0.0, 0.0), yaw_rad=0.0)
 
 
-def told_of(name, value, unit, risk=0.1):
+def input_report(name, value, unit, risk=0.1):
     return InputReport(name=name, value=value, unit=unit, age_s=0.1, risk=risk)
 
 
 def wind(value_mps, risk=0.1, source="reported"):
-    return told_of(f"wind {source}", value_mps, "m/s", risk)
+    return input_report(f"wind {source}", value_mps, "m/s", risk)
 
 
 def accuracy(source, value_m):
-    """0 is how sources say that they do not know."""
-    return told_of(f"{source} accuracy", value_m, "m", 0.1 if value_m else None)
+    """Accuracy of a source; 0 means unknown."""
+    return input_report(f"{source} accuracy", value_m, "m", 0.1 if value_m else None)
 
 
 ACCURATE = (accuracy("estimator", 0.3), accuracy("odometry", 0.3), accuracy("receiver", 0.9))
@@ -93,12 +93,12 @@ def risk(
     charge=None,
     state=None,
 ):
-    """last: what was told before and is told no more. charge, state: of battery 0, before."""
+    """Risk estimate. last: earlier reports that ended. charge, state: of battery 0, earlier."""
     known = [item for item in (*last, *inputs, *accuracies) if item.known]
     winds = {item.name: item for item in known if item.name.startswith("wind")}
     others = {item.name: item for item in known if item.name not in winds}
     charges = [
-        told_of(f"battery 0 {what}", value, "")
+        input_report(f"battery 0 {what}", value, "")
         for what, value in (("remaining", charge), ("charge state", state))
         if value is not None
     ]
@@ -129,7 +129,7 @@ IN_FLIGHT = CheckInputs(
     escape_route=EscapeRoute(mission=Mission.EXIT, left_s=600.0, reserve_s=30.0, age_s=1.0),
     host=Host(disk_free=1e9, memory_available=1e9),
 )
-"""Healthy: nothing stands against it."""
+"""Healthy: no cause against the flight."""
 HOVERING = replace(
     IN_FLIGHT,
     in_control=False,
@@ -140,12 +140,12 @@ HOVERING = replace(
 
 
 def told(seen=IN_FLIGHT, **changes):
-    """Inputs with another report of the autopilot."""
+    """Inputs with changed telemetry."""
     return replace(seen, telemetry=replace(seen.telemetry, **changes))
 
 
 def flies(seen=IN_FLIGHT, failsafes=(), **changes):
-    """Inputs with another status; failsafes: reported by texts."""
+    """Inputs with another autopilot status; failsafes: reported by texts."""
     autopilot = replace(seen.telemetry.autopilot, **changes)
     return told(seen, autopilot=autopilot, failsafes_reported=dict.fromkeys(failsafes, 0.0))
 
@@ -174,8 +174,8 @@ def uncertain(estimator_m, odometry_m, gnss_m, last=(), heights_m=(None, None, N
 
 
 def leaves(mission, left_s, **changes):
-    way = EscapeRoute(mission=mission, left_s=left_s, reserve_s=30.0, age_s=1.0)
-    return replace(IN_FLIGHT, escape_route=replace(way, **changes))
+    route = EscapeRoute(mission=mission, left_s=left_s, reserve_s=30.0, age_s=1.0)
+    return replace(IN_FLIGHT, escape_route=replace(route, **changes))
 
 
 def moves(seen=HOVERING, **changes):
@@ -183,6 +183,6 @@ def moves(seen=HOVERING, **changes):
 
 
 def found(seen):
-    """Causes against it, by name."""
-    told_causes = causes(seen, Supervision(), OFF_PATH_M, NOW_S)
-    return {name: words for name, words in dataclasses.asdict(told_causes).items() if words}
+    """Causes against the flight, by name."""
+    all_causes = causes(seen, Supervision(), OFF_PATH_M, NOW_S)
+    return {name: text for name, text in dataclasses.asdict(all_causes).items() if text}

@@ -9,7 +9,7 @@ OFFBOARD = 0x00060000
 
 
 def px4_status(received_s, **changes):
-    """An armed multirotor with PX4 that follows our setpoints, but for the changes."""
+    """Status of an armed PX4 multirotor that follows the companion's setpoints, with changes."""
     usual = {
         "system_id": 1,
         "component_id": 1,

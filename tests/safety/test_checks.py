@@ -1,5 +1,5 @@
-"""The causes by themselves, of the autopilot, its batteries and the computer: at each limit and
-just beyond, and where a measurement is missing.
+"""Causes of the autopilot, its batteries and the computer, one by one: at each limit, just
+beyond, and where a measurement is missing.
 """
 
 from __future__ import annotations
@@ -33,20 +33,20 @@ from .test_checks_of_place import STORIES as OF_PLACE
 
 
 def lands_in_failsafe(**changes):
-    """ArduPilot lands in a failsafe."""
+    """Inputs of an ArduPilot that lands in a failsafe."""
     landing = {"kind": autopilots.ARDUPILOT, "mode": "LAND", "homeward": True}
     return flies(HOVERING, failsafe=True, **landing, **changes)
 
 
 def lidar(**health):
-    """A flight with a lidar, whose newest scan and packet are of this moment."""
+    """A flight with a lidar whose newest scan and packet arrive now."""
     known = {"received_s": NOW_S, "scan_s": NOW_S, "returns": 0.5} | health
     settings = Perception(sensor=Sensor.VELODYNE)
     return replace(IN_FLIGHT, sensing=settings, sensor_health=SensorHealth(**known))
 
 
 STORIES = [
-    # what is seen, what stands against it
+    # title, inputs, expected causes
     ("all is well in flight", IN_FLIGHT, {}),
     ("all is well before control", HOVERING, {}),
     (
@@ -89,7 +89,11 @@ STORIES = [
         flies(armed_s=84.9),
         {"mode_unconfirmed": "armed state unknown for 15.1 s"},
     ),
-    ("no position", told(local_position=None), {"position": "no local position is received"}),
+    (
+        "no position",
+        told(local_position=None),
+        {"position": "no local position is received"},
+    ),
     ("a position 0.5 s old", replace(IN_FLIGHT, position_moved_s=99.5), {}),
     (
         "an older one, though it was just received",
@@ -392,7 +396,7 @@ STORIES = [
 
 
 @pytest.mark.parametrize(("case", "seen", "expected"), STORIES, ids=[row[0] for row in STORIES])
-def test_this_and_nothing_else_stands_against_a_flight(case, seen, expected):
+def test_exactly_the_expected_causes_are_found(case, seen, expected):
     assert found(seen) == expected, case
 
 

@@ -1,5 +1,5 @@
-"""The causes by themselves, of where the aircraft is, the air, the way and the plan: at each
-limit and just beyond, and where a measurement is missing.
+"""Causes of the position, the air, the route and the plan, one by one: at each limit, just
+beyond, and where a measurement is missing.
 """
 
 from __future__ import annotations
@@ -360,7 +360,7 @@ STORIES = [
 
 
 @pytest.mark.parametrize(("case", "seen", "expected"), STORIES, ids=[row[0] for row in STORIES])
-def test_this_and_nothing_else_stands_against_a_flight(case, seen, expected):
+def test_exactly_the_expected_causes_are_found(case, seen, expected):
     assert found(seen) == expected, case
 
 
@@ -375,7 +375,9 @@ def test_this_and_nothing_else_stands_against_a_flight(case, seen, expected):
         ((0.0, 0.0, 1.4), 1.4, 0.5),
     ],
 )
-def test_obstacles_grow_by_what_the_keep_outs_do_not_allow_for(known, uncertainty, widening):
+def test_obstacles_are_inflated_by_the_uncertainty_beyond_the_keep_outs(
+    known, uncertainty, widening
+):
     estimate = uncertain(*known).risk
     assert estimate.position_uncertainty_m == uncertainty
     assert widening_m(estimate, Margin(position_m=0.9, tracking_m=1.0)) == pytest.approx(widening)
@@ -392,7 +394,7 @@ def test_obstacles_grow_by_what_the_keep_outs_do_not_allow_for(known, uncertaint
         ({"receiver": 1.7}, (None, None, 1.1), 1.1),
     ],
 )
-def test_what_a_source_told_counts_until_it_tells_something_else(before, now, uncertainty):
+def test_the_last_accuracy_of_a_source_counts_until_its_next_one(before, now, uncertainty):
     last = [accuracy(source, value_m) for source, value_m in before.items()]
     assert uncertain(*now, last=last).risk.position_uncertainty_m == uncertainty
 
@@ -408,5 +410,5 @@ def test_what_a_source_told_counts_until_it_tells_something_else(before, now, un
         ((None, None, 0.9), (None, None, 5.0), 0.9),
     ],
 )
-def test_of_place_and_height_the_worse_counts(known, heights, uncertainty):
+def test_the_worse_of_horizontal_and_height_accuracy_counts(known, heights, uncertainty):
     assert uncertain(*known, heights_m=heights).risk.position_uncertainty_m == uncertainty

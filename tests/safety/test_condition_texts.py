@@ -1,4 +1,4 @@
-"""The table of texts to pilots: complete, true to the code, and each one fit for a pilot."""
+"""The table of texts to pilots: complete, consistent with the code, and each text valid."""
 
 from __future__ import annotations
 
@@ -26,16 +26,16 @@ PLACEHOLDER = "words"
 
 
 def form(text):
-    """A pattern for all texts of one form: what is in braces varies."""
+    """Pattern of all texts of one form: the parts in braces vary."""
     parts = re.split(r"\{[^}]*\}", text)
     return re.compile(".+?".join(map(re.escape, parts)))
 
 
-def words(text):
+def terms(text):
     return set(re.findall(r"[A-Za-z0-9/']+", text))
 
 
-def told(name):
+def reasons_of(name):
     """Reasons of a condition in the stories of the checks, without details."""
     found = (causes(row[1], Supervision(), 1.5, NOW_S) for row in STORIES + OF_PLACE)
     reasons = {getattr(each, name) for each in found} - {None, PLACEHOLDER}
@@ -43,8 +43,8 @@ def told(name):
 
 
 @pytest.fixture(scope="module")
-def known():
-    """All words of texts in the product: of its code without docstrings and the table of texts."""
+def code_terms():
+    """All terms in strings of the product, without docstrings and the table of texts."""
     files = Path(moar_companion.__file__).parent.rglob("*.py")
     trees = [ast.parse(path.read_text()) for path in files if path.name != "condition_texts.py"]
     nodes = [node for tree in trees for node in ast.walk(tree)]
@@ -54,7 +54,7 @@ def known():
         for node in nodes
         if isinstance(node, ast.Constant) and isinstance(node.value, str)
         if id(node) not in docstrings
-        for word in words(node.value)
+        for word in terms(node.value)
     }
 
 
@@ -74,21 +74,21 @@ def test_a_text_fits_into_one_chunk_whole_with_its_action(row):
 
 
 @ROWS
-def test_what_acts_on_the_flight_says_so(row):
+def test_a_text_of_a_condition_that_acts_has_an_action(row):
     unchanged = row.action is Action.CONTINUE and row.override is not Override.NOBODY
     assert all(bool(action_words(row, text)) is not unchanged for text in TEXTS[row.name])
 
 
 @ROWS
-def test_what_is_told_has_the_form_of_a_text_of_the_table(row):
+def test_each_sent_reason_has_the_form_of_a_text_in_the_table(row):
     forms = [form(text) for text in TEXTS[row.name]]
-    for reason in told(row.name):
+    for reason in reasons_of(row.name):
         assert any(each.fullmatch(reason) for each in forms), reason
 
 
 @ROWS
-def test_a_text_that_no_story_tells_has_only_words_that_the_code_has(row, known):
-    reasons = told(row.name)
+def test_a_text_without_a_story_has_only_terms_of_the_code(row, code_terms):
+    reasons = reasons_of(row.name)
     for text in TEXTS[row.name]:
         if not any(form(text).fullmatch(reason) for reason in reasons):
-            assert words(re.sub(r"\{[^}]*\}", " ", text)) <= known, text
+            assert terms(re.sub(r"\{[^}]*\}", " ", text)) <= code_terms, text

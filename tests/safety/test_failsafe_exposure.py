@@ -1,4 +1,4 @@
-"""The failsafe watch: it says in time that a place should be left, and why."""
+"""The failsafe exposure: time to leave a place before a failsafe action hits an obstacle."""
 
 from __future__ import annotations
 
@@ -26,9 +26,9 @@ LANDS = {"COM_LOW_BAT_ACT": 2.0, "BAT_CRIT_THR": 0.3, "BAT_EMERGEN_THR": 0.1}
 
 def watching(telemetry=STATION, kind=autopilots.PX4, **parameters):
     watch = FailsafeExposure(Supervision(), POWER)
-    told = {**dict.fromkeys(profile(kind).failsafe_parameters), **parameters}
-    assert watch.learn(kind, told, None, telemetry)
-    assert not watch.learn(kind, told, None, telemetry)
+    parameters_read = {**dict.fromkeys(profile(kind).failsafe_parameters), **parameters}
+    assert watch.learn(kind, parameters_read, None, telemetry)
+    assert not watch.learn(kind, parameters_read, None, telemetry)
     return watch
 
 
@@ -43,7 +43,7 @@ def reason(watch, place_m, charge=1.0, *, leaving_s=0.0, now_s=0.0, limit_s=120.
     )
 
 
-def test_a_batterys_action_is_left_before_by_the_reserve_and_the_time_to_leave():
+def test_a_place_is_left_before_a_battery_action_by_reserve_and_exit_time():
     watch = watching(**LANDS)
     flight_s = POWER.capacity_wh / POWER.hover_w * 3600.0
     at = 0.3 + 50.0 / flight_s
@@ -54,11 +54,11 @@ def test_a_batterys_action_is_left_before_by_the_reserve_and_the_time_to_leave()
     assert reason(watch, ABOVE, 0.2) == "landing in 0 s hits wire"
 
 
-def test_where_no_escape_route_is_known_it_is_taken_for_long():
+def test_an_unknown_escape_route_counts_as_a_long_one():
     assert reason(watching(**LANDS), ABOVE, 0.36, leaving_s=None) is not None
 
 
-def test_a_place_that_a_lost_link_makes_dangerous_is_left_after_the_limit():
+def test_a_place_exposed_to_a_link_loss_action_is_left_after_the_limit():
     watch = watching(NAV_DLL_ACT=3.0)
     assert reason(watch, ABOVE) is None
     assert watch.note(120.0, 0.0, 50.0) is None
@@ -69,7 +69,7 @@ def test_a_place_that_a_lost_link_makes_dangerous_is_left_after_the_limit():
     assert reason(watch, ABOVE, now_s=121.5, from_s=100.0) is None  # the next target
 
 
-def test_a_moment_beside_does_not_begin_it_anew_and_a_longer_one_does():
+def test_only_a_longer_stay_at_a_safe_place_restarts_the_exposure_time():
     watch = watching(NAV_DLL_ACT=3.0)
     for now_s, place_m in ((0.0, ABOVE), (1.0, BESIDE), (2.0, ABOVE)):
         reason(watch, place_m, now_s=now_s)
@@ -78,7 +78,7 @@ def test_a_moment_beside_does_not_begin_it_anew_and_a_longer_one_does():
     assert reason(watch, ABOVE, now_s=130.0) is None
 
 
-def test_a_remote_control_that_was_never_heard_cannot_be_lost():
+def test_a_remote_control_that_was_never_received_cannot_be_lost():
     watch = watching(Telemetry(), NAV_RCL_ACT=3.0)
     assert {item.trigger for item in watch.failsafes.actions} == {
         Trigger.GPS_LOSS,
@@ -86,24 +86,24 @@ def test_a_remote_control_that_was_never_heard_cannot_be_lost():
     }
 
 
-def test_a_ground_station_that_only_the_autopilot_may_hear_can_be_lost():
-    """MAV_1_FORWARD 0: its heartbeats do not reach the companion."""
+def test_a_ground_station_that_only_the_autopilot_receives_can_be_lost():
+    """MAV_1_FORWARD 0: the ground station's heartbeats do not reach the companion."""
     watch = watching(Telemetry(), NAV_DLL_ACT=3.0)
     assert Trigger.GCS_LOSS in {item.trigger for item in watch.failsafes.actions}
 
 
 @pytest.mark.parametrize("moved_m", [0.5, 2.0])
-def test_a_home_that_moves_is_learnt(moved_m):
+def test_a_moved_home_updates_the_failsafe_actions(moved_m):
     watch = watching(**LANDS)
-    told = {**dict.fromkeys(profile(autopilots.PX4).failsafe_parameters), **LANDS}
-    assert watch.learn(autopilots.PX4, told, (0.0, 0.0, 0.0), STATION)
-    moved = watch.learn(autopilots.PX4, told, (moved_m, 0.0, 0.0), STATION)
+    parameters_read = {**dict.fromkeys(profile(autopilots.PX4).failsafe_parameters), **LANDS}
+    assert watch.learn(autopilots.PX4, parameters_read, (0.0, 0.0, 0.0), STATION)
+    moved = watch.learn(autopilots.PX4, parameters_read, (moved_m, 0.0, 0.0), STATION)
     assert moved is (moved_m > 1.0)
     assert replace(watch.failsafes).home_m == ((moved_m if moved else 0.0), 0.0, 0.0)
 
 
-def test_a_threshold_that_can_be_forecast_counts_beside_one_that_cannot():
-    """ArduPilot's charge and voltage: without a number of cells only the first has a time."""
+def test_a_predictable_battery_threshold_counts_beside_an_unpredictable_one():
+    """ArduPilot's charge and voltage: without a number of cells only the charge has a time."""
     assert POWER.cells is None
     capacity = {"BATT_CAPACITY": 5000.0, "BATT_LOW_MAH": 1500.0, "BATT_LOW_VOLT": 19.8}
     watch = watching(kind=autopilots.ARDUPILOT, BATT_FS_LOW_ACT=1.0, **capacity)
@@ -113,8 +113,8 @@ def test_a_threshold_that_can_be_forecast_counts_beside_one_that_cannot():
     assert reason(watch, ABOVE, 1.0, now_s=121.0) == "battery hits wire: 121 s (120)"
 
 
-def test_an_earlier_hold_of_the_battery_ends_control_before_the_landing():
-    """After BRAKE on a low battery the companion is silent, and the critical one lands there."""
+def test_a_hold_on_low_battery_counts_as_the_landing_on_critical_battery():
+    """BRAKE on a low battery ends companion control; the critical battery then lands there."""
     watch = watching(
         kind=autopilots.ARDUPILOT,
         BATT_CAPACITY=5000.0,

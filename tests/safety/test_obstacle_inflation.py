@@ -1,4 +1,4 @@
-"""By how much obstacles are taken wider: in steps, at once upwards, slowly downwards."""
+"""Obstacle inflation: in steps, at once upwards, slowly downwards."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Story:
         return self.widening.width_m
 
     def need(self, *needed_m, seconds=LOOK_S):
-        """The values in turn, each look one, for a while."""
+        """Applies the needed values in turn, one per cycle, for a time."""
         for look in range(max(len(needed_m), round(seconds / LOOK_S))):
             self.now_s += LOOK_S
             self.widening = self.widening.followed(needed_m[look % len(needed_m)], self.now_s)
@@ -46,34 +46,34 @@ class Story:
     ("needed_m", "width_m"),
     [(0.0, 0.0), (1e-9, 0.1), (0.05, 0.1), (0.1, 0.1), (0.11, 0.2), (0.3, 0.3), (1.0, 1.0)],
 )
-def test_it_is_the_next_step_that_is_enough(needed_m, width_m):
+def test_the_inflation_is_the_next_sufficient_step(needed_m, width_m):
     assert Story().need(needed_m).width_m == pytest.approx(width_m)
 
 
-def test_it_grows_at_once_and_shrinks_when_less_has_done_for_a_while():
+def test_the_inflation_grows_at_once_and_shrinks_after_a_delay():
     story = Story().need(0.62)
     assert story.width_m == pytest.approx(0.7)
     story.need(0.15, seconds=2.9)
     assert story.width_m == pytest.approx(0.7)
     story.need(0.15, seconds=0.3)
-    assert story.width_m == pytest.approx(0.3)  # a step more than would just do
+    assert story.width_m == pytest.approx(0.3)  # one step more than just enough
     story.need(0.0, seconds=SHRUNK_S)
     assert story.width_m == 0.0
     assert len(story.widths_m) == 4
 
 
-def test_one_look_at_what_was_needed_before_begins_the_wait_anew():
+def test_a_single_greater_need_restarts_the_delay():
     story = Story().need(0.62).need(0.2, seconds=2.9).need(0.62).need(0.2, seconds=2.9)
     assert story.width_m == pytest.approx(0.7)
 
 
-def test_of_what_was_needed_while_it_waited_the_most_counts():
+def test_the_greatest_need_during_the_delay_counts():
     story = Story().need(0.95).need(0.1, 0.42, 0.1, seconds=SHRUNK_S)
     assert story.width_m == pytest.approx(0.6)
 
 
 @pytest.mark.parametrize("middle_m", [0.1, 0.25, 0.3, 0.349, 0.7])
-def test_noise_of_half_a_step_changes_it_once_at_most(middle_m):
+def test_noise_of_half_a_step_changes_the_inflation_once_at_most(middle_m):
     story = Story().need(middle_m)
     count = len(story.widths_m)
     noise_m = [0.05, -0.05, 0.03, 0.0, -0.05, -0.02, 0.05]
@@ -82,7 +82,7 @@ def test_noise_of_half_a_step_changes_it_once_at_most(middle_m):
 
 
 @given(st.lists(st.tuples(st.floats(0.0, 5.0), st.floats(0.0, 4.0)), max_size=40))
-def test_it_is_never_less_than_needed_and_always_whole_steps(looks):
+def test_the_inflation_is_never_less_than_needed_and_always_whole_steps(looks):
     widening, now_s = ObstacleInflation(), 0.0
     for needed_m, seconds in looks:
         now_s += seconds
@@ -94,12 +94,12 @@ def test_it_is_never_less_than_needed_and_always_whole_steps(looks):
 
 
 @given(st.floats(0.0, 5.0), st.floats(0.0, 5.0))
-def test_what_lasts_is_followed_within_two_steps(before_m, needed_m):
+def test_a_lasting_need_is_followed_within_two_steps(before_m, needed_m):
     story = Story().need(before_m).need(needed_m, seconds=SHRUNK_S)
     assert needed_m <= story.width_m <= needed_m + 2.0 * STEP_M
 
 
-# The planners that go with it ---------------------------------------------------------------------
+# Planners of an inflation -------------------------------------------------------------------------
 
 
 @pytest.fixture(scope="module")
@@ -109,7 +109,7 @@ def exact():
     return Planner(site, named_vehicle("linedrone_uniform"))
 
 
-def test_the_planner_of_a_widening_is_built_once(exact):
+def test_the_planner_of_an_inflation_is_built_once(exact):
     planners = PlannerSet(exact)
     assert planners.widened_by(0.0) is exact
     wide = planners.widened_by(0.3)
@@ -117,7 +117,7 @@ def test_the_planner_of_a_widening_is_built_once(exact):
     assert planners.widened_by(0.3) is wide
 
 
-def test_of_many_widenings_those_of_late_are_kept(exact):
+def test_the_planners_of_recent_inflations_are_kept(exact):
     planners = PlannerSet(exact)
     first, second = planners.widened_by(0.1), planners.widened_by(0.2)
     for width_m in (0.3, 0.1, 0.4, 0.5):
@@ -129,7 +129,7 @@ def test_of_many_widenings_those_of_late_are_kept(exact):
     assert planners.widened_by(0.0) is exact
 
 
-def test_of_a_great_site_one_is_kept(exact):
+def test_on_a_large_site_one_inflated_planner_is_kept(exact):
     space = replace(exact.site.workspace, resolution_m=0.03)
     planners = PlannerSet(Planner(replace(exact.site, workspace=space), exact.vehicle))
     wide = planners.widened_by(0.3)

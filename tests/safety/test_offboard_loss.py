@@ -1,4 +1,4 @@
-"""If we die now: what is told by parameters, how far it comes, and what is objected to."""
+"""Offboard loss: action by parameters, stopping distance, and refused actions."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ def loss(kind, **parameters):
     return profile(kind).offboard_loss({**UNTOLD[kind], **parameters})
 
 
-# What is told -----------------------------------------------------------------------------------
+# Parameters -------------------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -48,23 +48,23 @@ def loss(kind, **parameters):
         (99, Action.RETURN),
     ],
 )
-def test_com_obl_rc_act_says_what_px4_does(value, action):
+def test_com_obl_rc_act_sets_the_action_of_px4(value, action):
     assert loss(PX4, COM_OBL_RC_ACT=float(value)).action is action
 
 
-def test_ardupilot_holds_whatever_its_parameters():
+def test_ardupilot_holds_for_any_parameters():
     assert loss(ARDUPILOT, GUID_TIMEOUT=0.5).action is Action.HOLD
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
-def test_before_all_is_asked_nothing_is_known(kind):
+def test_the_action_is_unknown_before_all_parameters_are_requested(kind):
     for name in UNTOLD[kind]:
         assert profile(kind).offboard_loss({n: 1.0 for n in UNTOLD[kind] if n != name}) is None
     assert profile(autopilots.UNKNOWN).offboard_loss({}) is None
 
 
 @pytest.mark.parametrize("kind", [PX4, ARDUPILOT])
-def test_what_is_never_told_is_taken_as_by_default_and_named(kind):
+def test_a_parameter_never_reported_has_its_default_and_is_named(kind):
     unreported = loss(kind)
     assert unreported.unreported == profile(kind).loss_parameters
     assert unreported.action is (Action.RETURN if kind is PX4 else Action.HOLD)
@@ -73,19 +73,19 @@ def test_what_is_never_told_is_taken_as_by_default_and_named(kind):
     assert loss(kind, **{first: 1.0}).unreported == tuple(others)
 
 
-# How far it comes -------------------------------------------------------------------------------
+# Stopping distance ------------------------------------------------------------------------------
 
 
 @given(st.floats(0.0, 15.0), st.floats(0.0, 5.0))
-def test_the_speed_that_a_way_allows_takes_that_way(free_m, timeout_s):
-    for told in (loss(PX4), loss(ARDUPILOT, GUID_TIMEOUT=timeout_s)):
-        speed = told.speed_mps(np.array([free_m]))
+def test_the_greatest_speed_for_a_free_distance_stops_within_it(free_m, timeout_s):
+    for found in (loss(PX4), loss(ARDUPILOT, GUID_TIMEOUT=timeout_s)):
+        speed = found.speed_mps(np.array([free_m]))
         assert speed[0] >= 0.0
-        assert told.stopping_m(speed) == pytest.approx([free_m], abs=1e-9)
+        assert found.stopping_m(speed) == pytest.approx([free_m], abs=1e-9)
 
 
 @given(st.floats(0.1, 10.0), st.floats(0.0, 5.0), st.floats(0.01, 1.0))
-def test_a_longer_time_on_the_last_setpoint_never_allows_more(free_m, timeout_s, more_s):
+def test_a_longer_time_on_the_last_setpoint_never_allows_more_speed(free_m, timeout_s, more_s):
     free = np.array([free_m])
     short = loss(ARDUPILOT, GUID_TIMEOUT=timeout_s).speed_mps(free)
     assert loss(ARDUPILOT, GUID_TIMEOUT=timeout_s + more_s).speed_mps(free) < short
@@ -148,8 +148,8 @@ class Alone:
     def send(self, message):
         self.autopilot.receive("companion", bytes(message.pack(self.codec)))
 
-    def lead(self, direction, speed_mps, parameters):
-        """Fly straight; the last setpoint's place."""
+    def fly(self, direction, speed_mps, parameters):
+        """Flies straight; returns the position of the last setpoint."""
         for name, value in parameters.items():
             self.autopilot.set_parameter(name, value)
         self.send(self.codec.heartbeat_encode(18, 8, 0, 0, 4))
@@ -160,9 +160,9 @@ class Alone:
             if step > 125:
                 flown_mps = min(speed_mps, flown_mps + STEP_S)
             place = [
-                at + flown_mps * way * STEP_S for at, way in zip(place, direction, strict=True)
+                at + flown_mps * part * STEP_S for at, part in zip(place, direction, strict=True)
             ]
-            velocity = [flown_mps * way for way in direction]
+            velocity = [flown_mps * part for part in direction]
             self.send(
                 self.codec.set_position_target_local_ned_encode(
                     0, 1, 1, 1, 0x9C0, *place, *velocity, 0, 0, 0, 0, 0
@@ -173,7 +173,7 @@ class Alone:
         return place
 
     def stopping_m(self, place, direction, timeout_s):
-        """Distance that it comes beyond its last setpoint, from its error before."""
+        """Distance flown beyond the last setpoint, from the error before."""
         self.autopilot.set_parameter(TIMEOUT[self.manner], timeout_s)
         before = self._beyond_m(place, direction)
         farthest = -math.inf
@@ -185,7 +185,7 @@ class Alone:
     def _beyond_m(self, place, direction):
         here = self.autopilot.truth.position_ned_m
         return sum(
-            (at - wanted) * way for at, wanted, way in zip(here, place, direction, strict=True)
+            (at - wanted) * part for at, wanted, part in zip(here, place, direction, strict=True)
         )
 
 
@@ -193,28 +193,28 @@ def _px4(manner):
     return manner is Manner.PX4
 
 
-def comes_no_farther(manner, wind_mps, flights, **parameters):
+def assert_stops_within_bound(manner, wind_mps, flights, **parameters):
     hovering = Alone(manner, wind_mps)
     kind = PX4 if _px4(manner) else ARDUPILOT
     for name, speed_mps, *timeouts_s in flights:
-        led = copy_of(hovering)
-        place = led.lead(STRAIGHT[name], speed_mps, parameters)
+        flown = copy_of(hovering)
+        place = flown.fly(STRAIGHT[name], speed_mps, parameters)
         for timeout_s in timeouts_s:
             timeout = {} if _px4(manner) else {"GUID_TIMEOUT": timeout_s}
-            told = loss(kind, **parameters, **timeout)
-            stopping_m = copy_of(led).stopping_m(place, STRAIGHT[name], timeout_s)
-            bound_m = float(told.stopping_m(np.array(speed_mps)))
+            found = loss(kind, **parameters, **timeout)
+            stopping_m = copy_of(flown).stopping_m(place, STRAIGHT[name], timeout_s)
+            bound_m = float(found.stopping_m(np.array(speed_mps)))
             least_m = 0.0 if parameters else 0.3 * bound_m
             assert least_m < stopping_m <= bound_m + NOISE_M, (name, speed_mps, timeout_s)
 
 
 NOISE_M = 0.1
-"""Position error of the receiver, while it stops."""
+"""Position error of the receiver while the aircraft stops."""
 
 
 @pytest.mark.parametrize("manner", Manner)
-def test_the_fake_autopilots_come_no_farther(manner):
-    comes_no_farther(manner, 0.0, [("slant", 1.0, 0.5)])
+def test_the_fake_autopilots_stop_within_the_bound(manner):
+    assert_stops_within_bound(manner, 0.0, [("slant", 1.0, 0.5)])
 
 
 SOFT = [
@@ -228,31 +228,31 @@ SOFT = [
 
 
 @pytest.mark.parametrize(("manner", "parameters"), SOFT)
-def test_nor_where_they_brake_softly(manner, parameters):
+def test_fake_autopilots_that_brake_softly_stop_within_the_bound(manner, parameters):
     flights = [("level", 3.0, 0.1 if _px4(manner) else 0.5)]
-    comes_no_farther(manner, 0.0, flights, **parameters)
+    assert_stops_within_bound(manner, 0.0, flights, **parameters)
 
 
-def test_nor_where_only_its_height_follows_slowly():
-    comes_no_farther(Manner.PX4, 0.0, [("up", 2.0, 3.0)], MPC_Z_P=0.5)
+def test_a_fake_autopilot_with_slow_height_control_stops_within_the_bound():
+    assert_stops_within_bound(Manner.PX4, 0.0, [("up", 2.0, 3.0)], MPC_Z_P=0.5)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("manner", "parameters"), SOFT)
-def test_nor_where_they_brake_softly_in_wind(manner, parameters):
+def test_fake_autopilots_that_brake_softly_in_wind_stop_within_the_bound(manner, parameters):
     timeouts_s = (0.1, 0.5) if _px4(manner) else (0.5,)
     flights = [
         (name, speed_mps, *timeouts_s)
         for name, speed_mps in (("level", 1.0), ("level", 5.0), ("up", 2.0))
     ]
-    comes_no_farther(manner, 6.0, flights, **parameters)
+    assert_stops_within_bound(manner, 6.0, flights, **parameters)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("wind_mps", sampled([6.0], [0.0, 6.0]))
 @pytest.mark.parametrize("manner", Manner)
-def test_the_fake_autopilots_come_no_farther_whichever_way(manner, wind_mps):
-    comes_no_farther(
+def test_the_fake_autopilots_stop_within_the_bound_in_every_direction(manner, wind_mps):
+    assert_stops_within_bound(
         manner,
         wind_mps,
         [
@@ -264,7 +264,7 @@ def test_the_fake_autopilots_come_no_farther_whichever_way(manner, wind_mps):
     )
 
 
-# What is objected to ----------------------------------------------------------------------------
+# Refused actions --------------------------------------------------------------------------------
 
 
 REACH = FreeDistance.over(
@@ -272,33 +272,33 @@ REACH = FreeDistance.over(
 )
 
 
-def objection(told, *places, home=(15.5, 0.0, 0.0)):
-    return loss_objection(told, REACH, np.array(places), home)
+def objection(found, *places, home=(15.5, 0.0, 0.0)):
+    return loss_objection(found, REACH, np.array(places), home)
 
 
-def test_holding_is_fine_anywhere():
+def test_a_hold_is_allowed_anywhere():
     assert objection(loss(PX4, COM_OBL_RC_ACT=5.0), (5.5, 5.5), (5.5, 3.5)) is None
     assert objection(loss(ARDUPILOT, GUID_TIMEOUT=0.5), (5.5, 5.5)) is None
 
 
-def test_landing_is_fine_where_nothing_is_below():
+def test_a_landing_is_allowed_where_no_obstacle_is_below():
     lands = loss(PX4, COM_OBL_RC_ACT=4.0)
     assert objection(lands, (5.5, 3.5), (8.5, 5.5)) is None
-    words = "PX4 would hit wire (it would land on offboard loss; set COM_OBL_RC_ACT 5)"
-    assert objection(lands, (8.5, 5.5), (5.5, 7.5)) == words
+    expected = "PX4 would hit wire (it would land on offboard loss; set COM_OBL_RC_ACT 5)"
+    assert objection(lands, (8.5, 5.5), (5.5, 7.5)) == expected
 
 
-def test_a_return_climbs_flies_level_and_comes_down_at_home():
+def test_a_return_climbs_flies_level_and_descends_at_home():
     returns = loss(PX4)
-    words = "PX4 would hit wire (it would return on offboard loss; set COM_OBL_RC_ACT 5)"
+    expected = "PX4 would hit wire (it would return on offboard loss; set COM_OBL_RC_ACT 5)"
     assert objection(returns, (8.5, 5.5), (5.5, 5.5)) is None
-    assert objection(returns, (5.5, 1.5)) == words  # climbs
-    assert objection(returns, (8.5, 8.5), home=(5.5, 0.0, 0.0)) == words  # comes down
+    assert objection(returns, (5.5, 1.5)) == expected  # climbs
+    assert objection(returns, (8.5, 8.5), home=(5.5, 0.0, 0.0)) == expected  # comes down
     low = loss(PX4, RTL_RETURN_ALT=4.5)
-    assert objection(low, (3.5, 1.5)) == words  # flies level
+    assert objection(low, (3.5, 1.5)) == expected  # flies level
     assert objection(low, (8.5, 1.5)) is None
     steep = loss(PX4, RTL_MIN_DIST=15.0, RTL_CONE_ANG=69.4)  # 12 m from home it climbs to 4.5 m
-    assert objection(steep, (3.5, 1.5)) == words
+    assert objection(steep, (3.5, 1.5)) == expected
     assert objection(loss(PX4, RTL_MIN_DIST=11.0, RTL_CONE_ANG=69.4), (3.5, 1.5)) is None
 
 
@@ -316,18 +316,18 @@ def test_a_return_climbs_flies_level_and_comes_down_at_home():
         ({"RTL_CONE_ANG": 0.0}, 1.5, 1.0, 30.0),  # no cone
     ],
 )
-def test_the_height_of_a_return_is_px4s(parameters, distance_m, height_m, level_m):
+def test_the_height_of_a_return_is_that_of_px4(parameters, distance_m, height_m, level_m):
     home = loss(PX4, **parameters).home
     assert home.height_m(height_m, distance_m) == pytest.approx(level_m)
 
 
 @pytest.mark.parametrize("value", [1.0, 2.0, 3.0])
-def test_a_return_that_leads_elsewhere_is_objected_to_anywhere(value):
-    words = (
+def test_a_return_by_an_unknown_route_is_refused_anywhere(value):
+    expected = (
         "PX4 would return by an unknown way "
         "(on offboard loss; RTL_TYPE is not 0; set COM_OBL_RC_ACT 5)"
     )
-    assert objection(loss(PX4, RTL_TYPE=value), (9.5, 9.5)) == words
+    assert objection(loss(PX4, RTL_TYPE=value), (9.5, 9.5)) == expected
     assert objection(loss(PX4, RTL_TYPE=value, COM_OBL_RC_ACT=5.0), (9.5, 9.5)) is None
 
 
@@ -335,13 +335,13 @@ def test_next_to_home_a_return_does_not_climb():
     assert objection(loss(PX4), (5.5, 1.5), home=(5.5, 1.0, 0.0)) is None
 
 
-def test_without_a_home_a_return_is_looked_at_as_far_as_it_climbs():
+def test_without_a_home_only_the_climb_of_a_return_is_checked():
     assert objection(loss(PX4), (3.5, 1.5), home=None) is None
     assert "hit wire" in objection(loss(PX4), (5.5, 1.5), home=None)
 
 
-def test_a_home_beyond_the_ocean_is_looked_at_on_the_site_alone():
-    """Cell by cell the way there would take minutes."""
+def test_a_return_to_a_far_home_is_checked_on_the_site_alone():
+    """A check cell by cell all along the route would take minutes."""
     assert objection(loss(PX4), (8.5, 5.5), home=(-6e6, 2e6, -3e5)) is None
     low = loss(PX4, RTL_RETURN_ALT=4.5, RTL_MIN_DIST=0.0)
     assert "hit wire" in objection(low, (8.5, 1.5), home=(-6e6, 0.0, 0.0))
@@ -349,7 +349,7 @@ def test_a_home_beyond_the_ocean_is_looked_at_on_the_site_alone():
 
 
 @given(st.data())
-def test_what_is_hit_is_hit_wherever_the_grid_ends(data):
+def test_a_collision_is_found_wherever_the_grid_ends(data):
     # In millimetres: shapely divides by the length of a line.
     places = st.tuples(st.integers(-30_000, 50_000), st.integers(-30_000, 40_000))
     start, end = (tuple(1e-3 * value for value in data.draw(places)) for _ in range(2))
@@ -363,18 +363,18 @@ def test_what_is_hit_is_hit_wherever_the_grid_ends(data):
         assert hit.obstacle == "wire"
 
 
-def test_motors_that_stop_are_objected_to_anywhere():
+def test_a_stop_of_the_motors_is_refused_anywhere():
     assert "would stop its motors (on offboard loss; set" in objection(
         loss(PX4, COM_OBL_RC_ACT=7.0), (9.5, 9.5)
     )
 
 
-def test_so_is_a_time_on_the_last_setpoint_that_leaves_no_speed():
-    words = "it would fly on for 60 s (on offboard loss; set GUID_TIMEOUT 0.5)"
-    assert objection(loss(ARDUPILOT, GUID_TIMEOUT=60.0), (9.5, 9.5)) == words
+def test_a_time_on_the_last_setpoint_that_allows_no_speed_is_refused_anywhere():
+    expected = "it would fly on for 60 s (on offboard loss; set GUID_TIMEOUT 0.5)"
+    assert objection(loss(ARDUPILOT, GUID_TIMEOUT=60.0), (9.5, 9.5)) == expected
 
 
-# What it cannot follow --------------------------------------------------------------------------
+# Lag behind setpoints ---------------------------------------------------------------------------
 
 
 @pytest.mark.parametrize(
@@ -396,5 +396,5 @@ def test_an_autopilot_that_accelerates_less_than_its_setpoints_cannot_follow(par
         )
 
 
-def test_px4_follows_setpoints_as_hard_as_it_can():
+def test_a_low_px4_acceleration_is_no_lag():
     assert loss(PX4, MPC_ACC_HOR=0.5).lag(5.0) is None

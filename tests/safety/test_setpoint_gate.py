@@ -1,4 +1,4 @@
-"""The gate: what may not leave, and the corridors in which more may."""
+"""The setpoint gate: refused setpoints, and the corridors that allow more."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def reason(
     yaw_rad=0.0,
     cell=FREE,
     corridors=(),
-    ways_back=(),
+    entry_legs=(),
     lowest_m=None,
     widened_m=0.0,
     margin_m=0.0,
@@ -40,20 +40,20 @@ def reason(
         margin_m=margin_m,
         min_altitude_m=lowest_m,
         corridors_m=corridors,
-        entry_legs_m=ways_back,
+        entry_legs_m=entry_legs,
         corridor_width_m=0.3,
         plane_tolerance_m=2.0,
     )
 
 
-def test_a_setpoint_in_a_free_cell_may_leave():
+def test_a_setpoint_in_a_free_cell_is_sent():
     assert reason() is None
     assert reason(position=(1.0, 2.0, 1.0)) is None
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
 @pytest.mark.parametrize("axis", [0, 1, 2])
-def test_what_is_not_finite_is_refused_wherever_it_stands(bad, axis):
+def test_a_setpoint_that_is_not_finite_is_refused_everywhere(bad, axis):
     values = [1.0, 0.0, 1.0]
     values[axis] = bad
     assert reason(position=tuple(values), corridors=(LEG,)) == "setpoint not finite"
@@ -63,44 +63,46 @@ def test_what_is_not_finite_is_refused_wherever_it_stands(bad, axis):
 
 
 @pytest.mark.parametrize("y_m", [2.01, -2.01, 50.0])
-def test_off_the_plane_is_refused_even_in_a_corridor(y_m):
+def test_a_setpoint_off_the_plane_is_refused_even_in_a_corridor(y_m):
     corridor = ((1.0, y_m, 1.0), (2.0, y_m, 1.0))
     assert "from the plane" in reason(position=(1.0, y_m, 1.0), corridors=(corridor,))
 
 
-def test_beside_the_plane_only_a_way_back_to_it_is_allowed():
-    way = ((1.0, 20.0, 1.0), (1.0, 0.0, 1.0))
-    assert reason(position=(1.0, 12.0, 1.0), corridors=(way,), ways_back=(way,)) is None
-    beside = reason(position=(4.0, 12.0, 1.0), corridors=(way,), ways_back=(way,))
+def test_beside_the_plane_only_an_entry_leg_is_allowed():
+    leg = ((1.0, 20.0, 1.0), (1.0, 0.0, 1.0))
+    assert reason(position=(1.0, 12.0, 1.0), corridors=(leg,), entry_legs=(leg,)) is None
+    beside = reason(position=(4.0, 12.0, 1.0), corridors=(leg,), entry_legs=(leg,))
     assert "from the plane" in beside
 
 
-def test_outside_the_workspace_is_refused():
+def test_a_setpoint_outside_the_workspace_is_refused():
     assert reason(cell=None) == "setpoint outside the workspace"
 
 
-def test_an_occupied_cell_is_refused():
+def test_a_setpoint_in_an_occupied_cell_is_refused():
     assert reason(cell=OCCUPIED) == "setpoint near an obstacle, or low"
 
 
 @pytest.mark.parametrize(("z_m", "allowed"), [(2.0, True), (2.0 - 1e-12, True), (1.99, False)])
-def test_below_the_least_altitude_is_refused_though_its_cell_is_free(z_m, allowed):
+def test_a_setpoint_below_the_least_altitude_is_refused_even_in_a_free_cell(z_m, allowed):
     low = reason(position=(1.0, 0.0, z_m), lowest_m=2.0)
     assert low == (None if allowed else "setpoint near an obstacle, or low")
 
 
-def test_a_position_that_is_known_worse_widens_what_is_kept_free_for_what_moves():
+def test_a_worse_position_accuracy_widens_the_keep_outs_of_moving_setpoints():
     moving = (0.5, 0.0, 0.0)
     assert reason(velocity=moving, widened_m=0.5) is None
     assert "widened by 0.6 m" in reason(velocity=moving, widened_m=0.6)
-    assert reason(velocity=(0.0, 0.0, 0.0), widened_m=5.0) is None  # it may stay
+    assert reason(velocity=(0.0, 0.0, 0.0), widened_m=5.0) is None  # the aircraft may stay
     # The legs that were checked lead away from obstacles.
     assert reason(position=(5.0, 0.0, 5.0), cell=None, corridors=(LEG,), widened_m=5.0) is None
 
 
-def test_within_the_margin_it_may_come_to_rest_and_not_move():
+def test_within_the_margin_only_a_setpoint_at_rest_is_allowed():
     assert reason(cell=OCCUPIED, margin_m=0.1) is None
-    assert reason(cell=OCCUPIED, margin_m=0.05) is not None  # that is the obstacle's own keep-out
+    assert (
+        reason(cell=OCCUPIED, margin_m=0.05) is not None
+    )  # the cell is in the obstacle's own keep-out
     assert reason(cell=OCCUPIED, margin_m=0.1, velocity=(0.1, 0.0, 0.0)) is not None
     low = reason(position=(1.0, 0.0, 1.9), cell=OCCUPIED, margin_m=0.1, lowest_m=2.0)
     assert low == "setpoint near an obstacle, or low"
@@ -124,7 +126,7 @@ def test_no_setpoint_moves_faster_than_the_vehicle_may(axis, speed_mps, allowed)
 
 
 @pytest.mark.parametrize(("step_m", "allowed"), [(0.05, True), (0.06, False), (3.0, False)])
-def test_no_setpoint_lies_farther_from_the_last_one_than_it_can_have_moved(step_m, allowed):
+def test_no_setpoint_lies_farther_from_the_last_one_than_its_speed_allows(step_m, allowed):
     refused = motion(position=(0.0, 0.0, 5.0 + step_m))
     assert refused is None if allowed else refused.startswith("setpoint jumps by")
     assert motion(position=(0.0, 0.0, 5.0 + step_m), before=None) is None
@@ -136,7 +138,7 @@ def test_no_setpoint_changes_its_speed_at_once(change_mps, allowed):
     assert refused is None if allowed else refused.startswith("setpoint speed jump")
 
 
-def test_a_landing_leg_leads_below_the_least_altitude():
+def test_a_landing_leg_may_go_below_the_least_altitude():
     assert reason(position=(10.0, 0.0, 0.5), lowest_m=2.0, corridors=(LEG,)) is None
 
 
@@ -155,11 +157,11 @@ def test_a_landing_leg_leads_below_the_least_altitude():
         ((5.0, 0.0, 2.5), False),
     ],
 )
-def test_in_a_corridor_and_nowhere_beside_it_more_is_allowed(cell, position, allowed):
+def test_an_occupied_cell_is_allowed_inside_a_corridor_alone(cell, position, allowed):
     assert (reason(position=position, cell=cell, corridors=(LEG,)) is None) is allowed
 
 
-def test_any_of_several_corridors_will_do():
+def test_any_one_of_several_corridors_is_enough():
     other = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0))
     assert reason(position=(5.0, 0.0, 5.0), cell=None, corridors=(other, LEG)) is None
 
@@ -174,7 +176,7 @@ def test_any_of_several_corridors_will_do():
         ((5.0, 0.0, 4.0), ((0.0, 0.0, 0.0), (2.0, 0.0, 0.0)), 5.0),
     ],
 )
-def test_the_distance_from_a_corridor_by_hand(point, corridor, distance):
+def test_the_distance_from_a_corridor_agrees_with_a_calculation_by_hand(point, corridor, distance):
     assert distance_m(point, corridor) == pytest.approx(distance)
 
 
@@ -184,7 +186,7 @@ coordinates = st.tuples(*[st.floats(-20.0, 20.0)] * 3)
 @settings(deadline=None, max_examples=60, derandomize=True, database=None)
 @given(point=coordinates, corridor=st.lists(coordinates, min_size=1, max_size=5))
 def test_the_distance_from_a_corridor_is_the_least_to_its_points(point, corridor):
-    """Against many points on it: never more than to any, and at most their spacing less."""
+    """Against many points on the corridor: their least distance, or less by at most the spacing."""
     line = np.array(corridor)
     sampled = [line[:1]]
     spacing = 0.0
@@ -195,7 +197,7 @@ def test_the_distance_from_a_corridor_is_the_least_to_its_points(point, corridor
     assert least - spacing - 1e-9 <= distance_m(point, tuple(corridor)) <= least + 1e-9
 
 
-def test_an_aircraft_that_is_blown_off_takes_its_setpoint_along_at_rest_and_never_away_from_it():
+def test_a_setpoint_may_jump_only_at_rest_and_towards_a_displaced_aircraft():
     def moved(position, velocity=(0.0, 0.0, 0.0)):
         after = (position, velocity)
         return motion_refusal(REST, after, 0.02, **LIMITS, blown_to_m=(9.0, 0.0, 5.0))
@@ -209,7 +211,7 @@ def test_an_aircraft_that_is_blown_off_takes_its_setpoint_along_at_rest_and_neve
     points=st.lists(st.tuples(*[st.floats(-20.0, 20.0)] * 3), min_size=1, max_size=5),
     corridor=st.lists(st.tuples(*[st.floats(-20.0, 20.0)] * 3), min_size=1, max_size=4),
 )
-def test_many_distances_are_those_of_each_and_no_sample_of_the_line_is_nearer(points, corridor):
+def test_distances_of_many_points_equal_single_distances(points, corridor):
     found = distances_m(np.array(points), tuple(corridor))
     for point, distance in zip(points, found, strict=True):
         assert distance == distance_m(point, tuple(corridor))

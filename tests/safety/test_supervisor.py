@@ -1,4 +1,4 @@
-"""The supervisor: the table row by row, who goes before whom, and what operators may override."""
+"""The supervisor: the table row by row, the order of actions, and overrides by operators."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ TICK_S = 0.02
 
 
 class Watched:
-    """A supervisor that is asked now and then."""
+    """A supervisor that is run at given times."""
 
     def __init__(self, table=CONDITIONS):
         self.table = table
@@ -41,7 +41,7 @@ class Watched:
         return self
 
     def wait(self, seconds):
-        """Time in which it looks as often as it does in flight."""
+        """Runs the supervisor for a time, as often as in flight."""
         for _ in range(round(seconds / TICK_S)):
             self.look(TICK_S)
         return self
@@ -74,7 +74,7 @@ def test_a_condition_acts_after_its_time_and_not_before(row):
 
 
 @LASTING
-def test_a_cause_that_is_over_for_long_enough_begins_from_nothing(row):
+def test_a_cause_that_ended_long_enough_ago_restarts_its_time(row):
     watched = Watched()
     for _ in range(5):
         watched.look(0.0, **{row.name: "trouble"}).look(0.9 * row.after_s)
@@ -85,7 +85,7 @@ def test_a_cause_that_is_over_for_long_enough_begins_from_nothing(row):
 @pytest.mark.parametrize(
     "row", [row for row in CONDITIONS if row.after_s and row.over_s], ids=lambda row: row.name
 )
-def test_a_cause_that_flickers_acts_after_its_time_too(row):
+def test_an_intermittent_cause_acts_after_its_time_too(row):
     watched = Watched()
     for _ in range(4):
         assert not watched.ruling.conditions
@@ -119,7 +119,7 @@ def test_a_condition_clears_after_its_time_and_not_before(row):
 
 
 @LINGERING
-def test_a_cause_that_comes_back_starts_the_time_to_clear_anew(row):
+def test_a_cause_that_returns_restarts_the_time_to_clear(row):
     watched = Watched().look(**{row.name: "trouble"}).look(row.after_s)
     for _ in range(5):
         watched.look(0.6 * row.over_s, **{row.name: None})
@@ -132,7 +132,7 @@ def test_a_cause_that_comes_back_starts_the_time_to_clear_anew(row):
 
 
 @ROWS
-def test_an_order_overrides_what_may_be_overridden_until_it_starts_anew(row):
+def test_an_order_overrides_a_condition_until_the_condition_restarts(row):
     watched = Watched().look(**{row.name: "trouble"}).look(row.after_s).order()
     may = row.override is not Override.NOBODY
     assert watched.ruling.acts(row.name) is not may
@@ -145,7 +145,7 @@ def test_an_order_overrides_what_may_be_overridden_until_it_starts_anew(row):
 
 
 @ROWS
-def test_which_missions_may_be_ordered_while_a_condition_lasts(row):
+def test_the_override_of_a_condition_decides_which_missions_may_be_ordered(row):
     watched = Watched().look(**{row.name: "trouble"}).look(row.after_s)
     against = {mission: watched.ruling.against(mission) for mission in Mission}
     for mission, reason in against.items():
@@ -153,16 +153,16 @@ def test_which_missions_may_be_ordered_while_a_condition_lasts(row):
             row.override is Override.SAFER and mission is not Mission.INSPECTION
         )
         assert reason == (None if free else "trouble")
-    # A safer order that overrides it does not open the way for another inspection.
+    # An override by a safer order does not allow another inspection.
     watched.order()
     assert {mission: watched.ruling.against(mission) for mission in Mission} == against
 
 
 @ROWS
-def test_the_stream_ends_in_the_state_of_its_row(row):
+def test_only_a_release_has_its_own_end_of_the_stream(row):
     releases = row.action is Action.RELEASE
     assert releases or (row.last_setpoint and row.rest is MissionState.RELEASED)
-    assert not (releases and row.latched)  # the state is
+    assert not (releases and row.latched)  # the state latches
 
 
 # Together ---------------------------------------------------------------------------------------
@@ -178,7 +178,7 @@ def test_the_graver_action_goes_before(grave):
             assert watched.ruling.acts(mild.name)
 
 
-def test_of_equal_actions_the_first_of_the_table_speaks():
+def test_of_equal_actions_the_first_in_the_table_gives_the_reason():
     watched = Watched().look(autopilot_link_lost="late", position="stale", attitude="unknown")
     assert watched.ruling.reason == "late"
 
@@ -191,19 +191,19 @@ def test_no_last_setpoint_where_one_of_the_releases_forbids_it():
     assert not watched.ruling.last_setpoint
 
 
-def test_a_ground_station_that_is_lost_and_found():
+def test_a_lost_ground_station_is_a_hold_until_it_returns():
     watched = Watched()
-    watched.look(6.0)  # heard
+    watched.look(6.0)  # the ground station is received
     assert watched.ruling.action is Action.CONTINUE
     watched.look(6.0, ground_link="no ground station for 10 s")  # link lost: hold
     assert watched.ruling.action is Action.HOLD
-    watched.look(1.0, ground_link=None)  # one heartbeat is no link yet
+    watched.look(1.0, ground_link=None)  # one heartbeat is not enough
     assert watched.ruling.action is Action.HOLD
-    watched.look(2.0)  # still there: on
+    watched.look(2.0)  # the link is back: continue
     assert watched.ruling.action is Action.CONTINUE
 
 
-def test_a_battery_that_empties():
+def test_a_draining_battery_is_an_exit_and_then_an_evacuation():
     watched = Watched().look(battery_reserve="battery 0 at 20% <= 20%").wait(3.1)
     assert watched.ruling.action is Action.EXIT
     watched.look(battery_critical="battery 0 is critical").wait(1.1)
@@ -216,7 +216,7 @@ def test_a_battery_that_empties():
 
 
 @pytest.mark.parametrize("action", LinkLoss)
-def test_what_a_lost_ground_station_does_is_configured(action):
+def test_the_action_of_a_lost_ground_station_is_configured(action):
     watched = Watched(conditions(Supervision(ground_link_action=action)))
     watched.look(ground_link="no ground station for 10 s")
     assert watched.ruling.action.name.lower() == action.value
@@ -226,7 +226,7 @@ def test_what_a_lost_ground_station_does_is_configured(action):
 
 
 def test_the_tables_of_the_manual_are_made_from_the_code():
-    """If not: `python -m moar_companion.safety.conditions_doc configs/README.md`."""
+    """To update: `python -m moar_companion.safety.conditions_doc configs/README.md`."""
     page = (shipped_configs() / "README.md").read_text()
     assert updated(page) == page
     row = next(line for line in page.splitlines() if line.startswith("| `loop_stall`"))
