@@ -108,7 +108,7 @@ def inputs(
     # operator.
     links = (radio[:2], remote[:2], (ground,))
     known_links = source_of(link, now_s, _LINK_MAX_AGE_S).input_report(
-        "known ways to the ground",
+        "known links to the ground",
         sum(any(report.known for report in reports) for reports in links),
         "",
         lambda known: 0.0 if known else model.unknown,
