@@ -204,7 +204,7 @@ def test_no_conductor_to_stand_beside(tmp_path: Path) -> None:
         ("name: tower leg", "name: left-lower", "obstacles[1].polygon.name: is 'left-lower' like"),
     ],
 )
-def test_what_the_site_may_not_hold(old: str, new: str, problem: str, tmp_path: Path) -> None:
+def test_an_invalid_site_file_is_refused(old: str, new: str, problem: str, tmp_path: Path) -> None:
     assert refusal(changed(old, new), tmp_path).startswith(problem)
 
 

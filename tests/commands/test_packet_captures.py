@@ -174,12 +174,12 @@ class TestOfAnOuster:
     pytestmark = recorded
 
     @pytest.mark.parametrize(("name", "count"), [(OUSTERS[0], 21_803), (OUSTERS[1], 27_310)])
-    def test_the_points_are_read_with_its_description(self, name, count):
+    def test_the_points_are_read_with_the_description_of_the_sensor(self, name, count):
         pytest.importorskip("ouster.sdk")
         file, metadata = str(FOLDER / f"{name}.pcap"), str(FOLDER / f"{name}.json")
         assert len(read_capture(file, metadata, None)) == count
 
-    def test_its_description_is_asked_for(self):
+    def test_a_missing_description_is_asked_for(self):
         file = str(FOLDER / f"{OUSTERS[0]}.pcap")
         assert "64 at 7502, 10 at 7503; an Ouster's need --metadata" in refusal(file, None, None)
 

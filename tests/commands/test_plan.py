@@ -156,7 +156,9 @@ def test_the_alternatives_are_listed_and_drawn(plan, site, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("mission", ["inspection", "exit", "evacuation"])
-def test_the_refined_path_is_told_and_drawn_beside_the_plan(mission, plan, site, tmp_path, capsys):
+def test_the_refined_path_is_printed_and_drawn_beside_the_plan(
+    mission, plan, site, tmp_path, capsys
+):
     alone = plan(mission=mission)
     answer = plan("--refine", mission=mission)
     refined = answer.pop("refined")
@@ -193,7 +195,7 @@ def test_no_plan_has_no_alternatives_either(site, tmp_path, capsys):
     assert {other["status"] for other in answer["alternatives"]} == {"out_of_bounds"}
 
 
-def test_the_explanation_is_what_the_risks_did_to_weights_and_path(plan):
+def test_the_explanation_gives_the_effect_of_the_risks_on_weights_and_path(plan):
     vehicle = ("--vehicle", str(vehicle_file("linedrone_uniform")))
     options = (
         "--target",
@@ -227,7 +229,7 @@ def test_calibrated_adaptation_ends_with_the_safest_path(plan):
     assert calibrated["cost"]["safety"] < printed["cost"]["safety"]
 
 
-def test_the_explanation_is_told_in_the_summary(site, capsys):
+def test_the_explanation_is_in_the_summary(site, capsys):
     arguments = ["plan", site, "--mission", "inspection", "--risk", "wind=0.8"]
     assert cli.main([*arguments, "--explain"]) == 0
     explained = capsys.readouterr().out
@@ -392,7 +394,7 @@ def test_a_site_that_lacks_the_mission(mission, changes, key, tmp_path, capsys):
     assert f"less.yaml: {key}: has none" in capsys.readouterr().err
 
 
-def test_a_landing_point_that_nothing_sees_is_named(tmp_path, capsys):
+def test_a_landing_point_that_no_cell_sees_is_named(tmp_path, capsys):
     wall = [[32, -60], [33, -60], [33, 90], [32, 90]]
     file = variant(
         tmp_path / "wall.yaml",
@@ -459,7 +461,7 @@ def test_a_directory_that_may_not_be_written(site, tmp_path, monkeypatch, capsys
     assert not (tmp_path / "a").exists()
 
 
-def test_a_denial_as_flown_names_the_part_of_the_margin_that_takes_the_room(tmp_path, capsys):
+def test_a_denial_as_flown_names_the_part_of_the_margin_that_causes_it(tmp_path, capsys):
     near = variant(
         tmp_path / "near.yaml",
         targets={"near": {"conductor": "right-middle", "standoff_m": 3.0, "side": "right"}},

@@ -52,7 +52,7 @@ def refused(capsys):
     return run
 
 
-def test_a_summary_tells_who_flew_how_great_the_risks_were_and_what_happened(replay):
+def test_a_summary_gives_the_aircraft_the_risks_and_the_events(replay):
     lines = replay(FAILSAFES).splitlines()
     assert lines[0].startswith("ardupilot_failsafes.tlog: ardupilot quadrotor, 54.1 s")
     assert any("battery" in line and "unknown" in line for line in lines)
@@ -128,7 +128,7 @@ def test_a_recording_that_would_fill_the_memory_is_refused(refused, tmp_path, mo
     assert "is too long, must have at most " in refused(path)
 
 
-def test_broken_packets_are_told(replay, tmp_path):
+def test_broken_packets_are_reported(replay, tmp_path):
     broken = bytearray(FAILSAFES.read_bytes())
     packet = [record.packet for record in Tlog(bytes(broken))][20]
     broken[broken.index(packet) + len(packet) - 1] ^= 0xFF
@@ -203,7 +203,7 @@ def test_a_calm_flight_measures_the_drag_in_lines_for_the_vehicle_file(replay, t
         )
 
 
-def test_a_flight_that_tells_no_drag_says_what_it_lacks(refused):
+def test_a_drag_fit_without_the_needed_data_names_what_is_missing(refused):
     line = refused(FAILSAFES, "--fit-drag")
     assert "ardupilot_failsafes.tlog" in line
     assert "drag" in line
@@ -278,7 +278,7 @@ def test_a_broken_log_is_refused_in_one_line(refused, tmp_path, content):
     assert "is no sound ULog" in refused(path)
 
 
-def test_every_sample_says_why_and_what_the_weights_became(replay):
+def test_every_sample_has_the_reasons_and_the_resulting_weights(replay):
     answer = json.loads(replay(FAILSAFES, "--json", "-"), parse_constant=pytest.fail)
     for sample in answer["samples"]:
         assert list(sample["reasons"]) == list(sample["risk"])

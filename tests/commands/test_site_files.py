@@ -257,7 +257,7 @@ def test_points_outside_of_the_area_of_their_coordinate_system_are_one_line(
 
 
 @pytest.mark.parametrize(("system", "told"), [("EPSG:4979", 1), ("EPSG:4326+5773", 0)])
-def test_heights_above_the_ellipsoid_are_told(system, told, scene, tmp_path, capsys):
+def test_heights_above_the_ellipsoid_are_reported(system, told, scene, tmp_path, capsys):
     pyproj = pytest.importorskip("pyproj")
     file, out = tmp_path / "cloud.npz", tmp_path / "out.yaml"
     to_map = pyproj.Transformer.from_crs("EPSG:32618", "EPSG:4326", always_xy=True)
@@ -284,7 +284,7 @@ def test_a_site_whose_landing_place_is_covered_is_shown_without_that_path(tmp_pa
     assert "inspection b" in shown.read_text()
 
 
-def test_a_map_gives_its_survey_as_a_picture_and_tells_what_was_left_out(tmp_path, capsys):
+def test_a_map_gives_a_picture_of_its_survey_and_reports_the_parts_left_out(tmp_path, capsys):
     drawn, out, plot = (tmp_path / name for name in ("drawn.csv", "site.yaml", "site.png"))
     rows = [f"conductor,a,{45 + north * 1e-5},7,20," for north in (-9, 9)]
     rows += ["target,b,45,7.0002,20,", "ground,c,45,7,0,", "tower,T2,45.0003,7,30,2"]
@@ -299,7 +299,7 @@ def test_a_map_gives_its_survey_as_a_picture_and_tells_what_was_left_out(tmp_pat
     assert plan_view.sum() > 20
 
 
-def test_a_site_that_its_users_refuse_is_told(tmp_path, capsys):
+def test_a_site_that_other_commands_refuse_is_reported(tmp_path, capsys):
     drawn, out = tmp_path / "drawn.csv", tmp_path / "site.yaml"
     rows = [f"conductor,a,{45 + north * 1e-5},7,20" for north in (-9, 9)]
     rows += ["outline,a,45,7,10", "outline,a,45,7.0001,10", "outline,a,45,7.0001,15"]

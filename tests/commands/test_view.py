@@ -117,7 +117,7 @@ def test_json_prints_statuses_until_the_service_ends(folder):
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_into_a_pipe_it_prints_lines_until_it_is_interrupted(served, number):
+def test_into_a_pipe_the_view_prints_lines_until_it_is_interrupted(served, number):
     with companion("view", served) as viewing:
         assert "idle" in viewing.stdout.readline()
         viewing.send_signal(number)
@@ -125,7 +125,7 @@ def test_into_a_pipe_it_prints_lines_until_it_is_interrupted(served, number):
         assert (viewing.returncode, errors) == (0, "")
 
 
-def test_into_a_pipe_a_service_that_hangs_is_told_from_one_that_flies(folder):
+def test_into_a_pipe_a_service_that_hangs_is_distinguished_from_one_that_flies(folder):
     with (
         service(folder, *configured(folder)) as serving,
         companion("view", "view.sock") as viewing,
@@ -139,7 +139,7 @@ def test_into_a_pipe_a_service_that_hangs_is_told_from_one_that_flies(folder):
         assert "idle" in next(line for line in viewing.stdout if "no word" not in line)
 
 
-def test_on_a_terminal_it_draws_pages_until_q_is_typed_and_gives_the_terminal_back(served):
+def test_on_a_terminal_the_view_draws_pages_until_q_and_then_restores_the_terminal(served):
     ours, theirs = pty.openpty()
     with companion(
         "view", served, stdin=theirs, stdout=theirs, environment={"TERM": "xterm"}
@@ -194,7 +194,7 @@ def test_a_second_service_leaves_the_view_to_the_first(view, served, folder):
         ("x" * 200, "AF_UNIX path too long"),
     ],
 )
-def test_where_nobody_serves_it_says_so_in_one_line(view, path, reason):
+def test_a_view_without_a_service_is_one_line(view, path, reason):
     status, output, errors = view(path)
     assert (status, output, errors) == (1, "", f"moar-companion: {path}: {reason}\n")
 
@@ -213,7 +213,7 @@ def test_where_nobody_serves_it_says_so_in_one_line(view, path, reason):
     ],
     ids=["text", "a list", "no text", "no end", "deep", "null", "other keys"],
 )
-def test_another_program_on_the_socket_is_told_from_a_service(view, says):
+def test_another_program_on_the_socket_is_distinguished_from_a_service(view, says):
     with other_program(says):
         status, output, errors = view("view.sock")
     assert (status, output) == (1, "")
@@ -221,7 +221,7 @@ def test_another_program_on_the_socket_is_told_from_a_service(view, says):
 
 
 @pytest.mark.usefixtures("folder")
-def test_a_service_that_ends_before_it_has_spoken(view):
+def test_a_service_that_ends_before_its_first_status_is_reported(view):
     with other_program(b'{"mission"', stays=False):
         status, _, errors = view("view.sock", "--once")
     assert (status, errors) == (1, "moar-companion: view.sock: the service has ended\n")

@@ -277,7 +277,7 @@ def test_a_file_with_every_key_loads(file, tmp_path):
         if any(type(value) in KINDS[kind] for _, value in walk(content))
     ],
 )
-def test_a_wrong_value_is_named_with_what_is_allowed(
+def test_a_wrong_value_is_named_with_the_allowed_values(
     kind, bad, told, allowed, file, tmp_path, capsys
 ):
     text, keys = with_all(file, KINDS[kind], bad)
@@ -310,7 +310,7 @@ def test_a_number_out_of_range_is_named_with_its_limit(side, file, tmp_path, cap
 
 
 @pytest.mark.parametrize(("file", "key"), keys_of(dict, list))
-def test_what_is_no_mapping_or_list_is_named(file, key, tmp_path, capsys):
+def test_a_value_that_is_no_mapping_or_list_is_named(file, key, tmp_path, capsys):
     kind = type(parent(FILES[file][1], key)[key[-1]])
     word = "a mapping" if kind is dict else "a list"
     for bad, told in STRUCTURES[kind]:
@@ -356,7 +356,7 @@ def test_only_a_required_key_must_be_there(file, tmp_path, capsys):
 
 
 @pytest.mark.parametrize("file", FILES)
-def test_an_unknown_key_is_named_with_those_there_are(file, tmp_path, capsys):
+def test_an_unknown_key_is_named_with_the_known_keys(file, tmp_path, capsys):
     content = copy.deepcopy(FILES[file][1])
     mappings = [key for key, value in walk(content) if type(value) is dict]
     for key in mappings:
@@ -382,7 +382,7 @@ MISSPELT = {
 
 @pytest.mark.parametrize("file", FILES)
 @pytest.mark.parametrize("slip", MISSPELT)
-def test_a_misspelt_key_is_named_with_what_was_meant(slip, file, tmp_path, capsys):
+def test_a_misspelt_key_is_named_with_the_key_that_was_meant(slip, file, tmp_path, capsys):
     keys = [
         (key, type(value) in (dict, list))
         for key, value in walk(FILES[file][1])

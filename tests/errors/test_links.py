@@ -81,7 +81,7 @@ UNHAD = {
 
 @pytest.mark.parametrize("command", [[], ["check"]], ids=["the service", "check"])
 @pytest.mark.parametrize(("url", "line"), UNHAD.values(), ids=UNHAD)
-def test_a_link_that_cannot_be_had_is_named_with_status_1(command, url, line, capsys):
+def test_a_link_that_cannot_be_opened_is_named_with_status_1(command, url, line, capsys):
     argv = [*command, "--connect", url]
     if not command:
         assert one_line(argv, 1, capsys) == line
@@ -105,7 +105,7 @@ UNUSABLE = {
 
 
 @pytest.mark.parametrize(("url", "problem"), UNUSABLE.values(), ids=UNUSABLE)
-def test_a_url_that_is_none_is_named_as_option_and_as_key(url, problem, tmp_path, capsys):
+def test_an_invalid_url_is_named_as_option_and_as_key(url, problem, tmp_path, capsys):
     line = one_line(["--connect", url], 2, capsys)
     assert line.startswith(f"--connect: {url!r} ")
     assert problem in line
@@ -129,20 +129,20 @@ LINKS = {
 
 
 @pytest.mark.parametrize(("links", "problem"), LINKS.values(), ids=LINKS)
-def test_links_that_make_no_sense_together(links, problem, tmp_path, capsys):
+def test_links_that_exclude_each_other_are_refused(links, problem, tmp_path, capsys):
     arguments = configured(tmp_path, links=links)
     assert one_line(arguments, 2, capsys) == f"{arguments[1]}: {problem}"
 
 
 @pytest.mark.parametrize("named", ["udp::14551", "udp:127.0.0.1:14540"])
-def test_a_link_that_commands_but_is_none_is_named(named, tmp_path, capsys):
+def test_a_link_with_authority_that_is_not_configured_is_named(named, tmp_path, capsys):
     links, commands = [{"url": "udp::14550"}], {"links": ["udp::14550", named]}
     arguments = configured(tmp_path, links=links, commands=commands)
     problem = f"commands.links[1]: is {named!r}, must be one of the links (udp::14550)"
     assert one_line(arguments, 2, capsys) == f"{arguments[1]}: {problem}"
 
 
-def test_a_serial_port_that_another_program_has(capsys):
+def test_a_serial_port_in_use_by_another_program_is_named(capsys):
     first, second = pty.openpty()
     url = f"serial:{os.ttyname(second)}:57600"
     try:
@@ -155,7 +155,7 @@ def test_a_serial_port_that_another_program_has(capsys):
     assert line == f"{url}: in use by another program"
 
 
-def test_a_tcp_peer_that_is_not_there_is_told_once_and_waited_for():
+def test_an_absent_tcp_peer_is_reported_once_and_the_service_waits_for_it():
     with (
         taken(socket.SOCK_STREAM) as port,
         service("--connect", f"tcp:127.0.0.1:{port}") as running,
@@ -165,7 +165,7 @@ def test_a_tcp_peer_that_is_not_there_is_told_once_and_waited_for():
         assert running.poll() is None
 
 
-def test_without_an_autopilot_the_service_says_so_once_and_waits():
+def test_a_missing_autopilot_is_reported_once_and_the_service_waits_for_it():
     with taken() as port:
         pass
     url = f"udp:127.0.0.1:{port}"

@@ -76,7 +76,7 @@ def test_a_disk_that_is_full_in_the_middle_leaves_no_half_file(tmp_path):
     assert files["--maps"].read_bytes() == b"old"
 
 
-def test_stdout_that_is_full_or_read_by_nobody(recording):
+def test_a_full_stdout_is_one_line_and_a_closed_stdout_is_silent(recording):
     commands = {
         "check": ["check", "--files"],
         "replay --json": ["replay", recording, "--json", "-"],

@@ -73,7 +73,9 @@ def test_an_order_is_taken_once():
         (-1.0, 2.0, "given before the companion's start"),
     ],
 )
-def test_an_order_out_of_the_window_or_of_before_the_start_is_refused(given_s, now_s, reason):
+def test_an_order_outside_the_time_window_or_from_before_the_start_is_refused(
+    given_s, now_s, reason
+):
     payload = signed_order(order(time_s=START_S + given_s), "a1", KEY)
     assert refused(checks().check(payload, START_S + now_s)) == reason
 
@@ -103,7 +105,7 @@ def test_an_order_that_the_broker_kept_is_refused():
         ({"speed": 3}, "speed: "),
     ],
 )
-def test_a_signed_order_that_is_none_is_refused_with_the_field(change, told):
+def test_a_signed_payload_that_is_no_order_is_refused_with_the_field(change, told):
     content = json.loads(order().model_dump_json()) | change
     assert refused(checks().check(signed_text(json.dumps(content)), START_S + 6.0)).startswith(told)
 
@@ -147,7 +149,7 @@ def answers(desk, link):
     return [(item.order_id, item.result.name, item.reason) for item in link.answers(packets)]
 
 
-def test_an_order_flies_as_a_ground_stations_and_is_answered_with_its_words():
+def test_an_mqtt_order_is_flown_and_answered_like_an_order_of_a_ground_station():
     desk, link = taking_orders().run(2.0), OrderLink(195)
     give(desk, link, "first", "inspection").run_until("ready")
     assert answers(desk, link) == [("first", "ACCEPTED", "")]
@@ -158,7 +160,7 @@ def test_an_order_flies_as_a_ground_stations_and_is_answered_with_its_words():
     assert answers(desk, link)[-1] == ("third", "ACCEPTED", "")
 
 
-def test_a_denied_order_is_told_why():
+def test_a_denied_order_is_answered_with_the_reason():
     desk, link = taking_orders().run(2.0), OrderLink(195)
     give(desk, link, "far", "inspection", 99).run(0.2)
     ((nonce, result, reason),) = answers(desk, link)

@@ -32,7 +32,7 @@ def published(status, publication=None, now_s=0.0):
     return {message.topic.removeprefix("moar/a1/"): message for message in messages}
 
 
-def test_before_anything_is_heard_every_payload_but_the_plan_tells_what_is_unknown():
+def test_before_the_first_packet_every_payload_but_the_plan_marks_unknown_values():
     told = published(status_of(Desk()))
     assert set(told) == {topic.name for topic in TOPICS} - {"plan"}
     assert strict(told["battery"].payload)["remaining"] is None
@@ -41,7 +41,7 @@ def test_before_anything_is_heard_every_payload_but_the_plan_tells_what_is_unkno
     assert [index["known"] for index in risks.values()] == [False] * 4
 
 
-def test_in_flight_the_payloads_say_what_the_status_says():
+def test_in_flight_the_payloads_have_the_values_of_the_status():
     status = status_of(flying())
     told = {name: strict(item.payload) for name, item in published(status).items()}
     assert set(told) == {topic.name for topic in TOPICS}
@@ -64,7 +64,7 @@ def test_in_flight_the_payloads_say_what_the_status_says():
     )
 
 
-def test_of_the_risks_inputs_those_are_told_that_were_ever_heard():
+def test_only_risk_inputs_that_were_received_are_published():
     status = status_of(flying())
     told = strict(published(status)["risk/inputs"].payload)["inputs"]
     for name, index in status["risk"].items():
@@ -111,7 +111,7 @@ def test_each_topic_comes_as_often_as_the_table_says():
     }
 
 
-def test_events_are_told_at_once_and_only_when_their_content_changes():
+def test_events_are_published_at_once_and_only_when_their_content_changes():
     publication, status = Publication("a1"), status_of(flying())
     published(status, publication)
     later = {**status, "time_s": status["time_s"] + 1.0}
@@ -125,7 +125,7 @@ def test_events_are_told_at_once_and_only_when_their_content_changes():
     assert (told["mission"].qos, told["mission"].retain) == (1, True)
 
 
-def test_after_a_new_connection_everything_is_told_anew():
+def test_after_a_new_connection_every_topic_is_published_again():
     publication, status = Publication("a1"), status_of(flying())
     published(status, publication)
     assert not published(status, publication)
@@ -133,14 +133,14 @@ def test_after_a_new_connection_everything_is_told_anew():
     assert set(published(status, publication)) == {topic.name for topic in TOPICS}
 
 
-def test_statuses_that_come_late_are_not_made_up_for():
+def test_late_statuses_are_skipped():
     publication, status = Publication("a1"), status_of(flying())
     published(status, publication, 0.0)
     assert "position" in published(status, publication, 60.0)
     assert "position" not in published(status, publication, 60.1)
 
 
-def test_no_topic_is_told_twice_and_every_row_of_the_table_has_its_schema():
+def test_no_topic_is_published_twice_and_every_row_of_the_table_has_its_schema():
     names = [topic.name for topic in TOPICS]
     assert len(set(names)) == len(names)
     assert all(f"{name.replace('/', '_')}.json" in schemas() for name in names)
@@ -185,7 +185,7 @@ def fits(value, schema, definitions):
             fits(item, schema["properties"][key], definitions)
 
 
-def test_a_will_knows_no_time():
+def test_a_last_will_has_no_time():
     assert strict(payloads.Online(online=False).model_dump_json()) == {
         "online": False,
         "since_s": None,

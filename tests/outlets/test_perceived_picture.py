@@ -60,7 +60,7 @@ def test_an_outline_has_the_time_at_which_it_was_reported_first():
     assert SeenStory.of(DECISIONS).solids == ((3.0, OUTLINE),)
 
 
-def test_before_the_first_place_it_was_seen_from_nowhere():
+def test_a_conductor_seen_before_the_first_position_has_no_viewpoint():
     (sight,) = SeenStory.of([*DECISIONS[:1], seen(0.1, ("seen-1", 1.0, 2.0))]).conductors
     assert all(math.isnan(each) for each in sight.from_m)
 
@@ -86,7 +86,7 @@ def rgb(colour):
     return tuple(round(255 * part) for part in colour[:3])
 
 
-def test_what_was_seen_is_drawn_over_what_is_there_and_what_was_told(tmp_path):
+def test_seen_obstacles_are_drawn_over_the_true_and_the_configured_ones(tmp_path):
     true = SITE.with_obstacles((*SITE.obstacles, JIB))
     told = replace(SITE, obstacles=())
     flown = [(27.0, 2.5), (27.0, 5.0)]

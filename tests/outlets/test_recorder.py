@@ -52,7 +52,7 @@ def test_decisions_are_one_json_object_a_line_with_wall_clock_times(tmp_path):
     ]
 
 
-def test_what_was_written_is_in_the_files_before_they_are_closed(tmp_path, monkeypatch):
+def test_written_records_are_in_the_files_before_they_are_closed(tmp_path, monkeypatch):
     monkeypatch.setattr(recorder_module, "_PERIOD_S", 0.0)
     recorder = Recorder(tmp_path, OFFSET_S, 0.0)
     recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
@@ -95,7 +95,7 @@ def told(caplog):
     return [record.getMessage() for record in caplog.records]
 
 
-def test_a_disk_that_stands_still_keeps_nobody_waiting_and_what_is_recorded_has_no_gap(
+def test_a_stalled_disk_delays_no_caller_and_the_recorded_data_has_no_gap(
     tmp_path, monkeypatch, caplog
 ):
     monkeypatch.setattr(recorder_module, "_PERIOD_S", 0.0)
@@ -116,7 +116,7 @@ def test_a_disk_that_stands_still_keeps_nobody_waiting_and_what_is_recorded_has_
     assert len(told(caplog)) == 1
 
 
-def test_the_end_does_not_wait_for_ever_for_a_disk_that_stands_still(tmp_path, monkeypatch, caplog):
+def test_the_end_does_not_wait_for_ever_for_a_stalled_disk(tmp_path, monkeypatch, caplog):
     monkeypatch.setattr(background_writer, "_LAST_WRITE_S", 0.1)
     disks = stop_recordings(monkeypatch)
     recorder = Recorder(tmp_path, OFFSET_S, 0.0)

@@ -90,7 +90,7 @@ def test_crosses_a_vertical_plane_where_the_wire_does():
 
 
 @pytest.mark.parametrize("distance_m", [0.3, 0.4, 0.5])
-def test_the_two_wires_of_a_bundle_are_told_apart(distance_m):
+def test_the_two_wires_of_a_bundle_are_separated(distance_m):
     scene, cloud = points(8, Wire(lateral_m=2.0, lowest_m=15.0, bundle_m=distance_m))
     _, wires, sigma = wires_of(cloud, fit(cloud, scene.along))
     middle = scene.place(100.0, 0.0, 0.0)

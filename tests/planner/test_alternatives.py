@@ -68,5 +68,5 @@ def test_where_there_is_no_plan_there_is_none_under_any_risk(planner):
         (RiskIndices(wind=1.0, battery=0.25), "wind 1, battery 0.25"),
     ],
 )
-def test_risks_in_words(risk, words):
+def test_risks_are_described_in_text(risk, words):
     assert risk_words(risk) == words

@@ -34,7 +34,7 @@ def changed(rng, site):
 
 @properties
 @given(seeds)
-def test_repaired_maps_are_those_built_anew(seed):
+def test_repaired_maps_equal_new_maps(seed):
     rng = random.Random(seed)
     problem = random_problem(rng)
     site, vehicle = problem.site, problem.vehicle
@@ -52,7 +52,7 @@ def test_repaired_maps_are_those_built_anew(seed):
 
 @properties
 @given(seeds)
-def test_each_cell_knows_which_obstacle_is_the_nearest(seed):
+def test_each_cell_has_the_nearest_obstacle(seed):
     rng = random.Random(seed)
     site = random_problem(rng).site
     before = Clearances.over(GRID, site.obstacles)
@@ -79,7 +79,7 @@ def test_without_obstacles_nothing_is_near():
 
 
 @pytest.mark.parametrize("known", [0, 1])
-def test_what_is_known_of_the_same_obstacles_on_the_same_grid_is_taken(known):
+def test_clearances_of_the_same_obstacles_on_the_same_grid_are_reused(known):
     obstacles = (conductor(5.0, 4.0), conductor(2.0, 2.0, name="other"))
     own = Clearances.over(GRID, obstacles)
     elsewhere = Clearances.over(Grid.over((1.0, 0.0), (10.0, 8.0), 0.5), obstacles)

@@ -120,7 +120,7 @@ def test_a_refined_path_begins_and_ends_as_the_plan_does(seed):
     assert found.waypoints.time_s[count - 1] == pytest.approx(found.cost.time, rel=0.2, abs=1e-9)
 
 
-def test_where_nothing_is_in_the_way_the_straight_line_is_the_best():
+def test_without_obstacles_the_straight_line_is_the_best():
     site = make_site(size=(10.0, 8.0), resolution=0.25, start=(0.6, 0.6), targets={"a": (9.1, 4.4)})
     planner = Planner(site, make_vehicle(**ALWAYS_3_MPS))
     plan = planner.plan(mission="inspection", weights=Weights(0.0, 0.8, 0.2))
@@ -196,7 +196,7 @@ def test_a_plan_of_one_state_stays_where_it_is():
         assert found.metrics.velocity_change_mps == pytest.approx(velocity[0])
 
 
-def test_the_position_uncertainty_is_kept_from_as_well():
+def test_the_position_uncertainty_is_added_to_the_required_clearance():
     wall = polygon((4.8, 0.0), (5.2, 0.0), (5.2, 5.0), (4.8, 5.0))
     site = make_site(wall, resolution=0.25, start=(1.1, 1.1), targets={"a": (8.9, 1.1)})
     vehicle = make_vehicle(**ALWAYS_3_MPS)
@@ -209,7 +209,7 @@ def test_the_position_uncertainty_is_kept_from_as_well():
         assert kept_m < vehicle.radius_m + uncertainty_m + 0.25
 
 
-def test_what_is_no_path_on_the_planners_maps_is_refused():
+def test_a_path_that_is_not_on_the_planners_maps_is_refused():
     site = make_site(conductor(5.0, 4.0))
     planner = Planner(site, make_vehicle())
     plan = planner.plan(mission="inspection")

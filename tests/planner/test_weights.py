@@ -29,7 +29,7 @@ def test_without_risk_the_weights_stay():
          (1.15, 0.85, 1.35)),
     ],
 )  # fmt: skip
-def test_each_risk_shifts_the_weights_as_equation_9_says(risk, factors):
+def test_each_risk_shifts_the_weights_by_equation_9(risk, factors):
     adjusted = MIDDLE.adjusted(RiskIndices(**risk))
     expected = [factor / sum(factors) for factor in factors]
     assert (adjusted.safety, adjusted.time, adjusted.energy) == pytest.approx(expected)

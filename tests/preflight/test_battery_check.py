@@ -44,7 +44,7 @@ def test_a_battery(remaining, voltage_v, level, words):
     assert bool(finding.remedy) is (level >= WARNING)
 
 
-def test_a_battery_that_tells_nothing_is_no_go_and_beside_one_that_tells_a_warning():
+def test_a_silent_battery_is_a_no_go_and_a_warning_beside_a_battery_that_reports():
     nothing = found(remaining=None, voltage_v=None)
     assert (nothing.level, nothing.text) == (
         NO_GO,
@@ -63,7 +63,7 @@ def test_a_battery_that_tells_nothing_is_no_go_and_beside_one_that_tells_a_warni
 
 
 @pytest.mark.parametrize(("told", "level"), [(4, OK), (5, NO_GO), (3, NO_GO), (None, OK)])
-def test_the_number_of_cells_is_compared_with_what_the_battery_tells(told, level):
+def test_the_number_of_cells_is_compared_with_that_of_the_battery(told, level):
     finding = found(remaining=0.7, voltage_v=15.6, cells=4, told_cells=told)
     assert finding.level is level
     assert (f"voltages of {told} cells, and the vehicle file says 4" in finding.text) is (
@@ -72,7 +72,7 @@ def test_the_number_of_cells_is_compared_with_what_the_battery_tells(told, level
     assert ("correct risk.cells" in finding.remedy) is (level is NO_GO)
 
 
-def test_a_battery_that_tells_its_cells_says_what_the_vehicle_file_lacks():
+def test_the_cells_that_a_battery_reports_are_proposed_for_the_vehicle_file():
     finding = found(remaining=0.7, voltage_v=15.6, cells=None, told_cells=4)
     assert finding.level is NOTE
     assert finding.text.endswith("without risk.cells in the vehicle file, which is 4")

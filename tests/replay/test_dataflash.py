@@ -47,7 +47,7 @@ def test_the_frame_decides_how_many_motors_there_are():
     assert not plane.leans
 
 
-def test_the_autopilot_lives_while_it_logs():
+def test_the_autopilot_counts_as_connected_while_it_logs():
     attitude = ("ATT", {"Roll": 0.0, "Pitch": 0.0, "Yaw": 0.0})
     assert telemetry(GUIDED, attitude, attitude).autopilot.received_s == 3.0
 
@@ -87,7 +87,7 @@ def test_home_is_about_the_estimators_origin():
     assert home.position_ned_m == pytest.approx((0.0, 0.0, 5.0))
 
 
-def test_the_estimators_health_has_none_for_what_is_not_used():
+def test_the_estimators_health_has_none_for_unused_sensors():
     found = telemetry(("XKF4", HEALTH)).estimator
     assert found.horizontal_position_ok
     assert (found.velocity_innovation, found.height_innovation) == (0.1, None)
@@ -181,7 +181,7 @@ def test_a_log_that_is_cut_short_is_replayed_to_its_end(tmp_path, vehicle):
 
 
 @pytest.mark.parametrize("garbage", [b"", bytes(200), bytes(range(256))])
-def test_of_a_log_of_garbage_nothing_is_known(tmp_path, vehicle, garbage):
+def test_a_log_of_random_bytes_gives_no_telemetry(tmp_path, vehicle, garbage):
     path = tmp_path / "broken.bin"
     path.write_bytes(log()[:89] + garbage)
     with contextlib.suppress(InputError):

@@ -52,7 +52,7 @@ def place_at(planner):
 
 
 @pytest.mark.parametrize("told", [by_gnss, by_its_estimator])
-def test_a_position_is_known_for_two_seconds(place_at, told):
+def test_a_position_is_valid_for_two_seconds(place_at, told):
     telemetry = told((26.0, 0.5, 5.0))
     assert place_at(telemetry, HEARD_S + 1.9).position_m == pytest.approx((26.0, 0.5, 5.0), abs=0.1)
     assert place_at(telemetry, HEARD_S + 2.1) is None
@@ -71,7 +71,7 @@ def test_without_a_position_there_is_no_place(place_at):
     assert place_at(Telemetry(autopilot=PX4), HEARD_S) is None
 
 
-def test_an_escape_route_is_planned_with_the_margin_also_from_within_it():
+def test_an_escape_route_is_planned_with_the_margin_also_from_within_the_margin():
     """1.5 m below a conductor: an X500's hull is nearer to it than PX4's margin allows."""
     file = shipped_configs() / "sites" / "315kv_double_circuit.yaml"
     site_position = replay._site_position(str(file), VEHICLE)

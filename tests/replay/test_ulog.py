@@ -89,7 +89,7 @@ def test_a_position_counts_where_the_estimator_calls_it_valid():
     assert telemetry("vehicle_local_position", **(POSITION | {"x": NAN})) == Telemetry()
 
 
-def test_the_origin_is_known_once_it_is_global():
+def test_the_origin_is_used_once_it_is_global():
     reference = {"ref_lat": 45.0, "ref_lon": -72.0, "ref_alt": 200.0, "xy_global": 1, "z_global": 1}
     origin = telemetry("vehicle_local_position", **POSITION, **reference).local_origin
     assert (origin.point.latitude_deg, origin.point.altitude_amsl_m) == (45.0, 200.0)
@@ -136,17 +136,17 @@ def test_a_logged_warning_is_the_charge_state_that_px4_sends(warning, charge_sta
     ],
     ids=lambda value: value if isinstance(value, str) else "",
 )
-def test_what_says_unknown_is_unknown(name, fields):
+def test_a_logged_unknown_value_is_unknown(name, fields):
     assert telemetry(name, **fields) == Telemetry()
 
 
-def test_wind_blows_towards_where_the_log_says():
+def test_the_wind_direction_is_that_of_the_log():
     wind = telemetry("wind", windspeed_north=3.0, windspeed_east=-4.0, variance_north=0.2).wind
     assert wind.velocity_ned_mps == (3.0, -4.0, 0.0)
 
 
 @pytest.mark.parametrize(("north_mps", "variance_m2ps2"), [(0.0, 0.0), (7.0, 0.0), (7.0, NAN)])
-def test_a_wind_without_a_variance_is_what_its_message_says(north_mps, variance_m2ps2):
+def test_a_wind_without_a_variance_is_that_of_its_message(north_mps, variance_m2ps2):
     fields = {"windspeed_east": 0.0, "variance_east": variance_m2ps2}
     logged = telemetry(
         "wind", windspeed_north=north_mps, variance_north=variance_m2ps2, **fields
@@ -155,7 +155,7 @@ def test_a_wind_without_a_variance_is_what_its_message_says(north_mps, variance_
     assert logged == said
 
 
-def test_a_wind_is_as_uncertain_as_its_message_says():
+def test_the_uncertainty_of_the_wind_is_that_of_its_message():
     wind = {"windspeed_north": 0.0, "windspeed_east": 0.0}
     logged = telemetry("wind", **wind, variance_north=4.0, variance_east=14.0).wind
     assert logged.deviation_mps == pytest.approx(3.0)
@@ -190,7 +190,7 @@ def test_a_radio_is_read_as_its_message(signals):
     assert logged == said
 
 
-def test_of_several_estimators_the_one_it_is_flown_by_speaks():
+def test_of_several_estimators_the_selected_one_is_read():
     first, second = {"pos_horiz_accuracy": 0.3}, {"pos_horiz_accuracy": 4.0}
     both = [("estimator_status", first), ("estimator_status:1", second)]
 
@@ -212,14 +212,14 @@ def test_accuracy_of_nothing_is_unknown():
     )
 
 
-def test_a_signal_of_none_from_the_start_is_not_told():
+def test_a_signal_strength_of_zero_from_the_start_is_unknown():
     assert telemetry("input_rc", rssi=0).remote_control.rssi is None
     lost = received(("input_rc", {"rssi": 80}), ("input_rc", {"rssi": 0})).telemetry
     assert lost.remote_control.rssi == 0.0
     assert telemetry("input_rc", rssi=-1).remote_control.rssi is None
 
 
-def test_ground_stations_are_heard_by_a_flag_or_by_the_times_of_their_heartbeats():
+def test_ground_stations_are_received_by_a_flag_or_by_the_times_of_their_heartbeats():
     flag = telemetry("telemetry_status", heartbeat_type_gcs=1)
     assert flag.ground_station.received_s == 1.0
     slots = {"heartbeats[1].type": 6, "heartbeats[1].timestamp": 4 * 10**5}
@@ -232,7 +232,7 @@ def test_outputs_that_idle_are_not_in_use():
     assert motors.pulse_us == (1500, 1600)
 
 
-def test_standing_and_flying_are_told():
+def test_on_ground_and_in_air_are_reported():
     assert telemetry("vehicle_land_detected", landed=1).landed.state is LandedState.ON_GROUND
     assert telemetry("vehicle_land_detected", landed=0).landed.state is LandedState.IN_AIR
 
@@ -273,7 +273,7 @@ def test_two_batteries_and_a_vtol_on_the_ground_that_has_no_position():
 
 @pytest.mark.recordings
 @pytest.mark.skipif(not LOGS, reason="no recordings beside the checkout")
-def test_a_log_on_the_bench_knows_little():
+def test_a_log_on_the_bench_has_few_values():
     pytest.importorskip("pyulog")
     vehicle = Vehicle.load(shipped_configs() / "vehicles" / "linedrone.yaml")
     replay = played(str(LOGS[0]), vehicle)

@@ -63,7 +63,7 @@ def serve(received, seconds, **config):
             return messages
 
 
-def test_the_status_tells_the_time_of_a_clock_that_is_set_later(monkeypatch):
+def test_the_status_has_the_time_of_a_clock_that_is_set_later(monkeypatch):
     config = CompanionConfig(vehicle=VEHICLE)
     monkeypatch.setattr(time, "time", lambda: 1000.0)
     service = Service(config, Companion(config, Vehicle.load(VEHICLE), None), None, None)
@@ -101,7 +101,7 @@ def stamps(data):
         data = data[8 + data[9] + 12 :]
 
 
-def test_control_of_a_cycle_too_long_ago_is_not_sent(received, monkeypatch):
+def test_control_output_of_an_old_cycle_is_not_sent(received, monkeypatch):
     cycles, followed = [], set()
     tick, ask = Companion.tick, Companion.control_to_send
 
@@ -148,7 +148,9 @@ def test_control_that_is_paused_on_its_escape_route_is_not_sent(
     assert modes.count(0) == 1
 
 
-def test_after_a_stall_what_has_waited_is_heard_before_anything_is_sent(received, monkeypatch):
+def test_after_a_stall_waiting_packets_are_received_before_any_packet_is_sent(
+    received, monkeypatch
+):
     autopilot = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
     said = [autopilot.heartbeat_encode(2, 12, 209, mode, 4) for mode in (*[OFFBOARD] * 4, POSCTL)]
     waiting = [bytes(message.pack(autopilot)) for message in said]
@@ -199,7 +201,9 @@ def test_the_watchdog_is_fed_by_cycles_that_are_sent_in_time_alone(
     assert told == {b"READY=1", b"STOPPING=1", *([b"WATCHDOG=1"] if fed else [])}
 
 
-def test_the_companion_is_told_what_the_computer_has_left(received, tmp_path, monkeypatch):
+def test_the_companion_receives_the_free_memory_and_disk_of_the_computer(
+    received, tmp_path, monkeypatch
+):
     asked, told = set(), set()
 
     def left(recordings):
@@ -214,7 +218,7 @@ def test_the_companion_is_told_what_the_computer_has_left(received, tmp_path, mo
     assert told == {Host(disk_free=3e9, memory_available=2e8)}
 
 
-def test_a_disk_that_stands_still_holds_up_neither_the_cycles_nor_the_end(
+def test_a_stalled_disk_delays_neither_the_cycles_nor_the_end(
     received, tmp_path, monkeypatch, caplog
 ):
     answers, looks, usage = threading.Event(), [], shutil.disk_usage

@@ -99,7 +99,7 @@ def test_another_programs_reader_gets_birth_every_topic_and_the_end(port, reader
         assert all(retained for *_, retained in late.messages)
 
 
-def test_a_reader_that_reads_nothing_holds_up_nobody(port, reader, tmp_path, monkeypatch):
+def test_a_reader_that_reads_nothing_delays_no_other(port, reader, tmp_path, monkeypatch):
     later_s = itertools.count(0.0, 10.0)
     monkeypatch.setattr(mqtt_publisher, "clock_s", lambda: next(later_s))
     with (
@@ -115,7 +115,7 @@ def test_a_reader_that_reads_nothing_holds_up_nobody(port, reader, tmp_path, mon
         assert loop.client.connected
 
 
-def test_nothing_waits_for_a_broker_that_is_away_and_one_line_tells_of_it(tmp_path, caplog):
+def test_an_absent_broker_delays_no_call_and_is_logged_in_one_line(tmp_path, caplog):
     with (
         caplog.at_level(logging.INFO, logger="moar_companion"),
         publishing(f"mqtt://127.0.0.1:{free_tcp_port()}", tmp_path) as loop,
@@ -128,7 +128,7 @@ def test_nothing_waits_for_a_broker_that_is_away_and_one_line_tells_of_it(tmp_pa
     assert caplog.messages[0].endswith(": Connection refused; flying on, trying again")
 
 
-def test_of_a_broker_that_takes_nothing_the_newest_status_alone_is_kept(
+def test_for_a_broker_that_takes_nothing_only_the_newest_status_is_kept(
     tmp_path, caplog, monkeypatch
 ):
     monkeypatch.setattr(mqtt_client, "_TIMEOUT_S", 30.0)
@@ -147,7 +147,7 @@ def test_of_a_broker_that_takes_nothing_the_newest_status_alone_is_kept(
 
 
 @pytest.mark.parametrize("greeting", [b"", CONNACK], ids=["at once", "after its greeting"])
-def test_a_broker_that_stops_answering_is_left_and_tried_again(tmp_path, caplog, greeting):
+def test_a_broker_that_stops_answering_is_disconnected_and_tried_again(tmp_path, caplog, greeting):
     with (
         caplog.at_level(logging.INFO, logger="moar_companion"),
         hanging(greeting) as (port, taken),
@@ -163,7 +163,7 @@ def test_a_broker_that_stops_answering_is_left_and_tried_again(tmp_path, caplog,
 
 
 @pytest.mark.slow
-def test_after_a_restart_of_the_broker_everything_is_told_anew(tmp_path, caplog):
+def test_after_a_restart_of_the_broker_every_topic_is_published_again(tmp_path, caplog):
     port = free_tcp_port()
     with (
         caplog.at_level(logging.INFO, logger="moar_companion"),
@@ -206,7 +206,7 @@ def tls_port(tmp_path_factory):
     ],
     ids=["right", "the broker's is of another authority", "ours is of another authority"],
 )
-def test_certificates_have_to_fit(tls_port, tmp_path, caplog, authority, name, told):
+def test_certificates_have_to_match(tls_port, tmp_path, caplog, authority, name, told):
     with (
         caplog.at_level(logging.INFO, logger="moar_companion"),
         publishing(
@@ -241,7 +241,9 @@ def with_model(running, reader, vehicle):
     return reader.of("mission", vehicle)
 
 
-def test_the_service_publishes_and_when_it_is_killed_its_will_is_told(port, reader, tmp_path):
+def test_the_service_publishes_and_when_it_is_killed_its_last_will_is_published(
+    port, reader, tmp_path
+):
     with companion(*configured(tmp_path, port)) as running:
         wait_until(lambda: with_model(running, reader, "a2"))
         assert reader.of("mission", "a2")[-1]["state"] == "idle"
@@ -261,7 +263,7 @@ def test_a_broker_that_hangs_does_not_delay_the_end(tmp_path):
         assert "Traceback" not in errors
 
 
-def test_without_a_broker_its_library_is_not_read():
+def test_without_a_broker_the_mqtt_library_is_not_loaded():
     loaded = "import sys, moar_companion.service.app; print(*sys.modules)"
     modules = subprocess.run(
         [sys.executable, "-c", loaded], capture_output=True, text=True, check=True

@@ -34,7 +34,7 @@ def told(manager):
             return received
 
 
-def test_a_manager_is_told(manager):
+def test_a_service_manager_is_notified(manager):
     notify("READY=1")
     assert told(manager) == [b"READY=1"]
 
@@ -66,7 +66,9 @@ def test_after_a_pause_it_is_fed_once(manager, monkeypatch):
 @pytest.mark.parametrize(
     "environment", [{}, {"WATCHDOG_USEC": "100000", "WATCHDOG_PID": "1"}, {"WATCHDOG_USEC": "soon"}]
 )
-def test_a_manager_that_does_not_ask_this_process_is_not_told(environment, manager, monkeypatch):
+def test_a_service_manager_that_does_not_ask_this_process_is_not_notified(
+    environment, manager, monkeypatch
+):
     for name, value in environment.items():
         monkeypatch.setenv(name, value)
     Watchdog().feed(50.0)

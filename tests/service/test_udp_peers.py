@@ -65,7 +65,7 @@ def port():
 
 
 @pytest.mark.slow
-def test_a_stranger_earns_nothing_and_three_hundred_addresses_push_nobody_out(port):
+def test_an_unknown_sender_receives_nothing_and_300_addresses_replace_no_known_peer(port):
     with (
         contextlib.ExitStack() as stack,
         companion("--connect", f"udp:127.0.0.1:{port}"),

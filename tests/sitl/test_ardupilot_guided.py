@@ -72,7 +72,7 @@ def test_velocity_only_and_position_only(hovering):
         ("NaN velocity", {"v": (NAN, 0.0, 0.0)}),
     ],
 )
-def test_what_it_cannot_fly_stops_the_vehicle(hovering, title, options):
+def test_a_setpoint_that_cannot_be_flown_stops_the_vehicle(hovering, title, options):
     hovering.along(0.7)
     hovering.run(5.0)
     hovering.stream = lambda f: f.companion.setpoint(50.0, **options)
@@ -93,7 +93,7 @@ def test_a_force_bit_with_acceleration_is_ignored(hovering):
 
 
 @pytest.mark.parametrize(("frame", "turned"), [(7, False), (8, True), (9, True)])
-def test_relative_frames_are_applied_anew_with_every_packet(hovering, frame, turned):
+def test_relative_frames_are_applied_again_with_every_packet(hovering, frame, turned):
     hovering.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0, yaw=math.pi / 2)
     hovering.run(4.0)
     hovering.stream = lambda f: f.companion.setpoint(1.0, 0.0, 0.0, mask=0xDC0, frame=frame)
@@ -114,7 +114,7 @@ def test_body_velocities_are_turned_by_the_heading(hovering):
     assert hovering.vehicle.manner.guided_target.velocity_ned_mps[1] == pytest.approx(0.7, abs=0.05)
 
 
-def test_nan_in_a_position_kills_the_autopilot_for_good(hovering):
+def test_nan_in_a_position_stops_the_autopilot_permanently(hovering):
     hovering.companion.setpoint(NAN, 0.0, -10.0)
     start_s = hovering.now_s
     hovering.run(6.0)
@@ -140,7 +140,7 @@ def test_nan_where_it_is_ignored_does_no_harm(hovering):
     ("system", "component", "obeyed"),
     [(0, 0, True), (1, 0, True), (1, 195, True), (1, 77, True), (2, 1, False)],
 )
-def test_who_is_addressed(hovering, system, component, obeyed):
+def test_only_setpoints_to_the_autopilot_are_obeyed(hovering, system, component, obeyed):
     hovering.stream = lambda f: f.companion.setpoint(
         3.0, 0.0, -10.0, system=system, component=component
     )
@@ -185,7 +185,7 @@ def test_velocity_without_position_stops_after_the_timeout_too(hovering):
     assert abs(hovering.truth.velocity_ned_mps[0]) < 0.15
 
 
-def test_position_only_never_times_out(hovering):
+def test_a_position_only_setpoint_never_times_out(hovering):
     hovering.companion.setpoint(40.0, 0.0, -10.0, mask=POSITION_ONLY)
     hovering.run(25.0)
     assert hovering.local_m[0] == pytest.approx(40.0, abs=0.5)
@@ -201,7 +201,7 @@ def test_a_last_setpoint_without_velocity_holds_where_it_is(hovering):
     assert hovering.local_m[0] == pytest.approx(x_m, abs=0.2)
 
 
-def test_setpoints_before_lift_off_cancel_the_take_off_without_a_word(ardupilot):
+def test_setpoints_before_lift_off_cancel_the_take_off_without_a_text(ardupilot):
     ardupilot.launch()
     start_s = ardupilot.now_s
     ardupilot.stream = lambda f: f.companion.setpoint(0.0, 0.0, -10.0)

@@ -188,7 +188,7 @@ def test_the_wind_is_where_it_comes_from_within_180_degrees(bench, from_deg, sho
     assert wind.direction == pytest.approx(shown)
 
 
-def test_airspeed_is_the_speed_through_the_air_that_is_known(bench):
+def test_airspeed_is_the_speed_relative_to_the_estimated_wind(bench):
     assert bench.message("VFR_HUD").airspeed < 0.5
     bench.state.set(wind_from=(6.0, 123.0))
     assert bench.message("VFR_HUD").airspeed == pytest.approx(6.0, abs=0.5)
@@ -216,7 +216,7 @@ def test_without_a_monitor_there_is_no_battery():
     assert (status.voltage_battery, status.current_battery, status.battery_remaining) == (0, -1, -1)
 
 
-def test_the_battery_tells_what_was_used(bench):
+def test_the_battery_reports_the_consumed_charge(bench):
     bench.state.set(battery_consumed_mah=1000.0, battery_consumed_wh=12.0)
     battery = bench.message("BATTERY_STATUS")
     assert battery.battery_remaining == 69  # of 3300 mAh, cut off

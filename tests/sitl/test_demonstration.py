@@ -104,7 +104,9 @@ def test_ardupilot_is_flown_as_well(tmp_path):
 @real_time
 @pytest.mark.alone
 @pytest.mark.parametrize("autopilot", sampled(["px4"], ["px4", "ardupilot"]))
-def test_told_rough_places_alone_it_sees_what_is_there_and_flies_round_it(tmp_path, autopilot):
+def test_with_rough_target_positions_alone_the_companion_sees_obstacles_and_avoids_them(
+    tmp_path, autopilot
+):
     flown = fly("--perceive", "--autopilot", autopilot, "--out", str(tmp_path))
     assert flown.returncode == 0, flown.stdout + flown.stderr
     assert "seen: wire " in flown.stdout
@@ -119,7 +121,7 @@ def test_told_rough_places_alone_it_sees_what_is_there_and_flies_round_it(tmp_pa
 
 
 @real_time
-def test_a_machine_that_is_too_slow_is_told_so(tmp_path):
+def test_a_machine_that_is_too_slow_is_reported(tmp_path):
     flown = fly("--speed", "500", "--out", str(tmp_path))
     assert flown.returncode == 1
     assert "is --speed 500 too much for this machine?" in flown.stdout
@@ -127,7 +129,7 @@ def test_a_machine_that_is_too_slow_is_told_so(tmp_path):
 
 
 @real_time
-def test_on_a_terminal_the_service_is_watched_and_what_was_said_stays(tmp_path):
+def test_on_a_terminal_the_view_of_the_service_is_shown_and_the_output_stays(tmp_path):
     ours, theirs = pty.openpty()
     with subprocess.Popen(
         [sys.executable, "-m", "sitl.demonstration", "--out", str(tmp_path)],
@@ -256,7 +258,7 @@ def flight_of(folder, *files):
     return folder
 
 
-def test_what_an_interrupted_flight_has_recorded_is_in_its_folder_and_no_deeper(tmp_path):
+def test_the_recording_of_an_interrupted_flight_is_directly_in_its_folder(tmp_path):
     out = flight_of(tmp_path / "out", "flight.tlog", "decisions.jsonl")
     assert gather(out)
     assert {path.name for path in out.iterdir()} == {"flight.tlog", "decisions.jsonl"}
@@ -264,7 +266,7 @@ def test_what_an_interrupted_flight_has_recorded_is_in_its_folder_and_no_deeper(
     assert not gather(flight_of(tmp_path / "none"))
 
 
-def test_latest_leads_to_the_last_flight_whatever_became_of_it(tmp_path):
+def test_latest_links_to_the_last_flight_with_any_outcome(tmp_path):
     for name in ("20260101T000000Z", "20260101T000100Z"):
         (tmp_path / name).mkdir()
         link_latest(tmp_path / name)
@@ -282,7 +284,7 @@ def copy_of_the_script(tmp_path):
     return tmp_path
 
 
-def test_help_is_told_without_installing(tmp_path):
+def test_help_is_printed_without_installing(tmp_path):
     checkout = copy_of_the_script(tmp_path)
     for word in ("--help", "-h"):
         told = subprocess.run(
@@ -298,7 +300,7 @@ def test_help_is_told_without_installing(tmp_path):
 
 
 @pytest.mark.parametrize("module", ["sitl", "sitl.demonstration"])
-def test_a_python_without_the_packages_is_told_in_one_line(module):
+def test_a_python_without_the_packages_is_reported_in_one_line(module):
     told = subprocess.run(
         [sys.executable, "-S", "-m", module],  # without site-packages
         cwd=ROOT,
@@ -313,7 +315,7 @@ def test_a_python_without_the_packages_is_told_in_one_line(module):
     assert told.stderr.endswith(": use .venv/bin/python, which tests/run and sitl/fly make\n")
 
 
-def test_an_old_python_is_told_so(monkeypatch):
+def test_an_old_python_is_reported(monkeypatch):
     monkeypatch.setattr(sys, "version_info", (3, 8, 10, "final", 0))
     assert complaint(SyntaxError()).startswith("this is Python 3.8, must be 3.10 to 3.13: ")
 
@@ -336,7 +338,7 @@ def test_a_row_of_the_truth_that_a_full_disk_cut_short_is_left_out(tmp_path):
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
-def test_it_takes_its_processes_with_it_when_it_is_ended(tmp_path, number):
+def test_the_demonstration_ends_its_processes_when_it_is_ended(tmp_path, number):
     with subprocess.Popen(
         [sys.executable, "-m", "sitl.demonstration", "--headless", "--out", str(tmp_path)],
         cwd=ROOT,

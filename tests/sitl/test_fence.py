@@ -22,7 +22,7 @@ def flown_out(make_flight, **parameters):
     return flight
 
 
-def test_the_circle_holds_with_status_five(make_flight):
+def test_a_breach_of_the_circle_holds_with_system_status_five(make_flight):
     """Recorded: the text, 0.05 s later "Failsafe activated", HOLD with system_status 5."""
     flight = flown_out(make_flight, GF_MAX_HOR_DIST=10.0, GF_ACTION=2)
     assert flight.run(20.0, until=lambda f: f.truth.mode == "AUTO.LOITER")
@@ -32,7 +32,7 @@ def test_the_circle_holds_with_status_five(make_flight):
     assert flight.heartbeat().system_status == 5
 
 
-def test_the_text_is_said_once_again_while_it_is_outside(make_flight):
+def test_the_text_is_sent_once_more_while_px4_is_outside(make_flight):
     flight = flown_out(make_flight, GF_MAX_HOR_DIST=10.0, GF_ACTION=2)
     flight.run(20.0, until=lambda f: f.truth.mode == "AUTO.LOITER")
     first_s = flight.now_s

@@ -145,7 +145,7 @@ def test_the_end_of_a_solid_is_met_too():
     assert level == pytest.approx(6.0 / math.cos(math.radians(1.0)), abs=0.0011)
 
 
-def test_noise_dropouts_and_rain_are_as_the_scene_says():
+def test_noise_dropouts_and_rain_are_those_of_the_scene():
     wall = Box(lower_m=(12.0, -99.0, -99.0), upper_m=(13.0, 99.0, 99.0))
 
     def measured(**air):
@@ -158,7 +158,7 @@ def test_noise_dropouts_and_rain_are_as_the_scene_says():
     assert early.mean() == pytest.approx(1.0 - math.exp(-0.2), abs=0.01)
 
 
-def test_leaves_let_as_many_rays_through_as_their_density_says():
+def test_the_share_of_rays_that_pass_leaves_is_given_by_their_density():
     tree = Tree(centre_m=(10.0, 0.0, 0.0), radius_m=2.0, density_per_m=0.25)
     lidar = SimulatedLidar(LidarScene(trees=(tree,), **CLEAR))
     level = np.array([ranges_of(each)[0, 1] for each in lidar.packets(np.zeros(2000), at_rest)])

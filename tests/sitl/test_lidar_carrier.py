@@ -70,7 +70,7 @@ def test_a_packet_comes_with_the_first_truth_after_its_end_and_none_is_left_out(
     assert len(ends) == math.floor(1.0 / PACKET_S)
 
 
-def test_begun_later_it_does_not_send_what_is_past():
+def test_a_lidar_that_starts_later_does_not_send_past_packets():
     lidar = carrier(WALL)
     assert lidar.step(truth(100.0)) == []
     ((first_s, _), *_) = lidar.step(truth(100.01))

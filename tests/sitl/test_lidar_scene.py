@@ -23,7 +23,7 @@ FULL = {
 }
 
 
-def test_everything_that_a_file_has_is_in_the_scene():
+def test_all_content_of_a_file_is_in_the_scene():
     placed = PlacedScene.parse(FULL, "scene.yaml")
     assert (placed.origin.latitude_deg, placed.azimuth_deg) == (45.3781, 90.0)
     assert placed.mount == LidarMount(
@@ -82,6 +82,6 @@ def test_a_bad_file_is_one_line_that_names_key_and_value(place, value, says):
     assert "\n" not in said
 
 
-def test_a_missing_frame_is_told():
+def test_a_missing_frame_is_reported():
     with pytest.raises(BadInputError, match=r"^scene\.yaml: frame: is missing$"):
         PlacedScene.parse({"name": "none"}, "scene.yaml")

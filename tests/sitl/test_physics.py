@@ -65,7 +65,7 @@ def test_roll_to_the_right_goes_east_when_heading_north_and_south_when_heading_e
     assert quad.n < -0.5
 
 
-def test_the_ground_holds_it_and_thrust_lifts_it():
+def test_the_ground_holds_the_vehicle_and_thrust_lifts_it():
     quad = Quadrotor(Airframe(), 0.0)
     quad.demand.spinning = True
     for _ in range(200):
@@ -85,7 +85,7 @@ def test_the_ground_holds_it_and_thrust_lifts_it():
 @given(
     st.floats(-0.7, 0.7), st.floats(-0.7, 0.7), st.floats(0.0, 1.0), st.floats(-15.0, 15.0)
 )  # fmt: skip
-def test_whatever_is_demanded_the_state_stays_finite_above_ground_and_outputs_in_range(
+def test_for_any_demand_the_state_stays_finite_above_ground_and_outputs_in_range(
     roll, pitch, thrust, wind
 ):
     quad = _flying(roll_rad=roll, pitch_rad=pitch, thrust=thrust)
@@ -156,7 +156,7 @@ def test_a_degree_of_latitude_at_45_degrees_is_111132_m():
 
 
 @given(st.floats(-3000, 3000), st.floats(-3000, 3000), st.floats(-200, 10))
-def test_true_frame_there_and_back(north_m, east_m, down_m):
+def test_the_true_frame_and_its_inverse_agree(north_m, east_m, down_m):
     frame = TrueFrame(ZURICH)
     back = frame.ned(frame.geodetic(north_m, east_m, down_m))
     assert back == pytest.approx((north_m, east_m, down_m), abs=1e-6)
@@ -164,7 +164,7 @@ def test_true_frame_there_and_back(north_m, east_m, down_m):
 
 @pytest.mark.parametrize("kind", [SphereProjection, FlatProjection])
 @given(st.floats(-3000, 3000), st.floats(-3000, 3000))
-def test_an_autopilots_projection_there_and_back(kind, north_m, east_m):
+def test_an_autopilots_projection_and_its_inverse_agree(kind, north_m, east_m):
     projection = kind(ZURICH.latitude_deg, ZURICH.longitude_deg)
     back = projection.project(*projection.reproject(north_m, east_m))
     assert back == pytest.approx((north_m, east_m), abs=1e-3)

@@ -265,7 +265,7 @@ def test_the_heartbeats_of_two_links_are_out_of_phase(flight):
     assert 0.2 <= (first[1] - first[0]) % 1.0 <= 0.8
 
 
-def test_lost_and_regained_links_are_told(flight):
+def test_lost_and_regained_links_are_reported(flight):
     flight.run(4.0)
     flight.companion_alive = flight.ground_station_alive = False
     flight.run(12.0)

@@ -133,7 +133,7 @@ def test_three_satellites_are_no_fix_and_offboard_holds_for_five_seconds(airborn
 
 
 @pytest.mark.parametrize(("action", "mode"), [(0, "ALTCTL"), (4, "AUTO.LAND"), (5, "AUTO.LAND")])
-def test_without_gps_offboard_ends_as_com_obl_rc_act_says(airborne, action, mode):
+def test_without_gps_offboard_ends_by_com_obl_rc_act(airborne, action, mode):
     airborne.vehicle.set_parameter("COM_OBL_RC_ACT", action)
     airborne.vehicle.conditions.satellites = 3
     assert airborne.run(8.0, until=lambda f: f.truth.mode != "OFFBOARD")

@@ -31,14 +31,14 @@ def assert_it_was_lost(airborne, after_s, hold_s, mode):
 
 
 @pytest.mark.parametrize(("action", "hold_s", "mode"), LINK_ACTIONS)
-def test_a_lost_ground_station_ends_offboard_as_nav_dll_act_says(airborne, action, hold_s, mode):
+def test_a_lost_ground_station_ends_offboard_by_nav_dll_act(airborne, action, hold_s, mode):
     airborne.vehicle.set_parameter("NAV_DLL_ACT", action)
     lose_ground_station(airborne)
     assert_it_was_lost(airborne, 10.0, hold_s, mode)
 
 
 @pytest.mark.parametrize(("action", "hold_s", "mode"), LINK_ACTIONS)
-def test_lost_sticks_end_offboard_as_nav_rcl_act_says(airborne, action, hold_s, mode):
+def test_lost_sticks_end_offboard_by_nav_rcl_act(airborne, action, hold_s, mode):
     airborne.vehicle.set_parameter("NAV_RCL_ACT", action)
     airborne.vehicle.set_parameter("COM_RC_LOSS_T", 3.0)
     lose_sticks(airborne)
@@ -98,7 +98,7 @@ def test_a_landing_goes_on_without_a_ground_station(airborne):
     assert airborne.truth.mode == "AUTO.LAND"
 
 
-def test_the_event_of_a_lost_link_tells_what_was_lost(airborne):
+def test_the_event_of_a_lost_link_names_the_lost_link(airborne):
     airborne.vehicle.set_parameter("NAV_DLL_ACT", 1)
     lose_ground_station(airborne)
     airborne.run(12.0)

@@ -51,7 +51,7 @@ def test_a_change_after_take_off_waits_for_it():
     assert not world.conditions.has_fix()
 
 
-def test_the_wind_turns_the_short_way_round():
+def test_the_wind_turns_by_the_smaller_angle():
     scenario = _scenario(
         {"at_s": 0, "wind_from_deg": 350}, {"at_s": 1, "wind_from_deg": 10, "over_s": 2}
     )
@@ -110,7 +110,7 @@ def test_a_missing_file_and_broken_yaml_are_explained_in_one_line(tmp_path):
     ("text", "says"),
     [("[" * 50_000, "nested too deeply"), ("#" * 100_001, "larger than 100000 bytes")],
 )
-def test_what_would_take_all_memory_or_time_is_refused_in_one_line(tmp_path, text, says):
+def test_a_file_that_would_take_all_memory_or_time_is_refused_in_one_line(tmp_path, text, says):
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(BadInputError) as caught:

@@ -117,7 +117,7 @@ def test_urls(text, url):
     assert str(Url.parse(text)) == url
 
 
-def test_a_stranger_talks_to_the_process_over_real_udp(tmp_path):
+def test_an_unknown_peer_exchanges_packets_with_the_process_over_real_udp(tmp_path):
     log = tmp_path / "truth.csv"
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as end:
         end.bind(("127.0.0.1", 0))
@@ -240,7 +240,7 @@ def test_a_truth_log_that_cannot_be_written_is_one_line_and_status_1(tmp_path, p
 
 
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_at_a_speed_beyond_all_bounds_it_can_be_stopped(number):
+def test_at_an_unlimited_speed_the_process_can_be_stopped(number):
     with _running("--speed", "1e300", "--link", "companion=udpout:127.0.0.1:9") as process:
         process.send_signal(number)
         assert process.wait(20) == 0
@@ -253,7 +253,7 @@ def test_at_a_speed_beyond_all_bounds_it_can_be_stopped(number):
         ("sitl.demonstration.__main__", "sitl.demonstration.judge"),
     ],
 )
-def test_an_interrupt_while_it_loads_is_status_1_without_a_word(module, loads):
+def test_an_interrupt_during_loading_is_status_1_without_output(module, loads):
     program = f"""
 import os, signal, sys
 class Interrupt:
