@@ -179,7 +179,7 @@ def test_the_vehicle_of_the_command_line_replaces_that_of_the_file(tmp_path: Pat
         ("vehicle: other.yaml", "vehicle: is given twice (lines 1 and 2), must be once"),
     ],
 )
-def test_an_invalid_configuration_is_refused(line: str, problem: str, tmp_path: Path) -> None:
+def test_what_the_configuration_may_not_hold(line: str, problem: str, tmp_path: Path) -> None:
     assert refusal(f"vehicle: v.yaml\n{line}\n", tmp_path).startswith(problem)
 
 

@@ -107,9 +107,7 @@ def test_a_name_with_blanks_is_quoted_in_the_key(tmp_path: Path) -> None:
         ("#" * 1_000_001, "is larger than 1000000 bytes"),
     ],
 )
-def test_a_file_that_is_no_mapping_with_text_keys_is_refused(
-    text: str, problem: str, tmp_path: Path
-) -> None:
+def test_a_file_that_is_no_mapping_with_text_keys(text: str, problem: str, tmp_path: Path) -> None:
     assert line_of("site.yaml", text, tmp_path).startswith(problem)
 
 

@@ -360,7 +360,7 @@ REFUSED = [
 @pytest.mark.parametrize(
     ("options", "words"), [case[1:] for case in REFUSED], ids=[c[0] for c in REFUSED]
 )
-def test_bad_input_is_one_line_status_2_and_nothing_written(
+def test_bad_input_is_one_line_status_2_and_no_file(
     options, words, site, tmp_path, monkeypatch, capsys
 ):
     monkeypatch.chdir(tmp_path)
@@ -430,7 +430,7 @@ def test_a_file_that_cannot_be_written_loses_no_other(site, tmp_path, monkeypatc
     }
 
 
-def test_a_file_is_replaced_behind_its_link_with_its_permissions(site, tmp_path):
+def test_the_target_of_a_symbolic_link_is_replaced_with_its_permissions(site, tmp_path):
     real, link = tmp_path / "real.json", tmp_path / "link.json"
     real.write_text("old")
     real.chmod(0o640)

@@ -76,7 +76,7 @@ def test_the_json_is_the_contract(replay):
     assert answer["inputs"]["autopilot"]["messages"] > 50
 
 
-def test_a_packed_recording_is_the_same_whatever_its_name(replay, tmp_path):
+def test_a_packed_recording_is_the_same_with_any_name(replay, tmp_path):
     packed = tmp_path / FAILSAFES.name
     packed.write_bytes(gzip.compress(FAILSAFES.read_bytes()))
     assert replay(packed, "--json", "-") == replay(FAILSAFES, "--json", "-")
@@ -155,7 +155,7 @@ WRONG_GZIP = GZIP[:50] + bytes(50) + GZIP[100:]
     ],
     ids=["empty", "picture", "ulog", "table", "noise", "cut gzip", "broken gzip", "gzip of none"],
 )
-def test_what_is_no_recording_is_refused_in_one_line(refused, tmp_path, content, words):
+def test_a_file_that_is_no_recording_is_refused_in_one_line(refused, tmp_path, content, words):
     path = tmp_path / "wrong.tlog"
     path.write_bytes(content)
     line = refused(path)
@@ -163,13 +163,13 @@ def test_what_is_no_recording_is_refused_in_one_line(refused, tmp_path, content,
     assert str(path) in line
 
 
-def test_what_is_no_file_is_refused_in_one_line(refused, tmp_path):
+def test_a_path_that_is_no_file_is_refused_in_one_line(refused, tmp_path):
     assert "no such file" in refused(tmp_path / "none.tlog")
     assert "is a directory" in refused(tmp_path)
     assert "is a device" in refused("/dev/zero")
 
 
-def test_outputs_that_cannot_be_are_refused_before_anything_is_read(refused, tmp_path):
+def test_impossible_outputs_are_refused_before_anything_is_read(refused, tmp_path):
     recording = tmp_path / "flight.tlog"
     assert "--plot" in refused(recording, "--plot", "-")
     assert "must end in .png" in refused(recording, "--plot", "a.svg")

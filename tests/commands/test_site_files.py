@@ -168,7 +168,7 @@ def test_a_site_is_shown_and_read_back(tmp_path, capsys):
         ),
     ],
 )
-def test_what_cannot_be_used_is_one_line(arguments, told, tmp_path, capsys):
+def test_an_unusable_survey_is_one_line(arguments, told, tmp_path, capsys):
     words = [word.format(out=tmp_path / "out.yaml") for word in arguments]
     assert told in one_line(["site", *words], 2, capsys)
     assert list(tmp_path.iterdir()) == []

@@ -74,7 +74,7 @@ FORMS = {
 
 
 @pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
-def test_a_site_as_other_editors_write_it_is_read(change, tmp_path, capsys):
+def test_a_site_written_by_other_editors_is_read(change, tmp_path, capsys):
     path = tmp_path / "site.yaml"
     path.write_bytes(change(SHIPPED))
     assert cli.main(["plan", str(path), "--mission", "exit"]) == 0
@@ -82,7 +82,9 @@ def test_a_site_as_other_editors_write_it_is_read(change, tmp_path, capsys):
 
 
 @pytest.mark.parametrize(("content", "problem"), FORMS.values(), ids=FORMS)
-def test_a_file_that_is_no_site_is_refused_and_nothing_written(content, problem, tmp_path, capsys):
+def test_a_file_that_is_no_site_is_refused_without_any_output_file(
+    content, problem, tmp_path, capsys
+):
     path = tmp_path / "site.yaml"
     path.write_bytes(content)
     line = one_line(

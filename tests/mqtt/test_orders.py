@@ -73,9 +73,7 @@ def test_an_order_is_taken_once():
         (-1.0, 2.0, "given before the companion's start"),
     ],
 )
-def test_an_order_outside_the_time_window_or_from_before_the_start_is_refused(
-    given_s, now_s, reason
-):
+def test_an_order_out_of_the_window_or_of_before_the_start_is_refused(given_s, now_s, reason):
     payload = signed_order(order(time_s=START_S + given_s), "a1", KEY)
     assert refused(checks().check(payload, START_S + now_s)) == reason
 
@@ -168,7 +166,7 @@ def test_a_denied_order_is_answered_with_the_reason():
     assert reason.startswith("MOAR: no target 99")
 
 
-def test_the_rules_for_mavlink_senders_do_not_bar_what_a_key_allows():
+def test_the_rules_for_mavlink_senders_do_not_block_orders_signed_with_the_key():
     rules = Commands(systems=(42,), components=(7,), links=("udp:a",), signed_only=True)
     desk, link = taking_orders(commands=rules).run(2.0), OrderLink(195)
     give(desk, link, "signed", "inspection").run_until("ready")

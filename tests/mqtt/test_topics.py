@@ -101,7 +101,7 @@ def floats(value):
                 yield from floats(item)
 
 
-def test_each_topic_comes_as_often_as_the_table_says():
+def test_each_topic_is_published_at_the_rate_of_the_table():
     publication, status, counts = Publication("a1"), status_of(flying()), {}
     for step in range(120):
         for name in published(status, publication, 100.0 + 0.5 * step):

@@ -100,7 +100,7 @@ def test_seen_obstacles_are_drawn_over_the_true_and_the_configured_ones(tmp_path
 
 
 @pytest.mark.parametrize("decisions", [[], DECISIONS[:1]], ids=["none", "no place"])
-def test_a_flight_that_saw_nothing_has_a_picture_too(tmp_path, decisions):
+def test_a_flight_without_seen_obstacles_has_a_picture_too(tmp_path, decisions):
     file = tmp_path / "perceived.png"
     draw_perceived(SeenStory.of(decisions), [], SITE, SITE, named_vehicle("x500"), file)
     assert colours_of(file)

@@ -58,7 +58,7 @@ def test_agrees_with_an_ordinary_fit_of_scipy():
     assert abs(ours - catenary(sample, *best)).max() < 0.01
 
 
-def test_a_third_of_outliers_moves_nothing():
+def test_a_third_of_outliers_does_not_move_the_curve():
     scene, cloud = points(4)
     far = cloud[::2] + scene.random.uniform(-3.0, 3.0, cloud[::2].shape)
     clean, dirty = fit(cloud, scene.along), fit(np.vstack((cloud, far)), scene.along)

@@ -54,7 +54,7 @@ def test_risk_moves_the_path(planner):
     assert safe.cost.safety < hasty.cost.safety
 
 
-def test_where_there_is_no_plan_there_is_none_under_any_risk(planner):
+def test_a_problem_without_a_plan_has_none_under_any_risk(planner):
     request = planner.plan(mission="exit", start=(-5.0, 2.0)).request
     plans = alternatives(planner, request, FLOWN.rule(Mission.EXIT))
     assert {plan.status.value for plan in plans} == {"out_of_bounds"}

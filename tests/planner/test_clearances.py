@@ -34,7 +34,7 @@ def changed(rng, site):
 
 @properties
 @given(seeds)
-def test_repaired_maps_equal_new_maps(seed):
+def test_repaired_maps_are_those_built_anew(seed):
     rng = random.Random(seed)
     problem = random_problem(rng)
     site, vehicle = problem.site, problem.vehicle
@@ -52,7 +52,7 @@ def test_repaired_maps_equal_new_maps(seed):
 
 @properties
 @given(seeds)
-def test_each_cell_has_the_nearest_obstacle(seed):
+def test_each_cell_knows_which_obstacle_is_the_nearest(seed):
     rng = random.Random(seed)
     site = random_problem(rng).site
     before = Clearances.over(GRID, site.obstacles)

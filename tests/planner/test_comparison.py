@@ -37,7 +37,7 @@ def bent(plan, heights_m):
     return replace(plan, states=np.array(states))
 
 
-def test_a_path_beside_another_is_as_far_from_it_as_it_looks(planner):
+def test_the_difference_of_two_paths_is_their_greatest_and_mean_distance(planner):
     plan = planner.plan(mission="inspection")
     before, after = bent(plan, [0, 0, 0, 0, 0]), bent(plan, [0, 1, 2, 1, 0])
     difference = path_difference(before, after)

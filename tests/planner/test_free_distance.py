@@ -29,7 +29,7 @@ def test_a_ray_ends_where_the_first_blocked_cell_begins():
     assert free_m(reach, (0.25, 1.5), RIGHT) == 50.0
 
 
-def test_on_a_slant_it_is_measured_along_the_slant():
+def test_the_free_distance_of_a_slanted_direction_is_measured_along_it():
     reach = FreeDistance.over(make_site(conductor(5.5, 4.5)), radius_m=0.1)
     slant = (0.8, 0.6)
     # It enters the cell through its left side, at x = 5.
@@ -89,7 +89,7 @@ def test_the_obstacle_that_is_hit_has_a_name():
     angle_rad=st.floats(-math.pi, math.pi),
     farthest_m=st.floats(0.1, 12.0),
 )
-def test_the_free_distance_is_that_of_small_steps(blocked, x, z, angle_rad, farthest_m):
+def test_as_by_small_steps(blocked, x, z, angle_rad, farthest_m):
     cells = np.array(blocked, dtype=np.uint8).reshape(8, 6)
     grid = Grid(lower_m=(0.0, 0.0), resolution_m=1.0, shape=(8, 6))
     direction = (math.cos(angle_rad), math.sin(angle_rad))

@@ -239,7 +239,7 @@ def test_the_slope_starts_at_the_lowest_obstacle_of_the_site():
     assert distance[0, 5] == pytest.approx(2.0)
 
 
-def test_an_overhang_counts_only_where_something_of_it_is_below():
+def test_an_overhang_counts_only_where_a_part_of_the_obstacle_is_below():
     # A gallows: a post at x = 2 to 3, an arm at z = 5 to 6 that reaches to x = 8.
     gallows = polygon(
         (2.0, 0.0), (3.0, 0.0), (3.0, 5.0), (8.0, 5.0), (8.0, 6.0), (2.0, 6.0), name="gallows"

@@ -319,7 +319,7 @@ def test_risks_shift_the_weights_of_the_vehicle_or_those_given():
     assert planner.plan(mission="exit", weights=given, risk=risk).weights == given.adjusted(risk)
 
 
-def test_the_json_repeats_the_risk_as_asked_and_the_weights_as_shifted_by_it():
+def test_the_json_repeats_the_given_risk_and_the_weights_shifted_by_the_risk():
     weights, risk = Weights(0.43, 0.14, 0.43), RiskIndices(wind=0.25, battery=1.0)
     shifted = weights.adjusted(risk)
     planner = Planner(make_site(), make_vehicle())

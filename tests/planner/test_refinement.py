@@ -177,7 +177,7 @@ def test_no_point_of_a_refined_path_is_better_a_little_elsewhere():
     assert min(gained) < 0.95
 
 
-def test_a_path_that_nothing_improves_is_the_plans_own():
+def test_a_path_that_cannot_be_improved_is_the_plans_own():
     site = make_site(size=(10.0, 8.0), resolution=0.25, start=(0.6, 0.6), targets={"a": (9.1, 0.6)})
     planner = Planner(site, make_vehicle(**ALWAYS_3_MPS))
     plan = planner.plan(mission="inspection")
@@ -186,7 +186,7 @@ def test_a_path_that_nothing_improves_is_the_plans_own():
     assert found.metrics.length_m == pytest.approx(plan.metrics.length_m)
 
 
-def test_a_plan_of_one_state_stays_where_it_is():
+def test_a_refined_plan_of_one_state_is_unchanged():
     site = make_site(start=(8.5, 6.5))
     planner = Planner(site, make_vehicle())
     for velocity in ((0.0, 0.0), (1.0, 0.0)):

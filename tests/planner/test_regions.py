@@ -158,7 +158,7 @@ def test_a_keep_out_distance_blocks_a_leg_that_would_clear_the_conductor():
     assert (9, 6) not in region_of(wide, **vehicle)
 
 
-def test_the_uncertainty_of_the_position_widens_what_a_leg_must_clear():
+def test_the_position_uncertainty_increases_the_required_clearance_of_a_leg():
     site = make_site(conductor(15.0, 6.5), exits=[(20.0, 4.5)])
     vehicle = {"landing_height": 0.0}
     assert (9, 6) in region_of(site, **vehicle)

@@ -58,7 +58,7 @@ def test_where_all_three_weights_vanish_they_stay_as_they_were(case, weights, ri
     assert weights.adjusted(risk) == weights, case
 
 
-def test_adjusted_weights_sum_to_one_whatever_the_risk():
+def test_adjusted_weights_sum_to_one_for_any_risk():
     rng = random.Random("weights")
     for _ in range(500):
         values = [rng.choice([0.0, 1.0, rng.random()]) for _ in range(7)]

@@ -106,7 +106,7 @@ def test_a_failsafe_is_a_no_go():
         (autopilots.ARDUPILOT, (4, 2, 3), "", WARNING),
     ],
 )
-def test_firmware_is_compared_with_what_was_measured(kind, version, release, level):
+def test_firmware_is_compared_with_the_measured_versions(kind, version, release, level):
     firmware = Firmware(received_s=5.0, version=version, release=release)
     finding = findings(kind=kind, firmware=firmware)["firmware"]
     assert finding.level is level

@@ -111,7 +111,7 @@ def messages(data):
     return mavlink.MAVLink(None).parse_buffer(b"".join(data)) or []
 
 
-def test_an_aircraft_set_as_asked_is_a_go():
+def test_an_aircraft_with_recommended_parameters_is_a_go():
     look = Look(ground_station=True, parameters=PX4_AS_ASKED)
     found = look.findings()
     assert {name for name, item in found.items() if item.level is NO_GO} == set()
@@ -136,7 +136,7 @@ def test_px4_with_default_parameters_is_a_no_go_for_its_offboard_loss_action():
     assert found["remote control"].level is WARNING
 
 
-def test_ardupilot_set_as_asked_is_a_go():
+def test_ardupilot_with_recommended_parameters_is_a_go():
     vehicle = replace(VEHICLE, autopilot=None, risk=replace(VEHICLE.risk, cells=3))
     look = Look(
         autopilot="ardupilot",

@@ -88,7 +88,7 @@ def of_ardupilot(name, value, **more):
     [(PX4, PX4_AS_ASKED), (ARDUPILOT, ARDUPILOT_AS_ASKED)],
     ids=["PX4", "ArduPilot"],
 )
-def test_set_as_asked_nothing_is_worse_than_a_note_and_nothing_has_a_remedy(kind, parameters):
+def test_recommended_parameters_cause_only_notes_without_a_remedy(kind, parameters):
     found = findings(kind, parameters)
     assert list(found) == list(parameters)
     assert worst(found.values()) is NOTE
@@ -194,7 +194,7 @@ def test_a_return_on_an_unknown_route_is_refused_by_the_check_as_by_the_service(
     assert of_px4("COM_OBL_RC_ACT", 5.0, RTL_TYPE=1.0).level is OK
 
 
-def test_where_an_objection_is_but_a_warning_it_is_one_here():
+def test_an_objection_that_is_a_warning_in_the_service_is_a_warning_in_the_check():
     for kind, asked, name, value in (
         (PX4, PX4_AS_ASKED, "COM_OBL_RC_ACT", 7.0),
         (PX4, {**PX4_AS_ASKED, "RTL_TYPE": 1.0}, "COM_OBL_RC_ACT", 3.0),

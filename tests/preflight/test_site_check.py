@@ -187,7 +187,7 @@ def test_a_landing_point_that_no_cell_sees_is_reported_and_the_rest_are_used():
     assert "exit" in everything["target splice-inner"].text
 
 
-def test_cells_between_which_an_obstacle_is_lost():
+def test_cells_too_coarse_for_an_obstacle_are_reported():
     bare = tuple(
         replace(item, keep_out_m=0.0) for item in SITE.obstacles if isinstance(item, Conductor)
     )

@@ -242,7 +242,7 @@ def test_while_the_autopilot_is_silent_its_mode_is_unknown():
     assert replay.samples[-1].mode == "HOLD"
 
 
-def test_a_gap_of_minutes_ages_everything_as_it_did_in_flight():
+def test_a_gap_of_minutes_ages_all_values_as_in_flight():
     tape = Tape()
     tape.record(tape.autopilot.heartbeat())
     tape.run(10, **GOOD_GPS)

@@ -202,7 +202,7 @@ def test_of_several_estimators_the_selected_one_is_read():
     assert accuracy_m(("estimator_selector_status", {"primary_instance": 255}), *both) == 0.3
 
 
-def test_accuracy_of_nothing_is_unknown():
+def test_a_logged_accuracy_of_zero_is_unknown():
     gnss = telemetry("vehicle_gps_position", fix_type=3, satellites_used=14, eph=0.0, hdop=NAN).gnss
     assert (gnss.satellites, gnss.hdop, gnss.horizontal_accuracy_m) == (14, None, None)
     estimator = telemetry("estimator_status", solution_status_flags=0x10, mag_test_ratio=0.0)
@@ -237,7 +237,7 @@ def test_on_ground_and_in_air_are_reported():
     assert telemetry("vehicle_land_detected", landed=0).landed.state is LandedState.IN_AIR
 
 
-def test_samples_come_in_order_and_none_before_the_log_begins():
+def test_samples_are_in_order_and_none_is_before_the_start_of_the_log():
     topics = [
         UlogTopic(name="vehicle_land_detected", instance=0, columns={"timestamp": [5, 30]}),
         UlogTopic(name="vehicle_attitude", instance=0, columns={"timestamp": [10, 20, 40]}),

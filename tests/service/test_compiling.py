@@ -130,9 +130,7 @@ def test_without_a_writable_cache_no_other_process_compiles(monkeypatch):
     assert (started, told, kernel.loaded) == ([], [], 1)
 
 
-def test_a_process_that_cannot_be_started_leaves_none_behind_and_the_service_compiles(
-    monkeypatch, caplog
-):
+def test_if_a_process_cannot_be_started_the_rest_end_and_the_service_compiles(monkeypatch, caplog):
     kernels = [Uncached(has_cache=True), Uncached(has_cache=True)]
     monkeypatch.setattr(compiling, "KERNELS", kernels)
     monkeypatch.setattr(compiling.os, "sched_getaffinity", lambda _: {0, 1})

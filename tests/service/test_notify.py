@@ -54,7 +54,7 @@ def test_the_watchdog_is_fed_at_once_and_then_twice_in_its_time(manager, monkeyp
     assert told(manager) == [b"WATCHDOG=1"] * 3
 
 
-def test_after_a_pause_it_is_fed_once(manager, monkeypatch):
+def test_after_a_pause_the_watchdog_is_fed_once(manager, monkeypatch):
     monkeypatch.setenv("WATCHDOG_USEC", "2000000")
     watchdog = Watchdog()
     watchdog.feed(50.0)

@@ -34,7 +34,7 @@ def written(tmp_path):
     return next_one.load(0.0)
 
 
-def test_the_next_process_finds_what_was_saved_last(file, tmp_path):
+def test_the_next_process_finds_the_last_saved_state(file, tmp_path):
     assert file.load(0.0) is None
     for memory in (IDLE, FLYING, HOLDING):
         file.save(memory, 0.0)

@@ -40,7 +40,7 @@ def test_the_start_takes_as_long_as_the_real_one(make_ardupilot):
         assert _own(flight, kind)[0][0] == pytest.approx(first_s, abs=0.2), kind
 
 
-def test_it_boots_in_the_mode_of_the_switch_and_is_in_standby_after_two_seconds(ardupilot):
+def test_ardupilot_boots_in_the_mode_of_the_switch_and_is_in_standby_after_two_seconds(ardupilot):
     ardupilot.run(5.0)
     beats = [(m.custom_mode, m.system_status) for _, m in _own(ardupilot, "HEARTBEAT")]
     assert beats[0] == (STABILIZE, 1)
@@ -104,7 +104,7 @@ def test_take_off_needs_guided_armed_on_the_ground_and_a_positive_height(ardupil
     assert ardupilot.ask(ardupilot.companion, TAKEOFF, 0, 0, 0, 0, 0, 0, 12) == [FAILED]
 
 
-def test_armed_on_the_ground_it_is_in_standby_and_disarms_after_ten_seconds(ardupilot):
+def test_armed_on_the_ground_ardupilot_is_in_standby_and_disarms_after_ten_seconds(ardupilot):
     ardupilot.ready()
     ardupilot.mode(ardupilot.companion, GUIDED)
     ardupilot.companion.command(ARM, 1)
@@ -114,7 +114,7 @@ def test_armed_on_the_ground_it_is_in_standby_and_disarms_after_ten_seconds(ardu
     assert ardupilot.now_s - start_s == pytest.approx(10.0, abs=0.2)
 
 
-def test_in_the_air_it_is_active_and_not_to_be_disarmed_without_force(hovering):
+def test_in_the_air_ardupilot_is_active_and_disarms_only_by_force(hovering):
     assert hovering.heartbeat().system_status == 4
     assert hovering.ask(hovering.companion, ARM, 0) == [FAILED]
     assert hovering.truth.armed
@@ -152,7 +152,7 @@ def test_set_mode_works_too_and_is_never_acknowledged(hovering):
     assert not hovering.gcs.of("COMMAND_ACK", since=start_s + 1e-9)
 
 
-def test_loiter_stops_within_a_metre_and_stays_while_sticks_fly_it(hovering):
+def test_loiter_stops_within_a_metre_and_stays_until_the_sticks_move(hovering):
     hovering.along(0.5)
     hovering.run(6.0)
     hovering.mode(hovering.gcs, LOITER)
@@ -283,13 +283,13 @@ def test_origin_and_home_are_sent_on_all_links_when_they_are_set_and_at_arming(a
         ardupilot.ask(ardupilot.gcs, ARM, 1)
 
 
-def test_while_it_boots_every_heartbeat_comes_twice(ardupilot):
+def test_during_boot_every_heartbeat_is_sent_twice(ardupilot):
     ardupilot.run(6.0)
     statuses = [m.system_status for _, m in _own(ardupilot, "HEARTBEAT")]
     assert statuses == [1, 1, 1, 1, 3, 3, 3]
 
 
-def test_the_estimators_flags_show_when_it_is_not_initialised_and_not_aligned(ardupilot):
+def test_the_estimators_flags_show_missing_initialisation_and_alignment(ardupilot):
     manner = ardupilot.vehicle.manner
     seen = [
         flags for flags, _ in itertools.groupby(ardupilot.watch(8.0, lambda _: manner.ekf_flags))

@@ -99,7 +99,7 @@ def test_a_critical_battery_lands_and_guided_can_be_entered_again(make_ardupilot
     assert flight.heartbeat().system_status == 5
 
 
-def test_a_failsafes_landing_waits_four_seconds_before_it_sinks(make_ardupilot):
+def test_a_failsafes_landing_waits_four_seconds_before_the_descent(make_ardupilot):
     flight = _hovering(make_ardupilot, **BATTERY | {"BATT_LOW_TIMER": 1})
     _drop_to(flight, 10.0)
     _until_mode(flight, "LAND", 4.0)
@@ -110,7 +110,7 @@ def test_a_failsafes_landing_waits_four_seconds_before_it_sinks(make_ardupilot):
     assert -flight.truth.position_ned_m[2] < height_m - 1.0
 
 
-def test_a_dip_shorter_than_the_timer_is_forgiven_but_a_failsafe_stays_until_it_is_reset(
+def test_a_dip_shorter_than_the_timer_is_ignored_but_a_failsafe_stays_until_its_reset(
     make_ardupilot,
 ):
     flight = _hovering(make_ardupilot, **BATTERY)
@@ -199,7 +199,7 @@ def test_without_a_monitor_nothing_is_judged_nor_sent(make_ardupilot):
 
 
 @pytest.mark.parametrize("gps_mode", [GPS_NO_FIX, GPS_SILENT])
-def test_without_gps_nothing_happens_for_eight_seconds_then_it_lands(hovering, gps_mode):
+def test_without_gps_ardupilot_lands_after_eight_seconds(hovering, gps_mode):
     manner = hovering.vehicle.manner
     hovering.vehicle.conditions.gps_mode = gps_mode
     start_s = hovering.now_s
@@ -228,7 +228,7 @@ def test_with_drag_fusion_dead_reckoning_acts_before_the_estimator_does(make_ard
     assert flight.now_s - began_s == pytest.approx(5.0, abs=0.2)
 
 
-def test_fifteen_seconds_without_gps_the_position_is_given_up_and_stands_still(hovering):
+def test_after_fifteen_seconds_without_gps_the_position_is_lost_and_frozen(hovering):
     manner = hovering.vehicle.manner
     hovering.vehicle.conditions.gps_mode = GPS_NO_FIX
     start_s = hovering.now_s
@@ -261,7 +261,7 @@ def test_four_satellites_and_a_bad_dilution_cause_no_failsafe(hovering):
     assert hovering.vehicle.manner.ekf_flags == 0x33F
 
 
-def test_jamming_lands_after_six_seconds_and_the_position_runs_away(hovering):
+def test_jamming_causes_a_landing_after_six_seconds_and_the_position_drifts(hovering):
     hovering.vehicle.conditions.gps_mode = GPS_JAMMED
     assert _until_mode(hovering, "LAND", 8.0) == pytest.approx(6.0, abs=0.3)
     hovering.run(18.0)

@@ -22,7 +22,7 @@ def test_a_moving_point_is_followed_within_seven_centimetres_on_average(hovering
 @pytest.mark.parametrize(
     ("rate_hz", "mean_m", "largest_m"), [(5, 0.08, 0.63), (2, 0.09, 0.86), (1, 0.11, 1.13)]
 )
-def test_with_fewer_setpoints_a_second_it_strays_farther_in_the_corners(
+def test_with_fewer_setpoints_a_second_ardupilot_strays_farther_in_the_corners(
     hovering, rate_hz, mean_m, largest_m
 ):
     errors = fly_square(hovering, rate_hz, mask=POSITION_VELOCITY)
@@ -40,7 +40,7 @@ def test_these_masks_are_position_and_velocity(hovering, mask):
     assert hovering.local_m[0] == pytest.approx(2.5, abs=0.2)
 
 
-def test_a_constant_position_with_a_velocity_settles_one_second_beyond_it(hovering):
+def test_a_constant_position_with_a_velocity_settles_one_second_beyond_the_position(hovering):
     hovering.stream = lambda f: f.companion.setpoint(5.0, 0.0, -10.0, v=(0.8, 0.0, 0.0))
     hovering.run(20.0)
     assert hovering.local_m[0] - 5.0 == pytest.approx(0.8, abs=0.2)
@@ -128,7 +128,7 @@ def test_nan_in_a_position_stops_the_autopilot_permanently(hovering):
     assert hovering.truth.mode == "STABILIZE"
 
 
-def test_nan_where_it_is_ignored_does_no_harm(hovering):
+def test_nan_in_an_ignored_field_has_no_effect(hovering):
     hovering.stream = lambda f: f.companion.setpoint(
         2.0, 0.0, -10.0, yaw=NAN, yaw_rate=NAN, mask=POSITION_VELOCITY
     )
@@ -148,7 +148,7 @@ def test_only_setpoints_to_the_autopilot_are_obeyed(hovering, system, component,
     assert (hovering.local_m[0] > 2.0) is obeyed
 
 
-def test_setpoints_are_never_acknowledged_nor_commented(hovering):
+def test_setpoints_cause_no_acknowledgement_and_no_text(hovering):
     start_s = hovering.now_s
     hovering.along(0.5)
     hovering.run(3.0)
@@ -191,7 +191,7 @@ def test_a_position_only_setpoint_never_times_out(hovering):
     assert hovering.local_m[0] == pytest.approx(40.0, abs=0.5)
 
 
-def test_a_last_setpoint_without_velocity_holds_where_it_is(hovering):
+def test_a_last_setpoint_without_velocity_holds_its_position(hovering):
     hovering.along(0.7)
     hovering.run(6.0)
     hovering.stream = None
@@ -211,7 +211,7 @@ def test_setpoints_before_lift_off_cancel_the_take_off_without_a_text(ardupilot)
     assert ardupilot.companion.texts(since=start_s + 0.1) == ["Disarming motors"]
 
 
-def test_setpoints_lift_nothing_from_the_ground(ardupilot):
+def test_setpoints_do_not_lift_the_vehicle_from_the_ground(ardupilot):
     ardupilot.ready()
     ardupilot.mode(ardupilot.companion, GUIDED)
     ardupilot.ask(ardupilot.companion, 400, 1)
@@ -334,7 +334,7 @@ def test_the_companion_can_take_guided_back_from_the_pilot_at_any_time(hovering,
     assert hovering.truth.mode == "GUIDED"
 
 
-def test_coming_back_to_guided_with_a_stream_far_ahead_is_a_lunge(hovering):
+def test_return_to_guided_with_a_stream_far_ahead_causes_a_fast_jump(hovering):
     hovering.along(0.5)
     hovering.run(6.0)
     hovering.mode(hovering.gcs, LOITER)
@@ -344,7 +344,7 @@ def test_coming_back_to_guided_with_a_stream_far_ahead_is_a_lunge(hovering):
     assert max(speeds) == pytest.approx(2.4, abs=0.1)
 
 
-def test_a_silent_companion_changes_nothing(hovering):
+def test_a_silent_companion_causes_no_reaction(hovering):
     hovering.companion_alive = False
     hovering.run(15.0)
     assert hovering.truth.mode == "GUIDED"

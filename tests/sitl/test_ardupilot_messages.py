@@ -181,7 +181,7 @@ def test_an_unknown_wind_is_speed_0_from_minus_180(bench):
 
 
 @pytest.mark.parametrize(("from_deg", "shown"), [(90.0, 90.0), (269.0, -91.0), (350.0, -10.0)])
-def test_the_wind_is_where_it_comes_from_within_180_degrees(bench, from_deg, shown):
+def test_the_wind_direction_is_that_of_its_origin_within_180_degrees(bench, from_deg, shown):
     bench.state.set(wind_from=(4.9, from_deg))
     wind = bench.message("WIND")
     assert wind.speed == pytest.approx(4.9)
@@ -241,7 +241,7 @@ def test_the_receiver_is_found_after_ten_seconds():
     assert (gps.fix_type, gps.eph, gps.epv, gps.h_acc) == (6, 121, 200, 300)
 
 
-def test_worse_conditions_are_shown(bench):
+def test_worse_gps_conditions_are_shown(bench):
     bench.world.conditions.hdop, bench.world.conditions.satellites = 2.5, 5
     gps = bench.run(0.5).message("GPS_RAW_INT")
     assert (gps.fix_type, gps.eph, gps.satellites_visible) == (6, 250, 5)
@@ -356,7 +356,7 @@ def test_the_navigation_errors_are_those_to_the_target(bench):
     assert shown.xtrack_error == pytest.approx(4.0)
 
 
-def test_rtl_shows_where_it_flies_to(bench):
+def test_rtl_shows_its_target(bench):
     bench.state.set(custom_mode=Mode.RTL.number, return_place=ORIGIN)
     shown = bench.message("POSITION_TARGET_GLOBAL_INT")
     assert (shown.lat_int, shown.type_mask) == (473977420, 0xFDF8)

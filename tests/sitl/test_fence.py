@@ -112,7 +112,7 @@ SQUARE = [
 ]
 
 
-def test_what_was_uploaded_can_be_read_back_by_the_companion(make_flight):
+def test_the_companion_can_read_back_an_uploaded_fence(make_flight):
     flight = make_flight()
     flight.run(1.0)
     upload(flight, [*SQUARE, (CIRCLE_OUT, 7.5, 30.0, 0.0)])
@@ -137,7 +137,7 @@ def test_px4_holds_at_an_uploaded_polygon(make_flight):
     assert AREA in flight.gcs.texts()
 
 
-def test_ardupilot_takes_no_target_outside_a_polygon_and_brakes_at_it(make_ardupilot):
+def test_ardupilot_rejects_a_target_outside_a_polygon_and_brakes_at_the_polygon(make_ardupilot):
     flight = make_ardupilot(parameters={"FENCE_ENABLE": 1, "FENCE_TYPE": 4, "FENCE_ACTION": 4})
     flight.take_off()
     upload(flight, SQUARE)

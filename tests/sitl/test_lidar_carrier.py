@@ -59,7 +59,7 @@ def measured(lidar, state, seconds=0.1):
     return ranges, np.degrees(2 * math.pi * 10.0 * sequences) % 360.0
 
 
-def test_a_packet_comes_with_the_first_truth_after_its_end_and_none_is_left_out():
+def test_each_packet_is_sent_with_the_first_truth_after_its_end():
     lidar, ends = carrier(WALL), []
     for tick in range(101):
         now_s = tick * 0.01

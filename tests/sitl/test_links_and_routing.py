@@ -142,7 +142,7 @@ def test_a_fading_link_loses_packets_as_gaps_in_the_sequence(flight):
 
 
 @pytest.mark.parametrize("first", ["companion", "ground station"])
-def test_of_two_orders_in_one_tick_the_later_one_counts_whatever_its_link(flight, first):
+def test_of_two_orders_in_one_tick_the_later_one_counts_on_any_link(flight, first):
     flight.run(6.0)
     orders = [(flight.companion, LAND), (flight.gcs, HOLD)]
     for peer, mode in orders if first == "companion" else reversed(orders):

@@ -37,7 +37,7 @@ def test_step_size_and_link_set_do_not_change_the_physics():
     assert fine.truth == coarse.truth
 
 
-def test_time_that_does_not_advance_does_nothing():
+def test_time_that_does_not_advance_has_no_effect():
     vehicle = FakeAutopilot()
     vehicle.step(2.0)
     vehicle.data_to_send()

@@ -27,7 +27,7 @@ def _flying(**demand):
     return quad
 
 
-def test_at_hover_thrust_it_stays_where_it_is():
+def test_at_hover_thrust_the_vehicle_keeps_its_position():
     quad = _flying()
     for _ in range(1000):
         quad.step(DT, 0.0, 0.0, 0.0)
@@ -43,7 +43,7 @@ def test_terminal_speed_at_a_tilt_is_g_tan_tilt_over_drag():
     assert quad.vd == pytest.approx(0.0, abs=0.01)
 
 
-def test_without_thrust_it_drifts_with_the_wind_and_falls():
+def test_without_thrust_the_vehicle_drifts_with_the_wind_and_falls():
     quad = _flying(thrust=0.0)
     for _ in range(3000):
         quad.d = -50.0
@@ -85,7 +85,7 @@ def test_the_ground_holds_the_vehicle_and_thrust_lifts_it():
 @given(
     st.floats(-0.7, 0.7), st.floats(-0.7, 0.7), st.floats(0.0, 1.0), st.floats(-15.0, 15.0)
 )  # fmt: skip
-def test_for_any_demand_the_state_stays_finite_above_ground_and_outputs_in_range(
+def test_whatever_is_demanded_the_state_stays_finite_above_ground_and_outputs_in_range(
     roll, pitch, thrust, wind
 ):
     quad = _flying(roll_rad=roll, pitch_rad=pitch, thrust=thrust)
@@ -156,7 +156,7 @@ def test_a_degree_of_latitude_at_45_degrees_is_111132_m():
 
 
 @given(st.floats(-3000, 3000), st.floats(-3000, 3000), st.floats(-200, 10))
-def test_the_true_frame_and_its_inverse_agree(north_m, east_m, down_m):
+def test_true_frame_there_and_back(north_m, east_m, down_m):
     frame = TrueFrame(ZURICH)
     back = frame.ned(frame.geodetic(north_m, east_m, down_m))
     assert back == pytest.approx((north_m, east_m, down_m), abs=1e-6)
@@ -164,7 +164,7 @@ def test_the_true_frame_and_its_inverse_agree(north_m, east_m, down_m):
 
 @pytest.mark.parametrize("kind", [SphereProjection, FlatProjection])
 @given(st.floats(-3000, 3000), st.floats(-3000, 3000))
-def test_an_autopilots_projection_and_its_inverse_agree(kind, north_m, east_m):
+def test_an_autopilots_projection_there_and_back(kind, north_m, east_m):
     projection = kind(ZURICH.latitude_deg, ZURICH.longitude_deg)
     back = projection.project(*projection.reproject(north_m, east_m))
     assert back == pytest.approx((north_m, east_m), abs=1e-3)

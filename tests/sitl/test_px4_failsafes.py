@@ -142,7 +142,7 @@ def test_without_gps_offboard_ends_by_com_obl_rc_act(airborne, action, mode):
     assert airborne.heartbeat().system_status == 5
 
 
-def test_when_gps_recovers_offboard_resumes_by_itself_and_it_flies_back(airborne):
+def test_when_gps_recovers_offboard_resumes_by_itself_and_px4_flies_back(airborne):
     airborne.vehicle.conditions.satellites = 3
     airborne.run(9.0)
     assert airborne.truth.mode == "ALTCTL"

@@ -63,7 +63,7 @@ def test_offboard_goes_on_without_a_link_that_is_excepted(airborne, values, lose
     assert airborne.heartbeat().system_status == 4
 
 
-def test_a_link_that_is_back_leaves_the_hold_until_a_mode_is_chosen(airborne):
+def test_after_link_recovery_the_hold_stays_until_a_mode_is_chosen(airborne):
     airborne.vehicle.set_parameter("NAV_DLL_ACT", 1)
     lose_ground_station(airborne)
     airborne.run(12.0)
@@ -109,7 +109,7 @@ def test_the_event_of_a_lost_link_names_the_lost_link(airborne):
     assert sum(told in event for event in events) == 1
 
 
-def test_where_a_lost_ground_station_acts_nothing_is_armed_without_one(flight):
+def test_with_an_action_on_ground_station_loss_arming_needs_a_ground_station(flight):
     flight.vehicle.set_parameter("NAV_DLL_ACT", 1)
     flight.ground_station_alive = False
     flight.run(6.0)

@@ -267,7 +267,7 @@ def test_the_first_stick_input_on_the_ground_chooses_position_mode(flight):
     assert flight.heartbeat().system_status == 0  # the sticks are gone again
 
 
-def test_home_is_where_it_was_armed_and_the_origin_where_it_booted(airborne):
+def test_home_is_the_place_of_arming_and_the_origin_the_place_of_booting(airborne):
     airborne.run(2.5)
     home = airborne.companion.last("HOME_POSITION")
     assert home.latitude == pytest.approx(473977420, abs=60)

@@ -189,7 +189,7 @@ def test_hold_from_the_ground_station_wins_at_once_and_stays(airborne):
     assert airborne.truth.mode == "OFFBOARD"
 
 
-def test_coming_back_to_offboard_chases_the_setpoint_that_ran_ahead(airborne):
+def test_return_to_offboard_flies_fast_to_the_setpoint_far_ahead(airborne):
     start_s = airborne.now_s
     airborne.stream = lambda f: f.companion.setpoint(0.7 * (f.now_s - start_s), v=(0.7, 0.0, 0.0))
     airborne.run(3.0)

@@ -108,7 +108,7 @@ def test_a_tower_in_the_plane_is_one_shape(tmp_path):
     assert max(z for each in towers for _, z in each.vertices_m) > 30.0
 
 
-def test_landing_places_are_even_and_a_wood_has_none(tmp_path):
+def test_landing_places_are_on_even_ground_and_never_in_a_wood(tmp_path):
     scene = Scene(6, length_m=120.0).with_wires(DOUBLE_CIRCUIT).with_ground(width_m=120.0)
     for along in (52.0, 60.0, 68.0):
         for lateral in np.arange(18.0, 55.0, 4.0):
