@@ -1,4 +1,4 @@
-"""The margin: what is kept from obstacles beyond their keep-outs, and who says how much."""
+"""The margin: distance to obstacles beyond their keep-outs, and the source of its size."""
 
 from __future__ import annotations
 

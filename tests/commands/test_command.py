@@ -30,10 +30,10 @@ FLYING = 3
 
 
 class Aircraft:
-    """A system on a UDP port: its components heartbeat, and what it hears is answered by rule.
+    """A system on a UDP port: its components heartbeat, and commands are answered by a rule.
 
-    answer: from a command to the companion to what is sent back, as (component, message) in order.
-    MAVSDK asks the autopilot for its version, to which nothing is answered.
+    answer: a function from a command to the companion to the answers, as (component, message).
+    MAVSDK requests the autopilot's version; that request is not answered.
     """
 
     def __init__(self, answer=lambda _: [], *, components=(COMPANION,), says=()):
@@ -103,7 +103,7 @@ def started(*arguments):
 
 @pytest.fixture
 def ordered(capfd):
-    """The command in this process: its status and what it says."""
+    """Run the command in this process. Return its status and its output."""
 
     def run(*arguments):
         status = cli.main(["command", *arguments])

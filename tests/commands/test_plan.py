@@ -454,7 +454,7 @@ def test_a_device_is_written_and_not_replaced(site):
 
 
 def test_a_directory_that_may_not_be_written(site, tmp_path, monkeypatch, capsys):
-    # The answer of the system is put in its mouth: root, who may run the tests, may write anywhere.
+    # The answer of the system is replaced: root may run the tests, and may write anywhere.
     monkeypatch.setattr("os.access", lambda path, _mode: str(path) != str(tmp_path))
     assert cli.main(["plan", site, "--mission", "exit", "--json", str(tmp_path / "a")]) == 2
     assert f"nothing may be written in {tmp_path}" in capsys.readouterr().err

@@ -1,4 +1,4 @@
-"""`moar-companion replay`: what it tells and writes, and what it refuses."""
+"""`moar-companion replay`: its summary, its files, and the input that it refuses."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ KEYS = {"recording", "autopilot", "duration_s", "samples", "events", "inputs"}
 
 @pytest.fixture
 def replay(capsys):
-    """Run the command; what it says, which must be all well."""
+    """Run the command, which must succeed. Return its output."""
 
     def run(recording, *options):
         status = cli.main(["replay", str(recording), *options])

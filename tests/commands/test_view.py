@@ -61,7 +61,7 @@ def served(tmp_path_factory):
 
 @contextlib.contextmanager
 def other_program(says=b"", *, stays=True):
-    """A program that is no companion on `view.sock`; it leaves when it has spoken, or stays."""
+    """A program that is no companion on `view.sock`; it sends some data, then leaves or stays."""
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind("view.sock")
         listener.listen()
@@ -85,7 +85,7 @@ def other_program(says=b"", *, stays=True):
 
 @pytest.fixture
 def view(capfd):
-    """The command in this process: its status and what it says."""
+    """Run the command in this process. Return its status and its output."""
 
     def run(*arguments):
         return cli.main(["view", *arguments]), *capfd.readouterr()

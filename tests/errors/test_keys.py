@@ -1,6 +1,6 @@
 """Every key of every file, wrong in every way: one line that names file, key, value and remedy.
 
-What is wrong is put into all keys at once; `InputError.parts` has them apart.
+A wrong value is put into all keys at once; `InputError.parts` has the errors one by one.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ FREE_NAMES = {("targets",)}
 
 KINDS = {"number": (int, float), "text": (str,), "boolean": (bool,)}
 WRONG = [
-    # title, of what kind the value should be, as written, as told, what is allowed
+    # title, kind of the value, as written, as reported, allowed values
     ("text", "number", "far", "'far'", "must be a"),
     ("a number in quotes", "number", "'3'", "'3' (text, not a number)", "must be a"),
     ("a decimal comma", "number", "'1,5'", "'1,5' (a decimal comma)", "must be a"),
@@ -205,7 +205,7 @@ OUTSIDE = {
 
 
 def keys_of(*kinds):
-    """Every key of every file whose value is of one of the kinds."""
+    """All keys of all files with a value of one of the kinds."""
     return [
         pytest.param(file, key, id=f"{file}: {dotted(key)}")
         for file, (_, content) in FILES.items()

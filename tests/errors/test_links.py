@@ -1,4 +1,4 @@
-"""Links that cannot be had, aircraft that are not there: what a user of the program is told."""
+"""Links that cannot be opened and aircraft that are absent: the errors for the user."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ VEHICLE = shipped_configs() / "vehicles" / "x500.yaml"
 
 @contextlib.contextmanager
 def taken(kind=socket.SOCK_DGRAM):
-    """A port on which somebody listens."""
+    """A port on which another socket listens."""
     with socket.socket(socket.AF_INET, kind) as item:
         item.bind(("127.0.0.1", 0))
         yield item.getsockname()[1]

@@ -23,7 +23,7 @@ PLAN = ["plan", SITE, "--mission", "exit"]
 
 
 def program(arguments, *, file_bytes=None, **options):
-    """The program as a process, whose files may be limited: a disk that is soon full."""
+    """The program as a process. A limit on its file size stands for a disk that is soon full."""
 
     def limit():
         if file_bytes is not None:

@@ -59,7 +59,7 @@ def test_every_combination_has_a_path_of_least_cost(scene):
         weights = Weights.normalised(*combination)
         plan = posed.planner.solve(posed.with_weights(weights))
         sums = (plan.cost.safety, plan.cost.time, plan.cost.energy)
-        # The same optimum, told apart from others of equal J as the planner does.
+        # The same optimum, selected among those of equal J as in the planner.
         assert swept.paths.sums[path] == pytest.approx(sums, abs=1e-8)
 
 

@@ -141,7 +141,7 @@ def give(desk, link, nonce, word, index=None):
 
 
 def answers(desk, link):
-    """What is answered on the order's link since the last call, as (order, result, reason)."""
+    """The answers on the order's link since the last call, as (order, result, reason)."""
     packets = [bytes(message.get_msgbuf()) for _, url, message in desk.sent if url == ORDER_LINK]
     desk.sent.clear()
     return [(item.order_id, item.result.name, item.reason) for item in link.answers(packets)]

@@ -1,4 +1,4 @@
-"""What is published: the table of topics, its payloads, and when each is due."""
+"""Published topics: their table, their payloads and their times."""
 
 import copy
 import json

@@ -1,4 +1,4 @@
-"""The thread that writes: everything, in order, and nobody waits for it."""
+"""The writer thread: it writes all data in order and delays no caller."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from moar_companion.outlets.background_writer import BackgroundWriter
 
 
 class Disk:
-    """Keeps what is written to it; stands still while it is stopped."""
+    """A disk that keeps the written data; it stalls while it is stopped."""
 
     def __init__(self):
         self.batches = []

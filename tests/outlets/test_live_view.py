@@ -1,4 +1,4 @@
-"""The live view of a status: its content, and that it fits."""
+"""The live view of a status: its content and its size."""
 
 import copy
 import io

@@ -1,4 +1,4 @@
-"""The log on stderr: what was said, in order, and nobody waits for who reads it."""
+"""The log on stderr: all lines in order; a slow reader delays no caller."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ logger = logging.getLogger("test")
 
 @pytest.fixture
 def pipe():
-    """A pipe that stands still."""
+    """A stalled pipe."""
     return stopped_pipe()
 
 
@@ -77,7 +77,7 @@ def test_lines_logged_before_the_end_are_written_after_any_error(error, pipe):
 
 def test_a_name_that_is_no_text_is_written_all_the_same(pipe):
     with log_to(pipe.writing):
-        # Not by a logger: what those say is sent from one process of the tests to another, as text.
+        # Not by a logger: the test processes send logged lines to each other as text.
         logging.getLogger().handlers[-1].stream.write("a\udce9b\n")
         pipe.go_on()
     assert all_of(pipe) == ["a\\udce9b"]

@@ -96,7 +96,7 @@ def test_seen_obstacles_are_drawn_over_the_true_and_the_configured_ones(tmp_path
     )
     drawn = colours_of(file)
     assert rgb(colormaps["plasma"](0.0)) in drawn
-    assert {(0xC2, 0x18, 0x5B), (0x15, 0x65, 0xC0)} <= drawn  # added; told
+    assert {(0xC2, 0x18, 0x5B), (0x15, 0x65, 0xC0)} <= drawn  # added; configured
 
 
 @pytest.mark.parametrize("decisions", [[], DECISIONS[:1]], ids=["none", "no place"])

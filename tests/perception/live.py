@@ -1,4 +1,4 @@
-"""The simulated lidar on an aircraft, and what live perception makes of its packets."""
+"""The simulated lidar on an aircraft, and the reports of live perception."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Conductors from scan to scan: confirmed, named, remembered, forgotten."""
+"""Conductors from scan to scan: confirmed, named, kept, dropped."""
 
 from __future__ import annotations
 

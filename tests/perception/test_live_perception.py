@@ -32,7 +32,7 @@ def covers(report, x, z):
 
 
 def extent_m(report, low, high):
-    """What stands between two corners: lower and upper x and z."""
+    """A box between two corners: lower and upper x and z."""
     return solid(report).intersection(shapely.box(*low, *high)).bounds
 
 

@@ -1,4 +1,4 @@
-"""A problem under other levels of risk: the answers are the planner's own, and told in words."""
+"""A problem under other levels of risk: the plans of the planner, and their description."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Clearances: what is repaired after a change is what would be built anew, bit by bit."""
+"""Clearances: maps repaired after a change equal new maps, bit by bit."""
 
 from __future__ import annotations
 

@@ -50,7 +50,7 @@ def test_a_straight_path_costs_what_it_costs_on_the_graph(heading, weights):
         path_m = np.array(grid.lower_m) + (cells + 0.5) * resolution
         found = cost_on(planner)(path_m, VELOCITY_MPS, weights, ends_at_rest=True)
         differences.append(abs(found - cost.total))
-    # The graph takes each step's costs from its end: off by half a step's change along the way.
+    # The graph takes the cost of a step at its end: an error of half the change within the step.
     assert differences[-1] <= 0.02 * max(1.0, cost.total)
     assert differences[-1] <= 0.5 * differences[0] + 1e-9
 

@@ -1,4 +1,4 @@
-"""Tables: what they know of all weights is true, and what is asked of them is found in them."""
+"""Tables: their bounds hold for all weights, and plans for any weights are found with them."""
 
 from __future__ import annotations
 

@@ -23,7 +23,7 @@ def clearance(site, point):
 
 
 def falls(site, start, end, samples, by):
-    """True if clearance falls by more than that on the way, from its greatest value so far."""
+    """True if clearance falls along the leg by more than `by` below its greatest value so far."""
     greatest = -math.inf
     for t in np.linspace(0.0, 1.0, samples):
         here = clearance(site, np.add(start, t * np.subtract(end, start)))
@@ -65,7 +65,7 @@ def test_outside_the_workspace_the_escape_route_is_the_nearest_free_cell():
 
 
 def test_a_conductor_in_between_is_flown_around_or_not_approached():
-    # The nearest free cell is past the conductor; the leg goes another way.
+    # The nearest free cell is past the conductor; the leg goes in another direction.
     site = make_site(conductor(0.0, 2.5, 0.1))
     end = escape(site, (-1.2, 2.5), radius=0.6)
     assert end is None or not falls(site, (-1.2, 2.5), end, 200, 1e-6)
@@ -144,9 +144,9 @@ def test_no_escape_leg_from_one_keep_out_crosses_another(start, keep_outs, widen
 @pytest.mark.parametrize(
     ("wires", "start", "end"),
     [
-        # The cell (8.5, 2.5) is nearer, but on the way the wire at (6, 1) comes nearer.
+        # The cell (8.5, 2.5) is nearer, but the leg to it approaches the wire at (6, 1).
         ([(6.0, 1.0, 2.0), (5.5, 4.5, 1.0), (2.0, 7.0, 4.0)], (5.9, 2.9), (8.5, 3.5)),
-        # So is (11.5, 7.5), on the way to which the keep-out of the wire at (7.5, 8.5) begins.
+        # (11.5, 7.5) is nearer, but the leg to it enters the keep-out of the wire at (7.5, 8.5).
         ([(7.5, 8.5, 3.0), (10.5, 4.0, 3.0), (0.0, 8.0, 1.0)], (9.5, 5.4), (6.5, 3.5)),
     ],
 )

@@ -125,7 +125,7 @@ def test_the_minimum_altitude_changes_no_other_map():
 def test_a_cell_is_occupied_if_its_clearance_is_less_than_required(
     radius, keep_out, uncertainty, occupied
 ):
-    # Cell (4, 4) has its centre 2 m from the conductor's, whose radius is 0.1 m.
+    # The centre of cell (4, 4) is 2 m from that of the conductor, which has a radius of 0.1 m.
     site = make_site(conductor(6.5, 4.5, 0.1, keep_out=keep_out))
     maps = build_maps(site, make_vehicle(radius=radius), uncertainty)
     assert maps.occupied[4, 4] == occupied

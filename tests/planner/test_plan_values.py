@@ -207,7 +207,7 @@ def test_in_the_open_paths_go_straight(weights):
 
 
 def test_a_vehicle_that_flies_away_from_its_target_turns_without_a_needless_stop():
-    # Against its own direction a stop on the way costs neither energy nor time.
+    # At a reversal, an intermediate stop costs neither energy nor time.
     site = make_site(start=(5.5, 0.5), targets={"t": (1.5, 0.5)})
     for weights in CORNERS[:2]:
         plan = Planner(site, make_vehicle()).plan(

@@ -1,4 +1,4 @@
-"""Refined paths: of no greater J, as free as the plan's own by shapely's word, and they arrive."""
+"""Refined paths: J is not greater, they are as free as the plan by shapely, and they arrive."""
 
 from __future__ import annotations
 
@@ -145,7 +145,7 @@ def test_a_wall_is_passed_by_its_corner():
     plan = planner.plan(mission="inspection", weights=Weights(0.0, 1.0, 0.0))
     points = planner.refine(plan).points_m
     path = LineString(points)
-    # The shortest way round is a string pulled tight about the occupied cells: it has more points.
+    # The shortest detour is a string pulled tight about the occupied cells: it has more points.
     tight = (
         LineString(points[[0, -1]])
         .union(occupied_cells(plan.maps))

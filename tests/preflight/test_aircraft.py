@@ -1,4 +1,4 @@
-"""The aircraft judged by what was heard of it: what the fake autopilot does not do by itself."""
+"""The aircraft judged by its telemetry: cases that the fake autopilot does not produce."""
 
 from dataclasses import replace
 

@@ -416,7 +416,7 @@ def test_a_link_that_loses_packets():
     found = look.findings()
     assert found["communication risk"].level is WARNING
     assert "% of packets" in found["communication risk"].text
-    # Each is asked for again until it is told.
+    # Each parameter is requested again until it is received.
     assert "unknown" not in found["COM_OBL_RC_ACT"].text
     assert "unread" not in found["companion failure"].text
 

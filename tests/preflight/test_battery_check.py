@@ -1,4 +1,4 @@
-"""Batteries before a flight: what their figures say of each other and of the vehicle file."""
+"""Batteries before a flight: their values compared with each other and the vehicle file."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""On offboard loss: the check says before the flight what the service says then."""
+"""Offboard loss: before the flight the check reports the same as the service in flight."""
 
 from dataclasses import replace
 

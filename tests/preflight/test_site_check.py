@@ -67,7 +67,7 @@ def test_a_target_is_reported_with_the_times_and_clearances_of_its_routes():
 
 
 def seconds(text):
-    """The times that a finding tells."""
+    """The times in the text of a finding."""
     return [float(number) for number in re.findall(r"(\d+) s\b", text)]
 
 

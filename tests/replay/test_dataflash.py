@@ -1,4 +1,4 @@
-"""ArduPilot's onboard logs, read as the companion hears its autopilot."""
+"""ArduPilot's onboard logs, read as the telemetry that the companion receives."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ PLACE = {"Lat": 45.0, "Lng": -71.0, "Alt": 210.0}
 
 
 def received(*rows):
-    """The listener after messages, a second apart, and what it said."""
+    """The listener after messages, a second apart, and its texts."""
     listener, said = DataflashListener(), []
     for second, (name, fields) in enumerate(rows, start=1):
         said += listener.handle((name, {"TimeUS": second * 10**6} | fields), float(second))

@@ -1,4 +1,4 @@
-"""A recording played back: what is known when, what happened, and how time goes."""
+"""A recording played back: its values, its events and its time."""
 
 from __future__ import annotations
 

@@ -23,13 +23,13 @@ PX4 = px4_status(HEARD_S)
 
 
 def by_gnss(position_m):
-    """Telemetry of an aircraft whose estimator's origin is not told."""
+    """Telemetry without the origin of the estimator."""
     point = SITE.frame.to_geodetic(position_m)
     return Telemetry(autopilot=PX4, global_position=GlobalPosition(received_s=HEARD_S, point=point))
 
 
 def by_its_estimator(position_m):
-    """Telemetry of an aircraft whose estimator began where it is."""
+    """Telemetry with the origin of the estimator at the position of the aircraft."""
     still = (0.0, 0.0, 0.0)
     local = LocalPosition(
         received_s=HEARD_S, boot_s=50.0, position_ned_m=still, velocity_ned_mps=still

@@ -1,4 +1,4 @@
-"""PX4's own logs, read as the companion hears its autopilot."""
+"""PX4's onboard logs, read as the telemetry that the companion receives."""
 
 from __future__ import annotations
 

@@ -37,7 +37,7 @@ def clock_s():
 
 @pytest.fixture
 def received():
-    """A socket that hears the service."""
+    """A socket that receives the packets of the service."""
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as item:
         item.bind(("127.0.0.1", 0))
         item.setblocking(False)

@@ -1,4 +1,4 @@
-"""The first start: the service is heard while its planner is compiled, and orders wait for it."""
+"""The first start: the service sends while its planner is compiled, and orders wait."""
 
 from __future__ import annotations
 

@@ -194,7 +194,7 @@ def tls_port(tmp_path_factory):
         yield number
 
 
-# paho closes no socket after a handshake that failed: it is closed when it is forgotten.
+# paho closes no socket after a handshake that failed: the garbage collector closes it.
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.slow
 @pytest.mark.parametrize(
@@ -236,7 +236,7 @@ def configured(tmp_path, port):
 
 
 def with_model(running, reader, vehicle):
-    """What a service has told of its mission; it has to run."""
+    """The mission that a service has published; the service has to run."""
     assert running.poll() is None, running.stderr.read()
     return reader.of("mission", vehicle)
 

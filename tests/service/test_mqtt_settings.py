@@ -1,4 +1,4 @@
-"""The broker of the configuration: its certificates and secrets, who may read them, bad ones."""
+"""The broker of the configuration: certificates, secrets, their permissions, and bad values."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ def manager(request, tmp_path, monkeypatch):
 
 
 def told(manager):
-    """All that it was told since the last look."""
+    """All notifications since the last call."""
     received = []
     while True:
         try:

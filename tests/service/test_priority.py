@@ -1,4 +1,4 @@
-"""The service goes ahead of other programs; who embeds it, and what it starts, do not."""
+"""The priority of the service: above other programs, its embedder and its child processes."""
 
 from __future__ import annotations
 

@@ -58,7 +58,7 @@ class Flown:
         self.link.mav.heartbeat_send(2, 12, 81, 3 << 16, 3)
 
     def handle(self, name, **fields):
-        """The next message of the companion with these fields; heartbeats go the other way."""
+        """The next message of the companion with these fields; sends heartbeats meanwhile."""
         until_s = time.monotonic() + PATIENCE_S
         beat_s = math.inf
         while time.monotonic() < until_s:

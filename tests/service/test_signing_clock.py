@@ -1,4 +1,4 @@
-"""The time stamps that outlive the process: never behind what was sent, never in the way."""
+"""Time stamps stored across restarts: never behind those sent, never too far ahead."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def test_a_wall_clock_that_was_once_far_in_the_future_is_not_used_for_ever(
     clock.close()
     link = start(config, wall_s=NOW_S)
     assert link.reference == timestamp_at(NOW_S)
-    assert link.timestamp > wrong.timestamp  # peers refuse what is older than what they have heard
+    assert link.timestamp > wrong.timestamp  # peers refuse older time stamps than they received
     sender = SignedPeer(timestamp=timestamp_at(NOW_S - 30.0))
     assert link.refusal(sender.ground_heartbeat()) is None
     old = SignedPeer(system_id=2, timestamp=timestamp_at(NOW_S - 90.0))

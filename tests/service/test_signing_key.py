@@ -1,4 +1,4 @@
-"""The key of the signed links: where it may be, who may read it, what is said of a bad one."""
+"""The key of the signed links: its place, its permissions, and the errors about a bad key."""
 
 from __future__ import annotations
 

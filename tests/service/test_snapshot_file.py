@@ -1,4 +1,4 @@
-"""The file of the memory: whole at any moment, never in the way."""
+"""The file of the state: complete at any moment; it never delays the service."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The view socket, with real sockets: who reads it cannot disturb who serves it."""
+"""The view socket, with real sockets: its readers cannot disturb the service."""
 
 import asyncio
 import contextlib
@@ -31,7 +31,7 @@ def path(tmp_path, monkeypatch):
 
 @pytest.fixture
 def taken(path):
-    """A file that is no socket, in the way."""
+    """A file that is no socket, at the path of the socket."""
     file = Path("file")
     file.write_text("kept")
     return file
@@ -75,7 +75,7 @@ def permissions(path):
 
 
 async def read_on(stream, lines):
-    """Some lines, whose last is returned: as a clock, it strikes once in a period."""
+    """Reads some lines and returns the last. One line comes in each period, as from a clock."""
     return [await line(stream) for _ in range(lines)][-1]
 
 
@@ -129,7 +129,7 @@ async def test_a_reader_that_does_not_read_neither_delays_nor_fills_the_memory(p
                 stream._limit = 1 << 20
                 last = await read_on(stream, 200)
                 assert last["count"] >= 200
-            # Twenty megabytes were said; the kernel's buffer and one line wait.
+            # Twenty megabytes were sent. Only the kernel's buffer and one line wait.
             stuck.setblocking(False)
             waiting = 0
             with contextlib.suppress(BlockingIOError):

@@ -1,7 +1,7 @@
-"""Recordings of real autopilots, and the fake in the same situation.
+"""Recordings of real autopilots, and the fake autopilot in the same situation.
 
-What the recorded peers sent is sent to the fake at the same times of the autopilot's clock; what
-it sends back can then be compared packet by packet.
+The packets of the recorded peers are sent to the fake at the same times of the autopilot's clock.
+The packets that the fake sends back are then compared one by one.
 """
 
 import struct
@@ -82,13 +82,13 @@ def parameter(name, value):
 class Situation:
     """Recordings of one run of an autopilot, and how the fake comes into it.
 
-    Where the ground station's link was not recorded, it said what was forwarded to the companion.
+    If the ground station's link was not recorded, its packets are those forwarded to the companion.
 
-    actions   (seconds on the autopilot's clock, what is done then: a function of the vehicle and
-              the peers), beside what the recorded peers sent; these may begin earlier
-    shift_s   how long the fake has been running when the recorded clock begins
-    until_s   where the comparison ends, on the autopilot's clock
-    slack_s   for courses that this recording went through faster or slower than usual, by name
+    actions   (seconds on the autopilot's clock, a function of the vehicle and the peers), beside
+              the packets of the recorded peers; actions may begin earlier
+    shift_s   run time of the fake when the recorded clock begins
+    until_s   end of the comparison, on the autopilot's clock
+    slack_s   by name: allowance for courses that were faster or slower than usual here
     """
 
     recordings: tuple
@@ -212,7 +212,7 @@ def counts(rows):
 def changes(values, shortest_s=0.0):
     """Return [(seconds, value)] at each change of a value, the first included.
 
-    What lasted shorter than `shortest_s` is left out.
+    Values that lasted shorter than `shortest_s` are left out.
     """
     found = []
     for t, value in values:
@@ -250,9 +250,9 @@ def sizes(rows):
 
 
 def check_counts(both, link, *, but, rel, may_stop=frozenset()):
-    """The same messages came, and as often, but those that may stop at another time.
+    """Assert the same messages at the same rates, except those that may stop at another time.
 
-    Heartbeats are counted one by one: an extra one says that the mode has changed.
+    Heartbeats are counted one by one: an extra heartbeat reports a change of mode.
     """
     real, fake = counts(both.real[link]), counts(both.fake[link])
     kinds = set(real) - but

@@ -1,4 +1,4 @@
-"""ArduPilot's streams, messages and texts: what is asked for is sent, what is unknown says so."""
+"""ArduPilot's streams, messages and texts: requested messages are sent, unknown values marked."""
 
 import math
 from dataclasses import dataclass, replace
@@ -91,7 +91,7 @@ def bench():
     return Bench().run(15.0)
 
 
-# What is sent
+# Messages that are sent
 
 
 def _names(schedule, since_us, until_us):
@@ -165,7 +165,7 @@ def test_every_message_that_is_streamed_can_be_built_or_has_no_data(bench):
         assert (bench.message(name) is None) == (name in known), name
 
 
-# What is unknown says so
+# Unknown values are marked
 
 
 def test_there_is_no_local_position_and_no_wind_before_the_estimator_uses_gps(bench):

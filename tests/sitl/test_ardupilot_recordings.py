@@ -1,8 +1,8 @@
 """Comparison with recordings of ArduCopter 4.6.3, field by field.
 
-What the recorded peers sent is sent to the fake at the same times after its start; what it sends
-back has to be what was recorded: the messages, their rates and sizes, every field that never
-changed, and what modes, flags and sensors went through.
+The packets of the recorded peers are sent to the fake at the same times after its start. Its
+packets have to equal the recorded ones: messages, rates and sizes, every constant field, and the
+courses of modes, flags and sensors.
 """
 
 import re
@@ -264,7 +264,7 @@ def test_the_sensors_bits_change_as_those_of_ardupilot(both, field):
 
 
 def _texts(rows):
-    """Texts with their severity, without the simulator's words and the figures."""
+    """Texts with their severity, without those of the simulator and without numbers."""
     return sorted(
         (m.severity, re.sub(r"[0-9.]+V used .*", "", m.text))
         for _, m, _ in rows

@@ -14,7 +14,7 @@ def both(ardupilot):
 
 
 def _received(flight, peer, kind, send):
-    """Return what of a kind a peer heard within 0.1 s of sending."""
+    """Return the messages of a kind that a peer received within 0.1 s of sending."""
     start_s = flight.now_s
     send()
     flight.run(0.1)

@@ -82,7 +82,7 @@ def test_the_demonstration_flies_two_splices_and_the_exit_lands_and_draws_its_pi
     reasons = [data["reason"] for data in towards]
     inner = reasons[reasons.index("flying inspection to splice-inner") :]
     inner = inner[: inner.index("at target splice-inner")]
-    assert any(reason.startswith("wind risk") for reason in inner)  # it is weighed anew
+    assert any(reason.startswith("wind risk") for reason in inner)  # the path is weighed again
     log = mavutil.mavlink_connection(str(tmp_path / "flight.tlog"), dialect="all")
     seen = set()
     while (message := log.recv_match()) is not None:

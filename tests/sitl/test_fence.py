@@ -15,7 +15,7 @@ AREA = "Geofence: approaching or outside geofence\t"
 
 
 def flown_out(make_flight, **parameters):
-    """OFFBOARD at 10 m, on its way 30 m north."""
+    """A flight in OFFBOARD at 10 m, towards a point 30 m north."""
     flight = make_flight(parameters={"COM_OF_LOSS_T": 0.5, **parameters})
     flight.take_off()
     flight.hold_at(x=30.0)

@@ -1,4 +1,4 @@
-"""The simulated lidar: its ranges against geometry computed another way, and its packets."""
+"""The simulated lidar: its packets, and its ranges against independent geometry."""
 
 import math
 import struct

@@ -1,4 +1,4 @@
-"""Scene files of the lidar: read, written, and what is said about bad ones."""
+"""Scene files of the lidar: read, written, and the errors about bad files."""
 
 import copy
 

@@ -1,4 +1,4 @@
-"""The flight by sight: what is told, what stands there, and what is added."""
+"""The flight with perception: the given site, the true obstacles, and the added ones."""
 
 import math
 from dataclasses import replace

@@ -15,7 +15,7 @@ def lose_ground_station(airborne):
 
 
 def lose_sticks(airborne):
-    """A joystick's last word."""
+    """The last message of a joystick."""
     airborne.gcs.send(mavlink.MAVLink_manual_control_message(1, 0, 0, 500, 0, 0))
 
 
@@ -74,7 +74,7 @@ def test_after_link_recovery_the_hold_stays_until_a_mode_is_chosen(airborne):
     assert airborne.mode(airborne.companion, (6, 0))[-1] == 0
     airborne.run(1.0)
     assert airborne.truth.mode == "OFFBOARD"
-    lose_ground_station(airborne)  # anew
+    lose_ground_station(airborne)  # a second time
     airborne.run(12.0)
     assert airborne.truth.mode == "AUTO.LOITER"
 

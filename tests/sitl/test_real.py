@@ -20,7 +20,7 @@ HOME = Geodetic(latitude_deg=45.3781, longitude_deg=-71.9295, altitude_amsl_m=21
 
 @dataclass
 class Recorded:
-    """An operator who notes what he is to do."""
+    """An operator that records the requested actions."""
 
     landed_state: int = 1
     autopilot_received: bool = True
@@ -39,7 +39,7 @@ def weather_of(autopilot, *changes, speed=1.0):
 
 
 def px4_build(folder, *, start="param set MAV_SYS_ID $((px4_instance+1))\n"):
-    """A build folder of PX4 whose program says where it was started, and ends."""
+    """A build folder of PX4 with a program that prints its working folder and ends."""
     scripts = folder / "etc" / "init.d-posix"
     scripts.mkdir(parents=True)
     (scripts / "rcS").write_text(start)

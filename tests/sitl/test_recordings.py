@@ -246,7 +246,7 @@ SITUATIONS = {
             (27.1, world(gps_mode=GPS_SILENT)),
             (42.0, world(gps_mode=GPS_NORMAL)),
         ),
-        # A silent receiver speaks once a second; ready to arm and sure again later than usual.
+        # A silent receiver is reported once a second. Readiness and health come later than usual.
         slack_s={"receiver": 1.0, "health": 2.4},
         **COMPANION_ONLY,
     ),

@@ -1,4 +1,4 @@
-"""Scenario files: what they do, and what is said about bad ones."""
+"""Scenario files: their effect, and the errors about bad files."""
 
 import math
 from pathlib import Path

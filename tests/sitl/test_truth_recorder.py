@@ -1,4 +1,4 @@
-"""What a real autopilot's simulator says is so: read, written, and handed on."""
+"""The true state from a real autopilot's simulator: read, written and forwarded."""
 
 from __future__ import annotations
 
