@@ -2,8 +2,8 @@
 
 Processor time of: updates of the risk indices without and with their explanation; telemetry through
 `Session.receive`; telemetry through the whole companion, at 50 cycles per second of its time. Also
-a whole inspection in lockstep; that figure includes the fake autopilot. The telemetry is a recording
-of PX4 if there is one beside the checkout, and otherwise the packets received in that inspection.
+a whole inspection in lockstep; that figure includes the fake autopilot. The telemetry is a
+recording of PX4 if there is one beside the checkout, and otherwise that of the inspection.
 """
 
 from __future__ import annotations

@@ -6,10 +6,10 @@ weights; with 60 problems or more the extremes of the weights are among them.
 
 Peers that search the planner's graph must find its J: a difference above 1e-9 ends the run. OMPL's
 J is that of a continuous path. It is compared with J of our refined path and of the polyline
-through the centres of our cells, evaluated alike. OMPL's path and the refined path may end anywhere in a
-goal cell; the polyline continues to the centre. Each planner of OMPL is called in two forms
-(`peers_ompl`). The table and the picture have the form with the better result at a hundred times
-our cold time. The result of the other form is printed below the table.
+through the centres of our cells, evaluated alike. OMPL's path and the refined path may end
+anywhere in a goal cell; the polyline continues to the centre. Each planner of OMPL is called in
+two forms (`peers_ompl`). The table and the picture have the form with the better result at a
+hundred times our cold time. The result of the other form is printed below the table.
 """
 
 from __future__ import annotations

@@ -71,8 +71,8 @@ def test_the_links_of_the_configuration_are_looked_at(capsys, tmp_path, unused_u
     out, err = capsys.readouterr()
     assert err == ""
     assert f"\nAircraft on {link}\n" in out
-    told = [line for line in out.splitlines() if line.startswith("  no-go")]
-    (line,) = told
+    reported = [line for line in out.splitlines() if line.startswith("  no-go")]
+    (line,) = reported
     assert line == (
         f"  no-go    link: udpin:127.0.0.1:{unused_udp_port}: in use by another program; "
         "stop the service: systemctl stop moar-companion, or what else uses it"
@@ -145,8 +145,8 @@ def test_all_errors_of_all_files_are_reported_at_once(capsys, tmp_path):
     )
     assert check("--config", config) == 2
     out, err = capsys.readouterr()
-    told = [line for line in out.splitlines() if line.startswith("  no-go")]
-    assert len(told) == 5
+    reported = [line for line in out.splitlines() if line.startswith("  no-go")]
+    assert len(reported) == 5
     for words in (
         f"{config}: links[0].url: 'smoke:signals'",
         f"{config}: links[1].url: 'udp:127.0.0.1:99999'",
@@ -154,7 +154,7 @@ def test_all_errors_of_all_files_are_reported_at_once(capsys, tmp_path):
         f"{site}: frame.azimuth_deg: is 500",
         f"{site}: workspace.resolution_m: is -1",
     ):
-        assert [line for line in told if words in line], words
+        assert [line for line in reported if words in line], words
     assert "NO-GO: 5 findings\n" in out
     assert err.count("\n") == 1
     assert "(and 4 more)" in err
@@ -229,8 +229,8 @@ def test_a_view_socket_that_the_service_could_not_make_is_reported(
 
 def test_a_socket_file_that_exists_already_is_no_finding(capsys, tmp_path, monkeypatch):
     monkeypatch.setenv("RUNTIME_DIRECTORY", str(tmp_path))
-    with socket.socket(socket.AF_UNIX) as dead:
-        dead.bind(str(tmp_path / "view.sock"))
+    with socket.socket(socket.AF_UNIX) as leftover:
+        leftover.bind(str(tmp_path / "view.sock"))
     assert check() == 0
     assert "  ok       view: " in capsys.readouterr().out
 

@@ -36,9 +36,9 @@ class Aircraft:
     MAVSDK requests the autopilot's version; that request is not answered.
     """
 
-    def __init__(self, answer=lambda _: [], *, components=(COMPANION,), says=()):
+    def __init__(self, answer=lambda _: [], *, components=(COMPANION,), messages=()):
         self.commands = []
-        self._answer, self._components, self._says = answer, components, says
+        self._answer, self._components, self._messages = answer, components, messages
         self._socket = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         self._socket.bind(("127.0.0.1", 0))
         self._socket.settimeout(0.05)
@@ -70,10 +70,10 @@ class Aircraft:
                         self._send(peer, self._answer(message))
             if peer is not None:
                 self._send(peer, [(each, heartbeat(each)) for each in self._components])
-                self._send(peer, self._says)
+                self._send(peer, self._messages)
 
-    def _send(self, peer, said):
-        for component, message in said:
+    def _send(self, peer, reply):
+        for component, message in reply:
             codec = self._codecs[component]
             self._socket.sendto(message.pack(codec), peer)
             codec.seq = (codec.seq + 1) % 256
@@ -93,8 +93,8 @@ def text(words, *, component=COMPANION, chunk=(0, 0)):
     return component, mavlink.MAVLink_statustext_message(4, words.encode(), *chunk)
 
 
-def always(*said):
-    return lambda _: list(said)
+def always(*reply):
+    return lambda _: list(reply)
 
 
 def started(*arguments):
@@ -162,24 +162,26 @@ def test_a_denial_is_printed_with_its_reason_joined_from_chunks(ordered):
 def test_an_order_that_is_not_accepted_waits_for_its_reason_and_ends_with_status_1(
     ordered, result, word
 ):
-    said = f"MOAR: so it is, {word.rpartition(' ')[2]}"
-    why = text(said)
+    reply = f"MOAR: so it is, {word.rpartition(' ')[2]}"
+    why = text(reply)
     with Aircraft(always(text("MOAR idle"), acknowledgement(result), why)) as aircraft:
         done = ordered("hold", "--connect", aircraft.url)
     name = word.upper().replace(" ", "_")
     assert (done.status, done.err) == (1, "")
-    assert done.out == f"MOAR idle\nhold: {name}\n{said}\n"
+    assert done.out == f"MOAR idle\nhold: {name}\n{reply}\n"
 
 
 @pytest.mark.parametrize(
-    ("result", "told"),
+    ("result", "printed"),
     [(UNSUPPORTED, "UNSUPPORTED"), (77, "REFUSED, result 77")],
 )
-def test_a_refusal_without_a_reason_is_printed_even_if_its_number_is_unknown(ordered, result, told):
+def test_a_refusal_without_a_reason_is_printed_even_if_its_number_is_unknown(
+    ordered, result, printed
+):
     with Aircraft(always(acknowledgement(result))) as aircraft:
         done = ordered("hold", "--connect", aircraft.url)
     assert (done.status, done.err) == (1, "")
-    assert done.out == f"hold: {told}\n(no reason was received)\n"
+    assert done.out == f"hold: {printed}\n(no reason was received)\n"
 
 
 def test_progress_of_planning_is_printed_once_and_restarts_the_timeout(ordered):
@@ -252,7 +254,7 @@ def test_a_link_without_packets_is_reported(ordered):
 
 
 def test_status_shows_the_companions_own_reports(ordered):
-    says = [
+    messages = [
         (COMPANION, mavlink.MAVLink_named_value_float_message(0, name.encode(), value))
         for name, value in [
             ("RISK_WIND", 0.25),
@@ -263,8 +265,8 @@ def test_status_shows_the_companions_own_reports(ordered):
             ("K_ENERGY", 0.375),
         ]
     ]
-    said = [text("MOAR note: battery 0 is silent"), text("MOAR hold: GNSS receiver has no 3D fix")]
-    with Aircraft(components=(AUTOPILOT, COMPANION), says=[*says, *said]) as aircraft:
+    reply = [text("MOAR note: battery 0 is silent"), text("MOAR hold: GNSS receiver has no 3D fix")]
+    with Aircraft(components=(AUTOPILOT, COMPANION), messages=[*messages, *reply]) as aircraft:
         done = ordered("status", "--connect", aircraft.url)
     assert (done.status, done.err, aircraft.commands) == (0, "", [])
     assert done.out.splitlines() == [
@@ -314,9 +316,9 @@ def test_a_missing_device_is_one_line_and_status_1(ordered):
 
 
 def test_a_tcp_peer_that_is_not_there_is_named(ordered):
-    with socket.socket() as unheard:
-        unheard.bind(("127.0.0.1", 0))
-        url = f"tcp:127.0.0.1:{unheard.getsockname()[1]}"
+    with socket.socket() as silent:
+        silent.bind(("127.0.0.1", 0))
+        url = f"tcp:127.0.0.1:{silent.getsockname()[1]}"
         done = ordered("hold", "--connect", url, "--timeout", "0.5")
     assert (done.status, done.out) == (1, "")
     assert url in done.err

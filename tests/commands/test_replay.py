@@ -285,5 +285,7 @@ def test_every_sample_has_the_reasons_and_the_resulting_weights(replay):
         for name, words in sample["reasons"].items():
             assert words.startswith(f"{name} ")
         assert sum(sample["weights"]["adjusted"].values()) == pytest.approx(1.0, abs=0.002)
-    told = [event["text"] for event in answer["events"] if event["kind"] == "risk"]
-    assert any(text.startswith("communication to 0.67: ground station silence ") for text in told)
+    reported = [event["text"] for event in answer["events"] if event["kind"] == "risk"]
+    assert any(
+        text.startswith("communication to 0.67: ground station silence ") for text in reported
+    )

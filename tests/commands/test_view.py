@@ -30,16 +30,16 @@ def folder(tmp_path_factory, monkeypatch):
 @contextlib.contextmanager
 def service(folder, *arguments, environment=None):
     """A service that has opened its links, and so its view."""
-    told = folder / "notify.sock"
+    notify_path = folder / "notify.sock"
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as manager:
-        manager.bind(str(told))
+        manager.bind(str(notify_path))
         manager.settimeout(PATIENCE_S)
-        environment = {"NOTIFY_SOCKET": str(told), **(environment or {})}
+        environment = {"NOTIFY_SOCKET": str(notify_path), **(environment or {})}
         with companion(
             *("--connect", "udpout:127.0.0.1:9"), *arguments, environment=environment
         ) as running:
             assert manager.recv(64) == b"READY=1"
-            told.unlink()
+            notify_path.unlink()
             yield running
 
 
@@ -60,7 +60,7 @@ def served(tmp_path_factory):
 
 
 @contextlib.contextmanager
-def other_program(says=b"", *, stays=True):
+def other_program(sent=b"", *, stays=True):
     """A program that is no companion on `view.sock`; it sends some data, then leaves or stays."""
     with socket.socket(socket.AF_UNIX) as listener:
         listener.bind("view.sock")
@@ -70,7 +70,7 @@ def other_program(says=b"", *, stays=True):
         def serve():
             caller, _ = listener.accept()
             with caller, contextlib.suppress(OSError):
-                caller.sendall(says)
+                caller.sendall(sent)
                 if stays:
                     done.wait(PATIENCE_S)
 
@@ -132,8 +132,8 @@ def test_into_a_pipe_a_service_that_hangs_is_distinguished_from_one_that_flies(f
     ):
         assert "idle" in viewing.stdout.readline()
         serving.send_signal(signal.SIGSTOP)
-        told = next(line for line in viewing.stdout if "idle" not in line)
-        assert told.startswith("no data from the service for ")
+        reported = next(line for line in viewing.stdout if "idle" not in line)
+        assert reported.startswith("no data from the service for ")
         assert "no data from the service" in viewing.stdout.readline()
         serving.send_signal(signal.SIGCONT)
         assert "idle" in next(line for line in viewing.stdout if "no word" not in line)
@@ -201,7 +201,7 @@ def test_a_view_without_a_service_is_one_line(view, path, reason):
 
 @pytest.mark.usefixtures("folder")
 @pytest.mark.parametrize(
-    "says",
+    "sent",
     [
         b"hello\n",
         b"[]\n",
@@ -213,8 +213,8 @@ def test_a_view_without_a_service_is_one_line(view, path, reason):
     ],
     ids=["text", "a list", "no text", "no end", "deep", "null", "other keys"],
 )
-def test_another_program_on_the_socket_is_distinguished_from_a_service(view, says):
-    with other_program(says):
+def test_another_program_on_the_socket_is_distinguished_from_a_service(view, sent):
+    with other_program(sent):
         status, output, errors = view("view.sock")
     assert (status, output) == (1, "")
     assert errors == "moar-companion: view.sock: is served by another program\n"

@@ -179,8 +179,8 @@ def test_no_plan_is_one_line_with_status_2_and_the_json_is_written(
     content["start"] = {"x_m": start[0], "z_m": start[1]}
     content["targets"] = {"splice": {"x_m": target[0], "z_m": target[1]}}
     (tmp_path / "site.yaml").write_text(yaml.safe_dump(content))
-    words_of_command = ["plan", str(tmp_path / "site.yaml"), "--mission", "inspection"]
-    assert cli.main([*words_of_command, "--json", "-"]) == 2
+    command_line = ["plan", str(tmp_path / "site.yaml"), "--mission", "inspection"]
+    assert cli.main([*command_line, "--json", "-"]) == 2
     out, err = capsys.readouterr()
     answer = json.loads(out)
     assert answer["status"] == status

@@ -269,21 +269,21 @@ def test_a_file_with_every_key_loads(file, tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("kind", "bad", "told", "allowed", "file"),
+    ("kind", "bad", "reported", "allowed", "file"),
     [
-        pytest.param(kind, *told, file, id=f"{file}: {title}")
-        for title, kind, *told in WRONG
+        pytest.param(kind, *reported, file, id=f"{file}: {title}")
+        for title, kind, *reported in WRONG
         for file, (_, content) in FILES.items()
         if any(type(value) in KINDS[kind] for _, value in walk(content))
     ],
 )
 def test_a_wrong_value_is_named_with_the_allowed_values(
-    kind, bad, told, allowed, file, tmp_path, capsys
+    kind, bad, reported, allowed, file, tmp_path, capsys
 ):
     text, keys = with_all(file, KINDS[kind], bad)
-    fine = EMPTY_IS_NONE[file] | ONE_OF_TWO[file] if told == "empty" else ()
+    fine = EMPTY_IS_NONE[file] | ONE_OF_TWO[file] if reported == "empty" else ()
     lines = [
-        f"{tmp_path / file}: {dotted(key)}: is {told}, {allowed}"
+        f"{tmp_path / file}: {dotted(key)}: is {reported}, {allowed}"
         for key in keys
         if dotted(key) not in fine
     ]
@@ -313,15 +313,15 @@ def test_a_number_out_of_range_is_named_with_its_limit(side, file, tmp_path, cap
 def test_a_value_that_is_no_mapping_or_list_is_named(file, key, tmp_path, capsys):
     kind = type(parent(FILES[file][1], key)[key[-1]])
     word = "a mapping" if kind is dict else "a list"
-    for bad, told in STRUCTURES[kind]:
-        if told == "empty" and dotted(key) in EMPTY_IS_NONE[file]:
+    for bad, reported in STRUCTURES[kind]:
+        if reported == "empty" and dotted(key) in EMPTY_IS_NONE[file]:
             continue
         text = yaml.safe_dump(changed(file, key, "@"), sort_keys=False).replace("'@'", bad)
         path = tmp_path / file
-        if told == "empty" and dotted(key) in ONE_OF_TWO[file]:
+        if reported == "empty" and dotted(key) in ONE_OF_TWO[file]:
             must = f"{dotted(key[:-1])}: must have one key, conductor or polygon"
         else:
-            must = f"{dotted(key)}: is {told}, must be {word}"
+            must = f"{dotted(key)}: is {reported}, must be {word}"
         assert str(refusal(file, text, tmp_path, capsys)).startswith(f"{path}: {must}")
 
 

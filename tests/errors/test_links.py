@@ -195,8 +195,8 @@ def test_two_autopilots_are_both_named_in_the_log():
         assert running.stderr.readline().startswith("INFO autopilot link on ")
         for codec in itertools.islice(systems, 4):
             aircraft.sendto(beat.pack(codec), ("127.0.0.1", port))
-        told = next((line for line in running.stderr if "two autopilots" in line), "")
-    assert told == "INFO MOAR: two autopilots, ids 1 and 2, no control\n"
+        reported = next((line for line in running.stderr if "two autopilots" in line), "")
+    assert reported == "INFO MOAR: two autopilots, ids 1 and 2, no control\n"
 
 
 @pytest.mark.parametrize("key", ["recorder", "state"])

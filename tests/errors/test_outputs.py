@@ -70,8 +70,8 @@ def test_a_disk_that_is_full_in_the_middle_leaves_no_half_file(tmp_path):
         out, err = process.communicate()
     assert process.returncode == 1
     assert "exit: found" in out
-    told = "; ".join(f"{option}: {path}: File too large" for option, path in files.items())
-    assert err == f"moar-companion: {told}\n"
+    reported = "; ".join(f"{option}: {path}: File too large" for option, path in files.items())
+    assert err == f"moar-companion: {reported}\n"
     assert [path.name for path in tmp_path.iterdir()] == ["out.maps"]
     assert files["--maps"].read_bytes() == b"old"
 

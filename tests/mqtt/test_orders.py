@@ -93,7 +93,7 @@ def test_an_order_that_the_broker_kept_is_refused():
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "reported"),
     [
         ({"mission": "land"}, "mission: "),
         ({"target": -1}, "target: "),
@@ -103,9 +103,11 @@ def test_an_order_that_the_broker_kept_is_refused():
         ({"speed": 3}, "speed: "),
     ],
 )
-def test_a_signed_payload_that_is_no_order_is_refused_with_the_field(change, told):
+def test_a_signed_payload_that_is_no_order_is_refused_with_the_field(change, reported):
     content = json.loads(order().model_dump_json()) | change
-    assert refused(checks().check(signed_text(json.dumps(content)), START_S + 6.0)).startswith(told)
+    assert refused(checks().check(signed_text(json.dumps(content)), START_S + 6.0)).startswith(
+        reported
+    )
 
 
 def signed_text(text):
@@ -178,8 +180,8 @@ def test_an_order_that_another_overtakes_is_cancelled():
     give(desk, link, "first", "inspection").run(0.5)
     assert answers(desk, link) == [("first", "IN_PROGRESS", "")]
     give(desk, link, "second", "hold").run(0.5)
-    told = {nonce: result for nonce, result, _ in answers(desk, link)}
-    assert told == {"first": "CANCELLED", "second": "ACCEPTED"}
+    reported = {nonce: result for nonce, result, _ in answers(desk, link)}
+    assert reported == {"first": "CANCELLED", "second": "ACCEPTED"}
 
 
 def test_by_default_there_is_no_link_for_orders():
@@ -207,10 +209,12 @@ def test_more_orders_than_a_cycle_takes_are_rejected_for_now(waiting):
     for number in range(20):
         given = order(f"{number:016d}", mission="hold")
         waiting.receive(signed_order(given, "a1", KEY), retained=False)
-    told = replies(waiting)
+    reported = replies(waiting)
     assert len(waiting.take()) == 8
-    assert [reply["nonce"] for reply in told] == [f"{number:016d}" for number in range(8, 20)]
-    assert {(reply["result"], reply["final"]) for reply in told} == {("TEMPORARILY_REJECTED", True)}
+    assert [reply["nonce"] for reply in reported] == [f"{number:016d}" for number in range(8, 20)]
+    assert {(reply["result"], reply["final"]) for reply in reported} == {
+        ("TEMPORARILY_REJECTED", True)
+    }
 
 
 def test_a_flood_of_wrong_orders_is_neither_answered_nor_logged_for_long(waiting, caplog):

@@ -36,7 +36,7 @@ def test_connections_that_end_at_once_do_not():
 
 def test_one_line_is_logged_per_change():
     log = ConnectionLog("mqtt://a:1883")
-    told = [
+    reported = [
         log.lost("connection refused"),
         log.lost("connection refused"),
         log.lost("certificate verify failed"),
@@ -44,7 +44,7 @@ def test_one_line_is_logged_per_change():
         log.connected(),
         log.lost("connection refused"),
     ]
-    assert told == [
+    assert reported == [
         "MQTT: no connection: mqtt://a:1883: connection refused; flying on, trying again",
         None,
         "MQTT: no connection: mqtt://a:1883: certificate verify failed; flying on, trying again",

@@ -33,43 +33,43 @@ def published(status, publication=None, now_s=0.0):
 
 
 def test_before_the_first_packet_every_payload_but_the_plan_marks_unknown_values():
-    told = published(status_of(Desk()))
-    assert set(told) == {topic.name for topic in TOPICS} - {"plan"}
-    assert strict(told["battery"].payload)["remaining"] is None
-    assert strict(told["position"].payload)["latitude_deg"] is None
-    risks = strict(told["risk"].payload)["risk"]
+    reported = published(status_of(Desk()))
+    assert set(reported) == {topic.name for topic in TOPICS} - {"plan"}
+    assert strict(reported["battery"].payload)["remaining"] is None
+    assert strict(reported["position"].payload)["latitude_deg"] is None
+    risks = strict(reported["risk"].payload)["risk"]
     assert [index["known"] for index in risks.values()] == [False] * 4
 
 
 def test_in_flight_the_payloads_have_the_values_of_the_status():
     status = status_of(flying())
-    told = {name: strict(item.payload) for name, item in published(status).items()}
-    assert set(told) == {topic.name for topic in TOPICS}
-    assert told["mission"]["state"] == "flying"
-    assert told["mission"]["target"] == flying().site.targets[0].name
-    assert told["mission"]["since_s"] == pytest.approx(
+    reported = {name: strict(item.payload) for name, item in published(status).items()}
+    assert set(reported) == {topic.name for topic in TOPICS}
+    assert reported["mission"]["state"] == "flying"
+    assert reported["mission"]["target"] == flying().site.targets[0].name
+    assert reported["mission"]["since_s"] == pytest.approx(
         status["time_s"] - status["mission"]["for_s"], abs=0.06
     )
-    assert told["position"]["position_m"] == pytest.approx(
+    assert reported["position"]["position_m"] == pytest.approx(
         status["aircraft"]["position_m"], abs=1e-4
     )
-    for name, index in told["risk"]["risk"].items():
+    for name, index in reported["risk"]["risk"].items():
         assert index["value"] == pytest.approx(status["risk"][name]["value"], abs=1e-4)
         assert index["words"] == status["risk"][name]["words"]
-    assert told["weights"]["adjusted"]["safety"] == pytest.approx(
+    assert reported["weights"]["adjusted"]["safety"] == pytest.approx(
         status["weights"]["adjusted"]["safety"], abs=1e-4
     )
-    assert told["plan"]["path"][0]["z_m"] == pytest.approx(
+    assert reported["plan"]["path"][0]["z_m"] == pytest.approx(
         flying().decided("plan")[-1]["plan"]["waypoints"][0]["z_m"]
     )
 
 
 def test_only_risk_inputs_that_were_received_are_published():
     status = status_of(flying())
-    told = strict(published(status)["risk/inputs"].payload)["inputs"]
+    reported = strict(published(status)["risk/inputs"].payload)["inputs"]
     for name, index in status["risk"].items():
         received = [item["name"] for item in index["inputs"] if item["age_s"] is not None]
-        assert [item["name"] for item in told[name]] == received
+        assert [item["name"] for item in reported[name]] == received
 
 
 @given(
@@ -85,9 +85,9 @@ def test_a_number_that_is_not_finite_becomes_null_or_costs_its_topic_alone(place
         part, key = numbers[place % len(numbers)]
         part[key] = value
     publication = Publication("a1")
-    told = published(status, publication)
-    assert set(told) | set(publication.unfit) == {topic.name for topic in TOPICS}
-    for message in told.values():
+    reported = published(status, publication)
+    assert set(reported) | set(publication.unfit) == {topic.name for topic in TOPICS}
+    for message in reported.values():
         strict(message.payload)
 
 
@@ -120,9 +120,9 @@ def test_events_are_published_at_once_and_only_when_their_content_changes():
     later["plan"] = {**status["plan"], "age_s": status["plan"]["age_s"] + 1.0}
     assert not EVENTS & set(published(later, publication, 0.1))
     later["mission"] = {**later["mission"], "state": "holding"}
-    told = published(later, publication, 0.1)
-    assert set(told) == {"mission"}
-    assert (told["mission"].qos, told["mission"].retain) == (1, True)
+    reported = published(later, publication, 0.1)
+    assert set(reported) == {"mission"}
+    assert (reported["mission"].qos, reported["mission"].retain) == (1, True)
 
 
 def test_after_a_new_connection_every_topic_is_published_again():

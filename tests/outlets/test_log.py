@@ -94,8 +94,8 @@ def test_a_pipe_without_a_reader_loses_lines_and_reports_how_many(pipe, monkeypa
             if b"lost" in pipe.data:
                 break
             time.sleep(0.01)
-    told, lost, expected = all_of(pipe), 0, 0
-    for line in told:
+    written, lost, expected = all_of(pipe), 0, 0
+    for line in written:
         if found := re.fullmatch(
             r"WARNING (\d+) lines are lost here: stderr did not take them", line
         ):

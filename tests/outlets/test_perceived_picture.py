@@ -88,11 +88,17 @@ def rgb(colour):
 
 def test_seen_obstacles_are_drawn_over_the_true_and_the_configured_ones(tmp_path):
     true = SITE.with_obstacles((*SITE.obstacles, JIB))
-    told = replace(SITE, obstacles=())
+    configured = replace(SITE, obstacles=())
     flown = [(27.0, 2.5), (27.0, 5.0)]
     file = tmp_path / "perceived.png"
     draw_perceived(
-        SeenStory.of(DECISIONS), flown, true, told, named_vehicle("x500"), file, added=("jib",)
+        SeenStory.of(DECISIONS),
+        flown,
+        true,
+        configured,
+        named_vehicle("x500"),
+        file,
+        added=("jib",),
     )
     drawn = colours_of(file)
     assert rgb(colormaps["plasma"](0.0)) in drawn

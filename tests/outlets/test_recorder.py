@@ -76,7 +76,7 @@ def test_a_full_disk_ends_the_recording_with_one_warning_and_no_error(
     recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
     recorder.close()
     recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
-    assert told(caplog) == [f"recording ended: {recorder.folder}: No space left on device"]
+    assert reported(caplog) == [f"recording ended: {recorder.folder}: No space left on device"]
 
 
 def test_a_folder_that_was_deleted_ends_the_recording_which_would_be_lost(
@@ -87,11 +87,11 @@ def test_a_folder_that_was_deleted_ends_the_recording_which_would_be_lost(
     shutil.rmtree(recorder.folder)
     recorder.write([(0.0, heartbeat())], [(0.0, "text", {})])
     recorder.close()
-    assert told(caplog) == [f"recording ended: {recorder.folder}: the folder is gone"]
+    assert reported(caplog) == [f"recording ended: {recorder.folder}: the folder is gone"]
     assert isinstance(recorder.ended, FileNotFoundError)
 
 
-def told(caplog):
+def reported(caplog):
     return [record.getMessage() for record in caplog.records]
 
 
@@ -105,7 +105,7 @@ def test_a_stalled_disk_delays_no_caller_and_the_recorded_data_has_no_gap(
     record = 8 + len(heartbeat())
     for number in range(1000):
         recorder.write([(number, heartbeat())], [])
-    assert told(caplog) == [f"recording ended: {recorder.folder}: the disk is too slow"]
+    assert reported(caplog) == [f"recording ended: {recorder.folder}: the disk is too slow"]
     (disk,) = disks
     disk.go_on()
     recorder.write([(1000.0, heartbeat())], [])
@@ -113,7 +113,7 @@ def test_a_stalled_disk_delays_no_caller_and_the_recorded_data_has_no_gap(
     data = disk.rest()
     stamps = [int.from_bytes(data[at : at + 8], "big") for at in range(0, len(data), record)]
     assert stamps == [round((OFFSET_S + number) * 1e6) for number in range(10_000 // record)]
-    assert len(told(caplog)) == 1
+    assert len(reported(caplog)) == 1
 
 
 def test_the_end_does_not_wait_for_ever_for_a_stalled_disk(tmp_path, monkeypatch, caplog):
@@ -122,7 +122,7 @@ def test_the_end_does_not_wait_for_ever_for_a_stalled_disk(tmp_path, monkeypatch
     recorder = Recorder(tmp_path, OFFSET_S, 0.0)
     recorder.write([(0.0, heartbeat())], [])
     recorder.close()
-    assert told(caplog) == [f"recording ended: {recorder.folder}: the disk is too slow"]
+    assert reported(caplog) == [f"recording ended: {recorder.folder}: the disk is too slow"]
     assert len(disks[0].rest()) == 8 + len(heartbeat())
 
 

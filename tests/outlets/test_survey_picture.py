@@ -47,8 +47,8 @@ def labels(survey):
 
 
 def test_the_legend_names_the_parts_left_out_with_their_distance():
-    told = labels(SurveyView(document=DOCUMENT, marks=(LINE, TARGET, TOWER)))
-    assert told == [
+    shown = labels(SurveyView(document=DOCUMENT, marks=(LINE, TARGET, TOWER)))
+    assert shown == [
         "conductor", "target", "tower, obstacle", "keep-out of a conductor", "workspace", "plane",
         "left out: tower T2, 34 m from the plane",
     ]  # fmt: skip

@@ -39,8 +39,8 @@ def test_noise_moves_the_curve_by_its_standard_deviation():
         at = scene.place(100.0, 2.0, scene.height(wire, 100.0))
         along, lateral, up = curve.coordinates(at[None])[0]
         deviation = np.sqrt(np.diag(curve.covariance_at(along)))
-        told = curve.coordinates(curve.points_at(np.array([along])))[0, 1:]
-        inside.append(abs(told - (lateral, up)) / deviation)
+        fitted = curve.coordinates(curve.points_at(np.array([along])))[0, 1:]
+        inside.append(abs(fitted - (lateral, up)) / deviation)
     assert 0.5 < np.mean(np.square(inside)) < 2.0
 
 

@@ -217,10 +217,10 @@ def test_two_autopilots_are_both_named():
     look.preflight.receive(LINK, beat.pack(other), look.now_s)
     while not look.preflight.done:
         look.step()
-    told = [item for item in look.preflight.findings() if item.subject == "autopilot"]
-    assert [item.level for item in told] == [OK, NO_GO]
-    assert "px4 with system id 1" in told[0].text
-    assert "ardupilot with system id 7" in told[1].text
+    reported = [item for item in look.preflight.findings() if item.subject == "autopilot"]
+    assert [item.level for item in reported] == [OK, NO_GO]
+    assert "px4 with system id 1" in reported[0].text
+    assert "ardupilot with system id 7" in reported[1].text
 
 
 def test_an_autopilot_that_is_not_that_of_the_vehicle_file_is_a_finding():

@@ -10,10 +10,10 @@ from moar_companion.telemetry import Battery, Telemetry
 OK, NOTE, WARNING, NO_GO = Level
 
 
-def found(*, cells=4, told_cells=None, **figures):
+def found(*, cells=4, reported_cells=None, **figures):
     """Finding on one battery. cells: the vehicle file's."""
     battery = Battery(
-        received_s=5.0, current_a=None, charge_state=None, cells=told_cells, **figures
+        received_s=5.0, current_a=None, charge_state=None, cells=reported_cells, **figures
     )
     (finding,) = battery_findings(Telemetry(batteries={0: battery}), RiskModel(cells=cells))
     return finding
@@ -62,18 +62,18 @@ def test_a_silent_battery_is_a_no_go_and_a_warning_beside_a_battery_that_reports
     assert unknown.remedy != CHARGE  # it is misread
 
 
-@pytest.mark.parametrize(("told", "level"), [(4, OK), (5, NO_GO), (3, NO_GO), (None, OK)])
-def test_the_number_of_cells_is_compared_with_that_of_the_battery(told, level):
-    finding = found(remaining=0.7, voltage_v=15.6, cells=4, told_cells=told)
+@pytest.mark.parametrize(("reported", "level"), [(4, OK), (5, NO_GO), (3, NO_GO), (None, OK)])
+def test_the_number_of_cells_is_compared_with_that_of_the_battery(reported, level):
+    finding = found(remaining=0.7, voltage_v=15.6, cells=4, reported_cells=reported)
     assert finding.level is level
-    assert (f"voltages of {told} cells, and the vehicle file says 4" in finding.text) is (
+    assert (f"voltages of {reported} cells, and the vehicle file says 4" in finding.text) is (
         level is NO_GO
     )
     assert ("correct risk.cells" in finding.remedy) is (level is NO_GO)
 
 
 def test_the_cells_that_a_battery_reports_are_proposed_for_the_vehicle_file():
-    finding = found(remaining=0.7, voltage_v=15.6, cells=None, told_cells=4)
+    finding = found(remaining=0.7, voltage_v=15.6, cells=None, reported_cells=4)
     assert finding.level is NOTE
     assert finding.text.endswith("without risk.cells in the vehicle file, which is 4")
 

@@ -44,8 +44,8 @@ def of_gps(kind, **parameters):
 
 
 def all_found(kind, policy=LossCheck.WARN, **parameters):
-    told = dict.fromkeys(profile(kind).failsafe_parameters, 0.0)
-    failsafes = profile(kind).failsafes({**told, **SAFE[kind], **parameters})
+    values = dict.fromkeys(profile(kind).failsafe_parameters, 0.0)
+    failsafes = profile(kind).failsafes({**values, **SAFE[kind], **parameters})
     findings = failsafe_findings(
         PLANNER, failsafes, Supervision(failsafe_action=policy), PowerModel.of(VEHICLE)
     )

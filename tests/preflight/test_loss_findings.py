@@ -28,8 +28,8 @@ PLANNER = Planner(flown_site(SITE, VEHICLE, Supervision()), VEHICLE)
 
 def found(kind, policy=LossCheck.REFUSE, *, planner=PLANNER, **parameters):
     """Findings on an autopilot with recommended parameters but for these."""
-    told = loss_of(kind, **{**PARAMETERS, **parameters})
-    findings = loss_findings(planner, told, None, policy)
+    loss = loss_of(kind, **{**PARAMETERS, **parameters})
+    findings = loss_findings(planner, loss, None, policy)
     assert {item.subject for item in findings} <= {LOSS_SUBJECT}
     return findings
 

@@ -65,8 +65,8 @@ def test_a_bad_value_counts_until_the_next_value_as_in_the_service():
 
 
 def test_a_risk_input_that_is_received_no_more_is_a_no_go():
-    told = Telemetry(batteries={0: replace(EMPTY, remaining=0.9)}, estimator=WELL)
-    later = found((0.0, told), (60.0, told))
+    received = Telemetry(batteries={0: replace(EMPTY, remaining=0.9)}, estimator=WELL)
+    later = found((0.0, received), (60.0, received))
     for name in ("battery risk", "localization risk"):
         assert later[name].level is NO_GO
         assert later[name].text.startswith("no input of it is received any more, ")
@@ -92,8 +92,8 @@ def test_a_limit_of_the_supervisor_that_is_passed_is_a_no_go(cause, subject, rem
 
 def test_the_remedy_for_a_misread_battery_comes_before_charging():
     batteries = (MISREAD, LOW)
-    told = Telemetry(batteries={0: EMPTY})
-    assert found((0.0, told), batteries=batteries)["battery risk"].remedy == MISREAD.remedy
-    assert found((0.0, told), batteries=(LOW,))["battery risk"].remedy == CHARGE
+    received = Telemetry(batteries={0: EMPTY})
+    assert found((0.0, received), batteries=batteries)["battery risk"].remedy == MISREAD.remedy
+    assert found((0.0, received), batteries=(LOW,))["battery risk"].remedy == CHARGE
     unreported = found((0.0, Telemetry()), batteries=batteries)
     assert unreported["battery risk"].remedy == MISREAD.remedy

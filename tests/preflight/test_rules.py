@@ -277,8 +277,8 @@ def test_a_battery_action_without_a_threshold_is_ignored(stage):
     assert f"1 (land), but never: {volts} and {charge} are 0" in finding.text
     assert f"{volts} or {charge}" in finding.remedy
     assert of_ardupilot(action, 5.0, **{volts: 0.0}).level is NO_GO
-    for told in ({charge: 500.0}, {volts: 14.0, charge: 0.0}, {charge: None}):
-        assert of_ardupilot(action, 1.0, **{volts: 0.0, **told}).level is OK
+    for received in ({charge: 500.0}, {volts: 14.0, charge: 0.0}, {charge: None}):
+        assert of_ardupilot(action, 1.0, **{volts: 0.0, **received}).level is OK
 
 
 def test_ardupilots_action_at_a_disabled_fence_is_a_note():

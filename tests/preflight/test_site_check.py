@@ -205,14 +205,14 @@ def test_cells_too_coarse_for_an_obstacle_are_reported():
 
 def test_the_margin_is_reported_with_a_warning_if_it_is_less_than_the_measured_error():
     finding = found()["margin"]
-    told = "2.55 m beyond every keep_out_m: position error 1.4 m, tracking error 1.15 m"
-    assert (finding.level, finding.text) == (OK, told)
+    reported = "2.55 m beyond every keep_out_m: position error 1.4 m, tracking error 1.15 m"
+    assert (finding.level, finding.text) == (OK, reported)
     ardupilot = replace(VEHICLE, autopilot=autopilots.ARDUPILOT)
     assert found(vehicle=ardupilot)["margin"].text.startswith("1.40 m beyond")
     finding = found(limits=Supervision(position_uncertainty_m=0.2))["margin"]
     assert finding.level is WARNING
     assert finding.text.endswith(
-        f"; to be expected of an unknown autopilot: {told.partition(': ')[2]}"
+        f"; to be expected of an unknown autopilot: {reported.partition(': ')[2]}"
     )
     finding = found(vehicle=ardupilot, limits=Supervision(position_uncertainty_m=0.4))["margin"]
     assert finding.level is WARNING

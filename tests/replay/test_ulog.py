@@ -120,8 +120,8 @@ def test_each_battery_has_its_warning_in_mavlinks_numbers():
     ],
 )
 def test_a_logged_warning_is_the_charge_state_that_px4_sends(warning, charge_state):
-    told = telemetry("battery_status", **(BATTERY | {"warning": warning})).batteries[0]
-    assert told.charge_state == charge_state
+    read = telemetry("battery_status", **(BATTERY | {"warning": warning})).batteries[0]
+    assert read.charge_state == charge_state
 
 
 @pytest.mark.parametrize(
@@ -151,16 +151,16 @@ def test_a_wind_without_a_variance_is_that_of_its_message(north_mps, variance_m2
     logged = telemetry(
         "wind", windspeed_north=north_mps, variance_north=variance_m2ps2, **fields
     ).wind
-    said = updated("WIND_COV", now_s=1.0, wind_x=north_mps, var_horiz=variance_m2ps2).wind
-    assert logged == said
+    expected = updated("WIND_COV", now_s=1.0, wind_x=north_mps, var_horiz=variance_m2ps2).wind
+    assert logged == expected
 
 
 def test_the_uncertainty_of_the_wind_is_that_of_its_message():
     wind = {"windspeed_north": 0.0, "windspeed_east": 0.0}
     logged = telemetry("wind", **wind, variance_north=4.0, variance_east=14.0).wind
     assert logged.deviation_mps == pytest.approx(3.0)
-    said = updated("WIND_COV", wind_x=0.0, wind_y=0.0, var_horiz=18.0).wind
-    assert said.deviation_mps == logged.deviation_mps
+    expected = updated("WIND_COV", wind_x=0.0, wind_y=0.0, var_horiz=18.0).wind
+    assert expected.deviation_mps == logged.deviation_mps
 
 
 @pytest.mark.parametrize(
@@ -177,7 +177,7 @@ def test_a_radio_is_read_as_its_message(signals):
         rxerrors=3,
         txbuf=90,
     ).radio
-    said = updated(
+    expected = updated(
         "RADIO_STATUS",
         now_s=logged.received_s,
         rssi=rssi,
@@ -187,7 +187,7 @@ def test_a_radio_is_read_as_its_message(signals):
         rxerrors=3,
         txbuf=90,
     ).radio
-    assert logged == said
+    assert logged == expected
 
 
 def test_of_several_estimators_the_selected_one_is_read():
@@ -243,10 +243,10 @@ def test_samples_are_in_order_and_none_is_before_the_start_of_the_log():
         UlogTopic(name="vehicle_attitude", instance=0, columns={"timestamp": [10, 20, 40]}),
         UlogTopic(name="cpuload", instance=0, columns={"timestamp": [15]}),
     ]
-    told = list(samples(topics, [(25, 4, "a warning"), (7, 99, "nonsense")], 12))
-    assert [round(time_s * 1e6) for time_s, _ in told] == [12, 12, 12, 20, 25, 30, 40]
+    read = list(samples(topics, [(25, 4, "a warning"), (7, 99, "nonsense")], 12))
+    assert [round(time_s * 1e6) for time_s, _ in read] == [12, 12, 12, 20, 25, 30, 40]
     texts = [
-        (sample.received.severity, sample.received.text) for _, sample in told if sample.received
+        (sample.received.severity, sample.received.text) for _, sample in read if sample.received
     ]
     assert texts == [("debug", "nonsense"), ("warning", "a warning")]
 

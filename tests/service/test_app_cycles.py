@@ -152,8 +152,10 @@ def test_after_a_stall_waiting_packets_are_received_before_any_packet_is_sent(
     received, monkeypatch
 ):
     autopilot = mavlink.MAVLink(None, srcSystem=1, srcComponent=1)
-    said = [autopilot.heartbeat_encode(2, 12, 209, mode, 4) for mode in (*[OFFBOARD] * 4, POSCTL)]
-    waiting = [bytes(message.pack(autopilot)) for message in said]
+    heartbeats = [
+        autopilot.heartbeat_encode(2, 12, 209, mode, 4) for mode in (*[OFFBOARD] * 4, POSCTL)
+    ]
+    waiting = [bytes(message.pack(autopilot)) for message in heartbeats]
     modes, tick, ask = [], Companion.tick, Companion.control_to_send
 
     def stalled(self, now_s):
@@ -194,17 +196,17 @@ def test_the_watchdog_is_fed_by_cycles_that_are_sent_in_time_alone(
         manager.bind(address)
         manager.setblocking(False)
         serve(received, 1.0)
-        told = set()
+        reported = set()
         with contextlib.suppress(BlockingIOError):
             while True:
-                told.add(manager.recv(64))
-    assert told == {b"READY=1", b"STOPPING=1", *([b"WATCHDOG=1"] if fed else [])}
+                reported.add(manager.recv(64))
+    assert reported == {b"READY=1", b"STOPPING=1", *([b"WATCHDOG=1"] if fed else [])}
 
 
 def test_the_companion_receives_the_free_memory_and_disk_of_the_computer(
     received, tmp_path, monkeypatch
 ):
-    asked, told = set(), set()
+    asked, reported = set(), set()
 
     def left(recordings):
         asked.add(recordings)
@@ -212,10 +214,10 @@ def test_the_companion_receives_the_free_memory_and_disk_of_the_computer(
 
     monkeypatch.setattr(host_monitor.shutil, "disk_usage", left)
     monkeypatch.setattr(host_monitor, "memory_available", lambda _: 2e8)
-    monkeypatch.setattr(Companion, "note_host", lambda _, host: told.add(host))
+    monkeypatch.setattr(Companion, "note_host", lambda _, host: reported.add(host))
     serve(received, 0.3, recorder=RecorderSettings(directory=tmp_path))
     assert asked == set(tmp_path.iterdir())
-    assert told == {Host(disk_free=3e9, memory_available=2e8)}
+    assert reported == {Host(disk_free=3e9, memory_available=2e8)}
 
 
 def test_a_stalled_disk_delays_neither_the_cycles_nor_the_end(

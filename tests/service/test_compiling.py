@@ -125,9 +125,9 @@ def test_without_a_writable_cache_no_other_process_compiles(monkeypatch):
     monkeypatch.setattr(compiling, "KERNELS", [kernel])
     started = []
     monkeypatch.setattr(compiling.subprocess, "Popen", lambda *a, **_: started.append(a))
-    told = []
-    assert compiling.make_ready(lambda *counts: told.append(counts), threading.Event())
-    assert (started, told, kernel.loaded) == ([], [], 1)
+    reported = []
+    assert compiling.make_ready(lambda *counts: reported.append(counts), threading.Event())
+    assert (started, reported, kernel.loaded) == ([], [], 1)
 
 
 def test_if_a_process_cannot_be_started_the_rest_end_and_the_service_compiles(monkeypatch, caplog):

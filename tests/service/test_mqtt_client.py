@@ -85,10 +85,12 @@ def test_another_programs_reader_gets_birth_every_topic_and_the_end(port, reader
     with publishing(f"mqtt://127.0.0.1:{port}", tmp_path) as loop:
         wait_until(loop.turn)
         wait_until(lambda: all(reader.of(topic.name) for topic in TOPICS))
-        told = {name.removeprefix("moar/a1/"): quality for name, _, quality, _ in reader.messages}
+        reported = {
+            name.removeprefix("moar/a1/"): quality for name, _, quality, _ in reader.messages
+        }
         # amqtt delivers with the reader's quality of service, where that is the better one.
-        assert all(told[topic.name] >= topic.qos for topic in TOPICS)
-        assert set(told) == {topic.name for topic in TOPICS} | {"online"}
+        assert all(reported[topic.name] >= topic.qos for topic in TOPICS)
+        assert set(reported) == {topic.name for topic in TOPICS} | {"online"}
         assert reader.of("online")[-1]["online"]
         assert reader.of("mission")[-1]["state"] == "flying"
     wait_until(lambda: not reader.of("online")[-1]["online"])
@@ -158,8 +160,8 @@ def test_a_broker_that_stops_answering_is_disconnected_and_tried_again(tmp_path,
         while taken[0].recv(4096):
             """It is closed, and not kept for each attempt."""
     where = f"mqtt://127.0.0.1:{port}"
-    told = f"MQTT: no connection: {where}: Operation timed out; flying on, trying again"
-    assert caplog.messages == [told]
+    reported = f"MQTT: no connection: {where}: Operation timed out; flying on, trying again"
+    assert caplog.messages == [reported]
 
 
 @pytest.mark.slow
@@ -198,7 +200,7 @@ def tls_port(tmp_path_factory):
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("authority", "name", "told"),
+    ("authority", "name", "reported"),
     [
         ("authority", "vehicle", "MQTT: connected to"),
         ("stranger", "vehicle", "certificate verify failed: "),
@@ -206,7 +208,7 @@ def tls_port(tmp_path_factory):
     ],
     ids=["right", "the broker's is of another authority", "ours is of another authority"],
 )
-def test_certificates_have_to_match(tls_port, tmp_path, caplog, authority, name, told):
+def test_certificates_have_to_match(tls_port, tmp_path, caplog, authority, name, reported):
     with (
         caplog.at_level(logging.INFO, logger="moar_companion"),
         publishing(
@@ -218,8 +220,8 @@ def test_certificates_have_to_match(tls_port, tmp_path, caplog, authority, name,
         ) as loop,
     ):
         wait_until(lambda: caplog.messages)
-        assert told in caplog.messages[0]
-        if "connected" not in told:
+        assert reported in caplog.messages[0]
+        if "connected" not in reported:
             time.sleep(0.5)
             assert loop.turn() == 0
             assert caplog.messages[0].startswith("MQTT: no connection: ")
@@ -293,10 +295,10 @@ def test_signed_orders_reach_the_machine_once_and_are_answered(port, tmp_path):
         for payload in (wrong, right, right):
             reader.publish("moar/a3/order", payload)
         wait_until(lambda: len(reader.of("reply", "a3")) >= 3)
-        told = {
+        reported = {
             (reply["nonce"], reply["result"], reply["reason"]) for reply in reader.of("reply", "a3")
         }
-    assert told == {
+    assert reported == {
         (None, "DENIED", "wrong signature"),
         ("n" * 16, "DENIED", "given before"),
         ("n" * 16, "DENIED", "MOAR: no site is loaded, denied"),

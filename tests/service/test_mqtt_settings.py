@@ -146,7 +146,7 @@ def test_the_key_of_orders_is_read_only_where_orders_are_taken(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("section", "told"),
+    ("section", "reported"),
     [
         ("url: mqtt://a", "mqtt.vehicle: is missing"),
         ("{url: 'http://a', vehicle: a1}", "mqtt.url: is 'http://a', must be mqtt://HOST[:PORT]"),
@@ -160,11 +160,11 @@ def test_the_key_of_orders_is_read_only_where_orders_are_taken(tmp_path):
         ("{commands: {credential: a/b}}", "mqtt.commands.credential: is 'a/b', must be the name"),
     ],
 )
-def test_keys_that_exclude_each_other_are_reported(tmp_path, section, told):
+def test_keys_that_exclude_each_other_are_reported(tmp_path, section, reported):
     path = tmp_path / "companion.yaml"
     body = f"mqtt: {section}" if section.startswith("{") else f"mqtt:\n  {section}"
     path.write_text(f"vehicle: v.yaml\n{body}\n")
     with pytest.raises(InputError) as raised:
         CompanionConfig.load(path)
-    assert str(raised.value).startswith(f"{path}: {told}")
+    assert str(raised.value).startswith(f"{path}: {reported}")
     assert "secret" not in str(raised.value)

@@ -69,8 +69,8 @@ class Flown:
             if message is None or message.get_srcComponent() != 195:
                 continue
             beat_s = min(beat_s, time.monotonic())
-            said = message.to_dict()
-            if said["mavpackettype"] == name and fields.items() <= said.items():
+            message_fields = message.to_dict()
+            if message_fields["mavpackettype"] == name and fields.items() <= message_fields.items():
                 return message
         raise AssertionError(f"no {name} {fields}")
 

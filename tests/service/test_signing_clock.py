@@ -90,17 +90,17 @@ def test_a_wall_clock_that_was_once_far_in_the_future_is_not_used_for_ever(
 
 
 @pytest.mark.parametrize(
-    ("wall_s", "told"),
+    ("wall_s", "reported"),
     [(NOW_S - 2 * YEAR_S, False), (NOW_S - YEAR_S, True), (NOW_S, False)],
 )
 def test_with_a_clock_that_may_not_be_set_the_stored_time_stamp_is_used(
-    config, tmp_path, caplog, wall_s, told
+    config, tmp_path, caplog, wall_s, reported
 ):
     clock = SigningClock(tmp_path)
     clock.keep({URL: timestamp_at(NOW_S)}, {URL: timestamp_at(NOW_S)})
     clock.close()
     assert start(config, wall_s=wall_s).reference == timestamp_at(NOW_S)
-    assert ("where it is right delete the file, and restart" in caplog.text) is told
+    assert ("where it is right delete the file, and restart" in caplog.text) is reported
 
 
 def test_a_wall_clock_after_the_last_time_stamp_leaves_room_for_the_next(config):

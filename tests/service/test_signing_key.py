@@ -91,7 +91,7 @@ def test_a_key_file_of_another_user_is_refused_to_root(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize(
-    ("content", "told"),
+    ("content", "reported"),
     [
         (b"", f"holds no key (0 bytes), {FORMS}"),
         (SECRET[:-1], f"holds no key (31 bytes), {FORMS}"),
@@ -103,9 +103,9 @@ def test_a_key_file_of_another_user_is_refused_to_root(tmp_path, monkeypatch):
         (b"0" * 64, "holds a key of zeros, must be random"),
     ],
 )
-def test_an_invalid_key_is_reported_in_one_line_without_its_bytes(tmp_path, content, told):
+def test_an_invalid_key_is_reported_in_one_line_without_its_bytes(tmp_path, content, reported):
     path = key_file(tmp_path, content)
-    assert refusal(config(tmp_path, key_file=path)) == f"is '{path}': {told}"
+    assert refusal(config(tmp_path, key_file=path)) == f"is '{path}': {reported}"
 
 
 def test_a_missing_key_file_or_a_path_that_is_no_file_is_reported(tmp_path):

@@ -101,8 +101,8 @@ def test_a_full_disk_is_reported_once_and_the_outdated_file_is_removed(
         patch.setattr(os, "fsync", full)
         for _ in range(3):
             file._write(snapshot_file.encoded(HOLDING, 0.0))
-    told = [record.getMessage() for record in caplog.records if record.levelno > logging.DEBUG]
-    assert told == [f"{tmp_path}/state/mission.json: not written: No space left on device"]
+    reported = [record.getMessage() for record in caplog.records if record.levelno > logging.DEBUG]
+    assert reported == [f"{tmp_path}/state/mission.json: not written: No space left on device"]
     assert list((tmp_path / "state").iterdir()) == []
     file._write(snapshot_file.encoded(HOLDING, 0.0))
     assert written(tmp_path) == HOLDING

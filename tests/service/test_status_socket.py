@@ -233,8 +233,8 @@ async def test_only_members_of_the_group_may_connect(path):
 
 @run
 async def test_the_socket_file_of_an_ended_service_is_replaced(path):
-    with socket.socket(socket.AF_UNIX) as dead:
-        dead.bind(str(path))
+    with socket.socket(socket.AF_UNIX) as leftover:
+        leftover.bind(str(path))
     async with open_view_socket(path, Status()), reader(path) as (stream, _):
         await line(stream)
 

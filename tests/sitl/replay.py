@@ -145,7 +145,7 @@ def replay(folder, situation):
         link: [(clock(t), m, raw) for t, m, raw in rows[link] if clock(t) <= situation.until_s]
         for link in rows
     }
-    said = [
+    inputs = [
         (clock(t), link, raw)
         for link, sender_wanted in PEERS.items()
         for path in paths.get(link, paths["companion"])
@@ -154,7 +154,7 @@ def replay(folder, situation):
     ]
     since_s = min(side[0][0] for side in real.values())
     until_s = max(side[-1][0] for side in real.values())
-    fake = _fly(situation, sorted(said), until_s)
+    fake = _fly(situation, sorted(inputs), until_s)
     return Comparison(
         situation=situation,
         real=real,
@@ -166,11 +166,11 @@ def _id(raw):
     return int.from_bytes(raw[7:10], "little")
 
 
-def _fly(situation, said, until_s):
+def _fly(situation, inputs, until_s):
     vehicle = FakeAutopilot(Options(**situation.options))
     peers = {link: Peer(vehicle, link, *PEERS[link]) for link in PEERS}
     actions = sorted(situation.actions, key=lambda action: action[0])
-    first_s = said[0][0]
+    first_s = inputs[0][0]
     for tick in range(round(until_s / _TICK_S)):
         now_s = tick * _TICK_S
         if now_s < first_s and tick % 100 == 0:
@@ -178,8 +178,8 @@ def _fly(situation, said, until_s):
             peers["gcs"].heartbeat(mavlink.MAV_TYPE_GCS)
         while actions and actions[0][0] <= now_s:
             actions.pop(0)[1](vehicle, peers)
-        while said and said[0][0] <= now_s:
-            _, link, raw = said.pop(0)
+        while inputs and inputs[0][0] <= now_s:
+            _, link, raw = inputs.pop(0)
             vehicle.receive(link, raw)
         vehicle.step(now_s + _TICK_S)
         for link, data in vehicle.data_to_send():
@@ -197,7 +197,7 @@ def _fly(situation, said, until_s):
 # Comparing
 
 
-def told(rows, kind):
+def rows_of(rows, kind):
     """The rows of one kind of message."""
     return [row for row in rows if name(row[1]) == kind]
 
@@ -274,7 +274,7 @@ def check_constants(both, link, *, but, of_another_model):
 def check_course(both, kind, value, *, shortest_s, slack_s):
     """A value went through the same, at about the same times."""
     real, fake = (
-        changes([(t, value(m)) for t, m, _ in told(side["companion"], kind)], shortest_s)
+        changes([(t, value(m)) for t, m, _ in rows_of(side["companion"], kind)], shortest_s)
         for side in (both.real, both.fake)
     )
     assert_same(real, fake, slack_s)
@@ -292,7 +292,7 @@ def check_sensors(both, field_name, *, but, slack_s):
     masks = [
         [
             (t, getattr(message, f"onboard_control_sensors_{field_name}"))
-            for t, message, _ in told(side["companion"], "SYS_STATUS")
+            for t, message, _ in rows_of(side["companion"], "SYS_STATUS")
         ]
         for side in (both.real, both.fake)
     ]

@@ -322,11 +322,11 @@ def test_a_landing_is_still_reported_for_a_moment_after_guided_has_ended_it(make
     assert flight.run(0.2, until=lambda f: f.truth.mode == "GUIDED")
     ended_s = flight.now_s
     flight.run(0.5)
-    told = [
+    landed_states = [
         (t, m.landed_state) for t, m in _own(flight, "EXTENDED_SYS_STATE", since=ended_s - 0.01)
     ]
-    assert 0.04 <= max(t for t, state in told if state == LANDING) - ended_s <= 0.11
-    assert told[-1][1] == AIR
+    assert 0.04 <= max(t for t, state in landed_states if state == LANDING) - ended_s <= 0.11
+    assert landed_states[-1][1] == AIR
 
 
 def test_heartbeats_come_as_often_as_they_are_asked_for(make_ardupilot):

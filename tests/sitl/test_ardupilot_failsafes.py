@@ -427,8 +427,8 @@ def test_a_breach_causes_the_action_and_a_text_and_leaves_the_status_unchanged(
     flight.vehicle.set_parameter("FENCE_ALT_MAX", 8.0)
     assert _until_mode(flight, mode, 1.0) < 0.4
     assert flight.heartbeat().system_status == 4
-    told = [(m.severity, m.text) for m in flight.gcs.of("STATUSTEXT")]
-    assert told.count((NOTICE, "Max Alt fence breached")) == 1
+    reported = [(m.severity, m.text) for m in flight.gcs.of("STATUSTEXT")]
+    assert reported.count((NOTICE, "Max Alt fence breached")) == 1
     assert flight.mode(flight.companion, GUIDED) == [ACCEPTED]
     flight.run(2.0)
     assert flight.truth.mode == "GUIDED"
@@ -462,7 +462,7 @@ def test_a_disabled_fence_and_a_deselected_one_have_no_effect(make_ardupilot):
 def test_the_circle_is_reported_again_after_20_metres_and_lands_after_100_metres():
     fence = Fence(parameters(FENCE | {"FENCE_RADIUS": 30.0}))
     news = {m: fence.step(1.0, 5.0, float(m)) for m in (29, 30, 40, 49, 50, 60, 131)}
-    modes = {at_m: told.mode for at_m, told in news.items() if told is not None}
+    modes = {at_m: reported.mode for at_m, reported in news.items() if reported is not None}
     assert modes == {30: Mode.RTL, 50: Mode.RTL, 131: Mode.LAND}
     assert news[30].text == "Circle fence breached"
     assert fence.step(1.0, 200.0, 180.0).text == "Max Alt and Circle fences breached"

@@ -380,14 +380,14 @@ def test_the_texts_of_a_start_come_in_their_time_and_once():
     world = World(WorldOptions())
     link = Link(LinkOptions(name="companion"))
     sender = TextSender(world, Router([link]), 0)
-    said = []
+    sent_texts = []
     for _ in range(1200):
         world.tick(armed=False)
         sender.step()
-        said += [(world.now_s, m.text) for packet in link.out for m in _decoded(packet)]
+        sent_texts += [(world.now_s, m.text) for packet in link.out for m in _decoded(packet)]
         link.out.clear()
-    assert (2.45, "ArduPilot Ready") in said
-    assert len(said) == len(set(said)) == 14
+    assert (2.45, "ArduPilot Ready") in sent_texts
+    assert len(sent_texts) == len(set(sent_texts)) == 14
 
 
 def _decoded(packet):

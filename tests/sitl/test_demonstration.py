@@ -180,9 +180,9 @@ def test_on_a_terminal_the_view_of_the_service_is_shown_and_the_output_stays(tmp
 )
 def test_bad_input_is_one_line_and_status_2(arguments, named, tmp_path, capsys):
     out = () if "--out" in arguments else ("--out", str(tmp_path))
-    said = refused(capsys, *arguments, *out)
-    assert said.count("\n") == 1
-    assert named in said
+    output = refused(capsys, *arguments, *out)
+    assert output.count("\n") == 1
+    assert named in output
 
 
 def test_a_user_sees_that_line_and_status(tmp_path):
@@ -208,8 +208,8 @@ def test_a_site_that_the_script_cannot_be_flown_on_is_refused(tmp_path, missing,
         kept += [] if skipping else [line]
     site = tmp_path / "site.yaml"
     site.write_text("\n".join(kept))
-    said = refused(capsys, "--site", str(site), "--out", str(tmp_path / "out"))
-    assert said == f"sitl/fly: {site}: must have targets and landing points to be flown\n"
+    output = refused(capsys, "--site", str(site), "--out", str(tmp_path / "out"))
+    assert output == f"sitl/fly: {site}: must have targets and landing points to be flown\n"
 
 
 def lines_of(name, *changes):
@@ -287,21 +287,21 @@ def copy_of_the_script(tmp_path):
 def test_help_is_printed_without_installing(tmp_path):
     checkout = copy_of_the_script(tmp_path)
     for word in ("--help", "-h"):
-        told = subprocess.run(
+        process = subprocess.run(
             [checkout / "sitl" / "fly", "--headless", word],
             capture_output=True,
             text=True,
             timeout=30,
             check=False,
         )
-        assert (told.returncode, told.stderr) == (0, "")
-        assert told.stdout.startswith("usage: sitl/fly ")
+        assert (process.returncode, process.stderr) == (0, "")
+        assert process.stdout.startswith("usage: sitl/fly ")
     assert not (checkout / ".venv").exists()
 
 
 @pytest.mark.parametrize("module", ["sitl", "sitl.demonstration"])
 def test_a_python_without_the_packages_is_reported_in_one_line(module):
-    told = subprocess.run(
+    process = subprocess.run(
         [sys.executable, "-S", "-m", module],  # without site-packages
         cwd=ROOT,
         capture_output=True,
@@ -309,10 +309,10 @@ def test_a_python_without_the_packages_is_reported_in_one_line(module):
         timeout=30,
         check=False,
     )
-    assert (told.returncode, told.stdout) == (1, "")
-    assert told.stderr.count("\n") == 1
-    assert ": this Python has no " in told.stderr
-    assert told.stderr.endswith(": use .venv/bin/python, which tests/run and sitl/fly make\n")
+    assert (process.returncode, process.stdout) == (1, "")
+    assert process.stderr.count("\n") == 1
+    assert ": this Python has no " in process.stderr
+    assert process.stderr.endswith(": use .venv/bin/python, which tests/run and sitl/fly make\n")
 
 
 def test_an_old_python_is_reported(monkeypatch):
@@ -323,8 +323,8 @@ def test_an_old_python_is_reported(monkeypatch):
 def test_a_full_disk_is_refused_before_the_flight(tmp_path, monkeypatch, capsys):
     usage = collections.namedtuple("usage", "total used free")  # noqa: PYI024 - shutil's own
     monkeypatch.setattr(shutil, "disk_usage", lambda _: usage(10**9, 10**9 - 10**6, 10**6))
-    said = f"sitl/fly: --out: {tmp_path} has 1 MB free, must be at least 50\n"
-    assert refused(capsys, "--out", str(tmp_path)) == said
+    output = f"sitl/fly: --out: {tmp_path} has 1 MB free, must be at least 50\n"
+    assert refused(capsys, "--out", str(tmp_path)) == output
 
 
 def test_a_row_of_the_truth_that_a_full_disk_cut_short_is_left_out(tmp_path):

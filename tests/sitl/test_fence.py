@@ -37,10 +37,10 @@ def test_the_text_is_sent_once_more_while_px4_is_outside(make_flight):
     flight.run(20.0, until=lambda f: f.truth.mode == "AUTO.LOITER")
     first_s = flight.now_s
     flight.run(8.0)
-    told = [t for t, m in flight.gcs.received if getattr(m, "text", "") == DISTANCE]
-    assert len(told) == 2
-    assert told[1] - told[0] == pytest.approx(2.1, abs=0.2)
-    assert told[0] == pytest.approx(first_s, abs=0.3)
+    sent_s = [t for t, m in flight.gcs.received if getattr(m, "text", "") == DISTANCE]
+    assert len(sent_s) == 2
+    assert sent_s[1] - sent_s[0] == pytest.approx(2.1, abs=0.2)
+    assert sent_s[0] == pytest.approx(first_s, abs=0.3)
 
 
 def test_a_landing_ordered_outside_is_overruled_to_hold(make_flight):

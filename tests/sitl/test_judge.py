@@ -78,9 +78,9 @@ BACK = [(40.0, 2.0), (40.0, 4.5), (35.0, 8.0), (30.0, 11.5), (15.0, 14.6), (0.0,
 ON = [(-5.0, 9.25), (-10.0, 4.5), (-10.0, 0.1)]
 
 
-def tour(*ways):
+def tour(*paths):
     """Flights one after the other, each to the ground."""
-    rows = [row for way in ways for row in flight(*way)]
+    rows = [row for path in paths for row in flight(*path)]
     return [replace(row, time_s=float(number)) for number, row in enumerate(rows)]
 
 

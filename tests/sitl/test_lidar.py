@@ -38,7 +38,7 @@ def rays(time_s, pose):
     firings = np.arange(24)[:, None] * SEQUENCE_S + np.arange(16) * FIRING_S
     azimuth = 2.0 * math.pi * 10.0 * (time_s + firings)
     elevation = np.broadcast_to(np.radians(ELEVATIONS_DEG), azimuth.shape)
-    ways = np.stack(
+    directions = np.stack(
         (
             np.cos(elevation) * np.cos(azimuth),
             -np.cos(elevation) * np.sin(azimuth),
@@ -47,23 +47,23 @@ def rays(time_s, pose):
         axis=-1,
     )
     places, turns = pose(time_s + np.arange(24) * SEQUENCE_S)
-    turned = np.einsum("nij,nlj->nli", turns, ways)
+    turned = np.einsum("nij,nlj->nli", turns, directions)
     return np.repeat(places, 16, axis=0), turned.reshape(-1, 3)
 
 
-def to_wire(wire, places, ways):
+def to_wire(wire, places, directions):
     """Ranges to the straight pieces of a wire, without leaving any out."""
-    nearest = np.full(len(ways), np.inf)
+    nearest = np.full(len(directions), np.inf)
     ends = wire.ends()
     for start, end in pairwise(ends):
         length = np.linalg.norm(end - start)
         along = (end - start) / length
         offset = places - start
-        across = ways - (ways @ along)[:, None] * along
+        across = directions - (directions @ along)[:, None] * along
         beside = offset - (offset @ along)[:, None] * along
         reach = -(across * beside).sum(axis=1) / (across**2).sum(axis=1)
         miss = np.linalg.norm(beside + reach[:, None] * across, axis=1)
-        place = (offset + reach[:, None] * ways) @ along
+        place = (offset + reach[:, None] * directions) @ along
         half_beam = (APERTURE_M + DIVERGENCE_RAD * np.maximum(reach, 0.0)) / 2.0
         half = wire.diameter_m / 2.0
         met = np.minimum(miss + half, half_beam) - np.maximum(miss - half, -half_beam)

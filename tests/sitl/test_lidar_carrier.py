@@ -109,11 +109,13 @@ def test_the_rays_turn_with_the_aircraft(axis):
     for packet, sequence, laser in ((0, 0, 0), (2, 7, 15), (8, 20, 6)):
         azimuth = math.radians(azimuths[packet, sequence]) + 2 * math.pi * 10 * laser * 2.304e-6
         up = math.radians(ELEVATIONS_DEG[laser])
-        way = np.array(
+        direction = np.array(
             [math.cos(up) * math.cos(azimuth), -math.cos(up) * math.sin(azimuth), math.sin(up)]
         )
-        turned_way = to_plane @ np.diag([1.0, -1.0, -1.0]) @ mount @ way
-        assert ranges[packet, sequence, laser] == pytest.approx(20.0 / turned_way[0], abs=0.01)
+        turned_direction = to_plane @ np.diag([1.0, -1.0, -1.0]) @ mount @ direction
+        assert ranges[packet, sequence, laser] == pytest.approx(
+            20.0 / turned_direction[0], abs=0.01
+        )
 
 
 def test_the_pose_is_that_of_the_firing_between_two_truths():

@@ -36,14 +36,14 @@ def vehicle(manner=Manner.ARDUPILOT):
 def test_the_given_site_has_only_frame_workspace_and_rough_targets(tmp_path):
     file = tmp_path / "site.yaml"
     file.write_text(yaml.safe_dump(given_document(SITE), sort_keys=False))
-    told = Site.load(file)
-    assert told.obstacles == ()
-    assert [target.position_m for target in told.targets] == [(26.5, 11.0), (11.5, 11.0)]
-    assert [(target.name, target.dwell_s) for target in told.targets] == [
+    given = Site.load(file)
+    assert given.obstacles == ()
+    assert [target.position_m for target in given.targets] == [(26.5, 11.0), (11.5, 11.0)]
+    assert [(target.name, target.dwell_s) for target in given.targets] == [
         (target.name, target.dwell_s) for target in SITE.targets
     ]
-    assert all(target.look_at_m is None for target in told.targets)
-    assert (told.frame, told.workspace, told.start_m, told.landing_m) == (
+    assert all(target.look_at_m is None for target in given.targets)
+    assert (given.frame, given.workspace, given.start_m, given.landing_m) == (
         SITE.frame, SITE.workspace, SITE.start_m, SITE.landing_m,
     )  # fmt: skip
 
@@ -108,8 +108,8 @@ def test_a_site_without_room_for_an_obstacle_is_refused():
 
 def test_simulator_and_service_load_the_files(tmp_path):
     perceiving = prepare(tmp_path, SITE, vehicle(), 2371)
-    told = Site.load(perceiving.given)
-    assert told.obstacles == ()
+    given = Site.load(perceiving.given)
+    assert given.obstacles == ()
     assert {item.name for item in perceiving.site.obstacles} > set(ADDED)
     placed = PlacedScene.load(perceiving.scene)
     assert len(placed.scene.wires) == len(SITE.obstacles) + 1

@@ -62,8 +62,8 @@ def test_arming_in_offboard_without_a_stream_is_refused_even_by_force(flight):
     flight.mode(flight.companion, (6, 0))
     assert flight.ask(flight.companion, 400, 1) == [1]
     assert flight.ask(flight.companion, 400, 1, 21196) == [1]
-    said = "".join(flight.gcs.texts())
-    assert "Arming denied: Resolve system health failures first\t" in said
+    texts = "".join(flight.gcs.texts())
+    assert "Arming denied: Resolve system health failures first\t" in texts
     assert not flight.truth.armed
 
 
@@ -271,7 +271,7 @@ def test_lost_and_regained_links_are_reported(flight):
     flight.run(12.0)
     flight.companion_alive = flight.ground_station_alive = True
     flight.run(2.0)
-    told = [text.strip() for text in flight.gcs.texts()]
-    told = [text for text in told if "onnect" in text or "controller" in text]
-    assert told[:2] == ["Connection to mission computer lost", "Connection to ground station lost"]
-    assert sorted(told[2:]) == ["GCS connection regained", "Onboard controller regained"]
+    texts = [text.strip() for text in flight.gcs.texts()]
+    texts = [text for text in texts if "onnect" in text or "controller" in text]
+    assert texts[:2] == ["Connection to mission computer lost", "Connection to ground station lost"]
+    assert sorted(texts[2:]) == ["GCS connection regained", "Onboard controller regained"]

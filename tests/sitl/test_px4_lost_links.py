@@ -103,10 +103,10 @@ def test_the_event_of_a_lost_link_names_the_lost_link(airborne):
     lose_ground_station(airborne)
     airborne.run(12.0)
     hold, ground_station = 5, 2
-    told = struct.pack("<IBB", OFFBOARD, hold, ground_station)
+    packed = struct.pack("<IBB", OFFBOARD, hold, ground_station)
     received = airborne.companion.of("UNKNOWN_410") or airborne.companion.of("EVENT")
     events = [event.get_msgbuf() for event in received]
-    assert sum(told in event for event in events) == 1
+    assert sum(packed in event for event in events) == 1
 
 
 def test_with_an_action_on_ground_station_loss_arming_needs_a_ground_station(flight):

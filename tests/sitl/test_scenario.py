@@ -71,7 +71,7 @@ def test_a_failing_battery_ramps_down():
 
 
 @pytest.mark.parametrize(
-    ("data", "says"),
+    ("data", "problem"),
     [
         ({"name": "x", "changes": [{"at_s": 1, "wnd_mps": 3}]}, "changes[0].wnd_mps: unknown key"),
         ({"name": "x", "wind": 3}, "wind: unknown key; allowed: name, changes"),
@@ -89,11 +89,11 @@ def test_a_failing_battery_ramps_down():
         (None, "file: must be keys and values"),
     ],
 )
-def test_a_bad_file_is_explained_in_one_line(data, says):
+def test_a_bad_file_is_explained_in_one_line(data, problem):
     with pytest.raises(BadInputError) as caught:
         Scenario.parse(data, "bad.yaml")
     assert str(caught.value).startswith("bad.yaml: ")
-    assert says in str(caught.value)
+    assert problem in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
@@ -107,12 +107,12 @@ def test_a_missing_file_and_broken_yaml_are_explained_in_one_line(tmp_path):
 
 
 @pytest.mark.parametrize(
-    ("text", "says"),
+    ("text", "problem"),
     [("[" * 50_000, "nested too deeply"), ("#" * 100_001, "larger than 100000 bytes")],
 )
-def test_a_file_that_would_take_all_memory_or_time_is_refused_in_one_line(tmp_path, text, says):
+def test_a_file_that_would_take_all_memory_or_time_is_refused_in_one_line(tmp_path, text, problem):
     path = tmp_path / "bad.yaml"
     path.write_text(text)
     with pytest.raises(BadInputError) as caught:
         Scenario.load(path)
-    assert str(caught.value) == f"{path}: {says}"
+    assert str(caught.value) == f"{path}: {problem}"
