@@ -55,7 +55,7 @@ def test_every_key_but_the_vehicle_has_a_default(tmp_path: Path) -> None:
     assert not config.resume
 
 
-def test_every_key(tmp_path: Path) -> None:
+def test_every_key_is_read(tmp_path: Path) -> None:
     text = """\
 vehicle: /etc/moar/vehicle.yaml
 site: sites/span.yaml

@@ -84,7 +84,7 @@ def test_the_json_is_the_contract(plan):
 
 
 @pytest.mark.parametrize("joined", [True, False])
-def test_both_forms_of_an_option_and_negative_numbers(plan, joined, tmp_path):
+def test_an_option_is_read_in_both_forms_and_with_negative_numbers(plan, joined, tmp_path):
     options = {"--start": "26.2,3", "--velocity": "-1,-.5", "--weights": "2,1,1"}
     words = [f"{name}={value}" for name, value in options.items()]
     if not joined:
@@ -95,7 +95,7 @@ def test_both_forms_of_an_option_and_negative_numbers(plan, joined, tmp_path):
     assert answer["weights"] == {"safety": 0.5, "time": 0.25, "energy": 0.25}
 
 
-def test_a_start_with_negative_coordinates(tmp_path, capsys):
+def test_a_start_with_negative_coordinates_is_read(tmp_path, capsys):
     low = variant(
         tmp_path / "low.yaml",
         workspace={"x_m": [-30, 0], "z_m": [-20, 0], "resolution_m": 0.5},
@@ -245,7 +245,7 @@ def test_without_a_path_the_weights_are_explained_all_the_same(site, capsys):
     assert "k_S 0.43 -> 0.47 (wind +0.04)" in capsys.readouterr().out
 
 
-def test_another_vehicle(plan):
+def test_the_plan_is_made_for_the_given_vehicle(plan):
     fast = shipped_configs() / "vehicles" / "linedrone.yaml"
     assert plan()["v_max_mps"] == 0.7  # the service's default
     assert plan("--vehicle", str(fast))["v_max_mps"] == 10.0
@@ -374,7 +374,7 @@ def test_bad_input_is_one_line_status_2_and_no_file(
 
 
 @pytest.mark.parametrize("target", ["3", "2", "-1", "0.5", "splice-outer", ""])
-def test_a_landing_point_that_is_not_there(site, target, capsys):
+def test_a_landing_point_that_does_not_exist_is_refused(site, target, capsys):
     assert cli.main(["plan", site, "--mission", "evacuation", "--target", target]) == 2
     err = capsys.readouterr().err
     assert f"--target: is '{target}', must be the index of a landing point" in err
@@ -388,7 +388,7 @@ def test_a_landing_point_that_is_not_there(site, target, capsys):
         ("exit", {"landing": None}, "landing.exit"),
     ],
 )
-def test_a_site_that_lacks_the_mission(mission, changes, key, tmp_path, capsys):
+def test_a_site_without_the_mission_is_refused(mission, changes, key, tmp_path, capsys):
     file = variant(tmp_path / "less.yaml", **changes)
     assert cli.main(["plan", file, "--mission", mission]) == 2
     assert f"less.yaml: {key}: has none" in capsys.readouterr().err
@@ -453,7 +453,7 @@ def test_a_device_is_written_and_not_replaced(site):
     assert stat.S_ISCHR(Path(os.devnull).stat().st_mode)
 
 
-def test_a_directory_that_may_not_be_written(site, tmp_path, monkeypatch, capsys):
+def test_a_directory_without_write_permission_is_refused(site, tmp_path, monkeypatch, capsys):
     # The answer of the system is replaced: root may run the tests, and may write anywhere.
     monkeypatch.setattr("os.access", lambda path, _mode: str(path) != str(tmp_path))
     assert cli.main(["plan", site, "--mission", "exit", "--json", str(tmp_path / "a")]) == 2

@@ -171,7 +171,7 @@ def test_under_systemd_the_view_is_in_its_runtime_directory(view, folder):
     assert list((folder / "run").iterdir()) == []
 
 
-def test_without_either_there_is_no_view(folder):
+def test_without_systemd_and_configuration_there_is_no_view(folder):
     with service(folder):
         names = {path.name for path in folder.iterdir()}
         assert "view.sock" not in names

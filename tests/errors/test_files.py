@@ -147,7 +147,7 @@ def test_every_command_that_reads_a_file_names_it_and_its_key(
 
 @pytest.mark.skipif(os.geteuid() == 0, reason="root may read everything")
 @pytest.mark.parametrize(("file", "command"), COMMANDS.values(), ids=COMMANDS)
-def test_a_file_that_may_not_be_read(file, command, tmp_path, capsys):
+def test_a_file_without_read_permission_is_one_line(file, command, tmp_path, capsys):
     path = tmp_path / file
     path.write_text("name: a")
     path.chmod(0)

@@ -200,7 +200,7 @@ def test_two_autopilots_are_both_named_in_the_log():
 
 
 @pytest.mark.parametrize("key", ["recorder", "state"])
-def test_a_folder_that_cannot_be_written(tmp_path, capsys, key):
+def test_a_folder_that_cannot_be_written_is_named(tmp_path, capsys, key):
     (tmp_path / "file").touch()
     for folder, why in (("file/inside", errno.ENOTDIR), ("/proc/flights", errno.ENOENT)):
         arguments = configured(tmp_path, **{key: {"directory": folder}})
@@ -213,7 +213,7 @@ def test_a_folder_that_cannot_be_written(tmp_path, capsys, key):
 MUST_BE_FREE = "must be a free name in a folder that can be written"
 
 
-def test_a_socket_of_the_view_that_cannot_be_made(tmp_path, capsys):
+def test_a_view_socket_that_cannot_be_made_is_named(tmp_path, capsys):
     (tmp_path / "file").touch()
     cases = {"file": "something else is there", "no/view.sock": os.strerror(errno.ENOENT)}
     for name, why in cases.items():
@@ -223,7 +223,7 @@ def test_a_socket_of_the_view_that_cannot_be_made(tmp_path, capsys):
         )
 
 
-def test_a_socket_in_a_folder_of_systemd_that_is_not_there(tmp_path, capsys, monkeypatch):
+def test_a_missing_socket_folder_of_systemd_is_named(tmp_path, capsys, monkeypatch):
     monkeypatch.setenv("RUNTIME_DIRECTORY", f"{tmp_path / 'no'}:{tmp_path}")
     assert one_line(configured(tmp_path), 2, capsys) == (
         f"RUNTIME_DIRECTORY: is {str(tmp_path / 'no' / 'view.sock')!r}, {MUST_BE_FREE}: "
@@ -231,7 +231,7 @@ def test_a_socket_in_a_folder_of_systemd_that_is_not_there(tmp_path, capsys, mon
     )
 
 
-def test_a_folder_of_systemd_that_cannot_be_written(tmp_path, capsys, monkeypatch):
+def test_a_folder_of_systemd_that_cannot_be_written_is_named(tmp_path, capsys, monkeypatch):
     (tmp_path / "file").touch()
     folder = tmp_path / "file" / "state"
     monkeypatch.setenv("STATE_DIRECTORY", f"{folder}:{tmp_path}")

@@ -46,7 +46,7 @@ def recording(tmp_path):
 
 
 @pytest.mark.parametrize("option", ["--json", "--maps", "--plot"])
-def test_a_full_device_behind_an_output_of_plan(option, capsys):
+def test_a_full_device_as_output_of_plan_is_one_line(option, capsys):
     assert cli.main([*PLAN, option, "/dev/full"]) == 1
     out, err = capsys.readouterr()
     assert "exit: found" in out
@@ -54,7 +54,7 @@ def test_a_full_device_behind_an_output_of_plan(option, capsys):
 
 
 @pytest.mark.parametrize("option", ["--json", "--plot"])
-def test_a_full_device_behind_an_output_of_replay(option, recording, capsys):
+def test_a_full_device_as_output_of_replay_is_one_line(option, recording, capsys):
     assert cli.main(["replay", recording, option, "/dev/full"]) == 1
     out, err = capsys.readouterr()
     assert "px4" in out

@@ -159,7 +159,7 @@ def test_reports_continue_while_the_sensor_is_silent():
     assert reports[-1].solids == seen.solids
 
 
-def test_the_share_of_returns():
+def test_the_share_of_returns_is_reported():
     assert last(Rig(LidarScene(), HOVER), 0.5).health.returns == pytest.approx(0.45, abs=0.05)
     box = Box(lower_m=(-15.0, -15.0, 0.0), upper_m=(15.0, 15.0, 30.0))
     inside = last(Rig(LidarScene(boxes=(box,), dropout=0.0), HOVER), 0.5)

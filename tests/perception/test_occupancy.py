@@ -142,7 +142,7 @@ def test_an_occasional_wrong_echo_at_one_place_is_no_obstacle():
         assert watch.see(np.zeros((0, 3)), every_s=1.2) == ()
 
 
-def test_points_that_are_of_no_obstacle_leave_no_trace():
+def test_points_marked_as_no_obstacle_occupy_no_cell():
     watch = Watch()
     points = scan(wall(6.0))
     assert watch.see(points, 10, solid=np.zeros(len(points), dtype=bool)) == ()

@@ -297,7 +297,7 @@ def test_an_uploaded_fence_that_is_not_received_is_a_warning():
     assert look.findings()["uploaded fence"].level is WARNING
 
 
-def test_a_site_in_another_country():
+def test_a_site_in_another_country_is_a_no_go():
     found = Look(latitude_deg=47.397742, longitude_deg=8.545594).findings()
     assert found["position"].level is NO_GO
     assert "km from the site 315 kV double circuit" in found["position"].text
@@ -306,13 +306,13 @@ def test_a_site_in_another_country():
 
 
 @pytest.mark.parametrize("beside_m", [12.0, 400.0])
-def test_a_stand_beside_the_plane(beside_m):
+def test_a_take_off_place_beside_the_plane_is_a_warning(beside_m):
     finding = Look(at_m=(27.0, beside_m, 0.0)).findings()["position"]
     assert finding.level is WARNING
     assert "m N of plane > 2" in finding.text
 
 
-def test_a_stand_kilometres_from_the_plane_is_another_site():
+def test_a_take_off_place_kilometres_from_the_plane_is_another_site():
     finding = Look(at_m=(27.0, 3000.0, 0.0)).findings()["position"]
     assert finding.level is NO_GO
     assert "is it the right site file?" in finding.remedy
@@ -328,7 +328,7 @@ def test_a_stand_kilometres_from_the_plane_is_another_site():
         (-4.0, NO_GO, "m too high"),
     ],
 )
-def test_an_altitude_that_is_not_the_sites(height_m, level, words):
+def test_an_altitude_that_differs_from_the_site_is_reported(height_m, level, words):
     """Keep-outs are 0.9 m, and the landing points are at 2.5 m."""
     finding = Look(at_m=(27.0, 0.0, height_m)).findings()["height"]
     assert finding.level is level
@@ -369,7 +369,7 @@ def test_few_satellites_are_a_warning():
     assert "satellites 7" in finding.text
 
 
-def test_a_battery_that_is_nearly_empty():
+def test_a_battery_that_is_nearly_empty_is_a_no_go():
     look = Look()
     look.autopilot.conditions.battery_percent = 10.0
     assert look.findings()["battery risk"].level is NO_GO
@@ -394,7 +394,7 @@ def test_a_condition_that_makes_the_service_refuse_an_inspection_is_a_no_go():
 
 
 @pytest.mark.parametrize("cells", [3, 6])
-def test_cells_that_cannot_be(cells):
+def test_an_impossible_number_of_cells_is_a_no_go(cells):
     vehicle = replace(VEHICLE, risk=replace(VEHICLE.risk, cells=cells))
     finding = Look(vehicle=vehicle).findings()["battery 0"]
     assert finding.level is NO_GO
@@ -410,7 +410,7 @@ def test_a_full_battery_of_fewer_cells_than_the_vehicle_file_has_is_not_to_be_ch
         assert found[name].remedy.startswith("risk.cells or the charge is wrong: ")
 
 
-def test_a_link_that_loses_packets():
+def test_a_link_that_loses_packets_is_a_warning():
     look = Look()
     look.autopilot.conditions.link_loss_percent = 25.0
     found = look.findings()
@@ -432,7 +432,7 @@ def test_a_parameter_that_decides_and_is_lost_on_the_link_is_a_no_go(name, level
     assert (finding.level, finding.text.startswith("unknown")) == (level, True)
 
 
-def test_a_link_that_pauses_for_longer_than_a_position_may_be_old():
+def test_a_pause_of_the_link_longer_than_the_position_timeout_is_a_no_go():
     look = Look()
     for _ in range(100):
         look.step()

@@ -37,7 +37,7 @@ def found(*, cells=4, reported_cells=None, **figures):
         (0.03, None, NO_GO, "3%, voltage unknown"),
     ],
 )
-def test_a_battery(remaining, voltage_v, level, words):
+def test_a_battery_is_judged_by_its_charge_and_voltage(remaining, voltage_v, level, words):
     finding = found(remaining=remaining, voltage_v=voltage_v)
     assert finding.subject == "battery 0"
     assert (finding.level, words in finding.text) == (level, True), finding.text
@@ -86,6 +86,6 @@ def test_a_voltage_is_not_judged_without_the_number_of_cells():
     assert (empty.level, empty.remedy) == (NO_GO, CHARGE)
 
 
-def test_no_battery_at_all():
+def test_a_missing_battery_is_a_no_go():
     (finding,) = battery_findings(Telemetry(), RiskModel(cells=4))
     assert finding.level is NO_GO

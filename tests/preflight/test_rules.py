@@ -156,7 +156,7 @@ def test_a_parameter_that_may_be_a_no_go_is_one_until_it_is_received(kind, asked
         ("no drag fusion", "EKF2_DRAG_CTRL", 0.0, NOTE, "from the lean"),
     ],
 )
-def test_px4(title, name, value, level, words):
+def test_each_parameter_of_px4_has_its_level_and_text(title, name, value, level, words):
     finding = of_px4(name, value)
     assert (finding.level, words in str(finding)) == (level, True), str(finding)
 
@@ -260,7 +260,7 @@ def test_a_silent_telem2_is_accepted_where_a_ground_station_is_received():
         ("no drag coefficient", "EK3_DRAG_MCOEF", 0.0, NOTE, "the companion does"),
     ],
 )
-def test_ardupilot(title, name, value, level, words):
+def test_each_parameter_of_ardupilot_has_its_level_and_text(title, name, value, level, words):
     finding = of_ardupilot(name, value)
     assert (finding.level, words in str(finding)) == (level, True), str(finding)
 
@@ -298,7 +298,7 @@ def test_a_threshold_of_the_whole_pack_is_not_judged_without_the_number_of_cells
 @pytest.mark.parametrize(
     ("risk", "level"), [(0.0, OK), (0.1, NOTE), (0.5, WARNING), (0.99, WARNING), (1.0, NO_GO)]
 )
-def test_the_level_of_a_risk(risk, level):
+def test_the_level_of_a_finding_follows_from_the_risk(risk, level):
     assert Level.of_risk(risk) is level
 
 

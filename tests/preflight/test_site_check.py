@@ -139,14 +139,14 @@ def test_a_place_without_any_path_is_reported(place, words):
     assert (finding.level, words in finding.text) == (WARNING, True), finding.text
 
 
-def test_a_wall_before_a_target():
+def test_a_target_behind_a_wall_is_a_no_go():
     site = replace(SITE, obstacles=(wall("wall", 14.0),), targets=(target(5.0, 10.0),))
     finding = found(site)["target it"]
     assert finding.level is NO_GO
     assert finding.text == "no free path: exit, from the start"
 
 
-def test_a_wall_between_two_targets():
+def test_a_wall_between_two_targets_is_reported():
     far = Target(name="far", position_m=(5.0, 10.0), dwell_s=5.0)
     site = replace(SITE, obstacles=(wall("wall", 14.0),), targets=(target(25.0, 10.0), far))
     assert "from it" in found(site)["target far"].text
@@ -165,7 +165,7 @@ def test_a_site_without_targets_or_landing_points_is_reported_with_the_missing_m
     assert "flight time" not in everything
 
 
-def test_a_landing_point_next_to_a_conductor():
+def test_a_landing_point_next_to_a_conductor_is_a_no_go():
     site = replace(SITE, landing_m={Mission.EXIT: ((9.17, 4.5),)})
     finding = found(site)["landing exit 0"]
     assert finding.level is NO_GO
@@ -218,21 +218,21 @@ def test_the_margin_is_reported_with_a_warning_if_it_is_less_than_the_measured_e
     assert finding.level is WARNING
 
 
-def test_an_acceleration_at_which_px4_strays_farther_than_the_margin():
+def test_an_acceleration_with_a_px4_error_above_the_margin_is_a_warning():
     quick = replace(VEHICLE, guidance=replace(VEHICLE.guidance, acceleration_mps2=2.5))
     finding = found(vehicle=quick)["margin"]
     assert finding.level is WARNING
     assert "tracking error 1.45 m" in finding.text
 
 
-def test_a_flight_that_is_longer_than_its_battery():
+def test_a_flight_that_is_longer_than_its_battery_is_a_warning():
     long = replace(SITE, targets=(replace(SITE.targets[0], dwell_s=2000.0),))
     finding = found(long)["flight time"]
     assert finding.level is WARNING
     assert "a full battery lasts 1200 s" in finding.text
 
 
-def test_a_speed_that_is_never_reached():
+def test_a_speed_that_is_never_reached_is_a_note():
     fast = Vehicle.load(CONFIGS / "vehicles" / "linedrone.yaml")
     assert found(vehicle=fast)["speed"].level is NOTE
 
@@ -244,7 +244,7 @@ def test_large_maps_are_a_warning(monkeypatch):
     assert "100 x 66 cells of 0.3 m" in finding.text
 
 
-def test_no_obstacles_at_all():
+def test_a_site_without_obstacles_has_no_finding():
     everything = found(replace(SITE, obstacles=()))
     assert worst(everything.values()) is OK
     assert "obstacles" not in everything["target splice-outer"].text

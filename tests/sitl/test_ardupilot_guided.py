@@ -31,7 +31,7 @@ def test_with_fewer_setpoints_a_second_ardupilot_strays_farther_in_the_corners(
 
 
 @pytest.mark.parametrize("mask", [0xDC0, 0xC00, 0x9C0, 0x5C0, 0x000, 0xFC0])
-def test_these_masks_are_position_and_velocity(hovering, mask):
+def test_a_setpoint_with_these_masks_is_flown_as_position_and_velocity(hovering, mask):
     hovering.stream = lambda f: f.companion.setpoint(2.0, 0.0, -10.0, v=(0.5, 0, 0), mask=mask)
     hovering.run(12.0)
     target = hovering.vehicle.manner.guided_target

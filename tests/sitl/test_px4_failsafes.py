@@ -241,6 +241,6 @@ def _flags(**changes):
         ),
     ],
 )
-def test_the_failsafe_table(title, changes, mode):
+def test_each_failsafe_follows_the_table(title, changes, mode):
     action = due(_flags(**changes))
     assert (action.mode if action else None) is mode, title
